@@ -1,0 +1,33 @@
+# The first run makes .venv and, where no graphics adapter is found, installs Mesa's software one.
+SCENE ?=
+run = .venv/bin
+
+.PHONY: help demo test check bench clean
+
+help:
+	@echo 'make demo               render the Cornell box to out/cornell-box.png'
+	@echo 'make demo SCENE=FILE    and that file to out/'
+	@echo 'make test               all checks and tests'
+	@echo 'make check              format, lint, types, imports'
+	@echo 'make bench              the benchmark'
+	@echo 'make clean              remove what was made, .venv too'
+
+demo:
+	@scripts/setup.sh core
+	$(run)/ispm render cornell-box -o out/cornell-box.png
+	$(if $(SCENE),$(run)/ispm render '$(SCENE)' -o 'out/$(basename $(notdir $(SCENE))).png')
+
+test: check
+	$(run)/pytest -n auto --maxprocesses 8
+
+check:
+	@scripts/setup.sh all
+	scripts/check.sh
+
+bench:
+	@scripts/setup.sh all
+	$(run)/ispm bench
+
+clean:
+	rm -rf .venv .uv out dist .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache
+	find ispm tests -name __pycache__ -prune -exec rm -rf {} +

@@ -1,0 +1,90 @@
+"""How far a picture is from another: bias, relMSE, mean relative error."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ispm.errors import OutputError
+
+_REGULARISER = 1e-3  # eps over the squared mean of the reference
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Errors of a picture against a reference, over the pixels compared and their channels.
+
+    bias                 mean(A) / mean(B) - 1: the light there is too much
+    relmse               mean of (A - B)^2 / (B^2 + eps), eps = 1e-3 mean(B)^2, less the reference's own
+    mean_relative_error  mean of |A - B| / sqrt(B^2 + eps)
+    pixels               how many were compared
+    """
+
+    bias: float
+    relmse: float
+    mean_relative_error: float
+    pixels: int
+
+
+def compare(
+    a: np.ndarray, b: np.ndarray, mask: np.ndarray | None = None, reference_error: float = 0.0
+) -> Comparison:
+    """Compare the picture `a` with the reference `b`.
+
+    a, b             (h, w, 3) linear radiance
+    mask             (h, w) the pixels to compare, where it is not 0; default: all
+    reference_error  relMSE of the reference against the truth, taken off `relmse`
+    Raises OutputError where the shapes differ, the mask is empty, or a value compared is not finite.
+    """
+    picked_a, picked_b = _picked(a, b, mask)
+    eps = _REGULARISER * picked_b.mean() ** 2
+    if not picked_b.any():
+        raise OutputError("the reference is black wherever it is compared; relative errors have no meaning")
+    difference = picked_a - picked_b
+    scale = picked_b**2 + eps
+    return Comparison(
+        bias=float(picked_a.mean() / picked_b.mean() - 1.0),
+        relmse=float((difference**2 / scale).mean() - reference_error),
+        mean_relative_error=float((np.abs(difference) / np.sqrt(scale)).mean()),
+        pixels=len(picked_b),
+    )
+
+
+def difference_picture(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Return (h, w, 3) uint8: red where `a` is brighter than the reference `b`, blue where darker.
+
+    Full color is a relative error of 1 (of luminance, with the regulariser of relMSE).
+    """
+    weights = (0.2126, 0.7152, 0.0722)
+    luminance_a, luminance_b = (np.asarray(x, np.float64) @ weights for x in (a, b))
+    scale = np.sqrt(luminance_b**2 + _REGULARISER * np.nanmean(luminance_b) ** 2)
+    error = np.nan_to_num((luminance_a - luminance_b) / np.maximum(scale, 1e-30), nan=1.0)
+    strength = np.rint(255.0 * np.sqrt(np.minimum(np.abs(error), 1.0))).astype(np.uint8)
+    picture = np.zeros((*strength.shape, 3), np.uint8)
+    picture[..., 0] = np.where(error > 0.0, strength, 0)
+    picture[..., 2] = np.where(error < 0.0, strength, 0)
+    return picture
+
+
+def _picked(a: np.ndarray, b: np.ndarray, mask: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
+    """Return the pixels to compare as (n, channels) float64, checked."""
+    if a.shape != b.shape:
+        raise OutputError(
+            f"the pictures differ in shape, {_shape(a)} and {_shape(b)}; render at the same size"
+        )
+    chosen = np.ones(b.shape[:2], bool) if mask is None else np.asarray(mask) != 0
+    if chosen.shape != b.shape[:2]:
+        raise OutputError(f"the mask is {_shape(chosen)}, the pictures are {_shape(b)}")
+    if not chosen.any():
+        raise OutputError("the mask picks no pixel")
+    picked = np.asarray(a)[chosen].astype(np.float64), np.asarray(b)[chosen].astype(np.float64)
+    for values, name in zip(picked, ("picture", "reference"), strict=True):
+        if not np.isfinite(values).all():
+            bad = int((~np.isfinite(values)).any(axis=-1).sum())
+            raise OutputError(f"the {name} has {bad} pixels that are not finite")
+    return picked
+
+
+def _shape(array: np.ndarray) -> str:
+    return " x ".join(str(n) for n in array.shape[1::-1])

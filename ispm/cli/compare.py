@@ -1,0 +1,74 @@
+"""`ispm compare`: how far two pictures are apart."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from ispm.cli.console import Console
+from ispm.cli.options import command
+from ispm.errors import SettingsError
+
+EXCEEDED = 1
+
+
+@command()
+def compare(
+    console: Console,
+    a: str,
+    b: str,
+    /,
+    *,
+    mask: Annotated[
+        str | None, Parameter(help="compare only where this array is not 0", metavar="FILE.npz:KEY")
+    ] = None,
+    diff: Annotated[
+        str | None, Parameter(help="write where A is brighter (red) or darker (blue)", metavar="OUT.png")
+    ] = None,
+    reference_error: Annotated[
+        float, Parameter(help="the reference's own relMSE, taken off", metavar="X")
+    ] = 0.0,
+    max_relmse: Annotated[float | None, Parameter(help="exit with 1 above it", metavar="X")] = None,
+    max_bias: Annotated[
+        float | None, Parameter(help="exit with 1 beyond it, either way", metavar="X")
+    ] = None,
+) -> int:
+    """Measure how far two pictures are apart.
+
+    Example: ispm compare room.exr truth.npz:R --mask truth.npz:metric_mask --max-relmse 0.02
+
+    A is compared with the reference B (.exr .npy .npz:KEY .png) in linear light. bias is
+    the light A has too much, as a fraction; relmse the mean of (A-B)^2 / (B^2 + eps) with
+    eps = 0.001 mean(B)^2. A PNG is taken as sRGB, and was clipped and tone mapped before.
+    """
+    for name, bound in (("--max-relmse", max_relmse), ("--max-bias", max_bias)):
+        if bound is not None and not bound >= 0.0:
+            raise SettingsError(f"{name}: {bound} is not a bound; give 0 or more")
+    if not math.isfinite(reference_error):
+        raise SettingsError(f"--reference-error: {reference_error} is not a number")
+    from ispm.bench import metrics
+    from ispm.io.image import read_array, read_picture, write_png
+
+    picture, reference = read_picture(a), read_picture(b)
+    chosen = None if mask is None else read_array(mask)
+    result = metrics.compare(picture, reference, chosen, reference_error)
+    values = dataclasses.asdict(result)
+    console.table("comparison", list(values.items()))
+    if diff is not None:
+        write_png(diff, metrics.difference_picture(picture, reference))
+        console.written(diff)
+    exceeded = [
+        f"{name} is {value:.4g}, over {bound:g}"
+        for name, value, bound in (
+            ("relmse", result.relmse, max_relmse),
+            ("bias", abs(result.bias), max_bias),
+        )
+        if bound is not None and value > bound
+    ]
+    for line in exceeded:
+        console.say(line)
+    console.result({**values, "exceeded": exceeded})
+    return EXCEEDED if exceeded else 0

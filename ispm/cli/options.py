@@ -1,0 +1,158 @@
+"""Options made from the knobs of dataclasses, and the order in which their values are looked for."""
+
+from __future__ import annotations
+
+import inspect
+import os
+import re
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import Field, fields
+from pathlib import Path
+from typing import Annotated, Any
+
+from cyclopts import App, Parameter
+
+from ispm.cli.console import Console
+from ispm.errors import SettingsError
+from ispm.settings import LoadLimits, Settings, convert, nearest, resolve
+
+app = App(
+    name="ispm",
+    help="Dynamic global illumination by image space photon mapping.",
+    help_format="plaintext",
+    help_epilogue="Exit codes: 0 done; 1 a bound of compare exceeded; 2 bad input or usage; "
+    "3 no usable graphics adapter; 130 interrupted.",
+)
+
+_COMMON = {
+    "quiet": "print nothing but results, warnings and errors",
+    "json": "print one JSON object on stdout",
+    "debug": "show a traceback where something goes wrong",
+}
+
+
+def command(*owners: type) -> Callable[[Callable[..., int | None]], Callable[..., int | None]]:
+    """Make a function a command of `app`; the knobs of `owners` become options.
+
+    The function takes a Console first, then its own parameters, then as `**given` the knobs the user
+    gave, as text or bool. Its return value is the exit code; None is 0.
+    """
+
+    def register(function: Callable[..., int | None]) -> Callable[..., int | None]:
+        def run(
+            *args: Any, quiet: bool = False, json: bool = False, debug: bool = False, **given: Any
+        ) -> Any:
+            known = {name: value for name, value in given.items() if value is not None}
+            return function(Console(quiet=quiet, as_json=json), *args, **known)
+
+        own = list(inspect.signature(function, eval_str=True).parameters.values())[1:]
+        own = [p for p in own if p.kind is not inspect.Parameter.VAR_KEYWORD]
+        own += [_option(owner, f) for owner in owners for f in fields(owner)]
+        own += [
+            _keyword(name, bool, help, default=False, negative="", show_default=False)
+            for name, help in _COMMON.items()
+        ]
+        run.__signature__ = inspect.Signature(own)  # type: ignore[attr-defined]
+        run.__annotations__ = {p.name: p.annotation for p in own}
+        run.__name__, run.__doc__ = function.__name__, function.__doc__
+        app.command(run)
+        return run
+
+    return register
+
+
+def settings_from(given: Mapping[str, Any], config: str | None) -> Settings:
+    """Return the settings: flags, else ISPM_<NAME>, else the TOML file, else preset, else default.
+
+    Raises SettingsError, saying where the value stands.
+    """
+    return resolve(*_layers(Settings, given, config))
+
+
+def limits_from(given: Mapping[str, Any], config: str | None) -> LoadLimits:
+    """Return the loading limits, found as the settings are."""
+    merged: dict[str, Any] = {}
+    for layer in reversed(_layers(LoadLimits, given, config)):
+        merged |= layer
+    return LoadLimits(**merged)
+
+
+def vector(option: str, text: str) -> tuple[float, float, float]:
+    """Return the three numbers of X,Y,Z. Raises SettingsError."""
+    try:
+        x, y, z = (float(part) for part in text.split(","))
+    except ValueError:
+        raise SettingsError(f"{option}: '{text}' is not X,Y,Z") from None
+    return x, y, z
+
+
+def _layers(owner: type, given: Mapping[str, Any], config: str | None) -> list[dict[str, Any]]:
+    """The user's values for the knobs of `owner`, converted, the strongest source first."""
+    return [
+        _picked(owner, given, lambda name: "--" + name.replace("_", "-")),
+        _picked(owner, _environment(owner), lambda name: "ISPM_" + name.upper()),
+        _picked(owner, _file(config), lambda name: f"{config}: {name}"),
+    ]
+
+
+def _picked(owner: type, values: Mapping[str, Any], called: Callable[[str], str]) -> dict[str, Any]:
+    return {f.name: convert(f, values[name], called(name)) for f, name in _names(owner) if name in values}
+
+
+def _names(owner: type) -> Iterator[tuple[Field[Any], str]]:
+    """The knobs of `owner` with the names users know them by."""
+    for f in fields(owner):
+        limit = owner is LoadLimits and not f.name.startswith("max_")
+        yield f, f"max_{f.name}" if limit else f.name
+
+
+def _environment(owner: type) -> dict[str, str]:
+    found = {name: os.environ.get("ISPM_" + name.upper()) for _, name in _names(owner)}
+    return {name: value for name, value in found.items() if value}
+
+
+def _file(config: str | None) -> dict[str, Any]:
+    if config is None:
+        return {}
+    import tomllib
+
+    try:
+        table = tomllib.loads(Path(config).read_text("utf-8"))
+    except (OSError, UnicodeDecodeError) as error:
+        raise SettingsError(f"{config}: cannot be read: {getattr(error, 'strerror', error)}") from None
+    except tomllib.TOMLDecodeError as error:
+        raise SettingsError(f"{config}: is not TOML: {error}") from None
+    values = {key.replace("-", "_"): value for key, value in table.items()}
+    known = [name for owner in (Settings, LoadLimits) for _, name in _names(owner)]
+    for key in values:
+        if key not in known:
+            raise SettingsError(f"{config}: there is no setting '{key}'{nearest(key, known)}")
+    return values
+
+
+def _option(owner: type, f: Field[Any]) -> inspect.Parameter:
+    """The option of one knob; values stay text, so that all sources are converted and refused alike."""
+    name = {g.name: name for g, name in _names(owner)}[f.name]
+    if isinstance(f.default, bool):
+        return _keyword(name, bool | None, f.metadata["help"], show_default=lambda _: as_text(f.default))
+    choices = f" ({', '.join(f.metadata['choices'])})" if f.metadata["choices"] else ""
+    return _keyword(
+        name,
+        str | None,
+        f.metadata["help"] + choices,
+        metavar=f.metadata["metavar"] or "NAME",
+        allow_leading_hyphen=True,
+        show_default=lambda _: as_text(f.default),
+    )
+
+
+def _keyword(name: str, kind: Any, help: str, *, default: Any = None, **about: Any) -> inspect.Parameter:
+    annotation = Annotated[kind, Parameter(help=help, **about)]
+    return inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=annotation)
+
+
+def as_text(value: Any) -> str:
+    """Return a knob's value as it is written on the command line."""
+    if isinstance(value, tuple):
+        return ("x" if isinstance(value[0], int) else ",").join(f"{item:g}" for item in value)
+    return re.sub(r"^(True|False)$", lambda m: m[0].lower(), str(value))

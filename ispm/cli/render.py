@@ -1,0 +1,178 @@
+"""`ispm render`: one picture."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from pathlib import Path
+from typing import Annotated, Any
+
+from cyclopts import Parameter
+
+from ispm.cli.console import Console, to_json
+from ispm.cli.options import command, limits_from, settings_from
+from ispm.cli.scene import choose_camera, open_scene, require_not_input
+from ispm.errors import OutputError, SettingsError
+from ispm.settings import LAYERS, VIEWS, LoadLimits, Settings, nearest
+
+_Point = Parameter(metavar="X,Y,Z", allow_leading_hyphen=True)
+
+
+@command(Settings, LoadLimits)
+def render(
+    console: Console,
+    scene: str | None = None,
+    /,
+    *,
+    output: Annotated[
+        str | None, Parameter(name=("--output", "-o"), help="the picture; default SCENE.png", metavar="FILE")
+    ] = None,
+    camera: Annotated[
+        str | None, Parameter(help="one of the scene's; default: its first", metavar="NAME or INDEX")
+    ] = None,
+    look_from: Annotated[str | None, _Point, Parameter(help="where the camera stands, metres")] = None,
+    look_at: Annotated[str | None, _Point, Parameter(help="what it looks at, metres")] = None,
+    fov: Annotated[float | None, Parameter(help="vertical angle of view", metavar="DEGREES")] = None,
+    time: Annotated[float, Parameter(help="animation time", metavar="SECONDS")] = 0.0,
+    animation: Annotated[str | None, Parameter(help="the one to play; default: all", metavar="NAME")] = None,
+    show: Annotated[str, Parameter(help=f"what to show ({', '.join(VIEWS)})", metavar="VIEW")] = "full",
+    layers: Annotated[
+        str | None, Parameter(help="layers of an EXR or NPZ; default: all", metavar="A,B,...")
+    ] = None,
+    float: Annotated[
+        bool, Parameter(help="32 bits a channel in an EXR, not 16", negative="", show_default=False)
+    ] = False,
+    stats: Annotated[str | None, Parameter(help="write the statistics as JSON", metavar="FILE")] = None,
+    adapter: Annotated[
+        str | None, Parameter(help="part of a graphics adapter's name; default: the best", metavar="NAME")
+    ] = None,
+    list_adapters: Annotated[
+        bool, Parameter(help="list the adapters and stop", negative="", show_default=False)
+    ] = False,
+    threads: Annotated[int | None, Parameter(help="CPU threads; default: all cores", metavar="N")] = None,
+    config: Annotated[str | None, Parameter(help="settings as TOML", metavar="FILE.toml")] = None,
+    print_config: Annotated[
+        bool,
+        Parameter(help="print the settings as TOML on stdout and stop", negative="", show_default=False),
+    ] = False,
+    **given: Any,
+) -> None:
+    """Render one picture.
+
+    Example: ispm render cornell-box -o room.png --photons 100k --size 640x360
+
+    SCENE is a file (.glb .gltf) or the name of a built-in scene. The settings may also come from the
+    environment (ISPM_PHOTONS=100k) or from --config.
+    """
+    settings = settings_from(given, config)
+    limits = limits_from(given, config)
+    if print_config:
+        _print_config(console, settings)
+        return
+    if list_adapters:
+        _list_adapters(console)
+        return
+    if scene is None:
+        raise SettingsError("no scene was named; give a file or a built-in scene, such as cornell-box")
+    if threads is not None and threads < 1:
+        raise SettingsError(f"--threads: {threads} is less than 1")
+    if not math.isfinite(time):
+        raise SettingsError(f"--time: {time} is not a time")
+    target = _target(scene, output)
+    wanted = _layers(layers, target)
+    _require_view(show, target)
+    if float and target.suffix.lower() != ".exr":
+        raise SettingsError(f"--float: is for .exr, not '{target.suffix}'")
+    outputs = [Path(path) for path in (target, stats) if path is not None]
+    _require_writable(outputs, scene)
+
+    world = open_scene(console, scene, limits)
+    if time or animation is not None:
+        world = world.at(time, animation)
+    view = choose_camera(world, camera, look_from, look_at, fov)
+
+    from ispm.renderer import Renderer
+
+    width, height = settings.size
+    text = f"rendering {width}x{height}, {settings.photons:,} photons"
+    with (
+        console.step(text),
+        Renderer(world, settings, camera=view, adapter=adapter, threads=threads) as renderer,
+    ):
+        frame = renderer.render()
+    frame.save(target, layers=wanted, show=show, float32=float)
+    console.written(target)
+    _report(console, frame.stats, target, stats)
+
+
+def _target(scene: str, output: str | None) -> Path:
+    """The picture's path, its ending checked."""
+    from ispm.io.image import require_ending
+
+    target = Path(output) if output is not None else Path(Path(scene).stem + ".png")
+    require_ending(target)
+    return target
+
+
+def _layers(text: str | None, target: Path) -> list[str] | None:
+    if text is None:
+        return None
+    if target.suffix.lower() not in (".exr", ".npz"):
+        raise SettingsError(f"--layers: a {target.suffix} holds one picture; use .exr or .npz, or --show")
+    names = [name.strip() for name in text.split(",")]
+    for name in names:
+        if name not in LAYERS:
+            raise SettingsError(
+                f"--layers: '{name}' is not one of {', '.join(LAYERS)}{nearest(name, LAYERS)}"
+            )
+    return names
+
+
+def _require_view(show: str, target: Path) -> None:
+    if show not in VIEWS:
+        raise SettingsError(f"--show: '{show}' is not one of {', '.join(VIEWS)}{nearest(show, VIEWS)}")
+    if show != "full" and target.suffix.lower() not in (".png", ".jpg", ".jpeg"):
+        raise SettingsError(
+            f"--show: is for .png and .jpg; choose what a {target.suffix} holds with --layers"
+        )
+
+
+def _require_writable(outputs: list[Path], scene: str) -> None:
+    """Find out before the work whether its results can be written."""
+    from ispm.io.atomic import require_writable
+
+    for path in outputs:
+        require_not_input(path, scene)
+        require_writable(path)
+    if len({path.resolve() for path in outputs}) < len(outputs):
+        raise OutputError(f"{outputs[0]}: is both the picture and the statistics; name two files")
+
+
+def _print_config(console: Console, settings: Settings) -> None:
+    values = dataclasses.asdict(settings)
+    if console.as_json:
+        console.result(values)
+        return
+    for name, value in values.items():
+        print(f"{name} = {to_json(value) if not isinstance(value, tuple) else list(value)}")
+
+
+def _list_adapters(console: Console) -> None:
+    from ispm.gpu.device import list_adapters
+
+    found = list_adapters()
+    console.table("adapters", [(a.name, a.backend, a.type, a.driver) for a in found])
+    console.result({"adapters": found})
+
+
+def _report(console: Console, stats: Any, target: Path, file: str | None) -> None:
+    """Show every statistic, and write them to `file` where one is named."""
+    values = {f.name: getattr(stats, f.name) for f in dataclasses.fields(stats)}
+    console.table("statistics", [(name, value) for name, value in values.items() if value is not None])
+    if file is not None:
+        from ispm.io.atomic import replacing
+
+        with replacing(file) as beside:
+            beside.write_text(to_json(values) + "\n", "utf-8")
+        console.written(file)
+    console.result({"output": str(target), "stats": values})

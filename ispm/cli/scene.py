@@ -1,0 +1,84 @@
+"""From what the user wrote to a scene and a camera."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, replace
+from math import radians
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ispm.cli.console import Console
+from ispm.cli.options import vector
+from ispm.errors import OutputError, SceneError, SettingsError
+from ispm.settings import LoadLimits, nearest
+
+if TYPE_CHECKING:
+    from ispm.scene.camera import Camera
+    from ispm.scene.scene import Scene
+
+
+def open_scene(console: Console, name: str, limits: LoadLimits) -> Scene:
+    """Return the built-in scene or the file called `name`; warnings are printed.
+
+    Raises SceneError where there is neither, or the file cannot be used.
+    """
+    from ispm.scene.builtin import BUILTINS, builtin
+
+    if name in BUILTINS:
+        return builtin(name)
+    if not Path(name).suffix and not Path(name).exists():
+        hint = nearest(name, BUILTINS) or "; `ispm scenes` lists the built-in ones"
+        raise SceneError(f"there is no file and no built-in scene '{name}'{hint}")
+    from ispm.io.load import load
+
+    with console.step(f"loading {name}"):
+        scene = load(name, **asdict(limits))
+    for warning in scene.warnings:
+        console.warn(warning)
+    return scene
+
+
+def choose_camera(
+    scene: Scene, camera: str | None, look_from: str | None, look_at: str | None, fov: float | None
+) -> Camera | str | None:
+    """Return the camera the options ask for, or its name or index; None: the scene's own choice.
+
+    fov  vertical angle of view, degrees
+    Raises SettingsError, and SceneError where the scene has no such camera.
+    """
+    if fov is not None and not 0.0 < fov < 180.0:
+        raise SettingsError(f"--fov: {fov:g} is outside 0 to 180 degrees")
+    if (look_from is None) != (look_at is None):
+        raise SettingsError("--look-from and --look-at go together; give both")
+    if look_from is None or look_at is None:
+        return camera if fov is None else _with_fov(scene, camera, fov)
+    if camera is not None:
+        raise SettingsError("--camera and --look-from exclude each other; give one")
+    from ispm.scene.camera import Camera
+
+    ends = vector("--look-from", look_from), vector("--look-at", look_at)
+    return Camera.look_at(*ends) if fov is None else Camera.look_at(*ends, yfov=radians(fov))
+
+
+def _with_fov(scene: Scene, camera: str | None, fov: float) -> Camera:
+    from ispm.renderer.framing import find_camera
+
+    found = find_camera(scene, camera)
+    if found is None:
+        raise SettingsError("--fov: the scene has no camera; give --look-from and --look-at too")
+    return replace(found[0], yfov=radians(fov), ymag=None, pose=found[1])
+
+
+def require_not_input(output: Path, scene: str) -> None:
+    """Raise OutputError where `output` is the scene's file, or one that the scene's file names."""
+    source = Path(scene)
+    if not output.exists() or not source.is_file():
+        return
+    readers = [source, *source.parent.glob("*.mtl")]
+    named = any(
+        output.name.encode() in file.read_bytes()
+        for file in readers
+        if file.suffix.lower() in (".gltf", ".obj", ".mtl")
+    )
+    if output.samefile(source) or (named and source.parent.resolve() in output.resolve().parents):
+        raise OutputError(f"{output}: belongs to the scene {scene}; name another file with -o")

@@ -1,0 +1,140 @@
+"""What stages hand to each other. Readers borrow textures and buffers for the frame only."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ispm.gpu import Buffer, Canvas, Gpu, Sampler, Texture
+from ispm.optics import records
+from ispm.scene.packed import Draw, Packed
+
+SLOTS = ("base_color", "metallic_roughness", "normal", "emission")
+
+
+@dataclass(frozen=True, eq=False)
+class GpuScene:
+    """A `Packed` scene on the device.
+
+    boxes  (draws, 2, 3) float64 bounds of what each draw shows, world space
+    vertices, indices, instances, materials, lights  its arrays, at least one row each
+    maps  of each material the texture and the sampler of each of SLOTS; white where it has none
+    """
+
+    packed: Packed
+    boxes: np.ndarray
+    vertices: Buffer
+    indices: Buffer
+    instances: Buffer
+    materials: Buffer
+    lights: Buffer
+    maps: list[dict[str, tuple[Texture, Sampler]]] = field(repr=False)
+
+    @property
+    def draws(self) -> list[Draw]:
+        """What to draw."""
+        return self.packed.draws
+
+    @property
+    def light_count(self) -> int:
+        """Rows of `lights` in use."""
+        return len(self.packed.lights)
+
+    def draw_corners(self, canvas: Canvas, draw: Draw) -> None:
+        """Draw, with a number for each corner of each triangle, for shaders that fetch them."""
+        corners = 3 * self.packed.geometry.ranges[draw.mesh].triangle_count
+        canvas.draw(corners, draw.instance_count, first_instance=draw.first_instance)
+
+    def draw_indexed(self, canvas: Canvas, draw: Draw) -> None:
+        """Draw through the canvas's vertex and index buffers, so that corners share work."""
+        mesh = self.packed.geometry.ranges[draw.mesh]
+        canvas.draw_indexed(
+            3 * mesh.triangle_count, draw.instance_count,
+            first_index=mesh.first_index, first_instance=draw.first_instance,
+        )  # fmt: skip
+
+    def is_masked(self, material: int) -> bool:
+        """Whether a material has holes: alpha mode MASK or BLEND."""
+        flags = self.packed.materials[material]["flags"]
+        return bool(flags & (records.MATERIAL_MASK | records.MATERIAL_BLEND))
+
+    def is_textured(self, material: int) -> bool:
+        """Whether a material has a texture in any slot."""
+        row = self.packed.materials[material]
+        return any(row[f"{slot}_texture"]["texture"] >= 0 for slot in SLOTS)
+
+    def material_maps(self, material: int, *slots: str) -> dict[str, Texture | Sampler]:
+        """Return `<slot>_map` and `<slot>_sampler` for each of `slots`, as shaders name them."""
+        found: dict[str, Texture | Sampler] = {}
+        for slot in slots:
+            found[f"{slot}_map"], found[f"{slot}_sampler"] = self.maps[material][slot]
+        return found
+
+
+@dataclass(frozen=True, eq=False)
+class GBuffer:
+    """What each pixel of the eye sees; 32 bytes of color and the depth.
+
+    ids       rg32uint: instance row + 1 (0: nothing is there), material row
+    normals   rgba16float: shading and geometric normal, octahedral (ispm/optics/sampling.wgsl),
+              both on the side the eye sees
+    base      rgba16float: base color, linear; metallic
+    emission  rgba16float: cd/m2, at most 65504; roughness
+    depth     depth32float, reversed
+    """
+
+    ids: Texture
+    normals: Texture
+    base: Texture
+    emission: Texture
+    depth: Texture
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Width and height in pixels."""
+        return self.depth.size
+
+
+@dataclass(frozen=True, eq=False)
+class ShadowMaps:
+    """Depth cubes of the point lights, light i in layers 6 i to 6 i + 5; depth is reversed.
+
+    side  texels of a face's edge
+    near  m; depth in clip space is near / (distance along the face's axis)
+    """
+
+    cubes: Texture
+    side: int
+    near: float
+
+
+@dataclass(frozen=True, eq=False)
+class BounceMap:
+    """The first hits of one point light's photons.
+
+    light   row of the lights
+    texels  rgba32uint, 6 layers of width x width: instance row, primitive in its mesh, and the bits of
+            the barycentrics u and v; NO_HIT in the first where nothing was hit
+    shift   texels, in [-0.5, 0.5], that the samples lie right of and below the texels' centres
+    """
+
+    light: int
+    texels: Texture
+    shift: tuple[float, float]
+
+    @property
+    def width(self) -> int:
+        """Texels of a face's edge."""
+        return self.texels.size[0]
+
+
+@dataclass(frozen=True, eq=False)
+class BounceMaps:
+    """The bounce maps of all lights that have one."""
+
+    maps: list[BounceMap]
+
+    def read(self, gpu: Gpu) -> list[np.ndarray]:
+        """Return the maps as (6, width, width, 4) uint32, after one wait for all."""
+        return gpu.read_many([(each.texels, np.uint32, 4) for each in self.maps])

@@ -1,0 +1,13 @@
+"""All that speaks to the graphics adapter; nothing outside this package imports wgpu."""
+
+from ispm.gpu.buffer import Buffer
+from ispm.gpu.compute import Compute
+from ispm.gpu.device import AdapterInfo, Gpu, list_adapters, open_gpu
+from ispm.gpu.raster import Canvas, Group, Raster, Target
+from ispm.gpu.recording import Recording
+from ispm.gpu.texture import Sampler, Texture, View
+
+__all__ = [
+    "AdapterInfo", "Buffer", "Canvas", "Compute", "Gpu", "Group", "Raster", "Recording", "Sampler", "Target",
+    "Texture", "View", "list_adapters", "open_gpu",
+]  # fmt: skip

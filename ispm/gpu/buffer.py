@@ -1,0 +1,62 @@
+"""Buffers that grow with what is written to them."""
+
+from __future__ import annotations
+
+import numpy as np
+import wgpu
+
+_USAGE = {
+    "storage": wgpu.BufferUsage.STORAGE,
+    "vertex": wgpu.BufferUsage.VERTEX | wgpu.BufferUsage.STORAGE,
+    "index": wgpu.BufferUsage.INDEX | wgpu.BufferUsage.STORAGE,
+    "uniform": wgpu.BufferUsage.UNIFORM,
+    "indirect": wgpu.BufferUsage.INDIRECT | wgpu.BufferUsage.STORAGE,
+}
+_COPIES = wgpu.BufferUsage.COPY_SRC | wgpu.BufferUsage.COPY_DST
+_SMALLEST = 256  # bytes; also what an empty buffer holds, since nothing of size 0 can be bound
+
+
+class Buffer:
+    """Bytes on the device, of a capacity that only grows; contents are lost when it does.
+
+    handle   the device's buffer; a new one after growth
+    nbytes   bytes in use, what a binding covers
+    version  grows with the handle's changes
+    """
+
+    def __init__(self, device: wgpu.GPUDevice, name: str, usage: str) -> None:
+        self._device, self.name, self._usage = device, name, _USAGE[usage] | _COPIES
+        self.handle: wgpu.GPUBuffer = self._create(_SMALLEST)
+        self.nbytes = _SMALLEST
+        self.version = 0
+
+    def sized(self, nbytes: int) -> Buffer:
+        """Return this buffer with room for `nbytes`, rounded up to 16."""
+        self.nbytes = max(-(-nbytes // 16) * 16, 16)
+        if self.nbytes > self.handle.size:
+            capacity = self.nbytes if self.handle.size == _SMALLEST else self.nbytes * 5 // 4 // 16 * 16
+            self.handle.destroy()
+            self.handle = self._create(capacity)
+            self.version += 1
+        return self
+
+    def write(self, array: np.ndarray) -> Buffer:
+        """Replace the contents by the bytes of `array`; at least one element's room is kept."""
+        self.sized(max(array.nbytes, array.itemsize))
+        if array.nbytes:
+            data = np.ascontiguousarray(array).reshape(-1).view(np.uint8)
+            whole = array.nbytes & ~3  # the queue copies in words
+            if whole:
+                self._device.queue.write_buffer(self.handle, 0, data[:whole])
+            if whole < array.nbytes:
+                tail = np.zeros(4, np.uint8)
+                tail[: array.nbytes - whole] = data[whole:]
+                self._device.queue.write_buffer(self.handle, whole, tail)
+        return self
+
+    def close(self) -> None:
+        """Free the memory."""
+        self.handle.destroy()
+
+    def _create(self, size: int) -> wgpu.GPUBuffer:
+        return self._device.create_buffer(label=self.name, size=size, usage=self._usage)

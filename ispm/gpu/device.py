@@ -1,0 +1,237 @@
+"""Choosing an adapter, and the device made of it: where all GPU objects come from."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import wgpu
+
+from ispm.errors import AdapterError
+from ispm.gpu.buffer import Buffer
+from ispm.gpu.compute import Compute
+from ispm.gpu.raster import Raster, Target
+from ispm.gpu.readback import Readback
+from ispm.gpu.recording import Recording, UniformPool
+from ispm.gpu.texture import Sampler, Texture, make_sampler
+from ispm.gpu.timing import Timer
+
+_BACKENDS = ("Vulkan", "Metal", "D3D12")
+_TYPES = ("DiscreteGPU", "IntegratedGPU", "CPU")  # best first; what else there is comes before the CPU
+_FEATURES = (
+    "float32-blendable", "float32-filterable", "timestamp-query", "depth-clip-control",
+    "indirect-first-instance",
+)  # fmt: skip
+_CURE = "on Debian and Ubuntu `apt-get install mesa-vulkan-drivers` brings one that runs on the CPU"
+
+# WebGPU specification, section 3.6.2. Asked for by name, because a device made without limits may grant
+# more than the baseline, and shaders that came to rely on it would fail elsewhere.
+_BASELINE = {
+    "max-bind-groups": 4,
+    "max-sampled-textures-per-shader-stage": 16,
+    "max-samplers-per-shader-stage": 16,
+    "max-storage-buffers-per-shader-stage": 8,
+    "max-storage-textures-per-shader-stage": 4,
+    "max-uniform-buffers-per-shader-stage": 12,
+    "max-uniform-buffer-binding-size": 65536,
+    "max-vertex-buffers": 8,
+    "max-vertex-attributes": 16,
+    "max-inter-stage-shader-variables": 16,
+    "max-color-attachments": 8,
+    "max-color-attachment-bytes-per-sample": 32,
+    "max-compute-workgroup-storage-size": 16384,
+    "max-compute-invocations-per-workgroup": 256,
+    "max-compute-workgroup-size-x": 256,
+    "max-compute-workgroup-size-y": 256,
+    "max-compute-workgroup-size-z": 64,
+    "min-uniform-buffer-offset-alignment": 256,
+    "min-storage-buffer-offset-alignment": 256,
+}
+# Sizes that follow the scene and the picture: all the adapter has.
+_GENEROUS = (
+    "max-texture-dimension-2d", "max-texture-array-layers",
+    "max-storage-buffer-binding-size", "max-buffer-size", "max-compute-workgroups-per-dimension",
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class AdapterInfo:
+    """What an adapter says of itself; `type` is DiscreteGPU, IntegratedGPU, CPU or another of wgpu's."""
+
+    name: str
+    backend: str
+    type: str
+    driver: str
+
+
+def list_adapters() -> list[AdapterInfo]:
+    """Return the adapters that can serve, the preferred one first."""
+    return [_info(adapter) for adapter in _adapters()]
+
+
+def open_gpu(adapter: str | None = None) -> Gpu:
+    """Return a device on the preferred adapter: discrete before integrated before CPU.
+
+    adapter  part of a name, to choose by; default: the environment's ISPM_ADAPTER
+    Raises AdapterError where there is none, none matches, or the driver refuses.
+    """
+    wanted = adapter if adapter is not None else os.environ.get("ISPM_ADAPTER", "")
+    found = _adapters()
+    if not found:
+        raise AdapterError(f"no graphics adapter with Vulkan, Metal or Direct3D 12 was found; {_CURE}")
+    matching = [a for a in found if wanted.lower() in _info(a).name.lower()]
+    if not matching:
+        names = ", ".join(f"'{_info(a).name}'" for a in found)
+        raise AdapterError(f"no graphics adapter is called '{wanted}'; there is {names}")
+    return Gpu(matching[0])
+
+
+def _adapters() -> list[wgpu.GPUAdapter]:
+    os.environ.setdefault("XDG_RUNTIME_DIR", tempfile.gettempdir())  # unset, drivers complain on stderr
+    found = [a for a in wgpu.gpu.enumerate_adapters_sync() if a.info["backend_type"] in _BACKENDS]
+    return sorted(found, key=lambda a: _rank(a.info["adapter_type"]))
+
+
+def _rank(kind: str) -> float:
+    return _TYPES.index(kind) if kind in _TYPES else 1.5
+
+
+def _info(adapter: wgpu.GPUAdapter) -> AdapterInfo:
+    info = adapter.info
+    return AdapterInfo(info["device"], info["backend_type"], info["adapter_type"], info["description"])
+
+
+class Gpu:
+    """A device and everything made on it. Made by `open_gpu`; `close` frees it.
+
+    info         the adapter
+    max_texture  texels of the longest side of a texture
+    max_layers   layers of a texture array
+    """
+
+    def __init__(self, adapter: wgpu.GPUAdapter) -> None:
+        self.info = _info(adapter)
+        limits = {k: min(v, adapter.limits[k]) for k, v in _BASELINE.items() if k.startswith("max")}
+        limits |= {k: max(v, adapter.limits[k]) for k, v in _BASELINE.items() if k.startswith("min")}
+        limits |= {k: adapter.limits[k] for k in _GENEROUS}
+        features = [name for name in _FEATURES if name in adapter.features]
+        try:
+            self.device = adapter.request_device_sync(
+                label="ispm", required_features=features, required_limits=limits
+            )
+        except (RuntimeError, wgpu.GPUError) as error:
+            reason = " ".join(str(error).split())
+            raise AdapterError(f"{self.info.name}: the driver gave no device ({reason})") from error
+        self._features = frozenset(features)
+        self.max_texture: int = limits["max-texture-dimension-2d"]
+        self.max_layers: int = limits["max-texture-array-layers"]
+        self.max_binding: int = min(limits["max-storage-buffer-binding-size"], limits["max-buffer-size"])
+        self._samplers: dict[tuple[Any, ...], Sampler] = {}
+        self._readback = Readback(self.device)
+        self._uniforms = UniformPool(self.device)
+        self._timer = Timer(self.device) if self.has("timestamp-query") else None
+
+    @property
+    def name(self) -> str:
+        """The adapter's name."""
+        return self.info.name
+
+    @property
+    def is_software(self) -> bool:
+        """Whether the adapter is a program on the CPU."""
+        return self.info.type == "CPU"
+
+    def has(self, feature: str) -> bool:
+        """Whether the device has an optional feature of WebGPU, such as `float32-blendable`."""
+        return feature in self._features
+
+    def compute(self, path: str, entry: str = "main", **constants: float) -> Compute:
+        """Return the compute shader `entry` of the file `path`; see `Compute`."""
+        return Compute(self.device, path, entry, constants)
+
+    def raster(
+        self,
+        path: str,
+        targets: Sequence[str | Target] = (),
+        *,
+        depth: str | None = "greater-equal",
+        depth_write: bool = True,
+        cull: str = "none",
+        front: str = "ccw",
+        topology: str = "triangle-list",
+        vertex_layout: Sequence[dict[str, Any]] = (),
+        vertex: str = "vs",
+        fragment: str | None = "fs",
+        unclipped_depth: bool = False,
+        **constants: float,
+    ) -> Raster:
+        """Return a render pipeline of the file `path`; see `Raster`.
+
+        targets        formats of the color attachments, in order
+        depth          comparison of a depth32float attachment, None without one; depth is reversed
+        vertex_layout  WebGPU's vertex buffer layouts; empty where the shader fetches its own vertices
+        fragment       None where only depth is drawn
+        """
+        return Raster(
+            self.device, path, targets, depth, depth_write, cull, front, topology,
+            vertex_layout, vertex, fragment, unclipped_depth, constants,
+        )  # fmt: skip
+
+    def texture(
+        self, name: str, format: str, *, dimension: str = "2d", layers: int = 1, usage: Sequence[str] = ()
+    ) -> Texture:
+        """Return a texture without size yet; see `Texture`."""
+        return Texture(self.device, name, format, dimension, layers, usage)
+
+    def buffer(self, name: str, usage: str = "storage") -> Buffer:
+        """Return an empty buffer; `usage` is storage, vertex, index, uniform or indirect."""
+        return Buffer(self.device, name, usage)
+
+    def sampler(
+        self,
+        wrap: tuple[str, str] = ("clamp-to-edge", "clamp-to-edge"),
+        *,
+        linear: bool = True,
+        mipmaps: bool = True,
+        compare: str | None = None,
+    ) -> Sampler:
+        """Return a sampler; the same one for the same arguments."""
+        key = (wrap, linear, mipmaps, compare)
+        if key not in self._samplers:
+            self._samplers[key] = make_sampler(self.device, *key)
+        return self._samplers[key]
+
+    def frame(self, *, timed: bool = False) -> Recording:
+        """Return a context in which commands are recorded; leaving it submits them.
+
+        timed  measure stages by waiting for each where the adapter has no clock of its own
+        """
+        return Recording(self.device, self._uniforms, self._readback, self._timer, timed)
+
+    def read_texture(
+        self, texture: Texture, dtype: Any, channels: int = 1, layer: int | None = None
+    ) -> np.ndarray:
+        """Return a texture's level 0 as (height, width[, channels]); all layers stacked first where
+        the texture is an array and `layer` is None."""
+        return self.read_many([(texture, dtype, channels, layer)])[0]
+
+    def read_buffer(self, buffer: Buffer, dtype: Any, count: int) -> np.ndarray:
+        """Return the first `count` elements of a buffer."""
+        return self.read_many([(buffer, dtype, count)])[0]
+
+    def read_many(self, wanted: Sequence[tuple[Any, ...]]) -> list[np.ndarray]:
+        """Return several textures and buffers after one wait; items are the arguments of
+        `read_texture` or `read_buffer`."""
+        return self._readback.read(wanted)
+
+    def wait(self) -> None:
+        """Return when all that was submitted is done."""
+        self._readback.wait()
+
+    def close(self) -> None:
+        """Free the device and all memory on it; nothing made of it works afterwards."""
+        self.device.destroy()

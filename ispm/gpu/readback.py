@@ -1,0 +1,113 @@
+"""From the device to numpy, with one wait for any number of textures and buffers."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import wgpu
+
+from ispm.gpu.buffer import Buffer
+from ispm.gpu.texture import Texture
+
+_ROW = 256  # bytes; rows of a texture copy start at multiples of this
+
+
+@dataclass
+class _Copy:
+    """Where one array lies in the staging buffer: at `offset`, as `stored` with rows padded, of which
+    the first `used` elements of each axis make up `shape`."""
+
+    offset: int
+    dtype: np.dtype
+    stored: tuple[int, ...]
+    used: tuple[int, ...]
+    shape: tuple[int, ...]
+
+    @property
+    def nbytes(self) -> int:
+        return math.prod(self.stored) * self.dtype.itemsize
+
+    def array(self, memory: memoryview) -> np.ndarray:
+        rows = np.frombuffer(memory, self.dtype, math.prod(self.stored), self.offset).reshape(self.stored)
+        return np.array(rows[tuple(slice(n) for n in self.used)]).reshape(self.shape)
+
+
+class Readback:
+    """Reads through one mapped staging buffer, which is kept and grows: 1.3 ms instead of 6.8 ms for
+    a 1280 x 720 rgba32float texture by `queue.read_texture` (llvmpipe)."""
+
+    def __init__(self, device: wgpu.GPUDevice) -> None:
+        self._device = device
+        self._staging = self._create(65536)
+
+    def read(self, wanted: Sequence[tuple[Any, ...]]) -> list[np.ndarray]:
+        """Return arrays for (texture, dtype, channels, layer) and (buffer, dtype, count) items."""
+        planned: list[_Copy] = []
+        end = 4
+        for item in wanted:
+            plan = _plan_texture if isinstance(item[0], Texture) else _plan_buffer
+            planned.append(plan(-(-end // _ROW) * _ROW, *item))
+            end = planned[-1].offset + -(-planned[-1].nbytes // 4) * 4
+        if end > self._staging.size:
+            self._staging.destroy()
+            self._staging = self._create(end)
+        encoder = self._device.create_command_encoder()
+        encoder.clear_buffer(self._staging, 0, 4)  # so that mapping waits even where nothing is copied
+        for item, copy in zip(wanted, planned, strict=True):
+            self._copy(encoder, item, copy)
+        self._device.queue.submit([encoder.finish()])
+        self._staging.map_sync(wgpu.MapMode.READ, 0, end)
+        try:
+            memory = self._staging.read_mapped(0, end, copy=False)
+            return [copy.array(memory) for copy in planned]
+        finally:
+            self._staging.unmap()
+
+    def wait(self) -> None:
+        """Return when all submitted work is done."""
+        self.read([])
+
+    def _copy(self, encoder: wgpu.GPUCommandEncoder, item: tuple[Any, ...], copy: _Copy) -> None:
+        source = item[0]
+        if isinstance(source, Texture):
+            layers, height, row = copy.stored
+            layer = item[3] if len(item) > 3 and item[3] is not None else 0
+            encoder.copy_texture_to_buffer(
+                {"texture": source.handle, "mip_level": 0, "origin": (0, 0, layer)},
+                {
+                    "buffer": self._staging, "offset": copy.offset,
+                    "bytes_per_row": row * copy.dtype.itemsize, "rows_per_image": height,
+                },
+                (*source.size, layers),
+            )  # fmt: skip
+        elif copy.nbytes:
+            handle = source.handle if isinstance(source, Buffer) else source
+            size = -(-copy.nbytes // 4) * 4
+            encoder.copy_buffer_to_buffer(handle, 0, self._staging, copy.offset, size)
+
+    def _create(self, size: int) -> wgpu.GPUBuffer:
+        usage = wgpu.BufferUsage.MAP_READ | wgpu.BufferUsage.COPY_DST
+        return self._device.create_buffer(label="readback", size=size, usage=usage)
+
+
+def _plan_texture(
+    offset: int, texture: Texture, dtype: Any, channels: int = 1, layer: int | None = None
+) -> _Copy:
+    width, height = texture.size
+    layers = texture.layers if layer is None else 1
+    dtype = np.dtype(dtype)
+    row = -(-width * channels * dtype.itemsize // _ROW) * _ROW // dtype.itemsize
+    shape: tuple[int, ...] = (layers, height, width, channels)
+    if channels == 1:
+        shape = shape[:-1]
+    if layers == 1:
+        shape = shape[1:]
+    return _Copy(offset, dtype, (layers, height, row), (layers, height, width * channels), shape)
+
+
+def _plan_buffer(offset: int, buffer: Buffer | wgpu.GPUBuffer, dtype: Any, count: int) -> _Copy:
+    return _Copy(offset, np.dtype(dtype), (count,), (count,), (count,))

@@ -1,0 +1,76 @@
+"""Animations of a glTF file: channels that move nodes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ispm.errors import SceneError
+from ispm.io import gltf_schema as schema
+from ispm.io.gltf_file import GltfFile, item, label
+from ispm.scene.animation import Animation, Channel
+from ispm.scene.scene import Node
+
+TYPES = {"translation": "VEC3", "rotation": "VEC4", "scale": "VEC3"}
+INTERPOLATIONS = ("LINEAR", "STEP", "CUBICSPLINE")
+
+
+def read_animations(file: GltfFile, nodes: Sequence[Node]) -> list[Animation]:
+    """Return the animations; channels that cannot be played are left out, with a note.
+
+    nodes  as the file numbers them
+    """
+    animations = []
+    for index, record in enumerate(file.gltf.animations):
+        where = label("animation", index, record.name)
+        channels = [_channel(file, record, channel, nodes, where) for channel in record.channels]
+        playable = [channel for channel in channels if channel is not None]
+        if playable:
+            animations.append(Animation(playable, record.name))
+    return animations
+
+
+def _channel(
+    file: GltfFile, record: schema.Animation, channel: schema.Channel, nodes: Sequence[Node], where: str
+) -> Channel | None:
+    target = channel.target
+    if target.node is None:
+        return None  # the specification: such a channel is to be ignored
+    if target.path == "weights":
+        file.notes.count(
+            "animation channel moves morph weights, which are not supported yet",
+            "animation channels move morph weights, which are not supported yet",
+        )
+        return None
+    try:
+        node = item(nodes, target.node, "node")
+        sampler = item(record.samplers, channel.sampler, "sampler")
+        return _keyed(file, node, target.path, sampler)
+    except SceneError as error:
+        file.notes.add(f"{where}: a channel is left out: {error}")
+        return None
+
+
+def _keyed(file: GltfFile, node: Node, path: str, sampler: schema.AnimationSampler) -> Channel:
+    """A channel with its keys. Raises SceneError where they make no sense."""
+    if path not in TYPES:
+        raise SceneError(f"it moves '{path}', which is unknown")
+    if sampler.interpolation not in INTERPOLATIONS:
+        raise SceneError(f"its interpolation '{sampler.interpolation}' is unknown")
+    if node.matrix is not None:
+        raise SceneError(f"node '{node.name}' is placed by a matrix, which cannot be animated")
+    times = file.floats(sampler.input, ("SCALAR",))
+    values = file.floats(sampler.output, (TYPES[path],))
+    if times is None or values is None:
+        raise SceneError("its times or values are of the wrong type")
+    if not len(times) or not np.isfinite(times).all() or (np.diff(times[:, 0]) <= 0.0).any():
+        raise SceneError("its times do not increase" if len(times) else "it has no keys")
+    spline = sampler.interpolation == "CUBICSPLINE"
+    if len(values) != len(times) * (3 if spline else 1):
+        raise SceneError(f"it has {len(times)} times and {len(values)} values")
+    shaped = values.reshape(len(times), 3, -1) if spline else values
+    keys = shaped[:, 1] if spline else shaped
+    if not np.isfinite(values).all() or (path == "rotation" and not np.abs(keys).max(axis=1).all()):
+        raise SceneError("its values are not finite, or a rotation is zero")
+    return Channel(node, path, times[:, 0].copy(), shaped, sampler.interpolation)

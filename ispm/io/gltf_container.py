@@ -1,0 +1,119 @@
+"""How glTF is wrapped: JSON or GLB, and the bytes that it names by URI."""
+
+from __future__ import annotations
+
+import base64
+import binascii
+import mmap
+import re
+import struct
+from pathlib import Path, PurePosixPath, PureWindowsPath
+from urllib.parse import unquote, unquote_to_bytes
+
+import msgspec
+
+from ispm.errors import SceneError
+from ispm.io.gltf_schema import Gltf
+from ispm.settings import LoadLimits
+
+MAGIC = b"glTF"
+JSON_CHUNK, BINARY_CHUNK = 0x4E4F534A, 0x004E4942
+BOM = b"\xef\xbb\xbf"
+
+
+def map_file(path: Path, limits: LoadLimits) -> memoryview:
+    """Return a file's bytes without reading them yet. Raises SceneError where it is larger than allowed."""
+    size = path.stat().st_size
+    if size > limits.file_bytes:
+        raise SceneError(
+            f"{path.name} has {size} bytes; file_bytes={limits.file_bytes} is the most that is read"
+        )
+    if size == 0:
+        return memoryview(b"")
+    with path.open("rb") as file:
+        return memoryview(mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ))
+
+
+def unwrap(data: memoryview) -> tuple[memoryview, memoryview | None]:
+    """Return the JSON and the binary chunk of a file, by its first bytes rather than its name."""
+    if not data:
+        raise SceneError("the file is empty")
+    if data[:4] != MAGIC:
+        return data, None
+    if len(data) < 12:
+        raise SceneError(f"the GLB header has {len(data)} of its 12 bytes; the file is cut short")
+    version, length = struct.unpack_from("<II", data, 4)
+    if version != 2:
+        raise SceneError(f"this is version {version} of GLB; version 2 is supported")
+    if length > len(data):
+        raise SceneError(f"the file is cut short: {len(data)} of {length} bytes are there")
+    chunks = _chunks(data[12:length])
+    if not chunks or chunks[0][0] != JSON_CHUNK:
+        raise SceneError("the first chunk of the GLB is not JSON")
+    return chunks[0][1], next((body for kind, body in chunks[1:] if kind == BINARY_CHUNK), None)
+
+
+def _chunks(data: memoryview) -> list[tuple[int, memoryview]]:
+    """The (kind, body) of each chunk of a GLB."""
+    chunks = []
+    while data:
+        if len(data) < 8:
+            raise SceneError(f"the GLB ends with {len(data)} bytes that are no chunk")
+        length, kind = struct.unpack_from("<II", data)
+        if length > len(data) - 8:
+            raise SceneError(f"a chunk of the GLB is cut short: {len(data) - 8} of {length} bytes are there")
+        chunks.append((kind, data[8 : 8 + length]))
+        data = data[8 + length :]
+    return chunks
+
+
+def parse(text: memoryview) -> Gltf:
+    """Return the records in `text`, UTF-8 JSON; a byte order mark and padding zeros are passed over."""
+    data = bytes(text).removeprefix(BOM).rstrip(b"\0")
+    if b"\0" in data[:4]:
+        raise SceneError("the text is not UTF-8; save it as UTF-8")
+    if not data.lstrip().startswith(b"{"):
+        raise SceneError("this is neither GLB nor glTF JSON")
+    try:
+        return msgspec.json.decode(data, type=Gltf)
+    except msgspec.ValidationError as error:
+        raise SceneError(f"the glTF breaks the schema: {error}") from None
+    except UnicodeDecodeError:
+        raise SceneError("the text is not UTF-8; save it as UTF-8") from None
+    except msgspec.DecodeError as error:
+        raise SceneError(f"the JSON cannot be read: {error}") from None
+    except RecursionError:
+        raise SceneError("the JSON is nested too deeply") from None
+
+
+def read_uri(uri: str, folder: Path, limits: LoadLimits) -> memoryview:
+    """Return the bytes that `uri` names: a data: URI, or a file inside `folder`, links resolved.
+
+    Raises SceneError for everything else: nothing is fetched, and nothing outside the folder is read.
+    """
+    if uri[:5].lower() == "data:":
+        return memoryview(_data_uri(uri))
+    name = unquote(uri)
+    if re.match(r"[A-Za-z][A-Za-z0-9+.-]*:", uri) or PureWindowsPath(name).anchor or "\0" in name:
+        raise SceneError(f"'{uri[:200]}' is not read: only files in the scene's own folder are")
+    if PurePosixPath(name).is_absolute():
+        raise SceneError(f"'{uri[:200]}' is not read: only files in the scene's own folder are")
+    folder = folder.resolve()
+    path = (folder / name).resolve()
+    if not path.is_relative_to(folder):
+        raise SceneError(f"'{uri[:200]}' is not read: it lies outside the scene's own folder")
+    if not path.is_file():
+        raise SceneError(f"the file '{name[:200]}' is not there")
+    return map_file(path, limits)
+
+
+def _data_uri(uri: str) -> bytes:
+    head, comma, body = uri.partition(",")
+    if not comma:
+        raise SceneError(f"the data URI '{uri[:40]}...' has no data")
+    if not head.lower().endswith(";base64"):
+        return unquote_to_bytes(body)
+    try:
+        return base64.b64decode(unquote_to_bytes(body) if "%" in body else body, validate=True)
+    except (binascii.Error, ValueError) as error:
+        raise SceneError(f"the data URI '{head[:40]}...' is not valid base64: {error}") from None

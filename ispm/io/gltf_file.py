@@ -1,0 +1,182 @@
+"""An open glTF file: its records, its buffers as numpy arrays, and what is to be told about it."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TypeVar
+
+import numpy as np
+
+from ispm.errors import SceneError
+from ispm.io import gltf_schema as schema
+from ispm.io.gltf_container import BOM, map_file, parse, read_uri, unwrap
+from ispm.settings import LoadLimits
+
+COMPONENTS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
+WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
+MOST_WARNINGS = 50
+
+Item = TypeVar("Item")
+
+
+class Notes:
+    """What is wrong with a file that can be drawn all the same: each fault once, like faults counted."""
+
+    def __init__(self) -> None:
+        self._lines: dict[str, None] = {}
+        self._counts: Counter[tuple[str, str]] = Counter()
+
+    def add(self, message: str) -> None:
+        """Note a fault, in one line."""
+        self._lines[message] = None
+
+    def count(self, one: str, many: str) -> None:
+        """Note one of several faults of a kind: 'primitive is', 'primitives are'."""
+        self._counts[one, many] += 1
+
+    def lines(self) -> list[str]:
+        """Return the lines to show."""
+        counted = [f"{n} {one if n == 1 else many}" for (one, many), n in self._counts.items()]
+        lines = [*counted, *self._lines]
+        if len(lines) > MOST_WARNINGS:
+            lines[MOST_WARNINGS:] = [f"and {len(lines) - MOST_WARNINGS} more faults"]
+        return lines
+
+
+class GltfFile:
+    """The records of a glTF file, and its accessors as arrays.
+
+    Raises SceneError where the file cannot be read.
+    """
+
+    def __init__(self, path: Path, limits: LoadLimits) -> None:
+        self.folder = path.parent
+        self.limits = limits
+        self.notes = Notes()
+        text, self._binary = unwrap(map_file(path, limits))
+        self.gltf = parse(text)
+        if text[:3] == BOM:
+            self.notes.add("the text begins with a byte order mark, which glTF does not allow")
+        self._buffers: dict[int, memoryview] = {}
+
+    def view(self, index: int) -> memoryview:
+        """Return the bytes of a buffer view. Raises SceneError where they are not all there."""
+        view = item(self.gltf.buffer_views, index, "buffer view")
+        data = self._buffer(view.buffer)
+        if view.byte_offset + view.byte_length > len(data):
+            raise SceneError(
+                f"buffer view {index} ends at byte {view.byte_offset + view.byte_length} of a buffer "
+                f"of {len(data)}"
+            )
+        return data[view.byte_offset : view.byte_offset + view.byte_length]
+
+    def uri(self, uri: str) -> memoryview:
+        """Return the bytes that a URI of this file names."""
+        return read_uri(uri, self.folder, self.limits)
+
+    def _buffer(self, index: int) -> memoryview:
+        if index not in self._buffers:
+            buffer = item(self.gltf.buffers, index, "buffer")
+            data = self._binary if buffer.uri is None and index == 0 else None
+            if buffer.uri is not None:
+                data = self.uri(buffer.uri)
+            if data is None:
+                raise SceneError(f"buffer {index} has no data")
+            if len(data) < buffer.byte_length:
+                raise SceneError(f"buffer {index} has {len(data)} of its {buffer.byte_length} bytes")
+            self._buffers[index] = data[: buffer.byte_length]
+        return self._buffers[index]
+
+    def count(self, index: int) -> int:
+        """Return how many elements an accessor has. Raises SceneError where there are more than allowed."""
+        count = item(self.gltf.accessors, index, "accessor").count
+        if count > self.limits.elements:
+            raise SceneError(
+                f"accessor {index} has {count} elements, more than elements={self.limits.elements} allows"
+            )
+        return count
+
+    def stored(self, index: int) -> np.ndarray:
+        """Return an accessor's (count, width) components as they are stored, in place where they can be."""
+        accessor = item(self.gltf.accessors, index, "accessor")
+        if accessor.type not in WIDTHS:
+            raise SceneError(f"accessor {index} holds matrices where none belong")
+        what = f"accessor {index}"
+        dtype, shape = COMPONENTS[accessor.component_type], (self.count(index), WIDTHS[accessor.type])
+        if accessor.buffer_view is None:
+            values = np.broadcast_to(np.zeros(1, dtype), shape)
+        else:
+            values = self._strided(accessor.buffer_view, accessor.byte_offset, dtype, shape, what)
+        return values if accessor.sparse is None else self._replaced(values, accessor.sparse, what)
+
+    def _replaced(self, values: np.ndarray, sparse: schema.Sparse, what: str) -> np.ndarray:
+        """A copy of `values` with the elements of `sparse` in their places."""
+        count, (rows, width) = sparse.count, values.shape
+        if count > rows:
+            raise SceneError(f"{what}: {count} sparse elements are more than its {rows}")
+        kind = COMPONENTS[sparse.indices.component_type]
+        at = self._strided(sparse.indices.buffer_view, sparse.indices.byte_offset, kind, (count, 1), what)
+        new = self._strided(
+            sparse.values.buffer_view, sparse.values.byte_offset, values.dtype.str, (count, width), what
+        )
+        if count and int(at.max()) >= rows:
+            raise SceneError(f"{what}: sparse index {int(at.max())} points past the last of {rows} elements")
+        result = np.array(values)
+        result[at[:, 0]] = new
+        return result
+
+    def _strided(self, view: int, offset: int, dtype: str, shape: tuple[int, int], what: str) -> np.ndarray:
+        """Components inside a buffer view; all arithmetic in Python's integers, which do not overflow."""
+        data = self.view(view)
+        size = np.dtype(dtype).itemsize
+        element = size * shape[1]
+        stride = self.gltf.buffer_views[view].byte_stride or element
+        if stride < element:
+            raise SceneError(f"{what}: its elements of {element} bytes overlap at a stride of {stride}")
+        end = offset + stride * (shape[0] - 1) + element if shape[0] else offset
+        if end > len(data):
+            raise SceneError(f"{what} ends at byte {end} of buffer view {view}, which has {len(data)}")
+        return np.ndarray(shape, dtype, data, offset, (stride, size))
+
+    def floats(
+        self,
+        index: int,
+        types: Sequence[str],
+        rows: np.ndarray | slice = slice(None),
+        *,
+        normalized: bool = False,
+    ) -> np.ndarray | None:
+        """Return `rows` of an accessor as a (n, width) float32 array of its own; None if not of `types`.
+
+        normalized  take integers as fractions, -1..1 or 0..1, even where the file does not say so
+        """
+        accessor = item(self.gltf.accessors, index, "accessor")
+        if accessor.type not in types:
+            return None
+        stored = self.stored(index)[rows]
+        values = np.array(stored, np.float32, order="C")
+        if stored.dtype.kind != "f" and (accessor.normalized or normalized):
+            values /= np.float32(np.iinfo(stored.dtype).max)
+            np.maximum(values, np.float32(-1.0), out=values)
+        return values
+
+    def indices(self, index: int) -> np.ndarray:
+        """Return a (count,) accessor of unsigned integers. Raises SceneError where it is none."""
+        accessor = item(self.gltf.accessors, index, "accessor")
+        if accessor.type != "SCALAR" or COMPONENTS[accessor.component_type][1] != "u":
+            raise SceneError(f"accessor {index} holds indices that are not unsigned integers")
+        return self.stored(index)[:, 0]
+
+
+def item(items: Sequence[Item], index: int, what: str) -> Item:
+    """Return `items[index]`. Raises SceneError where there is none."""
+    if index >= len(items):
+        raise SceneError(f"{what} {index} does not exist; the file has {len(items)}")
+    return items[index]
+
+
+def label(kind: str, index: int, name: str) -> str:
+    """Return what to call a record in a message: its name, or its number."""
+    return f"{kind} '{name}'" if name else f"{kind} {index}"

@@ -1,0 +1,164 @@
+"""Textures of a glTF file: pictures decoded by Pillow, and how they are sampled."""
+
+from __future__ import annotations
+
+import dataclasses
+import io
+import math
+import warnings
+from typing import Any, TypeVar
+
+import numpy as np
+
+from ispm.errors import SceneError
+from ispm.io import gltf_schema as schema
+from ispm.io.gltf_file import GltfFile, item, label
+from ispm.scene.material import IDENTITY_UV, Texture, TextureUse, Wrap
+from ispm.settings import LoadLimits
+
+WRAPS = {10497: Wrap.REPEAT, 33071: Wrap.CLAMP, 33648: Wrap.MIRROR}
+MAG_LINEAR = {9728: False, 9729: True}
+MIN_MIPMAPS = {9728: False, 9729: False, 9984: True, 9985: True, 9986: True, 9987: True}
+
+Value = TypeVar("Value")
+Rows = tuple[tuple[float, float, float], tuple[float, float, float]]
+
+
+class Textures:
+    """The textures of a file, each picture decoded once; one Texture per picture, sampler and encoding."""
+
+    def __init__(self, file: GltfFile) -> None:
+        self._file = file
+        self._pictures: dict[int, np.ndarray | None] = {}
+        self._textures: dict[tuple[int, int | None, bool], Texture | None] = {}
+
+    def use(self, slot: schema.TextureSlot | None, *, srgb: bool, where: str) -> TextureUse | None:
+        """Return the texture of a material's slot; None, with a note, where it cannot be shown.
+
+        srgb   whether the slot holds colors
+        where  the material, for messages
+        Raises SceneError where the file has no such texture.
+        """
+        if slot is None:
+            return None
+        record = item(self._file.gltf.textures, slot.index, "texture")
+        transform = slot.extensions.transform or schema.TextureTransform()
+        uv_set = slot.tex_coord if transform.tex_coord is None else transform.tex_coord
+        if uv_set > 1:
+            self._file.notes.add(f"{where}: a texture is left out: only TEXCOORD_0 and _1 are supported")
+            return None
+        if record.source is None:
+            called = label("texture", slot.index, record.name)
+            self._file.notes.add(f"{where}: {called} has no picture to show")
+            return None
+        texture = self._texture(record.source, record.sampler, srgb)
+        return None if texture is None else TextureUse(texture, uv_set, uv_rows(transform))
+
+    def _texture(self, source: int, sampler: int | None, srgb: bool) -> Texture | None:
+        key = source, sampler, srgb
+        if key not in self._textures:
+            self._textures[key] = self._make(source, sampler, srgb)
+        return self._textures[key]
+
+    def _make(self, source: int, sampler: int | None, srgb: bool) -> Texture | None:
+        how = schema.Sampler() if sampler is None else item(self._file.gltf.samplers, sampler, "sampler")
+        image = item(self._file.gltf.images, source, "image")
+        pixels = self._picture(source, image)
+        if pixels is None:
+            return None
+        texture = Texture(
+            pixels,
+            srgb,
+            wrap_u=self._choose(WRAPS, how.wrap_s, Wrap.REPEAT, "wrapS"),
+            wrap_v=self._choose(WRAPS, how.wrap_t, Wrap.REPEAT, "wrapT"),
+            linear=self._choose(MAG_LINEAR, how.mag_filter, True, "magFilter"),
+            mipmaps=self._choose(MIN_MIPMAPS, how.min_filter, True, "minFilter"),
+            name=image.name or _short(image.uri),
+        )
+        return shrunk(texture, self._file.limits.max_texture)
+
+    def _choose(self, table: dict[int, Value], value: Any, default: Value, what: str) -> Value:
+        if value is None:
+            return default
+        if isinstance(value, int) and value in table:
+            return table[value]
+        self._file.notes.add(f"a sampler's {what} {str(value)[:20]!r} is unknown; the default is used")
+        return default
+
+    def _picture(self, index: int, image: schema.Image) -> np.ndarray | None:
+        if index not in self._pictures:
+            try:
+                self._pictures[index] = decode(self._bytes(image), self._file.limits)
+            except (SceneError, OSError) as error:
+                what = label("picture", index, image.name or _short(image.uri))
+                self._file.notes.add(f"{what} is left out: {error}")
+                self._pictures[index] = None
+        return self._pictures[index]
+
+    def _bytes(self, image: schema.Image) -> memoryview:
+        if image.uri is not None:
+            return self._file.uri(image.uri)
+        if image.buffer_view is None:
+            raise SceneError("it has neither a file nor a buffer view")
+        return self._file.view(image.buffer_view)
+
+
+def decode(data: memoryview, limits: LoadLimits) -> np.ndarray:
+    """Return a PNG or JPEG as (height, width, 4) uint8, 16-bit channels cut to 8.
+
+    Raises SceneError where it has more pixels than allowed, before they are decoded, or is broken.
+    """
+    from PIL import Image, UnidentifiedImageError
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", Image.DecompressionBombWarning)  # the limit below is ours
+        try:
+            with Image.open(io.BytesIO(data), formats=("PNG", "JPEG")) as image:
+                width, height = image.size
+                if width * height > limits.image_pixels:
+                    raise SceneError(
+                        f"{width} x {height} pixels are more than image_pixels={limits.image_pixels} allows"
+                    )
+                return _rgba(image)
+        except Image.DecompressionBombError:
+            raise SceneError("it has more pixels than can be decoded safely") from None
+        except UnidentifiedImageError:
+            raise SceneError("it is neither PNG nor JPEG") from None
+        except SceneError:
+            raise
+        except Exception as error:  # Pillow's decoders raise a dozen kinds for broken pictures
+            raise SceneError(f"it cannot be decoded: {error}") from None
+
+
+def _rgba(image: Any) -> np.ndarray:
+    if image.mode.startswith("I"):  # 16-bit gray, which Pillow would clip rather than scale
+        gray = (np.asarray(image).astype(np.uint32) >> 8).clip(0, 255).astype(np.uint8)
+        return np.dstack([gray, gray, gray, np.full_like(gray, 255)])
+    return np.array(image.convert("RGBA"))
+
+
+def shrunk(texture: Texture, largest: int) -> Texture:
+    """Return `texture` halved by averaging, in linear light, until neither side is longer than `largest`."""
+    if max(texture.pixels.shape[:2]) <= largest:
+        return texture
+    from ispm.optics.texture import mip_chain
+
+    levels = mip_chain(dataclasses.replace(texture, mipmaps=True))
+    fitting = next(level for level in levels if max(level.shape[:2]) <= largest)
+    return dataclasses.replace(texture, pixels=fitting)
+
+
+def uv_rows(transform: schema.TextureTransform) -> Rows:
+    """Return KHR_texture_transform as two rows of a matrix on (u, v, 1): scaled, turned, then moved.
+
+    v points down, so a positive angle, counter-clockwise as one looks at the picture, has this sign;
+    the extension's GLSL has the other, its test model and renderers have this one.
+    """
+    (sx, sy), (ox, oy) = transform.scale, transform.offset
+    c, s = math.cos(transform.rotation), math.sin(transform.rotation)
+    rows = ((c * sx, s * sy, ox), (-s * sx, c * sy, oy))
+    return IDENTITY_UV if rows == IDENTITY_UV else rows
+
+
+def _short(uri: str | None) -> str:
+    return "" if uri is None or uri[:5].lower() == "data:" else uri[:80]

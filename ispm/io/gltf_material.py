@@ -1,0 +1,120 @@
+"""Materials of a glTF file."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from typing import Any
+
+from ispm.io import gltf_schema as schema
+from ispm.io.gltf_file import GltfFile, item, label
+from ispm.io.gltf_image import Textures
+from ispm.scene.material import AlphaMode, Material, TextureUse
+from ispm.scene.mesh import Mesh
+
+SLOTS = ("base_color_texture", "metallic_roughness_texture", "normal_texture", "emission_texture")
+BRIGHTEST = 1e12  # cd/m2 and cd: beyond the sun's 2e9, and squares still fit a float32
+
+
+class Materials:
+    """The materials of a file, each made once."""
+
+    def __init__(self, file: GltfFile) -> None:
+        self._file = file
+        self._textures = Textures(file)
+        self._made: dict[int | None, Material] = {}
+        self._bare: dict[tuple[int, tuple[str, ...]], Material] = {}
+
+    def get(self, index: int | None, mesh: Mesh) -> Material:
+        """Return a material as `mesh` can wear it: textures that need a missing uv set are left out.
+
+        index  None: glTF's default material
+        """
+        if index not in self._made:
+            self._made[index] = self._make(index)
+        material = self._made[index]
+        lost = tuple(slot for slot in SLOTS if _lacks_uv(mesh, getattr(material, slot)))
+        if not lost:
+            return material
+        key = id(material), lost
+        if key not in self._bare:
+            bare: dict[str, Any] = dict.fromkeys(lost)
+            self._bare[key] = dataclasses.replace(material, **bare)
+        self._file.notes.add(
+            f"mesh '{mesh.name}' lacks the texture coordinates that its material '{material.name}' asks for"
+        )
+        return self._bare[key]
+
+    def _make(self, index: int | None) -> Material:
+        if index is None:
+            return Material(metallic=1.0)
+        record = item(self._file.gltf.materials, index, "material")
+        where = label("material", index, record.name)
+        return Material(
+            **self._base(record.pbr, where),
+            **self._layers(record, where),
+            **self._opacity(record, where),
+            normal_scale=record.normal_texture.scale if record.normal_texture else 1.0,
+            normal_texture=self._textures.use(record.normal_texture, srgb=False, where=where),
+            double_sided=record.double_sided,
+            unlit=record.extensions.unlit is not None,
+            name=record.name,
+        )
+
+    def _base(self, pbr: schema.Pbr, where: str) -> dict[str, Any]:
+        return dict(
+            base_color=self._within(pbr.base_color_factor, 0.0, 1.0, f"{where}: baseColorFactor"),
+            metallic=self._within([pbr.metallic_factor], 0.0, 1.0, f"{where}: metallicFactor")[0],
+            roughness=self._within([pbr.roughness_factor], 0.0, 1.0, f"{where}: roughnessFactor")[0],
+            base_color_texture=self._textures.use(pbr.base_color_texture, srgb=True, where=where),
+            metallic_roughness_texture=self._textures.use(
+                pbr.metallic_roughness_texture, srgb=False, where=where
+            ),
+        )
+
+    def _layers(self, record: schema.Material, where: str) -> dict[str, Any]:
+        """What the extensions and the emission say."""
+        specular = record.extensions.specular or schema.Specular()
+        if specular.specular_texture or specular.specular_color_texture:
+            self._file.notes.add(f"{where}: specular textures are not supported yet; the factors are used")
+        ior = record.extensions.ior.ior
+        if ior != 0.0 and not 1.0 <= ior <= 100.0:  # 0 is the extension's word for F0 = 1
+            self._file.notes.add(f"{where}: an ior of {ior:g} is not possible; 1.5 is used")
+            ior = 1.5
+        strength = record.extensions.emissive_strength.emissive_strength
+        factor = self._within(record.emissive_factor, 0.0, 1.0, f"{where}: emissiveFactor")
+        strength = self._within([strength], 0.0, BRIGHTEST, f"{where}: emissiveStrength")[0]
+        return dict(
+            specular=self._within([specular.specular_factor], 0.0, 1.0, f"{where}: specularFactor")[0],
+            specular_color=self._within(
+                specular.specular_color_factor, 0.0, 1e4, f"{where}: specularColorFactor"
+            ),
+            ior=ior,
+            emission=tuple(strength * f for f in factor),
+            emission_texture=self._textures.use(record.emissive_texture, srgb=True, where=where),
+        )
+
+    def _opacity(self, record: schema.Material, where: str) -> dict[str, Any]:
+        mode = AlphaMode.__members__.get(record.alpha_mode)
+        if mode is None:
+            self._file.notes.add(f"{where}: alphaMode '{record.alpha_mode}' is unknown; OPAQUE is used")
+            mode = AlphaMode.OPAQUE
+        if mode == AlphaMode.BLEND:
+            self._file.notes.count(
+                "material with alphaMode BLEND is drawn as a stochastic mask",
+                "materials with alphaMode BLEND are drawn as stochastic masks",
+            )
+        cutoff = self._within([record.alpha_cutoff], 0.0, 1e6, f"{where}: alphaCutoff")[0]
+        return dict(alpha_mode=mode, alpha_cutoff=cutoff)
+
+    def _within(self, values: Sequence[float], low: float, high: float, what: str) -> tuple[float, ...]:
+        """Clamp `values`, with a note: factors outside their range would create energy."""
+        clamped = tuple(min(max(value, low), high) for value in values)
+        if clamped != tuple(values):
+            given = ", ".join(f"{value:g}" for value in values)
+            self._file.notes.add(f"{what} {given} is clamped to {low:g}..{high:g}")
+        return clamped
+
+
+def _lacks_uv(mesh: Mesh, use: TextureUse | None) -> bool:
+    return use is not None and (mesh.uv0, mesh.uv1)[use.uv_set] is None

@@ -1,0 +1,159 @@
+"""Meshes of a glTF file: each primitive with triangles becomes a Mesh and the material it wears."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ispm.errors import SceneError
+from ispm.io import gltf_schema as schema
+from ispm.io.gltf_file import GltfFile, item, label
+from ispm.io.gltf_material import Materials
+from ispm.scene.material import Material
+from ispm.scene.mesh import Mesh
+
+TRIANGLES, STRIP, FAN = 4, 5, 6
+FARTHEST = 1e18  # m; squares of larger coordinates do not fit a float32
+ATTRIBUTES = {
+    "normals": ("NORMAL", ("VEC3",)),
+    "tangents": ("TANGENT", ("VEC4",)),
+    "uv0": ("TEXCOORD_0", ("VEC2",)),
+    "uv1": ("TEXCOORD_1", ("VEC2",)),
+    "colors": ("COLOR_0", ("VEC3", "VEC4")),
+}
+
+
+class Meshes:
+    """The meshes of a file. Primitives over the same accessors share one Mesh, whatever they wear."""
+
+    def __init__(self, file: GltfFile) -> None:
+        self._file = file
+        self._materials = Materials(file)
+        self._parts: dict[int, list[tuple[Mesh, Material]]] = {}
+        self._made: dict[Any, Mesh | None] = {}
+        self._triangle_count = 0
+
+    def parts(self, index: int) -> list[tuple[Mesh, Material]]:
+        """Return the meshes and materials of a glTF mesh, the same objects each time."""
+        if index not in self._parts:
+            record = item(self._file.gltf.meshes, index, "mesh")
+            made = [(self._mesh(p, index, record.name), p.material) for p in record.primitives]
+            self._parts[index] = [
+                (mesh, self._materials.get(material, mesh)) for mesh, material in made if mesh is not None
+            ]
+        return self._parts[index]
+
+    def _mesh(self, primitive: schema.Primitive, index: int, name: str) -> Mesh | None:
+        if primitive.targets:
+            self._file.notes.count(
+                "primitive with morph targets is drawn without them",
+                "primitives with morph targets are drawn without them",
+            )
+        key = primitive.mode, primitive.indices, tuple(sorted(primitive.attributes.items()))
+        if key not in self._made:
+            self._made[key] = self._make(primitive, label("mesh", index, name), name)
+        return self._made[key]
+
+    def _make(self, primitive: schema.Primitive, where: str, name: str) -> Mesh | None:
+        """A primitive's mesh, of the vertices that its triangles use; None where nothing is left."""
+        if primitive.mode not in (TRIANGLES, STRIP, FAN):
+            self._file.notes.count(
+                "primitive of points or lines is not drawn", "primitives of points or lines are not drawn"
+            )
+            return None
+        if "POSITION" not in primitive.attributes:
+            self._file.notes.add(f"{where}: a primitive without POSITION is not drawn")
+            return None
+        triangles, rows = compact(self._triangles(primitive, where))
+        positions = self._file.floats(primitive.attributes["POSITION"], ("VEC3",), rows)
+        if positions is None:
+            raise SceneError(f"{where}: POSITION is not a VEC3")
+        far = ~(np.abs(positions) < FARTHEST).all(axis=1)  # true for NaN, too
+        if far.any():
+            lost = far[triangles].any(axis=1)
+            self._file.notes.add(f"{where}: {lost.sum()} triangles are left out, as vertices are not finite")
+            triangles, kept = compact(triangles[~lost])
+            positions, rows = positions[kept], rows[kept]
+        if not len(triangles):
+            self._file.notes.add(f"{where}: a primitive without triangles is not drawn")
+            return None
+        others: dict[str, Any] = {
+            field: self._attribute(primitive, *asked, rows, where) for field, asked in ATTRIBUTES.items()
+        }
+        return Mesh(positions, triangles, **others, name=name)
+
+    def _triangles(self, primitive: schema.Primitive, where: str) -> np.ndarray:
+        """(T, 3) uint32 into the primitive's vertices, which are all there."""
+        vertex_count = self._file.count(primitive.attributes["POSITION"])
+        corner_count = vertex_count if primitive.indices is None else self._file.count(primitive.indices)
+        self._triangle_count += corner_count // 3 if primitive.mode == TRIANGLES else max(0, corner_count - 2)
+        if self._triangle_count > self._file.limits.triangles:
+            raise SceneError(f"{where}: more triangles than triangles={self._file.limits.triangles} allows")
+        if primitive.indices is None:
+            self._file.stored(primitive.attributes["POSITION"])  # fails before memory is asked for
+            corners = np.arange(vertex_count, dtype=np.uint32)
+        else:
+            corners = self._file.indices(primitive.indices)
+            last = int(corners.max()) if corner_count else -1
+            if last >= vertex_count:
+                raise SceneError(f"{where}: index {last} points past the last of {vertex_count} vertices")
+        if primitive.mode == TRIANGLES and corner_count % 3:
+            self._file.notes.add(
+                f"{where}: {corner_count} corners are no multiple of 3; the rest is left out"
+            )
+        return assemble(corners, primitive.mode)
+
+    def _attribute(
+        self,
+        primitive: schema.Primitive,
+        attribute: str,
+        types: tuple[str, ...],
+        rows: np.ndarray,
+        where: str,
+    ) -> np.ndarray | None:
+        """`rows` of an attribute; None where it is absent or, with a note, does not fit."""
+        index = primitive.attributes.get(attribute)
+        if index is None:
+            return None
+        if self._file.count(index) != self._file.count(primitive.attributes["POSITION"]):
+            self._file.notes.add(f"{where}: {attribute} is left out: its length is not that of POSITION")
+            return None
+        color = attribute == "COLOR_0"
+        values = self._file.floats(index, types, rows, normalized=color)
+        if values is None:
+            self._file.notes.add(f"{where}: {attribute} is left out: it is not a {' or '.join(types)}")
+            return None
+        if not np.isfinite(values).all():
+            self._file.notes.add(f"{where}: values of {attribute} that are not finite count as 0")
+            values[~np.isfinite(values)] = 0.0
+        return opaque(values) if color else values
+
+
+def assemble(corners: np.ndarray, mode: int) -> np.ndarray:
+    """Return the (T, 3) triangles of a list, strip or fan of vertex numbers (glTF 2.0, 3.7.2.1)."""
+    if mode == TRIANGLES:
+        return corners[: len(corners) // 3 * 3].reshape(-1, 3)
+    first = np.arange(max(0, len(corners) - 2))
+    odd = first & 1  # every other triangle of a strip is wound the other way
+    columns = (first, first + 1 + odd, first + 2 - odd)
+    if mode == FAN:
+        columns = (first + 1, first + 2, np.zeros_like(first))
+    triangles: np.ndarray = corners[np.stack(columns, axis=1)]
+    return triangles
+
+
+def compact(triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return (T, 3) uint32 triangles renumbered over the vertices they use, and those vertices' rows."""
+    used = np.zeros(int(triangles.max()) + 1 if triangles.size else 0, bool)
+    used[triangles] = True
+    number = np.cumsum(used, dtype=np.uint32) - np.uint32(1)
+    renumbered: np.ndarray = number[triangles]
+    return renumbered, np.flatnonzero(used)
+
+
+def opaque(colors: np.ndarray) -> np.ndarray:
+    """Return colors within 0..1, with an alpha of 1 where they have none."""
+    result = np.ones((len(colors), 4), np.float32)
+    np.clip(colors, 0.0, 1.0, out=result[:, : colors.shape[1]])
+    return result

@@ -1,0 +1,340 @@
+"""The parts of glTF 2.0's JSON that are read, as typed records.
+
+msgspec checks types, lengths and ranges while it parses; its errors name the place (`$.nodes[3].mesh`).
+Values that a renderer can do without are held loosely here and judged where they are used.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+import msgspec
+from msgspec import Meta, field
+
+Index = Annotated[int, Meta(ge=0)]
+Count = Annotated[int, Meta(ge=0)]
+Vec2 = tuple[float, float]
+Vec3 = tuple[float, float, float]
+Vec4 = tuple[float, float, float, float]
+Matrix = Annotated[list[float], Meta(min_length=16, max_length=16)]
+
+
+class Record(msgspec.Struct, rename="camel"):
+    """A JSON object; members that are not named here are passed over."""
+
+
+class Asset(Record):
+    """Which glTF this is."""
+
+    version: str
+    min_version: str | None = None
+
+
+class Buffer(Record):
+    """Bytes: a file beside this one, a data: URI, or (without `uri`) the binary chunk of a GLB."""
+
+    byte_length: Count
+    uri: str | None = None
+
+
+class BufferView(Record):
+    """A range of a buffer."""
+
+    buffer: Index
+    byte_length: Count
+    byte_offset: Count = 0
+    byte_stride: Count | None = None
+
+
+class SparseIndices(Record):
+    """Which elements of a sparse accessor are replaced."""
+
+    buffer_view: Index
+    component_type: Literal[5121, 5123, 5125]
+    byte_offset: Count = 0
+
+
+class SparseValues(Record):
+    """What they are replaced by."""
+
+    buffer_view: Index
+    byte_offset: Count = 0
+
+
+class Sparse(Record):
+    """Elements that differ from the rest of an accessor."""
+
+    count: Count
+    indices: SparseIndices
+    values: SparseValues
+
+
+class Accessor(Record):
+    """An array of numbers or vectors in a buffer view; without one, zeros."""
+
+    component_type: Literal[5120, 5121, 5122, 5123, 5125, 5126]
+    count: Count
+    type: Literal["SCALAR", "VEC2", "VEC3", "VEC4", "MAT2", "MAT3", "MAT4"]
+    buffer_view: Index | None = None
+    byte_offset: Count = 0
+    normalized: bool = False
+    sparse: Sparse | None = None
+
+
+class Image(Record):
+    """A picture: a file, a data: URI, or a buffer view."""
+
+    uri: str | None = None
+    buffer_view: Index | None = None
+    name: str = ""
+
+
+class Sampler(Record):
+    """How a texture is read; OpenGL's numbers."""
+
+    mag_filter: Any = None
+    min_filter: Any = None
+    wrap_s: Any = 10497
+    wrap_t: Any = 10497
+
+
+class Texture(Record):
+    """A picture and a sampler."""
+
+    source: Index | None = None
+    sampler: Index | None = None
+    name: str = ""
+
+
+class TextureTransform(Record):
+    """KHR_texture_transform."""
+
+    offset: Vec2 = (0.0, 0.0)
+    rotation: float = 0.0
+    scale: Vec2 = (1.0, 1.0)
+    tex_coord: Index | None = None
+
+
+class TextureExtensions(Record):
+    """Extensions of a texture slot."""
+
+    transform: TextureTransform | None = field(name="KHR_texture_transform", default=None)
+
+
+class TextureSlot(Record):
+    """A texture where a material uses it."""
+
+    index: Index
+    tex_coord: Index = 0
+    scale: float = 1.0
+    extensions: TextureExtensions = field(default_factory=TextureExtensions)
+
+
+class Pbr(Record):
+    """Metallic-roughness factors and textures."""
+
+    base_color_factor: Vec4 = (1.0, 1.0, 1.0, 1.0)
+    base_color_texture: TextureSlot | None = None
+    metallic_factor: float = 1.0
+    roughness_factor: float = 1.0
+    metallic_roughness_texture: TextureSlot | None = None
+
+
+class Specular(Record):
+    """KHR_materials_specular."""
+
+    specular_factor: float = 1.0
+    specular_color_factor: Vec3 = (1.0, 1.0, 1.0)
+    specular_texture: TextureSlot | None = None
+    specular_color_texture: TextureSlot | None = None
+
+
+class Ior(Record):
+    """KHR_materials_ior."""
+
+    ior: float = 1.5
+
+
+class EmissiveStrength(Record):
+    """KHR_materials_emissive_strength."""
+
+    emissive_strength: float = 1.0
+
+
+class Unlit(Record):
+    """KHR_materials_unlit."""
+
+
+class MaterialExtensions(Record):
+    """Extensions of a material."""
+
+    specular: Specular | None = field(name="KHR_materials_specular", default=None)
+    ior: Ior = field(name="KHR_materials_ior", default_factory=Ior)
+    emissive_strength: EmissiveStrength = field(
+        name="KHR_materials_emissive_strength", default_factory=EmissiveStrength
+    )
+    unlit: Unlit | None = field(name="KHR_materials_unlit", default=None)
+
+
+class Material(Record):
+    """A surface."""
+
+    name: str = ""
+    pbr: Pbr = field(name="pbrMetallicRoughness", default_factory=Pbr)
+    normal_texture: TextureSlot | None = None
+    emissive_texture: TextureSlot | None = None
+    emissive_factor: Vec3 = (0.0, 0.0, 0.0)
+    alpha_mode: str = "OPAQUE"
+    alpha_cutoff: float = 0.5
+    double_sided: bool = False
+    extensions: MaterialExtensions = field(default_factory=MaterialExtensions)
+
+
+class Primitive(Record):
+    """Triangles, lines or points of one material."""
+
+    attributes: dict[str, Index]
+    indices: Index | None = None
+    material: Index | None = None
+    mode: int = 4
+    targets: list[Any] = []
+
+
+class Mesh(Record):
+    """Primitives that are placed together."""
+
+    primitives: list[Primitive]
+    name: str = ""
+
+
+class Perspective(Record):
+    """A camera whose rays meet in a point."""
+
+    yfov: float
+    znear: float | None = None
+    zfar: float | None = None
+
+
+class Orthographic(Record):
+    """A camera whose rays are parallel."""
+
+    ymag: float
+    znear: float | None = None
+    zfar: float | None = None
+
+
+class Camera(Record):
+    """A camera of either kind."""
+
+    type: str
+    perspective: Perspective | None = None
+    orthographic: Orthographic | None = None
+    name: str = ""
+
+
+class Light(Record):
+    """A light of KHR_lights_punctual."""
+
+    type: str
+    color: Vec3 = (1.0, 1.0, 1.0)
+    intensity: float = 1.0
+    range: float | None = None
+    name: str = ""
+
+
+class LightUse(Record):
+    """Which light stands at a node."""
+
+    light: Index
+
+
+class NodeExtensions(Record):
+    """Extensions of a node."""
+
+    light: LightUse | None = field(name="KHR_lights_punctual", default=None)
+
+
+class Node(Record):
+    """A place in the scene."""
+
+    name: str = ""
+    children: list[Index] = []
+    matrix: Matrix | None = None
+    translation: Vec3 = (0.0, 0.0, 0.0)
+    rotation: Vec4 = (0.0, 0.0, 0.0, 1.0)
+    scale: Vec3 = (1.0, 1.0, 1.0)
+    mesh: Index | None = None
+    camera: Index | None = None
+    skin: Index | None = None
+    extensions: NodeExtensions = field(default_factory=NodeExtensions)
+
+
+class Scene(Record):
+    """The nodes that stand at the top."""
+
+    nodes: list[Index] = []
+    name: str = ""
+
+
+class ChannelTarget(Record):
+    """What a channel moves."""
+
+    path: str
+    node: Index | None = None
+
+
+class Channel(Record):
+    """A sampler's values, given to a node."""
+
+    sampler: Index
+    target: ChannelTarget
+
+
+class AnimationSampler(Record):
+    """Keyframes: accessors of times and of values."""
+
+    input: Index
+    output: Index
+    interpolation: str = "LINEAR"
+
+
+class Animation(Record):
+    """Channels that play together."""
+
+    channels: list[Channel]
+    samplers: list[AnimationSampler]
+    name: str = ""
+
+
+class Lights(Record):
+    """All lights of the file."""
+
+    lights: list[Light] = []
+
+
+class FileExtensions(Record):
+    """Extensions of the whole file."""
+
+    lights: Lights = field(name="KHR_lights_punctual", default_factory=Lights)
+
+
+class Gltf(Record):
+    """A glTF 2.0 file's JSON."""
+
+    asset: Asset
+    accessors: list[Accessor] = []
+    animations: list[Animation] = []
+    buffers: list[Buffer] = []
+    buffer_views: list[BufferView] = []
+    cameras: list[Camera] = []
+    extensions: FileExtensions = field(default_factory=FileExtensions)
+    extensions_required: list[str] = []
+    extensions_used: list[str] = []
+    images: list[Image] = []
+    materials: list[Material] = []
+    meshes: list[Mesh] = []
+    nodes: list[Node] = []
+    samplers: list[Sampler] = []
+    scene: Index | None = None
+    scenes: list[Scene] = []
+    textures: list[Texture] = []

@@ -1,0 +1,55 @@
+"""Scene files of any kind that can be read."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Any
+
+from ispm.errors import SceneError
+from ispm.io.gltf import read_gltf
+from ispm.scene.scene import Scene
+from ispm.settings import LoadLimits, knob_of
+
+READERS = {".glb": read_gltf, ".gltf": read_gltf}
+
+
+def load(path: str | os.PathLike[str], **limits: Any) -> Scene:
+    """Return the scene in the file `path`.
+
+    limits  fields of LoadLimits: what the file may ask for at most, as in `max_texture=1024`
+    Faults that leave something to draw are told in `scene.warnings`, a line each.
+    Raises SceneError, one line that begins with the file's name, where the file cannot be used;
+    SettingsError for a limit that is unknown or out of range.
+    """
+    for name in limits:
+        knob_of(LoadLimits, name)
+    checked, path = LoadLimits(**limits), Path(path)
+    try:
+        scene = _read(path, checked)
+    except SceneError as error:
+        raise SceneError(_one_line(f"{path.name}: {error}")) from None
+    except OSError as error:
+        raise SceneError(_one_line(f"{path.name}: cannot be read: {error.strerror or error}")) from None
+    scene.name = scene.name or path.stem
+    scene.warnings = [_one_line(message) for message in scene.warnings]
+    return scene
+
+
+def _read(path: Path, limits: LoadLimits) -> Scene:
+    if path.is_dir():
+        raise SceneError("this is a folder, not a file")
+    if not path.exists():
+        raise SceneError(f"there is no such file in {path.parent.absolute()}")
+    if not path.is_file():
+        raise SceneError("this is not a regular file")
+    reader = READERS.get(path.suffix.lower())
+    if reader is None:
+        ending = f"files ending in {path.suffix}" if path.suffix else "files without an ending"
+        raise SceneError(f"{ending} are not supported yet; {' and '.join(READERS)} are")
+    return reader(path, limits)
+
+
+def _one_line(text: str) -> str:
+    """Return `text` with what would break a line or steer a terminal taken out: names come from files."""
+    return "".join(c if c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in text)

@@ -1,0 +1,60 @@
+"""Numba, set up once for every kernel of the package.
+
+Compiled code is cached under `cache_folder()`, in a folder named by the hash of all kernel sources:
+numba by itself does not see that a function called from another file has changed.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable
+from functools import cache
+from importlib.resources import files
+from typing import Any
+
+import numba
+from numba import njit
+
+from ispm.cache import cache_folder
+
+# Contraction and reciprocals only: sums keep their order, NaN and infinity their meaning.
+_FASTMATH = {"contract", "nsz", "arcp"}
+
+
+def jit(function: Callable[..., Any] | None = None, *, inline: bool = False) -> Any:
+    """Compile `function` to machine code that releases the GIL; inline: into its callers."""
+    if function is None:
+        return lambda f: jit(f, inline=inline)
+    folder = _kernel_folder()
+    before = numba.config.CACHE_DIR
+    numba.config.CACHE_DIR = folder or before
+    try:
+        return njit(
+            nogil=True,
+            cache=bool(folder),
+            error_model="numpy",
+            fastmath=_FASTMATH,
+            inline="always" if inline else "never",
+        )(function)
+    finally:
+        numba.config.CACHE_DIR = before
+
+
+@cache
+def _kernel_folder() -> str:
+    """The folder for this version of the kernels; empty where nothing can be written."""
+    root = cache_folder()
+    if root is None:
+        return ""
+    digest = hashlib.sha256(numba.__version__.encode())
+    package = files("ispm")
+    for chapter in ("optics", "tracer", "stages", "estimators", "reference"):
+        for source in sorted((package / chapter).iterdir(), key=lambda p: p.name):
+            if source.name.endswith((".py", ".wgsl")):
+                digest.update(source.name.encode() + source.read_bytes())
+    folder = root / f"kernels-{digest.hexdigest()[:16]}"
+    try:
+        folder.mkdir(exist_ok=True)
+    except OSError:
+        return ""
+    return str(folder)

@@ -1,0 +1,28 @@
+"""The records of `records.wgsl` as numpy dtypes, and its constants."""
+
+import re
+
+from ispm import wgsl
+
+_SOURCE = wgsl.load("optics/records.wgsl")
+
+VERTEX = _SOURCE.dtype("Vertex")
+INSTANCE = _SOURCE.dtype("Instance")
+TEXTURE_USE = _SOURCE.dtype("TextureUse")
+MATERIAL = _SOURCE.dtype("Material")
+LIGHT = _SOURCE.dtype("Light")
+EMITTED = _SOURCE.dtype("Emitted")
+PHOTON = _SOURCE.dtype("Photon")
+RECEIVER = _SOURCE.dtype("Receiver")
+
+_CONSTANTS = {
+    name: int(value, 0)
+    for name, value in re.findall(r"^const (\w+) = (\w+?)u;", _SOURCE.text, re.M)
+}
+NO_HIT = _CONSTANTS["NO_HIT"]
+INSTANCE_MIRRORED = _CONSTANTS["INSTANCE_MIRRORED"]
+MATERIAL_MASK = _CONSTANTS["MATERIAL_MASK"]
+MATERIAL_BLEND = _CONSTANTS["MATERIAL_BLEND"]
+MATERIAL_DOUBLE_SIDED = _CONSTANTS["MATERIAL_DOUBLE_SIDED"]
+MATERIAL_UNLIT = _CONSTANTS["MATERIAL_UNLIT"]
+LIGHT_POINT = _CONSTANTS["LIGHT_POINT"]

@@ -1,0 +1,105 @@
+// The bytes that the CPU and the GPU share. World space, metres; flux in lumen, intensity in candela.
+
+const NO_HIT = 0xffffffffu;
+
+struct Vertex {            // object space
+    position: vec3f,
+    color: u32,            // linear RGBA, 8 bits each, red lowest
+    normal: vec3f,
+    spare: f32,
+    tangent: vec4f,        // w: handedness of the bitangent, 0: none
+    uv0: vec2f,
+    uv1: vec2f,
+}
+
+struct Instance {          // one mesh with one material, placed by a node
+    world0: vec4f,         // rows of the 3x4 matrix that takes object space to world space
+    world1: vec4f,
+    world2: vec4f,
+    normal0: vec4f,        // rows of its cofactor matrix, for normals (w unused)
+    normal1: vec4f,
+    normal2: vec4f,
+    first_index: u32,      // of its first triangle in `indices`
+    triangle_count: u32,
+    material: u32,
+    node: u32,             // what the `instance` view shows: nodes in the scene's order
+    flags: u32,            // INSTANCE_*
+    mesh: u32,
+    spare0: u32,
+    spare1: u32,
+}
+const INSTANCE_MIRRORED = 1u;     // the matrix turns triangles inside out
+
+struct TextureUse {        // a texture as one slot of a material uses it
+    row0: vec3f,           // rows of the 2x3 matrix on (u, v, 1)
+    texture: i32,          // row of the texture table, -1: none
+    row1: vec3f,
+    uv_set: u32,           // 0 or 1
+}
+
+struct Material {
+    base_color: vec4f,             // linear, with opacity
+    emission: vec3f,               // cd/m2 per channel, strength included
+    metallic: f32,
+    specular_color: vec3f,         // of KHR_materials_specular
+    specular: f32,                 // likewise its factor; also F90 of a dielectric
+    roughness: f32,
+    f0: f32,                       // ((ior - 1) / (ior + 1))^2
+    alpha_cutoff: f32,
+    normal_scale: f32,
+    flags: u32,                    // MATERIAL_*
+    spare0: u32,
+    spare1: u32,
+    spare2: u32,
+    base_color_texture: TextureUse,
+    metallic_roughness_texture: TextureUse,
+    normal_texture: TextureUse,
+    emission_texture: TextureUse,
+}
+const MATERIAL_MASK = 1u;          // opacity below alpha_cutoff is a hole
+const MATERIAL_BLEND = 2u;         // opacity is a probability
+const MATERIAL_DOUBLE_SIDED = 4u;
+const MATERIAL_UNLIT = 8u;         // base colour is shown as it is; black to light
+
+struct Light {
+    position: vec3f,
+    kind: u32,             // LIGHT_*
+    intensity: vec3f,      // cd per channel
+    range: f32,            // m, 0: without end
+}
+const LIGHT_POINT = 0u;
+
+struct Emitted {           // a photon at its first hit, as the bounce map holds it
+    instance: u32,         // NO_HIT: it left the scene
+    primitive: u32,
+    u: f32,                // barycentric coordinates of the triangle's second and third vertex
+    v: f32,
+    flux: vec3f,           // lm
+    key: u32,              // identity for random numbers
+    light: u32,
+    spare0: u32,
+    spare1: u32,
+    spare2: u32,
+}
+
+struct Photon {            // a photon as it is stored, one for each hit after the first
+    position: vec3f,
+    radius: f32,           // of its kernel in the surface's plane
+    flux: vec3f,
+    bounce: u32,           // non-specular scatters before this hit
+    wi: vec3f,             // towards where it came from
+    instance: u32,
+    normal: vec3f,         // geometric, on the side that was hit
+    height: f32,           // of its kernel along the normal
+}
+
+struct Receiver {          // a point whose incident light is estimated: a low-resolution pixel's surface
+    position: vec3f,
+    alpha: f32,            // of the glossy lobe, 0: none
+    ng: vec3f,             // geometric normal, on the eye's side
+    valid: u32,            // 0: nothing is seen here
+    n: vec3f,              // shading normal
+    footprint: f32,        // m, width of the low-resolution pixel at the point, seen face on
+    wo: vec3f,             // towards the eye
+    slant: f32,            // 1 / |wo.ng|
+}

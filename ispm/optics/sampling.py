@@ -1,0 +1,100 @@
+"""Points on spheres and hemispheres, and the frames they live in. Twin of sampling.wgsl."""
+
+import math
+
+import numpy as np
+
+from ispm.optics.jit import jit
+from ispm.optics.vector import normalize
+
+f32 = np.float32
+
+
+@jit
+def orthonormal_basis(n):
+    """Return two unit vectors that complete the unit vector `n` to a right-handed frame.
+
+    Source: Duff et al., Building an Orthonormal Basis, Revisited, JCGT 2017.
+    """
+    sign = f32(1) if n[2] >= f32(0) else f32(-1)
+    a = f32(-1) / (sign + n[2])
+    b = n[0] * n[1] * a
+    tangent = (f32(1) + sign * n[0] * n[0] * a, sign * b, -sign * n[0])
+    bitangent = (b, sign + n[1] * n[1] * a, -n[1])
+    return tangent, bitangent
+
+
+@jit
+def to_world(local, n):
+    """Return the direction that is `local` in the frame whose third axis is `n`."""
+    t, b = orthonormal_basis(n)
+    return (
+        local[0] * t[0] + local[1] * b[0] + local[2] * n[0],
+        local[0] * t[1] + local[1] * b[1] + local[2] * n[1],
+        local[0] * t[2] + local[1] * b[2] + local[2] * n[2],
+    )
+
+
+@jit
+def to_local(direction, n):
+    """Return `direction` in the frame whose third axis is `n`."""
+    t, b = orthonormal_basis(n)
+    return (
+        direction[0] * t[0] + direction[1] * t[1] + direction[2] * t[2],
+        direction[0] * b[0] + direction[1] * b[1] + direction[2] * b[2],
+        direction[0] * n[0] + direction[1] * n[1] + direction[2] * n[2],
+    )
+
+
+@jit
+def cosine_hemisphere(u1, u2):
+    """Return a direction about +z with pdf cos / pi."""
+    radius = math.sqrt(u1)
+    phi = f32(2 * math.pi) * u2
+    return radius * math.cos(phi), radius * math.sin(phi), math.sqrt(f32(1) - u1)
+
+
+@jit
+def octahedral_encode(n):
+    """Return the unit vector `n` as a point of [-1, 1]^2.
+
+    Source: Cigolle et al., A Survey of Efficient Representations for Independent Unit Vectors, JCGT 2014.
+    """
+    s = f32(1) / (abs(n[0]) + abs(n[1]) + abs(n[2]))
+    x, y = n[0] * s, n[1] * s
+    return _fold(x, y) if n[2] < f32(0) else (x, y)
+
+
+@jit
+def octahedral_decode(x, y):
+    """Return the unit vector that `octahedral_encode` maps to (x, y)."""
+    z = f32(1) - abs(x) - abs(y)
+    if z < f32(0):
+        x, y = _fold(x, y)
+    return normalize((x, y, z))
+
+
+@jit
+def _fold(x, y):
+    """Turn the corners of the square over its diamond's edges."""
+    return (
+        (f32(1) - abs(y)) * (f32(1) if x >= f32(0) else f32(-1)),
+        (f32(1) - abs(x)) * (f32(1) if y >= f32(0) else f32(-1)),
+    )
+
+
+@jit
+def equal_area_octahedral(u, v):
+    """Return the direction of (u, v) in [-1, 1]^2; equal areas are equal solid angles (Jacobian pi).
+
+    Source: Clarberg, Fast Equal-Area Mapping of the (Hemi)Sphere using SIMD, JGT 2008.
+    """
+    d = f32(1) - abs(u) - abs(v)
+    r = f32(1) - abs(d)
+    phi = f32(math.pi / 4) * ((abs(v) - abs(u)) / r + f32(1)) if r > f32(0) else f32(0)
+    f = r * math.sqrt(f32(2) - r * r)
+    return (
+        math.copysign(f * math.cos(phi), u),
+        math.copysign(f * math.sin(phi), v),
+        math.copysign(f32(1) - r * r, d),
+    )

@@ -1,0 +1,58 @@
+"""Three-vectors for numba kernels: tuples of float32, which LLVM keeps in registers.
+
+WGSL has these built in, so there is no twin.
+"""
+
+import math
+
+import numpy as np
+
+from ispm.optics.jit import jit
+
+f32 = np.float32
+
+
+@jit
+def dot(a, b):
+    """Return a . b."""
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@jit
+def cross(a, b):
+    """Return a x b."""
+    return (
+        a[1] * b[2] - a[2] * b[1],
+        a[2] * b[0] - a[0] * b[2],
+        a[0] * b[1] - a[1] * b[0],
+    )
+
+
+@jit
+def add(a, b):
+    """Return a + b."""
+    return a[0] + b[0], a[1] + b[1], a[2] + b[2]
+
+
+@jit
+def sub(a, b):
+    """Return a - b."""
+    return a[0] - b[0], a[1] - b[1], a[2] - b[2]
+
+
+@jit
+def scale(s, a):
+    """Return s a."""
+    return s * a[0], s * a[1], s * a[2]
+
+
+@jit
+def normalize(a):
+    """Return a / |a|."""
+    return scale(f32(1) / math.sqrt(dot(a, a)), a)
+
+
+@jit
+def luminance(c):
+    """Return the Rec. 709 luminance of a linear RGB triple."""
+    return f32(0.2126) * c[0] + f32(0.7152) * c[1] + f32(0.0722) * c[2]

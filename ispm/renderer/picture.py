@@ -1,0 +1,166 @@
+"""What a rendered frame gives: its layers as arrays, its statistics, its files."""
+
+from __future__ import annotations
+
+import dataclasses
+import io
+import json
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ispm.errors import OutputError, SettingsError
+from ispm.io import image as files
+from ispm.renderer.views import LAYERS, display
+from ispm.settings import Settings, nearest
+
+
+@dataclass(frozen=True)
+class Stats:
+    """Numbers of one frame: the talk's columns, then ours. Times in ms, flux in lumen (sum of RGB)."""
+
+    polygons: int = 0
+    static_polygons: int = 0
+    dynamic_polygons: int = 0
+    dynamic_objects: int = 0
+    emitters: int = 0
+    emitted_photons: int = 0
+    indirect_photons: int = 0  # bounces, as the talk's column has it
+    width: int = 0
+    height: int = 0
+    subsampling: int = 0
+    photon_hits: int = 0
+    stored_photons: int = 0
+    direct_ms: float = 0.0
+    bounce_map_ms: float = 0.0
+    copy_ms: float = 0.0
+    trace_ms: float = 0.0
+    radiance_ms: float = 0.0
+    upsample_ms: float = 0.0
+    compose_ms: float = 0.0
+    total_ms: float = 0.0
+    direct_only_ms: float = 0.0
+    fps_direct: float = 0.0
+    fps_full: float = 0.0
+    flux_emitted: float = 0.0
+    flux_absorbed: float = 0.0
+    flux_escaped: float = 0.0
+    flux_dropped: float = 0.0
+    flux_stored: float = 0.0
+    overdraw: float = 0.0
+    peak_memory: int = 0
+    adapter: str = ""
+    tracer: str = "cpu"
+    estimator: str = ""
+    emission: str = ""
+    kernel: str = "measured"
+    passes: int = 1
+    seed: int = 0
+    timing: str = ""
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the statistics by name."""
+        return dataclasses.asdict(self)
+
+
+@dataclass(eq=False)
+class Frame:
+    """One picture. Arrays are (height, width, channels), row 0 on top, linear, float32 unless said.
+
+    image       uint8 sRGB, tone mapped; with a fourth channel where the background is transparent
+    radiance    cd/m2: (direct + indirect) + emission, in this order
+    direct, indirect, emission   cd/m2
+    irradiance  lx: incident indirect light before the surface
+    depth       (h, w) m along the view axis, infinite where nothing is
+    normal      shading normal, world space
+    albedo      base color
+    instance, material   (h, w) int32 ids, -1 where nothing is
+    camera      its pose (4, 4) camera-to-world and clip_from_world matrix
+    exposure    stops that `image` was made with
+    """
+
+    image: np.ndarray
+    layers: dict[str, np.ndarray] = field(repr=False)
+    stats: Stats
+    settings: Settings
+    camera: dict[str, np.ndarray]
+    exposure: float
+
+    @property
+    def radiance(self) -> np.ndarray:
+        """The whole picture, cd/m2."""
+        return self.layers["full"]
+
+    def __getattr__(self, name: str) -> np.ndarray:
+        layers = self.__dict__.get("layers", {})
+        if name in layers:
+            return layers[name]  # type: ignore[no-any-return]
+        raise AttributeError(f"a Frame has no '{name}'; it has {', '.join(layers)}")
+
+    def __getitem__(self, layer: str) -> np.ndarray:
+        """Return a layer by name. Raises KeyError naming the nearest."""
+        if layer not in self.layers:
+            raise KeyError(f"there is no layer '{layer}'{nearest(layer, self.layers)}")
+        return self.layers[layer]
+
+    def show(self, view: str = "full") -> np.ndarray:
+        """Return a view of this frame as uint8 sRGB. Raises SettingsError for one it does not have."""
+        if view == "full":
+            return self.image
+        return display(self.layers, view, self.exposure, self.settings.tonemap)
+
+    def save(
+        self,
+        path: str | Path,
+        *,
+        show: str = "full",
+        layers: list[str] | None = None,
+        float32: bool = False,
+    ) -> Path:
+        """Write the picture; the ending picks PNG, JPEG, EXR, NPY or NPZ. Return the path.
+
+        show     the view that PNG and JPEG show, and the layer of NPY
+        layers   of an EXR or NPZ; None: all
+        float32  EXR: full precision instead of half
+        Nothing is left half written. Raises OutputError, or SettingsError for an unknown layer.
+        """
+        path = Path(path)
+        ending = files.require_ending(path)
+        if ending == ".png":
+            files.write_png(path, self.show(show), self._metadata())
+        elif ending in (".jpg", ".jpeg"):
+            files.write_jpeg(path, self.show(show))
+        elif ending == ".npy":
+            files.write_npy(path, self._layer(show))
+        else:
+            chosen = {name: self._layer(name) for name in (layers or self.layers)}
+            if ending == ".exr":
+                files.write_exr(path, chosen, {**self._metadata(), **self.camera}, float32)
+            else:
+                files.write_npz(path, chosen)
+        return path
+
+    def _layer(self, name: str) -> np.ndarray:
+        if name not in self.layers:
+            raise SettingsError(f"there is no layer '{name}'{nearest(name, self.layers)}")
+        return self.layers[name]
+
+    def _metadata(self) -> dict[str, str]:
+        from ispm import __version__
+
+        settings = dataclasses.asdict(self.settings)
+        return {"Software": f"ispm {__version__}", "ispm:settings": json.dumps(settings),
+                "ispm:seed": str(self.settings.seed)}  # fmt: skip
+
+    def _repr_png_(self) -> bytes:
+        """How a notebook shows the frame."""
+        from PIL import Image
+
+        out = io.BytesIO()
+        Image.fromarray(self.image).save(out, format="png")
+        return out.getvalue()
+
+
+__all__ = ["LAYERS", "Frame", "OutputError", "Stats"]

@@ -1,0 +1,334 @@
+"""The frame: photons from the lights to the picture, in one function one can read aloud."""
+
+from __future__ import annotations
+
+import time as clock
+import warnings
+from types import TracebackType
+
+import numpy as np
+
+from ispm.errors import SceneError, SceneWarning, SettingsError
+from ispm.frame import BounceMaps, GBuffer, GpuScene
+from ispm.gpu import Recording, Texture, open_gpu
+from ispm.optics.records import EMITTED, PHOTON
+from ispm.optics.texture import TextureTable
+from ispm.renderer import layers as make
+from ispm.renderer.framing import default_camera, default_light, find_camera
+from ispm.renderer.light import map_plan, photons_of_maps
+from ispm.renderer.picture import Frame, Stats
+from ispm.renderer.views import photon_points
+from ispm.renderer.watch import Watch, peak_memory
+from ispm.scene.camera import Camera
+from ispm.scene.packed import Packed, pack
+from ispm.scene.scene import Scene
+from ispm.settings import Settings
+from ispm.stages.bounce import BounceStage
+from ispm.stages.camera import CameraView
+from ispm.stages.direct import DirectStage
+from ispm.stages.downsample import Downsample
+from ispm.stages.filter import filter_estimate
+from ispm.stages.gbuffer import GBufferStage
+from ispm.stages.shadow import ShadowStage
+from ispm.stages.tonemap import auto_exposure, tonemap
+from ispm.stages.upload import Upload
+from ispm.stages.upsample import Upsample
+from ispm.tracer.density import measure_radii
+from ispm.tracer.emission import emit_rays, share_photons
+from ispm.tracer.grid import PhotonGrid
+from ispm.tracer.surface import SurfaceTable
+from ispm.tracer.threads import thread_count
+from ispm.tracer.walk import Walk, walk
+from ispm.tracer.world import World
+
+_NEAR = 1e-4  # of the scene's diagonal; reversed depth has precision to spare
+_TEXTURE_FOOTPRINT = 0.005  # of the diagonal: over which photons see textures averaged
+_PASS = 0  # of one
+
+
+class Renderer:
+    """Renders a scene again and again; owns the adapter's objects. Belongs to one thread.
+
+    scene     may change between frames in any way; nothing is precomputed
+    settings  may be replaced at any time: `renderer.settings = renderer.settings.replace(...)`
+    camera    a Camera with a pose, or the name or index of one of the scene's; None: the first
+    adapter   part of a graphics adapter's name
+    threads   of the CPU; None: all
+    Raises AdapterError where no adapter serves.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        settings: Settings | None = None,
+        camera: Camera | str | int | None = None,
+        *,
+        adapter: str | None = None,
+        threads: int | None = None,
+    ) -> None:
+        self.scene, self.camera = scene, camera
+        self.threads = thread_count(threads)
+        self._gpu = open_gpu(adapter)
+        self._world = World(self.threads)
+        self._upload = Upload(self._gpu)
+        self._gbuffer = GBufferStage(self._gpu)
+        self._bounce = BounceStage(self._gpu)
+        self._direct = DirectStage(self._gpu)
+        self._packed: Packed | None = None
+        self._textures: TextureTable | None = None
+        self._photons = np.zeros(0, PHOTON)
+        self._last: tuple[Frame, CameraView] | None = None
+        self._said: set[str] = set()
+        self._settings: Settings | None = None
+        self.settings = settings or Settings()
+
+    def __enter__(self) -> Renderer:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Free the adapter's memory; frames that were rendered stay whole."""
+        self._gpu.close()
+
+    @property
+    def settings(self) -> Settings:
+        """The knobs of the next frame."""
+        assert self._settings is not None
+        return self._settings
+
+    @settings.setter
+    def settings(self, new: Settings) -> None:
+        old, limit = self._settings, self._gpu.max_texture
+        if max(new.size) > limit:
+            raise SettingsError(
+                f"size: {new.size[0]}x{new.size[1]} is larger than {self._gpu.name} can draw, "
+                f"{limit} pixels a side"
+            )
+        if old is None or old.subsampling != new.subsampling:
+            self._downsample = Downsample(self._gpu, new.subsampling)
+            self._upsample = Upsample(self._gpu, new.subsampling)
+        if old is None or old.shadow_resolution != new.shadow_resolution:
+            self._shadow = ShadowStage(self._gpu, new.shadow_resolution)
+        self._settings = new
+
+    def render(self) -> Frame:
+        """Render one picture. Raises SceneError for a scene without a surface."""
+        started = clock.perf_counter()
+        watch = Watch()
+        packed, view = self._prepare()
+
+        with self._gpu.frame() as first:
+            scene = self._upload(packed)
+            first.stage("direct")
+            gbuffer = self._gbuffer(first, scene, view)
+            first.stage("upsample")
+            receivers = self._downsample(first, scene, gbuffer, view)
+            first.stage("bounce_map")
+            maps = self._draw_bounce_maps(first, scene, packed)
+        with watch("copy"):
+            points = self._downsample.read(self._gpu, view)
+            texels = maps.read(self._gpu)
+        with self._gpu.frame() as second:
+            second.stage("direct")
+            shadows = self._shadow(second, scene, _NEAR * packed.diagonal)
+            direct = self._direct(second, scene, gbuffer, shadows, view)
+
+        with watch("trace"):
+            path = self._trace(packed, maps, texels)
+        with watch("radiance"):
+            measure_radii(path.photons, packed.diagonal, self.settings.smoothing)
+            estimate = self._estimate(points, path.photons, view)
+            light, _ = self._filter(points, estimate, packed, view)
+
+        with self._gpu.frame() as third:
+            third.stage("upsample")
+            indirect, irradiance = self._upsample(third, scene, gbuffer, view, receivers, light)
+        with watch("upsample"):
+            self._light_missed(points, estimate, path.photons, scene, gbuffer, packed, view)
+        with watch("compose"):
+            frame = self._compose(gbuffer, direct, indirect, irradiance, view)
+
+        for recording in (first, second, third):
+            for name, spent in recording.milliseconds().items():
+                watch.add(name, spent)
+        total = (clock.perf_counter() - started) * 1e3
+        frame.stats = self._statistics(packed, path, watch.milliseconds, total, first)
+        self._photons, self._last = path.photons, (frame, view)
+        return frame
+
+    def photons(self) -> np.ndarray:
+        """Return the last frame's photon map, (N,) PHOTON: a structured array, world space, lumen."""
+        return self._photons
+
+    def view(self, name: str) -> np.ndarray:
+        """Return a view of the last frame as uint8 sRGB, also those that need the renderer."""
+        if self._last is None:
+            self.render()
+        assert self._last is not None
+        frame, view = self._last
+        if name != "photons":
+            return frame.show(name)
+        return photon_points(
+            self._photons, frame.layers, view.clip_from_world, view.near, frame.exposure,
+            frame.settings.tonemap,
+        )  # fmt: skip
+
+    def _prepare(self) -> tuple[Packed, CameraView]:
+        """Pack the scene, place it in the tracer, and find its camera and lights."""
+        scene = self.scene
+        packed = self._pack(scene)
+        if not packed.triangle_count:
+            raise SceneError(f"{scene.name or 'the scene'}: has no surface to render")
+        self._world.update(packed)
+        camera, pose = self._find_camera(packed)
+        if not len(packed.lights):
+            node, line = default_light(packed, self._world, pose[:3, 3])
+            self._say(line)
+            scene = Scene([*scene.roots, node], scene.animations, scene.name)
+            packed = self._pack(scene)
+        if any(material.emissive for material in scene.materials):
+            self._say("emissive materials glow, but do not light the scene yet")
+        size, diagonal = self.settings.size, packed.diagonal
+        reach = float(np.abs(packed.bounds - pose[:3, 3]).max()) + diagonal
+        near = _NEAR * diagonal if camera.ymag is None else -reach
+        view = CameraView(size, pose, camera.yfov, camera.ymag, near, reach, pass_index=_PASS)
+        return packed, view
+
+    def _pack(self, scene: Scene) -> Packed:
+        old = self._packed
+        packed = pack(scene, old.geometry if old else None)
+        same = old is not None and [*map(id, old.textures)] == [*map(id, packed.textures)]
+        if not same or self._textures is None:
+            self._textures = TextureTable.pack(packed.textures)
+        self._packed = packed
+        return packed
+
+    def _find_camera(self, packed: Packed) -> tuple[Camera, np.ndarray]:
+        if isinstance(self.camera, Camera):
+            if self.camera.pose is None:
+                raise SettingsError("camera: it has no pose; give one, or add it to the scene")
+            return self.camera, np.asarray(self.camera.pose, np.float64)
+        found = find_camera(self.scene, self.camera)
+        if found is None:
+            width, height = self.settings.size
+            return default_camera(packed, self._world, width / height)
+        return found
+
+    def _say(self, line: str) -> None:
+        """Warn once in this renderer's life."""
+        if line not in self._said:
+            self._said.add(line)
+            warnings.warn(line, SceneWarning, stacklevel=4)
+
+    def _draw_bounce_maps(self, frame: Recording, scene: GpuScene, packed: Packed) -> BounceMaps:
+        if self.settings.emission == "rays":
+            return BounceMaps([])
+        widths, shifts = map_plan(packed.lights, self.settings, _PASS)
+        return self._bounce(frame, scene, widths, shifts, _NEAR * packed.diagonal, _PASS)
+
+    def _trace(self, packed: Packed, maps: BounceMaps, texels: list[np.ndarray]) -> Walk:
+        """Emit the photons and follow them."""
+        settings = self.settings
+        assert self._textures is not None
+        surfaces = SurfaceTable(packed, self._textures, _TEXTURE_FOOTPRINT * packed.diagonal)
+        if not settings.bounces:
+            emitted = np.zeros(0, EMITTED)
+        elif settings.emission == "rays":
+            counts = share_photons(packed.lights, settings.photons)
+            emitted = emit_rays(
+                packed, self._world, surfaces, counts, settings.seed, _PASS, self.threads
+            )
+        else:
+            emitted = photons_of_maps(packed, maps, texels, settings, _PASS)
+        return walk(
+            packed, self._world, surfaces, emitted, settings.bounces, settings.seed, _PASS, self.threads
+        )
+
+    def _estimate(self, points: np.ndarray, photons: np.ndarray, view: CameraView) -> np.ndarray:
+        """Return the light that arrives at each receiver, (n, 16)."""
+        return PhotonGrid(photons).estimate(points, self.threads)
+
+    def _filter(
+        self,
+        points: np.ndarray,
+        estimate: np.ndarray,
+        packed: Packed,
+        view: CameraView,
+        missed: np.ndarray | None = None,
+        low: np.ndarray | None = None,
+    ) -> tuple[np.ndarray, np.ndarray]:
+        size = self._downsample.size(view)
+        return filter_estimate(
+            points, estimate, size, packed.diagonal, self.settings.smoothing, self.threads, missed, low
+        )
+
+    def _light_missed(
+        self,
+        points: np.ndarray,
+        estimate: np.ndarray,
+        photons: np.ndarray,
+        scene: GpuScene,
+        gbuffer: GBuffer,
+        packed: Packed,
+        view: CameraView,
+    ) -> None:
+        """Light the pixels that upsampling could not serve from the photons around them."""
+        pixels, receivers = self._upsample.missed()
+        if not len(pixels):
+            return
+        light = PhotonGrid(photons).estimate(receivers, self.threads)
+        with self._gpu.frame() as frame:
+            self._upsample.patch(frame, scene, gbuffer, view, light)
+
+    def _compose(
+        self, gbuffer: GBuffer, direct: Texture, indirect: Texture, irradiance: Texture, view: CameraView
+    ) -> Frame:
+        """Read the picture's parts back, add them, expose and tone map."""
+        f2, f4, u4 = np.float16, np.float32, np.uint32
+        d, i, irr, emission, base, normals, ids, depth = self._gpu.read_many([
+            (direct, f4, 4), (indirect, f4, 4), (irradiance, f4, 4), (gbuffer.emission, f2, 4),
+            (gbuffer.base, f2, 4), (gbuffer.normals, f2, 4), (gbuffer.ids, u4, 2), (gbuffer.depth, f4),
+        ])  # fmt: skip
+        e = emission[..., :3].astype(np.float32)
+        nodes = np.append(np.int32(-1), self._packed.instances["node"].astype(np.int32))  # type: ignore[union-attr]
+        full = make.sum_layers(d, i, e, self.threads)
+        layers = make.Layers({
+            "full": lambda: full, "direct": lambda: make.rgb(d), "indirect": lambda: make.rgb(i),
+            "emission": lambda: e, "irradiance": lambda: make.rgb(irr),
+            "depth": lambda: make.linear_depth(depth, view),
+            "normal": lambda: make.decode_normals(normals, depth),
+            "albedo": lambda: base[..., :3].astype(np.float32), "instance": lambda: nodes[ids[..., 0]],
+            "material": lambda: np.where(ids[..., 0] > 0, ids[..., 1].astype(np.int32), np.int32(-1)),
+        })  # fmt: skip
+        settings = self.settings
+        exposure = auto_exposure(full) if settings.exposure == "auto" else float(settings.exposure)
+        image = tonemap(full, exposure, settings.tonemap, self.threads)
+        camera = {"pose": view.pose, "clip_from_world": view.clip_from_world}
+        return Frame(image, layers, Stats(), settings, camera, exposure)  # type: ignore[arg-type]
+
+    def _statistics(
+        self, packed: Packed, path: Walk, times: dict[str, float], total: float, frame: Recording
+    ) -> Stats:
+        settings = self.settings
+        ms = {name: times.get(name, 0.0) for name in
+              ("direct", "bounce_map", "copy", "trace", "radiance", "upsample", "compose")}  # fmt: skip
+        added = ms["bounce_map"] + ms["copy"] + ms["trace"] + ms["radiance"] + ms["upsample"]
+        direct_only = max(total - added, ms["direct"])
+        return Stats(
+            polygons=packed.triangle_count, static_polygons=packed.triangle_count,
+            emitters=len(packed.lights), emitted_photons=path.photon_count,
+            indirect_photons=settings.bounces, width=settings.size[0], height=settings.size[1],
+            subsampling=settings.subsampling, photon_hits=path.photon_count + path.rays,
+            stored_photons=len(path.photons),
+            **{f"{name}_ms": spent for name, spent in ms.items()},  # type: ignore[arg-type]
+            total_ms=total, direct_only_ms=direct_only, fps_direct=1e3 / direct_only, fps_full=1e3 / total,
+            flux_emitted=float(path.emitted.sum()), flux_absorbed=float(path.absorbed.sum()),
+            flux_escaped=float(path.escaped.sum()), flux_dropped=float(path.dropped.sum()),
+            flux_stored=float(path.stored.sum()), peak_memory=peak_memory(), adapter=self._gpu.name,
+            estimator=settings.estimator, emission=settings.emission, seed=settings.seed,
+            timing=frame.timing,
+        )  # fmt: skip

@@ -1,0 +1,1 @@
+"""What is lit: plain data, numpy only, no GPU object inside."""

@@ -1,0 +1,82 @@
+"""Animations of nodes: keyframes of translation, rotation and scale."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from ispm.scene.scene import Node
+
+
+@dataclass(eq=False)
+class Channel:
+    """Keyframes of one property of one node.
+
+    node           the node that moves
+    path           "translation", "rotation" or "scale"
+    times          (K,) float32 seconds, increasing
+    values         (K, 3 or 4) float32; CUBICSPLINE: (K, 3, 3 or 4) in-tangent, value, out-tangent
+    interpolation  "LINEAR", "STEP" or "CUBICSPLINE", as glTF 2.0, appendix C
+    """
+
+    node: Node
+    path: str
+    times: np.ndarray
+    values: np.ndarray
+    interpolation: str = "LINEAR"
+
+    def at(self, time: float) -> np.ndarray:
+        """Return the value at `time` in seconds, held before the first and after the last key."""
+        times = self.times
+        last = len(times) - 1
+        k = int(np.clip(np.searchsorted(times, time, side="right") - 1, 0, last))
+        if self.interpolation == "CUBICSPLINE":
+            value = self._spline(time, k, last)
+        elif self.interpolation == "STEP" or k == last or time <= times[0]:
+            value = self.values[k]
+        else:
+            s = (time - times[k]) / (times[k + 1] - times[k])
+            a, b = self.values[k], self.values[k + 1]
+            value = _slerp(a, b, s) if self.path == "rotation" else (1.0 - s) * a + s * b
+        if self.path == "rotation":
+            value = value / np.linalg.norm(value)
+        return np.asarray(value, np.float64)
+
+    def _spline(self, time: float, k: int, last: int) -> np.ndarray:
+        if k == last or time <= self.times[0]:
+            return self.values[k, 1]
+        step = self.times[k + 1] - self.times[k]
+        s = (time - self.times[k]) / step
+        return (
+            (2 * s**3 - 3 * s**2 + 1) * self.values[k, 1]
+            + step * (s**3 - 2 * s**2 + s) * self.values[k, 2]
+            + (-2 * s**3 + 3 * s**2) * self.values[k + 1, 1]
+            + step * (s**3 - s**2) * self.values[k + 1, 0]
+        )
+
+
+@dataclass(eq=False)
+class Animation:
+    """A named set of channels that play together."""
+
+    channels: list[Channel] = field(default_factory=list)
+    name: str = ""
+
+    @property
+    def duration(self) -> float:
+        """The time of the last keyframe in seconds."""
+        return max((float(c.times[-1]) for c in self.channels), default=0.0)
+
+
+def _slerp(a: np.ndarray, b: np.ndarray, s: float) -> np.ndarray:
+    """Interpolate unit quaternions along the shorter arc."""
+    cosine = float(np.dot(a, b))
+    if cosine < 0.0:
+        b, cosine = -b, -cosine
+    if cosine > 0.9995:
+        return (1.0 - s) * a + s * b
+    angle = np.arccos(cosine)
+    return (np.sin((1.0 - s) * angle) * a + np.sin(s * angle) * b) / np.sin(angle)

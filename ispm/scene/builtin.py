@@ -1,0 +1,38 @@
+"""The built-in scenes, by name."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable
+from typing import Any
+
+from ispm.errors import SceneError, SettingsError
+from ispm.scene.builtins_atrium import atrium
+from ispm.scene.builtins_rooms import cornell_box, integrating_sphere
+from ispm.scene.scene import Scene
+from ispm.settings import nearest
+
+BUILTINS: dict[str, Callable[..., Scene]] = {
+    "atrium": atrium,
+    "cornell-box": cornell_box,
+    "integrating-sphere": integrating_sphere,
+}
+"""Name to function; the first line of the function's docstring describes the scene."""
+
+
+def builtin(name: str, **parameters: Any) -> Scene:
+    """Return a new scene. Its cameras and lights stand on nodes of their own.
+
+    parameters  those of the scene's function
+    Raises SceneError where no built-in has that name, SettingsError for an unknown parameter.
+    """
+    if name not in BUILTINS:
+        known = ", ".join(BUILTINS)
+        raise SceneError(f"no built-in scene is called '{name}'{nearest(name, BUILTINS)}; there are {known}")
+    make = BUILTINS[name]
+    known_parameters = inspect.signature(make).parameters
+    for parameter in parameters:
+        if parameter not in known_parameters:
+            hint = nearest(parameter, known_parameters) or f"; it takes {', '.join(known_parameters) or 'none'}"
+            raise SettingsError(f"scene '{name}' has no parameter '{parameter}'{hint}")
+    return make(**parameters)

@@ -1,0 +1,93 @@
+"""The metallic-roughness surface of glTF 2.0 and its textures."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from enum import IntEnum
+
+import numpy as np
+
+IDENTITY_UV = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
+
+
+class Wrap(IntEnum):
+    """What a texture shows outside [0, 1)."""
+
+    REPEAT = 0
+    CLAMP = 1
+    MIRROR = 2
+
+
+class AlphaMode(IntEnum):
+    """What a material's opacity means."""
+
+    OPAQUE = 0
+    MASK = 1
+    BLEND = 2
+
+
+@dataclass(eq=False)
+class Texture:
+    """A picture and how it is sampled. Compared by identity.
+
+    pixels  (height, width, 4) uint8, row 0 on top
+    srgb    whether RGB is sRGB-encoded (colours) or linear (data); alpha is always linear
+    mipmaps whether smaller levels may be used
+    linear  whether texels are interpolated or the nearest one is taken
+    """
+
+    pixels: np.ndarray
+    srgb: bool = True
+    wrap_u: Wrap = Wrap.REPEAT
+    wrap_v: Wrap = Wrap.REPEAT
+    linear: bool = True
+    mipmaps: bool = True
+    name: str = ""
+
+
+@dataclass(frozen=True)
+class TextureUse:
+    """A texture in one slot of a material.
+
+    uv_set     0 or 1
+    transform  two rows of a matrix on (u, v, 1), from KHR_texture_transform
+    """
+
+    texture: Texture
+    uv_set: int = 0
+    transform: tuple[tuple[float, float, float], tuple[float, float, float]] = IDENTITY_UV
+
+
+@dataclass
+class Material:
+    """Factors as glTF names them, linear; each texture multiplies its factor.
+
+    base_color        (3,) or (4,), with opacity
+    metallic, roughness   0..1; alpha of the microfacet model is roughness squared
+    specular, specular_color   KHR_materials_specular
+    ior               KHR_materials_ior
+    emission          (3,) cd/m2 per channel, strength included
+    """
+
+    base_color: tuple[float, ...] = (1.0, 1.0, 1.0, 1.0)
+    metallic: float = 0.0
+    roughness: float = 1.0
+    specular: float = 1.0
+    specular_color: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    ior: float = 1.5
+    emission: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    alpha_mode: AlphaMode = AlphaMode.OPAQUE
+    alpha_cutoff: float = 0.5
+    double_sided: bool = False
+    unlit: bool = False
+    normal_scale: float = 1.0
+    base_color_texture: TextureUse | None = None
+    metallic_roughness_texture: TextureUse | None = None  # G roughness, B metallic
+    normal_texture: TextureUse | None = None
+    emission_texture: TextureUse | None = None
+    name: str = field(default="", compare=False)
+
+    @property
+    def emissive(self) -> bool:
+        """Whether the surface glows."""
+        return max(self.emission) > 0.0

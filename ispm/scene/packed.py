@@ -1,0 +1,309 @@
+"""A scene as flat arrays, the same bytes for the tracer and the GPU."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ispm.errors import SceneError
+from ispm.optics import records
+from ispm.scene.light import PointLight
+from ispm.scene.material import AlphaMode, Material, Texture, TextureUse
+from ispm.scene.mesh import Mesh
+from ispm.scene.scene import Scene
+
+
+@dataclass
+class MeshRange:
+    """Where one mesh lies in the packed arrays."""
+
+    mesh: Mesh
+    version: int
+    first_vertex: int
+    first_index: int
+    triangle_count: int
+
+
+@dataclass
+class Geometry:
+    """All meshes of a scene, in object space; kept until a mesh comes, goes or is touched.
+
+    vertices  (V,) VERTEX
+    indices   (3 T,) uint32 into `vertices`, absolute
+    """
+
+    vertices: np.ndarray
+    indices: np.ndarray
+    ranges: list[MeshRange]
+
+    def fits(self, meshes: list[Mesh]) -> bool:
+        """Whether these are exactly the meshes packed here, none touched since."""
+        return len(meshes) == len(self.ranges) and all(
+            mesh is kept.mesh and mesh.version == kept.version
+            for mesh, kept in zip(meshes, self.ranges, strict=True)
+        )
+
+
+@dataclass
+class Draw:
+    """Consecutive instances of one mesh with one material."""
+
+    mesh: int
+    material: int
+    first_instance: int
+    instance_count: int
+    mirrored: bool
+
+
+@dataclass
+class Packed:
+    """A scene at one moment.
+
+    geometry   shared between frames
+    instances  (I,) INSTANCE, world space, sorted by mesh and material
+    materials  (M,) MATERIAL;  textures: what their slots point to
+    lights     (L,) LIGHT
+    bounds     (2, 3) float64 corners of all instances, world space
+    """
+
+    geometry: Geometry
+    instances: np.ndarray
+    materials: np.ndarray
+    textures: list[Texture]
+    lights: np.ndarray
+    draws: list[Draw]
+    bounds: np.ndarray
+    material_names: list[str] = field(default_factory=list)
+
+    @property
+    def diagonal(self) -> float:
+        """Length of the bounds' diagonal in metres; 1 for an empty scene."""
+        length = float(np.linalg.norm(self.bounds[1] - self.bounds[0]))
+        return length if length > 0.0 else 1.0
+
+    @property
+    def triangle_count(self) -> int:
+        """Triangles as placed."""
+        return int(self.instances["triangle_count"].sum(dtype=np.int64))
+
+
+def pack(scene: Scene, geometry: Geometry | None = None) -> Packed:
+    """Flatten `scene`; reuse `geometry` of an earlier frame where its meshes are unchanged.
+
+    Raises SceneError where a node's matrix is not finite.
+    """
+    placed = list(scene.placed())
+    meshes: dict[int, int] = {}
+    mesh_list: list[Mesh] = []
+    materials: dict[int, int] = {}
+    material_list: list[Material] = []
+    rows: list[tuple[int, int, bool, int, np.ndarray]] = []
+    lights = np.zeros(sum(node.light is not None for node, _ in placed), records.LIGHT)
+    light_count = 0
+    for index, (node, world) in enumerate(placed):
+        if not np.isfinite(world).all():
+            raise SceneError(f"node '{node.name}': its matrix has a value that is not finite")
+        if node.light is not None:
+            lights[light_count] = _light_record(node.light, world)
+            light_count += 1
+        mirrored = bool(np.linalg.det(world[:3, :3]) < 0.0)
+        for part in node.parts:
+            if not len(part.mesh.triangles):
+                continue
+            mesh = meshes.setdefault(id(part.mesh), len(meshes))
+            if mesh == len(mesh_list):
+                mesh_list.append(part.mesh)
+            material = materials.setdefault(id(part.material), len(materials))
+            if material == len(material_list):
+                material_list.append(part.material)
+            rows.append((mesh, material, mirrored, index, world))
+    rows.sort(key=lambda row: row[:4])
+
+    if geometry is None or not geometry.fits(mesh_list):
+        geometry = pack_geometry(mesh_list)
+    textures: list[Texture] = []
+    material_rows = np.zeros(len(material_list), records.MATERIAL)
+    for i, item in enumerate(material_list):
+        material_rows[i] = _material_record(item, textures)
+    instances, draws, bounds = _instances(rows, geometry)
+    return Packed(
+        geometry, instances, material_rows, textures, lights, draws, bounds,
+        [material.name for material in material_list],
+    )  # fmt: skip
+
+
+def pack_geometry(meshes: list[Mesh]) -> Geometry:
+    """Put the vertices and triangles of `meshes` one behind the other."""
+    ranges: list[MeshRange] = []
+    vertices: list[np.ndarray] = []
+    indices: list[np.ndarray] = []
+    vertex_count = index_count = 0
+    for mesh in meshes:
+        rows, triangles = _vertices(mesh)
+        ranges.append(MeshRange(mesh, mesh.version, vertex_count, index_count, len(triangles)))
+        vertices.append(rows)
+        indices.append((triangles + np.uint32(vertex_count)).astype(np.uint32).ravel())
+        vertex_count += len(rows)
+        index_count += triangles.size
+    empty_vertices, empty_indices = np.zeros(0, records.VERTEX), np.zeros(0, np.uint32)
+    return Geometry(
+        np.concatenate([empty_vertices, *vertices]), np.concatenate([empty_indices, *indices]), ranges
+    )
+
+
+def _vertices(mesh: Mesh) -> tuple[np.ndarray, np.ndarray]:
+    """VERTEX rows and triangles; a mesh without normals gets three vertices of its own per triangle."""
+    triangles = mesh.triangles
+    normals = mesh.normals
+    take: np.ndarray | slice = slice(None)
+    if normals is None:
+        take = triangles.ravel()
+        corners = mesh.positions[triangles].astype(np.float64)
+        flat = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        normals = np.repeat(_unit(flat), 3, axis=0)
+        triangles = np.arange(triangles.size, dtype=np.uint32).reshape(-1, 3)
+    else:
+        normals = _unit(normals.astype(np.float64))
+    rows = np.zeros(len(normals), records.VERTEX)
+    rows["position"] = mesh.positions[take]
+    rows["normal"] = normals
+    rows["color"] = _pack_colors(mesh.colors, take, len(rows))
+    for name in ("uv0", "uv1"):
+        values = getattr(mesh, name)
+        if values is not None:
+            rows[name] = values[take]
+    if mesh.tangents is not None:
+        rows["tangent"] = mesh.tangents[take]
+    elif mesh.uv0 is not None:
+        rows["tangent"] = _tangents(rows, triangles)
+    return rows, triangles
+
+
+def _tangents(rows: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    """(V, 4) tangents from uv0, area-weighted over each vertex's triangles."""
+    p = rows["position"][triangles].astype(np.float64)
+    uv = rows["uv0"][triangles].astype(np.float64)
+    e1, e2 = p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]
+    d1, d2 = uv[:, 1] - uv[:, 0], uv[:, 2] - uv[:, 0]
+    det = d1[:, 0] * d2[:, 1] - d2[:, 0] * d1[:, 1]
+    sign = np.sign(det)[:, None]
+    tangent = (e1 * d2[:, 1:] - e2 * d1[:, 1:]) * sign
+    bitangent = (e2 * d1[:, :1] - e1 * d2[:, :1]) * sign
+    sums = np.zeros((2, len(rows), 3))
+    for corner in range(3):
+        np.add.at(sums[0], triangles[:, corner], tangent)
+        np.add.at(sums[1], triangles[:, corner], bitangent)
+    normal = rows["normal"].astype(np.float64)
+    along = sums[0] - normal * np.einsum("ij,ij->i", normal, sums[0])[:, None]
+    length = np.linalg.norm(along, axis=1)
+    result = np.zeros((len(rows), 4), np.float32)
+    good = length > 1e-20
+    result[good, :3] = along[good] / length[good, None]
+    side = np.einsum("ij,ij->i", np.cross(normal, along), sums[1])
+    result[good, 3] = np.where(side[good] < 0.0, 1.0, -1.0)  # glTF's v points down
+    return result
+
+
+def _pack_colors(colors: np.ndarray | None, take: np.ndarray | slice, count: int) -> np.ndarray:
+    if colors is None:
+        return np.full(count, 0xFFFFFFFF, np.uint32)
+    bytes_ = np.rint(np.clip(colors[take], 0.0, 1.0) * 255.0).astype(np.uint32)
+    return bytes_[:, 0] | bytes_[:, 1] << 8 | bytes_[:, 2] << 16 | bytes_[:, 3] << 24
+
+
+def _unit(vectors: np.ndarray) -> np.ndarray:
+    """Unit vectors; +Y where a vector has no length."""
+    length = np.linalg.norm(vectors, axis=1, keepdims=True)
+    good = np.isfinite(length) & (length > 0.0)
+    return np.where(good, vectors / np.where(good, length, 1.0), (0.0, 1.0, 0.0))
+
+
+def _light_record(light: PointLight, world: np.ndarray) -> np.ndarray:
+    row = np.zeros((), records.LIGHT)
+    row["position"] = world[:3, 3]
+    row["kind"] = records.LIGHT_POINT
+    row["intensity"] = light.intensity
+    row["range"] = light.range if np.isfinite(light.range) else 0.0
+    return row
+
+
+def _material_record(material: Material, textures: list[Texture]) -> np.ndarray:
+    row = np.zeros((), records.MATERIAL)
+    color = tuple(material.base_color)
+    row["base_color"] = color if len(color) == 4 else (*color, 1.0)
+    row["emission"] = material.emission
+    row["metallic"] = material.metallic
+    row["specular_color"] = material.specular_color
+    row["specular"] = material.specular
+    row["roughness"] = material.roughness
+    row["f0"] = ((material.ior - 1.0) / (material.ior + 1.0)) ** 2 if material.ior > 0.0 else 1.0
+    row["alpha_cutoff"] = material.alpha_cutoff
+    row["normal_scale"] = material.normal_scale
+    row["flags"] = (
+        records.MATERIAL_MASK * (material.alpha_mode == AlphaMode.MASK)
+        | records.MATERIAL_BLEND * (material.alpha_mode == AlphaMode.BLEND)
+        | records.MATERIAL_DOUBLE_SIDED * material.double_sided
+        | records.MATERIAL_UNLIT * material.unlit
+    )
+    for slot in ("base_color", "metallic_roughness", "normal", "emission"):
+        row[f"{slot}_texture"] = _texture_use(getattr(material, f"{slot}_texture"), textures)
+    return row
+
+
+def _texture_use(use: TextureUse | None, textures: list[Texture]) -> np.ndarray:
+    row = np.zeros((), records.TEXTURE_USE)
+    row["texture"] = -1
+    if use is not None:
+        known = next((i for i, t in enumerate(textures) if t is use.texture), None)
+        if known is None:
+            known = len(textures)
+            textures.append(use.texture)
+        row["texture"] = known
+        row["uv_set"] = use.uv_set
+        row["row0"], row["row1"] = use.transform
+    return row
+
+
+def _instances(
+    rows: list[tuple[int, int, bool, int, np.ndarray]], geometry: Geometry
+) -> tuple[np.ndarray, list[Draw], np.ndarray]:
+    """INSTANCE rows, the draws that show them, and their bounds in world space."""
+    instances = np.zeros(len(rows), records.INSTANCE)
+    draws: list[Draw] = []
+    boxes = [_mesh_box(r.mesh) for r in geometry.ranges]
+    low, high = np.full(3, np.inf), np.full(3, -np.inf)
+    for i, (mesh, material, mirrored, node, world) in enumerate(rows):
+        kept = geometry.ranges[mesh]
+        cofactors = np.zeros((3, 4))
+        cofactors[:, :3] = _cofactors(world[:3, :3])
+        row = instances[i]
+        for k in range(3):
+            row[f"world{k}"] = world[k]
+            row[f"normal{k}"] = cofactors[k]
+        row["first_index"], row["triangle_count"] = kept.first_index, kept.triangle_count
+        row["material"], row["node"], row["mesh"] = material, node, mesh
+        row["flags"] = records.INSTANCE_MIRRORED * mirrored
+        corners = boxes[mesh] @ world[:3, :3].T + world[:3, 3]
+        low, high = np.minimum(low, corners.min(axis=0)), np.maximum(high, corners.max(axis=0))
+        last = draws[-1] if draws else None
+        if last and (last.mesh, last.material, last.mirrored) == (mesh, material, mirrored):
+            last.instance_count += 1
+        else:
+            draws.append(Draw(mesh, material, i, 1, mirrored))
+    bounds = np.stack([low, high]) if rows else np.zeros((2, 3))
+    return instances, draws, bounds
+
+
+def _mesh_box(mesh: Mesh) -> np.ndarray:
+    """(8, 3) corners of a mesh's bounds in object space, of the vertices its triangles use."""
+    used = mesh.positions[np.unique(mesh.triangles)].astype(np.float64)
+    low, high = used.min(axis=0), used.max(axis=0)
+    picks = np.array([[i & 1, i >> 1 & 1, i >> 2 & 1] for i in range(8)], bool)
+    return np.where(picks, high, low)
+
+
+def _cofactors(m: np.ndarray) -> np.ndarray:
+    """Cofactor matrix, which takes normals to world space even where the matrix has no inverse."""
+    sign = -1.0 if np.linalg.det(m) < 0.0 else 1.0
+    return sign * np.stack([np.cross(m[1], m[2]), np.cross(m[2], m[0]), np.cross(m[0], m[1])])

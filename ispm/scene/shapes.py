@@ -1,0 +1,222 @@
+"""Generators of triangle meshes, in metres, from which scenes are built."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ispm.scene.mesh import Mesh
+
+CREASE = np.radians(35.0)  # profiles that bend by more get a sharp edge
+_BOX_CORNERS = np.array([[i & 1, i >> 1 & 1, i >> 2 & 1] for i in range(8)], bool)
+_BOX_QUADS = [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]]
+
+
+def polygons(faces: Sequence[np.ndarray], name: str = "") -> Mesh:
+    """Return flat convex polygons, each (N, 3) counter-clockwise from outside, as fans of triangles."""
+    triangles = []
+    first = 0
+    for face in faces:
+        triangles += [(first, first + k, first + k + 1) for k in range(1, len(face) - 1)]
+        first += len(face)
+    return Mesh(np.concatenate(faces), np.array(triangles), name=name)
+
+
+def box(low: Sequence[float], high: Sequence[float], name: str = "") -> Mesh:
+    """Return a closed box between two corners: 12 flat triangles."""
+    corners = np.where(_BOX_CORNERS, np.asarray(high, float), np.asarray(low, float))
+    quads = np.array(_BOX_QUADS)
+    return Mesh(corners, quads[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3), name=name)
+
+
+def lathe(profile: Sequence[tuple[float, float]], segments: int, name: str = "") -> Mesh:
+    """Turn a profile about the y axis; smooth, but sharp where the profile bends by more than CREASE.
+
+    profile  (K, 2) radius and y, from bottom to top for an outside that faces away from the axis
+    ->       2 triangles per segment and step, 1 at a step that begins or ends on the axis
+    """
+    points = np.asarray(profile, float)
+    rows, normals, starts = _profile_rows(points)
+    angle = 2.0 * np.pi * np.arange(segments) / segments
+    turn = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    positions = np.empty((len(rows), segments, 3))
+    directions = np.empty_like(positions)
+    for values, out in ((rows, positions), (normals, directions)):
+        out[:, :, 0] = values[:, :1] * turn[:, 0]
+        out[:, :, 1] = values[:, 1:]
+        out[:, :, 2] = values[:, :1] * turn[:, 1]
+    here, there = np.arange(segments), np.roll(np.arange(segments), -1)
+    triangles = []
+    for k, row in enumerate(starts):
+        low, high = row * segments, (row + 1) * segments
+        if points[k + 1, 0] > 0.0:
+            triangles.append(np.stack([low + here, high + here, high + there], axis=1))
+        if points[k, 0] > 0.0:
+            triangles.append(np.stack([low + here, high + there, low + there], axis=1))
+    flat = positions.reshape(-1, 3)
+    return Mesh(flat, np.concatenate(triangles), directions.reshape(-1, 3), name=name)
+
+
+def _profile_rows(points: np.ndarray) -> tuple[np.ndarray, np.ndarray, list[int]]:
+    """Rows of a turned profile, their normals, and the row at which each step starts."""
+    step = np.diff(points, axis=0)
+    normal = np.stack([step[:, 1], -step[:, 0]], axis=1)
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    rows, normals, starts = [points[0]], [normal[0]], []
+    for k in range(len(step)):
+        if k and np.dot(normal[k - 1], normal[k]) >= np.cos(CREASE):
+            normals[-1] = normal[k - 1] + normal[k]
+            normals[-1] /= np.linalg.norm(normals[-1])
+        elif k:
+            rows.append(points[k])
+            normals.append(normal[k])
+        starts.append(len(rows) - 1)
+        rows.append(points[k + 1])
+        normals.append(normal[k])
+    for end in (0, -1):
+        if rows[end][0] == 0.0 and abs(normals[end][1]) > 0.5:
+            normals[end] = np.array([0.0, np.sign(normals[end][1])])
+    return np.array(rows), np.array(normals), starts
+
+
+def icosphere(radius: float, segments: int, name: str = "") -> Mesh:
+    """Return a sphere about the origin: an icosahedron with edges cut into `segments`, pushed outwards.
+
+    ->  20 segments^2 triangles that share vertices; exact normals
+    """
+    directions, triangles = _geodesic(segments)
+    return Mesh(radius * directions, triangles, directions, name=name)
+
+
+def _geodesic(segments: int) -> tuple[np.ndarray, np.ndarray]:
+    """Unit vertices and triangles of a divided icosahedron."""
+    golden = (1.0 + 5.0**0.5) / 2.0
+    ring = np.array([(0.0, a, b * golden) for a in (-1.0, 1.0) for b in (-1.0, 1.0)])
+    corners = np.concatenate([ring, np.roll(ring, 1, axis=1), np.roll(ring, 2, axis=1)])
+    near = np.isclose(np.linalg.norm(corners[:, None] - corners[None], axis=2), 2.0)
+    faces = [
+        (a, b, c) if np.dot(np.cross(corners[a], corners[b]), corners[c]) > 0.0 else (a, c, b)
+        for a in range(12)
+        for b in range(a + 1, 12)
+        for c in range(b + 1, 12)
+        if near[a, b] and near[b, c] and near[a, c]
+    ]
+    weights, pattern = _cut_triangle(segments)
+    points = np.concatenate([weights @ corners[list(face)] for face in faces])
+    points /= np.linalg.norm(points, axis=1, keepdims=True)
+    triangles = np.concatenate([pattern + k * len(weights) for k in range(len(faces))])
+    # neighbours meet in rounded equal points; a millionth is far below an edge's length
+    _, first, welded = np.unique(np.round(points, 6), axis=0, return_index=True, return_inverse=True)
+    return points[first], welded.reshape(-1)[triangles]
+
+
+def _cut_triangle(segments: int) -> tuple[np.ndarray, np.ndarray]:
+    """Barycentric points and triangles of a triangle with edges cut into `segments`."""
+    index = {}
+    for i in range(segments + 1):
+        for j in range(segments + 1 - i):
+            index[i, j] = len(index)
+    weights = np.array([(segments - i - j, i, j) for i, j in index]) / segments
+    triangles = []
+    for i, j in index:
+        if i + j < segments:
+            triangles.append((index[i, j], index[i + 1, j], index[i, j + 1]))
+        if i + j < segments - 1:
+            triangles.append((index[i + 1, j], index[i + 1, j + 1], index[i, j + 1]))
+    return weights, np.array(triangles)
+
+
+def sheet(points: np.ndarray, name: str = "") -> Mesh:
+    """Span a smooth surface over points (R, C, 3); its front is along (next row) x (next column)."""
+    rows, columns = points.shape[:2]
+    k = np.arange(rows * columns).reshape(rows, columns)
+    a, b, c, d = k[:-1, :-1], k[1:, :-1], k[1:, 1:], k[:-1, 1:]
+    triangles = np.stack([a, b, c, a, c, d], axis=-1).reshape(-1, 3)
+    return smooth(Mesh(points.reshape(-1, 3), triangles, name=name))
+
+
+def sweep(profile: Sequence[tuple[float, float]], half_x: float, half_z: float, name: str = "") -> Mesh:
+    """Carry a closed profile round a rectangle in the xz plane, with mitred corners: a closed frame.
+
+    profile  (K, 2) offset outwards from the rectangle and y, counter-clockwise
+    ->       8 K flat triangles
+    """
+    offset, y = np.asarray(profile, float).T
+    corners = [
+        np.stack([sx * (half_x + offset), y, sz * (half_z + offset)], axis=1)
+        for sx, sz in ((1, -1), (1, 1), (-1, 1), (-1, -1))
+    ]
+    k = np.arange(len(y))
+    following = np.roll(k, -1)
+    triangles = []
+    for side in range(4):
+        here, there = side * len(y), (side + 1) % 4 * len(y)
+        triangles.append(np.stack([here + k, here + following, there + following], axis=1))
+        triangles.append(np.stack([here + k, there + following, there + k], axis=1))
+    return Mesh(np.concatenate(corners), np.concatenate(triangles), name=name)
+
+
+def face_normals(mesh: Mesh) -> np.ndarray:
+    """Return (T, 3) vectors along the geometric normals, as long as twice the triangles' areas."""
+    p = mesh.positions.astype(np.float64)[mesh.triangles]
+    return np.cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0])
+
+
+def smooth(mesh: Mesh) -> Mesh:
+    """Return the mesh with vertex normals averaged over the triangles round each vertex, by area."""
+    sums = np.zeros((len(mesh.positions), 3))
+    for corner in range(3):
+        np.add.at(sums, mesh.triangles[:, corner], face_normals(mesh))
+    normals = sums / np.linalg.norm(sums, axis=1, keepdims=True)
+    return Mesh(mesh.positions, mesh.triangles, normals, colors=mesh.colors, name=mesh.name)
+
+
+def split(mesh: Mesh) -> Mesh:
+    """Return the mesh with three vertices of its own for each triangle; flat unless it has normals."""
+    corners = mesh.triangles.ravel()
+    if mesh.normals is None:
+        n = face_normals(mesh)
+        normals = np.repeat(n / np.linalg.norm(n, axis=1, keepdims=True), 3, axis=0)
+    else:
+        normals = mesh.normals[corners]
+    colors = None if mesh.colors is None else mesh.colors[corners]
+    triangles = np.arange(len(corners)).reshape(-1, 3)
+    return Mesh(mesh.positions[corners], triangles, normals, colors=colors, name=mesh.name)
+
+
+def paint(mesh: Mesh, colors: np.ndarray) -> Mesh:
+    """Return the mesh with a colour for each triangle, (T, 3) linear."""
+    result = split(mesh)
+    opaque = np.concatenate([colors, np.ones((len(colors), 1))], axis=1)
+    result.colors = np.repeat(opaque.astype(np.float32), 3, axis=0)
+    return result
+
+
+def merge(meshes: Sequence[Mesh], name: str = "") -> Mesh:
+    """Return the meshes as one; those without normals become flat, those without colours white."""
+    parts = [split(mesh) if mesh.normals is None else mesh for mesh in meshes]
+    firsts = np.cumsum([0] + [len(part.positions) for part in parts[:-1]])
+    colors = None
+    if any(part.colors is not None for part in parts):
+        white = [np.ones((len(part.positions), 4), np.float32) for part in parts]
+        colors = np.concatenate([w if p.colors is None else p.colors for p, w in zip(parts, white, strict=True)])
+    return Mesh(
+        np.concatenate([part.positions for part in parts]),
+        np.concatenate([part.triangles + np.uint32(first) for part, first in zip(parts, firsts, strict=True)]),
+        np.concatenate([part.normals for part in parts if part.normals is not None]),
+        colors=colors,
+        name=name,
+    )
+
+
+def moved(mesh: Mesh, x: float = 0.0, y: float = 0.0, z: float = 0.0) -> Mesh:
+    """Return the mesh shifted by metres."""
+    shifted = mesh.positions + np.array([x, y, z], np.float32)
+    return Mesh(shifted, mesh.triangles, mesh.normals, colors=mesh.colors, name=mesh.name)
+
+
+def turned_inside_out(mesh: Mesh) -> Mesh:
+    """Return the mesh with its front sides where its back sides were."""
+    normals = None if mesh.normals is None else -mesh.normals
+    return Mesh(mesh.positions, mesh.triangles[:, ::-1], normals, colors=mesh.colors, name=mesh.name)

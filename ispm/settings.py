@@ -1,0 +1,264 @@
+"""Every knob of the renderer, once: type, range, unit and what more and less of it costs.
+
+Flags, environment variables, TOML files and the documentation are made from this one definition.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import difflib
+import numbers
+import re
+from collections.abc import Iterable, Mapping
+from dataclasses import Field, dataclass, field, fields
+from typing import Any
+
+from ispm.errors import SettingsError
+
+VIEWS = (
+    "full", "direct", "indirect", "irradiance", "photons", "albedo",
+    "normal", "depth", "emission", "instance", "material", "split",
+)  # fmt: skip
+
+LAYERS = (
+    "full", "direct", "indirect", "emission", "irradiance",
+    "depth", "normal", "albedo", "instance", "material",
+)  # fmt: skip
+
+
+def knob(
+    default: Any,
+    help: str,
+    *,
+    low: float | None = None,
+    high: float | None = None,
+    choices: tuple[str, ...] = (),
+    words: Mapping[str, Any] | None = None,
+    unit: str = "",
+    metavar: str = "",
+) -> Any:
+    """Return a dataclass field that carries its help, range, choices and unit.
+
+    words  what may stand instead of a number, and the value that each stands for
+    """
+    about = dict(help=help, low=low, high=high, choices=choices, words=words or {}, unit=unit)
+    return field(default=default, metadata={**about, "metavar": metavar})
+
+
+class _Checked:
+    """A frozen dataclass of knobs whose values are converted and checked as it is made."""
+
+    def __post_init__(self) -> None:
+        for f in fields(self):  # type: ignore[arg-type]
+            object.__setattr__(self, f.name, convert(f, getattr(self, f.name)))
+
+
+@dataclass(frozen=True)
+class Settings(_Checked):
+    """The settings of a picture. Raises SettingsError for a value out of range."""
+
+    size: tuple[int, int] = knob(
+        (1280, 720), "width and height of the picture", low=1, high=16384, unit="pixels", metavar="WxH"
+    )
+    photons: int = knob(
+        40_000,
+        "photons emitted per pass, all lights together; noise falls and time grows with it",
+        low=0,
+        high=100_000_000,
+        metavar="N",
+    )
+    bounces: int = knob(
+        8,
+        "non-specular scatters of a photon at most, the one at its first hit included; "
+        "0: direct light only, 1: one indirect bounce",
+        low=0,
+        high=100,
+        metavar="N",
+    )
+    preset: str = knob("default", "a group of settings to start from", choices=("default", "fast"))
+    smoothing: float = knob(
+        1.0,
+        "factor on every kernel radius and on the filter's; more: smoother and blurrier",
+        low=0.01,
+        high=100.0,
+        metavar="S",
+    )
+    kernel: str = knob(
+        "auto",
+        "how a photon's kernel is sized; measured: by the density of photons around it",
+        choices=("auto", "measured"),
+    )
+    subsampling: int = knob(
+        4,
+        "incident light is estimated on one pixel in K x K and upsampled; more: faster, coarser",
+        low=1,
+        high=16,
+        metavar="K",
+    )
+    estimator: str = knob(
+        "auto",
+        "how photons become light: raster volumes (the paper's), screen tiles, or a grid over the receivers",
+        choices=("auto", "volumes", "tiled", "grid"),
+    )
+    emission: str = knob(
+        "auto",
+        "how photons leave the lights: rasterised bounce maps, or rays",
+        choices=("auto", "map", "rays"),
+    )
+    shadow_resolution: int = knob(
+        1024,
+        "texels of a shadow map's side; shared out where there are many lights",
+        low=16,
+        high=8192,
+        metavar="N",
+    )
+    exposure: float | str = knob(
+        "auto",
+        "exposure in stops, or auto: a pure function of this picture",
+        low=-50.0,
+        high=50.0,
+        words={"auto": "auto"},
+        metavar="EV",
+    )
+    tonemap: str = knob("neutral", "neutral: Khronos PBR Neutral; none: clipped", choices=("neutral", "none"))
+    background: tuple[float, float, float] | str = knob(
+        (0.0, 0.0, 0.0),
+        "what is seen where nothing is: linear r,g,b, black, or transparent",
+        low=0.0,
+        high=1e6,
+        words={"black": (0.0, 0.0, 0.0), "transparent": "transparent"},
+        metavar="C",
+    )
+    antialias: bool = knob(True, "supersample the pixels on edges")
+    seed: int = knob(
+        0,
+        "same seed, same settings, same machine: the same picture, bit for bit",
+        low=0,
+        high=2**32 - 1,
+        metavar="N",
+    )
+
+    def replace(self, **changes: Any) -> Settings:
+        """Return these settings with some changed. Raises SettingsError for an unknown name."""
+        for name in changes:
+            knob_of(Settings, name)
+        return dataclasses.replace(self, **changes)
+
+
+PRESETS: dict[str, dict[str, Any]] = {"default": {}, "fast": {}}
+
+
+@dataclass(frozen=True)
+class LoadLimits(_Checked):
+    """What a scene file may ask for at most. Raises SettingsError for a value out of range."""
+
+    file_bytes: int = knob(4 << 30, "largest scene file", low=1, high=1 << 50, unit="bytes", metavar="N")
+    elements: int = knob(200_000_000, "most elements of one accessor", low=1, high=1 << 40, metavar="N")
+    nodes: int = knob(1_000_000, "most nodes", low=1, high=1 << 40, metavar="N")
+    triangles: int = knob(100_000_000, "most triangles, as placed", low=1, high=1 << 40, metavar="N")
+    image_pixels: int = knob(
+        64_000_000, "most pixels of one texture, before it is decoded", low=1, high=1 << 40, metavar="N"
+    )
+    max_texture: int = knob(
+        4096, "larger textures are halved until they fit", low=1, high=1 << 20, unit="pixels", metavar="N"
+    )
+
+
+def resolve(*layers: Mapping[str, Any]) -> Settings:
+    """Return the settings that `layers` make, the first above the next, all above preset and defaults."""
+    given = {name: value for layer in reversed(layers) for name, value in layer.items()}
+    preset = convert(knob_of(Settings, "preset"), given.get("preset", Settings.preset))
+    return Settings().replace(**{**PRESETS[preset], **given})
+
+
+def knob_of(owner: type, name: str) -> Field[Any]:
+    """Return the field `name` of `owner`. Raises SettingsError where there is none."""
+    known = {f.name: f for f in fields(owner)}
+    if name not in known:
+        raise SettingsError(f"there is no setting '{name}'{nearest(name, known)}")
+    return known[name]
+
+
+def nearest(name: str, known: Iterable[str]) -> str:
+    """Return '; did you mean ...?' for the known name closest to `name`, or an empty string."""
+    close = difflib.get_close_matches(name, sorted(known), 1)
+    return f"; did you mean '{close[0]}'?" if close else ""
+
+
+def convert(f: Field[Any], value: Any, called: str = "") -> Any:
+    """Return `value`, a Python value or text, as the knob `f` holds it.
+
+    called  how the user wrote the knob's name: `--photons`, `ISPM_PHOTONS`
+    Raises SettingsError where the value does not suit the knob.
+    """
+    try:
+        if f.metadata["choices"]:
+            return _choice(f, value)
+        if isinstance(f.default, bool):
+            return _switch(value)
+        return _numbers(f, value)
+    except SettingsError as error:
+        raise SettingsError(f"{called or f.name}: {error}") from None
+
+
+def _choice(f: Field[Any], value: Any) -> str:
+    choices: tuple[str, ...] = f.metadata["choices"]
+    if value in choices:
+        return str(value)
+    raise SettingsError(f"'{value}' is not one of {', '.join(choices)}{nearest(str(value), choices)}")
+
+
+def _switch(value: Any) -> bool:
+    words = {
+        "1": True,
+        "true": True,
+        "yes": True,
+        "on": True,
+        "0": False,
+        "false": False,
+        "no": False,
+        "off": False,
+    }
+    if isinstance(value, bool):
+        return value
+    if isinstance(value, str) and value.lower() in words:
+        return words[value.lower()]
+    raise SettingsError(f"{value!r} is not true or false")
+
+
+def _numbers(f: Field[Any], value: Any) -> Any:
+    words: Mapping[str, Any] = f.metadata["words"]
+    shape = f.default if isinstance(f.default, tuple) else (f.default,)
+    if isinstance(value, str):
+        if value in words:
+            return words[value]
+        hint = nearest(value, words) if value[:1].isalpha() else ""
+        parts = re.split(r"\s*[xX,]\s*", value) if isinstance(f.default, tuple) else [value]
+        value = [_parse(part.strip(), words, hint) for part in parts]
+    given = list(value) if isinstance(value, Iterable) else [value]
+    if len(given) != len(shape):
+        raise SettingsError(f"needs {len(shape)} number{'s' * (len(shape) > 1)}, not {len(given)}")
+    result = tuple(_number(f, number, whole=isinstance(shape[0], int)) for number in given)
+    return result if isinstance(f.default, tuple) else result[0]
+
+
+def _parse(text: str, words: Iterable[str] = (), hint: str = "") -> float:
+    """Return the number that `text` writes: 40000, 40_000, 40k, 1e6, 2M."""
+    match = re.fullmatch(r"([-+]?(?:\d[\d_]*\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)([kKMG]?)", text)
+    if not match:
+        other = "".join(f" or {word}" for word in words)
+        raise SettingsError(f"'{text}' is not a number{other}{hint}")
+    number = float(match[1].replace("_", ""))
+    return number * {"": 1, "k": 1e3, "K": 1e3, "M": 1e6, "G": 1e9}[match[2]]
+
+
+def _number(f: Field[Any], value: Any, *, whole: bool) -> float:
+    low, high, unit = f.metadata["low"], f.metadata["high"], f.metadata["unit"]
+    if isinstance(value, bool) or not isinstance(value, numbers.Real):
+        raise SettingsError(f"{value!r} is not a number")
+    number = float(value)
+    if not low <= number <= high:
+        raise SettingsError(f"{number:.10g} is outside {low} to {high}{' ' * bool(unit)}{unit}")
+    if whole and number != int(number):
+        raise SettingsError(f"{number} is not a whole number")
+    return int(number) if whole else number

@@ -1,0 +1,94 @@
+"""Bounce maps: where the photons of point lights first hit, rasterised.
+
+McGuire and Luebke 2009: the first segment of a photon's path leaves a point, so it is a picture.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from ispm.frame import BounceMap, BounceMaps, GpuScene
+from ispm.gpu import Gpu, Group, Raster, Recording, Texture
+from ispm.optics.records import NO_HIT
+from ispm.stages.cube import (
+    cube_direction, cube_texel_solid_angles, face_uniforms, seen_by_faces,
+)  # fmt: skip
+
+__all__ = ["BounceStage", "cube_direction", "cube_texel_solid_angles"]
+
+
+class BounceStage:
+    """Draws the scene into six faces about each light; both sides of every surface count.
+
+    Texels take the nearest surface within the light's range that is no hole of its material.
+    """
+
+    def __init__(self, gpu: Gpu) -> None:
+        self._gpu = gpu
+        path, formats = "stages/bounce.wgsl", ["rgba32uint"]
+        self._opaque = gpu.raster(path, formats)
+        self._masked = gpu.raster(path, formats, vertex="vs_masked", fragment="fs_masked")
+        self._maps: list[Texture] = []
+        self._depth = gpu.texture("bounce depth", "depth32float", usage=["attachment"])
+
+    def __call__(
+        self,
+        frame: Recording,
+        scene: GpuScene,
+        widths: Sequence[int],
+        shifts: Sequence[tuple[float, float]],
+        near: float,
+        pass_index: int = 0,
+    ) -> BounceMaps:
+        """Record the draws and return where their result will be.
+
+        widths  texels of a face's edge for each light; 0: no map
+        shifts  of each light's samples in texels, in [-0.5, 0.5]
+        near    m, a tiny part of the scene's diagonal
+        """
+        maps: list[BounceMap] = []
+        for light, (width, shift) in enumerate(zip(widths, shifts, strict=True)):
+            if width > 0:
+                texels = self._texels(len(maps)).sized((width, width))
+                maps.append(BounceMap(light, texels, shift))
+                self._draw(frame, scene, maps[-1], near, pass_index)
+        return BounceMaps(maps)
+
+    def close(self) -> None:
+        """Free the textures."""
+        for texture in (*self._maps, self._depth):
+            texture.close()
+
+    def _texels(self, index: int) -> Texture:
+        if index == len(self._maps):
+            self._maps.append(
+                self._gpu.texture(f"bounce map {index}", "rgba32uint", dimension="2d-array", layers=6)
+            )
+        return self._maps[index]
+
+    def _draw(self, frame: Recording, scene: GpuScene, map: BounceMap, near: float, pass_index: int) -> None:
+        row = scene.packed.lights[map.light]
+        shift = (2.0 * map.shift[0] / map.width, 2.0 * map.shift[1] / map.width)
+        seen = seen_by_faces(scene.boxes, row)
+        depth = self._depth.sized((map.width, map.width))
+        for layer, uniform in enumerate(face_uniforms(row, map.light, near, shift, pass_index)):
+            shared = {
+                "face": frame.uniform(uniform), "vertices": scene.vertices, "indices": scene.indices,
+                "instances": scene.instances,
+            }  # fmt: skip
+            groups: dict[Raster, Group] = {}
+            target = map.texels.view(layer=layer)
+            with frame.draw_into(target, depth=depth, clear=(NO_HIT, 0, 0, 0)) as canvas:
+                for draw, visible in zip(scene.draws, seen[layer], strict=True):
+                    if not visible:
+                        continue
+                    masked = scene.is_masked(draw.material)
+                    raster = self._masked if masked else self._opaque
+                    if raster not in groups:
+                        groups[raster] = raster.bind(0, **shared)
+                    canvas.use(raster, groups[raster])
+                    if masked:
+                        material = frame.uniform(scene.packed.materials[draw.material])
+                        maps = scene.material_maps(draw.material, "base_color")
+                        canvas.bind(1, raster.bind(1, material=material, **maps))
+                    scene.draw_corners(canvas, draw)

@@ -1,0 +1,100 @@
+"""The eye of one picture: its matrices, its rays and the uniform that shaders read."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ispm import wgsl
+
+CAMERA = wgsl.load("stages/camera.wgsl").dtype("Camera")
+
+
+@dataclass(frozen=True, eq=False)
+class CameraView:
+    """A camera at a place, with a picture's size. Matrices are float64, columns on the right.
+
+    size        width and height in pixels
+    pose        (4, 4) camera-to-world, orthonormal; it looks along -Z with +Y up
+    yfov        vertical angle of view, radians; unused where `ymag` is given
+    ymag        half the height of an orthographic view in m, else None
+    near, far   m along the view axis; `far` bounds orthographic views only
+    jitter      pixels that samples lie right of and below the pixels' centres
+    pass_index  selects the random numbers of stochastic masks
+    """
+
+    size: tuple[int, int]
+    pose: np.ndarray
+    yfov: float = math.radians(50.0)
+    ymag: float | None = None
+    near: float = 1e-3
+    far: float = 1e3
+    jitter: tuple[float, float] = (0.0, 0.0)
+    pass_index: int = 0
+    clip_from_world: np.ndarray = field(init=False, repr=False)
+    world_from_clip: np.ndarray = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        matrix = self._clip_from_view() @ np.linalg.inv(np.asarray(self.pose, np.float64))
+        object.__setattr__(self, "clip_from_world", matrix)
+        object.__setattr__(self, "world_from_clip", np.linalg.inv(matrix))
+
+    @property
+    def eye(self) -> np.ndarray:
+        """Where the camera stands, world space."""
+        return np.asarray(self.pose, np.float64)[:3, 3]
+
+    @property
+    def forward(self) -> np.ndarray:
+        """The unit direction it looks along, world space."""
+        return -np.asarray(self.pose, np.float64)[:3, 2]
+
+    @property
+    def footprint(self) -> float:
+        """A pixel's height in m: at 1 m of depth, or at any (orthographic)."""
+        return 2.0 * (math.tan(self.yfov / 2.0) if self.ymag is None else self.ymag) / self.size[1]
+
+    def uniform(self) -> np.ndarray:
+        """Return the CAMERA record."""
+        record = np.zeros((), CAMERA)
+        record["clip_from_world"] = self.clip_from_world.T  # WGSL stores columns
+        record["world_from_clip"] = self.world_from_clip.T
+        record["eye"], record["forward"] = self.eye, self.forward
+        record["orthographic"] = self.ymag is not None
+        record["near"], record["far"] = self.near, self.far
+        record["size"], record["jitter"] = self.size, self.jitter
+        record["footprint"], record["pass_index"] = self.footprint, self.pass_index
+        return record
+
+    def rays(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return origins and unit directions, (height, width, 3) float64, of the pixels' samples."""
+        width, height = self.size
+        x = 2.0 * (np.arange(width) + 0.5) / width - 1.0
+        y = 1.0 - 2.0 * (np.arange(height) + 0.5) / height
+        near, beyond = (self._unproject(x, y, depth) for depth in (1.0, 0.5))
+        direction = beyond - near
+        direction /= np.linalg.norm(direction, axis=-1, keepdims=True)
+        return (near if self.ymag is not None else np.broadcast_to(self.eye, near.shape)), direction
+
+    def _unproject(self, x: np.ndarray, y: np.ndarray, depth: float) -> np.ndarray:
+        ndc = np.ones((len(y), len(x), 4))
+        ndc[..., 0], ndc[..., 1], ndc[..., 2] = x, y[:, None], depth
+        world = ndc @ self.world_from_clip.T
+        return world[..., :3] / world[..., 3:]
+
+    def _clip_from_view(self) -> np.ndarray:
+        """Reversed depth: near / distance, or linear from near to far (orthographic)."""
+        width, height = self.size
+        matrix = np.zeros((4, 4))
+        extent = math.tan(self.yfov / 2.0) if self.ymag is None else self.ymag
+        matrix[0, 0], matrix[1, 1] = height / (width * extent), 1.0 / extent
+        if self.ymag is None:
+            matrix[2, 3], matrix[3, 2] = self.near, -1.0
+        else:
+            span = self.far - self.near
+            matrix[2, 2], matrix[2, 3], matrix[3, 3] = 1.0 / span, self.far / span, 1.0
+        shift = np.eye(4)
+        shift[0, 3], shift[1, 3] = -2.0 * self.jitter[0] / width, 2.0 * self.jitter[1] / height
+        return shift @ matrix

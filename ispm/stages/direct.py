@@ -1,0 +1,44 @@
+"""Direct light at the eye's pixels."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ispm import wgsl
+from ispm.frame import GBuffer, GpuScene, ShadowMaps
+from ispm.gpu import Gpu, Recording, Texture
+from ispm.stages.camera import CameraView
+
+_SHADOWS = wgsl.load("stages/direct.wgsl").dtype("Shadows")
+
+
+class DirectStage:
+    """Radiance that point lights send to the eye by one reflection.
+
+    In   scene, gbuffer, shadows, and the view the G-buffer was drawn with
+    Out  rgba32float of the G-buffer's size: cd/m2, 1; black where nothing is and where it is unlit
+    Shadows are filtered over two to three texels of their map.
+    """
+
+    def __init__(self, gpu: Gpu) -> None:
+        self._shade = gpu.compute("stages/direct.wgsl")
+        self._farther = gpu.sampler(compare="greater-equal")  # reversed depth: nearer is greater
+        self._radiance = gpu.texture("direct radiance", "rgba32float", usage=["storage", "sampled"])
+
+    def __call__(
+        self, frame: Recording, scene: GpuScene, gbuffer: GBuffer, shadows: ShadowMaps, view: CameraView
+    ) -> Texture:
+        """Record the shading and return where its result will be."""
+        radiance = self._radiance.sized(gbuffer.size)
+        self._shade(
+            frame, over=gbuffer.size, camera=view.uniform(),
+            shadows=np.array((scene.light_count, shadows.side, shadows.near, 0.0), _SHADOWS),
+            lights=scene.lights, materials=scene.materials, ids=gbuffer.ids, normals=gbuffer.normals,
+            base=gbuffer.base, emission=gbuffer.emission, depth=gbuffer.depth, cubes=shadows.cubes,
+            farther=self._farther, radiance=radiance,
+        )  # fmt: skip
+        return radiance
+
+    def close(self) -> None:
+        """Free the radiance."""
+        self._radiance.close()

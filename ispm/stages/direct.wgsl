@@ -1,0 +1,101 @@
+// Light that reaches the eye's pixels straight from the lights, with shadows.
+// include stages/camera.wgsl
+// include optics/bsdf.wgsl
+
+struct Shadows {
+    light_count: u32,
+    side: f32,          // texels of a map's edge
+    near: f32,          // m
+    spare: f32,
+}
+
+@group(0) @binding(0) var<uniform> camera: Camera;
+@group(0) @binding(1) var<uniform> shadows: Shadows;
+@group(0) @binding(2) var<storage, read> lights: array<Light>;
+@group(0) @binding(3) var<storage, read> materials: array<Material>;
+@group(0) @binding(4) var ids: texture_2d<u32>;
+@group(0) @binding(5) var normals: texture_2d<f32>;
+@group(0) @binding(6) var base: texture_2d<f32>;
+@group(0) @binding(7) var emission: texture_2d<f32>;
+@group(0) @binding(8) var depth: texture_depth_2d;
+@group(0) @binding(9) var cubes: texture_depth_cube_array;
+@group(0) @binding(10) var farther: sampler_comparison;
+@group(0) @binding(11) var radiance: texture_storage_2d<rgba32float, write>;
+
+const TAP = 0.5;             // texels that each of four taps lies off in both directions
+const REACH = TAP + 1.0;     // texels at most between the point and what a tap reads, bilinear
+const SEAM = 6.0;            // texels from a cube's edge within which taps may fall on the next face
+const ROUNDING = 1.000015;   // 2^-16: a float's rounding errors in position and depth, and to spare
+
+// Share of the light that reaches a point `p` from the light, of normal ng.
+//
+// A tap compares a point beside p with the depth stored up to REACH texels from p. On p's own plane the
+// two agree to within that distance across the view, so the plane shades itself nowhere if p is first
+// raised by REACH texels times the slope of the plane in the face: ng's components along the face's
+// edges. That is exact for planes, in units of texels, so no scene needs a bias of its own.
+fn visibility(light: u32, p: vec3f, ng: vec3f) -> f32 {
+    let across = abs(p);
+    let distance = max(across.x, max(across.y, across.z));
+    let texel = 2.0 * distance / shadows.side;
+    let axes = step(vec3f(distance * (1.0 - SEAM / shadows.side)), across);
+    let edges = select(1.0 - axes, vec3f(1.0), axes.x + axes.y + axes.z > 1.0);
+    let raised = p + ng * (REACH * texel * dot(abs(ng), edges));
+    let s = select(vec3f(1.0, 0.0, 0.0), vec3f(0.0, 1.0, 0.0), across.x == distance);
+    let t = select(vec3f(0.0, 0.0, 1.0), vec3f(0.0, 1.0, 0.0), across.z == distance);
+    var sum = 0.0;
+    for (var i = 0u; i < 4u; i++) {
+        let tap = vec2f(f32(i & 1u), f32(i >> 1u)) * 2.0 - 1.0;
+        let q = raised + (TAP * texel) * (tap.x * s + tap.y * t);
+        let axial = max(abs(q.x), max(abs(q.y), abs(q.z)));
+        sum += textureSampleCompareLevel(cubes, farther, q, light, ROUNDING * shadows.near / axial);
+    }
+    return 0.25 * sum;
+}
+
+// 1 to 0 at the light's range; KHR_lights_punctual.
+fn range_window(distance: f32, range: f32) -> f32 {
+    let x = distance / range;
+    return select(1.0, clamp(1.0 - x * x * x * x, 0.0, 1.0), range > 0.0);
+}
+
+@compute @workgroup_size(8, 8)
+fn main(@builtin(global_invocation_id) id: vec3u) {
+    let pixel = id.xy;
+    if (any(pixel >= textureDimensions(ids))) {
+        return;
+    }
+    let seen = textureLoad(ids, pixel, 0).xy;
+    var sum = vec3f(0.0);
+    if (seen.x != 0u && (materials[seen.y].flags & MATERIAL_UNLIT) == 0u) {
+        sum = lit(pixel, seen.y);
+    }
+    textureStore(radiance, pixel, vec4f(sum, 1.0));
+}
+
+// Radiance towards the eye, cd/m2, of the surface in a pixel.
+fn lit(pixel: vec2u, material: u32) -> vec3f {
+    let packed = textureLoad(normals, pixel, 0);
+    let n = octahedral_decode(packed.xy);
+    let ng = octahedral_decode(packed.zw);
+    let position = world_position(vec2f(pixel) + 0.5, textureLoad(depth, pixel, 0));
+    let wo = view_direction(position);
+    let color = textureLoad(base, pixel, 0);
+    let bsdf = surface_bsdf(color.rgb, color.a, textureLoad(emission, pixel, 0).a, materials[material]);
+    var sum = vec3f(0.0);
+    for (var i = 0u; i < shadows.light_count; i++) {
+        let light = lights[i];
+        let from_light = position - light.position;
+        let distance = length(from_light);
+        let wi = -from_light / distance;
+        let window = range_window(distance, light.range);
+        if (window == 0.0 || dot(wi, ng) <= 0.0 || dot(wi, n) <= 0.0) {
+            continue;
+        }
+        let visible = visibility(i, from_light, ng);
+        if (visible > 0.0) {
+            let irradiance = light.intensity * (visible * window * dot(wi, n) / (distance * distance));
+            sum += eval_bsdf(bsdf, n, wo, wi) * irradiance;
+        }
+    }
+    return sum;
+}

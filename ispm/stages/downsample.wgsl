@@ -1,0 +1,73 @@
+// One receiver for each block of BLOCK x BLOCK pixels: its pixel of median depth, which is a real
+// surface point, where a mean would lie between two surfaces.
+// include stages/camera.wgsl
+// include stages/receivers.wgsl
+
+override BLOCK: u32 = 4u;
+const SIDE_MAX = 4u;       // of larger blocks a 4 x 4 subset is looked at
+const COUNT_MAX = 16u;
+
+@group(0) @binding(0) var<uniform> camera: Camera;
+@group(0) @binding(1) var<storage, read> materials: array<Material>;
+@group(0) @binding(2) var ids: texture_2d<u32>;
+@group(0) @binding(3) var normals: texture_2d<f32>;
+@group(0) @binding(4) var base: texture_2d<f32>;
+@group(0) @binding(5) var emission: texture_2d<f32>;
+@group(0) @binding(6) var depth: texture_depth_2d;
+@group(0) @binding(7) var<storage, read_write> receivers: array<Receiver>;
+
+// The pixel of median depth in a block; (-1, -1) where most of the block sees nothing.
+fn median_pixel(block: vec2u) -> vec2i {
+    var depths: array<f32, COUNT_MAX>;
+    let size = vec2u(camera.size);
+    let side = min(BLOCK, SIDE_MAX);
+    var seen = 0u;
+    for (var k = 0u; k < side * side; k++) {
+        let pixel = block_pixel(block, side, k);
+        depths[k] = select(0.0, textureLoad(depth, pixel, 0), all(pixel < size));
+        seen += u32(depths[k] > 0.0);
+    }
+    if (seen == 0u) {
+        return vec2i(-1);
+    }
+    for (var k = 0u; k < side * side; k++) {
+        var nearer = 0u;
+        for (var j = 0u; j < side * side; j++) {
+            nearer += u32(depths[j] > depths[k] || (depths[j] == depths[k] && j < k));
+        }
+        if (depths[k] > 0.0 && nearer == seen / 2u) {
+            return vec2i(block_pixel(block, side, k));
+        }
+    }
+    return vec2i(-1);
+}
+
+fn block_pixel(block: vec2u, side: u32, k: u32) -> vec2u {
+    return block * BLOCK + (vec2u(k % side, k / side) * BLOCK + BLOCK / 2u) / side;
+}
+
+@compute @workgroup_size(8, 8)
+fn main(@builtin(global_invocation_id) id: vec3u) {
+    let low = (vec2u(camera.size) + BLOCK - 1u) / BLOCK;
+    if (any(id.xy >= low)) {
+        return;
+    }
+    var r: Receiver;
+    let pixel = median_pixel(id.xy);
+    if (pixel.x >= 0) {
+        let d = textureLoad(depth, pixel, 0);
+        let packed = textureLoad(normals, pixel, 0);
+        let material = textureLoad(ids, pixel, 0).y;
+        let color = textureLoad(base, pixel, 0);
+        let b = surface_bsdf(color.rgb, color.a, textureLoad(emission, pixel, 0).a, materials[material]);
+        r.position = world_position(vec2f(pixel) + 0.5, d);
+        r.alpha = receiver_alpha(b, materials[material].flags);
+        r.n = octahedral_decode(packed.xy);
+        r.ng = octahedral_decode(packed.zw);
+        r.valid = 1u;
+        r.footprint = pixel_footprint(linear_depth(d)) * f32(BLOCK);
+        r.wo = view_direction(r.position);
+        r.slant = 1.0 / max(abs(dot(r.wo, r.ng)), 0.02);
+    }
+    receivers[id.y * low.x + id.x] = r;
+}

@@ -1,0 +1,26 @@
+// Receivers: the surfaces whose incident light is estimated, and what becomes of it at a pixel.
+// include optics/records.wgsl
+// include optics/bsdf.wgsl
+
+// Photons cannot resolve a narrower lobe: at this width some 3 % of them fall into it. Direct light and
+// the photons' own paths keep the true one.
+const GLOSS_ALPHA_MIN = 0.25;
+
+// The width of the glossy lobe that a receiver estimates, 0: none.
+fn receiver_alpha(b: Bsdf, flags: u32) -> f32 {
+    let glossy = b.f90 > 0.0 || max(b.f0.x, max(b.f0.y, b.f0.z)) > 0.0;
+    return select(0.0, max(b.alpha, GLOSS_ALPHA_MIN), glossy && (flags & MATERIAL_UNLIT) == 0u);
+}
+
+struct Incident {          // sums over photons, see `estimators`
+    irradiance: vec3f,
+    fresnel: vec3f,        // irradiance weighted by Fc = (1 - wo.h)^5
+    gloss: vec3f,          // weighted by D V (1 - Fc)
+    grazing: vec3f,        // weighted by D V Fc
+}
+
+// Reflected radiance: f summed over photons, with the lobe's colors put in afterwards.
+fn reflect_incident(b: Bsdf, i: Incident) -> vec3f {
+    let kept = (1.0 - b.dielectric_f0) * i.irradiance - (b.dielectric_f90 - b.dielectric_f0) * i.fresnel;
+    return max(b.diffuse / PI * kept + b.f0 * i.gloss + b.f90 * i.grazing, vec3f(0.0));
+}

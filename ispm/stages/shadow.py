@@ -1,0 +1,99 @@
+"""Shadow maps of the point lights: cubes of depth."""
+
+from __future__ import annotations
+
+import math
+
+from ispm.errors import SceneError
+from ispm.frame import GpuScene, ShadowMaps
+from ispm.gpu import Gpu, Group, Raster, Recording
+from ispm.optics.records import VERTEX
+from ispm.stages.cube import face_uniforms, seen_by_faces
+
+_FULL_CUBES = 4  # cubes of the asked resolution that all lights share
+_SMALLEST = 64  # texels of a side
+
+
+def shadow_side(resolution: int, light_count: int) -> int:
+    """Return the texels of a face's edge: lights beyond four share the texels of four.
+
+    A multiple of 16 and at least 64, but never more than `resolution`.
+    """
+    shared = resolution * math.sqrt(min(1.0, _FULL_CUBES / max(light_count, 1)))
+    return min(resolution, max(_SMALLEST, int(shared) // 16 * 16))
+
+
+class ShadowStage:
+    """Draws the scene's depth as each light sees it.
+
+    resolution  texels of a face's edge where there are few lights
+    Raises SceneError where the adapter cannot hold as many maps as there are lights.
+    """
+
+    def __init__(self, gpu: Gpu, resolution: int) -> None:
+        self._gpu = gpu
+        self.resolution = min(resolution, gpu.max_texture)
+        path = "stages/shadow.wgsl"
+        self._opaque = gpu.raster(path, fragment=None, vertex_layout=_vertices("position"))
+        self._masked = gpu.raster(
+            path, vertex="vs_masked", fragment="fs_masked",
+            vertex_layout=_vertices("position", "color", "uv0", "uv1"),
+        )  # fmt: skip
+        self._cubes = gpu.texture("shadow cubes", "depth32float", dimension="cube-array", layers=6)
+
+    def __call__(self, frame: Recording, scene: GpuScene, near: float, pass_index: int = 0) -> ShadowMaps:
+        """Record the draws and return where their result will be.
+
+        near  m, a tiny part of the scene's diagonal
+        """
+        count = scene.light_count
+        if 6 * count > self._gpu.max_layers:
+            raise SceneError(
+                f"the scene has {count} lights, but {self._gpu.name} holds shadow maps for at most "
+                f"{self._gpu.max_layers // 6}; remove some"
+            )
+        side = shadow_side(self.resolution, count)
+        self._cubes.sized((side, side), layers=6 * max(count, 1))
+        for index in range(count):
+            self._draw(frame, scene, index, near, pass_index)
+        return ShadowMaps(self._cubes, side, near)
+
+    def close(self) -> None:
+        """Free the maps."""
+        self._cubes.close()
+
+    def _draw(self, frame: Recording, scene: GpuScene, index: int, near: float, pass_index: int) -> None:
+        light = scene.packed.lights[index]
+        seen = seen_by_faces(scene.boxes, light)
+        for layer, uniform in enumerate(face_uniforms(light, index, near, pass_index=pass_index)):
+            shared = {"face": frame.uniform(uniform), "instances": scene.instances}
+            groups: dict[Raster, Group] = {}
+            with frame.draw_into(depth=self._cubes.view(layer=6 * index + layer)) as canvas:
+                canvas.vertices(scene.vertices)
+                canvas.indices(scene.indices)
+                for draw, visible in zip(scene.draws, seen[layer], strict=True):
+                    if not visible:
+                        continue
+                    masked = scene.is_masked(draw.material)
+                    raster = self._masked if masked else self._opaque
+                    if raster not in groups:
+                        groups[raster] = raster.bind(0, **shared)
+                    canvas.use(raster, groups[raster])
+                    if masked:
+                        material = frame.uniform(scene.packed.materials[draw.material])
+                        maps = scene.material_maps(draw.material, "base_color")
+                        canvas.bind(1, raster.bind(1, material=material, **maps))
+                    scene.draw_indexed(canvas, draw)
+
+
+_ATTRIBUTES = {"position": "float32x3", "color": "unorm8x4", "uv0": "float32x2", "uv1": "float32x2"}
+
+
+def _vertices(*fields: str) -> list[dict[str, object]]:
+    """WebGPU's layout of these fields of a VERTEX, at locations 0, 1, ..."""
+    assert VERTEX.fields is not None
+    attributes = [
+        {"format": _ATTRIBUTES[name], "offset": VERTEX.fields[name][1], "shader_location": i}
+        for i, name in enumerate(fields)
+    ]
+    return [{"array_stride": VERTEX.itemsize, "step_mode": "vertex", "attributes": attributes}]

@@ -1,0 +1,126 @@
+"""The scene to the device; what did not change stays where it is."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ispm.errors import SceneError
+from ispm.frame import SLOTS, GpuScene
+from ispm.gpu import Buffer, Gpu, Sampler, Texture
+from ispm.optics.texture import mip_chain
+from ispm.scene import material as scene_material
+from ispm.scene.packed import Geometry, MeshRange, Packed
+
+_WRAP = {
+    scene_material.Wrap.REPEAT: "repeat",
+    scene_material.Wrap.CLAMP: "clamp-to-edge",
+    scene_material.Wrap.MIRROR: "mirror-repeat",
+}
+
+
+class Upload:
+    """`Packed` to `GpuScene`: geometry and textures once, by identity; the rest with each frame.
+
+    Raises SceneError where an array is larger than the adapter can bind or a texture too wide for it.
+    """
+
+    def __init__(self, gpu: Gpu) -> None:
+        self._gpu = gpu
+        self._geometry: Geometry | None = None
+        self._boxes = np.zeros((0, 2, 3))  # of the meshes, object space
+        self._vertices = gpu.buffer("vertices", "vertex")
+        self._indices = gpu.buffer("indices", "index")
+        self._instances = gpu.buffer("instances")
+        self._materials = gpu.buffer("materials")
+        self._lights = gpu.buffer("lights")
+        self._textures: dict[int, tuple[scene_material.Texture, Texture]] = {}
+        white = gpu.texture("white", "rgba8unorm", usage=["sampled"]).sized((1, 1))
+        self._white = white.write(np.full((1, 1, 4), 255, np.uint8)), gpu.sampler()
+
+    def __call__(self, packed: Packed) -> GpuScene:
+        """Return the scene as the device holds it."""
+        if packed.geometry is not self._geometry:
+            self._write(self._vertices, packed.geometry.vertices)
+            self._write(self._indices, packed.geometry.indices)
+            self._geometry = packed.geometry
+            self._boxes = np.array([_mesh_box(packed.geometry, r) for r in packed.geometry.ranges])
+        self._write(self._instances, packed.instances)
+        self._write(self._materials, packed.materials)
+        self._write(self._lights, packed.lights)
+        self._keep(packed.textures)
+        return GpuScene(
+            packed, self._draw_boxes(packed), self._vertices, self._indices, self._instances, self._materials, self._lights,
+            [self._maps(row, packed.textures) for row in packed.materials],
+        )  # fmt: skip
+
+    def close(self) -> None:
+        """Free buffers and textures."""
+        for buffer in (self._vertices, self._indices, self._instances, self._materials, self._lights):
+            buffer.close()
+        self._keep([])
+        self._white[0].close()
+
+    def _write(self, buffer: Buffer, rows: np.ndarray) -> None:
+        if rows.nbytes > self._gpu.max_binding:
+            raise SceneError(
+                f"the scene's {buffer.name} take {rows.nbytes >> 20} MiB, but {self._gpu.name} binds at most "
+                f"{self._gpu.max_binding >> 20} MiB; use fewer triangles or another adapter"
+            )
+        buffer.write(rows)
+
+    def _draw_boxes(self, packed: Packed) -> np.ndarray:
+        """(draws, 2, 3) bounds of each draw's instances, world space."""
+        if not packed.draws:
+            return np.zeros((0, 2, 3))
+        rows = packed.instances
+        matrix = np.stack([rows["world0"], rows["world1"], rows["world2"]], axis=1).astype(np.float64)
+        low, high = np.moveaxis(self._boxes[rows["mesh"]], 1, 0)
+        center = np.einsum("nij,nj->ni", matrix[..., :3], (low + high) / 2.0) + matrix[..., 3]
+        extent = np.einsum("nij,nj->ni", np.abs(matrix[..., :3]), (high - low) / 2.0)
+        first = [draw.first_instance for draw in packed.draws]
+        return np.stack(
+            [np.minimum.reduceat(center - extent, first), np.maximum.reduceat(center + extent, first)], axis=1
+        )
+
+    def _keep(self, textures: list[scene_material.Texture]) -> None:
+        """Load textures that came, free those that went."""
+        kept, self._textures = self._textures, {}
+        for texture in textures:
+            self._textures[id(texture)] = kept.pop(id(texture), None) or (texture, self._load(texture))
+        for _, gone in kept.values():
+            gone.close()
+
+    def _load(self, texture: scene_material.Texture) -> Texture:
+        levels = [level for level in mip_chain(texture) if max(level.shape[:2]) <= self._gpu.max_texture]
+        if not levels:
+            raise SceneError(
+                f"texture '{texture.name}': {max(texture.pixels.shape[:2])} pixels are more than the "
+                f"{self._gpu.max_texture} that {self._gpu.name} can hold; make the picture smaller"
+            )
+        height, width = levels[0].shape[:2]
+        format = "rgba8unorm-srgb" if texture.srgb else "rgba8unorm"
+        loaded = self._gpu.texture(texture.name, format, usage=["sampled"])
+        loaded.sized((width, height), levels=len(levels))
+        for index, level in enumerate(levels):
+            loaded.write(level, level=index)
+        return loaded
+
+    def _maps(
+        self, material: np.void, textures: list[scene_material.Texture]
+    ) -> dict[str, tuple[Texture, Sampler]]:
+        return {slot: self._map(int(material[f"{slot}_texture"]["texture"]), textures) for slot in SLOTS}
+
+    def _map(self, row: int, textures: list[scene_material.Texture]) -> tuple[Texture, Sampler]:
+        if row < 0:
+            return self._white
+        texture = textures[row]
+        wrap = (_WRAP[texture.wrap_u], _WRAP[texture.wrap_v])
+        sampler = self._gpu.sampler(wrap, linear=texture.linear, mipmaps=texture.mipmaps)
+        return self._textures[id(texture)][1], sampler
+
+
+def _mesh_box(geometry: Geometry, mesh: MeshRange) -> np.ndarray:
+    """(2, 3) bounds of a mesh's triangles in object space."""
+    rows = geometry.indices[mesh.first_index : mesh.first_index + 3 * mesh.triangle_count]
+    used = geometry.vertices["position"][rows].astype(np.float64)
+    return np.stack([used.min(axis=0), used.max(axis=0)])

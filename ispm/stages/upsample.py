@@ -1,0 +1,84 @@
+"""Incident light from low to full resolution."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ispm import wgsl
+from ispm.frame import GBuffer, GpuScene
+from ispm.gpu import Buffer, Gpu, Recording, Texture
+from ispm.optics.records import RECEIVER
+from ispm.stages.camera import CameraView
+
+MISSED = wgsl.load("stages/upsample.wgsl").dtype("Missed")
+_MISSED_SHARE = 8  # at most one pixel in so many is estimated by itself
+
+
+class Upsample:
+    """Joint bilateral upsampling of incident light, and the radiance that the surfaces make of it.
+
+    In   gbuffer (W, H); receivers (w h,) and their light (w h, 16)
+    Out  indirect, irradiance: (W, H) rgba32float
+    Source: Kopf et al. 2007, with plane distance as the range weight.
+    """
+
+    def __init__(self, gpu: Gpu, subsampling: int) -> None:
+        self._gpu = gpu
+        path = "stages/upsample.wgsl"
+        self._main = gpu.compute(path, "main", BLOCK=subsampling)
+        self._patch = gpu.compute(path, "patch_missed", BLOCK=subsampling)
+        self._light = gpu.buffer("incident light")
+        self._count = gpu.buffer("missed count")
+        self._missed = gpu.buffer("missed pixels")
+        self._missed_receivers = gpu.buffer("missed receivers")
+        self._missed_light = gpu.buffer("missed light")
+        self.indirect = gpu.texture("indirect", "rgba32float", usage=("storage", "sampled"))
+        self.irradiance = gpu.texture("irradiance", "rgba32float", usage=("storage", "sampled"))
+
+    def __call__(
+        self, frame: Recording, scene: GpuScene, gbuffer: GBuffer, view: CameraView,
+        receivers: Buffer, light: np.ndarray,
+    ) -> tuple[Texture, Texture]:  # fmt: skip
+        capacity = max(gbuffer.size[0] * gbuffer.size[1] // _MISSED_SHARE, 64)
+        self._missed.sized(capacity * MISSED.itemsize)
+        self._missed_receivers.sized(capacity * RECEIVER.itemsize)
+        self._count.write(np.zeros(4, np.uint32))
+        self._main(
+            frame, over=view.size, **self._surface(scene, gbuffer, view), receivers=receivers,
+            light=self._light.write(light), missed_count=self._count, missed=self._missed,
+            missed_receivers=self._missed_receivers, **self._targets(view),
+        )  # fmt: skip
+        return self.indirect, self.irradiance
+
+    def missed(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return (M,) MISSED and (M,) RECEIVER: the pixels that found no neighbour; waits for them."""
+        count = int(self._gpu.read_buffer(self._count, np.uint32, 1)[0])
+        count = min(count, self._missed.nbytes // MISSED.itemsize)
+        pixels, receivers = self._gpu.read_many(
+            [(self._missed, MISSED, count), (self._missed_receivers, RECEIVER, count)]
+        )
+        return pixels, receivers
+
+    def patch(
+        self, frame: Recording, scene: GpuScene, gbuffer: GBuffer, view: CameraView, light: np.ndarray
+    ) -> None:
+        """Write the (M, 16) light of the missed pixels."""
+        self._patch(
+            frame, over=len(light), **self._surface(scene, gbuffer, view), missed_list=self._missed,
+            missed_light=self._missed_light.write(light), **self._targets(view),
+        )  # fmt: skip
+
+    def _surface(self, scene: GpuScene, gbuffer: GBuffer, view: CameraView) -> dict[str, Any]:
+        return {
+            "camera": view.uniform(), "materials": scene.materials, "ids": gbuffer.ids,
+            "normals": gbuffer.normals, "base": gbuffer.base, "emission": gbuffer.emission,
+            "depth": gbuffer.depth,
+        }  # fmt: skip
+
+    def _targets(self, view: CameraView) -> dict[str, Any]:
+        return {
+            "indirect": self.indirect.sized(view.size),
+            "irradiance": self.irradiance.sized(view.size),
+        }

@@ -1,0 +1,150 @@
+"""Photons by place: a grid of cells in world space, each with the photons whose kernels reach into it.
+
+It lights points that screen space cannot serve, at any place and in any number.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ispm.optics.bsdf import gloss_terms
+from ispm.optics.density import cosine_ratio, density_kernel, photon_counts
+from ispm.optics.jit import jit
+from ispm.optics.vector import dot, sub
+from ispm.tracer.simd import address, atomic_add
+from ispm.tracer.threads import run_threads
+
+f32, i64, u32 = np.float32, np.int64, np.uint32
+
+_CELLS_MAX = 96  # per axis: 3.5 MB of counts
+_CHUNK = 64  # receivers a thread takes at a time
+
+
+class PhotonGrid:
+    """Lists of photons by cell. The lists are in photon order, so results repeat to the bit.
+
+    photons  (N,) PHOTON with radius and height set
+    """
+
+    def __init__(self, photons: np.ndarray) -> None:
+        self._photons = photons
+        if not len(photons):
+            return
+        position, reach = photons["position"], photons["radius"].max()
+        low = position.min(axis=0) - reach
+        extent = position.max(axis=0) + reach - low
+        wanted = 2.0 * float(photons["radius"].mean())
+        self._cell = f32(max(wanted, float(extent.max()) / _CELLS_MAX, 1e-30))
+        self._low = low.astype(np.float32)
+        self._shape = np.minimum(np.ceil(extent / self._cell), _CELLS_MAX).astype(np.int64) + 1
+        starts = np.zeros(int(self._shape.prod()) + 1, np.int64)
+        _count(photons, self._low, self._cell, self._shape, starts)
+        self._starts = np.cumsum(starts)
+        self._ids = np.empty(int(self._starts[-1]), np.uint32)
+        _fill(photons, self._low, self._cell, self._shape, self._starts[:-1].copy(), self._ids)
+
+    def estimate(self, receivers: np.ndarray, threads: int) -> np.ndarray:
+        """Return the light that arrives at points, (n, 16) float32 channels as all estimators do.
+
+        receivers  (n,) RECEIVER
+        """
+        out = np.zeros((len(receivers), 16), np.float32)
+        if not len(self._photons) or not len(receivers):
+            return out
+        counter = np.zeros(8, np.int64)
+
+        def work(_: int) -> None:
+            _gather(
+                receivers, self._photons, self._low, self._cell, self._shape, self._starts, self._ids,
+                address(counter), out,
+            )  # fmt: skip
+
+        run_threads(work, threads)
+        return out
+
+
+@jit
+def _span(photon, low, cell, shape, axis):
+    """First and last cell of a photon's ellipsoid along one axis."""
+    along = photon.normal[axis] * photon.normal[axis]
+    radius2, height2 = photon.radius * photon.radius, photon.height * photon.height
+    half = np.sqrt(radius2 * (f32(1) - along) + height2 * along)
+    place = photon.position[axis] - low[axis]
+    first = i64(max((place - half) / cell, f32(0)))
+    return first, min(i64((place + half) / cell), shape[axis] - 1)
+
+
+@jit
+def _count(photons, low, cell, shape, starts):
+    for p in range(len(photons)):
+        x0, x1 = _span(photons[p], low, cell, shape, 0)
+        y0, y1 = _span(photons[p], low, cell, shape, 1)
+        z0, z1 = _span(photons[p], low, cell, shape, 2)
+        for x in range(x0, x1 + 1):
+            for y in range(y0, y1 + 1):
+                for z in range(z0, z1 + 1):
+                    starts[(x * shape[1] + y) * shape[2] + z + 1] += 1
+
+
+@jit
+def _fill(photons, low, cell, shape, cursors, ids):
+    for p in range(len(photons)):
+        x0, x1 = _span(photons[p], low, cell, shape, 0)
+        y0, y1 = _span(photons[p], low, cell, shape, 1)
+        z0, z1 = _span(photons[p], low, cell, shape, 2)
+        for x in range(x0, x1 + 1):
+            for y in range(y0, y1 + 1):
+                for z in range(z0, z1 + 1):
+                    c = (x * shape[1] + y) * shape[2] + z
+                    ids[cursors[c]] = u32(p)
+                    cursors[c] += 1
+
+
+@jit
+def _gather(receivers, photons, low, cell, shape, starts, ids, counter, out):
+    while True:
+        first = atomic_add(counter, i64(_CHUNK))
+        if first >= len(receivers):
+            return
+        for r in range(first, min(first + i64(_CHUNK), len(receivers))):
+            receiver = receivers[r]
+            if receiver.valid == u32(0):
+                continue
+            inside = True
+            c = i64(0)
+            for axis in range(3):
+                place = (receiver.position[axis] - low[axis]) / cell
+                inside = inside and place >= f32(0) and place < f32(shape[axis])
+                c = c * shape[axis] + i64(place) if inside else i64(0)
+            if inside:
+                for k in range(starts[c], starts[c + 1]):
+                    add_photon(receiver, photons[ids[k]], out, r)
+
+
+@jit
+def add_photon(receiver, photon, out, r):
+    """Add what one photon brings to receiver `r` to its channels."""
+    ng = (receiver.ng[0], receiver.ng[1], receiver.ng[2])
+    wi = (photon.wi[0], photon.wi[1], photon.wi[2])
+    normal = (photon.normal[0], photon.normal[1], photon.normal[2])
+    wi_ng = dot(wi, ng)
+    if not photon_counts(wi_ng, dot(normal, ng)):
+        return
+    position = (receiver.position[0], receiver.position[1], receiver.position[2])
+    offset = sub(position, (photon.position[0], photon.position[1], photon.position[2]))
+    kappa = density_kernel(offset, normal, photon.radius, photon.height)
+    if kappa <= f32(0):
+        return
+    n = (receiver.n[0], receiver.n[1], receiver.n[2])
+    arriving = kappa * cosine_ratio(dot(wi, n), wi_ng)
+    out[r, 3] += kappa
+    for channel in range(3):
+        out[r, channel] += photon.flux[channel] * arriving
+    if receiver.alpha > f32(0):
+        wo = (receiver.wo[0], receiver.wo[1], receiver.wo[2])
+        plain, grazing, fresnel = gloss_terms(receiver.alpha, n, wo, wi)
+        for channel in range(3):
+            irradiance = photon.flux[channel] * arriving
+            out[r, 4 + channel] += fresnel * irradiance
+            out[r, 8 + channel] += plain * irradiance
+            out[r, 12 + channel] += grazing * irradiance

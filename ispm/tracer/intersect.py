@@ -1,0 +1,364 @@
+"""Rays against the two-level tree, for other kernels to call.
+
+Boxes are met conservatively and triangles with their edges: what a ray does at an edge depends on the
+edge alone, so it never passes between two triangles that share it.
+
+Sources: Woop, Benthin & Wald, "Watertight ray/triangle intersection", 2013 (triangles); Ize, "Robust BVH
+ray traversal", 2013 (boxes); Wächter & Binder, "A fast and robust method for avoiding self-intersection",
+Ray Tracing Gems, chapter 6 (leaving a surface).
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ispm.optics.jit import jit
+from ispm.optics.vector import cross, dot, sub
+from ispm.tracer.build import LEAF, MAX_DEPTH
+from ispm.tracer.collapse import BLOCK_WORDS, IDS, NODE_WORDS, REFS
+from ispm.tracer.simd import (
+    alloca,
+    count_trailing_zeros,
+    f2u,
+    ldf,
+    ldq,
+    ldu,
+    mask_inside,
+    mask_le,
+    splat4,
+    splat8,
+    stf,
+    stq,
+    stu,
+    u2f,
+    vadd,
+    vdiv,
+    vfma,
+    vget,
+    vload4,
+    vload8,
+    vmax,
+    vmin,
+    vmul,
+    vsign,
+    vstore8,
+    vsub,
+    vxor,
+)  # fmt: skip
+
+f32, i64, u32, u64 = np.float32, np.int64, np.uint32, np.uint64
+
+# Slots of a world's table.
+TOP_NODES, ROWS, NODES, BLOCKS, TOP_REACH, FIRST_SPARE = range(6)
+
+# An instance's row: 16 words, the inverse 3x4 matrix first.
+ROW_WORDS = 16
+ROW_ROOT = 12  # uint32: its mesh's root node
+ROW_REACH = 13  # largest coordinate of its mesh's box, object space
+ROW_SCALE = 14  # m: rounding errors of its points and rays, in units of 2^-24
+
+# Words of a hit.
+HIT_PRIMITIVE, HIT_U, HIT_V, HIT_INSTANCE = range(4)
+
+# uint64 words of a stack: each level of a path leaves at most 7 children waiting, in either tree, and one
+# node pushes 8 before it takes the nearest back.
+STACK_WORDS = 2 * (7 * MAX_DEPTH + 8)
+
+_NOWHERE = -1
+_LOW = 0xFFFFFFFF
+# Never 0, so that no sign of zero gets into the integer keys on the stack.
+_NEAREST = np.float32(1e-30)
+_SMALLEST = np.float32(1e-18)
+# Boxes grow by this share of the largest coordinates met. Between the box test (1/d, the product and the
+# sum, o/d) and the triangle test (corner - o, the slope, the product) lie 8 roundings of 2^-24.
+_SLACK = np.float32(2.0**-21)
+# m; with d = 0 (1/d = 1e18) it lets a ray through that lies in the plane of a box's face.
+_SLACK_AT_ZERO = np.float32(1e-12)
+# How far a ray starts from its surface, in units of the scale of rounding errors.
+_OFFSET = np.float32(4 * 2.0**-24)
+
+
+@jit(inline=True)
+def reciprocal(x):
+    """1 / x, finite at 0."""
+    return f32(1) / (x if abs(x) > _SMALLEST else (_SMALLEST if x >= f32(0) else -_SMALLEST))
+
+
+@jit(inline=True)
+def descend(
+    nodes, node, nx, ny, nz, rx, ry, rz, ax, ay, az, bx, by, bz, limit, nearest, keys, stack, waiting
+):
+    """Meet the 8 boxes of a node: the nearest one met is next, farther ones wait on the stack.
+
+    nx ..  words of the near planes;  rx ..  1/d;  ax .., bx ..  -o/d for near and far planes
+    keys   address of 8 floats to work in
+    ->     (next ref or _NOWHERE, waiting). A waiting word is distance bits << 32 | ref, so that
+           comparing integers compares distances.
+    """
+    word = node * NODE_WORDS
+    near = vmax(
+        vmax(vfma(vload8(nodes, word + nx), rx, ax), vfma(vload8(nodes, word + ny), ry, ay)),
+        vmax(vfma(vload8(nodes, word + nz), rz, az), nearest),
+    )
+    far = vmin(
+        vmin(vfma(vload8(nodes, word + 8 - nx), rx, bx), vfma(vload8(nodes, word + 40 - ny), ry, by)),
+        vmin(vfma(vload8(nodes, word + 72 - nz), rz, bz), limit),
+    )
+    met = i64(mask_le(near, far))
+    found = i64(_NOWHERE)
+    if met != 0:
+        word += REFS
+        k = i64(count_trailing_zeros(u32(met)))
+        met &= met - 1
+        found = i64(ldu(nodes, word + k))
+        if met != 0:
+            vstore8(keys, 0, near)
+            key0 = (u64(ldu(keys, k)) << u64(32)) | u64(found)
+            k = i64(count_trailing_zeros(u32(met)))
+            met &= met - 1
+            key1 = (u64(ldu(keys, k)) << u64(32)) | u64(ldu(nodes, word + k))
+            lower, upper = min(key0, key1), max(key0, key1)
+            stq(stack, waiting, upper)
+            bottom = waiting
+            waiting += 1
+            if met != 0:
+                stq(stack, waiting, lower)
+                waiting += 1
+                while met != 0:
+                    k = i64(count_trailing_zeros(u32(met)))
+                    met &= met - 1
+                    key0 = (u64(ldu(keys, k)) << u64(32)) | u64(ldu(nodes, word + k))
+                    place = waiting
+                    while place > bottom:
+                        other = ldq(stack, place - 1)
+                        if other >= key0:
+                            break
+                        stq(stack, place, other)
+                        place -= 1
+                    stq(stack, place, key0)
+                    waiting += 1
+                waiting -= 1
+                lower = ldq(stack, waiting)
+            found = i64(lower & u64(_LOW))
+    return found, waiting
+
+
+@jit(inline=True)
+def next_waiting(stack, bottom, waiting, t):
+    """Take refs off the stack down to one nearer than t; (_NOWHERE, bottom) where there is none."""
+    bits = u64(f2u(t))
+    found = i64(_NOWHERE)
+    while waiting > bottom:
+        waiting -= 1
+        key = ldq(stack, waiting)
+        if (key >> u64(32)) < bits:
+            found = i64(key & u64(_LOW))
+            break
+    return found, waiting
+
+
+@jit
+def meet_mesh(nodes, blocks, root, reach, ox, oy, oz, dx, dy, dz, t, any_hit, stack, bottom, hit):
+    """Nearest hit of one mesh, in its object space; the direction need not be unit.
+
+    bottom  words of the stack that are in use
+    ->      its distance, t where there is none nearer; primitive, u, v go to `hit`
+    """
+    rx, ry, rz = reciprocal(dx), reciprocal(dy), reciprocal(dz)
+    nx = i64(0) if rx >= f32(0) else i64(8)
+    ny = i64(16) if ry >= f32(0) else i64(24)
+    nz = i64(32) if rz >= f32(0) else i64(40)
+    sx = abs(rx) * ((abs(ox) + reach) * _SLACK + _SLACK_AT_ZERO)
+    sy = abs(ry) * ((abs(oy) + reach) * _SLACK + _SLACK_AT_ZERO)
+    sz = abs(rz) * ((abs(oz) + reach) * _SLACK + _SLACK_AT_ZERO)
+    vrx, vry, vrz = splat8(rx), splat8(ry), splat8(rz)
+    vax, vay, vaz = splat8(-ox * rx - sx), splat8(-oy * ry - sy), splat8(-oz * rz - sz)
+    vbx, vby, vbz = splat8(sx - ox * rx), splat8(sy - oy * ry), splat8(sz - oz * rz)
+    limit, nearest = splat8(t), splat8(_NEAREST)
+    keys = alloca(4)
+
+    # Shear space: the axis the ray runs along most becomes its z.
+    if abs(dx) >= abs(dy) and abs(dx) >= abs(dz):
+        wx, wy, wz = i64(4), i64(8), i64(0)
+        px, py, pz, slope_x, slope_y, rate = oy, oz, ox, dy * rx, dz * rx, rx
+    elif abs(dy) >= abs(dz):
+        wx, wy, wz = i64(8), i64(0), i64(4)
+        px, py, pz, slope_x, slope_y, rate = oz, ox, oy, dz * ry, dx * ry, ry
+    else:
+        wx, wy, wz = i64(0), i64(4), i64(8)
+        px, py, pz, slope_x, slope_y, rate = ox, oy, oz, dx * rz, dy * rz, rz
+    vpx, vpy, vpz = splat4(px), splat4(py), splat4(pz)
+    minus_x, minus_y, vrate = splat4(-slope_x), splat4(-slope_y), splat4(rate)
+
+    waiting = bottom
+    ref = i64(root)
+    while True:
+        if (ref & i64(LEAF)) == 0:
+            ref, waiting = descend(
+                nodes, ref, nx, ny, nz, vrx, vry, vrz, vax, vay, vaz, vbx, vby, vbz,
+                limit, nearest, keys, stack, waiting,
+            )  # fmt: skip
+            if ref >= 0:
+                continue
+        else:
+            word = (ref & i64(0x7FFFFFF)) * BLOCK_WORDS
+            for _ in range(((ref >> 27) & 15) + 1):
+                az = vsub(vload4(blocks, word + wz), vpz)
+                bz = vsub(vload4(blocks, word + 12 + wz), vpz)
+                cz = vsub(vload4(blocks, word + 24 + wz), vpz)
+                ax = vfma(minus_x, az, vsub(vload4(blocks, word + wx), vpx))
+                ay = vfma(minus_y, az, vsub(vload4(blocks, word + wy), vpy))
+                bx = vfma(minus_x, bz, vsub(vload4(blocks, word + 12 + wx), vpx))
+                by = vfma(minus_y, bz, vsub(vload4(blocks, word + 12 + wy), vpy))
+                cx = vfma(minus_x, cz, vsub(vload4(blocks, word + 24 + wx), vpx))
+                cy = vfma(minus_y, cz, vsub(vload4(blocks, word + 24 + wy), vpy))
+                # Twice the signed areas opposite each corner; exact negatives in the neighbour.
+                a = vsub(vmul(cx, by), vmul(cy, bx))
+                b = vsub(vmul(ax, cy), vmul(ay, cx))
+                c = vsub(vmul(bx, ay), vmul(by, ax))
+                whole = vadd(a, vadd(b, c))
+                sign = vsign(whole)
+                size = vxor(whole, sign)
+                inside = vmin(vxor(a, sign), vmin(vxor(b, sign), vxor(c, sign)))
+                scaled = vxor(vmul(vrate, vfma(a, az, vfma(b, bz, vmul(c, cz)))), sign)
+                met = i64(mask_inside(inside, scaled, vmul(splat4(t), size)))
+                if met != 0:
+                    inverse = vdiv(splat4(f32(1)), size)
+                    distance = vmul(scaled, inverse)
+                    while met != 0:
+                        k = i64(count_trailing_zeros(u32(met)))
+                        met &= met - 1
+                        if vget(distance, k) < t:
+                            t = vget(distance, k)
+                            stu(hit, HIT_PRIMITIVE, ldu(blocks, word + IDS + k))
+                            stf(hit, HIT_U, vget(vmul(vxor(b, sign), inverse), k))
+                            stf(hit, HIT_V, vget(vmul(vxor(c, sign), inverse), k))
+                    if any_hit:
+                        return t
+                    limit = splat8(t)
+                word += BLOCK_WORDS
+        ref, waiting = next_waiting(stack, bottom, waiting, t)
+        if ref < 0:
+            return t
+
+
+@jit
+def meet_world(table, ox, oy, oz, dx, dy, dz, t_max, any_hit, stack, hit):
+    """Nearest hit over all instances, or the first one found; its distance, t_max without one."""
+    nodes, rows = ldq(table, TOP_NODES), ldq(table, ROWS)
+    mesh_nodes, blocks = ldq(table, NODES), ldq(table, BLOCKS)
+    reach = u2f(u32(ldq(table, TOP_REACH)))
+    rx, ry, rz = reciprocal(dx), reciprocal(dy), reciprocal(dz)
+    nx = i64(0) if rx >= f32(0) else i64(8)
+    ny = i64(16) if ry >= f32(0) else i64(24)
+    nz = i64(32) if rz >= f32(0) else i64(40)
+    sx = abs(rx) * ((abs(ox) + reach) * _SLACK + _SLACK_AT_ZERO)
+    sy = abs(ry) * ((abs(oy) + reach) * _SLACK + _SLACK_AT_ZERO)
+    sz = abs(rz) * ((abs(oz) + reach) * _SLACK + _SLACK_AT_ZERO)
+    vrx, vry, vrz = splat8(rx), splat8(ry), splat8(rz)
+    vax, vay, vaz = splat8(-ox * rx - sx), splat8(-oy * ry - sy), splat8(-oz * rz - sz)
+    vbx, vby, vbz = splat8(sx - ox * rx), splat8(sy - oy * ry), splat8(sz - oz * rz)
+    t = t_max
+    limit, nearest = splat8(t), splat8(_NEAREST)
+    keys = alloca(4)
+    waiting = i64(0)
+    ref = i64(0)
+    while True:
+        if (ref & i64(LEAF)) == 0:
+            ref, waiting = descend(
+                nodes, ref, nx, ny, nz, vrx, vry, vrz, vax, vay, vaz, vbx, vby, vbz,
+                limit, nearest, keys, stack, waiting,
+            )  # fmt: skip
+            if ref >= 0:
+                continue
+        else:
+            instance = ref & i64(0x7FFFFFF)
+            m = rows + u64(4 * ROW_WORDS) * u64(instance)
+            distance = meet_mesh(
+                mesh_nodes, blocks, ldu(m, ROW_ROOT), ldf(m, ROW_REACH),
+                ldf(m, 0) * ox + ldf(m, 1) * oy + ldf(m, 2) * oz + ldf(m, 3),
+                ldf(m, 4) * ox + ldf(m, 5) * oy + ldf(m, 6) * oz + ldf(m, 7),
+                ldf(m, 8) * ox + ldf(m, 9) * oy + ldf(m, 10) * oz + ldf(m, 11),
+                ldf(m, 0) * dx + ldf(m, 1) * dy + ldf(m, 2) * dz,
+                ldf(m, 4) * dx + ldf(m, 5) * dy + ldf(m, 6) * dz,
+                ldf(m, 8) * dx + ldf(m, 9) * dy + ldf(m, 10) * dz,
+                t, any_hit, stack, waiting, hit,
+            )  # fmt: skip
+            if distance < t:
+                t = distance
+                stu(hit, HIT_INSTANCE, u32(instance))
+                if any_hit:
+                    return t
+                limit = splat8(t)
+        ref, waiting = next_waiting(stack, i64(0), waiting, t)
+        if ref < 0:
+            return t
+
+
+@jit
+def closest(table, ox, oy, oz, dx, dy, dz, t_max, stack, hit):
+    """Return the distance of the nearest hit in units of d, t_max where nothing is nearer.
+
+    table  address of `World.table`;  stack  of STACK_WORDS uint64 words
+    hit    of 4 words, written only where something is hit: primitive, u, v (barycentric coordinates of
+           the second and third corner), instance
+    """
+    return meet_world(table, ox, oy, oz, dx, dy, dz, t_max, False, stack, hit)
+
+
+@jit
+def any_hit(table, ox, oy, oz, dx, dy, dz, t_max, stack):
+    """Return whether anything lies nearer than t_max along a ray."""
+    return meet_world(table, ox, oy, oz, dx, dy, dz, t_max, True, stack, alloca(2)) < t_max
+
+
+@jit
+def instance_scale(table, instance):
+    """Return the scale of an instance's rounding errors in metres, see `leave_triangle`."""
+    return ldf(ldq(table, ROWS), i64(instance) * i64(ROW_WORDS) + i64(ROW_SCALE))
+
+
+@jit
+def offset_point(px, py, pz, nx, ny, nz):
+    """Return a point moved off its surface along the unit normal n, by 16 ulps of its largest coordinate.
+
+    Waechter and Binder move each coordinate by ulps of its own; far from the origin that bends the way
+    towards the axis of the largest one, and through a wall beside it. So all move by those of the largest,
+    and near the origin by those of 1 m, since the triangle about the point is larger than its coordinates.
+    For points of which no more is known; `leave_triangle` also keeps within walls that meet at an edge.
+    """
+    h = _OFFSET * f32(4) * max(f32(1), max(abs(px), max(abs(py), abs(pz))))
+    return px + h * nx, py + h * ny, pz + h * nz
+
+
+@jit
+def leave_triangle(corner, e1, e2, u, v, n, scale):
+    """Return where a ray starts that leaves a hit: on the side of n and inside all walls at its edges.
+
+    corner, e1, e2  first corner and edges to the second and third, world space; vectors as tuples
+    u, v            barycentric coordinates of the hit;  n  unit geometric normal of the side to leave
+    scale           m, `instance_scale`
+    A point from barycentrics is off by a few 2^-24 of the largest number on its way to the world: its
+    object space coordinates, its translation, or what they give, whichever is largest, not what they sum
+    to. Rays take the way back, where an uneven matrix makes the error grow. An instance's scale is the
+    product of both; the point moves by 4 of its 2^-24 along n. A point this close to an edge may also lie
+    behind the wall that begins there, so it first moves towards the triangle's center, to four times as far
+    from the nearest edge: the wall may lean over this triangle, down to an angle of 15 degrees.
+    """
+    h = _OFFSET * scale
+    inside = f32(4) * h
+    x, y, z = cross(e1, e2)
+    e3 = sub(e2, e1)
+    longest = max(dot(e1, e1), max(dot(e2, e2), dot(e3, e3)))
+    # The center lies a third of the height above each edge; the least height is above the longest one.
+    depth = math.sqrt((x * x + y * y + z * z) / longest) * f32(1 / 3) if longest > f32(0) else f32(0)
+    inward = inside / depth if depth > inside else f32(1)
+    u += inward * (f32(1 / 3) - u)
+    v += inward * (f32(1 / 3) - v)
+    return (
+        corner[0] + (u * e1[0] + v * e2[0]) + h * n[0],
+        corner[1] + (u * e1[1] + v * e2[1]) + h * n[1],
+        corner[2] + (u * e1[2] + v * e2[2]) + h * n[2],
+    )

@@ -1,0 +1,269 @@
+"""Vectors of 4 and 8 floats, raw memory and atomics for numba kernels.
+
+Values are `<N x float>` of LLVM, known to numba as a type of its own; plain IR, so that every CPU that
+LLVM knows gets its own instructions. Memory is meant by address (uint64) and index in elements: that
+costs no reference counting and keeps argument lists short.
+
+Arithmetic on vectors is IEEE to the letter, whatever fast-math flags the kernel has: the edge test of
+triangles needs a*b - c*d to be the exact negative of c*d - a*b, which a contracted one is not.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from llvmlite import ir
+from numba import extending, types
+from numba.extending import models, register_model
+
+intrinsic: Any = extending.intrinsic
+_F32, _I32, _I64 = ir.FloatType(), ir.IntType(32), ir.IntType(64)
+# Numba adds a kernel's fast-math flags to instructions that have none; this one changes nothing on + - *.
+_EXACT = ("arcp",)
+
+
+class Vector(types.Type):
+    """The numba type of a vector of floats."""
+
+    def __init__(self, lanes: int) -> None:
+        self.lanes = lanes
+        super().__init__(name=f"float32x{lanes}")
+
+
+@register_model(Vector)
+class _VectorModel(models.PrimitiveModel):
+    def __init__(self, manager: Any, kind: Vector) -> None:
+        super().__init__(manager, kind, _vector(kind.lanes))
+
+
+def aligned(count: int, dtype: Any = np.float32, alignment: int = 64) -> np.ndarray:
+    """Return `count` zeros of `dtype` that start at a multiple of `alignment` bytes."""
+    size = count * np.dtype(dtype).itemsize
+    raw = np.zeros(size + alignment, np.uint8)
+    start = -raw.ctypes.data % alignment
+    return raw[start : start + size].view(dtype)
+
+
+def address(array: np.ndarray) -> np.uint64:
+    """Return where the array's first element lies; the caller keeps the array alive."""
+    return np.uint64(array.ctypes.data)
+
+
+def _vector(lanes: int) -> ir.VectorType:
+    return ir.VectorType(_F32, lanes)
+
+
+def _element(context: Any, builder: Any, args: Any, kinds: Any, element: Any) -> Any:
+    """Pointer to element args[1] of those at address args[0]."""
+    index_type = types.int64 if kinds[1].signed else types.uint64
+    index = context.cast(builder, args[1], kinds[1], index_type)
+    base = builder.inttoptr(args[0], ir.PointerType(element))
+    return builder.gep(base, [index], source_etype=element)
+
+
+def _load(kind: Any, value: Any, element: Any, align: int) -> Any:
+    @intrinsic
+    def load(typingctx, base, index):
+        def code(context, builder, signature, args):
+            pointer = _element(context, builder, args, signature.args, element)
+            pointer = builder.bitcast(pointer, ir.PointerType(value))
+            return builder.load(pointer, align=align, typ=value)
+
+        return kind(types.uintp, index), code
+
+    return load
+
+
+def _store(kind: Any, element: Any, align: int) -> Any:
+    @intrinsic
+    def store(typingctx, base, index, value):
+        def code(context, builder, signature, args):
+            pointer = _element(context, builder, args, signature.args, element)
+            pointer = builder.bitcast(pointer, ir.PointerType(args[2].type))
+            builder.store(args[2], pointer, align=align)
+            return context.get_dummy_value()
+
+        return types.void(types.uintp, index, kind), code
+
+    return store
+
+
+_V4, _V8 = Vector(4), Vector(8)
+# f: float32, u: uint32, q: uint64; (address, index in elements[, value])
+ldf, stf = _load(types.float32, _F32, _F32, 4), _store(types.float32, _F32, 4)
+ldu, stu = _load(types.uint32, _I32, _I32, 4), _store(types.uint32, _I32, 4)
+ldq, stq = _load(types.uint64, _I64, _I64, 8), _store(types.uint64, _I64, 8)
+# Vectors: (address, index in floats[, value]); at multiples of the vector's own size.
+vload4, vstore4 = _load(_V4, _vector(4), _F32, 16), _store(_V4, _F32, 16)
+vload8, vstore8 = _load(_V8, _vector(8), _F32, 32), _store(_V8, _F32, 32)
+
+
+def _splat(lanes: int) -> Any:
+    @intrinsic
+    def splat(typingctx, x):
+        def code(context, builder, signature, args):
+            undefined = ir.Constant(_vector(lanes), ir.Undefined)
+            one = builder.insert_element(undefined, args[0], ir.Constant(_I32, 0))
+            zeros = ir.Constant(ir.VectorType(_I32, lanes), [0] * lanes)
+            return builder.shuffle_vector(one, undefined, zeros)
+
+        return Vector(lanes)(types.float32), code
+
+    return splat
+
+
+splat4, splat8 = _splat(4), _splat(8)
+
+
+def _pairwise(emit: Callable[[Any, Any, Any], Any]) -> Any:
+    @intrinsic
+    def operation(typingctx, a, b):
+        def code(context, builder, signature, args):
+            return emit(builder, args[0], args[1])
+
+        return a(a, b), code
+
+    return operation
+
+
+vadd = _pairwise(lambda b, x, y: b.fadd(x, y, flags=_EXACT))
+vsub = _pairwise(lambda b, x, y: b.fsub(x, y, flags=_EXACT))
+vmul = _pairwise(lambda b, x, y: b.fmul(x, y, flags=_EXACT))
+vdiv = _pairwise(lambda b, x, y: b.fdiv(x, y, flags=("nsz",)))
+# Where an operand is NaN the second one wins, as in the instructions of x86.
+vmin = _pairwise(lambda b, x, y: b.select(b.fcmp_ordered("<", x, y, flags=_EXACT), x, y))
+vmax = _pairwise(lambda b, x, y: b.select(b.fcmp_ordered(">", x, y, flags=_EXACT), x, y))
+
+
+@intrinsic
+def vfma(typingctx, a, b, c):
+    """a * b + c, rounded once where the CPU can."""
+
+    def code(context, builder, signature, args):
+        name, kind, module = f"llvm.fmuladd.v{a.lanes}f32", _vector(a.lanes), builder.module
+        known = module.globals.get(name)
+        return builder.call(known or ir.Function(module, ir.FunctionType(kind, [kind] * 3), name), args)
+
+    return a(a, b, c), code
+
+
+@intrinsic
+def vget(typingctx, a, lane):
+    """One lane."""
+
+    def code(context, builder, signature, args):
+        index = context.cast(builder, args[1], signature.args[1], types.uint32)
+        return builder.extract_element(args[0], index)
+
+    return types.float32(a, lane), code
+
+
+@intrinsic
+def vsign(typingctx, a):
+    """The sign bits alone: a vector of +0 and -0."""
+
+    def code(context, builder, signature, args):
+        integers = ir.VectorType(_I32, a.lanes)
+        mask = ir.Constant(integers, [0x80000000] * a.lanes)
+        return builder.bitcast(builder.and_(builder.bitcast(args[0], integers), mask), _vector(a.lanes))
+
+    return a(a), code
+
+
+@intrinsic
+def vxor(typingctx, a, b):
+    """Bits of a and b, exclusive or; with `vsign(b)`: a times the sign of b."""
+
+    def code(context, builder, signature, args):
+        integers = ir.VectorType(_I32, a.lanes)
+        bits = [builder.bitcast(arg, integers) for arg in args]
+        return builder.bitcast(builder.xor(*bits), _vector(a.lanes))
+
+    return a(a, b), code
+
+
+def _mask(compare: str) -> Any:
+    @intrinsic
+    def mask(typingctx, a, b):
+        def code(context, builder, signature, args):
+            lanes = builder.fcmp_ordered(compare, args[0], args[1], flags=_EXACT)
+            return builder.zext(builder.bitcast(lanes, ir.IntType(a.lanes)), _I32)
+
+        return types.uint32(a, b), code
+
+    return mask
+
+
+mask_le = _mask("<=")  # bit k: whether lane k of a <= that of b; false for NaN
+
+
+@intrinsic
+def mask_inside(typingctx, least, t, limit):
+    """Bit k: whether least >= 0 and 0 < t < limit in lane k; false for NaN."""
+
+    def code(context, builder, signature, args):
+        zero = ir.Constant(_vector(least.lanes), [0.0] * least.lanes)
+        lanes = builder.fcmp_ordered(">=", args[0], zero, flags=_EXACT)
+        lanes = builder.and_(lanes, builder.fcmp_ordered(">", args[1], zero, flags=_EXACT))
+        lanes = builder.and_(lanes, builder.fcmp_ordered("<", args[1], args[2], flags=_EXACT))
+        return builder.zext(builder.bitcast(lanes, ir.IntType(least.lanes)), _I32)
+
+    return types.uint32(least, t, limit), code
+
+
+@intrinsic
+def count_trailing_zeros(typingctx, x):
+    """Index of the lowest set bit of a uint32 that is not 0."""
+
+    def code(context, builder, signature, args):
+        return builder.cttz(args[0], ir.Constant(ir.IntType(1), 1))
+
+    return types.uint32(types.uint32), code
+
+
+@intrinsic
+def f2u(typingctx, x):
+    """The bits of a float32."""
+
+    def code(context, builder, signature, args):
+        return builder.bitcast(args[0], _I32)
+
+    return types.uint32(types.float32), code
+
+
+@intrinsic
+def u2f(typingctx, x):
+    """The float32 that has these bits."""
+
+    def code(context, builder, signature, args):
+        return builder.bitcast(args[0], _F32)
+
+    return types.float32(types.uint32), code
+
+
+@intrinsic
+def atomic_add(typingctx, base, value):
+    """Add to the int64 at an address and return what was there before."""
+
+    def code(context, builder, signature, args):
+        pointer = builder.inttoptr(args[0], ir.PointerType(_I64))
+        return builder.atomic_rmw("add", pointer, args[1], "monotonic")
+
+    return types.int64(types.uintp, types.int64), code
+
+
+@intrinsic
+def alloca(typingctx, words):
+    """Address of `words` (a constant) uint64 on the machine's stack, 64-byte aligned, kept until return."""
+    if not isinstance(words, types.IntegerLiteral):
+        return None
+
+    def code(context, builder, signature, args):
+        with builder.goto_entry_block():
+            place = builder.alloca(ir.ArrayType(_I64, words.literal_value))
+            place.align = 64
+        return builder.ptrtoint(place, _I64)
+
+    return types.uintp(words), code

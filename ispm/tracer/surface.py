@@ -1,0 +1,308 @@
+"""The surface at a hit: position, normals and BSDF from instance, primitive and barycentrics.
+
+The twin of what the G-buffer shader does from interpolated vertices. Vectors are tuples of float32.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ispm.optics.bsdf import surface_bsdf
+from ispm.optics.jit import jit
+from ispm.optics.records import (
+    INSTANCE, INSTANCE_MIRRORED, MATERIAL, MATERIAL_BLEND, MATERIAL_MASK, TEXTURE_USE, VERTEX,
+)  # fmt: skip
+from ispm.optics.texture import HEIGHT, WIDTH, TextureTable, sample_texture
+from ispm.optics.vector import add, cross, dot, scale, sub
+from ispm.scene.packed import Packed
+from ispm.tracer.intersect import HIT_INSTANCE, HIT_PRIMITIVE, HIT_U, HIT_V, closest
+from ispm.tracer.simd import address, ldf, ldu
+
+f32, i64, u32 = np.float32, np.int64, np.uint32
+
+
+def _word(dtype: np.dtype, name: str) -> np.int64:
+    """The place of a field in its record, in words of four bytes."""
+    assert dtype.fields is not None
+    return i64(dtype.fields[name][1] // 4)
+
+
+_VERTEX, _INSTANCE, _MATERIAL = (i64(d.itemsize // 4) for d in (VERTEX, INSTANCE, MATERIAL))
+_COLOR, _NORMAL, _TANGENT = (_word(VERTEX, n) for n in ("color", "normal", "tangent"))
+_UV0, _UV1 = _word(VERTEX, "uv0"), _word(VERTEX, "uv1")
+_TO_WORLD, _COFACTORS = _word(INSTANCE, "world0"), _word(INSTANCE, "normal0")
+_FIRST_INDEX, _INSTANCE_MATERIAL = _word(INSTANCE, "first_index"), _word(INSTANCE, "material")
+_INSTANCE_FLAGS = _word(INSTANCE, "flags")
+_METALLIC, _ROUGHNESS = _word(MATERIAL, "metallic"), _word(MATERIAL, "roughness")
+_SPECULAR, _SPECULAR_COLOR = _word(MATERIAL, "specular"), _word(MATERIAL, "specular_color")
+_F0, _CUTOFF, _FLAGS = (_word(MATERIAL, n) for n in ("f0", "alpha_cutoff", "flags"))
+_NORMAL_SCALE = _word(MATERIAL, "normal_scale")
+_BASE_MAP = _word(MATERIAL, "base_color_texture")
+_ROUGHNESS_MAP = _word(MATERIAL, "metallic_roughness_texture")
+_NORMAL_MAP = _word(MATERIAL, "normal_texture")
+_TEXTURE, _UV_SET, _ROW1 = (_word(TEXTURE_USE, n) for n in ("texture", "uv_set", "row1"))
+
+# slots of the addresses in a SurfaceTable
+_VERTICES, _INDICES, _INSTANCES, _MATERIALS, _FOOTPRINT = range(5)
+
+_HOLES_MAX = 64  # layers of a masked material that one ray passes
+
+
+class SurfaceTable:
+    """A packed scene's arrays as kernels read them; keeps them alive.
+
+    footprint  metres on a surface over which a photon sees textures averaged
+    addresses  (8,) uint64;  texels, rows: a TextureTable's
+    """
+
+    def __init__(self, packed: Packed, textures: TextureTable, footprint: float) -> None:
+        self._kept = [
+            np.ascontiguousarray(array)
+            for array in (
+                packed.geometry.vertices, packed.geometry.indices, packed.instances, packed.materials,
+                np.array([footprint], np.float32),
+            )
+        ]  # fmt: skip
+        self.addresses = np.array([*map(address, self._kept), 0, 0, 0], np.uint64)
+        self.texels, self.rows = textures.texels, textures.rows
+
+
+@jit
+def surface(table, texels, rows, hit, d):
+    """Return (position, ng, n, bsdf, flags) at a hit.
+
+    hit  (instance, primitive, u, v), barycentrics of the second and third vertex
+    d    direction of the ray that hit; both normals are turned against it
+    """
+    instance, material, corners = _place(table, hit)
+    u, v = hit[2], hit[3]
+    p0 = _vector(table[_VERTICES], corners[0])
+    e1 = sub(_vector(table[_VERTICES], corners[1]), p0)
+    e2 = sub(_vector(table[_VERTICES], corners[2]), p0)
+    position = _point(table[_INSTANCES], instance, add(p0, add(scale(u, e1), scale(v, e2))))
+    ng = _world_normal(table[_INSTANCES], instance, cross(e1, e2))
+    n = _world_normal(table[_INSTANCES], instance, _interpolate(table, corners, _NORMAL, u, v))
+    texel_area = _footprint(table, instance, corners, e1, e2)
+    if _texture(table, material, _NORMAL_MAP) >= i64(0):
+        n = _mapped_normal(table, texels, rows, instance, material, corners, u, v, n, texel_area)
+    if dot(ng, d) > f32(0):
+        ng = scale(f32(-1), ng)
+    if dot(n, ng) < f32(0):
+        n = scale(f32(-1), n)
+    bsdf = _bsdf(table, texels, rows, material, corners, u, v, texel_area)
+    return position, ng, n, bsdf, ldu(table[_MATERIALS], material + _FLAGS)
+
+
+@jit
+def hit_position(table, hit):
+    """Return the position of a hit in world space."""
+    instance, _, corners = _place(table, hit)
+    p0 = _vector(table[_VERTICES], corners[0])
+    e1 = sub(_vector(table[_VERTICES], corners[1]), p0)
+    e2 = sub(_vector(table[_VERTICES], corners[2]), p0)
+    offset = add(scale(hit[2], e1), scale(hit[3], e2))
+    return _point(table[_INSTANCES], instance, add(p0, offset))
+
+
+@jit
+def closest_surface(world, table, texels, rows, origin, d, u, stack, words):
+    """Return (found, hit) of the nearest surface that is not a hole of its material.
+
+    u  random in [0, 1): a blended surface is met where u is below its opacity
+    """
+    reach = f32(0)
+    for _ in range(_HOLES_MAX):
+        t = closest(
+            world, origin[0], origin[1], origin[2], d[0], d[1], d[2], f32(np.inf), stack, words
+        )
+        hit = (ldu(words, HIT_INSTANCE), ldu(words, HIT_PRIMITIVE), ldf(words, HIT_U), ldf(words, HIT_V))
+        if t == f32(np.inf):
+            return False, hit
+        if u < _opacity(table, texels, rows, hit):
+            return True, hit
+        largest = max(max(abs(origin[0]), abs(origin[1])), max(abs(origin[2]), t))
+        reach = t + f32(1e-5) * largest
+        origin = add(origin, scale(reach, d))
+    return False, (u32(0), u32(0), f32(0), f32(0))
+
+
+@jit
+def _opacity(table, texels, rows, hit):
+    """Opacity at a hit as a probability; cheap where the material is opaque."""
+    _, material, corners = _place(table, hit)
+    flags = ldu(table[_MATERIALS], material + _FLAGS)
+    if flags & u32(MATERIAL_MASK | MATERIAL_BLEND) == u32(0):
+        return f32(1)
+    color, alpha = _base_color(table, texels, rows, material, corners, hit[2], hit[3], f32(0))
+    if flags & u32(MATERIAL_MASK):
+        cutoff = ldf(table[_MATERIALS], material + _CUTOFF)
+        return f32(1) if alpha >= cutoff else f32(0)
+    return alpha
+
+
+@jit
+def _place(table, hit):
+    """Where a hit's instance, material and three vertices lie, in words."""
+    instance = i64(hit[0]) * _INSTANCE
+    material = i64(ldu(table[_INSTANCES], instance + _INSTANCE_MATERIAL)) * _MATERIAL
+    first = i64(ldu(table[_INSTANCES], instance + _FIRST_INDEX)) + i64(3) * i64(hit[1])
+    corners = (
+        i64(ldu(table[_INDICES], first)) * _VERTEX,
+        i64(ldu(table[_INDICES], first + i64(1))) * _VERTEX,
+        i64(ldu(table[_INDICES], first + i64(2))) * _VERTEX,
+    )
+    return instance, material, corners
+
+
+@jit
+def _vector(base, place):
+    return ldf(base, place), ldf(base, place + i64(1)), ldf(base, place + i64(2))
+
+
+@jit
+def _interpolate(table, corners, field, u, v):
+    """A vector attribute at barycentrics u, v."""
+    a = scale(f32(1) - u - v, _vector(table[_VERTICES], corners[0] + field))
+    b = scale(u, _vector(table[_VERTICES], corners[1] + field))
+    return add(a, add(b, scale(v, _vector(table[_VERTICES], corners[2] + field))))
+
+
+@jit
+def _rows_times(instances, matrix, x):
+    """A 3x4 matrix's left three columns times a vector."""
+    return (
+        dot(_vector(instances, matrix), x),
+        dot(_vector(instances, matrix + i64(4)), x),
+        dot(_vector(instances, matrix + i64(8)), x),
+    )
+
+
+@jit
+def _point(instances, instance, x):
+    """A point from object to world space."""
+    m = instance + _TO_WORLD
+    moved = (ldf(instances, m + i64(3)), ldf(instances, m + i64(7)), ldf(instances, m + i64(11)))
+    return add(_rows_times(instances, m, x), moved)
+
+
+@jit
+def _world_normal(instances, instance, x):
+    """A normal from object to world space, unit."""
+    return _unit(_rows_times(instances, instance + _COFACTORS, x))
+
+
+@jit
+def _unit(x):
+    """Scale to unit length without overflow; +Y where there is no length."""
+    largest = max(abs(x[0]), max(abs(x[1]), abs(x[2])))
+    if not largest > f32(0):
+        return f32(0), f32(1), f32(0)
+    x = scale(f32(1) / largest, x)
+    return scale(f32(1) / math.sqrt(dot(x, x)), x)
+
+
+@jit
+def _texture(table, material, use):
+    """The texture in one slot of a material, -1: none."""
+    return i64(np.int32(ldu(table[_MATERIALS], material + use + _TEXTURE)))
+
+
+@jit
+def _uv(table, corners, field, k):
+    return (
+        ldf(table[_VERTICES], corners[k] + field),
+        ldf(table[_VERTICES], corners[k] + field + i64(1)),
+    )
+
+
+@jit
+def _footprint(table, instance, corners, e1, e2):
+    """The photon's footprint in units of uv area: that of the triangle's first uv set."""
+    m = instance + _TO_WORLD
+    area = cross(_rows_times(table[_INSTANCES], m, e1), _rows_times(table[_INSTANCES], m, e2))
+    a, b, c = _uv(table, corners, _UV0, 0), _uv(table, corners, _UV0, 1), _uv(table, corners, _UV0, 2)
+    uv_area = abs((b[0] - a[0]) * (c[1] - a[1]) - (c[0] - a[0]) * (b[1] - a[1]))
+    footprint = ldf(table[_FOOTPRINT], i64(0))
+    return uv_area / max(math.sqrt(dot(area, area)), f32(1e-30)) * footprint * footprint
+
+
+@jit
+def _sample(table, texels, rows, material, use, corners, u, v, uv_area):
+    """RGBA of the texture in slot `use`, averaged over `uv_area` of texture space."""
+    materials = table[_MATERIALS]
+    slot = material + use
+    field = _UV1 if ldu(materials, slot + _UV_SET) == u32(1) else _UV0
+    a, b, c = _uv(table, corners, field, 0), _uv(table, corners, field, 1), _uv(table, corners, field, 2)
+    w = f32(1) - u - v
+    place = (w * a[0] + u * b[0] + v * c[0], w * a[1] + u * b[1] + v * c[1], f32(1))
+    texture = _texture(table, material, use)
+    texel_count = uv_area * f32(rows[texture, WIDTH]) * f32(rows[texture, HEIGHT])
+    level = f32(0.5) * math.log2(texel_count) if texel_count > f32(1) else f32(0)
+    return sample_texture(
+        texels, rows, texture,
+        dot(_vector(materials, slot), place), dot(_vector(materials, slot + _ROW1), place), level,
+    )  # fmt: skip
+
+
+@jit
+def _base_color(table, texels, rows, material, corners, u, v, uv_area):
+    """Base color and opacity: factor, texture and vertex color multiplied."""
+    color = _vector(table[_MATERIALS], material)
+    alpha = ldf(table[_MATERIALS], material + i64(3))
+    if _texture(table, material, _BASE_MAP) >= i64(0):
+        r, g, b, a = _sample(table, texels, rows, material, _BASE_MAP, corners, u, v, uv_area)
+        color, alpha = (color[0] * r, color[1] * g, color[2] * b), alpha * a
+    c0 = ldu(table[_VERTICES], corners[0] + _COLOR)
+    c1 = ldu(table[_VERTICES], corners[1] + _COLOR)
+    c2 = ldu(table[_VERTICES], corners[2] + _COLOR)
+    if c0 & c1 & c2 != u32(0xFFFFFFFF):
+        color = (
+            color[0] * _mix_channel(c0, c1, c2, u32(0), u, v),
+            color[1] * _mix_channel(c0, c1, c2, u32(8), u, v),
+            color[2] * _mix_channel(c0, c1, c2, u32(16), u, v),
+        )
+        alpha *= _mix_channel(c0, c1, c2, u32(24), u, v)
+    return color, alpha
+
+
+@jit
+def _mix_channel(c0, c1, c2, shift, u, v):
+    """One channel of three packed colors, interpolated."""
+    a, b, c = f32((c0 >> shift) & u32(255)), f32((c1 >> shift) & u32(255)), f32((c2 >> shift) & u32(255))
+    return ((f32(1) - u - v) * a + u * b + v * c) * f32(1 / 255)
+
+
+@jit
+def _bsdf(table, texels, rows, material, corners, u, v, uv_area):
+    """The ten numbers of the BSDF at a point of a material."""
+    materials = table[_MATERIALS]
+    color, _ = _base_color(table, texels, rows, material, corners, u, v, uv_area)
+    metallic = ldf(materials, material + _METALLIC)
+    roughness = ldf(materials, material + _ROUGHNESS)
+    if _texture(table, material, _ROUGHNESS_MAP) >= i64(0):
+        _, g, b, _ = _sample(table, texels, rows, material, _ROUGHNESS_MAP, corners, u, v, uv_area)
+        roughness, metallic = roughness * g, metallic * b
+    return surface_bsdf(
+        color, metallic, roughness, ldf(materials, material + _F0),
+        _vector(materials, material + _SPECULAR_COLOR), ldf(materials, material + _SPECULAR),
+    )  # fmt: skip
+
+
+@jit
+def _mapped_normal(table, texels, rows, instance, material, corners, u, v, n, uv_area):
+    """The normal map's normal in world space; `n` where the mesh has no tangents there."""
+    side = ldf(table[_VERTICES], corners[0] + _TANGENT + i64(3))
+    tangent = _interpolate(table, corners, _TANGENT, u, v)
+    if side == f32(0) or dot(tangent, tangent) < f32(1e-12):
+        return n
+    if ldu(table[_INSTANCES], instance + _INSTANCE_FLAGS) & u32(INSTANCE_MIRRORED):
+        side = -side
+    t = _rows_times(table[_INSTANCES], instance + _TO_WORLD, tangent)
+    t = _unit(sub(t, scale(dot(t, n), n)))
+    b = scale(side, cross(n, t))
+    r, g, blue, _ = _sample(table, texels, rows, material, _NORMAL_MAP, corners, u, v, uv_area)
+    s = ldf(table[_MATERIALS], material + _NORMAL_SCALE)
+    x, y, z = (f32(2) * r - f32(1)) * s, (f32(2) * g - f32(1)) * s, f32(2) * blue - f32(1)
+    return _unit(add(add(scale(x, t), scale(y, b)), scale(z, n)))

@@ -1,0 +1,140 @@
+"""The WGSL and numba twins of `ispm.optics` compute the same numbers."""
+
+from pathlib import Path
+
+import numba
+import numpy as np
+
+from ispm.optics import bsdf, density, rng, sampling
+
+SHADER = str(Path(__file__).with_name("optics.wgsl"))
+N = 4096
+EPS = float(np.finfo(np.float32).eps)
+
+
+def on_gpu(gpu, entry: str, rows: np.ndarray) -> np.ndarray:
+    """Run an entry point of optics.wgsl over (N, 6, 4) rows; return (N, 3, 4)."""
+    given, result = gpu.buffer("given").write(rows), gpu.buffer("result").sized(len(rows) * 48)
+    with gpu.frame() as frame:
+        gpu.compute(SHADER, entry)(frame, over=len(rows), given=given, result=result)
+    return gpu.read_buffer(result, np.float32, len(rows) * 12).reshape(-1, 3, 4)
+
+
+def unit(vectors: np.ndarray) -> np.ndarray:
+    return vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
+
+
+def random_rows(seed: int) -> np.ndarray:
+    """(N, 6, 4): base, metallic | f0, specular color | roughness, u1, u2, specular | n, u3 | wo | wi."""
+    random = np.random.default_rng(seed)
+    rows = random.random((N, 6, 4))
+    rows[:, 1, 0] *= 0.2
+    rows[:, 3:, :3] = unit(random.normal(size=(N, 3, 3)))
+    for k in (4, 5):  # mostly above the horizon, else nearly all results would be zero
+        flip = (np.einsum("ij,ij->i", rows[:, k, :3], rows[:, 3, :3]) < 0) & (random.random(N) < 0.9)
+        rows[flip, k, :3] *= -1
+    return rows.astype(np.float32)
+
+
+@numba.njit(error_model="numpy")
+def bsdf_rows(rows, out):
+    for i in range(len(rows)):
+        r = rows[i]
+        b = surface(r)
+        n, wo, wi = (r[3, 0], r[3, 1], r[3, 2]), (r[4, 0], r[4, 1], r[4, 2]), (r[5, 0], r[5, 1], r[5, 2])
+        out[i, 0, :3] = bsdf.eval_bsdf(b, n, wo, wi)
+        out[i, 0, 3] = bsdf.pdf_bsdf(b, n, wo, wi)
+        out[i, 1, :3] = bsdf.gloss_terms(b[7], n, wo, wi)
+        out[i, 1, 3] = b[7]
+        out[i, 2] = (b[3], b[4], b[5], b[8])
+
+
+@numba.njit(error_model="numpy")
+def surface(r):
+    return bsdf.surface_bsdf(
+        (r[0, 0], r[0, 1], r[0, 2]), r[0, 3], r[2, 0], r[1, 0], (r[1, 1], r[1, 2], r[1, 3]), r[2, 3]
+    )
+
+
+@numba.njit(error_model="numpy")
+def sample_rows(rows, out):
+    for i in range(len(rows)):
+        r = rows[i]
+        n, wo = (r[3, 0], r[3, 1], r[3, 2]), (r[4, 0], r[4, 1], r[4, 2])
+        ok, wi, weight = bsdf.sample_bsdf(surface(r), n, wo, r[2, 1], r[2, 2], r[3, 3])
+        out[i, 0] = (wi[0], wi[1], wi[2], np.float32(ok))
+        out[i, 1, :3] = weight
+
+
+@numba.njit(error_model="numpy")
+def density_rows(rows, out):
+    for i in range(len(rows)):
+        r = rows[i]
+        n, m = (r[3, 0], r[3, 1], r[3, 2]), (r[4, 0], r[4, 1], r[4, 2])
+        out[i, 0, 0] = density.density_kernel((r[0, 0], r[0, 1], r[0, 2]), n, r[1, 0], r[1, 1])
+        out[i, 0, 1] = density.cosine_ratio(r[2, 0], r[2, 1])
+        out[i, 0, 2] = np.float32(density.photon_counts(r[2, 2], r[2, 1]))
+        out[i, 0, 3] = bsdf.adjoint_factor(r[2, 0], r[2, 1], r[2, 2], r[1, 2])
+        out[i, 1, :2] = sampling.octahedral_encode(n)
+        x, y = sampling.octahedral_encode(m)
+        out[i, 1, 2], out[i, 1, 3] = x, y
+        out[i, 2, :3] = sampling.octahedral_decode(x, y)
+
+
+def test_rng_is_bit_equal(gpu):
+    keys = np.random.default_rng(1).integers(0, 2**32, (N, 4), dtype=np.uint32)
+    keys[0], keys[1] = 0, 2**32 - 1
+    hashes = gpu.buffer("hashes").sized(N * 32)
+    with gpu.frame() as frame:
+        compute = gpu.compute(SHADER, "rng")
+        compute(frame, over=N, keys=gpu.buffer("keys").write(keys), hashes=hashes)
+    found = gpu.read_buffer(hashes, np.uint32, N * 8).reshape(N, 2, 4)
+    for key, (bits, floats) in zip(keys, found, strict=True):
+        assert rng.pcg4d(*key) == tuple(bits)
+        assert np.array(rng.random4(*key), np.float32).view(np.uint32).tolist() == floats.tolist()
+
+
+def test_bsdf_agrees(gpu):
+    rows = random_rows(2)
+    expected = np.zeros((N, 3, 4), np.float32)
+    bsdf_rows(rows, expected)
+    found = on_gpu(gpu, "bsdf", rows)
+    alpha = expected[:, 1, 3]
+    # f is conditioned like the GGX distribution: an error e of n x h moves it by 4 e / alpha near its peak
+    tolerance = (1e-5 + 4 * EPS / alpha)[:, None, None] * (np.abs(expected) + 1e-6)
+    assert (np.abs(found - expected) <= tolerance).all()
+    assert (expected[:, 0, 0] > 0).mean() > 0.5
+
+
+def test_sampled_directions_agree(gpu):
+    rows = random_rows(3)
+    expected = np.zeros((N, 3, 4), np.float32)
+    sample_rows(rows, expected)
+    found = on_gpu(gpu, "bsdf_sample", rows)
+    above = np.einsum("ij,ij->i", rows[:, 3, :3], rows[:, 4, :3]) > 0
+    # Within rounding of a threshold (choice of the lobe, horizon) a sample may fall on the other side.
+    same = (found[:, 0, 3] == expected[:, 0, 3]) & above
+    near = np.abs(found[:, 0, :3] - expected[:, 0, :3]).max(axis=1) < 1e-4
+    assert (same & near).sum() > 0.999 * above.sum()
+    both = same & near & (expected[:, 0, 3] == 1)
+    assert np.median(np.abs(found[both, 1] - expected[both, 1]).max(axis=1)) < 1e-5
+
+
+def test_density_and_octahedral_agree(gpu):
+    rows = random_rows(4)
+    rows[:, 0, :3] = (rows[:, 0, :3] - 0.5) * rows[:, 1, :1]
+    rows[:, 1, :2] += 0.01
+    rows[:, 2] = rows[:, 2] * 2 - 1
+    expected = np.zeros((N, 3, 4), np.float32)
+    density_rows(rows, expected)
+    found = on_gpu(gpu, "density", rows)
+    peak = 3 / np.pi / rows[:, 1, 0] ** 2
+    # t^2 is a difference of numbers up to d^2 / h^2, so kappa carries eps times that, relative to its peak
+    d2 = (rows[:, 0, :3] ** 2).sum(axis=1) / rows[:, 1, :2].min(axis=1) ** 2
+    assert (np.abs(found[:, 0, 0] - expected[:, 0, 0]) <= peak * EPS * 16 * (1 + d2)).all()
+    front = rows[:, 2, 1] > 1e-3
+    np.testing.assert_allclose(found[front, 0, 1], expected[front, 0, 1], rtol=1e-5)
+    np.testing.assert_array_equal(found[:, 0, 2], expected[:, 0, 2])
+    np.testing.assert_allclose(found[:, 0, 3], expected[:, 0, 3], rtol=1e-5)
+    np.testing.assert_allclose(found[:, 1:], expected[:, 1:], atol=1e-5)
+    np.testing.assert_allclose(expected[:, 2, :3], rows[:, 4, :3], atol=1e-6)
