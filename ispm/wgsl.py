@@ -75,7 +75,7 @@ class Source:
                 return f"{path}:{number}:{match[2]}"
             return match[0]
 
-        return re.sub(r"wgsl:(\d+):(\d+)", rename, message)
+        return re.sub(r"[\w/.]*wgsl:(\d+):(\d+)", rename, message)
 
 
 @cache

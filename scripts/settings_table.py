@@ -1,7 +1,7 @@
 """Write the table of settings in README.md from their one definition.
 
-    python scripts/settings_table.py           # rewrites it
-    python scripts/settings_table.py --check   # exit code 1 where it is out of date
+python scripts/settings_table.py           # rewrites it
+python scripts/settings_table.py --check   # exit code 1 where it is out of date
 """
 
 from __future__ import annotations

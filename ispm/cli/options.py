@@ -20,6 +20,7 @@ app = App(
     name="ispm",
     help="Dynamic global illumination by image space photon mapping.",
     help_format="plaintext",
+    suppress_keyboard_interrupt=False,
     help_epilogue="Exit codes: 0 done; 1 a bound of compare exceeded; 2 bad input or usage; "
     "3 no usable graphics adapter; 130 interrupted.",
 )

@@ -15,6 +15,8 @@ from ispm.cli.scene import choose_camera, open_scene, require_not_input
 from ispm.errors import OutputError, SettingsError
 from ispm.settings import LAYERS, VIEWS, LoadLimits, Settings, nearest
 
+_RENDERER_VIEWS = ("photons",)  # made by the renderer, not by the frame
+_ARRAYS = [(".npy", layer) for layer in LAYERS]
 _Point = Parameter(metavar="X,Y,Z", allow_leading_hyphen=True)
 
 
@@ -100,6 +102,8 @@ def render(
         Renderer(world, settings, camera=view, adapter=adapter, threads=threads) as renderer,
     ):
         frame = renderer.render()
+        if show in _RENDERER_VIEWS:
+            frame, show = dataclasses.replace(frame, image=renderer.view(show)), "full"
     frame.save(target, layers=wanted, show=show, float32=float)
     console.written(target)
     _report(console, frame.stats, target, stats)
@@ -131,7 +135,8 @@ def _layers(text: str | None, target: Path) -> list[str] | None:
 def _require_view(show: str, target: Path) -> None:
     if show not in VIEWS:
         raise SettingsError(f"--show: '{show}' is not one of {', '.join(VIEWS)}{nearest(show, VIEWS)}")
-    if show != "full" and target.suffix.lower() not in (".png", ".jpg", ".jpeg"):
+    ending = target.suffix.lower()
+    if show != "full" and ending not in (".png", ".jpg", ".jpeg") and (ending, show) not in _ARRAYS:
         raise SettingsError(
             f"--show: is for .png and .jpg; choose what a {target.suffix} holds with --layers"
         )

@@ -1,0 +1,50 @@
+"""How photons become incident light at receivers: several ways to one sum."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Protocol
+
+import numpy as np
+
+from ispm.estimators.grid import Grid
+from ispm.estimators.tiled import Tiled
+from ispm.estimators.tiled_cpu import TiledCpu
+from ispm.estimators.volumes import Volumes
+from ispm.gpu import Gpu
+
+
+class Estimator(Protocol):
+    """What every estimator does. Phi: a photon's flux; kappa: its density kernel; c: `cosine_ratio`."""
+
+    def __call__(
+        self, receivers: np.ndarray, photons: np.ndarray, clip_from_world: np.ndarray, size: tuple[int, int]
+    ) -> np.ndarray:
+        """Return (h*w, 16) float32: sums over all photons that count at a receiver.
+
+        receivers        (h*w,) RECEIVER, row by row from the top left
+        photons          (n,) PHOTON with radius and height set
+        clip_from_world  (4, 4) float64, perspective or orthographic, columns on the right
+        size             width and height of the receivers' screen
+        channels         0-2   Phi kappa c, irradiance in lx
+                         3     kappa, photons per m2
+                         4-6   Phi kappa c Fc
+                         8-10  Phi kappa c D V (1 - Fc)
+                         12-14 Phi kappa c D V Fc; 7, 11 and 15 are 0, and so are 4 to 15 where alpha is 0
+        """
+
+    def close(self) -> None:
+        """Free what is held on the device."""
+
+
+def _tiled(gpu: Gpu, threads: int | None) -> Estimator:
+    """On a software adapter numba does the same work in a third of the time."""
+    return TiledCpu(threads) if gpu.is_software else Tiled(gpu)
+
+
+# Made of a device and a number of threads (None: all).
+ESTIMATORS: dict[str, Callable[[Gpu, int | None], Estimator]] = {
+    "volumes": lambda gpu, threads: Volumes(gpu),
+    "tiled": _tiled,
+    "grid": lambda gpu, threads: Grid(threads),
+}

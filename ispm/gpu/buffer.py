@@ -35,8 +35,7 @@ class Buffer:
         self.nbytes = max(-(-nbytes // 16) * 16, 16)
         if self.nbytes > self.handle.size:
             capacity = self.nbytes if self.handle.size == _SMALLEST else self.nbytes * 5 // 4 // 16 * 16
-            self.handle.destroy()
-            self.handle = self._create(capacity)
+            self.handle = self._create(capacity)  # the old one lives while recorded commands use it
             self.version += 1
         return self
 

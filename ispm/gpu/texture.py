@@ -53,10 +53,13 @@ class Texture:
         return self._handle
 
     def sized(self, size: tuple[int, int], *, layers: int | None = None, levels: int = 1) -> Texture:
-        """Return this texture with (width, height) texels; old ones are freed where anything differs."""
+        """Return this texture with (width, height) texels, new ones where anything differs.
+
+        The old ones are freed when no recorded command uses them any more.
+        """
         layers = self.layers if layers is None else layers
         if self._handle is None or (size, layers, levels) != (self.size, self.layers, self.levels):
-            self.close()
+            self._views.clear()  # not destroyed: commands that are not submitted yet may use them
             self._handle = self._device.create_texture(
                 label=self.name, size=(*size, layers), format=self.format, usage=self._usage,
                 mip_level_count=levels,

@@ -1,0 +1,1 @@
+"""Files: scenes that are read, pictures that are written."""

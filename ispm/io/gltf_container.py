@@ -7,7 +7,7 @@ import binascii
 import mmap
 import re
 import struct
-from pathlib import Path, PurePosixPath, PureWindowsPath
+from pathlib import Path, PureWindowsPath
 from urllib.parse import unquote, unquote_to_bytes
 
 import msgspec
@@ -95,8 +95,6 @@ def read_uri(uri: str, folder: Path, limits: LoadLimits) -> memoryview:
         return memoryview(_data_uri(uri))
     name = unquote(uri)
     if re.match(r"[A-Za-z][A-Za-z0-9+.-]*:", uri) or PureWindowsPath(name).anchor or "\0" in name:
-        raise SceneError(f"'{uri[:200]}' is not read: only files in the scene's own folder are")
-    if PurePosixPath(name).is_absolute():
         raise SceneError(f"'{uri[:200]}' is not read: only files in the scene's own folder are")
     folder = folder.resolve()
     path = (folder / name).resolve()

@@ -17,6 +17,7 @@ from ispm.settings import LoadLimits
 COMPONENTS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
 MOST_WARNINGS = 50
+MOST_ZEROS = 1_000_000  # elements that take no bytes of the file, so that small files stay small
 
 Item = TypeVar("Item")
 
@@ -106,6 +107,8 @@ class GltfFile:
         what = f"accessor {index}"
         dtype, shape = COMPONENTS[accessor.component_type], (self.count(index), WIDTHS[accessor.type])
         if accessor.buffer_view is None:
+            if shape[0] > MOST_ZEROS:
+                raise SceneError(f"{what} has {shape[0]} elements and no buffer view to hold them")
             values = np.broadcast_to(np.zeros(1, dtype), shape)
         else:
             values = self._strided(accessor.buffer_view, accessor.byte_offset, dtype, shape, what)

@@ -72,7 +72,9 @@ class Meshes:
         far = ~(np.abs(positions) < FARTHEST).all(axis=1)  # true for NaN, too
         if far.any():
             lost = far[triangles].any(axis=1)
-            self._file.notes.add(f"{where}: {lost.sum()} triangles are left out, as vertices are not finite")
+            self._file.notes.add(
+                f"{where}: triangles with vertices that are not finite: {lost.sum()} left out"
+            )
             triangles, kept = compact(triangles[~lost])
             positions, rows = positions[kept], rows[kept]
         if not len(triangles):

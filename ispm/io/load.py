@@ -31,6 +31,8 @@ def load(path: str | os.PathLike[str], **limits: Any) -> Scene:
         raise SceneError(_one_line(f"{path.name}: {error}")) from None
     except OSError as error:
         raise SceneError(_one_line(f"{path.name}: cannot be read: {error.strerror or error}")) from None
+    except MemoryError:
+        raise SceneError(_one_line(f"{path.name}: it needs more memory than there is")) from None
     scene.name = scene.name or path.stem
     scene.warnings = [_one_line(message) for message in scene.warnings]
     return scene

@@ -66,6 +66,12 @@ struct Light {
     kind: u32,             // LIGHT_*
     intensity: vec3f,      // cd per channel
     range: f32,            // m, 0: without end
+    map_x: vec3f,          // rows of the matrix from directions about the light to the cube of its maps:
+    spread: f32,           // the identity, or, seen from far, what puts the scene on the cube's +z face,
+    map_y: vec3f,          // `spread` = tan(half the angle) wide
+    solid_angle: f32,      // sr that the maps cover
+    map_z: vec3f,
+    faces: u32,            // of the cube in use: 6, or 1 for +z alone
 }
 const LIGHT_POINT = 0u;
 

@@ -22,7 +22,9 @@ def map_plan(
     lights  (L,) LIGHT
     """
     shares = share_photons(lights, settings.photons if settings.bounces else 0)
-    widths = [map_width(int(share)) if share else 0 for share in shares]
+    widths = [
+        map_width(light, int(share)) if share else 0 for light, share in zip(lights, shares, strict=True)
+    ]
     return widths, [map_shift(settings.seed, pass_index, i)[:2] for i in range(len(lights))]
 
 
@@ -38,12 +40,13 @@ def photons_of_maps(
     batches = [np.zeros(0, EMITTED)]
     first_key = 0
     for each, content in zip(maps.maps, texels, strict=True):
-        light = each.light
+        light, row = each.light, packed.lights[each.light]
         offset = map_shift(settings.seed, pass_index, light)[2]
         batches.append(
             thin(
-                content, cube_texel_solid_angles(each.width, each.shift),
-                packed.lights["intensity"][light], int(shares[light]), light, first_key, offset,
+                content.reshape(-1, each.width, each.width, 4),
+                cube_texel_solid_angles(each.width, each.shift, float(row["spread"])),
+                row, int(shares[light]), light, first_key, offset,
             )
         )  # fmt: skip
         first_key += 6 * each.width**2

@@ -13,7 +13,7 @@ from ispm.scene.light import PointLight
 from ispm.scene.material import Material
 from ispm.scene.mesh import Mesh
 from ispm.scene.scene import Node, Part, Scene
-from ispm.scene.shapes import box, lathe, merge, sweep
+from ispm.scene.shapes import box, merge, sweep
 
 BAY = 3.2  # m between the axes of columns
 HALF_X, HALF_Z = 3.5 * BAY, 1.5 * BAY  # the axes of the colonnade: 7 by 3 bays
@@ -21,12 +21,12 @@ GALLERY = 3.3  # m from the colonnade's axis to the wall behind
 SPRING, UPPER, UPPER_SPRING, EAVES = 4.2, 6.6, 9.8, 11.6  # heights in m
 PERIOD = 12.0  # s
 
-STONE = lambert((0.70, 0.59, 0.44), "limestone")
-PALE = lambert((0.74, 0.66, 0.54), "pale limestone")
-WARM = lambert((0.68, 0.54, 0.38), "sandstone")
-PLASTER = lambert((0.72, 0.63, 0.50), "plaster")
-DARK = lambert((0.42, 0.31, 0.22), "brownstone")
-FLOOR = lambert((0.78, 0.72, 0.62), "floor")
+STONE = lambert((0.74, 0.68, 0.57), "limestone")
+PALE = lambert((0.78, 0.73, 0.64), "pale limestone")
+WARM = lambert((0.72, 0.63, 0.50), "sandstone")
+PLASTER = lambert((0.76, 0.71, 0.62), "plaster")
+DARK = lambert((0.46, 0.36, 0.28), "brownstone")
+FLOOR = lambert((0.80, 0.75, 0.67), "floor")
 ROOF = lambert((0.52, 0.22, 0.12), "terracotta")
 WOOD = Material((0.23, 0.12, 0.06), roughness=0.6, name="oak")
 BRASS = Material((0.80, 0.58, 0.25), metallic=1.0, roughness=0.4, name="brass")
@@ -55,7 +55,7 @@ def atrium(time: float | None = None) -> Scene:
     _drapes(scene)
     _furniture(scene)
     _moving(scene)
-    add_camera(scene, (-10.3, 1.75, -1.5), (6.0, 3.9, 0.9), math.radians(58.0))
+    add_camera(scene, (-10.4, 1.75, -1.8), (6.0, 3.2, 0.4), math.radians(55.0))
     return scene if time is None else scene.at(time)
 
 
@@ -110,10 +110,10 @@ def _shell(scene: Scene) -> None:
             (-0.60, 6.30), (-0.50, 6.24), (-0.50, 6.10), (-0.42, 6.08),
         ]),
         ("cornice", PALE, [
-            (-0.42, EAVES), (wall, EAVES), (wall, 12.25), (-0.86, 12.25), (-0.86, 12.10), (-0.72, 12.02),
-            (-0.72, 11.92), (-0.52, 11.80), (-0.52, 11.70), (-0.42, 11.68),
+            (-0.42, EAVES), (wall, EAVES), (wall, 12.25), (-0.66, 12.25), (-0.66, 12.10), (-0.58, 12.02),
+            (-0.58, 11.92), (-0.50, 11.80), (-0.50, 11.70), (-0.42, 11.68),
         ]),
-        ("roof", ROOF, [(-0.95, 12.20), (wall, 12.20), (wall, 13.40), (-0.95, 12.36)]),
+        ("roof", ROOF, [(-0.72, 12.20), (wall, 12.20), (wall, 13.40), (-0.72, 12.34)]),
         ("kerb", WARM, [(-0.75, -0.1), (0.65, -0.1), (0.65, 0.12), (-0.71, 0.12), (-0.75, 0.08)]),
     ]  # fmt: skip
     for name, material, profile in frames:
@@ -185,38 +185,30 @@ def _galleries(scene: Scene) -> None:
 
 
 def _drapes(scene: Scene) -> None:
-    """Curtains in arches of the ground floor, long banners from the upper arches, a tapestry at the end."""
-    curtain = masonry.drape(2.1, 3.75, 30, 14, 7.0, 0.42, 1, "curtain")
-    banner = masonry.drape(1.7, 5.6, 24, 16, 4.0, 0.0, 2, "banner")
-    pole = lathe([(0.0, -1.14), (0.06, -1.10), (0.03, -1.06), (0.03, 1.06), (0.06, 1.10), (0.0, 1.14)], 6, "pole")
-    scene_pole = Part(pole, BRASS)
-    low = {(-1, 0): OCHRE, (-1, 2): RED, (-1, 4): BLUE, (-1, 6): GREEN,
-           (1, 1): GREEN, (1, 3): RED, (1, 5): BLUE}  # fmt: skip
-    for (side, k), cloth in low.items():
-        x = -HALF_X + (k + 0.5) * BAY
-        _place(scene, [Part(curtain, cloth)], f"curtain {side} {k}", x, SPRING - 0.06, side * HALF_Z)
-        _pole(scene, scene_pole, x, SPRING - 0.03, side * HALF_Z)
-    high = {(-1, 1): GREEN, (-1, 3): OCHRE, (-1, 5): RED, (1, 0): OCHRE, (1, 2): BLUE, (1, 4): OCHRE, (1, 6): RED}
-    for (side, k), cloth in high.items():
-        x, z = -HALF_X + (k + 0.5) * BAY, side * (HALF_Z - 0.95)
-        _place(scene, [Part(banner, cloth)], f"banner {side} {k}", x, UPPER + 3.2, z)
-        _pole(scene, scene_pole, x, UPPER + 3.2, z)
-
-
-def _pole(scene: Scene, pole: Part, x: float, y: float, z: float) -> None:
-    """Lay a pole along x."""
-    node = Node("pole", (x, y, z), (0.0, 0.0, math.sqrt(0.5), math.sqrt(0.5)), parts=[pole])
-    scene.roots.append(node)
+    """Curtains in arches of the ground floor and long banners from the upper one."""
+    curtain = masonry.drape(2.1, 3.75, 30, 15, 7.0, 0.45, 1, "curtain")
+    banner = masonry.drape(2.0, 5.5, 24, 17, 4.0, 0.0, 2, "banner")
+    pole, bracketed = Part(masonry.pole(2.4, 0.0, "pole"), BRASS), Part(masonry.pole(2.4, 0.5, "bracketed pole"), BRASS)
+    curtains = {0: (OCHRE, 0), 1: (RED, 2), 2: (BLUE, 4), 3: (GREEN, 6), 4: (GREEN, 8), 5: (RED, 10), 6: (BLUE, 12)}
+    bays = _bays()
+    for number, (cloth, bay) in curtains.items():
+        x, z, turn, _ = bays[bay]
+        _place(scene, [Part(curtain, cloth), pole], f"curtain {number}", x, SPRING - 0.09, z, turn)
+    banners = {0: (GREEN, 1), 1: (OCHRE, 3), 2: (RED, 5), 3: (OCHRE, 7), 4: (BLUE, 9), 5: (OCHRE, 11), 6: (RED, 13)}
+    for number, (cloth, bay) in banners.items():
+        x, z, turn, _ = bays[bay]
+        x, z = _behind(x, z, turn, -0.95)
+        _place(scene, [Part(banner, cloth), bracketed], f"banner {number}", x, UPPER_SPRING - 0.09, z, turn)
 
 
 def _furniture(scene: Scene) -> None:
     """A fountain in the middle, urns with shrubs round it."""
     _place(scene, [Part(masonry.fountain(28, "fountain"), PALE)], "fountain", 0.0, 0.0, 0.0)
     urn = [Part(masonry.urn(14, "urn"), GLAZE)]
-    bush = [Part(masonry.bush(0.58, 3, 3, "bush"), LEAVES)]
-    for number, (x, z) in enumerate((sx * px, sz * 2.9) for px in (3.2, 9.0) for sx in (-1, 1) for sz in (-1, 1)):
+    bush = [Part(masonry.bush(0.42, 4, 3, "bush"), LEAVES)]
+    for number, (x, z) in enumerate((sx * px, sz * 3.3) for px in (3.2, 6.4) for sx in (-1, 1) for sz in (-1, 1)):
         _place(scene, urn, f"urn {number}", x, 0.0, z)
-        _place(scene, bush, f"bush {number}", x, 1.35, z, turn=1.3 * number)
+        _place(scene, bush, f"bush {number}", x, 1.13, z, turn=1.3 * number)
 
 
 def _moving(scene: Scene) -> None:
@@ -229,7 +221,7 @@ def _moving(scene: Scene) -> None:
     spin = np.stack([0.0 * half, np.sin(half), 0.0 * half, np.cos(half)], axis=1)
 
     swing = 0.06 * np.sin(angle)
-    to_sun = np.stack([-0.30 + swing, np.ones_like(swing), -0.42 + 0.5 * swing], axis=1)
+    to_sun = np.stack([-0.42 + swing, np.ones_like(swing), -0.36 + 0.5 * swing], axis=1)
     path = 300.0 * to_sun / np.linalg.norm(to_sun, axis=1, keepdims=True)
     sun = scene.add(PointLight((1.80e9, 1.71e9, 1.53e9)), name="sun", translation=tuple(path[0]))
 

@@ -94,18 +94,29 @@ def drape(
 
     columns, rows  of quads
     folds          number of folds across
-    waist          share of the width it is drawn in by, two thirds down, as by a cord; 0 hangs straight
+    waist          share of the width it is drawn aside by, two thirds down, as by a cord; 0 hangs straight
     """
     random = np.random.default_rng(seed)
     u, v = np.meshgrid(np.linspace(0.0, 1.0, columns + 1), np.linspace(0.0, 1.0, rows + 1))
     phase = 2.0 * np.pi * folds * (u + 0.02 * np.sin(2.0 * np.pi * (v + random.random())))
     swell = 0.35 + 0.65 * np.sqrt(v)
-    drawn = 1.0 - waist * np.exp(-(((v - 0.66) / 0.2) ** 2))
+    drawn = 1.0 - waist * np.where(v < 0.66, np.sin(0.5 * np.pi * v / 0.66) ** 2, np.exp(-(((v - 0.66) / 0.25) ** 2)))
     slow = np.sin(2.0 * np.pi * (1.3 * u + 0.4 * v + random.random()))
     z = (0.26 * width / folds * np.sin(phase) + 0.05 * slow) * swell
-    x = width * (u - 0.5) * drawn + 0.03 * np.sin(2.0 * phase) * v
+    x = width * (u * drawn - 0.5) + 0.03 * np.sin(2.0 * phase) * v
     y = -height * v * (1.0 - 0.02 * np.cos(phase) * v)
     return sheet(np.stack([x, y, z], axis=-1), name)
+
+
+def pole(length: float, reach: float, name: str) -> Mesh:
+    """A pole along x, 6 cm thick; where `reach` is not 0, brackets hold it that far in front of a wall at -z."""
+    half = 0.5 * length
+    upright = lathe([(0.0, -half), (0.03, -half), (0.03, half), (0.0, half)], 6)
+    turned = [values[:, [1, 0, 2]] * (1.0, -1.0, 1.0) for values in (upright.positions, upright.normals)]
+    parts = [Mesh(turned[0], upright.triangles, turned[1])]
+    if reach:
+        parts += [box((x - 0.03, -0.04, -reach), (x + 0.03, 0.04, 0.02)) for x in (0.05 - half, half - 0.05)]
+    return merge(parts, name)
 
 
 def door(name: str) -> tuple[Mesh, Mesh]:
@@ -123,10 +134,10 @@ _PANELS = ((0.2, 0.9), (1.25, 0.95))
 
 
 def urn(segments: int, name: str) -> Mesh:
-    """A potter's urn 1.1 m high, with a rim and earth in it."""
+    """A potter's urn 0.9 m high, with a rim and earth in it."""
     profile = [
-        (0.0, -0.02), (0.26, 0.0), (0.28, 0.05), (0.19, 0.10), (0.19, 0.14), (0.33, 0.34), (0.42, 0.58), (0.43, 0.72),
-        (0.36, 0.86), (0.33, 0.93), (0.40, 1.01), (0.42, 1.06), (0.38, 1.10), (0.34, 1.05), (0.31, 0.95), (0.0, 0.96),
+        (0.0, -0.02), (0.21, 0.0), (0.22, 0.05), (0.15, 0.09), (0.15, 0.12), (0.27, 0.27), (0.33, 0.46), (0.34, 0.57),
+        (0.28, 0.69), (0.26, 0.74), (0.32, 0.81), (0.33, 0.85), (0.30, 0.88), (0.27, 0.84), (0.25, 0.76), (0.0, 0.77),
     ]  # fmt: skip
     return lathe(profile, segments, name)
 

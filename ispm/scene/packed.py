@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -12,6 +13,10 @@ from ispm.scene.light import PointLight
 from ispm.scene.material import AlphaMode, Material, Texture, TextureUse
 from ispm.scene.mesh import Mesh
 from ispm.scene.scene import Scene
+
+
+_AIM_SPREAD = 0.8  # tangent of half the angle below which a light's maps look at the scene alone
+_AIM_MARGIN = 1.02  # for the maps' sub-texel shifts and filters
 
 
 @dataclass
@@ -127,6 +132,7 @@ def pack(scene: Scene, geometry: Geometry | None = None) -> Packed:
     for i, item in enumerate(material_list):
         material_rows[i] = _material_record(item, textures)
     instances, draws, bounds = _instances(rows, geometry)
+    _aim(lights, bounds)
     return Packed(
         geometry, instances, material_rows, textures, lights, draws, bounds,
         [material.name for material in material_list],
@@ -226,6 +232,43 @@ def _light_record(light: PointLight, world: np.ndarray) -> np.ndarray:
     row["intensity"] = light.intensity
     row["range"] = light.range if np.isfinite(light.range) else 0.0
     return row
+
+
+def _aim(lights: np.ndarray, bounds: np.ndarray) -> None:
+    """Point the maps of lights far outside the scene at it; the others look all around.
+
+    Photons and shadow texels that would miss the scene are saved: of a lamp twenty diagonals away
+    nearly all.
+    """
+    corners = np.array([[bounds[i >> k & 1][k] for k in range(3)] for i in range(8)])
+    for row in lights:
+        position = row["position"].astype(np.float64)
+        axis, spread = _view_of(corners - position)
+        aimed = spread < _AIM_SPREAD
+        if not aimed:
+            axis, spread = np.eye(3), 1.0
+        row["map_x"], row["map_y"], row["map_z"] = axis[0] / spread, axis[1] / spread, axis[2]
+        row["spread"], row["faces"] = spread, 1 if aimed else 6
+        square = spread * spread
+        face = 4.0 * math.atan2(square, math.sqrt(1.0 + 2.0 * square))
+        row["solid_angle"] = face if aimed else 4.0 * math.pi
+
+
+def _view_of(points: np.ndarray) -> tuple[np.ndarray, float]:
+    """Rows right, up, forward of a view from the origin to the middle of points, and the tangent of half
+    its angle, with a margin; infinite where a point is not ahead."""
+    forward = points.mean(axis=0)
+    distance = float(np.linalg.norm(forward))
+    if not distance > 0.0:
+        return np.eye(3), math.inf
+    forward = forward / distance
+    right = np.cross((0.0, 1.0, 0.0) if abs(forward[1]) < 0.99 else (1.0, 0.0, 0.0), forward)
+    right /= np.linalg.norm(right)
+    axes = np.stack([right, np.cross(forward, right), forward])
+    seen = points @ axes.T
+    if (seen[:, 2] <= 0.0).any():
+        return axes, math.inf
+    return axes, _AIM_MARGIN * float((np.abs(seen[:, :2]) / seen[:, 2:]).max())
 
 
 def _material_record(material: Material, textures: list[Texture]) -> np.ndarray:

@@ -28,8 +28,7 @@ class BounceStage:
         path, formats = "stages/bounce.wgsl", ["rgba32uint"]
         self._opaque = gpu.raster(path, formats)
         self._masked = gpu.raster(path, formats, vertex="vs_masked", fragment="fs_masked")
-        self._maps: list[Texture] = []
-        self._depth = gpu.texture("bounce depth", "depth32float", usage=["attachment"])
+        self._maps: list[tuple[Texture, Texture]] = []  # texels and depth
 
     def __call__(
         self,
@@ -49,28 +48,32 @@ class BounceStage:
         maps: list[BounceMap] = []
         for light, (width, shift) in enumerate(zip(widths, shifts, strict=True)):
             if width > 0:
-                texels = self._texels(len(maps)).sized((width, width))
+                texels, depth = self._textures(len(maps))
+                texels.sized((width, width), layers=int(scene.packed.lights[light]["faces"]))
+                depth.sized((width, width))
                 maps.append(BounceMap(light, texels, shift))
-                self._draw(frame, scene, maps[-1], near, pass_index)
+                self._draw(frame, scene, maps[-1], depth, near, pass_index)
         return BounceMaps(maps)
 
     def close(self) -> None:
         """Free the textures."""
-        for texture in (*self._maps, self._depth):
-            texture.close()
+        for pair in self._maps:
+            for texture in pair:
+                texture.close()
 
-    def _texels(self, index: int) -> Texture:
+    def _textures(self, index: int) -> tuple[Texture, Texture]:
         if index == len(self._maps):
-            self._maps.append(
-                self._gpu.texture(f"bounce map {index}", "rgba32uint", dimension="2d-array", layers=6)
-            )
+            texels = self._gpu.texture(f"bounce map {index}", "rgba32uint", dimension="2d-array", layers=6)
+            depth = self._gpu.texture(f"bounce depth {index}", "depth32float", usage=["attachment"])
+            self._maps.append((texels, depth))
         return self._maps[index]
 
-    def _draw(self, frame: Recording, scene: GpuScene, map: BounceMap, near: float, pass_index: int) -> None:
+    def _draw(
+        self, frame: Recording, scene: GpuScene, map: BounceMap, depth: Texture, near: float, pass_index: int
+    ) -> None:
         row = scene.packed.lights[map.light]
         shift = (2.0 * map.shift[0] / map.width, 2.0 * map.shift[1] / map.width)
         seen = seen_by_faces(scene.boxes, row)
-        depth = self._depth.sized((map.width, map.width))
         for layer, uniform in enumerate(face_uniforms(row, map.light, near, shift, pass_index)):
             shared = {
                 "face": frame.uniform(uniform), "vertices": scene.vertices, "indices": scene.indices,

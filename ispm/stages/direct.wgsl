@@ -25,15 +25,16 @@ struct Shadows {
 const TAP = 0.5;             // texels that each of four taps lies off in both directions
 const REACH = TAP + 1.0;     // texels at most between the point and what a tap reads, bilinear
 const SEAM = 6.0;            // texels from a cube's edge within which taps may fall on the next face
-const ROUNDING = 1.000015;   // 2^-16: a float's rounding errors in position and depth, and to spare
 
-// Share of the light that reaches a point `p` from the light, of normal ng.
+// Share of the light that reaches a point, `p` from the light with the normal ng, both on the cube of
+// its maps, where an aimed light's narrow view is stretched sideways to a whole face.
 //
 // A tap compares a point beside p with the depth stored up to REACH texels from p. On p's own plane the
 // two agree to within that distance across the view, so the plane shades itself nowhere if p is first
 // raised by REACH texels times the slope of the plane in the face: ng's components along the face's
-// edges. That is exact for planes, in units of texels, so no scene needs a bias of its own.
-fn visibility(light: u32, p: vec3f, ng: vec3f) -> f32 {
+// edges. That is exact for planes, in units of texels, so no scene needs a bias of its own. Bringing the
+// point REACH texels nearer as well keeps the other wall of a corner from shading the first.
+fn visibility(light: u32, spread: f32, p: vec3f, ng: vec3f) -> f32 {
     let across = abs(p);
     let distance = max(across.x, max(across.y, across.z));
     let texel = 2.0 * distance / shadows.side;
@@ -42,12 +43,13 @@ fn visibility(light: u32, p: vec3f, ng: vec3f) -> f32 {
     let raised = p + ng * (REACH * texel * dot(abs(ng), edges));
     let s = select(vec3f(1.0, 0.0, 0.0), vec3f(0.0, 1.0, 0.0), across.x == distance);
     let t = select(vec3f(0.0, 0.0, 1.0), vec3f(0.0, 1.0, 0.0), across.z == distance);
+    let nearer = 1.0 + 2.0 * REACH * spread / shadows.side;
     var sum = 0.0;
     for (var i = 0u; i < 4u; i++) {
         let tap = vec2f(f32(i & 1u), f32(i >> 1u)) * 2.0 - 1.0;
         let q = raised + (TAP * texel) * (tap.x * s + tap.y * t);
         let axial = max(abs(q.x), max(abs(q.y), abs(q.z)));
-        sum += textureSampleCompareLevel(cubes, farther, q, light, ROUNDING * shadows.near / axial);
+        sum += textureSampleCompareLevel(cubes, farther, q, light, nearer * shadows.near / axial);
     }
     return 0.25 * sum;
 }
@@ -91,7 +93,10 @@ fn lit(pixel: vec2u, material: u32) -> vec3f {
         if (window == 0.0 || dot(wi, ng) <= 0.0 || dot(wi, n) <= 0.0) {
             continue;
         }
-        let visible = visibility(i, from_light, ng);
+        let p = vec3f(dot(light.map_x, from_light), dot(light.map_y, from_light), dot(light.map_z, from_light));
+        let k2 = light.spread * light.spread;
+        let np = vec3f(k2 * dot(light.map_x, ng), k2 * dot(light.map_y, ng), dot(light.map_z, ng));
+        let visible = visibility(i, light.spread, p, normalize(np));
         if (visible > 0.0) {
             let irradiance = light.intensity * (visible * window * dot(wi, n) / (distance * distance));
             sum += eval_bsdf(bsdf, n, wo, wi) * irradiance;

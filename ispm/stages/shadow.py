@@ -8,7 +8,7 @@ from ispm.errors import SceneError
 from ispm.frame import GpuScene, ShadowMaps
 from ispm.gpu import Gpu, Group, Raster, Recording
 from ispm.optics.records import VERTEX
-from ispm.stages.cube import face_uniforms, seen_by_faces
+from ispm.stages.cube import face_uniforms, faces_in_use, seen_by_faces
 
 _FULL_CUBES = 4  # cubes of the asked resolution that all lights share
 _SMALLEST = 64  # texels of a side
@@ -65,13 +65,14 @@ class ShadowStage:
     def _draw(self, frame: Recording, scene: GpuScene, index: int, near: float, pass_index: int) -> None:
         light = scene.packed.lights[index]
         seen = seen_by_faces(scene.boxes, light)
-        for layer, uniform in enumerate(face_uniforms(light, index, near, pass_index=pass_index)):
+        uniforms = face_uniforms(light, index, near, pass_index=pass_index)
+        for row, (layer, uniform) in enumerate(zip(faces_in_use(light), uniforms, strict=True)):
             shared = {"face": frame.uniform(uniform), "instances": scene.instances}
             groups: dict[Raster, Group] = {}
-            with frame.draw_into(depth=self._cubes.view(layer=6 * index + layer)) as canvas:
+            with frame.draw_into(depth=self._cubes.view(layer=6 * index + int(layer))) as canvas:
                 canvas.vertices(scene.vertices)
                 canvas.indices(scene.indices)
-                for draw, visible in zip(scene.draws, seen[layer], strict=True):
+                for draw, visible in zip(scene.draws, seen[row], strict=True):
                     if not visible:
                         continue
                     masked = scene.is_masked(draw.material)

@@ -14,6 +14,7 @@ from ispm.optics.jit import jit
 from ispm.optics.records import EMITTED, NO_HIT
 from ispm.optics.rng import random4
 from ispm.optics.sampling import equal_area_octahedral
+from ispm.optics.vector import dot, scale
 from ispm.scene.packed import Packed
 from ispm.tracer.intersect import STACK_WORDS
 from ispm.tracer.simd import address, alloca, ldf
@@ -33,7 +34,7 @@ def share_photons(lights: np.ndarray, photon_count: int) -> np.ndarray:
     lights  (L,) LIGHT
     ->      (L,) int64; no light that shines gets none
     """
-    power = lights["intensity"].astype(np.float64) @ (0.2126, 0.7152, 0.0722)
+    power = lights["intensity"].astype(np.float64) @ (0.2126, 0.7152, 0.0722) * lights["solid_angle"]
     total = float(power.sum())
     if total <= 0.0 or photon_count == 0:
         return np.zeros(len(lights), np.int64)
@@ -41,13 +42,15 @@ def share_photons(lights: np.ndarray, photon_count: int) -> np.ndarray:
     return np.where(power > 0.0, np.maximum(shares, 1), 0)
 
 
-def map_width(photon_count: int) -> int:
-    """Return the width of a cube map's face so that thinning leaves `photon_count` photons.
+def map_width(light: np.void, photon_count: int) -> int:
+    """Return the width of a map's face so that thinning leaves `photon_count` photons.
 
-    The largest texel covers nearly 4 / W^2 sr; it must not carry more than one photon's flux, whose
-    share of the sphere is 4 pi / N: W^2 >= N / pi. About 52 % of the texels survive.
+    The largest texel covers nearly 4 k^2 / W^2 sr, k the spread; it must not carry more than one
+    photon's flux, a share Omega / N of the maps' solid angle. For a cube W^2 >= N / pi, and about 52 %
+    of the texels survive.
     """
-    return max(1, math.ceil(math.sqrt(photon_count / math.pi)))
+    widest = 4.0 * float(light["spread"]) ** 2 / float(light["solid_angle"])
+    return max(1, math.ceil(math.sqrt(widest * photon_count)))
 
 
 def map_shift(seed: int, pass_index: int, light: int) -> tuple[float, float, float]:
@@ -62,26 +65,28 @@ def map_shift(seed: int, pass_index: int, light: int) -> tuple[float, float, flo
 def thin(
     texels: np.ndarray,
     solid_angles: np.ndarray,
-    intensity: np.ndarray,
+    row: np.void,
     photon_count: int,
     light: int,
     first_key: int,
     offset: float,
 ) -> np.ndarray:
-    """Thin a cube map to photons of equal flux, in texel order.
+    """Thin a light's map to photons of equal flux, in texel order.
 
-    texels        (6, W, W, 4) uint32: instance, primitive and bits of u, v
+    texels        (faces, W, W, 4) uint32: instance, primitive and bits of u, v
     solid_angles  (W, W) float64 of one face's texels, sr
-    intensity     (3,) cd
+    row           LIGHT, number `light`
     offset        of the thinning's lattice, see `map_shift`
-    ->            (M,) EMITTED, M = `photon_count` in expectation; flux 4 pi I / photon_count each
-    A texel of flux I dOmega survives with probability dOmega photon_count / (4 pi). Survivors are
+    ->            (M,) EMITTED, M = `photon_count` in expectation; flux I Omega / photon_count each,
+                  Omega the maps' solid angle
+    A texel of flux I dOmega survives with probability dOmega photon_count / Omega. Survivors are
     spread evenly by comparing against a lattice (the plastic number's, Roberts 2018) shifted at
     random, so that the expectation is exact and the count nearly constant.
     """
     out = np.empty(texels.shape[0] * texels.shape[1] * texels.shape[2], EMITTED)
-    survival = (solid_angles * (photon_count / (4.0 * math.pi))).astype(np.float32)
-    flux = (np.asarray(intensity, np.float64) * (4.0 * math.pi / photon_count)).astype(np.float32)
+    covered = float(row["solid_angle"])
+    survival = (solid_angles * (photon_count / covered)).astype(np.float32)
+    flux = (row["intensity"].astype(np.float64) * (covered / photon_count)).astype(np.float32)
     count = _thin(texels, survival, flux, u32(light), u32(first_key), offset, out)
     return out[:count]
 
@@ -120,7 +125,8 @@ def emit_rays(
     pass_index: int,
     threads: int,
 ) -> np.ndarray:
-    """Draw photons by tracing rays from the lights, one in each cell of an equal-area sphere.
+    """Draw photons by tracing rays from the lights, one in each cell of an equal-area sphere, or of the
+    square that an aimed light's map covers.
 
     counts  (L,) photons wanted of each light; each gets the next square number
     ->      (M,) EMITTED, in order of light and cell
@@ -135,14 +141,14 @@ def emit_rays(
         rows["light"] = light
         intensity = packed.lights["intensity"][light].astype(np.float64)
         rows["flux"] = (intensity * (4.0 * math.pi / (side * side))).astype(np.float32)
+        aim = packed.lights[light : light + 1]
         rows["key"] = np.arange(first_key, first_key + side * side, dtype=np.uint32)
         first_key += side * side
-        position = packed.lights["position"][light]
         edges = np.linspace(0, len(rows), threads + 1).astype(np.int64)
 
-        def part(k: int, rows: Any = rows, edges: Any = edges, position: Any = position) -> None:
+        def part(k: int, rows: Any = rows, edges: Any = edges, aim: Any = aim) -> None:
             _emit_rays(
-                address(world.table), surfaces.addresses, surfaces.texels, surfaces.rows, position,
+                address(world.table), surfaces.addresses, surfaces.texels, surfaces.rows, aim,
                 rows[edges[k] : edges[k + 1]], u32(seed), u32(pass_index),
                 i64(edges[k]), i64(len(rows)),
             )  # fmt: skip
@@ -153,16 +159,22 @@ def emit_rays(
 
 
 @jit
-def _emit_rays(world, table, texels, texture_rows, position, rows, seed, pass_index, first, count):
+def _emit_rays(world, table, texels, texture_rows, lights, rows, seed, pass_index, first, count):
     side = i64(round(math.sqrt(count)))
-    origin = (position[0], position[1], position[2])
+    light = lights[0]
+    origin = (light.position[0], light.position[1], light.position[2])
     stack, words = alloca(STACK_WORDS), alloca(2)
     for i in range(len(rows)):
         r0, r1, r2, _ = random4(rows[i].key, u32(_DIMENSION_RAY), pass_index, seed)
         cell = first + i
         x = (f32(cell % side) + r0) / f32(side)
         y = (f32(cell // side) + r1) / f32(side)
-        d = equal_area_octahedral(f32(2) * x - f32(1), f32(2) * y - f32(1))
+        x, y = f32(2) * x - f32(1), f32(2) * y - f32(1)
+        d = equal_area_octahedral(x, y)
+        if light.faces == u32(1):
+            d, weight = _aimed_direction(light, x, y)
+            for c in range(3):
+                rows[i].flux[c] *= weight
         found, hit = closest_surface(
             world, table, texels, texture_rows, origin, d, r2, stack, words
         )
@@ -170,3 +182,19 @@ def _emit_rays(world, table, texels, texture_rows, position, rows, seed, pass_in
         rows[i].primitive = hit[1]
         rows[i].u = hit[2]
         rows[i].v = hit[3]
+
+
+@jit
+def _aimed_direction(light, x, y):
+    """Direction at (x, y) in [-1, 1]^2 of an aimed light's map, and the sphere's share there, times 4 pi.
+
+    d = k x right + k y up + forward over its length l; d Omega = k^2 dx dy / l^3.
+    """
+    k2 = light.spread * light.spread
+    d = (
+        k2 * x * light.map_x[0] + k2 * y * light.map_y[0] + light.map_z[0],
+        k2 * x * light.map_x[1] + k2 * y * light.map_y[1] + light.map_z[1],
+        k2 * x * light.map_x[2] + k2 * y * light.map_y[2] + light.map_z[2],
+    )
+    inv = f32(1) / math.sqrt(dot(d, d))
+    return scale(inv, d), k2 * inv * inv * inv * f32(1 / math.pi)

@@ -1,8 +1,10 @@
-"""Photons to receivers through tiles of the screen, on the CPU."""
+"""Photons to receivers through tiles of the screen, on the CPU; `tiled` does the same in compute shaders."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
@@ -37,48 +39,53 @@ _BOX = 6
 _BOXES_SIZE = _BOX * _BLOCKS // 2
 
 
-def estimate_tiles(
-    receivers: np.ndarray,
-    photons: np.ndarray,
-    clip_from_world: np.ndarray,
-    size: tuple[int, int],
-    threads: int | None = None,
-) -> np.ndarray:
-    """Return the light that photons bring to the receivers of a screen, see `estimators.Estimator`.
+class TiledCpu:
+    """The `tiled` estimator on the CPU, see `estimators.Estimator`.
 
-    The same bytes for any number of threads: a tile's photons are summed in their order.
+    A tile has the photons whose ellipsoids reach the box round its receivers; eight receivers at a time
+    are summed in one vector. The same bytes for any number of threads: a photon list is in photon order.
     """
-    out = np.zeros((len(receivers), CHANNELS), f32)
-    if not len(photons) or not len(receivers):
+
+    def __init__(self, threads: int | None = None) -> None:
+        self._threads = thread_count(threads)
+
+    def __call__(
+        self, receivers: np.ndarray, photons: np.ndarray, clip_from_world: np.ndarray, size: tuple[int, int]
+    ) -> np.ndarray:
+        """Return (h*w, 16) float32 channels, see `estimators.Estimator`."""
+        out = np.zeros((len(receivers), CHANNELS), f32)
+        if not len(photons) or not len(receivers):
+            return out
+        receivers, photons = np.ascontiguousarray(receivers), np.ascontiguousarray(photons)
+        tiles = -(-size[0] // _SIDE), -(-size[1] // _SIDE)
+        boxes = np.empty((tiles[0] * tiles[1], _BOX), f32)
+        self._run(_bound, address(receivers), size, tiles, len(boxes), address(boxes))
+        starts, members = self._bin(photons, np.asarray(clip_from_world, f64), size, tiles, boxes)
+        self._run(_gather, address(receivers), address(photons), size, tiles[0], starts, members, address(out))
         return out
-    workers = thread_count(threads)
-    receivers, photons = np.ascontiguousarray(receivers), np.ascontiguousarray(photons)
-    tiles = -(-size[0] // _SIDE), -(-size[1] // _SIDE)
-    boxes = np.empty((tiles[0] * tiles[1], _BOX), f32)
-    _run(workers, _bound, address(receivers), size, tiles, len(boxes), address(boxes))
-    starts, members = _bin(photons, np.asarray(clip_from_world, f64), size, tiles, boxes, workers)
-    _run(workers, _gather, address(receivers), address(photons), size, tiles[0], starts, members, address(out))
-    return out
 
+    def close(self) -> None:
+        """Nothing to free."""
 
-def _run(workers, kernel, *arguments):
-    """Call `kernel` from all threads with a shared counter of work."""
-    counter = np.zeros(8, i64)
-    run_threads(lambda _: kernel(address(counter), *arguments), workers)
+    def _bin(
+        self, photons: np.ndarray, clip: np.ndarray, size: tuple[int, int], tiles: tuple[int, int], boxes: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Photons of each tile: those of tile t are members[starts[t] : starts[t + 1]], in their order."""
+        spans = np.empty((len(photons), 4), i32)
+        self._run(_project, address(photons), np.ascontiguousarray(clip), size, tiles, spans)
+        counts = np.zeros((_CHUNKS, len(boxes)), i64)
+        visited = address(photons), tiles[0], address(boxes), spans
+        self._run(_visit, *visited, np.empty(0, i32), counts)
+        ends = np.cumsum(counts.T.ravel(), dtype=i64)
+        cursors = np.ascontiguousarray((ends - counts.T.ravel()).reshape(-1, _CHUNKS).T)
+        starts, members = np.append(cursors[0], ends[-1]), np.empty(ends[-1], i32)
+        self._run(_visit, *visited, members, cursors)
+        return starts, members
 
-
-def _bin(photons, clip, size, tiles, boxes, workers):
-    """Photons of each tile: those of tile t are members[starts[t] : starts[t + 1]], in their order."""
-    spans = np.empty((len(photons), 4), i32)
-    _run(workers, _project, address(photons), clip, size, tiles, spans)
-    counts = np.zeros((_CHUNKS, len(boxes)), i32)
-    visited = address(photons), tiles[0], address(boxes), spans
-    _run(workers, _visit, *visited, np.empty(0, i32), counts)
-    ends = np.cumsum(counts.T.ravel(), dtype=i64)
-    cursors = np.ascontiguousarray((ends - counts.T.ravel()).reshape(-1, _CHUNKS).T.astype(i32))
-    starts, members = np.append(cursors[0], i32(ends[-1])), np.empty(ends[-1], i32)
-    _run(workers, _visit, *visited, members, cursors)
-    return starts, members
+    def _run(self, kernel: Callable[..., None], *arguments: Any) -> None:
+        """Call `kernel` from all threads with a shared counter of work."""
+        counter = np.zeros(8, i64)
+        run_threads(lambda _: kernel(address(counter), *arguments), self._threads)
 
 
 @jit

@@ -1,0 +1,21 @@
+// What one photon brings to one receiver; every estimator on the GPU sums this.
+// include optics/bsdf.wgsl
+// include optics/density.wgsl
+
+// kappa, and kappa times the cosine ratio; zero where the photon does not count.
+fn arrival(receiver: Receiver, photon: Photon) -> vec2f {
+    let wi_ng = dot(photon.wi, receiver.ng);
+    if (receiver.valid == 0u || !photon_counts(wi_ng, dot(photon.normal, receiver.ng))) {
+        return vec2f(0.0);
+    }
+    let kappa = density_kernel(receiver.position - photon.position, photon.normal, photon.radius, photon.height);
+    return kappa * vec2f(1.0, cosine_ratio(dot(photon.wi, receiver.n), wi_ng));
+}
+
+// D V (1 - Fc), D V Fc and Fc; zero where the receiver has no glossy lobe.
+fn arrival_gloss(receiver: Receiver, wi: vec3f) -> vec3f {
+    if (receiver.alpha <= 0.0) {
+        return vec3f(0.0);
+    }
+    return gloss_terms(receiver.alpha, receiver.n, receiver.wo, wi);
+}

@@ -1,0 +1,40 @@
+"""What the documents say is so."""
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+
+
+def test_settings_table_of_the_readme_is_up_to_date():
+    script = [sys.executable, "scripts/settings_table.py", "--check"]
+    run = subprocess.run(script, cwd=ROOT, env={"PYTHONPATH": str(ROOT)})
+    assert run.returncode == 0, "run: python scripts/settings_table.py"
+
+
+def test_changelog_and_readme_name_the_commands_there_are():
+    from ispm.cli.main import COMMANDS
+
+    readme = (ROOT / "README.md").read_text("utf-8")
+    named = set(re.findall(r"^\| `ispm (\w+)", readme, re.MULTILINE))
+    assert named == {module.__name__.rpartition(".")[2] for module in COMMANDS}
+
+
+def test_python_in_the_readme_compiles():
+    readme = (ROOT / "README.md").read_text("utf-8")
+    blocks = re.findall(r"```python\n(.*?)```", readme, re.DOTALL)
+    assert blocks
+    for block in blocks:
+        compile(block, "README.md", "exec")
+
+
+def test_no_source_file_is_a_monolith():
+    # A file over 400 lines asks to be split.
+    long = {
+        str(path.relative_to(ROOT)): count
+        for path in (ROOT / "ispm").rglob("*")
+        if path.suffix in (".py", ".wgsl") and (count := len(path.read_text("utf-8").splitlines())) > 400
+    }
+    assert long == {}

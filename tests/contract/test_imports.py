@@ -1,0 +1,49 @@
+"""What importing costs: a graphics adapter, numpy or a compiler only where they are used."""
+
+import json
+import subprocess
+import sys
+
+import pytest
+
+HEAVY = ("numpy", "numba", "wgpu", "OpenEXR", "PIL", "scipy", "trimesh")
+FRESH = """
+import json, sys, time
+start = time.perf_counter()
+{code}
+seconds = time.perf_counter() - start
+print(json.dumps([seconds, [name for name in {heavy!r} if name in sys.modules]]))
+"""
+
+
+def fresh(code):
+    """Run code in a new process; return the seconds it took and what heavy modules it loaded."""
+    script = FRESH.format(code=code, heavy=HEAVY)
+    run = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    return json.loads(run.stdout.splitlines()[-1])
+
+
+@pytest.mark.parametrize(
+    "arguments", [["--help"], ["--version"], ["render", "--help"], ["render", "--print-config"], ["rendr"]]
+)
+def test_help_and_mistakes_load_nothing_heavy(arguments):
+    assert fresh(f"from ispm.cli.main import main; main({arguments})")[1] == []
+
+
+def test_importing_ispm_loads_nothing_heavy():
+    assert fresh("import ispm; ispm.__version__; ispm.Settings; ispm.SceneError")[1] == []
+
+
+def test_command_line_starts_at_once():
+    # 0.08 s on an idle core of 2023; the best of three keeps a busy machine from failing it.
+    assert min(fresh("import ispm.cli.main")[0] for _ in range(3)) < 0.3
+
+
+def test_loading_and_tracing_need_no_graphics():
+    code = "import ispm.io.load, ispm.scene.builtin, ispm.tracer.walk, ispm.bench.metrics"
+    assert "wgpu" not in fresh(code)[1]
+
+
+def test_importing_the_renderer_opens_no_device():
+    code = "import wgpu; wgpu.gpu.enumerate_adapters_sync = None; import ispm.renderer, ispm.gpu.device"
+    assert "wgpu" in fresh(code)[1]

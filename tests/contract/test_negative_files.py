@@ -1,0 +1,212 @@
+"""Malformed files end as a scene with warnings or as one line of SceneError, never otherwise."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+from assets import assets
+from gltf_builder import QUAD, QUAD_INDICES, GltfBuilder, quad
+
+from ispm.errors import SceneError
+from ispm.io.load import load
+
+SECONDS = 10.0
+PEAK_KIB = 1 << 20  # 1 GiB
+LOAD_ALL = """
+import json, resource, sys, time
+from pathlib import Path
+import PIL.Image
+from ispm.errors import SceneError
+from ispm.io.load import load
+
+PIL.Image.preinit()  # its modules are files, too
+touched = []
+def watch(event, args):
+    if event == "open" or event.startswith(("socket.", "subprocess.", "os.exec")):
+        touched.append([event, str(args[0]) if event == "open" else repr(args)])
+sys.addaudithook(watch)
+
+folder, ends = Path(sys.argv[1]), {}
+for name in sys.argv[2:]:
+    start = time.perf_counter()
+    try:
+        scene = load(folder / name)
+        end = "warn" if scene.warnings else "ok", scene.warnings
+    except SceneError as error:
+        end = "error", [str(error)]
+    except BaseException as error:
+        end = type(error).__name__, [str(error)]
+    ends[name] = *end, time.perf_counter() - start
+peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss // (1024 if sys.platform == "darwin" else 1)
+print(json.dumps({"ends": ends, "peak_kib": peak, "touched": touched}))
+"""
+
+
+def negative_cases() -> dict[str, dict[str, Any]]:
+    cases = json.loads((assets() / "negative" / "cases.json").read_text())
+    return {case["file"]: case for case in cases if case["file"].endswith((".gltf", ".glb"))}
+
+
+@pytest.fixture(scope="module")
+def outcome() -> Any:
+    """How each case ended, in one process of its own."""
+    folder = assets() / "negative"
+    command = [sys.executable, "-c", LOAD_ALL, str(folder), *negative_cases()]
+    return json.loads(subprocess.run(command, check=True, capture_output=True, text=True, timeout=120).stdout)
+
+
+def test_negative_files_end_as_listed(outcome: Any) -> None:
+    wrong = {
+        name: outcome["ends"][name]
+        for name, case in negative_cases().items()
+        if outcome["ends"][name][0] not in case.get("accept", [case["expect"]])
+    }
+    assert not wrong
+
+
+def test_negative_files_are_told_in_one_line_that_names_them(outcome: Any) -> None:
+    for name, (end, lines, _) in outcome["ends"].items():
+        assert all("\n" not in line for line in lines)
+        assert end != "error" or lines[0].startswith(f"{name}: ")
+
+
+def test_negative_files_take_little_time_and_memory(outcome: Any) -> None:
+    assert max(seconds for _, _, seconds in outcome["ends"].values()) < SECONDS
+    assert outcome["peak_kib"] < PEAK_KIB
+
+
+def test_negative_files_lead_to_no_file_outside_their_folder(outcome: Any) -> None:
+    folder = (assets() / "negative").resolve()
+    strays = [
+        t for t in outcome["touched"] if t[0] != "open" or not Path(t[1]).resolve().is_relative_to(folder)
+    ]
+    assert not strays
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        (b"", "empty"),
+        (b"hello", "neither GLB nor glTF"),
+        (b'{"asset": {"version": "2.0"}', "JSON"),
+        (b'{"asset": {}}', "version"),
+        (b'{"asset": {"version": "1.0"}}', "version 1.0"),
+        (b'{"asset": {"version": "2.1", "minVersion": "2.1"}}', "version 2.1"),
+        (b'{"asset": {"version": "2.0"}, "extras": ' + b"[" * 100_000 + b"]" * 100_000 + b"}", "nested"),
+        (b'{"asset": {"version": "2.0"}, "extras": NaN}', "JSON"),
+        (b'{"asset": {"version": "2.0"}, "nodes": [{"translation": [1e400, 0, 0]}]}', "out of range"),
+        (b'{"asset": {"version": "2.0"}, "nodes": [{"translation": [0, 0]}]}', "translation"),
+        (b'{"asset": {"version": "2.0"}, "nodes": [{"name": "\xff"}]}', "UTF-8"),
+        ('{"asset": {"version": "2.0"}}'.encode("utf-16"), "UTF-8"),
+        (b"glTF", "header"),
+    ],
+)
+def test_broken_text_is_refused(tmp_path: Path, text: bytes, reason: str) -> None:
+    path = tmp_path / "broken.gltf"
+    path.write_bytes(text)
+    with pytest.raises(SceneError, match=rf"^broken\.gltf: .*{reason}"):
+        load(path)
+
+
+def test_every_cut_of_a_glb_is_refused(tmp_path: Path) -> None:
+    whole = quad().save_glb(tmp_path / "whole.glb").read_bytes()
+    path = tmp_path / "cut.glb"
+    for length in range(0, len(whole), 7):
+        path.write_bytes(whole[:length])
+        with pytest.raises(SceneError, match=r"^cut\.glb: "):
+            load(path)
+
+
+@pytest.mark.parametrize(
+    "uri",
+    ["../secret.bin", "%2e%2e/secret.bin", "/etc/passwd", "file:///etc/passwd", "http://127.0.0.1:9/a.bin",
+     "HTTPS://example.org/a.bin", "C:/secret.bin", "//host/share/a.bin", "link.bin", "a\0.bin", "", "."],
+)  # fmt: skip
+def test_buffers_outside_the_folder_are_refused(tmp_path: Path, uri: str) -> None:
+    (tmp_path / "secret.bin").write_bytes(bytes(1000))
+    inside = tmp_path / "inside"
+    inside.mkdir()
+    (inside / "link.bin").symlink_to(tmp_path / "secret.bin")
+    builder = quad(buffers=[{"byteLength": 140, "uri": uri}])
+    with pytest.raises(SceneError, match=r"^scene\.gltf: "):
+        builder.load(inside)
+
+
+def test_buffers_inside_the_folder_are_read(tmp_path: Path) -> None:
+    builder = quad()
+    (tmp_path / "sub folder").mkdir()
+    (tmp_path / "sub folder" / "a.bin").write_bytes(builder.data)
+    builder.json["buffers"] = [{"byteLength": len(builder.data), "uri": "sub%20folder/a.bin"}]
+    assert builder.load(tmp_path).triangle_count == 2
+
+
+@pytest.mark.parametrize(
+    ("kind", "change", "reason"),
+    [
+        ("accessors", {"count": 10**12}, "elements"),
+        ("accessors", {"count": 10**7}, "ends at byte"),
+        ("accessors", {"byteOffset": 2**63}, "ends at byte"),
+        ("accessors", {"bufferView": 99}, "buffer view 99"),
+        ("accessors", {"type": "MAT4"}, "POSITION"),
+        ("accessors", {"type": "VEC2"}, "POSITION"),
+        ("accessors", {"bufferView": None, "count": 10**8}, "."),
+        ("bufferViews", {"byteLength": 10**15}, "ends at byte"),
+        ("bufferViews", {"byteStride": 4}, "stride"),
+        ("bufferViews", {"buffer": 3}, "buffer 3"),
+        ("nodes", {"mesh": 7}, "mesh 7"),
+        ("nodes", {"camera": 7}, "camera 7"),
+        ("nodes", {"children": [0]}, "own child"),
+        ("nodes", {"children": [5]}, "child 5"),
+    ],
+)
+def test_wrong_numbers_are_refused(tmp_path: Path, kind: str, change: dict[str, Any], reason: str) -> None:
+    builder = quad()
+    builder.json[kind][0] = {k: v for k, v in (builder.json[kind][0] | change).items() if v is not None}
+    with pytest.raises(SceneError, match=rf"^scene\.gltf: .*{reason}"):
+        builder.load(tmp_path)
+
+
+def test_elements_without_bytes_are_bounded(tmp_path: Path) -> None:
+    builder = GltfBuilder()
+    zeros = builder.put("accessors", {"componentType": 5126, "count": 10**8, "type": "VEC3"})
+    mesh = builder.put("meshes", {"primitives": [{"attributes": {"POSITION": zeros}}]})
+    builder.node(mesh=mesh)
+    with pytest.raises(SceneError, match="no buffer view"):
+        builder.load(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("limits", "reason"),
+    [({"triangles": 3}, "triangles=3"), ({"nodes": 1}, "nodes=1"), ({"elements": 3}, "elements=3"),
+     ({"file_bytes": 100}, "file_bytes=100")],
+)  # fmt: skip
+def test_limits_are_held(tmp_path: Path, limits: dict[str, int], reason: str) -> None:
+    builder = quad()
+    builder.node(mesh=0)
+    assert builder.load(tmp_path).triangle_count == 4  # within the defaults
+    with pytest.raises(SceneError, match=reason):
+        builder.load(tmp_path, **limits)
+
+
+@pytest.mark.parametrize("value", [float("nan"), float("inf"), -float("inf"), 3e38])
+def test_vertices_that_are_not_finite_take_their_triangles_with_them(tmp_path: Path, value: float) -> None:
+    positions = QUAD.copy()
+    positions[1, 2] = value  # used by the first triangle only
+    builder = GltfBuilder()
+    builder.node(mesh=builder.mesh(QUAD_INDICES, POSITION=positions))
+    scene = builder.load(tmp_path)
+    mesh = scene.nodes[0].parts[0].mesh
+    assert scene.triangle_count == 1
+    assert (mesh.positions[mesh.triangles] == QUAD[[[0, 3, 2]]]).all()
+    assert len(mesh.positions) == 3
+    assert "not finite" in scene.warnings[0]
+
+
+def test_names_cannot_break_a_line(tmp_path: Path) -> None:
+    builder = quad({"name": "a\nb\x1b[31m", "alphaMode": "FOO"})
+    (message,) = builder.load(tmp_path).warnings
+    assert message.isprintable()
+    assert "FOO" in message

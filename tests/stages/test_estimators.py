@@ -1,0 +1,260 @@
+"""All estimators compute the same sum, and the sum is the light that arrives."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from scipy import integrate
+
+from ispm.errors import AdapterError
+from ispm.estimators.grid import Grid
+from ispm.estimators.tiled import Tiled
+from ispm.estimators.tiled_cpu import TiledCpu
+from ispm.estimators.volumes import Volumes, icosahedron_corners, icosahedron_faces
+from ispm.gpu import Target
+from ispm.optics.records import PHOTON, RECEIVER
+from ispm.reference.gather import gather
+
+LOW, HIGH = np.array([-2.0, -1.5, -6.0]), np.array([2.0, 1.5, 1.0])  # of a room around the eye
+SIZE = (45, 27)  # not a multiple of a tile
+
+
+@dataclass
+class Scene:
+    receivers: np.ndarray
+    photons: np.ndarray
+    clip: np.ndarray
+    size: tuple[int, int] = SIZE
+
+
+@pytest.fixture(scope="module")
+def estimators(gpu):
+    made = {
+        "volumes": Volumes(gpu),
+        "tiled": Tiled(gpu),
+        "tiled_cpu": TiledCpu(2),
+        "grid": Grid(2),
+    }
+    yield made
+    for estimator in made.values():
+        estimator.close()
+
+
+NAMES = ("volumes", "tiled", "tiled_cpu", "grid")
+
+
+def unit(vectors):
+    return vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
+
+
+def perspective(near=0.01, size=SIZE):
+    f = 1 / math.tan(math.radians(35))
+    clip = np.zeros((4, 4))
+    clip[0, 0], clip[1, 1], clip[2, 3], clip[3, 2] = f * size[1] / size[0], f, near, -1
+    return clip
+
+
+def orthographic(half_height=1.4, size=SIZE, far=7.0):
+    """Looking along -Z from z = 0.9; depth 1 near to 0 far."""
+    clip = np.diag([size[1] / size[0] / half_height, 1 / half_height, 1 / far, 1.0])
+    clip[2, 3] = 1 - 0.9 / far
+    return clip
+
+
+def seen_in_room(clip, jitter, random, size=SIZE):
+    """Receivers where the screen's rays, `jitter` pixels around the centers at most, leave the room."""
+    columns, rows = np.meshgrid(np.arange(size[0]), np.arange(size[1]))
+    shift = random.uniform(-jitter, jitter, (2, *columns.shape))
+    x = (columns + 0.5 + shift[0]) / size[0] * 2 - 1
+    y = 1 - (rows + 0.5 + shift[1]) / size[1] * 2
+    inverse = np.linalg.inv(clip)
+    ends = []
+    for z in (0.5, 0.25):
+        p = np.stack([x, y, np.full_like(x, z), np.ones_like(x)], -1) @ inverse.T
+        ends.append((p[..., :3] / p[..., 3:]).reshape(-1, 3))
+    direction = unit(ends[1] - ends[0]) + 1e-12
+    start = ends[0] if clip[3, 3] else np.zeros(3)
+    distance = np.where(direction > 0, HIGH - start, LOW - start) / direction
+    wall = distance.argmin(axis=1)
+    everyone = np.arange(len(wall))
+    ng = np.zeros_like(direction)
+    ng[everyone, wall] = -np.sign(direction[everyone, wall])
+    receivers = np.zeros(len(wall), RECEIVER)
+    receivers["position"] = start + direction * distance.min(axis=1)[:, None]
+    receivers["ng"], receivers["wo"] = ng, -direction
+    receivers["n"] = unit(ng + 0.2 * random.normal(size=ng.shape))
+    receivers["valid"] = random.random(len(wall)) < 0.95
+    return receivers
+
+
+def photons_in_room(count, radius, random):
+    """On the walls, off them by a little, with kernels of any tilt within 20 degrees."""
+    photons = np.zeros(count, PHOTON)
+    wall, side = random.integers(0, 3, count), random.random(count) < 0.5
+    position = random.uniform(LOW, HIGH, (count, 3))
+    everyone = np.arange(count)
+    position[everyone, wall] = np.where(side, HIGH[wall], LOW[wall])
+    normal = np.zeros((count, 3))
+    normal[everyone, wall] = np.where(side, -1, 1)
+    normal = unit(normal + 0.15 * random.normal(size=normal.shape))
+    photons["position"] = position + normal * random.uniform(-0.05, 0.05, (count, 1))
+    photons["normal"] = normal
+    photons["wi"] = unit(normal + unit(random.normal(size=normal.shape)))
+    photons["flux"] = random.random((count, 3))
+    photons["radius"] = random.uniform(*radius, count)
+    photons["height"] = photons["radius"] * random.uniform(0.2, 1, count)
+    return photons
+
+
+def make_scene(name):
+    random = np.random.default_rng(sum(map(ord, name)))
+    clip = orthographic() if name == "orthographic" else perspective()
+    receivers = seen_in_room(clip, 0.5 if name == "off-center" else 0.0, random)
+    if name != "diffuse":
+        receivers["alpha"] = np.where(random.random(len(receivers)) < 0.7, random.uniform(0.02, 1, len(receivers)), 0)
+    sizes = {"eye inside kernels": (3.0, 8.0), "off-center": (0.05, 0.4)}
+    photons = photons_in_room(400, sizes.get(name, (0.1, 1.0)), random)
+    return Scene(receivers, photons, clip)
+
+
+SCENES = ("diffuse", "glossy", "eye inside kernels", "orthographic", "off-center")
+
+
+def disagreement(found, expected):
+    """Largest error of each group of four channels, relative to the group's peak."""
+    groups = np.abs(found - expected).reshape(-1, 4, 4).max(axis=(0, 2))
+    peaks = np.abs(expected).reshape(-1, 4, 4).max(axis=(0, 2))
+    return groups / np.where(peaks > 0, peaks, 1)
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("scene", SCENES)
+def test_estimator_matches_brute_force(estimators, name, scene):
+    s = make_scene(scene)
+    expected = gather(s.receivers, s.photons)
+    assert (expected[:, 3] > 0).mean() > 0.3
+    assert (expected[:, 12:15].max() > 0) == (scene != "diffuse")
+    found = estimators[name](s.receivers, s.photons, s.clip, s.size)
+    # float32: kappa's error is eps d^2 / h^2 <= 25 eps of its peak, D's 4 eps / alpha; both below 1e-4
+    assert disagreement(found, expected).max() < 1e-4
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_no_photons_bring_no_light(estimators, name):
+    s = make_scene("glossy")
+    found = estimators[name](s.receivers, s.photons[:0], s.clip, s.size)
+    assert found.shape == (len(s.receivers), 16)
+    assert not found.any()
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_near_plane_does_not_matter(estimators, name):
+    s = make_scene("eye inside kernels")
+    found = [estimators[name](s.receivers, s.photons, perspective(near), s.size) for near in (1e-4, 0.7)]
+    # lists made by atomics differ in order
+    assert disagreement(found[0], found[1]).max() < 1e-6
+
+
+def test_photons_that_cannot_be_seen_stay_out(estimators):
+    s = make_scene("diffuse")
+    behind = s.photons.copy()
+    behind["position"][:, 2] = 20.0
+    for name in NAMES:
+        assert not estimators[name](s.receivers, behind, s.clip, s.size).any()
+
+
+def test_estimates_repeat_to_the_bit_for_any_threads(gpu):
+    s = make_scene("glossy")
+    found = [TiledCpu(threads)(s.receivers, s.photons, s.clip, s.size) for threads in (1, 2, 5)]
+    assert (found[0] == found[1]).all()
+    assert (found[0] == found[2]).all()
+
+
+def floor(size, half, height=0.0):
+    """Receivers on z = height under an orthographic eye; (w*h,) row by row, and the camera."""
+    clip = orthographic(half, size)
+    x = ((np.arange(size[0]) + 0.5) / size[0] * 2 - 1) * half * size[0] / size[1]
+    y = (1 - (np.arange(size[1]) + 0.5) / size[1] * 2) * half
+    receivers = np.zeros(size[0] * size[1], RECEIVER)
+    receivers["position"][:, 0], receivers["position"][:, 1] = (a.ravel() for a in np.meshgrid(x, y))
+    receivers["position"][:, 2] = height
+    receivers["ng"] = receivers["n"] = receivers["wo"] = (0, 0, 1)
+    receivers["valid"] = 1
+    return receivers, clip
+
+
+def lattice(step, half, radius, total):
+    """Photons of `total` lm together, evenly over the square |x|, |y| < half at z = 0."""
+    place = np.arange(-half + step / 2, half, step)
+    photons = np.zeros(len(place) ** 2, PHOTON)
+    photons["position"][:, 0], photons["position"][:, 1] = (a.ravel() for a in np.meshgrid(place, place))
+    photons["normal"] = photons["wi"] = (0, 0, 1)
+    photons["flux"] = total / len(photons)
+    photons["radius"], photons["height"] = radius, radius / 4
+    return photons
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_uniform_photons_give_flux_per_area_and_the_known_edge(estimators, name):
+    """E = Phi / A inside; at u radii from the edge the kernel's mass within: biweight's closed form."""
+    size, radius = (64, 32), 0.4
+    receivers, clip = floor(size, 1.2)
+    found = estimators[name](receivers, lattice(0.04, 1.0, radius, 100.0), clip, size)
+    u = (1.0 - np.abs(receivers["position"][:, 0].astype(float))) / radius
+    mass = [
+        0.5 + 16 / (5 * math.pi) * integrate.quad(lambda t: (1 - t * t) ** 2.5, 0, np.clip(v, -1, 1))[0] for v in u
+    ]
+    middle = np.abs(receivers["position"][:, 1]) < 0.5  # away from the other two edges
+    # ten photons per radius: the lattice sum of a C1 function is within 1e-3 of its integral
+    np.testing.assert_allclose(found[middle, 0], np.array(mass)[middle] * 100 / 4, atol=25 * 2e-3)
+    np.testing.assert_allclose(found[middle, 3], np.array(mass)[middle] / 0.04**2, atol=625 * 2e-3)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_single_photon_keeps_its_flux(estimators, name):
+    receivers, clip = floor((64, 64), 1.0)
+    photon = lattice(0.1, 0.05, 0.7, 5.0)
+    found = estimators[name](receivers, photon, clip, (64, 64))
+    # midpoint rule over 45 pixels across the kernel: error (pixel / radius)^2 at most
+    assert found[:, 0].sum() * (2 / 64) ** 2 == pytest.approx(5.0, rel=2e-3)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_thin_wall_keeps_the_dark_side_dark(estimators, name):
+    receivers, clip = floor((16, 16), 1.0, height=-0.01)
+    photons = lattice(0.1, 1.0, 0.5, 10.0)
+    lit = estimators[name](receivers, photons, clip, (16, 16))
+    receivers["ng"] = receivers["n"] = (0, 0, -1)
+    dark = estimators[name](receivers, photons, clip, (16, 16))
+    assert lit[:, 0].max() > 1
+    assert not dark.any()
+
+
+def test_scaled_icosahedron_holds_the_kernel_and_unscaled_does_not():
+    triangles = icosahedron_corners()[icosahedron_faces().reshape(20, 3)]
+    normal = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+    inradius = np.einsum("ij,ij->i", unit(normal), triangles[:, 0])
+    assert inradius.min() == pytest.approx(inradius.max())
+    assert 1.25840857 * inradius.min() > 1 - 1e-8
+    assert inradius.min() < 0.8
+
+
+def test_unscaled_volumes_lose_light(gpu):
+    """The margin of a pixel is small against these kernels, so corners on the kernel's surface clip it."""
+    volumes = Volumes(gpu)
+    target = Target("rgba32float", blend="add")
+    volumes._diffuse = gpu.raster(
+        "estimators/volumes.wgsl", [target], depth=None, cull="front", fragment="fs_diffuse", BOUND_SCALE=1.0
+    )
+    receivers, clip = floor((64, 64), 1.0)
+    photon = lattice(0.1, 0.05, 0.9, 5.0)
+    found = volumes(receivers, photon, clip, (64, 64))
+    volumes.close()
+    assert disagreement(found, gather(receivers, photon)).max() > 1e-3
+
+
+def test_volumes_without_blending_say_what_to_choose(gpu, monkeypatch):
+    monkeypatch.setattr(type(gpu), "has", lambda self, feature: False)
+    with pytest.raises(AdapterError, match="'tiled' or 'grid'"):
+        Volumes(gpu)

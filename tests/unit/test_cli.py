@@ -1,0 +1,395 @@
+"""The command line: what goes where, exit codes, and one line for every mistake."""
+
+import json
+import runpy
+import subprocess
+import sys
+import tomllib
+import warnings
+from dataclasses import dataclass
+from pathlib import Path
+from typing import ClassVar
+from unittest.mock import patch
+
+import numpy as np
+import pytest
+
+import ispm.renderer
+from ispm.cli.main import main
+from ispm.errors import AdapterError, SceneWarning, SettingsError
+from ispm.io.image import write_npy, write_npz
+from ispm.renderer.picture import Frame
+from ispm.settings import Settings
+
+
+@dataclass
+class FakeStats:
+    stored_photons: int = 123_456
+    total_ms: float = 12.5
+    flux: float = float("nan")
+
+
+class FakeRenderer:
+    """Stands for the renderer: keeps what it was given and gives a grey frame."""
+
+    made: ClassVar[list] = []
+    error: ClassVar[BaseException | None] = None
+
+    def __init__(self, scene, settings, **options):
+        if FakeRenderer.error:
+            raise FakeRenderer.error
+        self.scene, self.settings, self.options = scene, settings, options
+        FakeRenderer.made.append(self)
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        pass
+
+    def render(self):
+        width, height = self.settings.size
+        light = np.full((height, width, 3), 0.25, np.float32)
+        layers = {"full": light, "direct": light, "depth": light[..., 0]}
+        return Frame(np.full((height, width, 3), 99, np.uint8), layers, FakeStats(), self.settings, {}, 0.0)
+
+
+@pytest.fixture(autouse=True)
+def place(tmp_path, monkeypatch):
+    """Each test in a folder of its own, with the renderer replaced."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(ispm.renderer, "Renderer", FakeRenderer, raising=False)
+    monkeypatch.setattr(FakeRenderer, "made", [])
+    monkeypatch.setattr(FakeRenderer, "error", None)
+    for name in ("PHOTONS", "SIZE", "PRESET", "MAX_TEXTURE"):
+        monkeypatch.delenv("ISPM_" + name, raising=False)
+    return tmp_path
+
+
+@pytest.fixture
+def ispm_command(capsys):
+    """Return a function that runs a command line and returns (exit code, stdout, stderr)."""
+
+    def run(line):
+        code = main(line.split())
+        out, err = capsys.readouterr()
+        return code, out, err
+
+    return run
+
+
+SMALL = "render cornell-box --size 8x6 "
+
+
+def test_render_writes_the_path_alone_to_stdout_and_the_table_to_stderr(ispm_command, place):
+    code, out, err = ispm_command(SMALL + "-o made/room.png")
+    assert (code, out) == (0, "made/room.png\n")
+    assert (place / "made" / "room.png").is_file()
+    assert "rendering 8x6, 40,000 photons" in err
+    assert "stored_photons  123,456" in err
+
+
+def test_render_names_the_picture_after_the_scene(ispm_command, place):
+    assert ispm_command(SMALL)[1] == "cornell-box.png\n"
+
+
+def test_quiet_says_nothing_but_the_path(ispm_command):
+    assert ispm_command(SMALL + "--quiet") == (0, "cornell-box.png\n", "")
+
+
+def test_json_is_one_object_with_null_for_what_is_not_finite(ispm_command):
+    code, out, _ = ispm_command(SMALL + "--json")
+    assert code == 0
+    assert json.loads(out) == {
+        "output": "cornell-box.png",
+        "stats": {"stored_photons": 123_456, "total_ms": 12.5, "flux": None},
+    }
+
+
+def test_statistics_go_to_a_file(ispm_command, place):
+    assert ispm_command(SMALL + "--stats s.json")[1] == "cornell-box.png\ns.json\n"
+    assert json.loads((place / "s.json").read_text())["stored_photons"] == 123_456
+
+
+def test_options_reach_the_renderer(ispm_command):
+    line = (
+        "--photons 2M --no-antialias --exposure -1.5 --background 0,.5,1 --adapter llvm --threads 2 --seed 7"
+    )
+    assert ispm_command(SMALL + line)[0] == 0
+    made = FakeRenderer.made[0]
+    assert made.settings == Settings(
+        size=(8, 6), photons=2_000_000, antialias=False, exposure=-1.5, background=(0.0, 0.5, 1.0), seed=7
+    )
+    assert (made.options["adapter"], made.options["threads"]) == ("llvm", 2)
+    assert made.options["camera"] is None
+
+
+def test_look_from_places_a_camera(ispm_command):
+    assert ispm_command(SMALL + "--look-from -1,2,3 --look-at 0,0,0 --fov 90")[0] == 0
+    camera = FakeRenderer.made[0].options["camera"]
+    assert camera.yfov == pytest.approx(np.pi / 2)
+    np.testing.assert_allclose(camera.pose[:3, 3], (-1, 2, 3))
+
+
+def test_fov_alone_changes_the_scenes_camera_and_keeps_its_place(ispm_command):
+    assert ispm_command(SMALL + "--fov 30")[0] == 0
+    made = FakeRenderer.made[0]
+    place = next(world for node, world in made.scene.placed() if node.camera)
+    assert made.options["camera"].yfov == pytest.approx(np.radians(30))
+    np.testing.assert_allclose(made.options["camera"].pose, place, atol=1e-9)
+
+
+def test_precedence_is_flag_environment_file_default(ispm_command, monkeypatch, place):
+    (place / "s.toml").write_text('photons = "1k"\nbounces = 1\nseed = 1\nmax-texture = 64\nsize = [4, 4]')
+    monkeypatch.setenv("ISPM_PHOTONS", "2k")
+    monkeypatch.setenv("ISPM_BOUNCES", "2")
+    code, out, _ = ispm_command("render --config s.toml --print-config --photons 3k")
+    settings = tomllib.loads(out)
+    assert code == 0
+    assert [settings[name] for name in ("photons", "bounces", "seed", "subsampling")] == [3000, 2, 1, 4]
+
+
+def test_print_config_can_be_read_back(ispm_command, place):
+    line = "render --print-config --size 64x48 --exposure 2 --background transparent --no-antialias"
+    _, out, _ = ispm_command(line)
+    (place / "s.toml").write_text(out)
+    assert ispm_command("render --config s.toml --print-config")[1] == out
+    assert json.loads(ispm_command("render --config s.toml --print-config --json")[1])["size"] == [64, 48]
+
+
+@pytest.mark.parametrize(
+    ("line", "says"),
+    [
+        ("rendr", 'Did you mean "render"'),
+        ("render cornell-box --photnos 3", "Did you mean --photons"),
+        ("render cornell-box --photons", "--photons requires an argument"),
+        ("render cornell-box extra", "extra"),
+        ("render cornell-box --photons 4x", "--photons: '4x' is not a number"),
+        ("render cornell-box --photons -3", "--photons: -3 is outside 0 to 100000000"),
+        ("render cornell-box --estimator volums", "did you mean 'volumes'?"),
+        ("render cornell-box --size 640", "--size: needs 2 numbers, not 1"),
+        ("render cornell-box --show ful", "--show: 'ful' is not one of"),
+        ("render cornell-box --show depth -o a.exr", "--layers"),
+        ("render cornell-box --layers depth", "--layers: a .png holds one picture"),
+        ("render cornell-box --layers deph -o a.exr", "did you mean 'depth'?"),
+        ("render cornell-box --float", "--float: is for .exr"),
+        ("render cornell-box --threads 0", "--threads: 0 is less than 1"),
+        ("render cornell-box --time nan", "--time: nan"),
+        ("render cornell-box --fov 180", "--fov: 180 is outside"),
+        ("render cornell-box --look-from 1,2,3", "give both"),
+        ("render cornell-box --look-from 1,2 --look-at 0,0,0", "--look-from: '1,2' is not X,Y,Z"),
+        ("render cornell-box --look-from 1,1,1 --look-at 1,1,1", "are the same"),
+        ("render cornell-box --camera 9 --fov 3", "there is no camera '9'"),
+        ("render cornell-box --animation walk", "no animation is called 'walk'"),
+        ("render cornell-box --max-texture 0", "--max-texture: 0 is outside"),
+        ("render cornell-box --config none.toml", "none.toml: cannot be read"),
+        ("render cornell-box -o a.tif", "use one of .png"),
+        ("render cornell-box -o /dev/null/a.png", "/dev/null/a.png: cannot be written"),
+        ("render cornell-box -o a.png --stats a.png", "name two files"),
+        ("render cornel-box", "did you mean 'cornell-box'?"),
+        ("render none.glb", "none.glb: there is no such file"),
+        ("render", "no scene was named"),
+        ("info", "SCENE"),
+        ("compare a.npy", "B"),
+        ("compare a.npy b.npy", "a.npy: there is no such file"),
+        ("compare a.npy b.npy --max-relmse -1", "--max-relmse: -1.0 is not a bound"),
+    ],
+)
+def test_a_mistake_is_one_line_and_exit_code_2(ispm_command, place, line, says):
+    code, out, err = ispm_command(line)
+    last = err.splitlines()[-1]
+    assert (code, out) == (2, "")
+    assert last.startswith("ispm: ")
+    assert says in last
+    assert "Traceback" not in err
+    assert not FakeRenderer.made
+    assert list(place.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("photnos = 3", "s.toml: there is no setting 'photnos'; did you mean 'photons'?"),
+        ("photons = 1.5", "s.toml: photons: 1.5 is not a whole number"),
+        ("photons = ", "s.toml: is not TOML"),
+    ],
+)
+def test_a_mistake_in_the_file_names_the_file(ispm_command, place, text, says):
+    (place / "s.toml").write_text(text)
+    code, _, err = ispm_command("render cornell-box --config s.toml")
+    assert code == 2
+    assert says in err
+
+
+def test_a_mistake_in_the_environment_names_the_variable(ispm_command, monkeypatch):
+    monkeypatch.setenv("ISPM_PHOTONS", "many")
+    assert ispm_command("render cornell-box")[2] == "ispm: ISPM_PHOTONS: 'many' is not a number\n"
+
+
+@pytest.mark.parametrize(
+    ("error", "code", "line"),
+    [
+        (SettingsError("size: too large"), 2, "ispm: size: too large\n"),
+        (AdapterError("no graphics adapter"), 3, "ispm: no graphics adapter\n"),
+        (KeyboardInterrupt(), 130, "ispm: interrupted\n"),
+        (
+            ZeroDivisionError("by\nzero"),
+            2,
+            "ispm: unexpected ZeroDivisionError: by zero; run again with --debug",
+        ),
+    ],
+)
+def test_errors_become_exit_codes(ispm_command, monkeypatch, error, code, line, place):
+    monkeypatch.setattr(FakeRenderer, "error", error)
+    result, out, err = ispm_command(SMALL + "--quiet")
+    assert (result, out) == (code, "")
+    assert err.startswith(line)
+    assert err.count("\n") == 1
+    assert list(place.iterdir()) == []
+
+
+def test_debug_adds_the_traceback(ispm_command, monkeypatch):
+    monkeypatch.setattr(FakeRenderer, "error", SettingsError("size: too large"))
+    code, _, err = ispm_command(SMALL + "--debug")
+    assert code == 2
+    assert "Traceback" in err
+    assert err.endswith("ispm: size: too large\n")
+
+
+def test_warnings_are_a_line_each_and_said_once(ispm_command, monkeypatch):
+    def render(self):
+        for _ in range(2):
+            warnings.warn("no light;\none was added", SceneWarning, stacklevel=1)
+            warnings.warn("of a library", RuntimeWarning, stacklevel=1)
+        return original(self)
+
+    original = FakeRenderer.render
+    monkeypatch.setattr(FakeRenderer, "render", render)
+    _, _, err = ispm_command(SMALL)
+    assert err.count("ispm: warning: no light; one was added\n") == 1
+    assert "library" not in err
+
+
+@pytest.mark.parametrize("command", ["", "render ", "compare ", "info ", "scenes ", "doctor ", "bench "])
+def test_every_command_has_help_with_an_example(ispm_command, command):
+    code, out, _ = ispm_command(command + "--help")
+    assert code == 0
+    assert "Example: ispm " + command.strip() in out or not command
+
+
+def test_render_help_names_every_setting_with_its_default(ispm_command):
+    _, out, _ = ispm_command("render --help")
+    for name in ("--photons", "--no-antialias", "--shadow-resolution", "--max-texture", "1280x720", "40000"):
+        assert name in out
+
+
+def test_a_picture_is_never_written_over_an_input(ispm_command, place):
+    (place / "room.gltf").write_text('{"asset":{"version":"2.0"},"images":[{"uri":"room.png"}]}')
+    (place / "room.png").write_text("a texture")
+    code, _, err = ispm_command("render room.gltf")
+    assert code == 2
+    assert "room.png: belongs to the scene room.gltf; name another file with -o" in err
+    assert (place / "room.png").read_text() == "a texture"
+    assert "belongs to the scene" in ispm_command("render room.gltf --stats room.gltf -o b.png")[2]
+
+
+def test_scenes_lists_every_built_in(ispm_command):
+    from ispm.scene.builtin import BUILTINS
+
+    code, out, err = ispm_command("scenes")
+    assert (code, out) == (0, "")
+    assert all(name in err for name in BUILTINS)
+    listed = json.loads(ispm_command("scenes --json")[1])["scenes"]
+    assert {scene["name"] for scene in listed} == set(BUILTINS)
+    assert all(len(scene["about"]) > 10 for scene in listed)
+
+
+def test_info_counts_what_the_scene_holds(ispm_command):
+    code, out, _ = ispm_command("info cornell-box --json")
+    contents = json.loads(out)
+    assert code == 0
+    assert (contents["triangles"], contents["textures"]) == (30, 0)
+    np.testing.assert_allclose(contents["bounds_low"], 0.0, atol=1e-6)
+    assert contents["lights"] == ["light"]
+
+
+def test_doctor_reports_the_machine(ispm_command):
+    code, out, _ = ispm_command("doctor --json")
+    report = json.loads(out)
+    assert code == 0
+    assert report["cores"] >= 1
+    assert report["adapters"][0]["name"] in report["device"]["name"]
+    assert report["packages"]["wgpu"].startswith("0.32")
+
+
+def test_doctor_without_an_adapter_says_the_cure_and_exits_with_3(ispm_command, monkeypatch):
+    import ispm.gpu.device
+
+    monkeypatch.setattr(ispm.gpu.device, "_adapters", list)
+    code, _, err = ispm_command("doctor")
+    assert code == 3
+    assert "apt-get install mesa-vulkan-drivers" in err
+    assert json.loads(ispm_command("doctor --json")[1])["adapters"] == []
+
+
+def test_list_adapters_names_them(ispm_command):
+    code, out, err = ispm_command("render --list-adapters")
+    assert (code, out) == (0, "")
+    assert "Vulkan" in err or "Metal" in err or "D3D12" in err
+
+
+@pytest.fixture
+def pictures(place):
+    """a.npy is 1.1 times b.npz:R where the mask m.npz:m is 1, and black elsewhere."""
+    reference = np.ones((4, 5, 3), np.float32)
+    mask = np.ones((4, 5), np.uint8)
+    mask[0] = 0
+    write_npz(place / "b.npz", {"R": reference, "other": reference})
+    write_npz(place / "m.npz", {"m": mask})
+    write_npy(place / "a.npy", reference * 1.1 * mask[..., None])
+
+
+def test_compare_reports_what_the_library_does(ispm_command, pictures):
+    code, out, _ = ispm_command("compare a.npy b.npz:R --mask m.npz:m --json")
+    result = json.loads(out)
+    assert code == 0
+    assert result["pixels"] == 15
+    assert result["bias"] == pytest.approx(0.1, abs=1e-6)
+    assert result["relmse"] == pytest.approx(0.01 / 1.001, rel=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("bounds", "code"),
+    [
+        ("--max-relmse 0.02 --max-bias 0.2", 0),
+        ("--max-relmse 0.001", 1),
+        ("--max-relmse 0.001 --reference-error 0.0095", 0),
+        ("--max-bias 0.05", 1),
+    ],
+)
+def test_compare_exits_with_1_over_a_bound(ispm_command, pictures, bounds, code):
+    assert ispm_command(f"compare a.npy b.npz:R --mask m.npz:m {bounds}")[0] == code
+
+
+def test_compare_writes_the_difference(ispm_command, pictures, place):
+    assert ispm_command("compare a.npy b.npz:R --diff d.png")[1] == "d.png\n"
+    assert (place / "d.png").is_file()
+
+
+def test_a_closed_pipe_is_no_error():
+    run = subprocess.Popen(
+        [sys.executable, "-m", "ispm", "scenes", "--json"],
+        cwd=Path(ispm.__file__).parents[1],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+    )
+    run.stdout.close()
+    assert run.stderr.read() == b""
+    assert run.wait() == 0
+    run.stderr.close()
+
+
+def test_python_m_ispm_is_the_command():
+    with patch.object(sys, "argv", ["ispm", "--version"]), pytest.raises(SystemExit) as caught:
+        runpy.run_module("ispm", run_name="__main__")
+    assert caught.value.code == 0

@@ -1,0 +1,147 @@
+"""Nodes, cameras and lights of a file against matrices composed by hand."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from gltf_builder import GltfBuilder
+
+from ispm.errors import SceneError
+from ispm.scene.camera import Camera
+
+
+def test_node_matrices_compose_translation_rotation_scale(tmp_path: Path) -> None:
+    """A quarter turn about Y takes +X to -Z; scale acts first, translation last."""
+    half = math.sqrt(0.5)
+    builder = GltfBuilder(scenes=[{"nodes": [0]}])
+    builder.node(name="a", translation=[1, 2, 3], rotation=[0, half, 0, half], scale=[2, 3, 4], children=[1])
+    builder.node(name="b", matrix=[0, 1, 0, 0, -1, 0, 0, 0, 0, 0, 1, 0, 5, 0, 0, 1])  # columns; turn about Z
+    places = {node.name: world for node, world in builder.load(tmp_path).placed()}
+    a = np.array([[0, 0, 4, 1], [0, 3, 0, 2], [-2, 0, 0, 3], [0, 0, 0, 1]])
+    b = np.array([[0, -1, 0, 5], [1, 0, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])
+    np.testing.assert_allclose(places["a"], a, atol=1e-12)
+    np.testing.assert_allclose(places["b"], a @ b, atol=1e-12)
+
+
+def test_a_chain_of_100000_nodes_loads(tmp_path: Path) -> None:
+    count = 100_000
+    nodes = [{"children": [i + 1], "translation": [0, 1, 0]} for i in range(count - 1)] + [{"name": "last"}]
+    scene = GltfBuilder(nodes=nodes, scenes=[{"nodes": [0]}]).load(tmp_path)
+    (*_, (node, world)) = scene.placed()
+    assert node.name == "last"
+    assert world[1, 3] == count - 1
+
+
+@pytest.mark.parametrize("children", [[[0]], [[1], [2], [0]], [[1], [2], [1]], [[3], [2], [1], []]])
+def test_cycles_are_refused_or_cut(tmp_path: Path, children: list[list[int]]) -> None:
+    nodes = [{"children": c} if c else {} for c in children]
+    builder = GltfBuilder(nodes=nodes, scenes=[{"nodes": [0]}])
+    if children == [[1], [2], [1]]:  # node 1 hangs on 0 already
+        assert [len(node.children) for node in builder.load(tmp_path).nodes] == [1, 1, 0]
+    else:
+        with pytest.raises(SceneError, match="its own"):
+            builder.load(tmp_path)
+
+
+def test_a_cycle_is_found_from_a_tail_that_leads_into_it(tmp_path: Path) -> None:
+    nodes = [{}, {"children": [2, 0]}, {"children": [1]}]  # 0 hangs on 1, and 1 and 2 on each other
+    with pytest.raises(SceneError, match="its own ancestor"):
+        GltfBuilder(nodes=nodes).load(tmp_path)
+
+
+def test_the_first_of_two_parents_is_kept(tmp_path: Path) -> None:
+    nodes = [{"children": [2], "translation": [1, 0, 0]}, {"children": [2, 2]}, {"name": "child"}]
+    scene = GltfBuilder(nodes=nodes, scenes=[{"nodes": [0, 1]}]).load(tmp_path)
+    assert [node.name for node in scene.nodes].count("child") == 1
+    assert dict((n.name, w) for n, w in scene.placed())["child"][0, 3] == 1.0
+    assert scene.warnings == ["node 'child' has two parents; the first is kept"]
+
+
+@pytest.mark.parametrize(
+    ("json", "shown"),
+    [
+        ({"scene": 1, "scenes": [{"nodes": [0]}, {"nodes": [1], "name": "second"}]}, ["b"]),
+        ({"scenes": [{"nodes": [0]}, {"nodes": [1]}]}, ["a"]),
+        ({"scene": 9, "scenes": [{"nodes": [0]}]}, ["a"]),
+        ({}, ["a", "b", "c"]),
+        ({"scenes": [{"nodes": [1, 2, 1]}]}, ["b"]),
+        ({"scenes": [{}]}, []),
+    ],
+)
+def test_the_default_scene_is_shown(tmp_path: Path, json: dict, shown: list[str]) -> None:
+    nodes = [{"name": "a", "children": [2]}, {"name": "b"}, {"name": "c"}]
+    scene = GltfBuilder(nodes=nodes, **json).load(tmp_path)
+    assert sorted(node.name for node in scene.nodes if node.name in shown) == shown
+    assert bool(scene.warnings) == (json.get("scene") == 9 or json.get("scenes") == [{"nodes": [1, 2, 1]}])
+
+
+def test_cameras_of_both_kinds_are_read(tmp_path: Path) -> None:
+    cameras = [
+        {"type": "perspective", "perspective": {"yfov": 0.7, "znear": 0.1}, "name": "eye"},
+        {"type": "orthographic", "orthographic": {"xmag": 2, "ymag": 3, "znear": 0, "zfar": 10}},
+    ]
+    builder = GltfBuilder(cameras=cameras, nodes=[{"camera": 0}, {"camera": 1}])
+    scene = builder.load(tmp_path)
+    assert [node.camera for node in scene.cameras] == [Camera(yfov=0.7), Camera(ymag=3.0)]
+    assert scene.cameras[0].camera.name == "eye"
+    assert scene.warnings == []
+
+
+@pytest.mark.parametrize(
+    ("camera", "kept"),
+    [
+        ({"type": "perspective", "perspective": {"yfov": 0, "znear": 0.1}}, True),
+        ({"type": "perspective", "perspective": {"yfov": 4, "znear": 0.1}}, True),
+        ({"type": "perspective", "perspective": {"yfov": 1, "znear": 2, "zfar": 1}}, True),
+        ({"type": "orthographic", "orthographic": {"xmag": 0, "ymag": 0, "znear": 0, "zfar": 1}}, False),
+        ({"type": "orthographic"}, False),
+        ({"type": "fisheye"}, False),
+    ],
+)
+def test_cameras_with_wrong_numbers_are_told(tmp_path: Path, camera: dict, kept: bool) -> None:
+    scene = GltfBuilder(cameras=[camera], nodes=[{"camera": 0}]).load(tmp_path)
+    assert len(scene.cameras) == kept
+    assert len(scene.warnings) == 1
+    assert all(0.0 < node.camera.yfov < math.pi for node in scene.cameras)
+
+
+def with_lights(*lights: dict) -> GltfBuilder:
+    nodes = [
+        {"name": f"n{i}", "extensions": {"KHR_lights_punctual": {"light": i}}} for i in range(len(lights))
+    ]
+    return GltfBuilder(nodes=nodes, extensions={"KHR_lights_punctual": {"lights": list(lights)}})
+
+
+def test_point_lights_have_intensity_per_channel(tmp_path: Path) -> None:
+    builder = with_lights(
+        {"type": "point", "color": [1, 0.5, 0.25], "intensity": 80, "range": 7, "name": "lamp"},
+        {"type": "point"},
+    )
+    first, second = (node.light for node in builder.load(tmp_path).lights)
+    assert (first.intensity, first.range, first.name) == ((80.0, 40.0, 20.0), 7.0, "lamp")
+    assert (second.intensity, second.range) == ((1.0, 1.0, 1.0), math.inf)
+
+
+def test_other_lights_are_counted_and_named(tmp_path: Path) -> None:
+    scene = with_lights({"type": "spot"}, {"type": "directional"}, {"type": "spot"}, {"type": "tube"}).load(
+        tmp_path
+    )
+    assert scene.lights == []
+    assert scene.warnings == [
+        "2 spot lights are not supported yet and give no light: 'n0', 'n2'",
+        "1 directional light is not supported yet and gives no light: 'n1'",
+        "1 'tube' light is not supported yet and gives no light: 'n3'",
+    ]
+
+
+def test_lights_with_wrong_numbers_are_mended(tmp_path: Path) -> None:
+    builder = with_lights(
+        {"type": "point", "intensity": -5},
+        {"type": "point", "range": 0},
+        {"type": "point", "color": [-1, 1, 1]},
+    )
+    scene = builder.load(tmp_path)
+    a, b, c = (node.light for node in scene.lights)
+    assert (a.intensity, b.range, c.intensity) == ((0.0, 0.0, 0.0), math.inf, (0.0, 1.0, 1.0))
+    assert len(scene.warnings) == 3
