@@ -23,7 +23,7 @@ _TILE = _SIDE * _SIDE
 _LANES = 8  # receivers of a block, 4 x 2 of the tile's: what one vector instruction works on
 _BLOCKS = _TILE // _LANES
 _CHUNKS = 16  # of photons, for binning; any number gives the same lists
-_FAR = f32(1e30)
+_FAR = f32(1e15)  # m; its square is a float too
 
 # 4-byte words of the records, see records.wgsl; both have 16.
 _WORDS = 16
@@ -61,14 +61,21 @@ class TiledCpu:
         boxes = np.empty((tiles[0] * tiles[1], _BOX), f32)
         self._run(_bound, address(receivers), size, tiles, len(boxes), address(boxes))
         starts, members = self._bin(photons, np.asarray(clip_from_world, f64), size, tiles, boxes)
-        self._run(_gather, address(receivers), address(photons), size, tiles[0], starts, members, address(out))
+        self._run(
+            _gather, address(receivers), address(photons), size, tiles[0], starts, members, address(out)
+        )
         return out
 
     def close(self) -> None:
         """Nothing to free."""
 
     def _bin(
-        self, photons: np.ndarray, clip: np.ndarray, size: tuple[int, int], tiles: tuple[int, int], boxes: np.ndarray
+        self,
+        photons: np.ndarray,
+        clip: np.ndarray,
+        size: tuple[int, int],
+        tiles: tuple[int, int],
+        boxes: np.ndarray,
     ) -> tuple[np.ndarray, np.ndarray]:
         """Photons of each tile: those of tile t are members[starts[t] : starts[t + 1]], in their order."""
         spans = np.empty((len(photons), 4), i32)
@@ -96,7 +103,7 @@ def _vector(base, first):
 
 @jit
 def _row_of(k, size, tile, tiles_x):
-    """Row in the arrays of the screen of a tile's receiver k, -1 off the screen; 4 x 2 neighbors make a block."""
+    """Place of a tile's receiver k among all, -1 off the screen; 4 x 2 neighbors make a block."""
     block, lane = k // _LANES, k % _LANES
     x = (tile % tiles_x) * _SIDE + (block % 2) * 4 + lane % 4
     y = (tile // tiles_x) * _SIDE + (block // 2) * 2 + lane // 4
@@ -162,12 +169,11 @@ def _extent(photon, clip, axis, pixels, tile_count):
     """
     center, w = _plane_at(photon, clip, axis), _plane_at(photon, clip, 3)
     aa, ab, bb = _form(photon, clip, axis, axis), _form(photon, clip, axis, 3), _form(photon, clip, 3, 3)
-    a = w * w - bb
-    if a <= 0.0:
-        return i32(0), i32(tile_count - 1)  # it reaches around the eye
+    a, b = w * w - bb, center * w - ab
+    if not (a > 0.0 and b * b >= 0.0):
+        return i32(0), i32(tile_count - 1)  # it reaches around the eye, or is not a number
     if w < 0.0:
         return i32(0), i32(-1)
-    b = center * w - ab
     root = math.sqrt(max(b * b - a * (center * center - aa), 0.0))
     low, high = (b - root) / a, (b + root) / a
     if axis == 1:
@@ -198,7 +204,7 @@ def _form(photon, clip, i, j):
 
 @jit
 def _visit(counter, photons, tiles_x, boxes, spans, members, cursors):
-    """Advance cursors[chunk, tile] by one for each photon in it; put its index there if `members` has room."""
+    """Advance cursors[chunk, tile] for each photon in it, and put its index there if `members` has room."""
     while True:
         chunk = atomic_add(counter, i64(1))
         if chunk >= _CHUNKS:
@@ -220,7 +226,9 @@ def _meets(photon, box):
     """Whether a photon's ellipsoid may reach into a box: its sphere does, and its slab does."""
     x, n = _vector(photon, 0), _vector(photon, _NORMAL)
     low, high = _vector(box, 0), _vector(box, 3)
-    d2 = _outside2(x[0], low[0], high[0]) + _outside2(x[1], low[1], high[1]) + _outside2(x[2], low[2], high[2])
+    d2 = (
+        _outside2(x[0], low[0], high[0]) + _outside2(x[1], low[1], high[1]) + _outside2(x[2], low[2], high[2])
+    )
     half = (high[0] - low[0]) * abs(n[0]) + (high[1] - low[1]) * abs(n[1]) + (high[2] - low[2]) * abs(n[2])
     along = dot(add(low, high), n) - f32(2) * dot(x, n)
     # a little more than reach, for the rounding of the sums

@@ -73,15 +73,18 @@ class Volumes:
 
     def close(self) -> None:
         """Free the memory on the device."""
-        for resource in (*self._sums, self._faces, self._receivers, self._photons):
-            resource.close()
+        for texture in self._sums:
+            texture.close()
+        for buffer in (self._faces, self._receivers, self._photons):
+            buffer.close()
 
 
 def icosahedron_corners() -> np.ndarray:
     """Return the (12, 3) corners on the unit sphere, in the order of volumes.wgsl."""
     golden = (1 + 5**0.5) / 2
     first = np.array([[0, a, b] for b in (-golden, golden) for a in (-1, 1)])
-    return np.concatenate([first, first[:, [2, 0, 1]], first[:, [1, 2, 0]]]) / np.hypot(1, golden)
+    corners: np.ndarray = np.concatenate([first, first[:, [2, 0, 1]], first[:, [1, 2, 0]]])
+    return corners / float(np.hypot(1, golden))
 
 
 @cache

@@ -73,7 +73,7 @@ class Raster:
                 fragment=stage | {"entry_point": fragment, "targets": states} if fragment else None,
             )
 
-    def bind(self, group: int, frame: Recording | None = None, **resources: Any) -> Group:
+    def bind(self, group: int, frame: Recording | None = None, /, **resources: Any) -> Group:
         """Return a bind group for `Canvas.use`; numpy records as uniforms need `frame` and die with it.
 
         Raises TypeError for a name that is missing or unknown.

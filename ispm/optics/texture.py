@@ -114,7 +114,7 @@ def _box_weight(i, tap, size, half):
 
 @jit
 def _encode(value, srgb):
-    """Return linear `value` as a byte, rounded to nearest, halves to even: half up would brighten each level."""
+    """Return linear `value` as a byte; halves round to even, since up would brighten every level."""
     if srgb:
         curve = f32(1.055) * value ** f32(1 / 2.4) - f32(0.055)
         value = f32(12.92) * value if value <= f32(0.0031308) else curve
@@ -189,7 +189,7 @@ def _reduce(x, wrap):
 
 @jit
 def _wrap(i, size, wrap):
-    """Return the texel that stands at index `i` of an endless row; inside 0..size - 1 even for NaN's index."""
+    """Return which texel stands at index `i` of an endless row; in 0..size - 1 whatever NaN became."""
     if wrap == _CLAMP:
         return min(max(i, 0), size - 1)
     if wrap == _MIRROR:

@@ -9,6 +9,7 @@ from types import TracebackType
 import numpy as np
 
 from ispm.errors import SceneError, SceneWarning, SettingsError
+from ispm.estimators import ESTIMATORS
 from ispm.frame import BounceMaps, GBuffer, GpuScene
 from ispm.gpu import Recording, Texture, open_gpu
 from ispm.optics.records import EMITTED, PHOTON
@@ -27,7 +28,7 @@ from ispm.stages.bounce import BounceStage
 from ispm.stages.camera import CameraView
 from ispm.stages.direct import DirectStage
 from ispm.stages.downsample import Downsample
-from ispm.stages.filter import filter_estimate
+from ispm.stages.filter import WEIGHT, filter_estimate, filter_points
 from ispm.stages.gbuffer import GBufferStage
 from ispm.stages.shadow import ShadowStage
 from ispm.stages.tonemap import auto_exposure, tonemap
@@ -113,6 +114,9 @@ class Renderer:
             self._upsample = Upsample(self._gpu, new.subsampling)
         if old is None or old.shadow_resolution != new.shadow_resolution:
             self._shadow = ShadowStage(self._gpu, new.shadow_resolution)
+        if old is None or old.estimator != new.estimator:
+            name = "tiled" if new.estimator == "auto" else new.estimator
+            self._estimator = ESTIMATORS[name](self._gpu, self.threads)
         self._settings = new
 
     def render(self) -> Frame:
@@ -141,14 +145,16 @@ class Renderer:
             path = self._trace(packed, maps, texels)
         with watch("radiance"):
             measure_radii(path.photons, packed.diagonal, self.settings.smoothing)
-            estimate = self._estimate(points, path.photons, view)
-            light, _ = self._filter(points, estimate, packed, view)
+            estimate = self._estimator(
+                points, path.photons, view.clip_from_world, self._downsample.size(view)
+            )
+            light = self._filter(points, estimate, packed, view)
 
         with self._gpu.frame() as third:
             third.stage("upsample")
             indirect, irradiance = self._upsample(third, scene, gbuffer, view, receivers, light)
         with watch("upsample"):
-            self._light_missed(points, estimate, path.photons, scene, gbuffer, packed, view)
+            self._light_missed(points, estimate, path.photons, scene, gbuffer, view)
         with watch("compose"):
             frame = self._compose(gbuffer, direct, indirect, irradiance, view)
 
@@ -248,22 +254,10 @@ class Renderer:
             packed, self._world, surfaces, emitted, settings.bounces, settings.seed, _PASS, self.threads
         )
 
-    def _estimate(self, points: np.ndarray, photons: np.ndarray, view: CameraView) -> np.ndarray:
-        """Return the light that arrives at each receiver, (n, 16)."""
-        return PhotonGrid(photons).estimate(points, self.threads)
-
-    def _filter(
-        self,
-        points: np.ndarray,
-        estimate: np.ndarray,
-        packed: Packed,
-        view: CameraView,
-        missed: np.ndarray | None = None,
-        low: np.ndarray | None = None,
-    ) -> tuple[np.ndarray, np.ndarray]:
+    def _filter(self, points: np.ndarray, estimate: np.ndarray, packed: Packed, view: CameraView) -> np.ndarray:
         size = self._downsample.size(view)
         return filter_estimate(
-            points, estimate, size, packed.diagonal, self.settings.smoothing, self.threads, missed, low
+            points, estimate, size, packed.diagonal, self.settings.smoothing, self.threads
         )
 
     def _light_missed(
@@ -273,14 +267,19 @@ class Renderer:
         photons: np.ndarray,
         scene: GpuScene,
         gbuffer: GBuffer,
-        packed: Packed,
         view: CameraView,
     ) -> None:
-        """Light the pixels that upsampling could not serve from the photons around them."""
-        pixels, receivers = self._upsample.missed()
-        if not len(pixels):
+        """Light the pixels that upsampling could not serve: by the filter, else by the photons near."""
+        missed, receivers = self._upsample.missed()
+        if not len(missed):
             return
-        light = PhotonGrid(photons).estimate(receivers, self.threads)
+        light = filter_points(
+            receivers, missed["low"], points, estimate, self._downsample.size(view),
+            scene.packed.diagonal, self.settings.smoothing, self.threads,
+        )  # fmt: skip
+        alone = light[:, WEIGHT] == 0.0
+        if alone.any():
+            light[alone] = PhotonGrid(photons).estimate(receivers[alone], self.threads)
         with self._gpu.frame() as frame:
             self._upsample.patch(frame, scene, gbuffer, view, light)
 

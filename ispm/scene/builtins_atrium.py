@@ -55,7 +55,7 @@ def atrium(time: float | None = None) -> Scene:
     _drapes(scene)
     _furniture(scene)
     _moving(scene)
-    add_camera(scene, (-10.4, 1.75, -1.8), (6.0, 3.2, 0.4), math.radians(55.0))
+    add_camera(scene, (-10.4, 1.75, -1.5), (6.0, 3.2, 0.5), math.radians(55.0))
     return scene if time is None else scene.at(time)
 
 
@@ -185,9 +185,9 @@ def _galleries(scene: Scene) -> None:
 
 
 def _drapes(scene: Scene) -> None:
-    """Curtains in arches of the ground floor and long banners from the upper one."""
-    curtain = masonry.drape(2.1, 3.75, 30, 15, 7.0, 0.45, 1, "curtain")
-    banner = masonry.drape(2.0, 5.5, 24, 17, 4.0, 0.0, 2, "banner")
+    """Curtains in arches of the ground floor, long banners from the upper one, runners where the sun comes in."""
+    curtain = masonry.drape(2.1, 3.75, 27, 15, 5.0, 0.45, 1, "curtain")
+    banner = masonry.drape(2.0, 5.5, 24, 15, 4.0, 0.0, 2, "banner")
     pole, bracketed = Part(masonry.pole(2.4, 0.0, "pole"), BRASS), Part(masonry.pole(2.4, 0.5, "bracketed pole"), BRASS)
     curtains = {0: (OCHRE, 0), 1: (RED, 2), 2: (BLUE, 4), 3: (GREEN, 6), 4: (GREEN, 8), 5: (RED, 10), 6: (BLUE, 12)}
     bays = _bays()
@@ -199,6 +199,10 @@ def _drapes(scene: Scene) -> None:
         x, z, turn, _ = bays[bay]
         x, z = _behind(x, z, turn, -0.95)
         _place(scene, [Part(banner, cloth), bracketed], f"banner {number}", x, UPPER_SPRING - 0.09, z, turn)
+    for name, cloth, y, z in (("runner", RED, 0.0, 6.2), ("upper runner", BLUE, UPPER, 6.15)):
+        scene.add(box((-10.6, y - 0.02, z - 0.7), (10.6, y + 0.02, z + 0.7), name), material=cloth)
+    tapestry = masonry.drape(2.0, 3.6, 24, 15, 4.0, 0.0, 3, "tapestry")
+    _place(scene, [Part(tapestry, GREEN), bracketed], "tapestry", HALF_X - 0.95, UPPER_SPRING - 0.09, 0.0, -0.5 * math.pi)
 
 
 def _furniture(scene: Scene) -> None:
@@ -206,7 +210,7 @@ def _furniture(scene: Scene) -> None:
     _place(scene, [Part(masonry.fountain(28, "fountain"), PALE)], "fountain", 0.0, 0.0, 0.0)
     urn = [Part(masonry.urn(14, "urn"), GLAZE)]
     bush = [Part(masonry.bush(0.42, 4, 3, "bush"), LEAVES)]
-    for number, (x, z) in enumerate((sx * px, sz * 3.3) for px in (3.2, 6.4) for sx in (-1, 1) for sz in (-1, 1)):
+    for number, (x, z) in enumerate((sx * px, sz * 3.6) for px in (3.2, 6.4) for sx in (-1, 1) for sz in (-1, 1)):
         _place(scene, urn, f"urn {number}", x, 0.0, z)
         _place(scene, bush, f"bush {number}", x, 1.13, z, turn=1.3 * number)
 

@@ -61,7 +61,8 @@ def arch(
                 inner * turn + out, outer * turn + out, outer * turn + back, edge + back]  # fmt: skip
     wall = [sheet(np.stack(pair)) for pair in (stations[:2], stations[6:])]
     feet = [_foot(np.array([curve[end] for curve in stations]), end) for end in (0, -1)]
-    rim = [np.stack([stations[7][k], stations[7][k + 1], stations[0][k + 1], stations[0][k]]) for k in range(segments)]
+    far, near = stations[7], stations[0]
+    rim = [np.stack([far[k], near[k], near[k + 1], far[k + 1]]) for k in range(segments)]
     ring = [sheet(np.stack(stations[k : k + 2])) for k in range(1, 6)]
     shade = np.where(np.arange(segments)[:, None] % 2 == 0, (1.0, 1.0, 1.0), (0.78, 0.60, 0.50))
     painted = [paint(strip, np.repeat(shade, 2, axis=0)) for strip in ring]
@@ -71,7 +72,7 @@ def arch(
 def _foot(points: np.ndarray, end: int) -> Mesh:
     """The underside of an arch's end, a T of eight points."""
     fans = [[0, 1, 6], [0, 6, 7], [1, 2, 3], [1, 3, 6], [3, 4, 6], [4, 5, 6]]
-    order = fans if end == 0 else [fan[::-1] for fan in fans]
+    order = [fan[::-1] for fan in fans] if end == 0 else fans
     return polygons([points[fan] for fan in order])
 
 

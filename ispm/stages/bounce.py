@@ -10,9 +10,7 @@ from collections.abc import Sequence
 from ispm.frame import BounceMap, BounceMaps, GpuScene
 from ispm.gpu import Gpu, Group, Raster, Recording, Texture
 from ispm.optics.records import NO_HIT
-from ispm.stages.cube import (
-    cube_direction, cube_texel_solid_angles, face_uniforms, seen_by_faces,
-)  # fmt: skip
+from ispm.stages.cube import cube_direction, cube_texel_solid_angles, face_uniforms, seen_by_faces
 
 __all__ = ["BounceStage", "cube_direction", "cube_texel_solid_angles"]
 

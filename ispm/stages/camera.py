@@ -82,7 +82,7 @@ class CameraView:
         ndc = np.ones((len(y), len(x), 4))
         ndc[..., 0], ndc[..., 1], ndc[..., 2] = x, y[:, None], depth
         world = ndc @ self.world_from_clip.T
-        return world[..., :3] / world[..., 3:]
+        return np.asarray(world[..., :3] / world[..., 3:])
 
     def _clip_from_view(self) -> np.ndarray:
         """Reversed depth: near / distance, or linear from near to far (orthographic)."""

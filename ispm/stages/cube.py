@@ -68,7 +68,10 @@ def face_uniforms(
     shift: tuple[float, float] = (0.0, 0.0),
     pass_index: int = 0,
 ) -> np.ndarray:
-    """Return the FACE records of the faces in use of row `index` of the lights; `shift` in halves of a face."""
+    """Return the FACE records of the faces in use of row `index` of the lights.
+
+    shift  of the samples, in halves of a face
+    """
     faces = np.zeros(int(light["faces"]), FACE)
     used = faces_in_use(light)
     axes = _AXES[used] @ _map_matrix(light)
@@ -86,9 +89,8 @@ def seen_by_faces(boxes: np.ndarray, light: np.void) -> np.ndarray:
     boxes  (n, 2, 3) world space
     """
     position = light["position"].astype(np.float64)
-    corners = np.stack(
-        [boxes[:, [i & 1, i >> 1 & 1, i >> 2 & 1], [0, 1, 2]] for i in range(8)], axis=1
-    ) - position
+    picks = np.array([[i & 1, i >> 1 & 1, i >> 2 & 1] for i in range(8)])
+    corners = boxes[:, picks, [0, 1, 2]] - position
     axes = _AXES[faces_in_use(light)] @ _map_matrix(light)
     s, t, axis = (corners @ row.T for row in np.moveaxis(axes, 1, 0))  # (n, 8, faces) each
     outside = [(side > axis).all(axis=1) for side in (s, -s, t, -t)]

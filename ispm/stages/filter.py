@@ -8,26 +8,25 @@ small kernels and this filter halve the error of wide kernels at less cost.
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 
 from ispm.optics.jit import jit
-from ispm.tracer.simd import (
-    address, alloca, atomic_add, ldf, ldu, splat8, stf, vfma, vload8, vmul, vstore8,
-)  # fmt: skip
+from ispm.tracer.simd import address, aligned, atomic_add, splat8, stf, vfma, vload8, vmul, vstore8
 from ispm.tracer.threads import run_threads
 
-f32, i64, u32 = np.float32, np.int64, np.uint32
+f32, i64 = np.float32, np.int64
 
 REACH = 0.075  # of the scene's diagonal: the filter's radius where photons are few
-REACH_IN_KERNELS = 8.0  # elsewhere: 64 kernels' photons in the mean leave 3 % noise
+_PHOTONS = 1600.0  # within the radius elsewhere: 3 % noise in their mean
 _TAPS = 8  # on each side; wider reaches are strided
 _MAX_PIXELS = 24.0  # reach on the screen, low-resolution pixels
 _FLATNESS = 0.26  # half thickness of the filter over its radius
-_KERNEL_COUNT = 25.0  # photons in a kernel, see tracer.density
 
 # words of a RECEIVER
 _ALPHA, _NG, _VALID, _FOOTPRINT, _SLANT = 3, 4, 7, 11, 15
+DENSITY, WEIGHT = 3, 7  # channels of an estimate: photons per m2; the sum of the filter's weights
 
 
 def filter_estimate(
@@ -37,153 +36,167 @@ def filter_estimate(
     diagonal: float,
     smoothing: float,
     threads: int,
-    points: np.ndarray | None = None,
-    point_pixels: np.ndarray | None = None,
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return the filtered estimate at each receiver, and at `points` beside them.
+) -> np.ndarray:
+    """Return the filtered estimate at each receiver, (h w, 16) float32.
 
-    receivers   (h w,) RECEIVER, row by row
-    estimate    (h w, 16) float32 channels of an estimator
-    size        (w, h)
-    points, point_pixels   (P,) RECEIVER, (P, 2) int32 low-resolution pixel each lies in
-    ->          (h w, 16) and (P, 16) float32; a point with no receiver near keeps zeros and
-                reports a weight of zero in channel 7
-    Source: weights w = (1 - d^2/h^2)^2 (n.n')^16 (1 - z^2/b^2)^2 dA, d and z the distance and the
-    distance from the tangent plane, dA the area a receiver stands for.
+    receivers  (h w,) RECEIVER, row by row
+    estimate   (h w, 16) float32 channels of an estimator
+    size       (w, h)
+    diagonal   of the scene, metres
+    smoothing  factor on the filter's radius
+    Two passes: the first reaches h, with strided taps where that is many pixels; the second, a stride
+    wide, removes the comb that strided taps leave.
+    Weights: (1 - d^2/h^2)^2 (n.n')^16 (1 - z^2/b^2)^2 dA; d and z are the distances from the point and
+    from its tangent plane, dA the area that a receiver stands for.
     """
-    width, height = size
-    out = np.zeros_like(estimate)
-    words = np.ascontiguousarray(receivers).view(np.float32).reshape(-1, 16)
-    shape = np.array([width, height], np.int64)
-    scale = np.array([diagonal * REACH * smoothing, REACH_IN_KERNELS * smoothing], np.float32)
+    words = _words(receivers)
+    spread = _run(_spread, words, words, estimate, size, diagonal, smoothing, threads)
+    return _run(_smooth, words, words, spread, size, diagonal, smoothing, threads)
+
+
+def filter_points(
+    points: np.ndarray,
+    pixels: np.ndarray,
+    receivers: np.ndarray,
+    estimate: np.ndarray,
+    size: tuple[int, int],
+    diagonal: float,
+    smoothing: float,
+    threads: int,
+) -> np.ndarray:
+    """Return the filtered estimate at points that are not receivers, (n, 16) float32.
+
+    points    (n,) RECEIVER
+    pixels    (n,) int: the receiver whose pixel each point lies in
+    A point with no receiver on its surface near has 0 in channel WEIGHT.
+    """
+    given = _words(points), np.ascontiguousarray(pixels, np.int64)
+    return _run(_spread_points, given, _words(receivers), estimate, size, diagonal, smoothing, threads)
+
+
+def _words(receivers: np.ndarray) -> np.ndarray:
+    return np.ascontiguousarray(receivers).view(np.float32).reshape(-1, 16)
+
+
+def _run(
+    kernel: Any, points: Any, words: np.ndarray, estimate: np.ndarray, size: tuple[int, int],
+    diagonal: float, smoothing: float, threads: int,
+) -> np.ndarray:  # fmt: skip
+    """Call `kernel` from all threads with a shared counter; return what it writes."""
+    count = len(points[0]) if isinstance(points, tuple) else len(points)
+    out = aligned(16 * count).reshape(-1, 16)
+    if address(estimate) % 64:
+        estimate, given = aligned(estimate.size).reshape(-1, 16), estimate
+        estimate[:] = given
     counter = np.zeros(8, np.int64)
+    reach = np.array([diagonal * REACH * smoothing, smoothing], np.float32)
     gloss = bool((words[:, _ALPHA] > 0.0).any())
-
-    def rows(_: int) -> None:
-        _filter_rows(words, estimate, shape, scale, gloss, address(counter), out)
-
-    run_threads(rows, threads)
-    extra = np.zeros((0 if points is None else len(points), 16), np.float32)
-    if points is not None and len(points):
-        point_words = np.ascontiguousarray(points).view(np.float32).reshape(-1, 16)
-        counter[:] = 0
-
-        def chunks(_: int) -> None:
-            _filter_points(
-                point_words, point_pixels, words, estimate, shape, scale, gloss,
-                address(counter), extra,
-            )  # fmt: skip
-
-        run_threads(chunks, threads)
-    return out, extra
+    run_threads(
+        lambda _: kernel(address(counter), points, words, estimate, size, reach, gloss, out), threads
+    )
+    return out
 
 
 @jit
-def _filter_rows(words, estimate, shape, scale, gloss, counter, out):
-    width, height = shape[0], shape[1]
-    scratch = alloca(32)
+def _spread(counter, points, words, estimate, size, limits, gloss, out):
     while True:
         y = atomic_add(counter, i64(1))
-        if y >= height:
+        if y >= size[1]:
             return
-        for x in range(width):
-            p = y * width + x
-            if ldu(np.uint64(words.ctypes.data), p * 16 + _VALID) == u32(0):
-                continue
-            kernel = _kernel_radius(estimate[p, 3])
-            _filter_one(
-                words, p, x, y, kernel, words, estimate, width, height, scale, gloss, scratch
-            )
-            for c in range(16):
-                out[p, c] = ldf(scratch, c)
+        for x in range(size[0]):
+            p = y * size[0] + x
+            if words[p, _SLANT] > f32(0):
+                reach, stride, taps = _reach(words[p, _FOOTPRINT], estimate[p, DENSITY], limits)
+                _gather(points, p, x, y, reach, stride, taps, words, estimate, size, gloss, out)
 
 
 @jit
-def _filter_points(
-    points, pixels, words, estimate, shape, scale, gloss, counter, out
-):
-    width, height = shape[0], shape[1]
-    scratch = alloca(32)
+def _smooth(counter, points, words, estimate, size, limits, gloss, out):
+    while True:
+        y = atomic_add(counter, i64(1))
+        if y >= size[1]:
+            return
+        for x in range(size[0]):
+            p = y * size[0] + x
+            if words[p, _SLANT] > f32(0):
+                foot = words[p, _FOOTPRINT]
+                _, stride, _ = _reach(foot, estimate[p, DENSITY], limits)
+                taps = max(stride - i64(1), i64(1))
+                reach = f32(taps + 1) * foot * min(words[p, _SLANT], f32(3))
+                _gather(points, p, x, y, reach, i64(1), taps, words, estimate, size, gloss, out)
+
+
+@jit
+def _spread_points(counter, points, words, estimate, size, limits, gloss, out):
+    given, pixels = points
     chunk = i64(64)
     while True:
         first = atomic_add(counter, chunk)
-        if first >= len(points):
+        if first >= len(given):
             return
-        for i in range(first, min(first + chunk, len(points))):
-            x, y = i64(pixels[i, 0]), i64(pixels[i, 1])
-            p = y * width + x
-            _filter_one(
-                points, i, x, y, _kernel_radius(estimate[p, 3]), words, estimate, width, height,
-                scale, gloss, scratch,
-            )  # fmt: skip
-            for c in range(16):
-                out[i, c] = ldf(scratch, c)
+        for i in range(first, min(first + chunk, len(given))):
+            p = pixels[i]
+            reach, stride, taps = _reach(given[i, _FOOTPRINT], estimate[p, DENSITY], limits)
+            x, y = p % size[0], p // size[0]
+            _gather(given, i, x, y, reach, stride, taps, words, estimate, size, gloss, out)
 
 
 @jit
-def _kernel_radius(density):
-    """Radius of a kernel where photons lie at `density` (1/m^2)."""
-    return f32(math.sqrt(f32(_KERNEL_COUNT / math.pi) / max(density, f32(1e-12))))
+def _reach(foot, density, limits):
+    """Radius of the filter in metres, stride of its taps in pixels, and how many on each side."""
+    wanted = limits[1] * f32(math.sqrt(f32(_PHOTONS / math.pi) / max(density, f32(1e-12))))
+    reach = min(min(limits[0], wanted), f32(_MAX_PIXELS) * foot)
+    pixels = reach / foot
+    stride = max(i64(1), i64(math.ceil(pixels / f32(_TAPS))))
+    taps = max(i64(1), i64(pixels / f32(stride)))
+    return max(reach, f32(1.5) * foot * f32(stride)), stride, taps
 
 
 @jit
-def _filter_one(
-    points, p, x, y, kernel, words, estimate, width, height, scale, gloss, scratch
-):
-    """Write the filtered channels of point `p` to `scratch`; channel 7: the sum of the weights."""
+def _gather(points, p, x, y, reach, stride, taps, words, estimate, size, gloss, out):
+    """Write the weighted mean of the estimates around point `p`, which lies in pixel (x, y)."""
     base = np.uint64(estimate.ctypes.data)
-    valid = np.uint64(words.ctypes.data)
     px, py, pz = points[p, 0], points[p, 1], points[p, 2]
-    alpha = points[p, _ALPHA]
     nx, ny, nz = points[p, _NG], points[p, _NG + 1], points[p, _NG + 2]
-    foot = points[p, _FOOTPRINT]
-    reach = min(min(scale[0], scale[1] * kernel), f32(_MAX_PIXELS) * foot)
-    reach_px = reach / foot
-    stride = max(i64(1), i64(math.ceil(reach_px / f32(_TAPS))))
-    taps = max(i64(1), i64(reach_px / f32(stride)))
-    reach = max(reach, f32(1.5) * foot * f32(stride))
+    alpha = points[p, _ALPHA]
     inv_reach2 = f32(1) / (reach * reach)
     inv_thick2 = inv_reach2 * f32(1.0 / (_FLATNESS * _FLATNESS))
-    plain = splat8(f32(0))
-    glossy = splat8(f32(0))
-    weight = f32(0)
-    gloss_weight = f32(0)
-    for j in range(-taps, taps + 1):
-        row = y + j * stride
-        if row < 0 or row >= height:
+    plain, glossy = splat8(f32(0)), splat8(f32(0))
+    weight, gloss_weight = f32(0), f32(0)
+    for row in range(y - taps * stride, y + taps * stride + 1, stride):
+        if row < 0 or row >= size[1]:
             continue
-        for i in range(-taps, taps + 1):
-            column = x + i * stride
-            if column < 0 or column >= width:
+        for column in range(x - taps * stride, x + taps * stride + 1, stride):
+            if column < 0 or column >= size[0]:
                 continue
-            q = row * width + column
-            if ldu(valid, q * 16 + _VALID) == u32(0):
-                continue
+            q = row * size[0] + column
             dx, dy, dz = words[q, 0] - px, words[q, 1] - py, words[q, 2] - pz
             d2 = (dx * dx + dy * dy + dz * dz) * inv_reach2
-            if d2 >= f32(1):
-                continue
             z = dx * nx + dy * ny + dz * nz
             z2 = z * z * inv_thick2
             facing = nx * words[q, _NG] + ny * words[q, _NG + 1] + nz * words[q, _NG + 2]
-            if z2 >= f32(1) or facing <= f32(0.5):
+            if d2 >= f32(1) or z2 >= f32(1) or facing <= f32(0.5):
                 continue
             facing *= facing
             facing *= facing
             facing *= facing
             facing *= facing
             near = (f32(1) - d2) * (f32(1) - z2)
-            w = near * near * facing * words[q, _FOOTPRINT] * words[q, _FOOTPRINT] * words[q, _SLANT]
+            foot = words[q, _FOOTPRINT]
+            w = near * near * facing * foot * foot * words[q, _SLANT]
             weight += w
             plain = vfma(vload8(base, q * 16), splat8(w), plain)
-            if gloss:
-                likeness = f32(1) - f32(4) * abs(words[q, _ALPHA] - alpha)
-                if words[q, _ALPHA] > f32(0) and likeness > f32(0):
-                    w *= likeness
-                    gloss_weight += w
-                    glossy = vfma(vload8(base, q * 16 + 8), splat8(w), glossy)
-    scale_plain = f32(1) / weight if weight > f32(0) else f32(0)
-    scale_gloss = f32(1) / gloss_weight if gloss_weight > f32(0) else f32(0)
-    vstore8(scratch, i64(0), vmul(plain, splat8(scale_plain)))
-    stf(scratch, i64(7), weight)
-    vstore8(scratch, i64(8), vmul(glossy, splat8(scale_gloss)))
+            likeness = f32(1) - f32(4) * abs(words[q, _ALPHA] - alpha)
+            if gloss and words[q, _ALPHA] > f32(0) and likeness > f32(0):
+                w *= likeness
+                gloss_weight += w
+                glossy = vfma(vload8(base, q * 16 + 8), splat8(w), glossy)
+    place = np.uint64(out.ctypes.data)
+    vstore8(place, p * 16, vmul(plain, splat8(_inverse(weight))))
+    vstore8(place, p * 16 + 8, vmul(glossy, splat8(_inverse(gloss_weight))))
+    stf(place, p * 16 + WEIGHT, weight)
+
+
+@jit
+def _inverse(weight):
+    return f32(1) / weight if weight > f32(0) else f32(0)

@@ -49,7 +49,8 @@ class Upload:
         self._write(self._lights, packed.lights)
         self._keep(packed.textures)
         return GpuScene(
-            packed, self._draw_boxes(packed), self._vertices, self._indices, self._instances, self._materials, self._lights,
+            packed, self._draw_boxes(packed),
+            self._vertices, self._indices, self._instances, self._materials, self._lights,
             [self._maps(row, packed.textures) for row in packed.materials],
         )  # fmt: skip
 
@@ -86,7 +87,8 @@ class Upload:
         """Load textures that came, free those that went."""
         kept, self._textures = self._textures, {}
         for texture in textures:
-            self._textures[id(texture)] = kept.pop(id(texture), None) or (texture, self._load(texture))
+            known = kept.pop(id(texture)) if id(texture) in kept else (texture, self._load(texture))
+            self._textures[id(texture)] = known
         for _, gone in kept.values():
             gone.close()
 

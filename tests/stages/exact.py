@@ -42,7 +42,7 @@ def quad(size: float = 1.0) -> Mesh:
 
 
 def mixed_scene() -> Scene:
-    """A floor, a sphere, a mirrored and squashed sphere, and a quad seen from behind; all but the last opaque."""
+    """A floor, a sphere, a mirrored and squashed sphere, and a single-sided quad seen from behind."""
     scene = Scene()
     scene.add(quad(4.0), material=Material(base_color=(0.5, 0.25, 0.75), double_sided=True))
     ball = sphere()
@@ -120,8 +120,8 @@ def interior(labels: np.ndarray) -> np.ndarray:
     """Where all eight neighbours have the same label: away from edges, and from the picture's border."""
     padded = np.pad(labels, 1, constant_values=-2)
     h, w = labels.shape
-    same = [padded[1 + dy : 1 + dy + h, 1 + dx : 1 + dx + w] == labels for dy in (-1, 0, 1) for dx in (-1, 0, 1)]
-    return np.all(same, axis=0)
+    shifts = [(dy, dx) for dy in range(3) for dx in range(3)]
+    return np.all([padded[dy : dy + h, dx : dx + w] == labels for dy, dx in shifts], axis=0)
 
 
 def packed_mixed() -> Packed:

@@ -45,7 +45,8 @@ def test_bounce_map_matches_exact_rays(gpu: Gpu, shift: tuple[float, float]) -> 
     triangles = triangles_of(packed)
     directions = texel_rays(width, shift).reshape(-1, 3)
     origin = packed.lights["position"][0].astype(float)
-    row, distance, uv = cast(triangles, np.broadcast_to(origin, directions.shape), directions)
+    row, distance, _ = cast(triangles, np.broadcast_to(origin, directions.shape), directions)
+    distance[row < 0] = 0.0
     hit = row >= 0
     instance = np.where(hit, triangles.instance[row], NO_HIT).reshape(6, width, width)
     primitive = np.where(hit, triangles.primitive[row], 0).reshape(6, width, width)

@@ -112,7 +112,9 @@ def make_scene(name):
     clip = orthographic() if name == "orthographic" else perspective()
     receivers = seen_in_room(clip, 0.5 if name == "off-center" else 0.0, random)
     if name != "diffuse":
-        receivers["alpha"] = np.where(random.random(len(receivers)) < 0.7, random.uniform(0.02, 1, len(receivers)), 0)
+        receivers["alpha"] = np.where(
+            random.random(len(receivers)) < 0.7, random.uniform(0.02, 1, len(receivers)), 0
+        )
     sizes = {"eye inside kernels": (3.0, 8.0), "off-center": (0.05, 0.4)}
     photons = photons_in_room(400, sizes.get(name, (0.1, 1.0)), random)
     return Scene(receivers, photons, clip)
@@ -164,6 +166,14 @@ def test_photons_that_cannot_be_seen_stay_out(estimators):
         assert not estimators[name](s.receivers, behind, s.clip, s.size).any()
 
 
+@pytest.mark.parametrize("scene", ["diffuse", "orthographic"])
+def test_broken_photons_light_nothing(scene):
+    s = make_scene(scene)
+    broken = s.photons[:4].copy()
+    broken["position"][0], broken["radius"][1], broken["height"][2], broken["radius"][3] = np.nan, np.nan, np.nan, 0
+    assert not TiledCpu(1)(s.receivers, broken, s.clip, s.size).any()
+
+
 def test_estimates_repeat_to_the_bit_for_any_threads(gpu):
     s = make_scene("glossy")
     found = [TiledCpu(threads)(s.receivers, s.photons, s.clip, s.size) for threads in (1, 2, 5)]
@@ -203,7 +213,8 @@ def test_uniform_photons_give_flux_per_area_and_the_known_edge(estimators, name)
     found = estimators[name](receivers, lattice(0.04, 1.0, radius, 100.0), clip, size)
     u = (1.0 - np.abs(receivers["position"][:, 0].astype(float))) / radius
     mass = [
-        0.5 + 16 / (5 * math.pi) * integrate.quad(lambda t: (1 - t * t) ** 2.5, 0, np.clip(v, -1, 1))[0] for v in u
+        0.5 + 16 / (5 * math.pi) * integrate.quad(lambda t: (1 - t * t) ** 2.5, 0, np.clip(v, -1, 1))[0]
+        for v in u
     ]
     middle = np.abs(receivers["position"][:, 1]) < 0.5  # away from the other two edges
     # ten photons per radius: the lattice sum of a C1 function is within 1e-3 of its integral

@@ -134,6 +134,7 @@ def test_light_over_a_plane_follows_the_inverse_square(gpu: Gpu) -> None:
 
 def test_range_windows_the_light(gpu: Gpu) -> None:
     """KHR_lights_punctual: clamp(1 - (d / range)^4, 0, 1) / d^2."""
+
     def lit(reach: float) -> tuple[np.ndarray, CameraView]:
         scene = Scene()
         scene.add(quad(20.0), material=Material(**LAMBERT))

@@ -114,7 +114,10 @@ def test_samples_follow_the_pdf(metallic, roughness, cosine):
     found = np.bincount(place, minlength=rows * columns + 1)
     assert expected[-1] > -1e-3 * count  # pdf integrates to 1 at most
     common = expected >= 5
-    pairs = np.append(found[common], found[~common].sum()), np.append(expected[common], expected[~common].sum())
+    pairs = (
+        np.append(found[common], found[~common].sum()),
+        np.append(expected[common], expected[~common].sum()),
+    )
     chi2 = ((pairs[0] - pairs[1]) ** 2 / np.maximum(pairs[1], 5)).sum()
     assert stats.chi2.sf(chi2, common.sum()) > 1 - (1 - 0.01) ** (1 / 18)
 

@@ -41,7 +41,7 @@ def shell(size, columns, rows):
 
 
 def hall():
-    """A closed hall of 75,000 triangles: columns, drapery, beams askew, scattered leaves."""
+    """A closed hall of 76,400 triangles: columns, drapery, beams askew, scattered leaves."""
     rng = np.random.default_rng(1)
     size = np.array([30.0, 12.0, 14.0])
     parts = []

@@ -42,7 +42,7 @@ def test_accessor_reads_every_layout(
     tmp_path: Path, component: int, kind: str, stride: int | None, offset: int
 ) -> None:
     noise = np.random.default_rng(component + len(kind)).integers(0, 256, 360, np.uint8)
-    noise[3::4] &= 0x3F  # no float with an exponent of all ones
+    noise &= 0xBF  # no float, wherever it begins, with an exponent of all ones: NaN is not equal to itself
     builder = GltfBuilder()
     builder.view(b"before")
     view = builder.view(noise.tobytes(), **({"byteStride": stride} if stride else {}))

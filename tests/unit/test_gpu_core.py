@@ -65,9 +65,9 @@ def test_compute_uses_named_resources_and_constants(gpu: Gpu, shader: str) -> No
 
 def test_compute_rejects_missing_and_unknown_names(gpu: Gpu, shader: str) -> None:
     run = gpu.compute(shader)
-    with pytest.raises(TypeError, match=r"x\.wgsl main.*missing \['result', 'source'\], unknown \['sorce'\]"):
-        with gpu.frame() as frame:
-            run(frame, over=1, params=params(1.0), sorce=gpu.buffer("b"))
+    message = r"x\.wgsl main.*missing \['result', 'source'\], unknown \['sorce'\]"
+    with pytest.raises(TypeError, match=message), gpu.frame() as frame:
+        run(frame, over=1, params=params(1.0), sorce=gpu.buffer("b"))
 
 
 def test_compute_rejects_a_record_of_the_wrong_size(gpu: Gpu, shader: str) -> None:
