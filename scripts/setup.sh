@@ -57,7 +57,7 @@ make_venv_by_uv() {
     command -v python3 >/dev/null || fail "there is no python3; run: sudo apt-get install python3-venv"
     say "$(python3 --version) is too old; fetching Python 3.12"
     [ -x .uv/bin/uv ] || { make_venv python3 .uv && .uv/bin/python -m pip install -q uv; }
-    .uv/bin/uv venv -q --seed --python 3.12 "$venv" ||
+    .uv/bin/uv venv -q --seed --python 3.12 "$venv" 2>/dev/null ||
         fail "ispm needs Python 3.11 or newer; install one and run: PYTHON=/path/to/python3.12 make"
 }
 

@@ -1,4 +1,4 @@
-"""How far a picture is from another: bias, relMSE, mean relative error."""
+"""How far a picture is from another: bias, relMSE, mean relative error, FLIP."""
 
 from __future__ import annotations
 
@@ -6,7 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ispm.bench.flip import flip
 from ispm.errors import OutputError
+from ispm.io.image import srgb_to_linear
+from ispm.stages.tonemap import auto_exposure, tonemap
 
 _REGULARISER = 1e-3  # eps over the squared mean of the reference
 
@@ -18,26 +21,35 @@ class Comparison:
     bias                 mean(A) / mean(B) - 1: the light there is too much
     relmse               mean of (A - B)^2 / (B^2 + eps), eps = 1e-3 mean(B)^2, less the reference's own
     mean_relative_error  mean of |A - B| / sqrt(B^2 + eps)
+    flip                 mean FLIP of both as a screen shows them, tone mapped at the exposure that suits B
     pixels               how many were compared
     """
 
     bias: float
     relmse: float
     mean_relative_error: float
+    flip: float
     pixels: int
 
 
 def compare(
-    a: np.ndarray, b: np.ndarray, mask: np.ndarray | None = None, reference_error: float = 0.0
+    a: np.ndarray,
+    b: np.ndarray,
+    mask: np.ndarray | None = None,
+    *,
+    reference_error: float = 0.0,
+    displayed: bool = False,
 ) -> Comparison:
     """Compare the picture `a` with the reference `b`.
 
     a, b             (h, w, 3) linear radiance
     mask             (h, w) the pixels to compare, where it is not 0; default: all
     reference_error  relMSE of the reference against the truth, taken off `relmse`
+    displayed        the pictures are tone mapped already: FLIP takes them as they are
     Raises OutputError where the shapes differ, the mask is empty, or a value compared is not finite.
     """
-    picked_a, picked_b = _picked(a, b, mask)
+    chosen = _chosen(a, b, mask)
+    picked_a, picked_b = _picked(a, chosen, "picture"), _picked(b, chosen, "reference")
     eps = _REGULARISER * picked_b.mean() ** 2
     if not picked_b.any():
         raise OutputError("the reference is black wherever it is compared; relative errors have no meaning")
@@ -47,6 +59,7 @@ def compare(
         bias=float(picked_a.mean() / picked_b.mean() - 1.0),
         relmse=float((difference**2 / scale).mean() - reference_error),
         mean_relative_error=float((np.abs(difference) / np.sqrt(scale)).mean()),
+        flip=float(flip(*_on_screen(a, b, displayed))[chosen].mean()),
         pixels=len(picked_b),
     )
 
@@ -67,8 +80,8 @@ def difference_picture(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return picture
 
 
-def _picked(a: np.ndarray, b: np.ndarray, mask: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
-    """Return the pixels to compare as (n, channels) float64, checked."""
+def _chosen(a: np.ndarray, b: np.ndarray, mask: np.ndarray | None) -> np.ndarray:
+    """Return the (h, w) pixels to compare."""
     if a.shape != b.shape:
         raise OutputError(
             f"the pictures differ in shape, {_shape(a)} and {_shape(b)}; render at the same size"
@@ -78,12 +91,24 @@ def _picked(a: np.ndarray, b: np.ndarray, mask: np.ndarray | None) -> tuple[np.n
         raise OutputError(f"the mask is {_shape(chosen)}, the pictures are {_shape(b)}")
     if not chosen.any():
         raise OutputError("the mask picks no pixel")
-    picked = np.asarray(a)[chosen].astype(np.float64), np.asarray(b)[chosen].astype(np.float64)
-    for values, name in zip(picked, ("picture", "reference"), strict=True):
-        if not np.isfinite(values).all():
-            bad = int((~np.isfinite(values)).any(axis=-1).sum())
-            raise OutputError(f"the {name} has {bad} pixels that are not finite")
-    return picked
+    return chosen
+
+
+def _picked(picture: np.ndarray, chosen: np.ndarray, name: str) -> np.ndarray:
+    """Return the chosen pixels as (n, channels) float64, all finite."""
+    values: np.ndarray = np.asarray(picture)[chosen].astype(np.float64)
+    bad = int((~np.isfinite(values)).any(axis=-1).sum())
+    if bad:
+        raise OutputError(f"the {name} has {bad} pixels that are not finite")
+    return values
+
+
+def _on_screen(a: np.ndarray, b: np.ndarray, displayed: bool) -> tuple[np.ndarray, np.ndarray]:
+    """Return the light that a screen gives off for each picture, (h, w, 3) in [0, 1]."""
+    if displayed:
+        return np.clip(a, 0.0, 1.0), np.clip(b, 0.0, 1.0)
+    exposure = auto_exposure(b)
+    return srgb_to_linear(tonemap(a, exposure)), srgb_to_linear(tonemap(b, exposure))
 
 
 def _shape(array: np.ndarray) -> str:

@@ -43,6 +43,7 @@ def compare(
     A is compared with the reference B (.exr .npy .npz:KEY .png) in linear light. bias is
     the light A has too much, as a fraction; relmse the mean of (A-B)^2 / (B^2 + eps) with
     eps = 0.001 mean(B)^2. A PNG is taken as sRGB, and was clipped and tone mapped before.
+    flip is how far they differ to the eye, from 0 to 1, shown at the exposure that suits B.
     """
     for name, bound in (("--max-relmse", max_relmse), ("--max-bias", max_bias)):
         if bound is not None and not bound >= 0.0:
@@ -54,7 +55,13 @@ def compare(
 
     picture, reference = read_picture(a), read_picture(b)
     chosen = None if mask is None else read_array(mask)
-    result = metrics.compare(picture, reference, chosen, reference_error)
+    result = metrics.compare(
+        picture,
+        reference,
+        chosen,
+        reference_error=reference_error,
+        displayed=all(name.lower().endswith(".png") for name in (a, b)),
+    )
     values = dataclasses.asdict(result)
     console.table("comparison", list(values.items()))
     if diff is not None:

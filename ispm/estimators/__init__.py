@@ -20,11 +20,12 @@ class Estimator(Protocol):
     def __call__(
         self, receivers: np.ndarray, photons: np.ndarray, clip_from_world: np.ndarray, size: tuple[int, int]
     ) -> np.ndarray:
-        """Return (h*w, 16) float32: sums over all photons that count at a receiver.
+        """Return (h*w, 16) float32: sums over all photons that count at each receiver.
 
         receivers        (h*w,) RECEIVER, row by row from the top left
         photons          (n,) PHOTON with radius and height set
-        clip_from_world  (4, 4) float64, perspective or orthographic, columns on the right
+        clip_from_world  (4, 4) float64, perspective or orthographic, columns on the right; a receiver is seen
+                         within its pixel, or within one of it
         size             width and height of the receivers' screen
         channels         0-2   Phi kappa c, irradiance in lx
                          3     kappa, photons per m2

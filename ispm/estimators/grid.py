@@ -5,7 +5,19 @@ from __future__ import annotations
 import numpy as np
 
 from ispm.tracer.grid import PhotonGrid
+from ispm.tracer.threads import thread_count
 
 
 class Grid:
-    """The `grid` estimator, see `estimators.Estimator`."""
+    """The `grid` estimator, see `estimators.Estimator`. Needs no screen: the projection is not used."""
+
+    def __init__(self, threads: int | None) -> None:
+        self._threads = thread_count(threads)
+
+    def __call__(
+        self, receivers: np.ndarray, photons: np.ndarray, clip_from_world: np.ndarray, size: tuple[int, int]
+    ) -> np.ndarray:
+        return PhotonGrid(photons).estimate(receivers, self._threads)
+
+    def close(self) -> None:
+        """Free nothing: all memory is numpy's."""

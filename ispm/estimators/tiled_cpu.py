@@ -11,6 +11,7 @@ import numpy as np
 from ispm.optics.bsdf import gloss
 from ispm.optics.density import cosine_ratio, density_kernel, photon_counts
 from ispm.optics.jit import jit
+from ispm.optics.records import PHOTON, RECEIVER
 from ispm.optics.vector import add, dot, sub
 from ispm.tracer.simd import address, alloca, atomic_add, ldf, ldu, stf
 from ispm.tracer.threads import run_threads, thread_count
@@ -25,10 +26,19 @@ _BLOCKS = _TILE // _LANES
 _CHUNKS = 16  # of photons, for binning; any number gives the same lists
 _FAR = f32(1e15)  # m; its square is a float too
 
-# 4-byte words of the records, see records.wgsl; both have 16.
-_WORDS = 16
-_ALPHA, _NG, _VALID, _N, _WO = 3, 4, 7, 8, 12
-_RADIUS, _FLUX, _WI, _NORMAL, _HEIGHT = 3, 4, 8, 12, 15
+
+def _word(record: np.dtype, name: str) -> int:
+    """Place of a field in its record, in 4 bytes."""
+    assert record.fields is not None
+    return int(record.fields[name][1]) // 4
+
+
+_ALPHA, _NG, _VALID, _N, _WO = (_word(RECEIVER, name) for name in ("alpha", "ng", "valid", "n", "wo"))
+_RADIUS, _FLUX, _WI, _NORMAL, _HEIGHT = (
+    _word(PHOTON, name) for name in ("radius", "flux", "wi", "normal", "height")
+)
+_WORDS = PHOTON.itemsize // 4
+assert RECEIVER.itemsize == PHOTON.itemsize and _word(RECEIVER, "position") == _word(PHOTON, "position") == 0
 
 # A tile's receivers as it works on them: rows of 64 floats, sums behind.
 _ROW_NG, _ROW_N, _ROW_WO, _ROW_ALPHA, _ROW_SUMS = 3, 6, 9, 12, 13
@@ -53,6 +63,8 @@ class TiledCpu:
         self, receivers: np.ndarray, photons: np.ndarray, clip_from_world: np.ndarray, size: tuple[int, int]
     ) -> np.ndarray:
         """Return (h*w, 16) float32 channels, see `estimators.Estimator`."""
+        # the kernels read by address
+        assert receivers.dtype == RECEIVER and photons.dtype == PHOTON and len(receivers) == size[0] * size[1]
         out = np.zeros((len(receivers), CHANNELS), f32)
         if not len(photons) or not len(receivers):
             return out

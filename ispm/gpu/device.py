@@ -167,6 +167,7 @@ class Gpu:
         vertex: str = "vs",
         fragment: str | None = "fs",
         unclipped_depth: bool = False,
+        samples: int = 1,
         **constants: float,
     ) -> Raster:
         """Return a render pipeline of the file `path`; see `Raster`.
@@ -178,14 +179,15 @@ class Gpu:
         """
         return Raster(
             self.device, path, targets, depth, depth_write, cull, front, topology,
-            vertex_layout, vertex, fragment, unclipped_depth, constants,
+            vertex_layout, vertex, fragment, unclipped_depth, samples, constants,
         )  # fmt: skip
 
     def texture(
-        self, name: str, format: str, *, dimension: str = "2d", layers: int = 1, usage: Sequence[str] = ()
+        self, name: str, format: str, *, dimension: str = "2d", layers: int = 1, usage: Sequence[str] = (),
+        samples: int = 1,
     ) -> Texture:
         """Return a texture without size yet; see `Texture`."""
-        return Texture(self.device, name, format, dimension, layers, usage)
+        return Texture(self.device, name, format, dimension, layers, usage, samples)
 
     def buffer(self, name: str, usage: str = "storage") -> Buffer:
         """Return an empty buffer; `usage` is storage, vertex, index, uniform or indirect."""

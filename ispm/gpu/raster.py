@@ -53,6 +53,7 @@ class Raster:
         vertex: str,
         fragment: str | None,
         unclipped_depth: bool,
+        samples: int,
         constants: Mapping[str, float],
     ) -> None:
         entries = [vertex, fragment] if fragment else [vertex]
@@ -69,6 +70,7 @@ class Raster:
                 layout=shader.pipeline_layout,
                 vertex=stage | {"entry_point": vertex, "buffers": list(vertex_layout)},
                 primitive=primitive,
+                multisample={"count": samples},
                 depth_stencil=_depth_state(depth, depth_write) if depth else None,
                 fragment=stage | {"entry_point": fragment, "targets": states} if fragment else None,
             )

@@ -29,6 +29,7 @@ class UniformPool:
         self._device = device
         self._chunks: list[tuple[wgpu.GPUBuffer, np.ndarray]] = []
         self._chunk, self._used = 0, 0
+        self.in_use = False
 
     def add(self, array: np.ndarray) -> dict[str, Any]:
         """Return the binding of a place that will hold `array` at the next `flush`."""
@@ -79,11 +80,14 @@ class Recording:
         self.encoder = device.create_command_encoder()
 
     def __enter__(self) -> Recording:
+        assert not self._uniforms.in_use, "a frame is recorded inside another"
+        self._uniforms.in_use = True
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
+        self._uniforms.in_use = False
         if error is None:
             self.stage("")
             self._stopwatch.finish(self.encoder)

@@ -25,6 +25,7 @@ class Texture:
     format     WebGPU's name
     dimension  of the default view: 2d, 2d-array, cube, cube-array
     usage      attachment, sampled, storage; default: attachment and sampled
+    samples    of a texel: 1 or 4
     """
 
     def __init__(
@@ -35,10 +36,12 @@ class Texture:
         dimension: str = "2d",
         layers: int = 1,
         usage: Sequence[str] = (),
+        samples: int = 1,
     ) -> None:
         self._device, self.name, self.format = device, name, format
         self.dimension, self.layers, self.levels = dimension, layers, 1
-        self._usage = _COPIES
+        self._samples = samples
+        self._usage = _COPIES if samples == 1 else 0
         for use in usage or ("attachment", "sampled"):
             self._usage |= _USAGE[use]
         self._handle: wgpu.GPUTexture | None = None
@@ -62,7 +65,7 @@ class Texture:
             self._views.clear()  # not destroyed: commands that are not submitted yet may use them
             self._handle = self._device.create_texture(
                 label=self.name, size=(*size, layers), format=self.format, usage=self._usage,
-                mip_level_count=levels,
+                mip_level_count=levels, sample_count=self._samples,
             )  # fmt: skip
             self.size, self.layers, self.levels = size, layers, levels
             self.version += 1

@@ -12,7 +12,7 @@ from pathlib import Path
 from ispm.errors import SceneError
 from ispm.io import gltf_schema as schema
 from ispm.io.gltf_animation import read_animations
-from ispm.io.gltf_file import GltfFile, item, label
+from ispm.io.gltf_file import FARTHEST, GltfFile, item, label
 from ispm.io.gltf_material import BRIGHTEST
 from ispm.io.gltf_mesh import Meshes
 from ispm.io.gltf_node import build_tree, chosen_scene, reached
@@ -30,6 +30,7 @@ SUPPORTED = (
     "KHR_mesh_quantization",
     "KHR_texture_transform",
 )
+NARROWEST = 1e-4  # rad, and m for parallel rays: the least a camera may see
 KNOWN_AS = {
     "KHR_draco_mesh_compression": "Draco compression",
     "EXT_meshopt_compression": "meshopt compression",
@@ -101,9 +102,15 @@ def _furnish(file: GltfFile, nodes: list[Node], shown: list[int]) -> None:
         if record.extensions.light is not None:
             node.light = _light(file, record.extensions.light.light, node, silent)
     for kind, names in silent.items():
-        many = "s are not supported yet and give" if len(names) > 1 else " is not supported yet and gives"
-        told = ", ".join(f"'{name}'" for name in names[:5]) + (", ..." if len(names) > 5 else "")
-        file.notes.add(f"{len(names)} {kind} light{many} no light: {told}")
+        file.notes.add(_told(kind, names))
+
+
+def _told(kind: str, names: list[str]) -> str:
+    """The warning that lights of a kind are dark."""
+    does = (
+        "lights are not supported yet and give" if len(names) > 1 else "light is not supported yet and gives"
+    )
+    return f"{len(names)} {kind} {does} no light: {', '.join(names[:5])}{', ...' if len(names) > 5 else ''}"
 
 
 def _camera(file: GltfFile, index: int) -> Camera | None:
@@ -117,12 +124,12 @@ def _camera(file: GltfFile, index: int) -> Camera | None:
     if kind.zfar is not None and kind.zfar <= (kind.znear or 0.0):
         file.notes.add(f"{where}: its zfar is not beyond its znear; both are passed over")
     if isinstance(kind, schema.Perspective):
-        if 0.0 < kind.yfov < math.pi:
+        if NARROWEST < kind.yfov < math.pi - NARROWEST:
             return Camera(kind.yfov, name=record.name)
         file.notes.add(f"{where}: a yfov of {kind.yfov:g} shows nothing; {Camera.yfov:.3g} rad is used")
         return Camera(name=record.name)
-    if kind.ymag == 0.0:
-        file.notes.add(f"{where} is left out: a ymag of 0 shows nothing")
+    if not NARROWEST < abs(kind.ymag) < FARTHEST:
+        file.notes.add(f"{where} is left out: a ymag of {kind.ymag:g} shows nothing")
         return None
     return Camera(ymag=abs(kind.ymag), name=record.name)
 
@@ -133,7 +140,7 @@ def _light(file: GltfFile, index: int, node: Node, silent: dict[str, list[str]])
     name = node.name or record.name or str(index)
     if record.type != "point":
         known = record.type in ("spot", "directional")
-        silent.setdefault(record.type if known else f"'{record.type}'", []).append(name)
+        silent.setdefault(record.type if known else f"'{record.type}'", []).append(f"'{name}'")
         return None
     given = [record.intensity * c for c in record.color]
     intensity = [min(max(value, 0.0), BRIGHTEST) for value in given]

@@ -8,7 +8,7 @@ import numpy as np
 
 from ispm.errors import SceneError
 from ispm.io import gltf_schema as schema
-from ispm.io.gltf_file import GltfFile, item, label
+from ispm.io.gltf_file import FARTHEST, GltfFile, item, label
 from ispm.scene.animation import Animation, Channel
 from ispm.scene.scene import Node
 
@@ -71,6 +71,8 @@ def _keyed(file: GltfFile, node: Node, path: str, sampler: schema.AnimationSampl
         raise SceneError(f"it has {len(times)} times and {len(values)} values")
     shaped = values.reshape(len(times), 3, -1) if spline else values
     keys = shaped[:, 1] if spline else shaped
-    if not np.isfinite(values).all() or (path == "rotation" and not np.abs(keys).max(axis=1).all()):
-        raise SceneError("its values are not finite, or a rotation is zero")
+    if not (np.abs(values) < FARTHEST).all():
+        raise SceneError("its values are not finite")
+    if path == "rotation" and np.linalg.norm(keys, axis=1).min() < 1e-3:
+        raise SceneError("a rotation is zero")
     return Channel(node, path, times[:, 0].copy(), shaped, sampler.interpolation)

@@ -16,6 +16,7 @@ from ispm.settings import LoadLimits
 
 COMPONENTS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
+FARTHEST = 1e18  # m; squares of larger coordinates do not fit a float32
 MOST_WARNINGS = 50
 MOST_ZEROS = 1_000_000  # elements that take no bytes of the file, so that small files stay small
 

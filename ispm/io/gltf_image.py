@@ -19,6 +19,7 @@ from ispm.settings import LoadLimits
 WRAPS = {10497: Wrap.REPEAT, 33071: Wrap.CLAMP, 33648: Wrap.MIRROR}
 MAG_LINEAR = {9728: False, 9729: True}
 MIN_MIPMAPS = {9728: False, 9729: False, 9984: True, 9985: True, 9986: True, 9987: True}
+LARGEST_TRANSFORM = 1e6  # a float32 has no digits left inside a texture that repeats more often
 
 Value = TypeVar("Value")
 Rows = tuple[tuple[float, float, float], tuple[float, float, float]]
@@ -51,6 +52,9 @@ class Textures:
             called = label("texture", slot.index, record.name)
             self._file.notes.add(f"{where}: {called} has no picture to show")
             return None
+        if max(map(abs, (transform.rotation, *transform.scale, *transform.offset))) > LARGEST_TRANSFORM:
+            self._file.notes.add(f"{where}: a texture's transform is too large and is passed over")
+            transform = schema.TextureTransform()
         texture = self._texture(record.source, record.sampler, srgb)
         return None if texture is None else TextureUse(texture, uv_set, uv_rows(transform))
 

@@ -54,12 +54,15 @@ class Materials:
             **self._base(record.pbr, where),
             **self._layers(record, where),
             **self._opacity(record, where),
-            normal_scale=record.normal_texture.scale if record.normal_texture else 1.0,
+            normal_scale=self._normal_scale(record.normal_texture, where),
             normal_texture=self._textures.use(record.normal_texture, srgb=False, where=where),
             double_sided=record.double_sided,
             unlit=record.extensions.unlit is not None,
             name=record.name,
         )
+
+    def _normal_scale(self, slot: schema.TextureSlot | None, where: str) -> float:
+        return 1.0 if slot is None else self._within([slot.scale], -1e3, 1e3, f"{where}: normal scale")[0]
 
     def _base(self, pbr: schema.Pbr, where: str) -> dict[str, Any]:
         return dict(

@@ -8,13 +8,12 @@ import numpy as np
 
 from ispm.errors import SceneError
 from ispm.io import gltf_schema as schema
-from ispm.io.gltf_file import GltfFile, item, label
+from ispm.io.gltf_file import FARTHEST, GltfFile, item, label
 from ispm.io.gltf_material import Materials
 from ispm.scene.material import Material
 from ispm.scene.mesh import Mesh
 
 TRIANGLES, STRIP, FAN = 4, 5, 6
-FARTHEST = 1e18  # m; squares of larger coordinates do not fit a float32
 ATTRIBUTES = {
     "normals": ("NORMAL", ("VEC3",)),
     "tangents": ("TANGENT", ("VEC4",)),
@@ -69,7 +68,7 @@ class Meshes:
         positions = self._file.floats(primitive.attributes["POSITION"], ("VEC3",), rows)
         if positions is None:
             raise SceneError(f"{where}: POSITION is not a VEC3")
-        far = ~(np.abs(positions) < FARTHEST).all(axis=1)  # true for NaN, too
+        far = np.asarray(_wild(positions).any(axis=1))
         if far.any():
             lost = far[triangles].any(axis=1)
             self._file.notes.add(
@@ -86,14 +85,13 @@ class Meshes:
         return Mesh(positions, triangles, **others, name=name)
 
     def _triangles(self, primitive: schema.Primitive, where: str) -> np.ndarray:
-        """(T, 3) uint32 into the primitive's vertices, which are all there."""
-        vertex_count = self._file.count(primitive.attributes["POSITION"])
+        """(T, 3) numbers of the primitive's vertices; checked before memory is asked for."""
+        vertex_count = len(self._file.stored(primitive.attributes["POSITION"]))
         corner_count = vertex_count if primitive.indices is None else self._file.count(primitive.indices)
         self._triangle_count += corner_count // 3 if primitive.mode == TRIANGLES else max(0, corner_count - 2)
         if self._triangle_count > self._file.limits.triangles:
             raise SceneError(f"{where}: more triangles than triangles={self._file.limits.triangles} allows")
         if primitive.indices is None:
-            self._file.stored(primitive.attributes["POSITION"])  # fails before memory is asked for
             corners = np.arange(vertex_count, dtype=np.uint32)
         else:
             corners = self._file.indices(primitive.indices)
@@ -126,9 +124,10 @@ class Meshes:
         if values is None:
             self._file.notes.add(f"{where}: {attribute} is left out: it is not a {' or '.join(types)}")
             return None
-        if not np.isfinite(values).all():
+        wild = _wild(values)
+        if wild.any():
             self._file.notes.add(f"{where}: values of {attribute} that are not finite count as 0")
-            values[~np.isfinite(values)] = 0.0
+            values[wild] = 0.0
         return opaque(values) if color else values
 
 
@@ -159,3 +158,9 @@ def opaque(colors: np.ndarray) -> np.ndarray:
     result = np.ones((len(colors), 4), np.float32)
     np.clip(colors, 0.0, 1.0, out=result[:, : colors.shape[1]])
     return result
+
+
+def _wild(values: np.ndarray) -> np.ndarray:
+    """Where `values` are NaN, infinite or too large to reckon with."""
+    wild: np.ndarray = ~(np.abs(values) < FARTHEST)
+    return wild

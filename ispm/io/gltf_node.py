@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from ispm.errors import SceneError
 from ispm.io import gltf_schema as schema
-from ispm.io.gltf_file import GltfFile, item, label
+from ispm.io.gltf_file import FARTHEST, GltfFile, item, label
 from ispm.scene.scene import Node
 
 
@@ -68,6 +70,8 @@ def _refuse_cycles(file: GltfFile, parents: list[int]) -> None:
 def _node(file: GltfFile, index: int, record: schema.Node) -> Node:
     """A node with its place and name, without children or contents."""
     where = label("node", index, record.name)
+    if max(map(abs, (*record.translation, *record.scale, *(record.matrix or ())))) > FARTHEST:
+        raise SceneError(f"{where}: its place or size is beyond {FARTHEST:g} m")
     node = Node(record.name, record.translation, record.rotation, record.scale)
     if record.matrix is not None:
         node.matrix = np.array(record.matrix).reshape(4, 4).T.copy()
@@ -76,8 +80,8 @@ def _node(file: GltfFile, index: int, record: schema.Node) -> Node:
             node.matrix[3] = 0.0, 0.0, 0.0, 1.0
         if not node.matrix[:3, :3].any():
             file.notes.add(f"{where}: its matrix is zero, which hides it")
-    if not any(record.rotation):
-        file.notes.add(f"{where}: a rotation of 0, 0, 0, 0 counts as none")
+    if not 1e-3 < math.hypot(*record.rotation) < 1e3:
+        file.notes.add(f"{where}: its rotation, no unit quaternion, counts as none")
         node.rotation = (0.0, 0.0, 0.0, 1.0)
     return node
 

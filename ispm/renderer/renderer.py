@@ -11,7 +11,7 @@ import numpy as np
 from ispm.errors import SceneError, SceneWarning, SettingsError
 from ispm.estimators import ESTIMATORS
 from ispm.frame import BounceMaps, GBuffer, GpuScene
-from ispm.gpu import Recording, Texture, open_gpu
+from ispm.gpu import Gpu, Recording, Texture, open_gpu
 from ispm.optics.records import EMITTED, PHOTON
 from ispm.optics.texture import TextureTable
 from ispm.renderer import layers as make
@@ -24,6 +24,7 @@ from ispm.scene.camera import Camera
 from ispm.scene.packed import Packed, pack
 from ispm.scene.scene import Scene
 from ispm.settings import Settings
+from ispm.stages.antialias import Antialias
 from ispm.stages.bounce import BounceStage
 from ispm.stages.camera import CameraView
 from ispm.stages.direct import DirectStage
@@ -55,6 +56,7 @@ class Renderer:
     camera    a Camera with a pose, or the name or index of one of the scene's; None: the first
     adapter   part of a graphics adapter's name
     threads   of the CPU; None: all
+    gpu       an open device to share, which stays open; None: one of its own, on `adapter`
     Raises AdapterError where no adapter serves.
     """
 
@@ -66,15 +68,17 @@ class Renderer:
         *,
         adapter: str | None = None,
         threads: int | None = None,
+        gpu: Gpu | None = None,
     ) -> None:
         self.scene, self.camera = scene, camera
         self.threads = thread_count(threads)
-        self._gpu = open_gpu(adapter)
+        self._gpu, self._owns_gpu = gpu or open_gpu(adapter), gpu is None
         self._world = World(self.threads)
         self._upload = Upload(self._gpu)
         self._gbuffer = GBufferStage(self._gpu)
         self._bounce = BounceStage(self._gpu)
         self._direct = DirectStage(self._gpu)
+        self._antialias = Antialias(self._gpu)
         self._packed: Packed | None = None
         self._textures: TextureTable | None = None
         self._photons = np.zeros(0, PHOTON)
@@ -93,7 +97,8 @@ class Renderer:
 
     def close(self) -> None:
         """Free the adapter's memory; frames that were rendered stay whole."""
-        self._gpu.close()
+        if self._owns_gpu:
+            self._gpu.close()
 
     @property
     def settings(self) -> Settings:
@@ -155,10 +160,15 @@ class Renderer:
             indirect, irradiance = self._upsample(third, scene, gbuffer, view, receivers, light)
         with watch("upsample"):
             self._light_missed(points, estimate, path.photons, scene, gbuffer, view)
-        with watch("compose"):
-            frame = self._compose(gbuffer, direct, indirect, irradiance, view)
+        with self._gpu.frame() as fourth:
+            fourth.stage("compose")
+            light_layers = direct, indirect, gbuffer.emission
+            if self.settings.antialias:
+                light_layers = self._antialias(fourth, scene, gbuffer, view, direct, indirect)
+        with watch("readback"):
+            frame = self._compose(gbuffer, light_layers, irradiance, view)
 
-        for recording in (first, second, third):
+        for recording in (first, second, third, fourth):
             for name, spent in recording.milliseconds().items():
                 watch.add(name, spent)
         total = (clock.perf_counter() - started) * 1e3
@@ -284,23 +294,25 @@ class Renderer:
             self._upsample.patch(frame, scene, gbuffer, view, light)
 
     def _compose(
-        self, gbuffer: GBuffer, direct: Texture, indirect: Texture, irradiance: Texture, view: CameraView
+        self, gbuffer: GBuffer, light: tuple[Texture, Texture, Texture], irradiance: Texture, view: CameraView
     ) -> Frame:
         """Read the picture's parts back, add them, expose and tone map."""
         f2, f4, u4 = np.float16, np.float32, np.uint32
-        d, i, irr, emission, base, normals, ids, depth = self._gpu.read_many([
-            (direct, f4, 4), (indirect, f4, 4), (irradiance, f4, 4), (gbuffer.emission, f2, 4),
+        kind = f4 if self.settings.antialias else f2  # of emission
+        d, i, e, irr, base, normals, ids, depth = self._gpu.read_many([
+            (light[0], f4, 4), (light[1], f4, 4), (light[2], kind, 4), (irradiance, f4, 4),
             (gbuffer.base, f2, 4), (gbuffer.normals, f2, 4), (gbuffer.ids, u4, 2), (gbuffer.depth, f4),
         ])  # fmt: skip
-        e = emission[..., :3].astype(np.float32)
-        nodes = np.append(np.int32(-1), self._packed.instances["node"].astype(np.int32))  # type: ignore[union-attr]
+        e = e.astype(f4, copy=False)
+        assert self._packed is not None
+        nodes = np.append(np.int32(-1), self._packed.instances["node"].astype(np.int32))
         full = make.sum_layers(d, i, e, self.threads)
         layers = make.Layers({
             "full": lambda: full, "direct": lambda: make.rgb(d), "indirect": lambda: make.rgb(i),
-            "emission": lambda: e, "irradiance": lambda: make.rgb(irr),
+            "emission": lambda: make.rgb(e), "irradiance": lambda: make.rgb(irr),
             "depth": lambda: make.linear_depth(depth, view),
             "normal": lambda: make.decode_normals(normals, depth),
-            "albedo": lambda: base[..., :3].astype(np.float32), "instance": lambda: nodes[ids[..., 0]],
+            "albedo": lambda: base[..., :3].astype(f4), "instance": lambda: nodes[ids[..., 0]],
             "material": lambda: np.where(ids[..., 0] > 0, ids[..., 1].astype(np.int32), np.int32(-1)),
         })  # fmt: skip
         settings = self.settings

@@ -33,6 +33,7 @@ def builtin(name: str, **parameters: Any) -> Scene:
     known_parameters = inspect.signature(make).parameters
     for parameter in parameters:
         if parameter not in known_parameters:
-            hint = nearest(parameter, known_parameters) or f"; it takes {', '.join(known_parameters) or 'none'}"
+            takes = ", ".join(known_parameters) or "none"
+            hint = nearest(parameter, known_parameters) or f"; it takes {takes}"
             raise SettingsError(f"scene '{name}' has no parameter '{parameter}'{hint}")
     return make(**parameters)

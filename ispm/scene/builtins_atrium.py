@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import math
 
 import numpy as np
@@ -56,7 +57,8 @@ def atrium(time: float | None = None) -> Scene:
     _furniture(scene)
     _moving(scene)
     add_camera(scene, (-10.4, 1.75, -1.5), (6.0, 3.2, 0.5), math.radians(55.0))
-    return scene if time is None else scene.at(time)
+    own = copy.deepcopy(scene)  # so that editing a material changes this scene only
+    return own if time is None else own.at(time)
 
 
 def _place(
@@ -102,7 +104,9 @@ def _shell(scene: Scene) -> None:
     """Floor, outer walls, the floors of the galleries and the roof: closed frames that overlap."""
     wall = GALLERY + 0.15  # slabs end inside the wall
     frames = [
-        ("outer wall", PLASTER, [(GALLERY, -0.4), (GALLERY + 0.5, -0.4), (GALLERY + 0.5, 13.6), (GALLERY, 13.6)]),
+        ("outer wall", PLASTER, [
+            (GALLERY, -0.4), (GALLERY + 0.5, -0.4), (GALLERY + 0.5, 13.6), (GALLERY, 13.6),
+        ]),
         ("coping", PALE, [(3.15, 13.5), (3.95, 13.5), (3.95, 13.75), (3.15, 13.75)]),
         ("dado", DARK, [(3.24, -0.1), (wall, -0.1), (wall, 1.0), (3.27, 1.0), (3.24, 0.95)]),
         ("gallery floor", PALE, [
@@ -185,24 +189,25 @@ def _galleries(scene: Scene) -> None:
 
 
 def _drapes(scene: Scene) -> None:
-    """Curtains in arches of the ground floor, long banners from the upper one, runners where the sun comes in."""
-    curtain = masonry.drape(2.1, 3.75, 27, 15, 5.0, 0.45, 1, "curtain")
+    """Curtains in arches, banners from the upper ones, and runners where the sun falls into the galleries."""
+    curtain = masonry.drape(2.1, 3.75, 27, 15, 4.0, 0.4, 1, "curtain")
     banner = masonry.drape(2.0, 5.5, 24, 15, 4.0, 0.0, 2, "banner")
-    pole, bracketed = Part(masonry.pole(2.4, 0.0, "pole"), BRASS), Part(masonry.pole(2.4, 0.5, "bracketed pole"), BRASS)
-    curtains = {0: (OCHRE, 0), 1: (RED, 2), 2: (BLUE, 4), 3: (GREEN, 6), 4: (GREEN, 8), 5: (RED, 10), 6: (BLUE, 12)}
+    tapestry = masonry.drape(2.0, 3.6, 24, 15, 4.0, 0.0, 3, "tapestry")
+    pole = Part(masonry.pole(2.4, 0.0, "pole"), BRASS)
+    bracketed = Part(masonry.pole(2.4, 0.5, "bracketed pole"), BRASS)
     bays = _bays()
-    for number, (cloth, bay) in curtains.items():
+    for bay, cloth in {0: OCHRE, 2: RED, 4: BLUE, 6: GREEN, 8: GREEN, 10: RED, 12: BLUE}.items():
         x, z, turn, _ = bays[bay]
-        _place(scene, [Part(curtain, cloth), pole], f"curtain {number}", x, SPRING - 0.09, z, turn)
-    banners = {0: (GREEN, 1), 1: (OCHRE, 3), 2: (RED, 5), 3: (OCHRE, 7), 4: (BLUE, 9), 5: (OCHRE, 11), 6: (RED, 13)}
-    for number, (cloth, bay) in banners.items():
+        _place(scene, [Part(curtain, cloth), pole], f"curtain {bay}", x, SPRING - 0.09, z, turn)
+    hangings = {1: GREEN, 3: OCHRE, 5: RED, 7: OCHRE, 9: BLUE, 11: OCHRE, 13: RED}
+    for bay, mesh, cloth in [(bay, banner, cloth) for bay, cloth in hangings.items()] + [
+        (18, tapestry, GREEN)
+    ]:
         x, z, turn, _ = bays[bay]
         x, z = _behind(x, z, turn, -0.95)
-        _place(scene, [Part(banner, cloth), bracketed], f"banner {number}", x, UPPER_SPRING - 0.09, z, turn)
+        _place(scene, [Part(mesh, cloth), bracketed], f"{mesh.name} {bay}", x, UPPER_SPRING - 0.09, z, turn)
     for name, cloth, y, z in (("runner", RED, 0.0, 6.2), ("upper runner", BLUE, UPPER, 6.15)):
         scene.add(box((-10.6, y - 0.02, z - 0.7), (10.6, y + 0.02, z + 0.7), name), material=cloth)
-    tapestry = masonry.drape(2.0, 3.6, 24, 15, 4.0, 0.0, 3, "tapestry")
-    _place(scene, [Part(tapestry, GREEN), bracketed], "tapestry", HALF_X - 0.95, UPPER_SPRING - 0.09, 0.0, -0.5 * math.pi)
 
 
 def _furniture(scene: Scene) -> None:
@@ -210,7 +215,7 @@ def _furniture(scene: Scene) -> None:
     _place(scene, [Part(masonry.fountain(28, "fountain"), PALE)], "fountain", 0.0, 0.0, 0.0)
     urn = [Part(masonry.urn(14, "urn"), GLAZE)]
     bush = [Part(masonry.bush(0.42, 4, 3, "bush"), LEAVES)]
-    for number, (x, z) in enumerate((sx * px, sz * 3.6) for px in (3.2, 6.4) for sx in (-1, 1) for sz in (-1, 1)):
+    for number, (x, z) in enumerate((x, z) for x in (-6.4, -3.2, 3.2, 6.4) for z in (-3.6, 3.6)):
         _place(scene, urn, f"urn {number}", x, 0.0, z)
         _place(scene, bush, f"bush {number}", x, 1.13, z, turn=1.3 * number)
 

@@ -40,7 +40,14 @@ def pier(low: float, high: float, half: float, cap: float, name: str) -> Mesh:
 
 
 def arch(
-    width: float, height: float, depth: float, inner: float, outer: float, step: float, segments: int, name: str
+    width: float,
+    height: float,
+    depth: float,
+    inner: float,
+    outer: float,
+    step: float,
+    segments: int,
+    name: str,
 ) -> tuple[Mesh, Mesh]:
     """A wall over a round arch, springing from y = 0 in the plane z = 0; together the two are closed.
 
@@ -101,16 +108,17 @@ def drape(
     u, v = np.meshgrid(np.linspace(0.0, 1.0, columns + 1), np.linspace(0.0, 1.0, rows + 1))
     phase = 2.0 * np.pi * folds * (u + 0.02 * np.sin(2.0 * np.pi * (v + random.random())))
     swell = 0.35 + 0.65 * np.sqrt(v)
-    drawn = 1.0 - waist * np.where(v < 0.66, np.sin(0.5 * np.pi * v / 0.66) ** 2, np.exp(-(((v - 0.66) / 0.25) ** 2)))
+    above, below = np.sin(0.5 * np.pi * v / 0.66) ** 2, np.exp(-(((v - 0.66) / 0.25) ** 2))
+    drawn = 1.0 - waist * np.where(v < 0.66, above, below)
     slow = np.sin(2.0 * np.pi * (1.3 * u + 0.4 * v + random.random()))
-    z = (0.26 * width / folds * np.sin(phase) + 0.05 * slow) * swell
-    x = width * (u * drawn - 0.5) + 0.03 * np.sin(2.0 * phase) * v
+    z = (0.20 * width / folds * np.sin(phase) + 0.05 * slow) * swell
+    x = width * (u * drawn - 0.5)
     y = -height * v * (1.0 - 0.02 * np.cos(phase) * v)
     return sheet(np.stack([x, y, z], axis=-1), name)
 
 
 def pole(length: float, reach: float, name: str) -> Mesh:
-    """A pole along x, 6 cm thick; where `reach` is not 0, brackets hold it that far in front of a wall at -z."""
+    """A pole along x, 6 cm thick; unless `reach` is 0, brackets hold it that far in front of a wall at -z."""
     half = 0.5 * length
     upright = lathe([(0.0, -half), (0.03, -half), (0.03, half), (0.0, half)], 6)
     turned = [values[:, [1, 0, 2]] * (1.0, -1.0, 1.0) for values in (upright.positions, upright.normals)]
@@ -137,8 +145,9 @@ _PANELS = ((0.2, 0.9), (1.25, 0.95))
 def urn(segments: int, name: str) -> Mesh:
     """A potter's urn 0.9 m high, with a rim and earth in it."""
     profile = [
-        (0.0, -0.02), (0.21, 0.0), (0.22, 0.05), (0.15, 0.09), (0.15, 0.12), (0.27, 0.27), (0.33, 0.46), (0.34, 0.57),
-        (0.28, 0.69), (0.26, 0.74), (0.32, 0.81), (0.33, 0.85), (0.30, 0.88), (0.27, 0.84), (0.25, 0.76), (0.0, 0.77),
+        (0.0, -0.02), (0.21, 0.0), (0.22, 0.05), (0.15, 0.09), (0.15, 0.12), (0.27, 0.27), (0.33, 0.46),
+        (0.34, 0.57), (0.28, 0.69), (0.26, 0.74), (0.32, 0.81), (0.33, 0.85), (0.30, 0.88), (0.27, 0.84),
+        (0.25, 0.76), (0.0, 0.77),
     ]  # fmt: skip
     return lathe(profile, segments, name)
 
@@ -156,9 +165,10 @@ def bush(radius: float, segments: int, seed: int, name: str) -> Mesh:
 def fountain(segments: int, name: str) -> Mesh:
     """A basin with a bowl on a stem, dry, 2.4 m high; closed on the axis above and below."""
     profile = [
-        (0.0, -0.05), (1.9, -0.04), (1.9, 0.14), (1.6, 0.16), (1.55, 0.45), (1.72, 0.55), (1.72, 0.66), (1.45, 0.66),
-        (1.38, 0.30), (0.45, 0.26), (0.34, 0.40), (0.20, 0.62), (0.17, 1.05), (0.26, 1.14), (0.62, 1.28), (0.88, 1.50),
-        (0.90, 1.58), (0.80, 1.58), (0.50, 1.42), (0.16, 1.36), (0.12, 1.60), (0.20, 1.78), (0.16, 1.96), (0.0, 2.10),
+        (0.0, -0.05), (1.9, -0.04), (1.9, 0.14), (1.6, 0.16), (1.55, 0.45), (1.72, 0.55), (1.72, 0.66),
+        (1.45, 0.66), (1.38, 0.30), (0.45, 0.26), (0.34, 0.40), (0.20, 0.62), (0.17, 1.05), (0.26, 1.14),
+        (0.62, 1.28), (0.88, 1.50), (0.90, 1.58), (0.80, 1.58), (0.50, 1.42), (0.16, 1.36), (0.12, 1.60),
+        (0.20, 1.78), (0.16, 1.96), (0.0, 2.10),
     ]  # fmt: skip
     return lathe(profile, segments, name)
 

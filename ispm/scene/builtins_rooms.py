@@ -51,7 +51,7 @@ def _block(base: list[list[float]], height: float) -> list[list[list[float]]]:
     low = [[x, 0.0, z] for x, z in base]
     high = [[x, height, z] for x, z in base]
     following = [1, 2, 3, 0]
-    return [high, *([low[k], low[j], high[j], high[k]][::-1] for k, j in enumerate(following))]
+    return [high, *([low[k], low[j], high[j], high[k]] for k, j in enumerate(following))]
 
 
 def integrating_sphere(
@@ -60,7 +60,7 @@ def integrating_sphere(
     """A closed Lambert sphere lit from its centre: radiance is the same everywhere and known.
 
     L = albedo / (1 - albedo) * flux / (4 pi^2 radius^2) in cd/m2 per channel, all bounces and the
-    direct light included. With the default of 20,480 triangles area and volume are 0.05 % and 0.1 % short.
+    direct light included. With the default of 20,480 triangles area and volume are 0.03 % and 0.05 % short.
 
     radius    m
     albedo    reflected share, in [0, 1)

@@ -196,14 +196,16 @@ def paint(mesh: Mesh, colors: np.ndarray) -> Mesh:
 def merge(meshes: Sequence[Mesh], name: str = "") -> Mesh:
     """Return the meshes as one; those without normals become flat, those without colours white."""
     parts = [split(mesh) if mesh.normals is None else mesh for mesh in meshes]
-    firsts = np.cumsum([0] + [len(part.positions) for part in parts[:-1]])
+    counts = [len(part.positions) for part in parts]
+    firsts = np.cumsum([0, *counts[:-1]]).astype(np.uint32)
     colors = None
     if any(part.colors is not None for part in parts):
-        white = [np.ones((len(part.positions), 4), np.float32) for part in parts]
-        colors = np.concatenate([w if p.colors is None else p.colors for p, w in zip(parts, white, strict=True)])
+        white = np.ones((max(counts), 4), np.float32)
+        given = [white[: len(p.positions)] if p.colors is None else p.colors for p in parts]
+        colors = np.concatenate(given)
     return Mesh(
         np.concatenate([part.positions for part in parts]),
-        np.concatenate([part.triangles + np.uint32(first) for part, first in zip(parts, firsts, strict=True)]),
+        np.concatenate([part.triangles + first for part, first in zip(parts, firsts, strict=True)]),
         np.concatenate([part.normals for part in parts if part.normals is not None]),
         colors=colors,
         name=name,

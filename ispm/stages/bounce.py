@@ -6,6 +6,7 @@ McGuire and Luebke 2009: the first segment of a photon's path leaves a point, so
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import compress
 
 from ispm.frame import BounceMap, BounceMaps, GpuScene
 from ispm.gpu import Gpu, Group, Raster, Recording, Texture
@@ -80,9 +81,7 @@ class BounceStage:
             groups: dict[Raster, Group] = {}
             target = map.texels.view(layer=layer)
             with frame.draw_into(target, depth=depth, clear=(NO_HIT, 0, 0, 0)) as canvas:
-                for draw, visible in zip(scene.draws, seen[layer], strict=True):
-                    if not visible:
-                        continue
+                for draw in compress(scene.draws, seen[layer]):
                     masked = scene.is_masked(draw.material)
                     raster = self._masked if masked else self._opaque
                     if raster not in groups:

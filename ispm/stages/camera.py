@@ -56,6 +56,14 @@ class CameraView:
         """A pixel's height in m: at 1 m of depth, or at any (orthographic)."""
         return 2.0 * (math.tan(self.yfov / 2.0) if self.ymag is None else self.ymag) / self.size[1]
 
+    def sees(self, boxes: np.ndarray) -> np.ndarray:
+        """Return (n,) whether each of (n, 2, 3) world-space boxes may be in the picture."""
+        picks = np.array([[i & 1, i >> 1 & 1, i >> 2 & 1] for i in range(8)])
+        corners = np.ones((len(boxes), 8, 4))
+        corners[..., :3] = boxes[:, picks, [0, 1, 2]]
+        x, y, _, w = np.moveaxis(corners @ self.clip_from_world.T, -1, 0)
+        return np.asarray(~np.any([(side > w).all(axis=1) for side in (x, -x, y, -y)], axis=0))
+
     def uniform(self) -> np.ndarray:
         """Return the CAMERA record."""
         record = np.zeros((), CAMERA)

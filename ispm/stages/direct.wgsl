@@ -20,7 +20,6 @@ struct Shadows {
 @group(0) @binding(8) var depth: texture_depth_2d;
 @group(0) @binding(9) var cubes: texture_depth_cube_array;
 @group(0) @binding(10) var farther: sampler_comparison;
-@group(0) @binding(11) var radiance: texture_storage_2d<rgba32float, write>;
 
 const TAP = 0.5;             // texels that each of four taps lies off in both directions
 const REACH = TAP + 1.0;     // texels at most between the point and what a tap reads, bilinear
@@ -60,18 +59,19 @@ fn range_window(distance: f32, range: f32) -> f32 {
     return select(1.0, clamp(1.0 - x * x * x * x, 0.0, 1.0), range > 0.0);
 }
 
-@compute @workgroup_size(8, 8)
-fn main(@builtin(global_invocation_id) id: vec3u) {
-    let pixel = id.xy;
-    if (any(pixel >= textureDimensions(ids))) {
-        return;
-    }
+@vertex
+fn vs(@builtin(vertex_index) corner: u32) -> @builtin(position) vec4f {
+    return vec4f(vec2f(f32(corner & 1u), f32(corner >> 1u)) * 4.0 - 1.0, 0.5, 1.0);
+}
+
+@fragment
+fn fs(@builtin(position) position: vec4f) -> @location(0) vec4f {
+    let pixel = vec2u(position.xy);
     let seen = textureLoad(ids, pixel, 0).xy;
-    var sum = vec3f(0.0);
-    if (seen.x != 0u && (materials[seen.y].flags & MATERIAL_UNLIT) == 0u) {
-        sum = lit(pixel, seen.y);
+    if (seen.x == 0u || (materials[seen.y].flags & MATERIAL_UNLIT) != 0u) {
+        return vec4f(0.0, 0.0, 0.0, 1.0);
     }
-    textureStore(radiance, pixel, vec4f(sum, 1.0));
+    return vec4f(lit(pixel, seen.y), 1.0);
 }
 
 // Radiance towards the eye, cd/m2, of the surface in a pixel.

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import compress
+
 from ispm.frame import SLOTS, GBuffer, GpuScene
 from ispm.gpu import Gpu, Group, Raster, Recording
 from ispm.optics import records
@@ -41,8 +43,9 @@ class GBufferStage:
             "instances": scene.instances,
         }  # fmt: skip
         groups: dict[Raster, Group] = {}
+        seen = view.sees(scene.boxes)
         with frame.draw_into(*self._targets.values(), depth=out.depth) as canvas:
-            for draw in scene.draws:
+            for draw in compress(scene.draws, seen):
                 raster = self._pipeline(scene, draw)
                 if raster not in groups:
                     groups[raster] = raster.bind(0, **shared)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import compress
 
 from ispm.errors import SceneError
 from ispm.frame import GpuScene, ShadowMaps
@@ -34,10 +35,10 @@ class ShadowStage:
         self._gpu = gpu
         self.resolution = min(resolution, gpu.max_texture)
         path = "stages/shadow.wgsl"
-        self._opaque = gpu.raster(path, fragment=None, vertex_layout=_vertices("position"))
+        self._opaque = gpu.raster(path, fragment=None, vertex_layout=vertex_layout("position"))
         self._masked = gpu.raster(
             path, vertex="vs_masked", fragment="fs_masked",
-            vertex_layout=_vertices("position", "color", "uv0", "uv1"),
+            vertex_layout=vertex_layout("position", "color", "uv0", "uv1"),
         )  # fmt: skip
         self._cubes = gpu.texture("shadow cubes", "depth32float", dimension="cube-array", layers=6)
 
@@ -72,9 +73,7 @@ class ShadowStage:
             with frame.draw_into(depth=self._cubes.view(layer=6 * index + int(layer))) as canvas:
                 canvas.vertices(scene.vertices)
                 canvas.indices(scene.indices)
-                for draw, visible in zip(scene.draws, seen[row], strict=True):
-                    if not visible:
-                        continue
+                for draw in compress(scene.draws, seen[row]):
                     masked = scene.is_masked(draw.material)
                     raster = self._masked if masked else self._opaque
                     if raster not in groups:
@@ -90,7 +89,7 @@ class ShadowStage:
 _ATTRIBUTES = {"position": "float32x3", "color": "unorm8x4", "uv0": "float32x2", "uv1": "float32x2"}
 
 
-def _vertices(*fields: str) -> list[dict[str, object]]:
+def vertex_layout(*fields: str) -> list[dict[str, object]]:
     """WebGPU's layout of these fields of a VERTEX, at locations 0, 1, ..."""
     assert VERTEX.fields is not None
     attributes = [

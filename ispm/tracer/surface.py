@@ -17,7 +17,9 @@ from ispm.optics.records import (
 from ispm.optics.texture import HEIGHT, WIDTH, TextureTable, sample_texture
 from ispm.optics.vector import add, cross, dot, scale, sub
 from ispm.scene.packed import Packed
-from ispm.tracer.intersect import HIT_INSTANCE, HIT_PRIMITIVE, HIT_U, HIT_V, closest
+from ispm.tracer.intersect import (
+    HIT_INSTANCE, HIT_PRIMITIVE, HIT_U, HIT_V, closest, instance_scale, leave_triangle,
+)  # fmt: skip
 from ispm.tracer.simd import address, ldf, ldu
 
 f32, i64, u32 = np.float32, np.int64, np.uint32
@@ -104,6 +106,20 @@ def hit_position(table, hit):
     e2 = sub(_vector(table[_VERTICES], corners[2]), p0)
     offset = add(scale(hit[2], e1), scale(hit[3], e2))
     return _point(table[_INSTANCES], instance, add(p0, offset))
+
+
+@jit
+def leave_surface(world, table, hit, ng):
+    """Return where a ray starts that leaves a hit on the side of the geometric normal `ng`."""
+    instance, _, corners = _place(table, hit)
+    p0 = _vector(table[_VERTICES], corners[0])
+    e1 = sub(_vector(table[_VERTICES], corners[1]), p0)
+    e2 = sub(_vector(table[_VERTICES], corners[2]), p0)
+    matrix = instance + _TO_WORLD
+    return leave_triangle(
+        _point(table[_INSTANCES], instance, p0), _rows_times(table[_INSTANCES], matrix, e1),
+        _rows_times(table[_INSTANCES], matrix, e2), hit[2], hit[3], ng, instance_scale(world, hit[0]),
+    )  # fmt: skip
 
 
 @jit

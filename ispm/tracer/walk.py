@@ -14,9 +14,9 @@ from ispm.optics.records import MATERIAL_UNLIT, NO_HIT, PHOTON
 from ispm.optics.rng import random4
 from ispm.optics.vector import dot, scale, sub
 from ispm.scene.packed import Packed
-from ispm.tracer.intersect import STACK_WORDS, offset_point
+from ispm.tracer.intersect import STACK_WORDS
 from ispm.tracer.simd import address, alloca, atomic_add
-from ispm.tracer.surface import SurfaceTable, closest_surface, hit_position, surface
+from ispm.tracer.surface import SurfaceTable, closest_surface, hit_position, leave_surface, surface
 from ispm.tracer.threads import run_threads
 from ispm.tracer.world import World
 
@@ -150,7 +150,7 @@ def _walk_one(
         _add_difference(sums, chunk, _ABSORBED, flux, scattered)
         flux, d = scattered, wi
         _, _, _, u3 = random4(photon.key, u32(2 * scatters + 1), pass_index, seed)
-        start = offset_point(position[0], position[1], position[2], ng[0], ng[1], ng[2])
+        start = leave_surface(world, table, hit, ng)
         rays += 1
         found, hit = closest_surface(world, table, texels, rows, start, d, u3, stack, words)
         if not found:

@@ -6,6 +6,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from assets import assets
 from gltf_builder import QUAD, QUAD_INDICES, GltfBuilder, quad
@@ -150,8 +151,8 @@ def test_buffers_inside_the_folder_are_read(tmp_path: Path) -> None:
         ("accessors", {"count": 10**7}, "ends at byte"),
         ("accessors", {"byteOffset": 2**63}, "ends at byte"),
         ("accessors", {"bufferView": 99}, "buffer view 99"),
-        ("accessors", {"type": "MAT4"}, "POSITION"),
-        ("accessors", {"type": "VEC2"}, "POSITION"),
+        ("accessors", {"type": "MAT4"}, "matrices"),
+        ("accessors", {"type": "VEC2"}, "POSITION is not a VEC3"),
         ("accessors", {"bufferView": None, "count": 10**8}, "."),
         ("bufferViews", {"byteLength": 10**15}, "ends at byte"),
         ("bufferViews", {"byteStride": 4}, "stride"),
@@ -203,6 +204,37 @@ def test_vertices_that_are_not_finite_take_their_triangles_with_them(tmp_path: P
     assert (mesh.positions[mesh.triangles] == QUAD[[[0, 3, 2]]]).all()
     assert len(mesh.positions) == 3
     assert "not finite" in scene.warnings[0]
+
+
+def furnished() -> GltfBuilder:
+    """A scene with a bit of everything."""
+    builder = quad({"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}})
+    builder.picture(np.arange(48, dtype=np.uint8).reshape(4, 4, 3))
+    builder.put("cameras", {"type": "perspective", "perspective": {"yfov": 1, "znear": 0.1}})
+    builder.json["extensions"] = {"KHR_lights_punctual": {"lights": [{"type": "point", "range": 9}]}}
+    builder.node(camera=0, children=[0], extensions={"KHR_lights_punctual": {"light": 0}})
+    keys = {"input": builder.accessor(np.arange(4, dtype=np.float32)), "output": builder.accessor(QUAD)}
+    channel = {"sampler": 0, "target": {"node": 0, "path": "translation"}}
+    builder.put("animations", {"channels": [channel], "samplers": [keys]})
+    return builder
+
+
+def test_random_damage_never_ends_otherwise(tmp_path: Path) -> None:
+    """1000 copies of a file, each with 1 to 8 bytes overwritten; seed 1."""
+    whole = np.frombuffer(furnished().save_glb(tmp_path / "whole.glb").read_bytes(), np.uint8)
+    assert not load(tmp_path / "whole.glb").warnings
+    random, path, refused = np.random.default_rng(1), tmp_path / "damaged.glb", 0
+    for _ in range(1000):
+        damaged = whole.copy()
+        damaged[random.integers(0, len(whole), random.integers(1, 9))] = random.integers(0, 256)
+        path.write_bytes(damaged.tobytes())
+        try:
+            meshes = [part.mesh for node in load(path).nodes for part in node.parts]
+        except SceneError:
+            refused += 1
+        else:
+            assert all(np.isfinite(mesh.positions).all() for mesh in meshes)
+    assert 0 < refused < 1000
 
 
 def test_names_cannot_break_a_line(tmp_path: Path) -> None:

@@ -170,7 +170,12 @@ def test_photons_that_cannot_be_seen_stay_out(estimators):
 def test_broken_photons_light_nothing(scene):
     s = make_scene(scene)
     broken = s.photons[:4].copy()
-    broken["position"][0], broken["radius"][1], broken["height"][2], broken["radius"][3] = np.nan, np.nan, np.nan, 0
+    broken["position"][0], broken["radius"][1], broken["height"][2], broken["radius"][3] = (
+        np.nan,
+        np.nan,
+        np.nan,
+        0,
+    )
     assert not TiledCpu(1)(s.receivers, broken, s.clip, s.size).any()
 
 

@@ -77,6 +77,20 @@ def test_the_default_scene_is_shown(tmp_path: Path, json: dict, shown: list[str]
     assert bool(scene.warnings) == (json.get("scene") == 9 or json.get("scenes") == [{"nodes": [1, 2, 1]}])
 
 
+@pytest.mark.parametrize("rotation", [[0, 0, 0, 0], [1e-200, 0, 0, 0], [1e200, 0, 0, 0]])
+def test_rotations_without_a_direction_count_as_none(tmp_path: Path, rotation: list[float]) -> None:
+    scene = GltfBuilder(nodes=[{"rotation": rotation, "translation": [1, 2, 3]}]).load(tmp_path)
+    ((_, world),) = scene.placed()
+    assert (world == [[1, 0, 0, 1], [0, 1, 0, 2], [0, 0, 1, 3], [0, 0, 0, 1]]).all()
+    assert "rotation" in scene.warnings[0]
+
+
+@pytest.mark.parametrize("place", [{"translation": [0, 1e200, 0]}, {"scale": [1, 1, -1e30]}])
+def test_places_beyond_reckoning_are_refused(tmp_path: Path, place: dict) -> None:
+    with pytest.raises(SceneError, match=r"node 0: its place or size is beyond"):
+        GltfBuilder(nodes=[place]).load(tmp_path)
+
+
 def test_cameras_of_both_kinds_are_read(tmp_path: Path) -> None:
     cameras = [
         {"type": "perspective", "perspective": {"yfov": 0.7, "znear": 0.1}, "name": "eye"},

@@ -1,0 +1,85 @@
+"""Supersampled edges from one shaded sample a pixel."""
+
+from __future__ import annotations
+
+from ispm.frame import GBuffer, GpuScene
+from ispm.gpu import Gpu, Group, Raster, Recording, Texture
+from ispm.optics import records
+from ispm.scene.packed import Draw
+from ispm.stages.camera import CameraView
+from ispm.stages.shadow import vertex_layout
+
+_SAMPLES = 4
+_NAMES = ("direct", "indirect", "emission")
+
+
+class Antialias:
+    """Draw ids and depth with four samples a pixel, then mix each pixel's light from its neighbours'.
+
+    In   gbuffer; direct, indirect (W, H)
+    Out  direct, indirect, emission: (W, H) rgba32float, alpha the share of samples that see a surface
+    Source: Chajdas, McGuire and Luebke 2011.
+    """
+
+    def __init__(self, gpu: Gpu) -> None:
+        self._gpu = gpu
+        self._pipelines: dict[tuple[bool, bool, bool], Raster] = {}
+        self._ids = gpu.texture("sample ids", "r16uint", samples=_SAMPLES)
+        self._depth = gpu.texture("sample depth", "depth32float", samples=_SAMPLES)
+        self._mix = gpu.compute("stages/antialias.wgsl")
+        self._out = {
+            name: gpu.texture(f"{name} antialiased", "rgba32float", usage=("storage", "sampled"))
+            for name in _NAMES
+        }
+
+    def __call__(
+        self, frame: Recording, scene: GpuScene, gbuffer: GBuffer, view: CameraView, direct: Texture,
+        indirect: Texture,
+    ) -> tuple[Texture, Texture, Texture]:  # fmt: skip
+        self._draw(frame, scene, view)
+        out = {f"{name}_out": texture.sized(view.size) for name, texture in self._out.items()}
+        self._mix(
+            frame, over=view.size, camera=view.uniform(), sample_ids=self._ids, sample_depth=self._depth,
+            ids=gbuffer.ids, normals=gbuffer.normals, depth=gbuffer.depth, direct=direct,
+            indirect=indirect, emission=gbuffer.emission, **out,
+        )  # fmt: skip
+        return self._out["direct"], self._out["indirect"], self._out["emission"]
+
+    def close(self) -> None:
+        """Free the textures."""
+        for texture in (self._ids, self._depth, *self._out.values()):
+            texture.close()
+
+    def _draw(self, frame: Recording, scene: GpuScene, view: CameraView) -> None:
+        shared = {"camera": frame.uniform(view.uniform()), "instances": scene.instances}
+        groups: dict[Raster, Group] = {}
+        ids, depth = self._ids.sized(view.size), self._depth.sized(view.size)
+        with frame.draw_into(ids, depth=depth) as canvas:
+            canvas.vertices(scene.vertices)
+            canvas.indices(scene.indices)
+            for draw in scene.draws:
+                raster = self._pipeline(scene, draw)
+                if raster not in groups:
+                    groups[raster] = raster.bind(0, **shared)
+                canvas.use(raster, groups[raster])
+                if scene.is_masked(draw.material):
+                    material = frame.uniform(scene.packed.materials[draw.material])
+                    maps = scene.material_maps(draw.material, "base_color")
+                    canvas.bind(1, raster.bind(1, material=material, **maps))
+                scene.draw_indexed(canvas, draw)
+
+    def _pipeline(self, scene: GpuScene, draw: Draw) -> Raster:
+        """The pipeline for a draw: what the G-buffer's shows and culls; compiled when first needed."""
+        flags = scene.packed.materials[draw.material]["flags"]
+        double_sided = bool(flags & records.MATERIAL_DOUBLE_SIDED)
+        key = (scene.is_masked(draw.material), double_sided, draw.mirrored)
+        if key not in self._pipelines:
+            masked = key[0]
+            fields = ("position", "color", "uv0", "uv1") if masked else ("position",)
+            self._pipelines[key] = self._gpu.raster(
+                "stages/coverage.wgsl", ["r16uint"], samples=_SAMPLES,
+                cull="none" if double_sided else "back", front="cw" if draw.mirrored else "ccw",
+                vertex="vs_masked" if masked else "vs", fragment="fs_masked" if masked else "fs",
+                vertex_layout=vertex_layout(*fields),
+            )  # fmt: skip
+        return self._pipelines[key]

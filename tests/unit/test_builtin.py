@@ -1,0 +1,204 @@
+"""The built-in scenes: what they promise about their geometry, lights and animation."""
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+from ispm.errors import SceneError, SettingsError
+from ispm.scene.builtin import BUILTINS, builtin
+from ispm.scene.builtins_common import quaternion
+from ispm.scene.camera import look_at_pose
+from ispm.scene.mesh import Mesh
+from ispm.scene.packed import pack
+from ispm.scene.scene import Scene, rotation_matrix
+from ispm.scene.shapes import face_normals, icosphere, merge, moved
+
+
+def meshes(scene: Scene) -> Iterator[Mesh]:
+    """Each mesh of a scene once."""
+    seen = {id(part.mesh): part.mesh for node in scene.nodes for part in node.parts}
+    yield from seen.values()
+
+
+def open_edges(mesh: Mesh) -> int:
+    """Directed edges without exactly one partner the other way round, after welding equal positions."""
+    _, weld = np.unique(np.round(mesh.positions, 5), axis=0, return_inverse=True)
+    t = weld.reshape(-1)[mesh.triangles]
+    edges = np.concatenate([t[:, [0, 1]], t[:, [1, 2]], t[:, [2, 0]]])
+    forth, there = np.unique(edges[:, 0] * len(weld) + edges[:, 1], return_counts=True)
+    back, here = np.unique(edges[:, 1] * len(weld) + edges[:, 0], return_counts=True)
+    return int((there != 1).sum() + (here != 1).sum() + len(np.setxor1d(forth, back)))
+
+
+def volume(mesh: Mesh) -> float:
+    """Enclosed volume; negative where the fronts face inwards."""
+    corner = mesh.positions.astype(np.float64)[mesh.triangles[:, 0]]
+    return float(np.einsum("ij,ij->", corner, face_normals(mesh)) / 6.0)
+
+
+@pytest.mark.parametrize("name", BUILTINS)
+def test_builtin_has_sound_meshes(name: str) -> None:
+    for mesh in meshes(builtin(name)):
+        assert np.isfinite(mesh.positions).all()
+        n = face_normals(mesh)
+        assert (np.linalg.norm(n, axis=1) > 1e-6).all(), mesh.name  # no slivers: 1 mm x 1 mm and up
+        if mesh.normals is not None:
+            assert np.allclose(np.linalg.norm(mesh.normals, axis=1), 1.0, atol=1e-5)
+            # a corner's normal stands on the front side of its triangle
+            cosine = np.einsum("tcj,tj->tc", mesh.normals[mesh.triangles].astype(float), n)
+            assert (cosine > 0.0).all(), mesh.name
+
+
+@pytest.mark.parametrize("name", BUILTINS)
+def test_builtin_has_a_named_camera_and_light_and_a_description(name: str) -> None:
+    scene = builtin(name)
+    assert scene.name == name
+    for node in (*scene.cameras, *scene.lights):
+        assert scene[node.name] is node and node.matrix is None  # moved by setting its translation
+    assert scene.cameras and scene.lights
+    assert (BUILTINS[name].__doc__ or "").splitlines()[0].strip()
+
+
+@pytest.mark.parametrize("name", BUILTINS)
+def test_builtin_is_the_same_each_time_and_shares_nothing(name: str) -> None:
+    first, second = builtin(name), builtin(name)
+    assert pack(first).geometry.vertices.tobytes() == pack(second).geometry.vertices.tobytes()
+    assert not {id(m) for m in first.materials} & {id(m) for m in second.materials}
+
+
+def test_builtin_names_the_nearest() -> None:
+    with pytest.raises(SceneError, match="did you mean 'cornell-box'"):
+        builtin("cornel-box")
+    with pytest.raises(SettingsError, match="did you mean 'radius'"):
+        builtin("integrating-sphere", radus=2.0)
+    with pytest.raises(SettingsError, match=r"albedo cannot be 1\.0"):
+        builtin("integrating-sphere", albedo=1.0)
+
+
+def test_quaternion_gives_the_rotation_back() -> None:
+    for eye in np.random.default_rng(0).normal(size=(50, 3)):
+        r = look_at_pose(eye, np.zeros(3))[:3, :3]
+        assert np.allclose(rotation_matrix(np.array(quaternion(r))), r, atol=1e-12)
+
+
+def test_icosphere_is_closed_and_counts() -> None:
+    for segments in (1, 2, 7):
+        ball = icosphere(1.0, segments)
+        assert len(ball.triangles) == 20 * segments**2
+        assert len(ball.positions) == 10 * segments**2 + 2  # Euler: V = 2 + T / 2
+        assert open_edges(ball) == 0 and volume(ball) > 0.0
+
+
+def test_cornell_box_is_closed_but_for_its_front() -> None:
+    scene = builtin("cornell-box")
+    walls = merge([scene[name].parts[0].mesh for name in ("room", "green wall", "red wall")])
+    assert open_edges(walls) > 0
+    front = Mesh([[552.8, 0, 0], [556, 548.8, 0], [0, 548.8, 0], [0, 0, 0]], [[0, 1, 2], [0, 2, 3]])
+    front.positions /= 100.0
+    inwards = Mesh(front.positions, front.triangles[:, ::-1])
+    closed = min((merge([walls, lid]) for lid in (front, inwards)), key=open_edges)
+    assert open_edges(closed) == 0
+    assert volume(closed) == pytest.approx(-5.53 * 5.488 * 5.592, rel=0.01)  # fronts face the air
+
+
+def test_cornell_box_blocks_face_outwards_and_stand_on_the_floor() -> None:
+    scene = builtin("cornell-box")
+    for name, height in (("short block", 1.65), ("tall block", 3.30)):
+        mesh = scene[name].parts[0].mesh
+        assert mesh.positions[:, 1].min() == 0.0
+        x, _, z = mesh.positions[:4].T.astype(float)  # the top
+        area = 0.5 * abs(np.sum(x * np.roll(z, -1) - z * np.roll(x, -1)))
+        # an open underside at y = 0 adds nothing to the volume
+        assert volume(mesh) == pytest.approx(area * height, rel=1e-5)
+    assert (scene.triangle_count, len(scene.lights)) == (30, 1)
+
+
+def test_cornell_box_light_hangs_under_the_ceiling() -> None:
+    assert tuple(builtin("cornell-box")["light"].translation) == (2.78, 5.0, 2.795)
+
+
+def test_integrating_sphere_is_closed_and_nearly_round() -> None:
+    scene = builtin("integrating-sphere", radius=3.0)
+    mesh = scene["sphere"].parts[0].mesh
+    assert open_edges(mesh) == 0
+    area = 0.5 * np.linalg.norm(face_normals(mesh), axis=1).sum()
+    assert area == pytest.approx(4.0 * math.pi * 3.0**2, rel=1e-3)
+    assert volume(mesh) == pytest.approx(-4.0 / 3.0 * math.pi * 3.0**3, rel=1e-3)  # seen from inside
+
+
+def test_integrating_sphere_light_has_the_flux_asked_for() -> None:
+    scene = builtin("integrating-sphere", flux=50.0)
+    light = scene["light"].light
+    assert light is not None
+    assert [4.0 * math.pi * i for i in light.intensity] == pytest.approx([50.0] * 3)
+    assert np.linalg.norm(scene["camera"].translation) < 2.0
+
+
+def test_atrium_has_its_count_of_triangles() -> None:
+    scene = builtin("atrium")
+    assert scene.triangle_count == 67_414
+    moving = {id(c.node) for a in scene.animations for c in a.channels}
+    assert sum(len(p.mesh.triangles) for n in scene.nodes if id(n) in moving for p in n.parts) == 480
+    assert len(scene.nodes) < 400
+
+
+def test_atrium_ends_where_it_began() -> None:
+    scene = builtin("atrium")
+    start, quarter, end = (scene.at(t) for t in (0.0, 3.0, scene.animations[0].duration))
+    for name in ("lantern", "sun"):
+        a, b, c = (np.asarray(s[name].local_matrix()) for s in (start, quarter, end))
+        assert np.allclose(a, c, atol=1e-3) and np.linalg.norm(a[:3, 3] - b[:3, 3]) > 1.0
+    assert np.array_equal(np.asarray(start["lantern"].translation), scene["lantern"].translation)
+
+
+def test_atrium_at_a_time_is_the_animation_at_that_time() -> None:
+    frozen, played = builtin("atrium", time=2.5), builtin("atrium").at(2.5)
+    assert np.array_equal(frozen["sun"].translation, played["sun"].translation)
+
+
+def test_atrium_solids_are_closed() -> None:
+    sheets = {"floor", "curtain", "banner", "tapestry"}
+    buried = {"column", "upper column", "balustrade"}  # turned ends lie within plinths and rails
+    for node in builtin("atrium").nodes:
+        parts = [part.mesh for part in node.parts if part.mesh.name not in sheets | buried]
+        if parts:
+            whole = merge(parts)
+            assert open_edges(whole) == 0, node.name
+            assert volume(whole) > 0.0, node.name
+
+
+def test_atrium_shows_no_back_of_a_surface_and_lets_no_light_through() -> None:
+    embreex = pytest.importorskip("embreex.mesh_construction", reason="embreex has no build for this machine")
+    from embreex.rtcore_scene import EmbreeScene
+
+    scene = builtin("atrium")
+    corners, cloth = [], []
+    for node, world in scene.placed():
+        for part in node.parts:
+            placed = part.mesh.positions @ world[:3, :3].T + world[:3, 3]
+            corners.append(placed[part.mesh.triangles])
+            cloth.append(np.full(len(part.mesh.triangles), part.material.double_sided))
+    triangles = np.concatenate(corners).astype(np.float32)
+    double_sided = np.concatenate(cloth)
+    embree = EmbreeScene()
+    embreex.TriangleMesh(embree, triangles)
+    normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+
+    random = np.random.default_rng(5)
+    court = [(x, y, 0.5) for x in (-9.6, -4.0, 4.8, 9.0) for y in (2.5, 7.5, 10.5)]
+    galleries = [(x, y, z) for x in (-13.4, 0.3, 13.0) for y in (2.0, 5.5, 9.0, 11.2) for z in (-7.2, 6.3)]
+    for eye in court + galleries:
+        d = random.normal(size=(4000, 3)).astype(np.float32)
+        o = np.tile(np.float32(eye), (len(d), 1))
+        hit = embree.run(o, d, query="INTERSECT")
+        out = hit < 0
+        assert (d[out, 1] > 0.0).all(), eye  # the sky is the only way out
+        facing = np.einsum("ij,ij->i", normals[hit], d) < 0.0
+        assert (facing | double_sided[hit])[~out].all(), eye
+
+
+def test_moved_keeps_normals() -> None:
+    ball = icosphere(1.0, 2)
+    assert np.array_equal(moved(ball, y=2.0).normals, ball.normals)
