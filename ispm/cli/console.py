@@ -47,7 +47,7 @@ class Console:
 
     @contextmanager
     def step(self, text: str) -> Iterator[None]:
-        """Show that `text` is going on: a spinner on a terminal, else a line with the time it took."""
+        """Show that `text` is going on, by a spinner on a terminal, else a line; then the time it took."""
         start = time.perf_counter()
         if self.quiet:
             yield
@@ -57,6 +57,7 @@ class Console:
             with Rich(stderr=True, highlight=False).status(text):
                 yield
         else:
+            self.say(f"{text} ...")
             yield
         self.say(f"{text}: {time.perf_counter() - start:.2f} s")
 

@@ -9,6 +9,7 @@ from typing import Annotated, Any
 
 from cyclopts import Parameter
 
+from ispm.cache import cache_folder
 from ispm.cli.console import Console, to_json
 from ispm.cli.options import command, limits_from, settings_from
 from ispm.cli.scene import choose_camera, open_scene, require_not_input
@@ -95,6 +96,10 @@ def render(
 
     from ispm.renderer import Renderer
 
+    if not _compiled():
+        console.say(
+            "the first picture compiles the kernels, which takes a minute; the next ones start at once"
+        )
     width, height = settings.size
     text = f"rendering {width}x{height}, {settings.photons:,} photons"
     with (
@@ -107,6 +112,12 @@ def render(
     frame.save(target, layers=wanted, show=show, float32=float)
     console.written(target)
     _report(console, frame.stats, target, stats)
+
+
+def _compiled() -> bool:
+    """Whether kernels were compiled and kept by an earlier run."""
+    cache = cache_folder()
+    return cache is not None and any(cache.glob("kernels-*/**/*.nbc"))
 
 
 def _target(scene: str, output: str | None) -> Path:

@@ -149,7 +149,8 @@ class Renderer:
         with watch("trace"):
             path = self._trace(packed, maps, texels)
         with watch("radiance"):
-            measure_radii(path.photons, packed.diagonal, self.settings.smoothing)
+            pixel = self.settings.subsampling * view.footprint * view.clip_from_world[3]
+            measure_radii(path.photons, packed.diagonal, self.settings.smoothing, pixel)
             estimate = self._estimator(
                 points, path.photons, view.clip_from_world, self._downsample.size(view)
             )

@@ -67,10 +67,35 @@ fn best_pixel(own: vec2i, id: u32, d: f32, place: vec2f) -> vec2i {
     return best;
 }
 
+// Whether all samples lie on the pixel's own plane. In clip space the depth of a plane is linear over the
+// screen, and the samples lie two and two opposite about the pixel's centre.
+fn is_plain(own: vec2i) -> bool {
+    let id = short_id(own);
+    for (var k = 0; k < SAMPLES; k++) {
+        if (textureLoad(sample_ids, own, k).x != id) {
+            return false;
+        }
+    }
+    let d = textureLoad(depth, own, 0);
+    let bend = max(
+        abs(textureLoad(sample_depth, own, 0) + textureLoad(sample_depth, own, 3) - 2.0 * d),
+        abs(textureLoad(sample_depth, own, 1) + textureLoad(sample_depth, own, 2) - 2.0 * d),
+    );
+    let span = select(d, 1.0 / (camera.far - camera.near), camera.orthographic != 0u);
+    return bend <= OFF_PLANE * camera.footprint * span;
+}
+
 @compute @workgroup_size(8, 8)
 fn main(@builtin(global_invocation_id) thread: vec3u) {
     let own = vec2i(thread.xy);
     if (any(own >= vec2i(camera.size))) {
+        return;
+    }
+    if (is_plain(own)) {
+        let seen = f32(textureLoad(ids, own, 0).x != 0u);
+        textureStore(direct_out, own, vec4f(textureLoad(direct, own, 0).rgb, seen));
+        textureStore(indirect_out, own, vec4f(textureLoad(indirect, own, 0).rgb, seen));
+        textureStore(emission_out, own, vec4f(textureLoad(emission, own, 0).rgb, seen));
         return;
     }
     var sums = array(vec3f(0.0), vec3f(0.0), vec3f(0.0));

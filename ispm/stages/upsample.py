@@ -25,7 +25,7 @@ class Upsample:
     """
 
     def __init__(self, gpu: Gpu, subsampling: int) -> None:
-        self._gpu = gpu
+        self._gpu, self._block = gpu, subsampling
         path = "stages/upsample.wgsl"
         self._main = gpu.compute(path, "main", BLOCK=subsampling)
         self._patch = gpu.compute(path, "patch_missed", BLOCK=subsampling)
@@ -45,8 +45,9 @@ class Upsample:
         self._missed.sized(capacity * MISSED.itemsize)
         self._missed_receivers.sized(capacity * RECEIVER.itemsize)
         self._count.write(np.zeros(4, np.uint32))
+        cells = tuple(-(-side // self._block) + 1 for side in view.size)
         self._main(
-            frame, over=view.size, **self._surface(scene, gbuffer, view), receivers=receivers,
+            frame, over=cells, **self._surface(scene, gbuffer, view), receivers=receivers,
             light=self._light.write(light), missed_count=self._count, missed=self._missed,
             missed_receivers=self._missed_receivers, **self._targets(view),
         )  # fmt: skip

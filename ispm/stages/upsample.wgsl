@@ -5,7 +5,9 @@
 // include stages/receivers.wgsl
 
 override BLOCK: u32 = 4u;
-const TOO_LITTLE = 1e-3;   // sum of weights below which a pixel has found no neighbour
+const PLANE_REACH = 1.3;    // low-resolution pixels: a biweight as wide as a Gaussian of 0.5
+const FEW = 0.02;          // sum of weights below which farther neighbours are asked too
+const TOO_LITTLE = 1e-3;   // and below which a pixel has found none
 
 struct Missed {
     pixel: u32,
@@ -37,7 +39,7 @@ struct Surface {
     ng: vec3f,
     n: vec3f,
     alpha: f32,
-    plane_scale: f32,      // 1 / (2 sigma^2) of the distance from the tangent plane
+    plane_scale: f32,      // 1 / b^2, b where the weight of the distance from the tangent plane ends
     footprint: f32,
 }
 
@@ -56,9 +58,17 @@ fn surface_at(pixel: vec2u, d: f32) -> Surface {
     s.ng = octahedral_decode(packed.zw);
     s.footprint = pixel_footprint(linear_depth(d)) * f32(BLOCK);
     let cosine = max(abs(dot(view_direction(s.position), s.ng)), 0.1);
-    let sigma = 0.5 * s.footprint / cosine;
-    s.plane_scale = 0.5 / (sigma * sigma);
+    let reach = PLANE_REACH * s.footprint / cosine;
+    s.plane_scale = 1.0 / (reach * reach);
     return s;
+}
+
+struct Tap {               // a receiver and its light
+    position: vec3f,
+    alpha: f32,
+    ng: vec3f,
+    valid: f32,
+    light: Incident,
 }
 
 struct Taps {
@@ -67,28 +77,41 @@ struct Taps {
     gloss_weight: f32,
 }
 
-// Add receiver `at`, whose place on the screen has the weight `near`.
-fn add_tap(taps: ptr<function, Taps>, s: Surface, at: vec2i, low: vec2i, near: f32) {
+fn load_tap(at: vec2i, low: vec2i) -> Tap {
+    var tap: Tap;
     if (any(at < vec2i(0)) || any(at >= low)) {
-        return;
+        return tap;
     }
     let k = u32(at.y * low.x + at.x);
-    if (receivers[k].valid == 0u) {
-        return;
+    tap.valid = f32(receivers[k].valid);
+    tap.position = receivers[k].position;
+    tap.ng = receivers[k].ng;
+    tap.alpha = receivers[k].alpha;
+    tap.light.irradiance = light[4u * k].rgb;
+    if (tap.alpha > 0.0) {
+        tap.light.fresnel = light[4u * k + 1u].rgb;
+        tap.light.gloss = light[4u * k + 2u].rgb;
+        tap.light.grazing = light[4u * k + 3u].rgb;
     }
-    let z = dot(s.ng, receivers[k].position - s.position);
-    var facing = max(dot(s.ng, receivers[k].ng), 0.0);
+    return tap;
+}
+
+// Add a tap whose place on the screen has the weight `near`.
+fn add_tap(taps: ptr<function, Taps>, s: Surface, tap: Tap, near: f32) {
+    let z = dot(s.ng, tap.position - s.position);
+    var facing = max(dot(s.ng, tap.ng), 0.0);
     facing *= facing;
     facing *= facing;
     facing *= facing;
-    let w = near * facing * exp(-z * z * s.plane_scale);
-    (*taps).sums.irradiance += w * light[4u * k].rgb;
+    let close = max(1.0 - z * z * s.plane_scale, 0.0);
+    let w = near * tap.valid * facing * close * close;
+    (*taps).sums.irradiance += w * tap.light.irradiance;
     (*taps).weight += w;
-    if (s.alpha > 0.0 && receivers[k].alpha > 0.0) {
-        let g = w * max(1.0 - 4.0 * abs(s.alpha - receivers[k].alpha), 1e-3);
-        (*taps).sums.fresnel += g * light[4u * k + 1u].rgb;
-        (*taps).sums.gloss += g * light[4u * k + 2u].rgb;
-        (*taps).sums.grazing += g * light[4u * k + 3u].rgb;
+    if (s.alpha > 0.0 && tap.alpha > 0.0) {
+        let g = w * max(1.0 - 4.0 * abs(s.alpha - tap.alpha), 1e-3);
+        (*taps).sums.fresnel += g * tap.light.fresnel;
+        (*taps).sums.gloss += g * tap.light.gloss;
+        (*taps).sums.grazing += g * tap.light.grazing;
         (*taps).gloss_weight += g;
     }
 }
@@ -104,50 +127,70 @@ fn write_out(pixel: vec2u, b: Bsdf, i: Incident) {
     textureStore(irradiance, pixel, vec4f(i.irradiance, 1.0));
 }
 
+// The 2 x 2 receivers about a pixel are the same for BLOCK x BLOCK pixels: a thread serves them all.
 @compute @workgroup_size(8, 8)
 fn main(@builtin(global_invocation_id) id: vec3u) {
-    let size = vec2u(camera.size);
-    if (any(id.xy >= size)) {
+    let size = vec2i(camera.size);
+    let block = i32(BLOCK);
+    let low = (size + block - 1) / block;
+    let corner = vec2i(id.xy) - 1;
+    if (any(corner >= low)) {
         return;
     }
-    let d = textureLoad(depth, id.xy, 0);
-    if (d == 0.0) {
-        textureStore(indirect, id.xy, vec4f(0.0));
-        textureStore(irradiance, id.xy, vec4f(0.0));
-        return;
-    }
-    let s = surface_at(id.xy, d);
-    let low = vec2i((size + BLOCK - 1u) / BLOCK);
-    let place = (vec2f(id.xy) + 0.5) / f32(BLOCK) - 0.5;
-    let corner = vec2i(floor(place));
-    let f = place - vec2f(corner);
-    var taps: Taps;
-    for (var j = 0; j < 2; j++) {
-        for (var i = 0; i < 2; i++) {
-            let near = select(1.0 - f.x, f.x, i == 1) * select(1.0 - f.y, f.y, j == 1);
-            add_tap(&taps, s, corner + vec2i(i, j), low, near + 1e-3);
+    let a = load_tap(corner, low);
+    let b = load_tap(corner + vec2i(1, 0), low);
+    let c = load_tap(corner + vec2i(0, 1), low);
+    let d = load_tap(corner + vec2i(1, 1), low);
+    let first = corner * block + block / 2;
+    for (var k = 0; k < block * block; k++) {
+        let pixel = first + vec2i(k % block, k / block);
+        if (any(pixel < vec2i(0)) || any(pixel >= size)) {
+            continue;
         }
-    }
-    if (taps.weight < 0.02) {
-        for (var j = -1; j < 3; j++) {
-            for (var i = -1; i < 3; i++) {
-                let away = vec2f(vec2i(i, j)) - f;
-                add_tap(&taps, s, corner + vec2i(i, j), low, exp(-dot(away, away)));
-            }
+        let depth_here = textureLoad(depth, pixel, 0);
+        if (depth_here == 0.0) {
+            textureStore(indirect, pixel, vec4f(0.0));
+            textureStore(irradiance, pixel, vec4f(0.0));
+            continue;
         }
-    }
-    if (taps.weight < TOO_LITTLE) {
-        let slot = atomicAdd(&missed_count[0], 1u);
-        if (slot < arrayLength(&missed)) {
-            let block = min(id.xy / BLOCK, vec2u(low) - 1u);
-            missed[slot] = Missed(id.y * size.x + id.x, block.y * u32(low.x) + block.x, 0u, 0u);
-            let wo = view_direction(s.position);
-            let slant = 1.0 / max(abs(dot(wo, s.ng)), 0.02);
-            missed_receivers[slot] = Receiver(s.position, s.alpha, s.ng, 1u, s.n, s.footprint, wo, slant);
-            return;
+        let s = surface_at(vec2u(pixel), depth_here);
+        let f = (vec2f(pixel) + 0.5) / f32(block) - 0.5 - vec2f(corner);
+        var taps = Taps();    // without a value, some compilers keep that of the turn before
+        add_tap(&taps, s, a, (1.0 - f.x) * (1.0 - f.y) + 1e-3);
+        add_tap(&taps, s, b, f.x * (1.0 - f.y) + 1e-3);
+        add_tap(&taps, s, c, (1.0 - f.x) * f.y + 1e-3);
+        add_tap(&taps, s, d, f.x * f.y + 1e-3);
+        if (taps.weight < FEW) {
+            add_ring(&taps, s, corner, f, low);
         }
+        if (taps.weight < TOO_LITTLE && list_missed(vec2u(pixel), s, vec2u(low))) {
+            continue;
+        }
+        write_out(vec2u(pixel), s.bsdf, mean_of(taps));
     }
-    write_out(id.xy, s.bsdf, mean_of(taps));
+}
+
+// The 4 x 4 receivers about a pixel.
+fn add_ring(taps: ptr<function, Taps>, s: Surface, corner: vec2i, f: vec2f, low: vec2i) {
+    for (var k = 0; k < 16; k++) {
+        let at = vec2i(k % 4, k / 4) - 1;
+        let away = vec2f(at) - f;
+        add_tap(taps, s, load_tap(corner + at, low), exp(-dot(away, away)));
+    }
+}
+
+// Ask for an estimate of this pixel's own; false where the list is full.
+fn list_missed(pixel: vec2u, s: Surface, low: vec2u) -> bool {
+    let slot = atomicAdd(&missed_count[0], 1u);
+    if (slot >= arrayLength(&missed)) {
+        return false;
+    }
+    let block = min(pixel / BLOCK, low - 1u);
+    missed[slot] = Missed(pixel.y * u32(camera.size.x) + pixel.x, block.y * low.x + block.x, 0u, 0u);
+    let wo = view_direction(s.position);
+    let slant = 1.0 / max(abs(dot(wo, s.ng)), 0.02);
+    missed_receivers[slot] = Receiver(s.position, s.alpha, s.ng, 1u, s.n, s.footprint, wo, slant);
+    return true;
 }
 
 // Give the listed pixels the light that was estimated for them.

@@ -126,8 +126,9 @@ def _walk_one(
         return row, i64(0)
     hit = (photon.instance, photon.primitive, photon.u, photon.v)
     d, within = _first_segment(table, lights, i64(photon.light), hit)
-    _add(sums, chunk, _ESCAPED, scale(f32(1) - within, flux))
-    flux = scale(within, flux)
+    kept = scale(within, flux)
+    _add_difference(sums, chunk, _ESCAPED, flux, kept)
+    flux = kept
     rays = i64(0)
     for scatters in range(bounces + 1):
         position, ng, n, bsdf, flags = surface(table, texels, rows, hit, d)

@@ -1,5 +1,6 @@
 """What the documents say is so."""
 
+import os
 import re
 import subprocess
 import sys
@@ -10,7 +11,7 @@ ROOT = Path(__file__).parents[2]
 
 def test_settings_table_of_the_readme_is_up_to_date():
     script = [sys.executable, "scripts/settings_table.py", "--check"]
-    run = subprocess.run(script, cwd=ROOT, env={"PYTHONPATH": str(ROOT)})
+    run = subprocess.run(script, cwd=ROOT, env={**os.environ, "PYTHONPATH": str(ROOT)})
     assert run.returncode == 0, "run: python scripts/settings_table.py"
 
 

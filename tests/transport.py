@@ -1,0 +1,100 @@
+"""Scenes for the tests of light transport, the photons in them, and their pictures."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ispm.gpu import Gpu
+from ispm.optics.records import EMITTED
+from ispm.optics.texture import TextureTable
+from ispm.renderer.picture import Frame
+from ispm.renderer.renderer import Renderer
+from ispm.scene.builtins_common import lambert
+from ispm.scene.camera import Camera
+from ispm.scene.light import PointLight
+from ispm.scene.packed import Packed, pack
+from ispm.scene.scene import Scene
+from ispm.scene.shapes import polygons
+from ispm.settings import Settings
+from ispm.tracer.emission import emit_rays
+from ispm.tracer.surface import SurfaceTable
+from ispm.tracer.walk import Walk, walk
+from ispm.tracer.world import World
+
+SMALL = (160, 90)
+SIDES = ("-x", "+x", "-y", "+y", "-z", "+z")
+
+
+class Tracer:
+    """A scene made ready for photons, without a graphics adapter."""
+
+    def __init__(self, scene: Scene, threads: int = 2) -> None:
+        self.packed: Packed = pack(scene)
+        self.threads = threads
+        self.world = World(threads)
+        self.world.update(self.packed)
+        textures = TextureTable.pack(self.packed.textures)
+        self.surfaces = SurfaceTable(self.packed, textures, 0.005 * self.packed.diagonal)
+
+    def emit(self, count: int, seed: int = 0) -> np.ndarray:
+        """Return EMITTED photons, `count` from each light, drawn as rays."""
+        counts = np.full(len(self.packed.lights), count)
+        return emit_rays(self.packed, self.world, self.surfaces, counts, seed, 0, self.threads)
+
+    def walk(self, emitted: np.ndarray, bounces: int, seed: int = 0) -> Walk:
+        """Follow photons from their first hits."""
+        return walk(self.packed, self.world, self.surfaces, emitted, bounces, seed, 0, self.threads)
+
+
+def trace(scene: Scene, count: int, bounces: int, seed: int = 0, threads: int = 2) -> Walk:
+    """Return what becomes of `count` photons from each light."""
+    tracer = Tracer(scene, threads)
+    return tracer.walk(tracer.emit(count, seed), bounces, seed)
+
+
+def render(
+    gpu: Gpu, scene: Scene, camera: Camera | None = None, *, threads: int | None = None, **settings: Any
+) -> tuple[Frame, np.ndarray]:
+    """Return a small picture and its photons."""
+    settings = {"size": SMALL, **settings}
+    with Renderer(scene, Settings(**settings), camera, threads=threads, gpu=gpu) as renderer:
+        return renderer.render(), renderer.photons()
+
+
+def box_room(
+    low: tuple[float, ...] = (-0.5,) * 3, high: tuple[float, ...] = (0.5,) * 3, albedo: float = 0.5
+) -> Scene:
+    """A closed Lambert room whose walls are nodes of their own, in the order of SIDES."""
+    scene = Scene(name="room")
+    corner = np.array([[(low, high)[i >> k & 1][k] for k in range(3)] for i in range(8)])
+    faces = ([0, 2, 6, 4], [1, 5, 7, 3], [0, 4, 5, 1], [2, 3, 7, 6], [0, 1, 3, 2], [4, 6, 7, 5])
+    for name, face in zip(SIDES, faces, strict=True):
+        scene.add(polygons([corner[face]], name), material=lambert((albedo,) * 3, name))
+    return scene
+
+
+def lit(scene: Scene, position: tuple[float, ...] = (0.0, 0.0, 0.0), flux: float = 4.0 * np.pi, **light: Any) -> Scene:
+    """Add a white point light of `flux` lm per channel; return the scene."""
+    scene.add(PointLight((flux / (4.0 * np.pi),) * 3, **light), name="light", translation=position)
+    return scene
+
+
+def on_instance(packed: Packed, instance: int, count: int, seed: int, flux: float = 1.0) -> np.ndarray:
+    """Return `count` EMITTED photons of `flux` lm together, even over one instance of equal triangles."""
+    random = np.random.default_rng(seed)
+    rows = np.zeros(count, EMITTED)
+    u, v = random.random((2, count), np.float32)
+    folded = u + v > 1.0
+    rows["u"], rows["v"] = np.where(folded, 1 - u, u), np.where(folded, 1 - v, v)
+    rows["instance"] = instance
+    rows["primitive"] = random.integers(0, packed.instances["triangle_count"][instance], count)
+    rows["flux"] = flux / count
+    rows["key"] = np.arange(count)
+    return rows
+
+
+def total(photons: np.ndarray) -> np.ndarray:
+    """Return the (3,) float64 flux of photons together."""
+    return np.asarray(photons["flux"].astype(np.float64).sum(axis=0))
