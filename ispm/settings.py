@@ -22,7 +22,7 @@ VIEWS = (
 
 LAYERS = (
     "full", "direct", "indirect", "emission", "irradiance",
-    "depth", "normal", "albedo", "instance", "material",
+    "depth", "normal", "albedo", "instance", "material", "alpha",
 )  # fmt: skip
 
 

@@ -75,7 +75,9 @@ def box_room(
     return scene
 
 
-def lit(scene: Scene, position: tuple[float, ...] = (0.0, 0.0, 0.0), flux: float = 4.0 * np.pi, **light: Any) -> Scene:
+def lit(
+    scene: Scene, position: tuple[float, ...] = (0.0, 0.0, 0.0), flux: float = 4.0 * np.pi, **light: Any
+) -> Scene:
     """Add a white point light of `flux` lm per channel; return the scene."""
     scene.add(PointLight((flux / (4.0 * np.pi),) * 3, **light), name="light", translation=position)
     return scene

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Annotated
 
 from cyclopts import Parameter
 
-from ispm.cli.console import Console
+from ispm.cli.console import Console, to_json
 from ispm.cli.options import command
+from ispm.io.atomic import replacing, require_writable
 
 
 @command()
@@ -24,7 +24,21 @@ def bench(
     """Measure this machine.
 
     Example: ispm bench --quick
+
+    Times of a frame, stage by stage, while camera, light and an object move; photons traced per second,
+    beside Embree where the package embreex is installed; memory. Medians, and the 5th and 95th percentile.
     """
+    if output is not None:
+        require_writable(output)
+    from ispm.bench.report import tables
     from ispm.bench.suite import run_bench
 
-    run_bench(quick=quick, json=console.as_json, out=Path(output) if output else None)
+    with console.step("measuring"):
+        report = run_bench(quick)
+    for title, rows in tables(report):
+        console.table(title, rows)
+    if output is not None:
+        with replacing(output) as path:
+            path.write_text(to_json(report) + "\n", "utf-8")
+        console.written(output)
+    console.result(report)

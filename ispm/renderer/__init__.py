@@ -1,0 +1,48 @@
+"""The frame, and the pictures it gives."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from ispm.renderer.picture import Frame, Stats
+from ispm.renderer.renderer import Renderer
+from ispm.scene.camera import Camera
+from ispm.scene.scene import Scene
+from ispm.settings import Settings
+
+__all__ = ["Frame", "Renderer", "Stats", "render"]
+
+
+def render(
+    scene: Scene | str | Path,
+    settings: Settings | None = None,
+    *,
+    camera: Camera | str | int | None = None,
+    time: float | None = None,
+    **changes: Any,
+) -> Frame:
+    """Render one picture.
+
+    scene    a Scene, a file, or the name of a built-in scene
+    camera   a Camera with a pose, or the name or index of one of the scene's
+    time     seconds of the scene's animations; None: as the scene stands
+    changes  settings by name, over `settings`
+    Raises SceneError, SettingsError or AdapterError.
+    """
+    if not isinstance(scene, Scene):
+        scene = _open(scene)
+    if time is not None:
+        scene = scene.at(time)
+    chosen = (settings or Settings()).replace(**changes)
+    with Renderer(scene, chosen, camera=camera) as renderer:
+        return renderer.render()
+
+
+def _open(name: str | Path) -> Scene:
+    from ispm.io.load import load
+    from ispm.scene.builtin import BUILTINS, builtin
+
+    if isinstance(name, str) and name in BUILTINS:
+        return builtin(name)
+    return load(name)

@@ -17,6 +17,7 @@ from ispm.optics.texture import TextureTable
 from ispm.renderer import layers as make
 from ispm.renderer.framing import default_camera, default_light, find_camera
 from ispm.renderer.light import map_plan, photons_of_maps
+from ispm.renderer.motion import moved
 from ispm.renderer.picture import Frame, Stats
 from ispm.renderer.views import photon_points
 from ispm.renderer.watch import Watch, peak_memory
@@ -82,6 +83,7 @@ class Renderer:
         self._packed: Packed | None = None
         self._textures: TextureTable | None = None
         self._photons = np.zeros(0, PHOTON)
+        self._instances: np.ndarray | None = None  # of the last frame
         self._last: tuple[Frame, CameraView] | None = None
         self._said: set[str] = set()
         self._settings: Settings | None = None
@@ -150,7 +152,9 @@ class Renderer:
             path = self._trace(packed, maps, texels)
         with watch("radiance"):
             pixel = self.settings.subsampling * view.footprint * view.clip_from_world[3]
-            measure_radii(path.photons, packed.diagonal, self.settings.smoothing, pixel)
+            measure_radii(
+                path.photons, packed.diagonal, self.settings.smoothing, pixel, packed.widths
+            )
             estimate = self._estimator(
                 points, path.photons, view.clip_from_world, self._downsample.size(view)
             )
@@ -158,16 +162,15 @@ class Renderer:
 
         with self._gpu.frame() as third:
             third.stage("upsample")
-            indirect, irradiance = self._upsample(third, scene, gbuffer, view, receivers, light)
+            indirect, irradiance, emission = self._upsample(third, scene, gbuffer, view, receivers, light)
         with watch("upsample"):
             self._light_missed(points, estimate, path.photons, scene, gbuffer, view)
         with self._gpu.frame() as fourth:
             fourth.stage("compose")
-            light_layers = direct, indirect, gbuffer.emission
             if self.settings.antialias:
-                light_layers = self._antialias(fourth, scene, gbuffer, view, direct, indirect)
+                self._antialias(fourth, scene, gbuffer, view, direct, indirect, emission)
         with watch("readback"):
-            frame = self._compose(gbuffer, light_layers, irradiance, view)
+            frame = self._compose(gbuffer, (direct, indirect, emission), irradiance, view)
 
         for recording in (first, second, third, fourth):
             for name, spent in recording.milliseconds().items():
@@ -175,6 +178,7 @@ class Renderer:
         total = (clock.perf_counter() - started) * 1e3
         frame.stats = self._statistics(packed, path, watch.milliseconds, total, first)
         self._photons, self._last = path.photons, (frame, view)
+        self._instances = packed.instances
         return frame
 
     def photons(self) -> np.ndarray:
@@ -299,18 +303,20 @@ class Renderer:
     ) -> Frame:
         """Read the picture's parts back, add them, expose and tone map."""
         f2, f4, u4 = np.float16, np.float32, np.uint32
-        kind = f4 if self.settings.antialias else f2  # of emission
         d, i, e, irr, base, normals, ids, depth = self._gpu.read_many([
-            (light[0], f4, 4), (light[1], f4, 4), (light[2], kind, 4), (irradiance, f4, 4),
+            (light[0], f4, 4), (light[1], f4, 4), (light[2], f4, 4), (irradiance, f4, 4),
             (gbuffer.base, f2, 4), (gbuffer.normals, f2, 4), (gbuffer.ids, u4, 2), (gbuffer.depth, f4),
         ])  # fmt: skip
-        e = e.astype(f4, copy=False)
+        alpha = e[..., 3].copy()
+        background = self.settings.background
+        if not isinstance(background, str) and any(background):
+            e[..., :3] += (1.0 - alpha[..., None]) * np.array(background, f4)
         assert self._packed is not None
         nodes = np.append(np.int32(-1), self._packed.instances["node"].astype(np.int32))
         full = make.sum_layers(d, i, e, self.threads)
         layers = make.Layers({
             "full": lambda: full, "direct": lambda: make.rgb(d), "indirect": lambda: make.rgb(i),
-            "emission": lambda: make.rgb(e), "irradiance": lambda: make.rgb(irr),
+            "emission": lambda: make.rgb(e), "alpha": lambda: alpha, "irradiance": lambda: make.rgb(irr),
             "depth": lambda: make.linear_depth(depth, view),
             "normal": lambda: make.decode_normals(normals, depth),
             "albedo": lambda: base[..., :3].astype(f4), "instance": lambda: nodes[ids[..., 0]],
@@ -319,6 +325,8 @@ class Renderer:
         settings = self.settings
         exposure = auto_exposure(full) if settings.exposure == "auto" else float(settings.exposure)
         image = tonemap(full, exposure, settings.tonemap, self.threads)
+        if background == "transparent":
+            image = np.dstack([image, np.rint(alpha * 255.0).astype(np.uint8)])
         camera = {"pose": view.pose, "clip_from_world": view.clip_from_world}
         return Frame(image, layers, Stats(), settings, camera, exposure)  # type: ignore[arg-type]
 
@@ -330,8 +338,11 @@ class Renderer:
               ("direct", "bounce_map", "copy", "trace", "radiance", "upsample", "compose")}  # fmt: skip
         added = ms["bounce_map"] + ms["copy"] + ms["trace"] + ms["radiance"] + ms["upsample"]
         direct_only = max(total - added, ms["direct"])
+        dynamic = packed.instances[moved(packed.instances, self._instances)]
+        dynamic_polygons = int(dynamic["triangle_count"].sum())
         return Stats(
-            polygons=packed.triangle_count, static_polygons=packed.triangle_count,
+            polygons=packed.triangle_count, static_polygons=packed.triangle_count - dynamic_polygons,
+            dynamic_polygons=dynamic_polygons, dynamic_objects=len(np.unique(dynamic["node"])),
             emitters=len(packed.lights), emitted_photons=path.photon_count,
             indirect_photons=settings.bounces, width=settings.size[0], height=settings.size[1],
             subsampling=settings.subsampling, photon_hits=path.photon_count + path.rays,

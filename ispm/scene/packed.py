@@ -28,6 +28,7 @@ class MeshRange:
     first_vertex: int
     first_index: int
     triangle_count: int
+    box: np.ndarray  # (2, 3) corners in object space
 
 
 @dataclass
@@ -70,6 +71,7 @@ class Packed:
     materials  (M,) MATERIAL;  textures: what their slots point to
     lights     (L,) LIGHT
     bounds     (2, 3) float64 corners of all instances, world space
+    widths     (I,) float32 m: the second largest extent of each instance, what a kernel should fit into
     """
 
     geometry: Geometry
@@ -79,6 +81,7 @@ class Packed:
     lights: np.ndarray
     draws: list[Draw]
     bounds: np.ndarray
+    widths: np.ndarray
     material_names: list[str] = field(default_factory=list)
 
     @property
@@ -131,10 +134,10 @@ def pack(scene: Scene, geometry: Geometry | None = None) -> Packed:
     material_rows = np.zeros(len(material_list), records.MATERIAL)
     for i, item in enumerate(material_list):
         material_rows[i] = _material_record(item, textures)
-    instances, draws, bounds = _instances(rows, geometry)
+    instances, draws, bounds, widths = _instances(rows, geometry)
     _aim(lights, bounds)
     return Packed(
-        geometry, instances, material_rows, textures, lights, draws, bounds,
+        geometry, instances, material_rows, textures, lights, draws, bounds, widths,
         [material.name for material in material_list],
     )  # fmt: skip
 
@@ -147,7 +150,8 @@ def pack_geometry(meshes: list[Mesh]) -> Geometry:
     vertex_count = index_count = 0
     for mesh in meshes:
         rows, triangles = _vertices(mesh)
-        ranges.append(MeshRange(mesh, mesh.version, vertex_count, index_count, len(triangles)))
+        box = _mesh_box(mesh)
+        ranges.append(MeshRange(mesh, mesh.version, vertex_count, index_count, len(triangles), box))
         vertices.append(rows)
         indices.append((triangles + np.uint32(vertex_count)).astype(np.uint32).ravel())
         vertex_count += len(rows)
@@ -310,43 +314,55 @@ def _texture_use(use: TextureUse | None, textures: list[Texture]) -> np.ndarray:
 
 def _instances(
     rows: list[tuple[int, int, bool, int, np.ndarray]], geometry: Geometry
-) -> tuple[np.ndarray, list[Draw], np.ndarray]:
-    """INSTANCE rows, the draws that show them, and their bounds in world space."""
+) -> tuple[np.ndarray, list[Draw], np.ndarray, np.ndarray]:
+    """INSTANCE rows, the draws that show them, their bounds in world space, and their widths."""
     instances = np.zeros(len(rows), records.INSTANCE)
+    if not rows:
+        return instances, [], np.zeros((2, 3)), np.zeros(0, np.float32)
+    mesh, material, mirrored, node = (np.array([row[k] for row in rows]) for k in range(4))
+    world = np.stack([row[4] for row in rows])
+    cofactors = _cofactors(world[:, :3, :3])
+    for k in range(3):
+        instances[f"world{k}"] = world[:, k]
+        instances[f"normal{k}"][:, :3] = cofactors[:, k]
+    instances["first_index"] = np.array([r.first_index for r in geometry.ranges])[mesh]
+    instances["triangle_count"] = np.array([r.triangle_count for r in geometry.ranges])[mesh]
+    instances["material"], instances["node"], instances["mesh"] = material, node, mesh
+    instances["flags"] = np.where(mirrored, records.INSTANCE_MIRRORED, 0)
+    boxes = np.stack([kept.box for kept in geometry.ranges])[mesh]
+    corners = np.einsum("nij,nkj->nki", world[:, :3, :3], _corners(boxes)) + world[:, None, :3, 3]
+    bounds = np.stack([corners.min(axis=(0, 1)), corners.max(axis=(0, 1))])
+    extents = (boxes[:, 1] - boxes[:, 0]) * np.linalg.norm(world[:, :3, :3], axis=1)
+    widths = np.sort(extents, axis=1)[:, 1].astype(np.float32)
+    return instances, _draws(rows), bounds, widths
+
+
+def _draws(rows: list[tuple[int, int, bool, int, np.ndarray]]) -> list[Draw]:
+    """Runs of rows of the same mesh and material, turned the same way."""
     draws: list[Draw] = []
-    boxes = [_mesh_box(r.mesh) for r in geometry.ranges]
-    low, high = np.full(3, np.inf), np.full(3, -np.inf)
-    for i, (mesh, material, mirrored, node, world) in enumerate(rows):
-        kept = geometry.ranges[mesh]
-        cofactors = np.zeros((3, 4))
-        cofactors[:, :3] = _cofactors(world[:3, :3])
-        row = instances[i]
-        for k in range(3):
-            row[f"world{k}"] = world[k]
-            row[f"normal{k}"] = cofactors[k]
-        row["first_index"], row["triangle_count"] = kept.first_index, kept.triangle_count
-        row["material"], row["node"], row["mesh"] = material, node, mesh
-        row["flags"] = records.INSTANCE_MIRRORED * mirrored
-        corners = boxes[mesh] @ world[:3, :3].T + world[:3, 3]
-        low, high = np.minimum(low, corners.min(axis=0)), np.maximum(high, corners.max(axis=0))
+    for i, (mesh, material, mirrored, _, _) in enumerate(rows):
         last = draws[-1] if draws else None
         if last and (last.mesh, last.material, last.mirrored) == (mesh, material, mirrored):
             last.instance_count += 1
         else:
             draws.append(Draw(mesh, material, i, 1, mirrored))
-    bounds = np.stack([low, high]) if rows else np.zeros((2, 3))
-    return instances, draws, bounds
+    return draws
 
 
 def _mesh_box(mesh: Mesh) -> np.ndarray:
-    """(8, 3) corners of a mesh's bounds in object space, of the vertices its triangles use."""
+    """(2, 3) corners of a mesh's bounds in object space, of the vertices its triangles use."""
     used = mesh.positions[np.unique(mesh.triangles)].astype(np.float64)
-    low, high = used.min(axis=0), used.max(axis=0)
-    picks = np.array([[i & 1, i >> 1 & 1, i >> 2 & 1] for i in range(8)], bool)
-    return np.where(picks, high, low)
+    return np.stack([used.min(axis=0), used.max(axis=0)])
+
+
+def _corners(boxes: np.ndarray) -> np.ndarray:
+    """(n, 8, 3) corners of (n, 2, 3) boxes."""
+    return np.stack([boxes[:, [i & 1, i >> 1 & 1, i >> 2 & 1], [0, 1, 2]] for i in range(8)], axis=1)
 
 
 def _cofactors(m: np.ndarray) -> np.ndarray:
-    """Cofactor matrix, which takes normals to world space even where the matrix has no inverse."""
-    sign = -1.0 if np.linalg.det(m) < 0.0 else 1.0
-    return sign * np.stack([np.cross(m[1], m[2]), np.cross(m[2], m[0]), np.cross(m[0], m[1])])
+    """Cofactors of (n, 3, 3) matrices, which take normals to world space even where there is no inverse."""
+    rows = m[:, 0], m[:, 1], m[:, 2]
+    stacked = np.stack([np.cross(rows[k - 2], rows[k - 1]) for k in range(3)], axis=1)
+    mirrored = np.einsum("ni,ni->n", stacked[:, 0], rows[0]) < 0.0
+    return np.where(mirrored[:, None, None], -stacked, stacked)

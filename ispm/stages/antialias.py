@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import numpy as np
+
+from ispm import wgsl
 from ispm.frame import GBuffer, GpuScene
 from ispm.gpu import Gpu, Group, Raster, Recording, Texture
 from ispm.optics import records
@@ -10,14 +13,15 @@ from ispm.stages.camera import CameraView
 from ispm.stages.shadow import vertex_layout
 
 _SAMPLES = 4
-_NAMES = ("direct", "indirect", "emission")
+_EDGE_SHARE = 2  # at most one pixel in so many is on an edge; the rest stay as they are
+_EDGE = wgsl.load("stages/antialias.wgsl").dtype("Edge")
 
 
 class Antialias:
     """Draw ids and depth with four samples a pixel, then mix each pixel's light from its neighbours'.
 
-    In   gbuffer; direct, indirect (W, H)
-    Out  direct, indirect, emission: (W, H) rgba32float, alpha the share of samples that see a surface
+    In   gbuffer; direct, indirect, emission (W, H) rgba32float, alpha 1 where a surface is seen
+    Out  the same textures: edge pixels are changed in place, their alpha the share of surface
     Source: Chajdas, McGuire and Luebke 2011.
     """
 
@@ -27,28 +31,35 @@ class Antialias:
         self._ids = gpu.texture("sample ids", "r16uint", samples=_SAMPLES)
         self._depth = gpu.texture("sample depth", "depth32float", samples=_SAMPLES)
         self._mix = gpu.compute("stages/antialias.wgsl")
-        self._out = {
-            name: gpu.texture(f"{name} antialiased", "rgba32float", usage=("storage", "sampled"))
-            for name in _NAMES
-        }
+        self._write = gpu.compute("stages/antialias.wgsl", "write_edges")
+        self._count = gpu.buffer("edge count")
+        self._edges = gpu.buffer("edges")
 
     def __call__(
         self, frame: Recording, scene: GpuScene, gbuffer: GBuffer, view: CameraView, direct: Texture,
-        indirect: Texture,
-    ) -> tuple[Texture, Texture, Texture]:  # fmt: skip
+        indirect: Texture, emission: Texture,
+    ) -> None:  # fmt: skip
         self._draw(frame, scene, view)
-        out = {f"{name}_out": texture.sized(view.size) for name, texture in self._out.items()}
+        capacity = max(view.size[0] * view.size[1] // _EDGE_SHARE, 64)
+        self._count.write(np.zeros(4, np.uint32))
+        camera = view.uniform()
         self._mix(
-            frame, over=view.size, camera=view.uniform(), sample_ids=self._ids, sample_depth=self._depth,
-            ids=gbuffer.ids, normals=gbuffer.normals, depth=gbuffer.depth, direct=direct,
-            indirect=indirect, emission=gbuffer.emission, **out,
+            frame, over=view.size, camera=camera, sample_ids=self._ids, sample_depth=self._depth,
+            ids=gbuffer.ids, normals=gbuffer.normals, depth=gbuffer.depth, direct_in=direct,
+            indirect_in=indirect, emission_in=emission, edge_count=self._count,
+            edges=self._edges.sized(capacity * _EDGE.itemsize),
         )  # fmt: skip
-        return self._out["direct"], self._out["indirect"], self._out["emission"]
+        self._write(
+            frame, over=capacity, camera=camera, mixed=self._edges, mixed_count=self._count,
+            direct_out=direct, indirect_out=indirect, emission_out=emission,
+        )  # fmt: skip
 
     def close(self) -> None:
-        """Free the textures."""
-        for texture in (self._ids, self._depth, *self._out.values()):
+        """Free the textures and buffers."""
+        for texture in (self._ids, self._depth):
             texture.close()
+        for buffer in (self._count, self._edges):
+            buffer.close()
 
     def _draw(self, frame: Recording, scene: GpuScene, view: CameraView) -> None:
         shared = {"camera": frame.uniform(view.uniform()), "instances": scene.instances}

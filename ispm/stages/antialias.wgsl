@@ -10,59 +10,71 @@
 @group(0) @binding(3) var ids: texture_2d<u32>;
 @group(0) @binding(4) var normals: texture_2d<f32>;
 @group(0) @binding(5) var depth: texture_depth_2d;
-@group(0) @binding(6) var direct: texture_2d<f32>;
-@group(0) @binding(7) var indirect: texture_2d<f32>;
-@group(0) @binding(8) var emission: texture_2d<f32>;
-@group(0) @binding(9) var direct_out: texture_storage_2d<rgba32float, write>;
-@group(0) @binding(10) var indirect_out: texture_storage_2d<rgba32float, write>;
-@group(0) @binding(11) var emission_out: texture_storage_2d<rgba32float, write>;
+@group(0) @binding(6) var direct_in: texture_2d<f32>;
+@group(0) @binding(7) var indirect_in: texture_2d<f32>;
+@group(0) @binding(8) var emission_in: texture_2d<f32>;
+@group(0) @binding(9) var<storage, read_write> edge_count: array<atomic<u32>>;
+@group(0) @binding(10) var<storage, read_write> edges: array<Edge>;
+@group(0) @binding(11) var<storage, read> mixed: array<Edge>;
+@group(0) @binding(12) var<storage, read> mixed_count: array<u32>;
+@group(0) @binding(13) var direct_out: texture_storage_2d<rgba32float, write>;
+@group(0) @binding(14) var indirect_out: texture_storage_2d<rgba32float, write>;
+@group(0) @binding(15) var emission_out: texture_storage_2d<rgba32float, write>;
+
+struct Edge {              // a pixel whose samples see more than one surface, and its light
+    direct: vec3f,
+    pixel: u32,
+    indirect: vec3f,
+    seen: f32,             // share of the samples that see a surface
+    emission: vec3f,
+    spare: u32,
+}
 
 const SAMPLES = 4;
 const OFF_PLANE = 0.25;    // pixels that a sample may lie off its surface's plane
 
 // Places of the samples in the pixel: the pattern that WebGPU's adapters share.
-fn sample_place(k: i32) -> vec2f {
-    let x = array(0.375, 0.875, 0.125, 0.625);
-    return vec2f(x[k], 0.125 + 0.25 * f32(k));
-}
+const SAMPLE_X = vec4f(0.375, 0.875, 0.125, 0.625);
+const SAMPLE_Y = vec4f(0.125, 0.375, 0.625, 0.875);
 
 fn short_id(pixel: vec2i) -> u32 {
     let id = textureLoad(ids, pixel, 0).x;
     return select((id - 1u) % 65535u + 1u, 0u, id == 0u);
 }
 
-// How badly a pixel stands in for a sample: distance from the pixel's plane and along it, in pixels.
-fn mismatch(pixel: vec2i, id: u32, d: f32, place: vec2f) -> f32 {
-    if (short_id(pixel) != id) {
-        return 1e30;
-    }
-    let away = length(place - vec2f(pixel) - 0.5);
-    if (id == 0u) {
-        return away;
-    }
+// The depths in clip space that the plane seen in a pixel has at four places on the screen, x and y.
+// A plane is linear in clip space: with its equation there, depth follows from x and y alone.
+fn plane_depths(pixel: vec2i, x: vec4f, y: vec4f) -> vec4f {
     let position = world_position(vec2f(pixel) + 0.5, textureLoad(depth, pixel, 0));
     let ng = octahedral_decode(textureLoad(normals, pixel, 0).zw);
-    let off = dot(ng, world_position(place, d) - position) / pixel_footprint(linear_depth(d));
-    return max(abs(off) - OFF_PLANE, 0.0) + 0.1 * away;
+    let plane = vec4f(ng, -dot(ng, position)) * camera.world_from_clip;
+    let scale = vec2f(2.0, -2.0) / camera.size;
+    return -(plane.x * (x * scale.x - 1.0) + plane.y * (y * scale.y + 1.0) + plane.w) / plane.z;
 }
 
-fn best_pixel(own: vec2i, id: u32, d: f32, place: vec2f) -> vec2i {
-    var best = own;
-    var least = mismatch(own, id, d, place);
-    if (least < OFF_PLANE) {
-        return own;
-    }
+// The number, 0 to 8, of the pixel among 3 x 3 about `own` that shows each sample's surface: the one of
+// the same id whose plane is nearest, and of these the nearest on the screen.
+fn best_pixels(own: vec2i, id: vec4u, d: vec4f) -> vec4i {
+    var best = vec4i(4);
+    var least = vec4f(1e30);
+    let x = vec4f(f32(own.x)) + SAMPLE_X;
+    let y = vec4f(f32(own.y)) + SAMPLE_Y;
+    let unit = select(camera.footprint * d, vec4f(camera.footprint / (camera.far - camera.near)), camera.orthographic != 0u);
     let last = vec2i(camera.size) - 1;
     for (var k = 0; k < 9; k++) {
         let pixel = own + vec2i(k % 3, k / 3) - 1;
         if (any(pixel < vec2i(0)) || any(pixel > last)) {
             continue;
         }
-        let found = mismatch(pixel, id, d, place);
-        if (found < least) {
-            least = found;
-            best = pixel;
+        let seen = short_id(pixel);
+        let away = abs(x - f32(pixel.x) - 0.5) + abs(y - f32(pixel.y) - 0.5);
+        var found = 0.1 * away;
+        if (seen != 0u) {
+            found += max(abs(plane_depths(pixel, x, y) - d) / unit - OFF_PLANE, vec4f(0.0));
         }
+        let better = (vec4u(seen) == id) & (found < least);
+        least = select(least, found, better);
+        best = select(best, vec4i(k), better);
     }
     return best;
 }
@@ -85,6 +97,7 @@ fn is_plain(own: vec2i) -> bool {
     return bend <= OFF_PLANE * camera.footprint * span;
 }
 
+// Find the pixels on edges and mix their light.
 @compute @workgroup_size(8, 8)
 fn main(@builtin(global_invocation_id) thread: vec3u) {
     let own = vec2i(thread.xy);
@@ -92,25 +105,44 @@ fn main(@builtin(global_invocation_id) thread: vec3u) {
         return;
     }
     if (is_plain(own)) {
-        let seen = f32(textureLoad(ids, own, 0).x != 0u);
-        textureStore(direct_out, own, vec4f(textureLoad(direct, own, 0).rgb, seen));
-        textureStore(indirect_out, own, vec4f(textureLoad(indirect, own, 0).rgb, seen));
-        textureStore(emission_out, own, vec4f(textureLoad(emission, own, 0).rgb, seen));
         return;
     }
+    let id = vec4u(sample_id(own, 0), sample_id(own, 1), sample_id(own, 2), sample_id(own, 3));
+    let d = vec4f(
+        textureLoad(sample_depth, own, 0), textureLoad(sample_depth, own, 1),
+        textureLoad(sample_depth, own, 2), textureLoad(sample_depth, own, 3),
+    );
+    let best = best_pixels(own, id, d);
     var sums = array(vec3f(0.0), vec3f(0.0), vec3f(0.0));
-    var seen = 0.0;
     for (var k = 0; k < SAMPLES; k++) {
-        let id = textureLoad(sample_ids, own, k).x;
-        let d = textureLoad(sample_depth, own, k);
-        let pixel = best_pixel(own, id, d, vec2f(own) + sample_place(k));
-        sums[0] += textureLoad(direct, pixel, 0).rgb;
-        sums[1] += textureLoad(indirect, pixel, 0).rgb;
-        sums[2] += textureLoad(emission, pixel, 0).rgb;
-        seen += f32(id != 0u);
+        let pixel = own + vec2i(best[k] % 3, best[k] / 3) - 1;
+        sums[0] += textureLoad(direct_in, pixel, 0).rgb;
+        sums[1] += textureLoad(indirect_in, pixel, 0).rgb;
+        sums[2] += textureLoad(emission_in, pixel, 0).rgb;
     }
     let share = 1.0 / f32(SAMPLES);
-    textureStore(direct_out, own, vec4f(share * sums[0], share * seen));
-    textureStore(indirect_out, own, vec4f(share * sums[1], share * seen));
-    textureStore(emission_out, own, vec4f(share * sums[2], share * seen));
+    let seen = share * dot(vec4f(id != vec4u(0u)), vec4f(1.0));
+    let slot = atomicAdd(&edge_count[0], 1u);
+    if (slot < arrayLength(&edges)) {
+        let number = thread.y * u32(camera.size.x) + thread.x;
+        edges[slot] = Edge(share * sums[0], number, share * sums[1], seen, share * sums[2], 0u);
+    }
+}
+
+// Write the listed pixels, once all of them are mixed from what the picture was before.
+@compute @workgroup_size(64)
+fn write_edges(@builtin(global_invocation_id) thread: vec3u) {
+    if (thread.x >= min(mixed_count[0], arrayLength(&mixed))) {
+        return;
+    }
+    let edge = mixed[thread.x];
+    let width = u32(camera.size.x);
+    let pixel = vec2u(edge.pixel % width, edge.pixel / width);
+    textureStore(direct_out, pixel, vec4f(edge.direct, edge.seen));
+    textureStore(indirect_out, pixel, vec4f(edge.indirect, edge.seen));
+    textureStore(emission_out, pixel, vec4f(edge.emission, edge.seen));
+}
+
+fn sample_id(own: vec2i, k: i32) -> u32 {
+    return textureLoad(sample_ids, own, k).x;
 }

@@ -24,7 +24,8 @@ class DirectStage:
     def __init__(self, gpu: Gpu) -> None:
         self._shade = gpu.raster("stages/direct.wgsl", ["rgba32float"], depth=None)
         self._farther = gpu.sampler(compare="greater-equal")  # reversed depth: nearer is greater
-        self._radiance = gpu.texture("direct radiance", "rgba32float")
+        usage = ("attachment", "sampled", "storage")
+        self._radiance = gpu.texture("direct radiance", "rgba32float", usage=usage)
 
     def __call__(
         self, frame: Recording, scene: GpuScene, gbuffer: GBuffer, shadows: ShadowMaps, view: CameraView

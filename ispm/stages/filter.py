@@ -21,7 +21,8 @@ f32, i64 = np.float32, np.int64
 REACH = 0.075  # of the scene's diagonal: the filter's radius where photons are few
 _PHOTONS = 1600.0  # within the radius elsewhere: 3 % noise in their mean
 _TAPS = 8  # on each side; wider reaches are strided
-_MAX_PIXELS = 24.0  # reach on the screen, low-resolution pixels
+_SMOOTH_TAPS = 4  # on each side, in the second pass
+_MAX_PIXELS = 96.0  # reach on the screen, low-resolution pixels
 _FLATNESS = 0.26  # half thickness of the filter over its radius
 
 # words of a RECEIVER
@@ -44,14 +45,15 @@ def filter_estimate(
     size       (w, h)
     diagonal   of the scene, metres
     smoothing  factor on the filter's radius
-    Two passes: the first reaches h, with strided taps where that is many pixels; the second, a stride
-    wide, removes the comb that strided taps leave.
+    Three passes: the first reaches h, with strided taps where that is many pixels; the others, each as
+    wide as the stride before, remove the comb that strided taps leave.
     Weights: (1 - d^2/h^2)^2 (n.n')^16 (1 - z^2/b^2)^2 dA; d and z are the distances from the point and
     from its tangent plane, dA the area that a receiver stands for.
     """
     words = _words(receivers)
     spread = _run(_spread, words, words, estimate, size, diagonal, smoothing, threads)
-    return _run(_smooth, words, words, spread, size, diagonal, smoothing, threads)
+    smooth = _run(_smooth, words, words, spread, size, diagonal, smoothing, threads)
+    return _run(_finish, words, words, smooth, size, diagonal, smoothing, threads)
 
 
 def filter_points(
@@ -112,6 +114,17 @@ def _spread(counter, points, words, estimate, size, limits, gloss, out):
 
 @jit
 def _smooth(counter, points, words, estimate, size, limits, gloss, out):
+    _fill_gaps(counter, points, words, estimate, size, limits, gloss, out, i64(1), i64(_SMOOTH_TAPS))
+
+
+@jit
+def _finish(counter, points, words, estimate, size, limits, gloss, out):
+    _fill_gaps(counter, points, words, estimate, size, limits, gloss, out, i64(_SMOOTH_TAPS), i64(64))
+
+
+@jit
+def _fill_gaps(counter, points, words, estimate, size, limits, gloss, out, part, most):
+    """Average over gaps of 1 / `part` of the first pass's stride, with at most `most` taps a side."""
     while True:
         y = atomic_add(counter, i64(1))
         if y >= size[1]:
@@ -121,9 +134,13 @@ def _smooth(counter, points, words, estimate, size, limits, gloss, out):
             if words[p, _SLANT] > f32(0):
                 foot = words[p, _FOOTPRINT]
                 _, stride, _ = _reach(foot, estimate[p, DENSITY], limits)
-                taps = max(stride - i64(1), i64(1))
-                reach = f32(taps + 1) * foot * min(words[p, _SLANT], f32(3))
-                _gather(points, p, x, y, reach, i64(1), taps, words, estimate, size, gloss, out)
+                gap = (stride + part - i64(1)) // part
+                step = (gap + most - i64(1)) // most
+                taps = (gap + step - i64(1)) // step
+                if part > i64(1) and gap == i64(1):
+                    taps = i64(0)
+                reach = f32((taps + 1) * step) * foot * min(words[p, _SLANT], f32(3))
+                _gather(points, p, x, y, reach, step, taps, words, estimate, size, gloss, out)
 
 
 @jit

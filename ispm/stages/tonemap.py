@@ -26,7 +26,8 @@ _0, _1 = np.float32(0.0), np.float32(1.0)
 
 
 def auto_exposure(radiance: np.ndarray) -> float:
-    """Return the exposure in stops that shows a picture's middle luminance as middle grey.
+    """Return the exposure in stops that shows a picture's middle luminance as middle grey, or less, so
+    that no more than a tenth of what is lit is brighter than white.
 
     radiance  (h, w, 3) float32, cd/m^2, linear
     The middle is the mean of log luminance over the pixels that are not black, without the darkest and
@@ -40,7 +41,8 @@ def auto_exposure(radiance: np.ndarray) -> float:
         return 0.0
     stops = np.sort(np.log2(lit))
     rest = int(len(stops) * _TRIM / 100.0)
-    return math.log2(MIDDLE_GREY) - float(stops[rest : len(stops) - rest].mean())
+    middle = math.log2(MIDDLE_GREY) - float(stops[rest : len(stops) - rest].mean())
+    return min(middle, -float(stops[len(stops) - 1 - rest]))
 
 
 def tonemap(

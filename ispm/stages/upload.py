@@ -9,7 +9,7 @@ from ispm.frame import SLOTS, GpuScene
 from ispm.gpu import Buffer, Gpu, Sampler, Texture
 from ispm.optics.texture import mip_chain
 from ispm.scene import material as scene_material
-from ispm.scene.packed import Geometry, MeshRange, Packed
+from ispm.scene.packed import Geometry, Packed
 
 _WRAP = {
     scene_material.Wrap.REPEAT: "repeat",
@@ -43,7 +43,7 @@ class Upload:
             self._write(self._vertices, packed.geometry.vertices)
             self._write(self._indices, packed.geometry.indices)
             self._geometry = packed.geometry
-            self._boxes = np.array([_mesh_box(packed.geometry, r) for r in packed.geometry.ranges])
+            self._boxes = np.array([kept.box for kept in packed.geometry.ranges])
         self._write(self._instances, packed.instances)
         self._write(self._materials, packed.materials)
         self._write(self._lights, packed.lights)
@@ -119,10 +119,3 @@ class Upload:
         wrap = (_WRAP[texture.wrap_u], _WRAP[texture.wrap_v])
         sampler = self._gpu.sampler(wrap, linear=texture.linear, mipmaps=texture.mipmaps)
         return self._textures[id(texture)][1], sampler
-
-
-def _mesh_box(geometry: Geometry, mesh: MeshRange) -> np.ndarray:
-    """(2, 3) bounds of a mesh's triangles in object space."""
-    rows = geometry.indices[mesh.first_index : mesh.first_index + 3 * mesh.triangle_count]
-    used = geometry.vertices["position"][rows].astype(np.float64)
-    return np.stack([used.min(axis=0), used.max(axis=0)])

@@ -20,7 +20,7 @@ class Upsample:
     """Joint bilateral upsampling of incident light, and the radiance that the surfaces make of it.
 
     In   gbuffer (W, H); receivers (w h,) and their light (w h, 16)
-    Out  indirect, irradiance: (W, H) rgba32float
+    Out  indirect, irradiance, and emission as it is: (W, H) rgba32float, alpha 1 where a surface is seen
     Source: Kopf et al. 2007, with plane distance as the range weight.
     """
 
@@ -35,12 +35,13 @@ class Upsample:
         self._missed_receivers = gpu.buffer("missed receivers")
         self._missed_light = gpu.buffer("missed light")
         self.indirect = gpu.texture("indirect", "rgba32float", usage=("storage", "sampled"))
+        self.emission = gpu.texture("emission", "rgba32float", usage=("storage", "sampled"))
         self.irradiance = gpu.texture("irradiance", "rgba32float", usage=("storage", "sampled"))
 
     def __call__(
         self, frame: Recording, scene: GpuScene, gbuffer: GBuffer, view: CameraView,
         receivers: Buffer, light: np.ndarray,
-    ) -> tuple[Texture, Texture]:  # fmt: skip
+    ) -> tuple[Texture, Texture, Texture]:  # fmt: skip
         capacity = max(gbuffer.size[0] * gbuffer.size[1] // _MISSED_SHARE, 64)
         self._missed.sized(capacity * MISSED.itemsize)
         self._missed_receivers.sized(capacity * RECEIVER.itemsize)
@@ -49,9 +50,10 @@ class Upsample:
         self._main(
             frame, over=cells, **self._surface(scene, gbuffer, view), receivers=receivers,
             light=self._light.write(light), missed_count=self._count, missed=self._missed,
-            missed_receivers=self._missed_receivers, **self._targets(view),
+            missed_receivers=self._missed_receivers, glow=self.emission.sized(view.size),
+            **self._targets(view),
         )  # fmt: skip
-        return self.indirect, self.irradiance
+        return self.indirect, self.irradiance, self.emission
 
     def missed(self) -> tuple[np.ndarray, np.ndarray]:
         """Return (M,) MISSED and (M,) RECEIVER: the pixels that found no neighbour; waits for them."""

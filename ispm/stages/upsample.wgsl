@@ -30,6 +30,7 @@ struct Missed {
 @group(0) @binding(11) var<storage, read_write> missed_receivers: array<Receiver>;
 @group(0) @binding(12) var indirect: texture_storage_2d<rgba32float, write>;
 @group(0) @binding(13) var irradiance: texture_storage_2d<rgba32float, write>;
+@group(0) @binding(16) var glow: texture_storage_2d<rgba32float, write>;
 @group(0) @binding(14) var<storage, read> missed_list: array<Missed>;
 @group(0) @binding(15) var<storage, read> missed_light: array<vec4f>;
 
@@ -151,9 +152,11 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
         if (depth_here == 0.0) {
             textureStore(indirect, pixel, vec4f(0.0));
             textureStore(irradiance, pixel, vec4f(0.0));
+            textureStore(glow, pixel, vec4f(0.0));
             continue;
         }
         let s = surface_at(vec2u(pixel), depth_here);
+        textureStore(glow, pixel, vec4f(textureLoad(emission, pixel, 0).rgb, 1.0));
         let f = (vec2f(pixel) + 0.5) / f32(block) - 0.5 - vec2f(corner);
         var taps = Taps();    // without a value, some compilers keep that of the turn before
         add_tap(&taps, s, a, (1.0 - f.x) * (1.0 - f.y) + 1e-3);

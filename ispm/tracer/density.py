@@ -18,6 +18,7 @@ NEIGHBORS = 15  # photons within a kernel; 10 to 25 differ by under 2 % in error
 _WANTED = 32  # photons that a cell must hold to be counted: 18 % noise in density, 9 % in radius
 _RADIUS_MIN, _RADIUS_MAX = 0.002, 0.1  # of the scene's diagonal
 _PIXEL_SHARE = 0.75  # least radius over a receiver's pixel: between smaller kernels light falls unseen
+_WIDTH_SHARE = 0.25  # of an object's width
 _HEIGHT = 0.25  # of a kernel over its radius: thin, so that it does not reach other surfaces
 _LEVELS = 8  # cell sizes, each twice the one before
 _SHIFTS = ((0.0, 0.0, 0.0), (0.381, 0.618, 0.236))  # of the cells, so that no border shows
@@ -27,7 +28,11 @@ _RADIUS, _NX, _H = 3, 12, 15
 
 
 def measure_radii(
-    photons: np.ndarray, diagonal: float, smoothing: float = 1.0, pixel: np.ndarray | None = None
+    photons: np.ndarray,
+    diagonal: float,
+    smoothing: float = 1.0,
+    pixel: np.ndarray | None = None,
+    widths: np.ndarray | None = None,
 ) -> None:
     """Write `radius` and `height` of each photon's kernel, from the density of photons around it.
 
@@ -36,6 +41,8 @@ def measure_radii(
     smoothing  factor on every radius
     pixel      (4,) plane whose value at (x, y, z, 1) is the width in metres of a receiver's pixel there, at
                most 4/3 of a radius; None: receivers lie anywhere
+    widths     (I,) float32 m, of the instances: a kernel wider than its object would lose its light past
+               the edges, so none is wider than a quarter of it; None: objects are wide
     The radius is that of a disc that holds `NEIGHBORS` photons. Density is counted in the smallest
     cell of a hierarchy that holds enough photons facing the same way: a plane cuts a cell of side c
     in c^2 / (|nx| + |ny| + |nz|) on average over its place in the cell.
@@ -52,10 +59,17 @@ def measure_radii(
         order = np.argsort(keys, kind="stable")
         _add_log_density(words, keys[order], order, cell, log_density)
     _write_radii(
-        words, log_density / f32(len(_SHIFTS)), f32(smoothing),
+        words, _reach_on_objects(photons, widths), log_density / f32(len(_SHIFTS)), f32(smoothing),
         f32(diagonal * _RADIUS_MIN), f32(diagonal * _RADIUS_MAX),
         (np.zeros(4) if pixel is None else _PIXEL_SHARE * pixel).astype(np.float32),
     )  # fmt: skip
+
+
+def _reach_on_objects(photons: np.ndarray, widths: np.ndarray | None) -> np.ndarray:
+    """(N,) float32: the largest radius that suits the object under each photon."""
+    if widths is None:
+        return np.full(len(photons), np.inf, np.float32)
+    return (f32(_WIDTH_SHARE) * widths)[photons["instance"]]
 
 
 @jit
@@ -115,11 +129,11 @@ def _add_log_density(words, keys, order, cell, log_density):
 
 
 @jit
-def _write_radii(words, log_density, smoothing, low, high, least):
+def _write_radii(words, widest, log_density, smoothing, low, high, least):
     for i in range(len(words)):
         density = f32(math.exp(log_density[i]))
         radius = f32(math.sqrt(f32(NEIGHBORS) / (f32(math.pi) * density)))
-        radius = min(max(radius, low), high) * smoothing
+        radius = min(min(max(radius, low), high) * smoothing, widest[i])
         x, y, z = words[i, 0], words[i, 1], words[i, 2]
         seen = least[0] * x + least[1] * y + least[2] * z + least[3]
         radius = max(radius, min(seen, high))

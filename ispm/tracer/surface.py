@@ -87,14 +87,23 @@ def surface(table, texels, rows, hit, d):
     ng = _world_normal(table[_INSTANCES], instance, cross(e1, e2))
     n = _world_normal(table[_INSTANCES], instance, _interpolate(table, corners, _NORMAL, u, v))
     texel_area = _footprint(table, instance, corners, e1, e2)
-    if _texture(table, material, _NORMAL_MAP) >= i64(0):
-        n = _mapped_normal(table, texels, rows, instance, material, corners, u, v, n, texel_area)
     if dot(ng, d) > f32(0):
         ng = scale(f32(-1), ng)
-    if dot(n, ng) < f32(0):
-        n = scale(f32(-1), n)
+    side = f32(-1) if dot(n, ng) < f32(0) else f32(1)
+    if _texture(table, material, _NORMAL_MAP) >= i64(0):
+        n = _mapped_normal(table, texels, rows, instance, material, corners, u, v, n, texel_area)
+    n = _bend(scale(side, n), ng)
     bsdf = _bsdf(table, texels, rows, material, corners, u, v, texel_area)
     return position, ng, n, bsdf, ldu(table[_MATERIALS], material + _FLAGS)
+
+
+@jit
+def _bend(n, ng):
+    """Put a shading normal that a map turned past the surface back on its side, as the G-buffer does."""
+    beyond = dot(n, ng)
+    if beyond >= f32(0):
+        return n
+    return _unit(sub(n, scale(beyond - f32(1e-3), ng)))
 
 
 @jit
@@ -136,8 +145,10 @@ def closest_surface(world, table, texels, rows, origin, d, u, stack, words):
         hit = (ldu(words, HIT_INSTANCE), ldu(words, HIT_PRIMITIVE), ldf(words, HIT_U), ldf(words, HIT_V))
         if t == f32(np.inf):
             return False, hit
-        if u < _opacity(table, texels, rows, hit):
+        opacity = _opacity(table, texels, rows, hit)
+        if u < opacity:
             return True, hit
+        u = (u - opacity) / (f32(1) - opacity)  # uniform again, whatever lies behind
         largest = max(max(abs(origin[0]), abs(origin[1])), max(abs(origin[2]), t))
         reach = t + f32(1e-5) * largest
         origin = add(origin, scale(reach, d))

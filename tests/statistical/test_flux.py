@@ -141,7 +141,8 @@ def test_first_bounce_between_two_planes(height, gap, intensity, albedo, exact):
     got = lower["flux"][near, 0].sum(dtype=float) / (math.pi * disc**2)
     # mean over the disc: Gauss-Legendre in r^2
     nodes, weights = np.polynomial.legendre.leggauss(5)
-    rings = [bounced_irradiance(disc * math.sqrt((1 + x) / 2), height, gap, intensity, albedo, reach) for x in nodes]
+    at = disc * np.sqrt((1 + nodes) / 2)
+    rings = [bounced_irradiance(r, height, gap, intensity, albedo, reach) for r in at]
     sigma = 1 / math.sqrt(near.sum())
     assert sigma < 0.011
     assert got == pytest.approx(np.dot(weights, rings) / 2, rel=4 * sigma)

@@ -1,0 +1,242 @@
+"""What a frame costs on this machine, and how near the tracer comes to Embree.
+
+Everything is measured in the run that reports it. Nothing is kept from frame to frame but the trees of
+meshes, and camera, light and an object move in every one.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import platform
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from importlib.metadata import version
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ispm import __version__
+from ispm.optics.texture import TextureTable
+from ispm.renderer import Renderer, Stats
+from ispm.scene.builtin import builtin
+from ispm.scene.packed import Packed, pack
+from ispm.scene.scene import Scene
+from ispm.settings import Settings
+from ispm.tracer.emission import emit_rays, share_photons
+from ispm.tracer.surface import SurfaceTable
+from ispm.tracer.threads import thread_count
+from ispm.tracer.walk import Walk, walk
+from ispm.tracer.world import World
+
+SCENE = "atrium"
+STAGES = (
+    "direct_ms", "bounce_map_ms", "copy_ms", "trace_ms", "radiance_ms", "upsample_ms", "compose_ms",
+    "total_ms", "direct_only_ms", "fps_full", "fps_direct",
+)  # fmt: skip
+_FRAMES, _QUICK_FRAMES = 20, 8
+_WARM_UP = 3  # frames that are not counted: kernels compile, memory grows
+_CAMERA_SWAY = 0.3  # m, to either side
+_REPETITIONS = 7
+_TEXTURE_FOOTPRINT = 0.005  # of the diagonal, as the renderer has it
+_STEP_BACK = 1e-5  # of a segment, so that it starts in front of its surface
+
+
+@dataclass(frozen=True)
+class Spread:
+    """Median, 5th and 95th percentile."""
+
+    median: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True)
+class Machine:
+    """What was measured on.
+
+    load  mean number of busy processes in the last minute before the run; NaN where unknown
+    """
+
+    processor: str
+    cores: int
+    load: float
+    adapter: str
+    system: str
+    versions: dict[str, str]
+
+
+@dataclass(frozen=True)
+class FrameTimes:
+    """A frame of a moving scene.
+
+    stats        of the last frame, for its counts
+    columns      by name: stages in ms and frames per second as `Stats` has them; `photons_per_s`, those
+                 emitted in a second of `trace_ms`; `ns_per_stored_photon` of it
+    no_bounces   ms of the same frames with `bounces` 0: nothing emitted, nothing traced
+    """
+
+    scene: str
+    frames: int
+    stats: Stats
+    columns: dict[str, Spread]
+    no_bounces: Spread
+
+
+@dataclass(frozen=True)
+class TraceRate:
+    """Rays per second of one walk, on some threads.
+
+    walk    closest-hit rays of the walk per second, with shading, roulette and storing
+    own     the tracer alone on the rays that ended on a surface
+    embree  Embree on the same rays
+    """
+
+    threads: int
+    walk: float
+    own: float
+    embree: float
+
+
+@dataclass(frozen=True)
+class Report:
+    """The outcome of `run_bench`; `rates` is empty where Embree is not installed.
+
+    peak_memory  resident bytes of the process after the frames, compilers and all
+    """
+
+    machine: Machine
+    frame: FrameTimes
+    rays: int
+    rates: list[TraceRate]
+    peak_memory: int
+
+
+def run_bench(quick: bool = False, settings: Settings | None = None, frames: int | None = None) -> Report:
+    """Measure the built-in scene `SCENE`.
+
+    quick     a quarter of the pixels and fewer frames
+    settings  default: those of `Settings`
+    Raises AdapterError where no adapter serves.
+    """
+    settings = settings or Settings()
+    if quick:
+        width, height = settings.size
+        settings = settings.replace(size=(max(width // 2, 1), max(height // 2, 1)))
+    load = os.getloadavg()[0] if hasattr(os, "getloadavg") else math.nan
+    scene = builtin(SCENE)
+    frame = measure_frames(scene, settings, frames or (_QUICK_FRAMES if quick else _FRAMES))
+    rays, rates = measure_trace(scene.at(0.0), settings)
+    return Report(_machine(frame.stats.adapter, load), frame, rays, rates, frame.stats.peak_memory)
+
+
+def measure_frames(scene: Scene, settings: Settings, frames: int) -> FrameTimes:
+    """Render `frames` moments of a scene after a few that are not counted, with bounces and without."""
+    with Renderer(scene, settings) as renderer:
+        moving = [_render(renderer, moment) for moment in moments(scene, frames + _WARM_UP)][_WARM_UP:]
+        renderer.settings = settings.replace(bounces=0)
+        bare = [_render(renderer, moment) for moment in moments(scene, frames + _WARM_UP)][_WARM_UP:]
+    columns = {name: spread([getattr(stats, name) for stats in moving]) for name in STAGES}
+    columns["photons_per_s"] = spread([1e3 * s.emitted_photons / s.trace_ms for s in moving])
+    columns["ns_per_stored_photon"] = spread([1e6 * s.trace_ms / max(s.stored_photons, 1) for s in moving])
+    return FrameTimes(scene.name, frames, moving[-1], columns, spread([stats.total_ms for stats in bare]))
+
+
+def _render(renderer: Renderer, scene: Scene) -> Stats:
+    renderer.scene = scene
+    return renderer.render().stats
+
+
+def moments(scene: Scene, count: int) -> Iterator[Scene]:
+    """Yield a scene at moments spread over its animations, the first camera swaying as it goes."""
+    duration = max((animation.duration for animation in scene.animations), default=0.0)
+    for k in range(count):
+        phase = (k + 0.5) / count
+        moment = scene.at(phase * duration)
+        eye = moment.cameras[0]
+        pose = eye.local_matrix()
+        pose[:3, 3] += pose[:3, 0] * (_CAMERA_SWAY * math.sin(2.0 * math.pi * phase))
+        eye.matrix = pose
+        yield moment
+
+
+def spread(values: list[float]) -> Spread:
+    """Return the median of values with their 5th and 95th percentile."""
+    low, median, high = np.percentile(values, (5.0, 50.0, 95.0))
+    return Spread(float(median), float(low), float(high))
+
+
+def measure_trace(scene: Scene, settings: Settings) -> tuple[int, list[TraceRate]]:
+    """Return the rays of a walk, and its rates beside Embree's on one thread and on all.
+
+    No rates where Embree is not installed.
+    """
+    packed = pack(scene)
+    world = World()
+    world.update(packed)
+    follow = _walk_of(packed, world, settings)
+    path = follow(world.threads)
+    if find_spec("embreex") is None:
+        return path.rays, []
+    from ispm.bench.embree import compare_rates
+
+    origins, directions = segments(world, path.photons)
+    rates = []
+    for threads in sorted({1, thread_count(None)}):
+        raw = compare_rates(world, packed, origins, directions, threads, _REPETITIONS)
+        rates.append(TraceRate(threads, path.rays / _seconds(follow, threads), raw["own"], raw["embree"]))
+    return path.rays, rates
+
+
+def _walk_of(packed: Packed, world: World, settings: Settings) -> Callable[[int], Walk]:
+    """Return a function of the thread count that walks the photons of a scene."""
+    footprint = _TEXTURE_FOOTPRINT * packed.diagonal
+    surfaces = SurfaceTable(packed, TextureTable.pack(packed.textures), footprint)
+    counts = share_photons(packed.lights, settings.photons)
+    emitted = emit_rays(packed, world, surfaces, counts, settings.seed, 0, world.threads)
+    return lambda threads: walk(packed, world, surfaces, emitted, settings.bounces, settings.seed, 0, threads)
+
+
+def segments(world: World, photons: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return origins and directions, (N, 3) float32, of the rays that stored photons came by.
+
+    photons  (N,) PHOTON
+    A photon flew straight from the surface before, so a ray back along `wi` finds where it started.
+    """
+    position, back = photons["position"], np.ascontiguousarray(photons["wi"])
+    largest = np.abs(position).max(axis=1, keepdims=True)
+    length = world.trace(position + photons["normal"] * (1e-5 * largest), back)["t"][:, None]
+    length = np.where(np.isfinite(length), length, largest)
+    return (position + back * (length * (1.0 - _STEP_BACK))).astype(np.float32), -back
+
+
+def _seconds(run: Callable[[int], Any], threads: int) -> float:
+    """Return the median time of several runs, after one that is not counted."""
+    run(threads)
+    times = []
+    for _ in range(_REPETITIONS):
+        start = time.perf_counter()
+        run(threads)
+        times.append(time.perf_counter() - start)
+    return float(np.median(times))
+
+
+def _machine(adapter: str, load: float) -> Machine:
+    packages = [name for name in ("numba", "numpy", "wgpu", "embreex") if find_spec(name)]
+    versions = {"ispm": __version__, "python": platform.python_version()}
+    return Machine(
+        _processor(), thread_count(None), load, adapter, platform.platform(),
+        versions | {name: version(name) for name in packages},
+    )  # fmt: skip
+
+
+def _processor() -> str:
+    """The processor's name as the system gives it."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text("utf-8").splitlines()
+        return next(line.partition(":")[2].strip() for line in lines if line.startswith("model name"))
+    except (OSError, StopIteration):
+        return platform.processor() or platform.machine()

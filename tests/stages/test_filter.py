@@ -1,0 +1,123 @@
+"""The normalised filter: a weighted mean over one surface, no more and no less."""
+
+import numpy as np
+import pytest
+
+from ispm.optics.records import RECEIVER
+from ispm.stages.filter import DENSITY, WEIGHT, filter_estimate, filter_points
+
+SIZE = (40, 30)
+CHANNELS = [c for c in range(16) if c != WEIGHT]
+
+
+def floor(size=SIZE, pixel=0.1, alpha=0.3):
+    """Receivers on y = 0, a pixel apart, seen from above; x to the right, z down."""
+    receivers = np.zeros(size[0] * size[1], RECEIVER)
+    x, z = np.meshgrid(np.arange(size[0]) * pixel, np.arange(size[1]) * pixel)
+    receivers["position"][:, 0], receivers["position"][:, 2] = x.ravel(), z.ravel()
+    receivers["ng"] = receivers["n"] = receivers["wo"] = (0, 1, 0)
+    receivers["valid"], receivers["footprint"], receivers["slant"] = 1, pixel, 1.0
+    receivers["alpha"] = alpha
+    return receivers
+
+
+def estimates(count, seed=0):
+    """Random channels, with a density that asks for the widest filter."""
+    estimate = np.random.default_rng(seed).uniform(0.5, 2.0, (count, 16)).astype(np.float32)
+    estimate[:, DENSITY] = 1.0
+    return estimate
+
+
+def filtered(receivers, estimate, size=SIZE, diagonal=10.0, smoothing=1.0, threads=2):
+    return filter_estimate(receivers, estimate, size, diagonal, smoothing, threads)
+
+
+@pytest.mark.parametrize("density", [0.0, 1.0, 1e3, 1e9])
+@pytest.mark.parametrize("smoothing", [0.01, 1.0, 10.0])
+def test_even_light_stays_as_it_is(density, smoothing):
+    estimate = np.ones((1200, 16), np.float32) * np.arange(1, 17, dtype=np.float32)
+    estimate[:, DENSITY] = density
+    out = filtered(floor(), estimate, smoothing=smoothing)
+    assert out[:, CHANNELS] == pytest.approx(estimate[:, CHANNELS], rel=1e-5)
+    assert (out[:, WEIGHT] > 0.0).all()
+
+
+def test_filter_is_linear_in_the_light():
+    """Reach depends on density alone."""
+    a, b = estimates(1200, 1), estimates(1200, 2)
+    both = a + 3 * b
+    both[:, DENSITY] = 1.0
+    out = filtered(floor(), a) + 3 * filtered(floor(), b)
+    light = [c for c in CHANNELS if c != DENSITY]
+    assert filtered(floor(), both)[:, light] == pytest.approx(out[:, light], rel=1e-5)
+
+
+def test_noise_falls_as_the_number_averaged():
+    """White noise, reach 7.5 pixels: the filter's c_v / (pi reach^2) of it, at most, is left inside."""
+    out = filtered(floor(), estimates(1200))[:, 0].reshape(30, 40)[9:-9, 9:-9]
+    left = out.std() / (1.5 / np.sqrt(12))
+    assert 0.3 * np.sqrt(1.8 / (np.pi * 7.5**2)) < left < np.sqrt(1.8 / (np.pi * 7.5**2))
+
+
+def test_surfaces_keep_their_light_apart():
+    """A step down, a wall, and a floor seen from the other side lie in the left half of the screen."""
+    left = np.arange(1200) % 40 < 20
+    for change in ("step", "wall", "back"):
+        receivers = floor()
+        if change == "step":
+            receivers["position"][left, 1] = -0.3
+        elif change == "wall":
+            receivers["ng"][left] = receivers["n"][left] = (1, 0, 0)
+        else:
+            receivers["ng"][left] = receivers["n"][left] = (0, -1, 0)
+        estimate = estimates(1200)
+        estimate[left] = 0.0
+        estimate[left, DENSITY] = 1.0
+        out = filtered(receivers, estimate)
+        assert not out[left, 0].any() and out[~left, 0].min() > 0.5
+
+
+def test_gloss_is_mixed_among_surfaces_of_like_roughness_only():
+    left = np.arange(1200) % 40 < 20
+    receivers = floor()
+    receivers["alpha"] = np.where(left, 0.0, 0.5)
+    estimate = np.ones((1200, 16), np.float32)
+    estimate[left, 8:] = 100.0  # a surface without gloss has none to give
+    out = filtered(receivers, estimate)
+    assert out[~left, 8:] == pytest.approx(1.0, rel=1e-5)
+    assert not out[left, 8:].any()
+    assert out[:, 0] == pytest.approx(1.0, rel=1e-5)
+
+
+def test_empty_pixels_give_and_get_nothing():
+    receivers = floor()
+    empty = np.random.default_rng(5).random(1200) < 0.4
+    receivers[empty] = np.zeros((), RECEIVER)
+    estimate = np.ones((1200, 16), np.float32)
+    estimate[empty] = np.nan
+    out = filtered(receivers, estimate)
+    assert out[~empty][:, CHANNELS] == pytest.approx(1.0, rel=1e-5)
+    assert not out[empty].any()
+
+
+def test_filter_repeats_to_the_bit_for_any_threads():
+    out = [filtered(floor(), estimates(1200), threads=n).tobytes() for n in (1, 2, 3)]
+    assert out[0] == out[1] == out[2]
+
+
+def test_tiny_pictures_are_filtered():
+    assert filtered(floor((1, 1)), estimates(1), (1, 1))[0, 0] == pytest.approx(estimates(1)[0, 0])
+    assert np.isfinite(filtered(floor((7, 1)), estimates(7), (7, 1))).all()
+
+
+def test_points_between_receivers_are_lit_alike():
+    """A ramp of light at points half a pixel off: the mean there is the ramp's value."""
+    receivers, estimate = floor(), np.ones((1200, 16), np.float32)
+    estimate[:, 0] = receivers["position"][:, 0]
+    pixels = np.array([20 + 40 * 15, 25 + 40 * 14])
+    points = receivers[pixels].copy()
+    points["position"][:, 0] += 0.05
+    light = filter_points(points, pixels, receivers, estimate, SIZE, 10.0, 1.0, 2)
+    assert light[:, 0] == pytest.approx(points["position"][:, 0], rel=0.02)
+    points["ng"] = (1, 0, 0)
+    assert not filter_points(points, pixels, receivers, estimate, SIZE, 10.0, 1.0, 2)[:, WEIGHT].any()

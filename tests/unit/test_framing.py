@@ -1,0 +1,107 @@
+"""The camera and the light of scenes that bring none."""
+
+import numpy as np
+import pytest
+from transport import box_room
+
+from ispm.errors import SceneError
+from ispm.renderer.framing import default_camera, default_light, find_camera, is_room, rigid
+from ispm.scene.camera import Camera
+from ispm.scene.packed import pack
+from ispm.scene.scene import Scene, rotation_matrix
+from ispm.scene.shapes import box, icosphere
+from ispm.tracer.world import World
+
+
+def ready(scene):
+    packed, world = pack(scene), World(2)
+    world.update(packed)
+    return packed, world
+
+
+def object_scene(scale=(1.0, 1.0, 1.0)):
+    scene = Scene()
+    scene.add(icosphere(1.0, 4), translation=(5.0, -3.0, 1.0), scale=scale)
+    scene.add(box((0, 0, 0), (1, 1, 1)), translation=(6.0, -3.0, 1.0))
+    return scene
+
+
+def seen_from(camera, pose, points):
+    """Pinhole coordinates of points, (n, 2) in units of the view's half height; all are ahead."""
+    local = (points - pose[:3, 3]) @ pose[:3, :3]
+    assert (local[:, 2] < 0.0).all()
+    return local[:, :2] / -local[:, 2:] / np.tan(camera.yfov / 2)
+
+
+@pytest.mark.parametrize("aspect", [0.4, 1.0, 16 / 9])
+@pytest.mark.parametrize("scale", [(1, 1, 1), (20, 1, 1), (1, 0.01, 1), (0.01, 0.01, 30)])
+def test_an_object_fills_the_picture_but_stays_within(aspect, scale):
+    packed, world = ready(object_scene(scale))
+    assert not is_room(packed, world)
+    camera, pose = default_camera(packed, world, aspect)
+    low, high = packed.bounds
+    corners = np.array([[(low, high)[i >> k & 1][k] for k in range(3)] for i in range(8)])
+    reach = np.abs(seen_from(camera, pose, corners) / (aspect, 1.0)).max()
+    assert 0.6 < reach <= 1.0
+
+
+def test_a_room_is_seen_from_within():
+    low, high = (-3.0, 0.0, -1.0), (3.0, 2.5, 1.0)
+    for scene in (box_room(low, high), box_room((1e3, 0, 0), (1e3 + 4, 3, 5))):
+        packed, world = ready(scene)
+        assert is_room(packed, world)
+        _, pose = default_camera(packed, world, 1.5)
+        assert (pose[:3, 3] > packed.bounds[0]).all() and (pose[:3, 3] < packed.bounds[1]).all()
+    # along the longer side, towards the middle
+    packed, world = ready(box_room(low, high))
+    _, pose = default_camera(packed, world, 1.5)
+    assert abs(pose[0, 2]) > 0.99
+
+
+def test_a_box_seen_from_outside_is_no_room():
+    scene = Scene()
+    scene.add(box((0, 0, 0), (1, 1, 1)))
+    assert not is_room(*ready(scene))
+
+
+def test_the_default_light_shines_into_rooms_and_from_afar_on_objects():
+    packed, world = ready(box_room())
+    node, line = default_light(packed, world, np.zeros(3))
+    assert np.abs(node.translation).max() < 0.5 and "near the camera" in line
+    packed, world = ready(object_scene())
+    node, line = default_light(packed, world, np.zeros(3))
+    distance = np.linalg.norm(node.translation - packed.bounds.mean(axis=0))
+    assert distance == pytest.approx(20 * packed.diagonal) and "like the sun" in line
+    # a white surface facing it: E / pi = 1
+    assert node.light.intensity[0] / distance**2 == pytest.approx(np.pi)
+
+
+def test_cameras_are_found_by_name_index_or_as_the_first():
+    scene = Scene()
+    assert find_camera(scene, None) is None
+    scene.add(Camera(yfov=0.5), name="left", translation=(1, 2, 3))
+    scene.add(Camera(yfov=0.9, name="lens"), name="right")
+    for wanted, yfov in ((None, 0.5), ("left", 0.5), (1, 0.9), ("1", 0.9), ("lens", 0.9), ("right", 0.9)):
+        found = find_camera(scene, wanted)
+        assert found is not None and found[0].yfov == yfov
+    assert find_camera(scene, "left")[1][:3, 3].tolist() == [1.0, 2.0, 3.0]
+    for wanted in ("middle", 2, -1):
+        with pytest.raises(SceneError, match="0: 'left', 1: 'right'"):
+            find_camera(scene, wanted)
+
+
+@pytest.mark.parametrize("scale", [(1, 1, 1), (2, 2, 2), (0.5, 3.0, 2.0), (0.01, 0.01, 0.01)])
+def test_a_scaled_nodes_camera_keeps_its_rotation_alone(scale):
+    rotation = rotation_matrix(np.array((0.2, 0.3, 0.1, 0.9)))
+    matrix = np.eye(4)
+    matrix[:3, :3], matrix[:3, 3] = rotation * np.array(scale, float), (1, 2, 3)
+    pose = rigid(matrix)
+    assert pose[:3, :3] == pytest.approx(rotation, abs=1e-12)
+    assert pose[:3, 3].tolist() == [1.0, 2.0, 3.0]
+
+
+def test_a_mirrored_nodes_camera_looks_the_same_way():
+    matrix = np.diag([-1.0, 1.0, 1.0, 1.0])
+    pose = rigid(matrix)
+    assert np.linalg.det(pose[:3, :3]) == pytest.approx(1.0)
+    assert pose[:3, 2].tolist() == [0.0, 0.0, 1.0] and pose[:3, 1].tolist() == [0.0, 1.0, 0.0]

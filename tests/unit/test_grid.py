@@ -1,0 +1,65 @@
+"""The world-space grid of photons gives what brute force gives, at any points."""
+
+import numpy as np
+import pytest
+
+from ispm.optics.records import PHOTON, RECEIVER
+from ispm.reference.gather import gather
+from ispm.tracer.grid import PhotonGrid
+
+
+def unit(vectors):
+    return vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
+
+
+def photons_in_box(count, seed, radius=(0.05, 0.4)):
+    random = np.random.default_rng(seed)
+    photons = np.zeros(count, PHOTON)
+    photons["position"] = random.uniform(-1, 1, (count, 3)) * (1.0, 0.2, 3.0)
+    photons["normal"] = unit(random.normal(size=(count, 3)))
+    photons["wi"] = unit(photons["normal"] + 0.9 * unit(random.normal(size=(count, 3))))
+    photons["flux"] = random.uniform(0.1, 2, (count, 3))
+    photons["radius"] = random.uniform(*radius, count)
+    photons["height"] = photons["radius"] * random.uniform(0.2, 1.0, count)
+    return photons
+
+
+def receivers_near(photons, count, seed):
+    random = np.random.default_rng(seed)
+    receivers = np.zeros(count, RECEIVER)
+    chosen = photons[random.integers(0, len(photons), count)]
+    receivers["position"] = chosen["position"] + random.normal(0, 0.1, (count, 3))
+    receivers["ng"] = unit(chosen["normal"] + 0.3 * random.normal(size=(count, 3)))
+    receivers["n"] = unit(receivers["ng"] + 0.2 * random.normal(size=(count, 3)))
+    receivers["wo"] = unit(receivers["ng"] + 0.5 * random.normal(size=(count, 3)))
+    receivers["alpha"] = random.choice([0.0, 0.25, 0.8], count)
+    receivers["valid"] = random.random(count) < 0.9
+    return receivers
+
+
+@pytest.mark.parametrize("radius", [(0.05, 0.4), (1e-4, 1e-3), (2.0, 3.0)])
+def test_grid_is_brute_force(radius):
+    photons = photons_in_box(700, 1, radius)
+    receivers = receivers_near(photons, 400, 2)
+    receivers["position"][:50] = photons["position"][:50]  # also where kernels are tiny
+    exact = gather(receivers, photons)
+    found = PhotonGrid(photons).estimate(receivers, threads=2)
+    # float32 sums of up to 700 terms against float64
+    assert exact.any()
+    assert found == pytest.approx(exact, rel=1e-4, abs=1e-6 * exact.max())
+
+
+def test_grid_repeats_to_the_bit_for_any_threads():
+    photons = photons_in_box(2000, 3)
+    receivers = receivers_near(photons, 1000, 4)
+    found = [PhotonGrid(photons).estimate(receivers, n).tobytes() for n in (1, 2, 3)]
+    assert found[0] == found[1] == found[2]
+
+
+def test_points_outside_and_no_photons_get_no_light():
+    photons = photons_in_box(100, 5)
+    receivers = receivers_near(photons, 10, 6)
+    assert not PhotonGrid(photons[:0]).estimate(receivers, 2).any()
+    receivers["position"] = (1e6, -1e6, 0.0)
+    assert not PhotonGrid(photons).estimate(receivers, 2).any()
+    assert PhotonGrid(photons).estimate(receivers[:0], 2).shape == (0, 16)

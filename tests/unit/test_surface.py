@@ -1,0 +1,128 @@
+"""Surfaces at hits: places, normals and materials, for instances placed in any way."""
+
+import numpy as np
+import pytest
+from transport import Tracer
+
+from ispm.optics.jit import jit
+from ispm.optics.records import MATERIAL_UNLIT
+from ispm.scene.material import Material, Texture, TextureUse
+from ispm.scene.mesh import Mesh
+from ispm.scene.packed import pack
+from ispm.scene.scene import Scene, rotation_matrix
+from ispm.scene.shapes import icosphere
+from ispm.tracer.surface import hit_position, surface
+
+TURN = (0.2, 0.3, 0.1, 0.9)
+SCALES = [(1.0, 1.0, 1.0), (2.0, 0.3, 1.2), (-1.0, 1.0, 1.0), (-1.0, -0.5, 2.0), (-1.0, -2.0, -0.7)]
+
+
+@jit
+def _surfaces(table, texels, rows, instances, primitives, uv, d, points, ng, n, bsdf, flags):
+    for i in range(len(uv)):
+        hit = (instances[i], primitives[i], uv[i, 0], uv[i, 1])
+        p, g, s, b, f = surface(table, texels, rows, hit, (d[i, 0], d[i, 1], d[i, 2]))
+        q = hit_position(table, hit)
+        for k in range(3):
+            points[i, k], ng[i, k], n[i, k] = p[k], g[k], s[k]
+            if p[k] != q[k]:
+                points[i, k] = np.float32(np.nan)
+        for k in range(10):
+            bsdf[i, k] = b[k]
+        flags[i] = f
+
+
+def surfaces(scene, primitives, uv, d):
+    """Points, ng, n, BSDFs and flags at hits of instance 0."""
+    table = Tracer(scene).surfaces
+    count = len(uv)
+    out = [np.zeros((count, k), np.float32) for k in (3, 3, 3, 10)] + [np.zeros(count, np.uint32)]
+    _surfaces(
+        table.addresses, table.texels, table.rows, np.zeros(count, np.uint32),
+        np.asarray(primitives, np.uint32), np.asarray(uv, np.float32), np.asarray(d, np.float32), *out,
+    )  # fmt: skip
+    return out
+
+
+def some_hits(mesh, count=200):
+    """Triangles of a mesh and barycentrics within them."""
+    random = np.random.default_rng(3)
+    uv = random.dirichlet((1, 1, 1), count)[:, 1:]
+    return random.integers(0, len(mesh.triangles), count), uv, random.normal(size=(count, 3))
+
+
+def unit(vectors):
+    return vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
+
+
+@pytest.mark.parametrize("scale", SCALES)
+def test_places_and_normals_are_those_of_the_placed_mesh(scale):
+    """Exact transforms in float64; both normals face where the ray came from."""
+    ball = icosphere(0.7, 3)
+    scene = Scene()
+    scene.add(ball, translation=(3.0, -1.0, 2.0), rotation=TURN, scale=scale)
+    primitives, uv, d = some_hits(ball)
+    points, ng, n, *_ = surfaces(scene, primitives, uv, unit(d))
+    matrix = rotation_matrix(np.array(TURN)) * np.array(scale)
+    corners = ball.positions[ball.triangles[primitives]].astype(float)
+    weights = np.concatenate([1 - uv.sum(axis=1, keepdims=True), uv], axis=1)[..., None]
+    placed = corners @ matrix.T + (3.0, -1.0, 2.0)
+    assert points == pytest.approx((weights * placed).sum(axis=1), abs=1e-6)
+    flat = unit(np.cross(placed[:, 1] - placed[:, 0], placed[:, 2] - placed[:, 0]))
+    flat *= -np.sign((flat * d).sum(axis=1, keepdims=True))
+    assert ng == pytest.approx(flat, abs=1e-5)
+    smooth = (weights * ball.normals[ball.triangles[primitives]]).sum(axis=1)
+    smooth = unit(smooth @ np.linalg.inv(matrix))
+    smooth *= np.sign((smooth * flat).sum(axis=1, keepdims=True))
+    assert n == pytest.approx(smooth, abs=1e-5)
+
+
+def textured_square(material):
+    """A square in y = 0, facing +Y, u along +X and v along +Z."""
+    corners = [(0, 0, 0), (0, 0, 1), (1, 0, 1), (1, 0, 0)]
+    uv = np.array([(0, 0), (0, 1), (1, 1), (1, 0)])
+    scene = Scene()
+    scene.add(Mesh(np.array(corners), np.array([(0, 1, 2), (0, 2, 3)]), uv0=uv), material=material)
+    return scene
+
+
+def constant(*rgba):
+    return TextureUse(Texture(np.full((4, 4, 4), rgba, np.uint8), srgb=False))
+
+
+DOWN = np.array([[0.1, -1.0, 0.2]])
+
+
+def test_normal_map_tilts_along_u_and_against_v():
+    """glTF: red along +U; green along the bitangent, upwards in the picture, which is -V."""
+    for pixel, expected in (((255, 128), (1, 0)), ((128, 255), (0, -1)), ((0, 128), (-1, 0))):
+        scene = textured_square(Material(normal_texture=constant(*pixel, 191, 255)))
+        n = surfaces(scene, [0], [(0.2, 0.2)], DOWN)[2][0]
+        tilted = np.array((expected[0], 0.498, expected[1]))  # 191 of 255 is 0.498 along the normal
+        assert n == pytest.approx(unit(tilted), abs=0.01)
+
+
+def test_a_level_normal_map_changes_nothing():
+    """128 of 255 is 0.004 off the middle."""
+    scene = textured_square(Material(normal_texture=constant(128, 128, 255, 255)))
+    assert surfaces(scene, [1], [(0.2, 0.2)], DOWN)[2][0] == pytest.approx((0, 1, 0), abs=0.006)
+
+
+def test_textures_multiply_the_materials_factors():
+    material = Material((0.5, 1.0, 0.25), metallic=0.8, roughness=0.5, specular=0.0,
+                        base_color_texture=constant(255, 128, 64, 255),
+                        metallic_roughness_texture=constant(9, 204, 51, 9))  # fmt: skip
+    bsdf = surfaces(textured_square(material), [0], [(0.2, 0.2)], DOWN)[3][0]
+    metallic, roughness = 0.8 * 51 / 255, 0.5 * 204 / 255
+    base = np.array([0.5, 128 / 255, 0.25 * 64 / 255])
+    assert bsdf[:3] == pytest.approx(base * (1 - metallic), rel=1e-5)
+    assert bsdf[3:6] == pytest.approx(base * metallic, rel=1e-5)
+    assert bsdf[7] == pytest.approx(roughness**2, rel=1e-5)
+
+
+def test_flags_and_broken_normals_come_through():
+    scene = textured_square(Material(unlit=True))
+    scene.nodes[0].parts[0].mesh.normals = np.zeros((4, 3), np.float32)
+    *_, flags = surfaces(scene, [0], [(0.2, 0.2)], DOWN)
+    assert flags[0] & MATERIAL_UNLIT
+    assert np.isfinite(pack(scene).geometry.vertices["normal"]).all()
