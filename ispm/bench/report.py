@@ -30,7 +30,7 @@ def _measured(report: Report) -> Rows:
         ("adapter", machine.adapter),
         ("system", machine.system),
         ("versions", ", ".join(f"{name} {version}" for name, version in machine.versions.items())),
-        ("load before", machine.load),
+        ("others kept busy", f"{machine.others:.2f} cores"),
         ("peak memory", f"{report.peak_memory / 1e6:,.0f} MB"),
     ]
 

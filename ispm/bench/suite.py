@@ -12,6 +12,7 @@ import platform
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 from importlib.metadata import version
 from importlib.util import find_spec
 from pathlib import Path
@@ -20,16 +21,17 @@ from typing import Any
 import numpy as np
 
 from ispm import __version__
+from ispm.bench.rays import rays_of_walk
 from ispm.optics.texture import TextureTable
 from ispm.renderer import Renderer, Stats
 from ispm.scene.builtin import builtin
-from ispm.scene.packed import Packed, pack
+from ispm.scene.packed import pack
 from ispm.scene.scene import Scene
 from ispm.settings import Settings
 from ispm.tracer.emission import emit_rays, share_photons
 from ispm.tracer.surface import SurfaceTable
 from ispm.tracer.threads import thread_count
-from ispm.tracer.walk import Walk, walk
+from ispm.tracer.walk import walk
 from ispm.tracer.world import World
 
 SCENE = "atrium"
@@ -42,7 +44,7 @@ _WARM_UP = 3  # frames that are not counted: kernels compile, memory grows
 _CAMERA_SWAY = 0.3  # m, to either side
 _REPETITIONS = 7
 _TEXTURE_FOOTPRINT = 0.005  # of the diagonal, as the renderer has it
-_STEP_BACK = 1e-5  # of a segment, so that it starts in front of its surface
+_TRACE_SHARE = 10  # photons of the traced walk over those of a frame
 
 
 @dataclass(frozen=True)
@@ -58,12 +60,12 @@ class Spread:
 class Machine:
     """What was measured on.
 
-    load  mean number of busy processes in the last minute before the run; NaN where unknown
+    others  cores that other processes kept busy during the run, on average; NaN where unknown
     """
 
     processor: str
     cores: int
-    load: float
+    others: float
     adapter: str
     system: str
     versions: dict[str, str]
@@ -90,8 +92,8 @@ class FrameTimes:
 class TraceRate:
     """Rays per second of one walk, on some threads.
 
-    walk    closest-hit rays of the walk per second, with shading, roulette and storing
-    own     the tracer alone on the rays that ended on a surface
+    walk    the whole of it: shading, roulette and storing included
+    own     the tracer alone on the walk's rays
     embree  Embree on the same rays
     """
 
@@ -126,11 +128,10 @@ def run_bench(quick: bool = False, settings: Settings | None = None, frames: int
     if quick:
         width, height = settings.size
         settings = settings.replace(size=(max(width // 2, 1), max(height // 2, 1)))
-    load = os.getloadavg()[0] if hasattr(os, "getloadavg") else math.nan
-    scene = builtin(SCENE)
+    scene, others = builtin(SCENE), _others()
     frame = measure_frames(scene, settings, frames or (_QUICK_FRAMES if quick else _FRAMES))
     rays, rates = measure_trace(scene.at(0.0), settings)
-    return Report(_machine(frame.stats.adapter, load), frame, rays, rates, frame.stats.peak_memory)
+    return Report(_machine(frame.stats.adapter, others()), frame, rays, rates, frame.stats.peak_memory)
 
 
 def measure_frames(scene: Scene, settings: Settings, frames: int) -> FrameTimes:
@@ -172,65 +173,64 @@ def spread(values: list[float]) -> Spread:
 def measure_trace(scene: Scene, settings: Settings) -> tuple[int, list[TraceRate]]:
     """Return the rays of a walk, and its rates beside Embree's on one thread and on all.
 
-    No rates where Embree is not installed.
+    The walk has ten times the photons of a frame, so that it outlasts the start of threads. No rates
+    where Embree is not installed.
     """
     packed = pack(scene)
     world = World()
     world.update(packed)
-    follow = _walk_of(packed, world, settings)
-    path = follow(world.threads)
+    footprint = _TEXTURE_FOOTPRINT * packed.diagonal
+    surfaces = SurfaceTable(packed, TextureTable.pack(packed.textures), footprint)
+    counts = share_photons(packed.lights, _TRACE_SHARE * settings.photons)
+    emitted = emit_rays(packed, world, surfaces, counts, settings.seed, 0, world.threads)
+    bounces, seed = settings.bounces, settings.seed
+    origins, directions = rays_of_walk(packed, world, surfaces, emitted, bounces, seed)
     if find_spec("embreex") is None:
-        return path.rays, []
+        return len(origins), []
     from ispm.bench.embree import compare_rates
 
-    origins, directions = segments(world, path.photons)
     rates = []
     for threads in sorted({1, thread_count(None)}):
         raw = compare_rates(world, packed, origins, directions, threads, _REPETITIONS)
-        rates.append(TraceRate(threads, path.rays / _seconds(follow, threads), raw["own"], raw["embree"]))
-    return path.rays, rates
+        seconds = _seconds(partial(walk, packed, world, surfaces, emitted, bounces, seed, 0, threads))
+        rates.append(TraceRate(threads, len(origins) / seconds, raw["own"], raw["embree"]))
+    return len(origins), rates
 
 
-def _walk_of(packed: Packed, world: World, settings: Settings) -> Callable[[int], Walk]:
-    """Return a function of the thread count that walks the photons of a scene."""
-    footprint = _TEXTURE_FOOTPRINT * packed.diagonal
-    surfaces = SurfaceTable(packed, TextureTable.pack(packed.textures), footprint)
-    counts = share_photons(packed.lights, settings.photons)
-    emitted = emit_rays(packed, world, surfaces, counts, settings.seed, 0, world.threads)
-    return lambda threads: walk(packed, world, surfaces, emitted, settings.bounces, settings.seed, 0, threads)
-
-
-def segments(world: World, photons: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return origins and directions, (N, 3) float32, of the rays that stored photons came by.
-
-    photons  (N,) PHOTON
-    A photon flew straight from the surface before, so a ray back along `wi` finds where it started.
-    """
-    position, back = photons["position"], np.ascontiguousarray(photons["wi"])
-    largest = np.abs(position).max(axis=1, keepdims=True)
-    length = world.trace(position + photons["normal"] * (1e-5 * largest), back)["t"][:, None]
-    length = np.where(np.isfinite(length), length, largest)
-    return (position + back * (length * (1.0 - _STEP_BACK))).astype(np.float32), -back
-
-
-def _seconds(run: Callable[[int], Any], threads: int) -> float:
+def _seconds(run: Callable[[], Any]) -> float:
     """Return the median time of several runs, after one that is not counted."""
-    run(threads)
+    run()
     times = []
     for _ in range(_REPETITIONS):
         start = time.perf_counter()
-        run(threads)
+        run()
         times.append(time.perf_counter() - start)
     return float(np.median(times))
 
 
-def _machine(adapter: str, load: float) -> Machine:
+def _machine(adapter: str, others: float) -> Machine:
     packages = [name for name in ("numba", "numpy", "wgpu", "embreex") if find_spec(name)]
     versions = {"ispm": __version__, "python": platform.python_version()}
     return Machine(
-        _processor(), thread_count(None), load, adapter, platform.platform(),
+        _processor(), thread_count(None), others, adapter, platform.platform(),
         versions | {name: version(name) for name in packages},
     )  # fmt: skip
+
+
+def _others() -> Callable[[], float]:
+    """Return a function that tells how many cores others kept busy since."""
+    before, started = _busy_seconds() - time.process_time(), time.perf_counter()
+    return lambda: (_busy_seconds() - time.process_time() - before) / (time.perf_counter() - started)
+
+
+def _busy_seconds() -> float:
+    """Processor time that all processes took since the system started; NaN where it does not say."""
+    try:
+        words = Path("/proc/stat").read_text("utf-8").split("\n", 1)[0].split()[1:9]
+        user, nice, system, _idle, _waiting, *interrupts = map(int, words)
+        return (user + nice + system + sum(interrupts)) / os.sysconf("SC_CLK_TCK")
+    except (OSError, ValueError, AttributeError):
+        return math.nan
 
 
 def _processor() -> str:

@@ -23,7 +23,9 @@ _PHOTONS = 1600.0  # within the radius elsewhere: 3 % noise in their mean
 _TAPS = 8  # on each side; wider reaches are strided
 _SMOOTH_TAPS = 4  # on each side, in the second pass
 _MAX_PIXELS = 96.0  # reach on the screen, low-resolution pixels
-_FLATNESS = 0.26  # half thickness of the filter over its radius
+_FLATNESS = 0.26  # half thickness of the filter, b, over its radius
+_STRANGER = 0.01  # least weight of receivers of another orientation where photons are few
+_SPARSE = 200.0  # photons within the radius, below which they are few
 
 # words of a RECEIVER
 _ALPHA, _NG, _VALID, _FOOTPRINT, _SLANT = 3, 4, 7, 11, 15
@@ -48,7 +50,9 @@ def filter_estimate(
     Three passes: the first reaches h, with strided taps where that is many pixels; the others, each as
     wide as the stride before, remove the comb that strided taps leave.
     Weights: (1 - d^2/h^2)^2 (n.n')^16 (1 - z^2/b^2)^2 dA; d and z are the distances from the point and
-    from its tangent plane, dA the area that a receiver stands for.
+    from its tangent plane, dA the area that a receiver stands for. Where even h holds few photons, as on
+    small round things, (n.n')^4 and twice the b, and never quite 0: noise hides what the normals would
+    tell there, and a thin rim that no photon met is better lit as what is around it than black.
     """
     words = _words(receivers)
     spread = _run(_spread, words, words, estimate, size, diagonal, smoothing, threads)
@@ -108,8 +112,10 @@ def _spread(counter, points, words, estimate, size, limits, gloss, out):
         for x in range(size[0]):
             p = y * size[0] + x
             if words[p, _SLANT] > f32(0):
-                reach, stride, taps = _reach(words[p, _FOOTPRINT], estimate[p, DENSITY], limits)
-                _gather(points, p, x, y, reach, stride, taps, words, estimate, size, gloss, out)
+                density = estimate[p, DENSITY]
+                reach, stride, taps = _reach(words[p, _FOOTPRINT], density, limits)
+                few = density * f32(math.pi) * reach * reach < f32(_SPARSE)
+                _gather(points, p, x, y, reach, stride, taps, few, words, estimate, size, gloss, out)
 
 
 @jit
@@ -140,7 +146,7 @@ def _fill_gaps(counter, points, words, estimate, size, limits, gloss, out, part,
                 if part > i64(1) and gap == i64(1):
                     taps = i64(0)
                 reach = f32((taps + 1) * step) * foot * min(words[p, _SLANT], f32(3))
-                _gather(points, p, x, y, reach, step, taps, words, estimate, size, gloss, out)
+                _gather(points, p, x, y, reach, step, taps, False, words, estimate, size, gloss, out)
 
 
 @jit
@@ -155,22 +161,21 @@ def _spread_points(counter, points, words, estimate, size, limits, gloss, out):
             p = pixels[i]
             reach, stride, taps = _reach(given[i, _FOOTPRINT], estimate[p, DENSITY], limits)
             x, y = p % size[0], p // size[0]
-            _gather(given, i, x, y, reach, stride, taps, words, estimate, size, gloss, out)
+            _gather(given, i, x, y, reach, stride, taps, False, words, estimate, size, gloss, out)
 
 
 @jit
 def _reach(foot, density, limits):
     """Radius of the filter in metres, stride of its taps in pixels, and how many on each side."""
     wanted = limits[1] * f32(math.sqrt(f32(_PHOTONS / math.pi) / max(density, f32(1e-12))))
-    reach = min(min(limits[0], wanted), f32(_MAX_PIXELS) * foot)
-    pixels = reach / foot
+    pixels = min(min(limits[0], wanted) / foot, f32(_MAX_PIXELS))
     stride = max(i64(1), i64(math.ceil(pixels / f32(_TAPS))))
     taps = max(i64(1), i64(pixels / f32(stride)))
-    return max(reach, f32(1.5) * foot * f32(stride)), stride, taps
+    return foot * max(pixels, f32(1.5) * f32(stride)), stride, taps
 
 
 @jit
-def _gather(points, p, x, y, reach, stride, taps, words, estimate, size, gloss, out):
+def _gather(points, p, x, y, reach, stride, taps, few, words, estimate, size, gloss, out):
     """Write the weighted mean of the estimates around point `p`, which lies in pixel (x, y)."""
     base = np.uint64(estimate.ctypes.data)
     px, py, pz = points[p, 0], points[p, 1], points[p, 2]
@@ -178,6 +183,8 @@ def _gather(points, p, x, y, reach, stride, taps, words, estimate, size, gloss, 
     alpha = points[p, _ALPHA]
     inv_reach2 = f32(1) / (reach * reach)
     inv_thick2 = inv_reach2 * f32(1.0 / (_FLATNESS * _FLATNESS))
+    if few:
+        inv_thick2 *= f32(0.25)
     plain, glossy = splat8(f32(0)), splat8(f32(0))
     weight, gloss_weight = f32(0), f32(0)
     for row in range(y - taps * stride, y + taps * stride + 1, stride):
@@ -192,20 +199,25 @@ def _gather(points, p, x, y, reach, stride, taps, words, estimate, size, gloss, 
             z = dx * nx + dy * ny + dz * nz
             z2 = z * z * inv_thick2
             facing = nx * words[q, _NG] + ny * words[q, _NG + 1] + nz * words[q, _NG + 2]
-            if d2 >= f32(1) or z2 >= f32(1) or facing <= f32(0.5):
+            if d2 >= f32(1) or ((z2 >= f32(1) or facing <= f32(0.5)) and not (few and facing > f32(0))):
                 continue
             facing *= facing
             facing *= facing
-            facing *= facing
-            facing *= facing
-            near = (f32(1) - d2) * (f32(1) - z2)
+            if not few:
+                facing *= facing
+                facing *= facing
+            flat = max(f32(1) - z2, f32(0))
+            likeness = flat * flat * facing
+            if few:
+                likeness = max(likeness, f32(_STRANGER))
+            near = f32(1) - d2
             foot = words[q, _FOOTPRINT]
-            w = near * near * facing * foot * foot * words[q, _SLANT]
+            w = near * near * likeness * foot * foot * words[q, _SLANT]
             weight += w
             plain = vfma(vload8(base, q * 16), splat8(w), plain)
-            likeness = f32(1) - f32(4) * abs(words[q, _ALPHA] - alpha)
-            if gloss and words[q, _ALPHA] > f32(0) and likeness > f32(0):
-                w *= likeness
+            same_gloss = f32(1) - f32(4) * abs(words[q, _ALPHA] - alpha)
+            if gloss and words[q, _ALPHA] > f32(0) and same_gloss > f32(0):
+                w *= same_gloss
                 gloss_weight += w
                 glossy = vfma(vload8(base, q * 16 + 8), splat8(w), glossy)
     place = np.uint64(out.ctypes.data)

@@ -125,7 +125,7 @@ def _walk_one(
         _add(sums, chunk, _ESCAPED, flux)
         return row, i64(0)
     hit = (photon.instance, photon.primitive, photon.u, photon.v)
-    d, within = _first_segment(table, lights, i64(photon.light), hit)
+    d, within = first_segment(table, lights, i64(photon.light), hit)
     kept = scale(within, flux)
     _add_difference(sums, chunk, _ESCAPED, flux, kept)
     flux = kept
@@ -140,7 +140,7 @@ def _walk_one(
             _add(sums, chunk, _DROPPED, flux)
             break
         u0, u1, u2, u3 = random4(photon.key, u32(2 * scatters), pass_index, seed)
-        alive, wi, scattered = _scatter(ng, n, bsdf, flags, d, flux, u0, u1, u2)
+        alive, wi, scattered = scatter(ng, n, bsdf, flags, d, flux, u0, u1, u2)
         if alive and scatters >= ROULETTE_AFTER:
             survival = min(f32(1), _sum(scattered) / _sum(flux))
             alive = u3 < survival
@@ -161,7 +161,7 @@ def _walk_one(
 
 
 @jit
-def _first_segment(table, lights, light, hit):
+def first_segment(table, lights, light, hit):
     """Direction from the light to the first hit, and the share of the flux within its range.
 
     The share is clamp(1 - (distance / range)^4, 0, 1), as KHR_lights_punctual recommends.
@@ -178,7 +178,7 @@ def _first_segment(table, lights, light, hit):
 
 
 @jit
-def _scatter(ng, n, bsdf, flags, d, flux, u0, u1, u2):
+def scatter(ng, n, bsdf, flags, d, flux, u0, u1, u2):
     """Sample where the photon goes: (alive, wi, flux after it)."""
     wo = scale(f32(-1), d)
     if flags & u32(MATERIAL_UNLIT):

@@ -197,11 +197,12 @@ def test_unlit_and_glowing_surfaces(gpu):
     scene.nodes[2].parts[0].material = Material((0.5,) * 3, emission=(2.0, 1.0, 0.5), specular=0.0)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", SceneWarning)
-        frame, photons = render(gpu, lit(scene, (0.1, 0.6, 0.3)), EYE)
+        frame, _ = render(gpu, lit(scene, (0.1, 0.6, 0.3)), EYE)
     sound(frame)
     unlit, glowing = (frame.instance == k for k in (4, 2))
     assert unlit.any() and glowing.any()
-    inside = unlit & np.roll(unlit, 2, 0) & np.roll(unlit, -2, 0) & np.roll(unlit, 2, 1) & np.roll(unlit, -2, 1)
+    steps = [(n, axis) for n in (-2, 2) for axis in (0, 1)]
+    inside = unlit & np.all([np.roll(unlit, *step) for step in steps], axis=0)
     assert frame.radiance[inside] == pytest.approx(np.tile((0.2, 0.9, 0.4), (inside.sum(), 1)), rel=2e-3)
     assert frame.emission[glowing].max(axis=0).tolist() == [2.0, 1.0, 0.5]
     assert frame.indirect[glowing].min() > 0.0 and frame.direct[glowing].max() > 0.0

@@ -6,14 +6,19 @@ import math
 import numpy as np
 import pytest
 
+from ispm.bench.rays import rays_of_walk
 from ispm.bench.report import tables
-from ispm.bench.suite import STAGES, measure_trace, moments, run_bench, segments, spread
+from ispm.bench.suite import STAGES, measure_trace, moments, run_bench, spread
 from ispm.cli.console import to_json
 from ispm.optics.records import INSTANCE, NO_HIT
+from ispm.optics.texture import TextureTable
 from ispm.renderer.motion import moved
 from ispm.scene.builtin import builtin
 from ispm.scene.packed import pack
 from ispm.settings import Settings
+from ispm.tracer.emission import emit_rays
+from ispm.tracer.surface import SurfaceTable
+from ispm.tracer.walk import walk
 from ispm.tracer.world import World
 
 TINY = Settings(size=(64, 36), photons=400, shadow_resolution=64, bounces=3)
@@ -72,22 +77,22 @@ def test_moments_change_camera_light_and_object_every_time():
     assert scene.cameras[0].matrix is None  # the scene itself stays as it was
 
 
-def test_segments_end_where_their_photons_lie():
-    # Rays rebuilt from a walk meet the photon's own instance at its position. Those that do not pass within
-    # rounding of an edge, where a ray may meet the neighbor: at most 1 in 100 here.
-    from ispm.bench.suite import _walk_of
-
-    packed = pack(builtin("cornell-box"))
+def test_rays_of_a_walk_are_those_it_traces():
+    # As many as the walk counts, and those that ended on a surface end where its photons were stored: to
+    # rounding, for the walk computes the place from the triangle and the ray from its length.
+    scene = builtin("cornell-box")
+    packed = pack(scene)
     world = World()
     world.update(packed)
-    photons = _walk_of(packed, world, TINY)(1).photons
-    origins, directions = segments(world, photons)
+    surfaces = SurfaceTable(packed, TextureTable.pack(packed.textures), 0.0)
+    emitted = emit_rays(packed, world, surfaces, np.array([400]), 3, 0, 1)
+    path = walk(packed, world, surfaces, emitted, 6, 3, 0, 1)
+    origins, directions = rays_of_walk(packed, world, surfaces, emitted, 6, 3)
+    assert len(origins) == path.rays > 1000
     hits = world.trace(origins, directions)
-    assert (hits["instance"] != NO_HIT).all()
+    ended = hits["instance"] != NO_HIT
     ends = origins + directions * hits["t"][:, None]
-    apart = np.linalg.norm(ends - photons["position"], axis=1) > 1e-3 * packed.diagonal
-    assert apart.mean() <= 0.01
-    assert len(photons) > 300
+    assert np.abs(ends[ended] - path.photons["position"]).max() < 1e-5 * packed.diagonal
 
 
 def test_spread_is_median_and_percentiles():
