@@ -8,6 +8,7 @@ import numpy as np
 
 from ispm.gpu import Buffer, Canvas, Gpu, Sampler, Texture
 from ispm.optics import records
+from ispm.optics.records import VERTEX
 from ispm.scene.packed import Draw, Packed
 
 SLOTS = ("base_color", "metallic_roughness", "normal", "emission")
@@ -138,3 +139,16 @@ class BounceMaps:
     def read(self, gpu: Gpu) -> list[np.ndarray]:
         """Return the maps as (6, width, width, 4) uint32, after one wait for all."""
         return gpu.read_many([(each.texels, np.uint32, 4) for each in self.maps])
+
+
+_ATTRIBUTES = {"position": "float32x3", "color": "unorm8x4", "uv0": "float32x2", "uv1": "float32x2"}
+
+
+def vertex_layout(*fields: str) -> list[dict[str, object]]:
+    """WebGPU's layout of these fields of a VERTEX, at locations 0, 1, ..."""
+    assert VERTEX.fields is not None
+    attributes = [
+        {"format": _ATTRIBUTES[name], "offset": VERTEX.fields[name][1], "shader_location": i}
+        for i, name in enumerate(fields)
+    ]
+    return [{"array_stride": VERTEX.itemsize, "step_mode": "vertex", "attributes": attributes}]

@@ -12,9 +12,7 @@ from importlib.resources import files
 import numpy as np
 
 _INCLUDE = re.compile(r"^// include (\S+)$")
-_BINDING = re.compile(
-    r"@group\((\d+)\)\s*@binding\((\d+)\)\s*var(?:<([\w, ]+)>)?\s+(\w+)\s*:\s*([^;]+);"
-)
+_BINDING = re.compile(r"@group\((\d+)\)\s*@binding\((\d+)\)\s*var(?:<([\w, ]+)>)?\s+(\w+)\s*:\s*([^;]+);")
 _STRUCT = re.compile(r"\bstruct\s+(\w+)\s*\{(.*?)\}", re.S)
 _FIELD = re.compile(r"(\w+)\s*:\s*([\w<>, ]+?)\s*(?:,\s*\n|,?\s*$)", re.M)
 _ARRAY = re.compile(r"array<\s*(\w+)\s*,\s*(\d+)u?\s*>$")

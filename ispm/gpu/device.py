@@ -183,7 +183,13 @@ class Gpu:
         )  # fmt: skip
 
     def texture(
-        self, name: str, format: str, *, dimension: str = "2d", layers: int = 1, usage: Sequence[str] = (),
+        self,
+        name: str,
+        format: str,
+        *,
+        dimension: str = "2d",
+        layers: int = 1,
+        usage: Sequence[str] = (),
         samples: int = 1,
     ) -> Texture:
         """Return a texture without size yet; see `Texture`."""

@@ -26,8 +26,9 @@ def jit(function: Callable[..., Any] | None = None, *, inline: bool = False) -> 
     if function is None:
         return lambda f: jit(f, inline=inline)
     folder = _kernel_folder()
-    before = numba.config.CACHE_DIR
-    numba.config.CACHE_DIR = folder or before
+    config: Any = numba.config  # its names are made when numba starts, unseen by type checkers
+    before = config.CACHE_DIR
+    config.CACHE_DIR = folder or before
     try:
         return njit(
             nogil=True,
@@ -37,7 +38,7 @@ def jit(function: Callable[..., Any] | None = None, *, inline: bool = False) -> 
             inline="always" if inline else "never",
         )(function)
     finally:
-        numba.config.CACHE_DIR = before
+        config.CACHE_DIR = before
 
 
 @cache

@@ -16,8 +16,7 @@ PHOTON = _SOURCE.dtype("Photon")
 RECEIVER = _SOURCE.dtype("Receiver")
 
 _CONSTANTS = {
-    name: int(value, 0)
-    for name, value in re.findall(r"^const (\w+) = (\w+?)u;", _SOURCE.text, re.M)
+    name: int(value, 0) for name, value in re.findall(r"^const (\w+) = (\w+?)u;", _SOURCE.text, re.M)
 }
 NO_HIT = _CONSTANTS["NO_HIT"]
 INSTANCE_MIRRORED = _CONSTANTS["INSTANCE_MIRRORED"]

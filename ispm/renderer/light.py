@@ -51,5 +51,3 @@ def photons_of_maps(
         )  # fmt: skip
         first_key += 6 * each.width**2
     return np.concatenate(batches)
-
-

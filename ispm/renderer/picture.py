@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from ispm.errors import OutputError, SettingsError
+from ispm.errors import SettingsError
 from ispm.io import image as files
-from ispm.renderer.views import LAYERS, display
+from ispm.renderer.views import display
 from ispm.settings import Settings, nearest
 
 
@@ -161,6 +161,3 @@ class Frame:
         out = io.BytesIO()
         Image.fromarray(self.image).save(out, format="png")
         return out.getvalue()
-
-
-__all__ = ["LAYERS", "Frame", "OutputError", "Stats"]

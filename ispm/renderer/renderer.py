@@ -152,9 +152,7 @@ class Renderer:
             path = self._trace(packed, maps, texels)
         with watch("radiance"):
             pixel = self.settings.subsampling * view.footprint * view.clip_from_world[3]
-            measure_radii(
-                path.photons, packed.diagonal, self.settings.smoothing, pixel, packed.widths
-            )
+            measure_radii(path.photons, packed.diagonal, self.settings.smoothing, pixel, packed.widths)
             estimate = self._estimator(
                 points, path.photons, view.clip_from_world, self._downsample.size(view)
             )
@@ -260,20 +258,18 @@ class Renderer:
             emitted = np.zeros(0, EMITTED)
         elif settings.emission == "rays":
             counts = share_photons(packed.lights, settings.photons)
-            emitted = emit_rays(
-                packed, self._world, surfaces, counts, settings.seed, _PASS, self.threads
-            )
+            emitted = emit_rays(packed, self._world, surfaces, counts, settings.seed, _PASS, self.threads)
         else:
             emitted = photons_of_maps(packed, maps, texels, settings, _PASS)
         return walk(
             packed, self._world, surfaces, emitted, settings.bounces, settings.seed, _PASS, self.threads
         )
 
-    def _filter(self, points: np.ndarray, estimate: np.ndarray, packed: Packed, view: CameraView) -> np.ndarray:
+    def _filter(
+        self, points: np.ndarray, estimate: np.ndarray, packed: Packed, view: CameraView
+    ) -> np.ndarray:
         size = self._downsample.size(view)
-        return filter_estimate(
-            points, estimate, size, packed.diagonal, self.settings.smoothing, self.threads
-        )
+        return filter_estimate(points, estimate, size, packed.diagonal, self.settings.smoothing, self.threads)
 
     def _light_missed(
         self,

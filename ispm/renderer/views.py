@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from ispm.errors import SettingsError
-from ispm.settings import LAYERS, VIEWS, nearest
+from ispm.settings import VIEWS, nearest
 from ispm.stages.tonemap import auto_exposure, tonemap
 
 _PHOTON_DIM = 0.15  # of the direct picture behind the photons

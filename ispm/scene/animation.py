@@ -47,15 +47,13 @@ class Channel:
 
     def _spline(self, time: float, k: int, last: int) -> np.ndarray:
         if k == last or time <= self.times[0]:
-            return self.values[k, 1]
+            return np.asarray(self.values[k, 1])
         step = self.times[k + 1] - self.times[k]
         s = (time - self.times[k]) / step
-        return (
-            (2 * s**3 - 3 * s**2 + 1) * self.values[k, 1]
-            + step * (s**3 - 2 * s**2 + s) * self.values[k, 2]
-            + (-2 * s**3 + 3 * s**2) * self.values[k + 1, 1]
-            + step * (s**3 - s**2) * self.values[k + 1, 0]
-        )
+        value = (2 * s**3 - 3 * s**2 + 1) * self.values[k, 1]
+        value = value + step * (s**3 - 2 * s**2 + s) * self.values[k, 2]
+        value = value + (-2 * s**3 + 3 * s**2) * self.values[k + 1, 1]
+        return np.asarray(value + step * (s**3 - s**2) * self.values[k + 1, 0])
 
 
 @dataclass(eq=False)
@@ -77,6 +75,6 @@ def _slerp(a: np.ndarray, b: np.ndarray, s: float) -> np.ndarray:
     if cosine < 0.0:
         b, cosine = -b, -cosine
     if cosine > 0.9995:
-        return (1.0 - s) * a + s * b
+        return np.asarray((1.0 - s) * a + s * b)
     angle = np.arccos(cosine)
-    return (np.sin((1.0 - s) * angle) * a + np.sin(s * angle) * b) / np.sin(angle)
+    return np.asarray((np.sin((1.0 - s) * angle) * a + np.sin(s * angle) * b) / np.sin(angle))

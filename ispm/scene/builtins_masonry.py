@@ -121,6 +121,7 @@ def pole(length: float, reach: float, name: str) -> Mesh:
     """A pole along x, 6 cm thick; unless `reach` is 0, brackets hold it that far in front of a wall at -z."""
     half = 0.5 * length
     upright = lathe([(0.0, -half), (0.03, -half), (0.03, half), (0.0, half)], 6)
+    assert upright.normals is not None  # lathe makes them
     turned = [values[:, [1, 0, 2]] * (1.0, -1.0, 1.0) for values in (upright.positions, upright.normals)]
     parts = [Mesh(turned[0], upright.triangles, turned[1])]
     if reach:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from ispm.errors import SettingsError
@@ -46,7 +48,7 @@ def cornell_box() -> Scene:
     return scene
 
 
-def _block(base: list[list[float]], height: float) -> list[list[list[float]]]:
+def _block(base: Sequence[Sequence[float]], height: float) -> list[list[list[float]]]:
     """Top and sides of a block that stands on the corners (x, z); it has no underside."""
     low = [[x, 0.0, z] for x, z in base]
     high = [[x, height, z] for x, z in base]

@@ -57,7 +57,7 @@ class Mesh:
 
 
 def _array(values: object, dtype: type, width: int, what: str, name: str) -> np.ndarray:
-    array = np.ascontiguousarray(values, dtype)
+    array: np.ndarray = np.ascontiguousarray(values, dtype)
     if array.ndim != 2 or array.shape[1] != width:
         raise SceneError(f"mesh '{name}': {what} must have shape (n, {width}), not {array.shape}")
     return array

@@ -14,7 +14,6 @@ from ispm.scene.material import AlphaMode, Material, Texture, TextureUse
 from ispm.scene.mesh import Mesh
 from ispm.scene.scene import Scene
 
-
 _AIM_SPREAD = 0.8  # tangent of half the angle below which a light's maps look at the scene alone
 _AIM_MARGIN = 1.02  # for the maps' sub-texel shifts and filters
 
@@ -219,7 +218,7 @@ def _pack_colors(colors: np.ndarray | None, take: np.ndarray | slice, count: int
     if colors is None:
         return np.full(count, 0xFFFFFFFF, np.uint32)
     bytes_ = np.rint(np.clip(colors[take], 0.0, 1.0) * 255.0).astype(np.uint32)
-    return bytes_[:, 0] | bytes_[:, 1] << 8 | bytes_[:, 2] << 16 | bytes_[:, 3] << 24
+    return np.asarray(bytes_[:, 0] | bytes_[:, 1] << 8 | bytes_[:, 2] << 16 | bytes_[:, 3] << 24)
 
 
 def _unit(vectors: np.ndarray) -> np.ndarray:

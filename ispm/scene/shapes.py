@@ -113,7 +113,7 @@ def _geodesic(segments: int) -> tuple[np.ndarray, np.ndarray]:
 
 def _cut_triangle(segments: int) -> tuple[np.ndarray, np.ndarray]:
     """Barycentric points and triangles of a triangle with edges cut into `segments`."""
-    index = {}
+    index: dict[tuple[int, int], int] = {}
     for i in range(segments + 1):
         for j in range(segments + 1 - i):
             index[i, j] = len(index)

@@ -5,12 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from ispm import wgsl
-from ispm.frame import GBuffer, GpuScene
+from ispm.frame import GBuffer, GpuScene, vertex_layout
 from ispm.gpu import Gpu, Group, Raster, Recording, Texture
 from ispm.optics import records
 from ispm.scene.packed import Draw
 from ispm.stages.camera import CameraView
-from ispm.stages.shadow import vertex_layout
 
 _SAMPLES = 4
 _EDGE_SHARE = 2  # at most one pixel in so many is on an edge; the rest stay as they are

@@ -97,9 +97,7 @@ def _run(
     counter = np.zeros(8, np.int64)
     reach = np.array([diagonal * REACH * smoothing, smoothing], np.float32)
     gloss = bool((words[:, _ALPHA] > 0.0).any())
-    run_threads(
-        lambda _: kernel(address(counter), points, words, estimate, size, reach, gloss, out), threads
-    )
+    run_threads(lambda _: kernel(address(counter), points, words, estimate, size, reach, gloss, out), threads)
     return out
 
 

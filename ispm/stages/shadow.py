@@ -6,9 +6,8 @@ import math
 from itertools import compress
 
 from ispm.errors import SceneError
-from ispm.frame import GpuScene, ShadowMaps
+from ispm.frame import GpuScene, ShadowMaps, vertex_layout
 from ispm.gpu import Gpu, Group, Raster, Recording
-from ispm.optics.records import VERTEX
 from ispm.stages.cube import face_uniforms, faces_in_use, seen_by_faces
 
 _FULL_CUBES = 4  # cubes of the asked resolution that all lights share
@@ -84,16 +83,3 @@ class ShadowStage:
                         maps = scene.material_maps(draw.material, "base_color")
                         canvas.bind(1, raster.bind(1, material=material, **maps))
                     scene.draw_indexed(canvas, draw)
-
-
-_ATTRIBUTES = {"position": "float32x3", "color": "unorm8x4", "uv0": "float32x2", "uv1": "float32x2"}
-
-
-def vertex_layout(*fields: str) -> list[dict[str, object]]:
-    """WebGPU's layout of these fields of a VERTEX, at locations 0, 1, ..."""
-    assert VERTEX.fields is not None
-    attributes = [
-        {"format": _ATTRIBUTES[name], "offset": VERTEX.fields[name][1], "shader_location": i}
-        for i, name in enumerate(fields)
-    ]
-    return [{"array_stride": VERTEX.itemsize, "step_mode": "vertex", "attributes": attributes}]

@@ -69,7 +69,7 @@ def _reach_on_objects(photons: np.ndarray, widths: np.ndarray | None) -> np.ndar
     """(N,) float32: the largest radius that suits the object under each photon."""
     if widths is None:
         return np.full(len(photons), np.inf, np.float32)
-    return (f32(_WIDTH_SHARE) * widths)[photons["instance"]]
+    return np.asarray((f32(_WIDTH_SHARE) * widths)[photons["instance"]])
 
 
 @jit

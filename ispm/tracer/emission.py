@@ -175,9 +175,7 @@ def _emit_rays(world, table, texels, texture_rows, lights, rows, seed, pass_inde
             d, weight = _aimed_direction(light, x, y)
             for c in range(3):
                 rows[i].flux[c] *= weight
-        found, hit = closest_surface(
-            world, table, texels, texture_rows, origin, d, r2, stack, words
-        )
+        found, hit = closest_surface(world, table, texels, texture_rows, origin, d, r2, stack, words)
         rows[i].instance = hit[0] if found else u32(NO_HIT)
         rows[i].primitive = hit[1]
         rows[i].u = hit[2]

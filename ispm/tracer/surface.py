@@ -12,13 +12,25 @@ import numpy as np
 from ispm.optics.bsdf import surface_bsdf
 from ispm.optics.jit import jit
 from ispm.optics.records import (
-    INSTANCE, INSTANCE_MIRRORED, MATERIAL, MATERIAL_BLEND, MATERIAL_MASK, TEXTURE_USE, VERTEX,
+    INSTANCE,
+    INSTANCE_MIRRORED,
+    MATERIAL,
+    MATERIAL_BLEND,
+    MATERIAL_MASK,
+    TEXTURE_USE,
+    VERTEX,
 )  # fmt: skip
 from ispm.optics.texture import HEIGHT, WIDTH, TextureTable, sample_texture
 from ispm.optics.vector import add, cross, dot, scale, sub
 from ispm.scene.packed import Packed
 from ispm.tracer.intersect import (
-    HIT_INSTANCE, HIT_PRIMITIVE, HIT_U, HIT_V, closest, instance_scale, leave_triangle,
+    HIT_INSTANCE,
+    HIT_PRIMITIVE,
+    HIT_U,
+    HIT_V,
+    closest,
+    instance_scale,
+    leave_triangle,
 )  # fmt: skip
 from ispm.tracer.simd import address, ldf, ldu
 
@@ -139,9 +151,7 @@ def closest_surface(world, table, texels, rows, origin, d, u, stack, words):
     """
     reach = f32(0)
     for _ in range(_HOLES_MAX):
-        t = closest(
-            world, origin[0], origin[1], origin[2], d[0], d[1], d[2], f32(np.inf), stack, words
-        )
+        t = closest(world, origin[0], origin[1], origin[2], d[0], d[1], d[2], f32(np.inf), stack, words)
         hit = (ldu(words, HIT_INSTANCE), ldu(words, HIT_PRIMITIVE), ldf(words, HIT_U), ldf(words, HIT_V))
         if t == f32(np.inf):
             return False, hit
@@ -162,7 +172,7 @@ def _opacity(table, texels, rows, hit):
     flags = ldu(table[_MATERIALS], material + _FLAGS)
     if flags & u32(MATERIAL_MASK | MATERIAL_BLEND) == u32(0):
         return f32(1)
-    color, alpha = _base_color(table, texels, rows, material, corners, hit[2], hit[3], f32(0))
+    _, alpha = _base_color(table, texels, rows, material, corners, hit[2], hit[3], f32(0))
     if flags & u32(MATERIAL_MASK):
         cutoff = ldf(table[_MATERIALS], material + _CUTOFF)
         return f32(1) if alpha >= cutoff else f32(0)

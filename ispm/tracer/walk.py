@@ -168,7 +168,8 @@ def first_segment(table, lights, light, hit):
     """
     row = lights[light]
     way = sub(hit_position(table, hit), (row.position[0], row.position[1], row.position[2]))
-    distance = max(math.sqrt(dot(way, way)), f32(1e-30))
+    square = dot(way, way)
+    distance = f32(math.sqrt(square if square > f32(0) else f32(1e-30)))
     d = scale(f32(1) / distance, way)
     if row.range <= f32(0):
         return d, f32(1)

@@ -1,0 +1,35 @@
+"""Pictures against a path tracer's."""
+
+import numpy as np
+import pytest
+from references import references
+from transport import render
+
+from ispm.bench.metrics import compare
+from ispm.io.load import load
+
+
+@pytest.mark.parametrize("emission", ["map", "rays"])
+def test_cornell_box_is_near_the_reference(gpu, emission):
+    """Default settings, one pass: a small kernel, then the filter, loses some light at edges."""
+    folder = references()
+    with np.load(folder / "ref_A.npz") as stored:
+        reference, mask = stored["R"].astype(np.float32), stored["metric_mask"]
+        own_error = float(stored["ref_relmse"])
+    frame, _ = render(gpu, load(folder / "scene_A.glb"), size=(640, 360), emission=emission)
+    found = compare(frame.radiance, reference, mask, reference_error=own_error)
+    assert abs(found.bias) < 0.03
+    assert found.relmse < 0.02
+
+
+def test_small_pictures_are_as_near_the_reference(gpu):
+    """Receivers a quarter as dense: kernels grow to what each stands for, and no noise is added."""
+    folder = references()
+    with np.load(folder / "ref_A.npz") as stored:
+        reference, mask = stored["R"].astype(np.float32), stored["metric_mask"]
+    reference = reference.reshape(90, 4, 160, 4, 3).mean(axis=(1, 3))
+    mask = mask.reshape(90, 4, 160, 4).all(axis=(1, 3))
+    frame, _ = render(gpu, load(folder / "scene_A.glb"))
+    found = compare(frame.radiance, reference, mask)
+    assert abs(found.bias) < 0.03
+    assert found.relmse < 0.02

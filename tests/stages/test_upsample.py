@@ -1,0 +1,119 @@
+"""Upsampling gives every pixel the light of its own surface."""
+
+import numpy as np
+import pytest
+from exact import mixed_scene, view_of
+
+from ispm.scene.builtins_common import lambert
+from ispm.scene.camera import look_at_pose
+from ispm.scene.packed import pack
+from ispm.scene.scene import Scene
+from ispm.scene.shapes import polygons
+from ispm.stages.camera import CameraView
+from ispm.stages.downsample import Downsample
+from ispm.stages.filter import WEIGHT
+from ispm.stages.gbuffer import GBufferStage
+from ispm.stages.upload import Upload
+from ispm.stages.upsample import Upsample
+
+
+def upsampled(gpu, scene, view, block, make_light, patch=None):
+    """Irradiance (H, W, 3), what is seen (H, W), receivers and how many pixels were missed.
+
+    make_light, patch  (n,) RECEIVER -> (n, 16) light, of the receivers and of the missed pixels
+    """
+    upload, gbuffer = Upload(gpu), GBufferStage(gpu)
+    downsample, upsample = Downsample(gpu, block), Upsample(gpu, block)
+    with gpu.frame() as frame:
+        packed = upload(pack(scene))
+        drawn = gbuffer(frame, packed, view)
+        buffer = downsample(frame, packed, drawn, view)
+    receivers = downsample.read(gpu, view)
+    with gpu.frame() as frame:
+        upsample(frame, packed, drawn, view, buffer, make_light(receivers))
+    missed, points = upsample.missed()
+    if patch and len(missed):
+        with gpu.frame() as frame:
+            upsample.patch(frame, packed, drawn, view, patch(points))
+    irradiance, ids = gpu.read_many([(upsample.irradiance, np.float32, 4), (drawn.ids, np.uint32, 2)])
+    return irradiance[..., :3], ids[..., 0], receivers, len(missed)
+
+
+def even(value):
+    """Light of the same irradiance everywhere."""
+
+    def light(receivers):
+        out = np.zeros((len(receivers), 16), np.float32)
+        out[:, :3] = value
+        out[:, WEIGHT] = 1.0
+        return out
+
+    return light
+
+
+@pytest.mark.parametrize("block", [1, 2, 4, 16])
+def test_even_light_stays_even(gpu, block):
+    irradiance, seen, *_ = upsampled(gpu, mixed_scene(), view_of((61, 43)), block, even(2.5), even(2.5))
+    assert irradiance[seen > 0] == pytest.approx(2.5, rel=1e-5)
+    assert not irradiance[seen == 0].any()
+
+
+def two_floors():
+    """Two floors one above the other; a camera that sees the edge of the upper one."""
+    scene = Scene()
+    for x, y in ((-2.0, 0.0), (0.0, 0.5)):
+        corners = np.array([(x, y, -2), (x, y, 2), (x + 2, y, 2), (x + 2, y, -2)], float)
+        scene.add(polygons([corners]), material=lambert((0.5,) * 3))
+    pose = look_at_pose(np.array([0.3, 3.0, 0.5]), np.zeros(3))
+    return scene, CameraView((80, 60), pose, near=0.01)
+
+
+@pytest.mark.parametrize("block", [1, 2, 4])
+def test_light_does_not_cross_an_edge(gpu, block):
+    """Each floor keeps its own light where they are several standard deviations, half blocks, apart."""
+
+    def by_height(receivers):
+        out = even(0.0)(receivers)
+        out[:, :3] = np.where(receivers["position"][:, 1:2] > 0.25, 9.0, 1.0)
+        return out
+
+    scene, view = two_floors()
+    irradiance, seen, *_ = upsampled(gpu, scene, view, block, by_height, by_height)
+    assert irradiance[seen == 1] == pytest.approx(1.0, rel=1e-3)
+    assert irradiance[seen == 2] == pytest.approx(9.0, rel=1e-3)
+
+
+@pytest.mark.parametrize("block", [2, 4, 8])
+def test_a_ramp_is_interpolated(gpu, block):
+    """Light that grows along x: bilinear taps at real surface points are off by half a block at most."""
+
+    def ramp(receivers):
+        out = even(0.0)(receivers)
+        out[:, :3] = 10.0 + receivers["position"][:, :1]
+        return out
+
+    scene, view = two_floors()
+    irradiance, seen, receivers, _ = upsampled(gpu, scene, view, block, ramp, ramp)
+    origin, direction = view.rays()
+    for number, height in ((1, 0.0), (2, 0.5)):
+        t = (height - origin[..., 1]) / direction[..., 1]
+        x = (origin + t[..., None] * direction)[..., 0]
+        error = np.abs(irradiance[..., 0] - 10.0 - x)[seen == number]
+        pixel = receivers["footprint"].max()
+        assert error.max() < 1.5 * pixel and error.mean() < 0.5 * pixel
+
+
+def test_pixels_without_neighbours_are_listed_and_patched(gpu):
+    """Slivers between the receivers' pixels take the light that is brought for them."""
+    scene = Scene()
+    for k in range(12):
+        x, y = -1.5 + 0.25 * k, 0.3 + 0.1 * (k % 3)
+        corners = np.array([(x, y, -2), (x, y, 2), (x + 0.03, y, 2), (x + 0.03, y, -2)], float)
+        scene.add(polygons([corners]), material=lambert((0.5,) * 3))
+    floor = np.array([(-2, 0, -2), (-2, 0, 2), (2, 0, 2), (2, 0, -2)], float)
+    scene.add(polygons([floor]), material=lambert((0.5,) * 3))
+    view = two_floors()[1]
+    irradiance, seen, _, missed = upsampled(gpu, scene, view, 8, even(1.0), even(7.0))
+    patched = (irradiance[..., 0] == 7.0).sum()
+    assert missed > 20 and patched == missed
+    assert irradiance[seen > 0].min() == pytest.approx(1.0)
