@@ -42,9 +42,9 @@ STAGES = (
 _FRAMES, _QUICK_FRAMES = 20, 8
 _WARM_UP = 3  # frames that are not counted: kernels compile, memory grows
 _CAMERA_SWAY = 0.3  # m, to either side
-_REPETITIONS = 7
+_REPETITIONS, _WALK_REPETITIONS = 7, 30
 _TEXTURE_FOOTPRINT = 0.005  # of the diagonal, as the renderer has it
-_TRACE_SHARE = 10  # photons of the traced walk over those of a frame
+_TRACE_REPEATS = 8  # of the rays in one run, which outlasts the start of threads so
 
 
 @dataclass(frozen=True)
@@ -173,15 +173,14 @@ def spread(values: list[float]) -> Spread:
 def measure_trace(scene: Scene, settings: Settings) -> tuple[int, list[TraceRate]]:
     """Return the rays of a walk, and its rates beside Embree's on one thread and on all.
 
-    The walk has ten times the photons of a frame, so that it outlasts the start of threads. No rates
-    where Embree is not installed.
+    No rates where Embree is not installed.
     """
     packed = pack(scene)
     world = World()
     world.update(packed)
     footprint = _TEXTURE_FOOTPRINT * packed.diagonal
     surfaces = SurfaceTable(packed, TextureTable.pack(packed.textures), footprint)
-    counts = share_photons(packed.lights, _TRACE_SHARE * settings.photons)
+    counts = share_photons(packed.lights, settings.photons)
     emitted = emit_rays(packed, world, surfaces, counts, settings.seed, 0, world.threads)
     bounces, seed = settings.bounces, settings.seed
     origins, directions = rays_of_walk(packed, world, surfaces, emitted, bounces, seed)
@@ -190,18 +189,19 @@ def measure_trace(scene: Scene, settings: Settings) -> tuple[int, list[TraceRate
     from ispm.bench.embree import compare_rates
 
     rates = []
+    race = [np.tile(rays, (_TRACE_REPEATS, 1)) for rays in (origins, directions)]
     for threads in sorted({1, thread_count(None)}):
-        raw = compare_rates(world, packed, origins, directions, threads, _REPETITIONS)
+        raw = compare_rates(world, packed, race[0], race[1], threads, _REPETITIONS)
         seconds = _seconds(partial(walk, packed, world, surfaces, emitted, bounces, seed, 0, threads))
         rates.append(TraceRate(threads, len(origins) / seconds, raw["own"], raw["embree"]))
     return len(origins), rates
 
 
 def _seconds(run: Callable[[], Any]) -> float:
-    """Return the median time of several runs, after one that is not counted."""
+    """Return the median time of many runs: the first few keep their threads on one core."""
     run()
     times = []
-    for _ in range(_REPETITIONS):
+    for _ in range(_WALK_REPETITIONS):
         start = time.perf_counter()
         run()
         times.append(time.perf_counter() - start)

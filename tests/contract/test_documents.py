@@ -31,6 +31,26 @@ def test_python_in_the_readme_compiles():
         compile(block, "README.md", "exec")
 
 
+def test_files_that_documents_name_exist():
+    named = []
+    for document in (ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))):
+        text = document.read_text("utf-8")
+        named += [ROOT / name for name in re.findall(r"`((?:ispm|tests|scripts|docs)/[\w./-]+\.\w+)`", text)]
+        links = re.findall(r"(?<!!)\[[^]]*\]\((?!https?:)([^)#]+)\)", text)
+        named += [document.parent / link for link in links]
+    assert len(named) > 50
+    assert [str(path) for path in named if not path.exists()] == []
+
+
+def test_the_method_has_a_cost_and_files_for_every_stage():
+    text = (ROOT / "docs" / "method.md").read_text("utf-8")
+    stages = re.split(r"^## ", text, flags=re.MULTILINE)[1:-1]  # the last tells faults
+    assert len(stages) >= 14
+    for stage in stages:
+        for part in ("*What.*", "*Why.*", "*Cost.*", "*Files.*"):
+            assert part in stage, f"{stage.splitlines()[0]}: has no {part}"
+
+
 def test_no_source_file_is_a_monolith():
     # A file over 400 lines asks to be split.
     long = {

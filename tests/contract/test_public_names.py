@@ -40,12 +40,6 @@ def test_an_unknown_name_is_an_attribute_error():
         ispm.Rendrer  # noqa: B018
 
 
-def test_layers_are_those_that_a_frame_has():
-    from ispm.renderer import views
-
-    assert set(settings.LAYERS) == set(views.LAYERS)
-
-
 def test_errors_are_also_what_python_expects():
     for name, kind in (("SceneError", ValueError), ("SettingsError", ValueError), ("OutputError", OSError)):
         assert issubclass(getattr(ispm, name), (ispm.IspmError, kind))
