@@ -47,6 +47,11 @@ class CameraView:
         return np.asarray(self.pose, np.float64)[:3, 3]
 
     @property
+    def eye_or_direction(self) -> np.ndarray:
+        """Where the camera stands and 1; orthographic: the direction towards it and 0. (4,)"""
+        return np.append(self.eye, 1.0) if self.ymag is None else np.append(-self.forward, 0.0)
+
+    @property
     def forward(self) -> np.ndarray:
         """The unit direction it looks along, world space."""
         return -np.asarray(self.pose, np.float64)[:3, 2]

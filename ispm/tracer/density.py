@@ -11,12 +11,14 @@ import math
 import numpy as np
 
 from ispm.optics.jit import jit
+from ispm.optics.vector import dot
 
 f32, u32, i64 = np.float32, np.uint32, np.int64
 
 NEIGHBORS = 15  # photons within a kernel; 10 to 25 differ by under 2 % in error after the filter
 _WANTED = 32  # photons that a cell must hold to be counted: 18 % noise in density, 9 % in radius
 _RADIUS_MIN, _RADIUS_MAX = 0.002, 0.1  # of the scene's diagonal
+_SLANT_MAX = 8.0  # that a pixel is stretched on a surface seen aslant
 _PIXEL_SHARE = 0.75  # least radius over a receiver's pixel: between smaller kernels light falls unseen
 _WIDTH_SHARE = 0.25  # of an object's width
 _HEIGHT = 0.25  # of a kernel over its radius: thin, so that it does not reach other surfaces
@@ -33,6 +35,7 @@ def measure_radii(
     smoothing: float = 1.0,
     pixel: np.ndarray | None = None,
     widths: np.ndarray | None = None,
+    eye: tuple[float, ...] | np.ndarray = (0.0, 0.0, 0.0, 0.0),
 ) -> None:
     """Write `radius` and `height` of each photon's kernel, from the density of photons around it.
 
@@ -43,6 +46,8 @@ def measure_radii(
                most 4/3 of a radius; None: receivers lie anywhere
     widths     (I,) float32 m, of the instances: a kernel wider than its object would lose its light past
                the edges, so none is wider than a quarter of it; None: objects are wide
+    eye        (4,) its place and 1, or the direction to it and 0 (orthographic): where it sees a surface
+               aslant, a pixel covers more of it
     The radius is that of a disc that holds `NEIGHBORS` photons. Density is counted in the smallest
     cell of a hierarchy that holds enough photons facing the same way: a plane cuts a cell of side c
     in c^2 / (|nx| + |ny| + |nz|) on average over its place in the cell.
@@ -62,6 +67,7 @@ def measure_radii(
         words, _reach_on_objects(photons, widths), log_density / f32(len(_SHIFTS)), f32(smoothing),
         f32(diagonal * _RADIUS_MIN), f32(diagonal * _RADIUS_MAX),
         (np.zeros(4) if pixel is None else _PIXEL_SHARE * pixel).astype(np.float32),
+        np.asarray(eye, np.float32),
     )  # fmt: skip
 
 
@@ -129,13 +135,17 @@ def _add_log_density(words, keys, order, cell, log_density):
 
 
 @jit
-def _write_radii(words, widest, log_density, smoothing, low, high, least):
+def _write_radii(words, widest, log_density, smoothing, low, high, least, eye):
     for i in range(len(words)):
         density = f32(math.exp(log_density[i]))
         radius = f32(math.sqrt(f32(NEIGHBORS) / (f32(math.pi) * density)))
         radius = min(min(max(radius, low), high) * smoothing, widest[i])
         x, y, z = words[i, 0], words[i, 1], words[i, 2]
         seen = least[0] * x + least[1] * y + least[2] * z + least[3]
-        radius = max(radius, min(seen, high))
+        wo = (eye[0] - eye[3] * x, eye[1] - eye[3] * y, eye[2] - eye[3] * z)
+        aslant = abs(dot(wo, (words[i, _NX], words[i, _NX + 1], words[i, _NX + 2])))
+        distance = f32(math.sqrt(dot(wo, wo)))
+        slant = min(distance / max(aslant, f32(1e-12)), f32(_SLANT_MAX)) if distance > f32(0) else f32(1)
+        radius = max(radius, min(seen * slant, high))
         words[i, _RADIUS] = radius
         words[i, _H] = f32(_HEIGHT) * radius

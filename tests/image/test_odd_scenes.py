@@ -4,7 +4,7 @@ import warnings
 
 import numpy as np
 import pytest
-from transport import SMALL, box_room, lit, render
+from transport import box_room, lit, render
 
 from ispm.errors import SceneWarning
 from ispm.scene.builtin import builtin
@@ -208,14 +208,22 @@ def test_unlit_and_glowing_surfaces(gpu):
     assert frame.indirect[glowing].min() > 0.0 and frame.direct[glowing].max() > 0.0
 
 
-def test_grass_repeats_to_the_bit(gpu):
-    """Thousands of slivers, where upsampling finds no neighbours and more pixels are missed than fit."""
+@pytest.mark.parametrize(
+    ("count", "width"),
+    [
+        (4000, 0.02),
+        pytest.param(20_000, 0.01, marks=pytest.mark.xfail(
+            reason="over half of the pixels are edges: which of them are smoothed is a race")),
+    ],
+)  # fmt: skip
+def test_grass_repeats_to_the_bit(gpu, count, width):
+    """Slivers, where upsampling finds few neighbours and nearly every pixel is an edge."""
     random = np.random.default_rng(7)
-    roots = random.uniform(-1, 1, (4000, 1, 3)) * (1.5, 0, 1.5)
-    blades = roots + random.normal(0, 1, (4000, 3, 3)) * (0.02, 0.15, 0.02) + (0, 0.15, 0)
+    roots = random.uniform(-1, 1, (count, 1, 3)) * (1.5, 0, 1.5)
+    blades = roots + random.normal(0, 1, (count, 3, 3)) * (width, 0.15, width) + (0, 0.15, 0)
     scene = box_room((-2, -0.5, -2), (2, 1.5, 2), albedo=0.6)
     scene.add(polygons(list(blades), "grass"), material=Material((0.2, 0.6, 0.1), double_sided=True))
     lit(scene, (0.3, 1.2, 0.2))
-    frames = [sound(render(gpu, scene, EYE, subsampling=8, photons=20_000)[0]) for _ in range(2)]
-    assert frames[0].indirect.tobytes() == frames[1].indirect.tobytes()
-    assert frames[0].indirect.shape == (SMALL[1], SMALL[0], 3)
+    frames = [sound(render(gpu, scene, EYE, subsampling=8, photons=20_000)[0]) for _ in range(4)]
+    for layer in ("irradiance", "full"):
+        assert all(frame[layer].tobytes() == frames[0][layer].tobytes() for frame in frames), layer
