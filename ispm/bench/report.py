@@ -30,7 +30,7 @@ def _measured(report: Report) -> Rows:
         ("adapter", machine.adapter),
         ("system", machine.system),
         ("versions", ", ".join(f"{name} {version}" for name, version in machine.versions.items())),
-        ("others kept busy", f"{machine.others:.2f} cores"),
+        ("others kept busy", f"{max(machine.others, 0.0):.2f} cores"),
         ("peak memory", f"{report.peak_memory / 1e6:,.0f} MB"),
     ]
 

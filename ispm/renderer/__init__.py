@@ -5,8 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from ispm.renderer.picture import Frame, Stats
+from ispm.renderer.picture import Frame
 from ispm.renderer.renderer import Renderer
+from ispm.renderer.statistics import Stats
 from ispm.scene.camera import Camera
 from ispm.scene.scene import Scene
 from ispm.settings import Settings

@@ -17,6 +17,8 @@ from ispm.tracer.world import World
 _PROBES = 512  # rays from the scene's centre that tell a room from an object
 _FROM = np.array([0.45, 0.35, 1.0])  # where an object is seen from: front, a little right and above
 _SUN = np.array([0.6, 1.0, 0.7])
+_VERTICES = 20_000  # looked at to frame a scene
+_MARGIN = 1.08  # about what is framed
 _YFOV = math.radians(50.0)
 _ROOM_YFOV = math.radians(70.0)
 
@@ -92,20 +94,30 @@ def default_camera(packed: Packed, world: World, aspect: float) -> tuple[Camera,
         target = center.copy()
         target[1] = eye[1] - 0.05 * size[1]
         return Camera(yfov=_ROOM_YFOV), look_at_pose(eye, target)
-    corners = np.array([[(low, high)[i >> k & 1][k] for k in range(3)] for i in range(8)])
     back = _FROM / np.linalg.norm(_FROM)
     pose = look_at_pose(center + back, center)
-    right, up = pose[:3, 0], pose[:3, 1]
-    half_height = math.tan(_YFOV / 2.0) / 1.08  # leave a margin
-    offsets = corners - center
-    depth = offsets @ back
-    distance = max(
-        float((np.abs(offsets @ up) / half_height + depth).max()),
-        float((np.abs(offsets @ right) / (half_height * aspect) + depth).max()),
-        1e-3 * packed.diagonal,
-    )
-    pose[:3, 3] = center + distance * back
+    offsets = _some_vertices(packed) - center
+    across, depth = offsets @ pose[:3, :2], offsets @ back
+    half = math.tan(_YFOV / 2.0) / _MARGIN * np.array([aspect, 1.0])
+    # The eye at (s, d) sees a point (u, z) if |u - s| <= half (d - z): the nearest d, and its s, in closed form.
+    ahead = (across + half * depth[:, None]).max(axis=0)
+    behind = (half * depth[:, None] - across).max(axis=0)
+    distance = max(float(((ahead + behind) / (2.0 * half)).max()), 1e-3 * packed.diagonal)
+    pose[:3, 3] = center + distance * back + pose[:3, :2] @ ((ahead - behind) / 2.0)
     return Camera(yfov=_YFOV), pose
+
+
+def _some_vertices(packed: Packed) -> np.ndarray:
+    """(n, 3) vertices of the scene in world space, evenly thinned where there are very many."""
+    share = max(1, packed.triangle_count // _VERTICES)
+    found: list[np.ndarray] = []
+    for row in packed.instances:
+        first, count = int(row["first_index"]), 3 * int(row["triangle_count"])
+        indices = packed.geometry.indices[first : first + count : min(share, max(count // 8, 1))]
+        matrix = np.stack([row["world0"], row["world1"], row["world2"]]).astype(np.float64)
+        points = packed.geometry.vertices["position"][indices]
+        found.append(points @ matrix[:, :3].T + matrix[:, 3])
+    return np.concatenate(found)
 
 
 def default_light(packed: Packed, world: World, eye: np.ndarray) -> tuple[Node, str]:

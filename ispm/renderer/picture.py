@@ -7,62 +7,14 @@ import io
 import json
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from ispm.errors import SettingsError
 from ispm.io import image as files
+from ispm.renderer.statistics import Stats
 from ispm.renderer.views import display
 from ispm.settings import Settings, nearest
-
-
-@dataclass(frozen=True)
-class Stats:
-    """Numbers of one frame: the talk's columns, then ours. Times in ms, flux in lumen (sum of RGB)."""
-
-    polygons: int = 0
-    static_polygons: int = 0
-    dynamic_polygons: int = 0
-    dynamic_objects: int = 0
-    emitters: int = 0
-    emitted_photons: int = 0
-    indirect_photons: int = 0  # bounces, as the talk's column has it
-    width: int = 0
-    height: int = 0
-    subsampling: int = 0
-    photon_hits: int = 0
-    stored_photons: int = 0
-    direct_ms: float = 0.0
-    bounce_map_ms: float = 0.0
-    copy_ms: float = 0.0
-    trace_ms: float = 0.0
-    radiance_ms: float = 0.0
-    upsample_ms: float = 0.0
-    compose_ms: float = 0.0
-    total_ms: float = 0.0
-    direct_only_ms: float = 0.0
-    fps_direct: float = 0.0
-    fps_full: float = 0.0
-    flux_emitted: float = 0.0
-    flux_absorbed: float = 0.0
-    flux_escaped: float = 0.0
-    flux_dropped: float = 0.0
-    flux_stored: float = 0.0
-    overdraw: float = 0.0
-    peak_memory: int = 0
-    adapter: str = ""
-    tracer: str = "cpu"
-    estimator: str = ""
-    emission: str = ""
-    kernel: str = "measured"
-    passes: int = 1
-    seed: int = 0
-    timing: str = ""
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return the statistics by name."""
-        return dataclasses.asdict(self)
 
 
 @dataclass(eq=False)

@@ -18,9 +18,10 @@ from ispm.renderer import layers as make
 from ispm.renderer.framing import default_camera, default_light, find_camera
 from ispm.renderer.light import map_plan, photons_of_maps
 from ispm.renderer.motion import moved
-from ispm.renderer.picture import Frame, Stats
+from ispm.renderer.picture import Frame
+from ispm.renderer.statistics import Stats, collect
 from ispm.renderer.views import photon_points
-from ispm.renderer.watch import Watch, peak_memory
+from ispm.renderer.watch import Watch
 from ispm.scene.camera import Camera
 from ispm.scene.packed import Packed, pack
 from ispm.scene.scene import Scene
@@ -177,7 +178,11 @@ class Renderer:
             for name, spent in recording.milliseconds().items():
                 watch.add(name, spent)
         total = (clock.perf_counter() - started) * 1e3
-        frame.stats = self._statistics(packed, path, watch.milliseconds, total, first)
+        frame.stats = collect(
+            packed, path, view, self.settings, watch.milliseconds, total,
+            adapter=self._gpu.name, timing=first.timing,
+            moved=moved(packed.instances, self._instances),
+        )  # fmt: skip
         self._photons, self._last = path.photons, (frame, view)
         self._instances = packed.instances
         return frame
@@ -216,7 +221,7 @@ class Renderer:
             self._say("emissive materials glow, but do not light the scene yet")
         size, diagonal = self.settings.size, packed.diagonal
         reach = float(np.abs(packed.bounds - pose[:3, 3]).max()) + diagonal
-        near = _NEAR * diagonal if camera.ymag is None else -reach
+        near = _NEAR * diagonal if camera.ymag is None else 0.0
         view = CameraView(size, pose, camera.yfov, camera.ymag, near, reach, pass_index=_PASS)
         return packed, view
 
@@ -328,29 +333,3 @@ class Renderer:
             image = np.dstack([image, np.rint(alpha * 255.0).astype(np.uint8)])
         camera = {"pose": view.pose, "clip_from_world": view.clip_from_world}
         return Frame(image, layers, Stats(), settings, camera, exposure)  # type: ignore[arg-type]
-
-    def _statistics(
-        self, packed: Packed, path: Walk, times: dict[str, float], total: float, frame: Recording
-    ) -> Stats:
-        settings = self.settings
-        ms = {name: times.get(name, 0.0) for name in
-              ("direct", "bounce_map", "copy", "trace", "radiance", "upsample", "compose")}  # fmt: skip
-        added = ms["bounce_map"] + ms["copy"] + ms["trace"] + ms["radiance"] + ms["upsample"]
-        direct_only = max(total - added, ms["direct"])
-        dynamic = packed.instances[moved(packed.instances, self._instances)]
-        dynamic_polygons = int(dynamic["triangle_count"].sum())
-        return Stats(
-            polygons=packed.triangle_count, static_polygons=packed.triangle_count - dynamic_polygons,
-            dynamic_polygons=dynamic_polygons, dynamic_objects=len(np.unique(dynamic["node"])),
-            emitters=len(packed.lights), emitted_photons=path.photon_count,
-            indirect_photons=settings.bounces, width=settings.size[0], height=settings.size[1],
-            subsampling=settings.subsampling, photon_hits=path.photon_count + path.rays,
-            stored_photons=len(path.photons),
-            **{f"{name}_ms": spent for name, spent in ms.items()},  # type: ignore[arg-type]
-            total_ms=total, direct_only_ms=direct_only, fps_direct=1e3 / direct_only, fps_full=1e3 / total,
-            flux_emitted=float(path.emitted.sum()), flux_absorbed=float(path.absorbed.sum()),
-            flux_escaped=float(path.escaped.sum()), flux_dropped=float(path.dropped.sum()),
-            flux_stored=float(path.stored.sum()), peak_memory=peak_memory(), adapter=self._gpu.name,
-            estimator=settings.estimator, emission=settings.emission, seed=settings.seed,
-            timing=frame.timing,
-        )  # fmt: skip

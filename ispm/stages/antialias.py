@@ -12,7 +12,6 @@ from ispm.scene.packed import Draw
 from ispm.stages.camera import CameraView
 
 _SAMPLES = 4
-_EDGE_SHARE = 2  # at most one pixel in so many is on an edge; the rest stay as they are
 _EDGE = wgsl.load("stages/antialias.wgsl").dtype("Edge")
 
 
@@ -39,7 +38,7 @@ class Antialias:
         indirect: Texture, emission: Texture,
     ) -> None:  # fmt: skip
         self._draw(frame, scene, view)
-        capacity = max(view.size[0] * view.size[1] // _EDGE_SHARE, 64)
+        capacity = min(view.size[0] * view.size[1], self._gpu.max_binding // _EDGE.itemsize)
         self._count.write(np.zeros(4, np.uint32))
         camera = view.uniform()
         self._mix(

@@ -13,7 +13,6 @@ from ispm.optics.records import RECEIVER
 from ispm.stages.camera import CameraView
 
 MISSED = wgsl.load("stages/upsample.wgsl").dtype("Missed")
-_MISSED_SHARE = 8  # at most one pixel in so many is estimated by itself
 
 
 class Upsample:
@@ -42,7 +41,7 @@ class Upsample:
         self, frame: Recording, scene: GpuScene, gbuffer: GBuffer, view: CameraView,
         receivers: Buffer, light: np.ndarray,
     ) -> tuple[Texture, Texture, Texture]:  # fmt: skip
-        capacity = max(gbuffer.size[0] * gbuffer.size[1] // _MISSED_SHARE, 64)
+        capacity = min(view.size[0] * view.size[1], self._gpu.max_binding // RECEIVER.itemsize)
         self._missed.sized(capacity * MISSED.itemsize)
         self._missed_receivers.sized(capacity * RECEIVER.itemsize)
         self._count.write(np.zeros(4, np.uint32))

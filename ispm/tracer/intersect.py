@@ -340,20 +340,6 @@ def instance_scale(table, instance):
 
 
 @jit
-def offset_point(px, py, pz, nx, ny, nz):
-    """Return a point moved off its surface along the unit normal n, by 16 ulps of its largest coordinate.
-
-    Waechter and Binder move each coordinate by ulps of its own; far from the origin that bends the way
-    towards the axis of the largest one, and through a wall beside it. So all move by those of the largest,
-    and near the origin by those of 1 m, since the triangle about the point is larger than its coordinates.
-    For points of which no more is known: 1 km from the origin about 5 in a million still leave a closed
-    room at its edges, see `leave_triangle`.
-    """
-    h = _OFFSET * f32(4) * max(f32(1), max(abs(px), max(abs(py), abs(pz))))
-    return px + h * nx, py + h * ny, pz + h * nz
-
-
-@jit
 def leave_triangle(corner, e1, e2, u, v, n, scale):
     """Return where a ray starts that leaves a hit: on the side of n and inside all walls at its edges.
 

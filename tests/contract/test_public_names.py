@@ -8,7 +8,6 @@ from pathlib import Path
 import pytest
 
 import ispm
-from ispm import settings
 
 ROOT = Path(__file__).parents[2]
 

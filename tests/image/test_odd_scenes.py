@@ -212,8 +212,7 @@ def test_unlit_and_glowing_surfaces(gpu):
     ("count", "width"),
     [
         (4000, 0.02),
-        pytest.param(20_000, 0.01, marks=pytest.mark.xfail(
-            reason="over half of the pixels are edges: which of them are smoothed is a race")),
+        (20_000, 0.01),
     ],
 )  # fmt: skip
 def test_grass_repeats_to_the_bit(gpu, count, width):

@@ -8,7 +8,7 @@ from ispm.optics.records import NO_HIT
 from ispm.scene.mesh import Mesh
 from ispm.scene.packed import pack
 from ispm.scene.scene import Scene
-from ispm.tracer.intersect import any_hit, closest, instance_scale, leave_triangle, offset_point
+from ispm.tracer.intersect import any_hit, closest, instance_scale, leave_triangle
 from ispm.tracer.world import World
 
 SQUARE = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], np.float32)
@@ -255,23 +255,8 @@ def test_a_left_triangle_is_behind_by_more_than_its_rounding():
         assert np.abs([x, y] - exact).max() < 5e-3
 
 
-@pytest.mark.parametrize("size", [0.0, 1.0, 1000.0])
-def test_an_offset_point_moves_by_sixteen_ulps_along_its_normal(size):
-    point = floats(size, -0.5 * size, 0.0)
-    moved = offset_point(*point, *floats(0.6, 0.0, 0.8))
-    way = np.array(moved, np.float64) - point
-    expected = 16 * 2.0**-24 * max(size, 1.0)
-    np.testing.assert_allclose(
-        way, expected * np.array([0.6, 0.0, 0.8]), atol=0.51 * np.spacing(np.float32(size))
-    )
-
-
 def test_kernels_stay_in_float32():
     world_of(soup_scene(9)).trace([[0.0, 0.0, 0.0]], [[0.0, 0.0, 1.0]])
     assert all(s.return_type == numba.float32 for s in closest.nopython_signatures)
     world_of(soup_scene(9)).occluded([[0.0, 0.0, 0.0]], [[0.0, 0.0, 1.0]], 1.0)
     assert all(s.return_type == numba.boolean for s in any_hit.nopython_signatures)
-    offset_point(*floats(0, 0, 0, 1, 0, 0))
-    assert all(
-        s.return_type == numba.types.UniTuple(numba.float32, 3) for s in offset_point.nopython_signatures
-    )
