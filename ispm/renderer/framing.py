@@ -99,7 +99,7 @@ def default_camera(packed: Packed, world: World, aspect: float) -> tuple[Camera,
     offsets = _some_vertices(packed) - center
     across, depth = offsets @ pose[:3, :2], offsets @ back
     half = math.tan(_YFOV / 2.0) / _MARGIN * np.array([aspect, 1.0])
-    # The eye at (s, d) sees a point (u, z) if |u - s| <= half (d - z): the nearest d, and its s, in closed form.
+    # The eye at (s, d) sees a point (u, z) where |u - s| <= half (d - z): the least d that suits them all.
     ahead = (across + half * depth[:, None]).max(axis=0)
     behind = (half * depth[:, None] - across).max(axis=0)
     distance = max(float(((ahead + behind) / (2.0 * half)).max()), 1e-3 * packed.diagonal)

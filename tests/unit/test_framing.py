@@ -39,11 +39,12 @@ def test_an_object_fills_the_picture_but_stays_within(aspect, scale):
     packed, world = ready(object_scene(scale))
     assert not is_room(packed, world)
     camera, pose = default_camera(packed, world, aspect)
-    points = [
-        packed.geometry.vertices["position"] @ np.stack([row[f"world{k}"][:3] for k in range(3)]).T
-        + [row[f"world{k}"][3] for k in range(3)]
-        for row in packed.instances
-    ]
+    points = []
+    for row in packed.instances:
+        first = row["first_index"]
+        used = packed.geometry.indices[first : first + 3 * row["triangle_count"]]
+        matrix = np.stack([row[f"world{k}"] for k in range(3)])
+        points.append(packed.geometry.vertices["position"][used] @ matrix[:, :3].T + matrix[:, 3])
     # a margin of 8 % of the picture's half, on the sides that bound the view
     reach = np.abs(seen_from(camera, pose, np.concatenate(points)) / (aspect, 1.0)).max()
     assert 0.92 < reach < 0.93
