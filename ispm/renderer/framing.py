@@ -18,6 +18,7 @@ _PROBES = 512  # rays from the scene's centre that tell a room from an object
 _FROM = np.array([0.45, 0.35, 1.0])  # where an object is seen from: front, a little right and above
 _SUN = np.array([0.6, 1.0, 0.7])
 _VERTICES = 20_000  # looked at to frame a scene
+_CLEARANCE = 0.02  # of the diagonal, between the eye and the scene
 _MARGIN = 1.08  # about what is framed
 _YFOV = math.radians(50.0)
 _ROOM_YFOV = math.radians(70.0)
@@ -102,7 +103,8 @@ def default_camera(packed: Packed, world: World, aspect: float) -> tuple[Camera,
     # The eye at (s, d) sees a point (u, z) where |u - s| <= half (d - z): the least d that suits them all.
     ahead = (across + half * depth[:, None]).max(axis=0)
     behind = (half * depth[:, None] - across).max(axis=0)
-    distance = max(float(((ahead + behind) / (2.0 * half)).max()), 1e-3 * packed.diagonal)
+    fits = float(((ahead + behind) / (2.0 * half)).max())
+    distance = max(fits, float(depth.max()) + _CLEARANCE * packed.diagonal)
     pose[:3, 3] = center + distance * back + pose[:3, :2] @ ((ahead - behind) / 2.0)
     return Camera(yfov=_YFOV), pose
 

@@ -152,15 +152,7 @@ class Renderer:
         with watch("trace"):
             path = self._trace(packed, maps, texels)
         with watch("radiance"):
-            pixel = self.settings.subsampling * view.footprint * view.clip_from_world[3]
-            measure_radii(
-                path.photons, packed.diagonal, self.settings.smoothing, pixel, packed.widths,
-                view.eye_or_direction,
-            )  # fmt: skip
-            estimate = self._estimator(
-                points, path.photons, view.clip_from_world, self._downsample.size(view)
-            )
-            light = self._filter(points, estimate, packed, view)
+            estimate, light = self._gather(points, path.photons, packed, view)
 
         with self._gpu.frame() as third:
             third.stage("upsample")
