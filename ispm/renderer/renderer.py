@@ -265,11 +265,22 @@ class Renderer:
             packed, self._world, surfaces, emitted, settings.bounces, settings.seed, _PASS, self.threads
         )
 
-    def _filter(
-        self, points: np.ndarray, estimate: np.ndarray, packed: Packed, view: CameraView
-    ) -> np.ndarray:
-        size = self._downsample.size(view)
-        return filter_estimate(points, estimate, size, packed.diagonal, self.settings.smoothing, self.threads)
+    def _gather(
+        self, points: np.ndarray, photons: np.ndarray, packed: Packed, view: CameraView
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return the light that photons bring to the receivers, (n, 16), as estimated and as filtered."""
+        if not len(photons):
+            dark = np.zeros((len(points), 16), np.float32)
+            return dark, dark
+        settings, size = self.settings, self._downsample.size(view)
+        pixel = settings.subsampling * view.footprint * view.clip_from_world[3]
+        measure_radii(
+            photons, packed.diagonal, settings.smoothing, pixel, packed.widths, view.eye_or_direction
+        )
+        estimate = self._estimator(points, photons, view.clip_from_world, size)
+        return estimate, filter_estimate(
+            points, estimate, size, packed.diagonal, settings.smoothing, self.threads
+        )
 
     def _light_missed(
         self,
@@ -281,6 +292,8 @@ class Renderer:
         view: CameraView,
     ) -> None:
         """Light the pixels that upsampling could not serve: by the filter, else by the photons near."""
+        if not len(photons):
+            return
         missed, receivers = self._upsample.missed()
         if not len(missed):
             return
