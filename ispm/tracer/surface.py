@@ -98,7 +98,9 @@ def surface(table, texels, rows, hit, d):
     position = _point(table[_INSTANCES], instance, add(p0, add(scale(u, e1), scale(v, e2))))
     ng = _world_normal(table[_INSTANCES], instance, cross(e1, e2))
     n = _world_normal(table[_INSTANCES], instance, _interpolate(table, corners, _NORMAL, u, v))
-    texel_area = _footprint(table, instance, corners, e1, e2)
+    texel_area = f32(0)
+    if _has_texture(table, material):
+        texel_area = _footprint(table, instance, corners, e1, e2)
     if dot(ng, d) > f32(0):
         ng = scale(f32(-1), ng)
     side = f32(-1) if dot(n, ng) < f32(0) else f32(1)
@@ -244,6 +246,12 @@ def _unit(x):
 def _texture(table, material, use):
     """The texture in one slot of a material, -1: none."""
     return i64(np.int32(ldu(table[_MATERIALS], material + use + _TEXTURE)))
+
+
+@jit
+def _has_texture(table, material):
+    base, rough = _texture(table, material, _BASE_MAP), _texture(table, material, _ROUGHNESS_MAP)
+    return max(max(base, rough), _texture(table, material, _NORMAL_MAP)) >= i64(0)
 
 
 @jit
