@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
-from ispm.gpu import Buffer, Canvas, Gpu, Sampler, Texture
+from ispm.gpu import Buffer, Canvas, Gpu, Group, Raster, Recording, Sampler, Texture
 from ispm.optics import records
 from ispm.optics.records import VERTEX
 from ispm.scene.packed import Draw, Packed
@@ -71,6 +73,30 @@ class GpuScene:
         for slot in slots:
             found[f"{slot}_map"], found[f"{slot}_sampler"] = self.maps[material][slot]
         return found
+
+    def each(
+        self,
+        frame: Recording,
+        canvas: Canvas,
+        draws: Iterable[Draw],
+        pipeline: Callable[[Draw], Raster],
+        shared: Mapping[str, Any],
+    ) -> Iterator[Draw]:
+        """Yield each of `draws` with its pipeline set and what it binds bound.
+
+        shared  group 0 of all pipelines; group 1 is what an alpha mask reads, for materials that have one
+        """
+        groups: dict[Raster, Group] = {}
+        for draw in draws:
+            raster = pipeline(draw)
+            if raster not in groups:
+                groups[raster] = raster.bind(0, **shared)
+            canvas.use(raster, groups[raster])
+            if self.is_masked(draw.material):
+                material = frame.uniform(self.packed.materials[draw.material])
+                maps = self.material_maps(draw.material, "base_color")
+                canvas.bind(1, raster.bind(1, material=material, **maps))
+            yield draw
 
 
 @dataclass(frozen=True, eq=False)

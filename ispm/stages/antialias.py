@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from functools import partial
+from itertools import compress
+
 import numpy as np
 
 from ispm import wgsl
 from ispm.frame import GBuffer, GpuScene, vertex_layout
-from ispm.gpu import Gpu, Group, Raster, Recording, Texture
+from ispm.gpu import Gpu, Raster, Recording, Texture
 from ispm.optics import records
 from ispm.scene.packed import Draw
 from ispm.stages.camera import CameraView
@@ -61,20 +64,13 @@ class Antialias:
 
     def _draw(self, frame: Recording, scene: GpuScene, view: CameraView) -> None:
         shared = {"camera": frame.uniform(view.uniform()), "instances": scene.instances}
-        groups: dict[Raster, Group] = {}
         ids, depth = self._ids.sized(view.size), self._depth.sized(view.size)
         with frame.draw_into(ids, depth=depth) as canvas:
             canvas.vertices(scene.vertices)
             canvas.indices(scene.indices)
-            for draw in scene.draws:
-                raster = self._pipeline(scene, draw)
-                if raster not in groups:
-                    groups[raster] = raster.bind(0, **shared)
-                canvas.use(raster, groups[raster])
-                if scene.is_masked(draw.material):
-                    material = frame.uniform(scene.packed.materials[draw.material])
-                    maps = scene.material_maps(draw.material, "base_color")
-                    canvas.bind(1, raster.bind(1, material=material, **maps))
+            pipeline = partial(self._pipeline, scene)
+            visible = compress(scene.draws, view.sees(scene.boxes))
+            for draw in scene.each(frame, canvas, visible, pipeline, shared):
                 scene.draw_indexed(canvas, draw)
 
     def _pipeline(self, scene: GpuScene, draw: Draw) -> Raster:

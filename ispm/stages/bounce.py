@@ -9,8 +9,9 @@ from collections.abc import Sequence
 from itertools import compress
 
 from ispm.frame import BounceMap, BounceMaps, GpuScene
-from ispm.gpu import Gpu, Group, Raster, Recording, Texture
+from ispm.gpu import Gpu, Raster, Recording, Texture
 from ispm.optics.records import NO_HIT
+from ispm.scene.packed import Draw
 from ispm.stages.cube import cube_direction, cube_texel_solid_angles, face_uniforms, seen_by_faces
 
 __all__ = ["BounceStage", "cube_direction", "cube_texel_solid_angles"]
@@ -73,22 +74,17 @@ class BounceStage:
         row = scene.packed.lights[map.light]
         shift = (2.0 * map.shift[0] / map.width, 2.0 * map.shift[1] / map.width)
         seen = seen_by_faces(scene.boxes, row)
+
+        def pipeline(draw: Draw) -> Raster:
+            return self._masked if scene.is_masked(draw.material) else self._opaque
+
         for layer, uniform in enumerate(face_uniforms(row, map.light, near, shift, pass_index)):
             shared = {
                 "face": frame.uniform(uniform), "vertices": scene.vertices, "indices": scene.indices,
                 "instances": scene.instances,
             }  # fmt: skip
-            groups: dict[Raster, Group] = {}
             target = map.texels.view(layer=layer)
             with frame.draw_into(target, depth=depth, clear=(NO_HIT, 0, 0, 0)) as canvas:
-                for draw in compress(scene.draws, seen[layer]):
-                    masked = scene.is_masked(draw.material)
-                    raster = self._masked if masked else self._opaque
-                    if raster not in groups:
-                        groups[raster] = raster.bind(0, **shared)
-                    canvas.use(raster, groups[raster])
-                    if masked:
-                        material = frame.uniform(scene.packed.materials[draw.material])
-                        maps = scene.material_maps(draw.material, "base_color")
-                        canvas.bind(1, raster.bind(1, material=material, **maps))
+                visible = compress(scene.draws, seen[layer])
+                for draw in scene.each(frame, canvas, visible, pipeline, shared):
                     scene.draw_corners(canvas, draw)

@@ -7,7 +7,8 @@ from itertools import compress
 
 from ispm.errors import SceneError
 from ispm.frame import GpuScene, ShadowMaps, vertex_layout
-from ispm.gpu import Gpu, Group, Raster, Recording
+from ispm.gpu import Gpu, Raster, Recording
+from ispm.scene.packed import Draw
 from ispm.stages.cube import face_uniforms, faces_in_use, seen_by_faces
 
 _FULL_CUBES = 4  # cubes of the asked resolution that all lights share
@@ -65,21 +66,16 @@ class ShadowStage:
     def _draw(self, frame: Recording, scene: GpuScene, index: int, near: float, pass_index: int) -> None:
         light = scene.packed.lights[index]
         seen = seen_by_faces(scene.boxes, light)
+
+        def pipeline(draw: Draw) -> Raster:
+            return self._masked if scene.is_masked(draw.material) else self._opaque
+
         uniforms = face_uniforms(light, index, near, pass_index=pass_index)
         for row, (layer, uniform) in enumerate(zip(faces_in_use(light), uniforms, strict=True)):
             shared = {"face": frame.uniform(uniform), "instances": scene.instances}
-            groups: dict[Raster, Group] = {}
             with frame.draw_into(depth=self._cubes.view(layer=6 * index + int(layer))) as canvas:
                 canvas.vertices(scene.vertices)
                 canvas.indices(scene.indices)
-                for draw in compress(scene.draws, seen[row]):
-                    masked = scene.is_masked(draw.material)
-                    raster = self._masked if masked else self._opaque
-                    if raster not in groups:
-                        groups[raster] = raster.bind(0, **shared)
-                    canvas.use(raster, groups[raster])
-                    if masked:
-                        material = frame.uniform(scene.packed.materials[draw.material])
-                        maps = scene.material_maps(draw.material, "base_color")
-                        canvas.bind(1, raster.bind(1, material=material, **maps))
+                visible = compress(scene.draws, seen[row])
+                for draw in scene.each(frame, canvas, visible, pipeline, shared):
                     scene.draw_indexed(canvas, draw)
