@@ -24,7 +24,7 @@ def load(path: str | os.PathLike[str], **limits: Any) -> Scene:
     """
     for name in limits:
         knob_of(LoadLimits, name)
-    checked, path = LoadLimits(**limits), Path(path)
+    checked, path = LoadLimits(**limits), find(path)
     try:
         scene = _read(path, checked)
     except SceneError as error:
@@ -36,6 +36,13 @@ def load(path: str | os.PathLike[str], **limits: Any) -> Scene:
     scene.name = scene.name or path.stem
     scene.warnings = [_one_line(message) for message in scene.warnings]
     return scene
+
+
+def find(path: str | os.PathLike[str]) -> Path:
+    """Return where a scene file lies: in the folder ISPM_ASSETS where it has one of this name, else as said."""
+    assets = os.environ.get("ISPM_ASSETS")
+    named = Path(assets, path) if assets else Path(path)
+    return named if named.is_file() else Path(path)
 
 
 def _read(path: Path, limits: LoadLimits) -> Scene:

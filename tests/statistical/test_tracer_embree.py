@@ -5,6 +5,7 @@ import pytest
 from tracer_scenes import corners_of, crowd, hall, intersect64, rays_inside
 
 from ispm.optics.records import NO_HIT
+from ispm.scene.builtin import builtin
 from ispm.scene.packed import pack
 from ispm.scene.scene import Scene
 from ispm.tracer.world import World
@@ -20,7 +21,11 @@ def hall_scene():
     return scene
 
 
-@pytest.mark.parametrize("make", [hall_scene, crowd])
+def atrium():
+    return builtin("atrium")
+
+
+@pytest.mark.parametrize("make", [hall_scene, crowd, atrium])
 def test_distances_agree_with_embree(make):
     # N = 1e6 rays, seed 21. Both round in float32: distances may part by 1e-3 of themselves, and at a
     # silhouette either may see past it. At most 1e-5 of the rays do, and each of those is at an edge.
@@ -29,27 +34,18 @@ def test_distances_agree_with_embree(make):
     packed = pack(make())
     world = World()
     world.update(packed)
-    origins, directions = rays_inside(RAYS, [0.5, 0.5, 0.5], [29.5, 11.5, 13.5], 21)
+    low, high = ([0.5, 0.5, 0.5], [29.5, 11.5, 13.5]) if make is not atrium else packed.bounds
+    origins, directions = rays_inside(RAYS, low, high, 21)
     own = world.trace(origins, directions)
     # not the robust mode: both count edges as part of the triangle
     reference = EmbreeScene(packed).trace(origins, directions, world.threads)
-    assert (own["instance"] != NO_HIT).all()  # both scenes are closed
-    apart = ~(np.abs(own["t"] - reference["t"]) <= 1e-3 * np.maximum(1.0, reference["t"]))
+    open_to_the_sky = (own["instance"] == NO_HIT) & np.isinf(reference["t"])
+    assert make is atrium or not open_to_the_sky.any()  # the others are closed
+    with np.errstate(invalid="ignore"):  # infinity less infinity
+        near_each_other = np.abs(own["t"] - reference["t"]) <= 1e-3 * np.maximum(1.0, reference["t"])
+    apart = ~near_each_other & ~open_to_the_sky
     assert apart.sum() <= 1e-5 * RAYS
     near = np.where(own["t"] < reference["t"], own, reference)[apart]
     _, least, cosine = intersect64(origins[apart], directions[apart], corners_of(packed, near))
     at_edge, grazing = np.abs(least) < 1e-3, cosine < 1e-3
     assert (at_edge | grazing).all(), f"unexplained: {near[~(at_edge | grazing)]}"
-
-
-def test_tracer_reaches_six_tenths_of_embree():
-    # Measured 0.81 with the other core busy. Alternating runs share what slows the machine down, but not
-    # always evenly: the best of three medians counts.
-    from ispm.bench.embree import compare_rates
-
-    packed = pack(hall_scene())
-    world = World(1)
-    world.update(packed)
-    origins, directions = rays_inside(100_000, [0.5, 0.5, 0.5], [29.5, 11.5, 13.5], 22)
-    ratios = (compare_rates(world, packed, origins, directions, 1, 5)["ratio"] for _ in range(3))
-    assert any(ratio >= 0.6 for ratio in ratios)

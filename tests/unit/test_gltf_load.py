@@ -25,6 +25,15 @@ def test_load_says_that_a_file_is_not_there(tmp_path: Path) -> None:
         load(tmp_path)
 
 
+def test_load_looks_in_the_folder_of_assets_first(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "assets").mkdir()
+    quad().save_glb(tmp_path / "assets" / "hall.glb")
+    monkeypatch.setenv("ISPM_ASSETS", str(tmp_path / "assets"))
+    assert load("hall.glb").triangle_count == 2
+    with pytest.raises(SceneError, match="no such file"):
+        load("door.glb")
+
+
 def test_load_corrects_the_name_of_a_limit(tmp_path: Path) -> None:
     with pytest.raises(SettingsError, match="did you mean 'max_texture'"):
         load(quad().save(tmp_path / "a.gltf"), max_textures=12)
