@@ -97,7 +97,7 @@ class Settings(_Checked):
     )
     estimator: str = knob(
         "auto",
-        "how photons become light: raster volumes (the paper's), screen tiles, or a grid over the receivers",
+        "how photons become light: raster volumes (the paper's), screen tiles, or a grid in world space",
         choices=("auto", "volumes", "tiled", "grid"),
     )
     emission: str = knob(

@@ -39,7 +39,7 @@ def load(path: str | os.PathLike[str], **limits: Any) -> Scene:
 
 
 def find(path: str | os.PathLike[str]) -> Path:
-    """Return where a scene file lies: in the folder ISPM_ASSETS where it has one of this name, else as said."""
+    """Return where a scene file lies: in the folder ISPM_ASSETS if it has one of this name, else as said."""
     assets = os.environ.get("ISPM_ASSETS")
     named = Path(assets, path) if assets else Path(path)
     return named if named.is_file() else Path(path)

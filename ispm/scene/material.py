@@ -88,6 +88,12 @@ class Material:
     name: str = field(default="", compare=False)
 
     @property
+    def is_mirror(self) -> bool:
+        """Whether the surface reflects like a mirror: alpha, roughness squared, below 1e-3."""
+        shiny = self.metallic > 0.0 or (self.specular > 0.0 and max(self.specular_color) > 0.0)
+        return shiny and not self.unlit and self.roughness**2 < 1e-3
+
+    @property
     def emissive(self) -> bool:
         """Whether the surface glows."""
         return max(self.emission) > 0.0
