@@ -73,13 +73,22 @@ fn mapped_normal(c: Corner, texel: vec3f) -> vec3f {
     return normalize(tangent * m.x + bitangent * m.y + n * m.z);
 }
 
-// Both normals on the eye's side; a shading normal that a map bent past the surface is put back on it.
+// Both normals on the eye's side. A shading normal that a map or coarse triangles turned past the surface,
+// or away from the eye, is put back: no light would leave it, and silhouettes would have black pixels.
 fn seen_normals(c: Corner, mapped: vec3f) -> vec4f {
     let wo = view_direction(c.position);
     let ng = c.ng * select(-1.0, 1.0, dot(c.ng, wo) >= 0.0);
     let n = mapped * select(-1.0, 1.0, dot(c.normal, ng) >= 0.0);
-    let beyond = min(dot(n, ng), 0.0);
-    return vec4f(octahedral_encode(normalize(n - (beyond - 1e-3 * f32(beyond < 0.0)) * ng)), octahedral_encode(ng));
+    return vec4f(octahedral_encode(bend(bend(n, ng), wo)), octahedral_encode(ng));
+}
+
+// `n`, or the unit vector next to it that is just on the side of `toward`. Twin of tracer/surface.py's.
+fn bend(n: vec3f, toward: vec3f) -> vec3f {
+    let beyond = dot(n, toward);
+    if (beyond >= 0.0) {
+        return n;
+    }
+    return normalize(n - (beyond - 1e-3) * toward);
 }
 
 @fragment

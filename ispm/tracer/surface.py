@@ -106,18 +106,22 @@ def surface(table, texels, rows, hit, d):
     side = f32(-1) if dot(n, ng) < f32(0) else f32(1)
     if _texture(table, material, _NORMAL_MAP) >= i64(0):
         n = _mapped_normal(table, texels, rows, instance, material, corners, u, v, n, texel_area)
-    n = _bend(scale(side, n), ng)
+    n = _bend(_bend(scale(side, n), ng), scale(f32(-1), d))
     bsdf = _bsdf(table, texels, rows, material, corners, u, v, texel_area)
     return position, ng, n, bsdf, ldu(table[_MATERIALS], material + _FLAGS)
 
 
 @jit
-def _bend(n, ng):
-    """Put a shading normal that a map turned past the surface back on its side, as the G-buffer does."""
-    beyond = dot(n, ng)
+def _bend(n, toward):
+    """`n`, or the unit vector next to it that is just on the side of `toward`.
+
+    For shading normals that a map or coarse triangles turned past the surface or away from where light
+    goes: nothing would leave there. Twin of gbuffer.wgsl's.
+    """
+    beyond = dot(n, toward)
     if beyond >= f32(0):
         return n
-    return _unit(sub(n, scale(beyond - f32(1e-3), ng)))
+    return _unit(sub(n, scale(beyond - f32(1e-3), toward)))
 
 
 @jit

@@ -74,7 +74,12 @@ def test_places_and_normals_are_those_of_the_placed_mesh(scale):
     smooth = (weights * ball.normals[ball.triangles[primitives]]).sum(axis=1)
     smooth = unit(smooth @ np.linalg.inv(matrix))
     smooth *= np.sign((smooth * flat).sum(axis=1, keepdims=True))
-    assert n == pytest.approx(smooth, abs=1e-5)
+    # a normal that coarse triangles turn away from where the ray came from is put back to graze it
+    wo = -unit(d)
+    away = np.minimum((smooth * wo).sum(axis=1, keepdims=True), 0.0)
+    bent = unit(np.where(away < 0.0, smooth - (away - 1e-3) * wo, smooth))
+    assert n == pytest.approx(bent, abs=1e-5)
+    assert ((n * wo).sum(axis=1) > 0.0).all()
 
 
 def textured_square(material):
