@@ -15,6 +15,7 @@ from ispm.scene.packed import Draw
 from ispm.stages.camera import CameraView
 
 _SAMPLES = 4
+_THREADS = 16384  # as in the shader
 _EDGE = wgsl.load("stages/antialias.wgsl").dtype("Edge")
 
 
@@ -31,8 +32,10 @@ class Antialias:
         self._pipelines: dict[tuple[bool, bool, bool], Raster] = {}
         self._ids = gpu.texture("sample ids", "r16uint", samples=_SAMPLES)
         self._depth = gpu.texture("sample depth", "depth32float", samples=_SAMPLES)
-        self._mix = gpu.compute("stages/antialias.wgsl")
-        self._write = gpu.compute("stages/antialias.wgsl", "write_edges")
+        path = "stages/antialias.wgsl"
+        self._find, self._mix, self._write = (
+            gpu.compute(path, entry) for entry in ("find_edges", "mix_edges", "write_edges")
+        )
         self._count = gpu.buffer("edge count")
         self._edges = gpu.buffer("edges")
 
@@ -43,15 +46,18 @@ class Antialias:
         self._draw(frame, scene, view)
         capacity = min(view.size[0] * view.size[1], self._gpu.max_binding // _EDGE.itemsize)
         self._count.write(np.zeros(4, np.uint32))
-        camera = view.uniform()
+        edges = self._edges.sized(capacity * _EDGE.itemsize)
+        shared = {
+            "camera": view.uniform(), "sample_ids": self._ids, "sample_depth": self._depth,
+            "ids": gbuffer.ids, "depth": gbuffer.depth, "edges": edges,
+        }  # fmt: skip
+        self._find(frame, over=view.size, **shared, edge_count=self._count)
         self._mix(
-            frame, over=view.size, camera=camera, sample_ids=self._ids, sample_depth=self._depth,
-            ids=gbuffer.ids, normals=gbuffer.normals, depth=gbuffer.depth, direct_in=direct,
-            indirect_in=indirect, emission_in=emission, edge_count=self._count,
-            edges=self._edges.sized(capacity * _EDGE.itemsize),
+            frame, over=_THREADS, **shared, listed_count=self._count, normals=gbuffer.normals,
+            direct_in=direct, indirect_in=indirect, emission_in=emission,
         )  # fmt: skip
         self._write(
-            frame, over=capacity, camera=camera, mixed=self._edges, mixed_count=self._count,
+            frame, over=_THREADS, camera=view.uniform(), mixed=edges, listed_count=self._count,
             direct_out=direct, indirect_out=indirect, emission_out=emission,
         )  # fmt: skip
 

@@ -16,7 +16,7 @@
 @group(0) @binding(9) var<storage, read_write> edge_count: array<atomic<u32>>;
 @group(0) @binding(10) var<storage, read_write> edges: array<Edge>;
 @group(0) @binding(11) var<storage, read> mixed: array<Edge>;
-@group(0) @binding(12) var<storage, read> mixed_count: array<u32>;
+@group(0) @binding(12) var<storage, read> listed_count: array<u32>;
 @group(0) @binding(13) var direct_out: texture_storage_2d<rgba32float, write>;
 @group(0) @binding(14) var indirect_out: texture_storage_2d<rgba32float, write>;
 @group(0) @binding(15) var emission_out: texture_storage_2d<rgba32float, write>;
@@ -97,50 +97,67 @@ fn is_plain(own: vec2i) -> bool {
     return bend <= OFF_PLANE * camera.footprint * span;
 }
 
-// Find the pixels on edges and mix their light.
+// List the pixels on edges. They are mixed from the list, not here: few among their neighbours, they would
+// leave most of the device's lanes idle.
 @compute @workgroup_size(8, 8)
-fn main(@builtin(global_invocation_id) thread: vec3u) {
+fn find_edges(@builtin(global_invocation_id) thread: vec3u) {
     let own = vec2i(thread.xy);
-    if (any(own >= vec2i(camera.size))) {
+    if (any(own >= vec2i(camera.size)) || is_plain(own)) {
         return;
     }
-    if (is_plain(own)) {
-        return;
-    }
-    let id = vec4u(sample_id(own, 0), sample_id(own, 1), sample_id(own, 2), sample_id(own, 3));
-    let d = vec4f(
-        textureLoad(sample_depth, own, 0), textureLoad(sample_depth, own, 1),
-        textureLoad(sample_depth, own, 2), textureLoad(sample_depth, own, 3),
-    );
-    let best = best_pixels(own, id, d);
-    var sums = array(vec3f(0.0), vec3f(0.0), vec3f(0.0));
-    for (var k = 0; k < SAMPLES; k++) {
-        let pixel = own + vec2i(best[k] % 3, best[k] / 3) - 1;
-        sums[0] += textureLoad(direct_in, pixel, 0).rgb;
-        sums[1] += textureLoad(indirect_in, pixel, 0).rgb;
-        sums[2] += textureLoad(emission_in, pixel, 0).rgb;
-    }
-    let share = 1.0 / f32(SAMPLES);
-    let seen = share * dot(vec4f(id != vec4u(0u)), vec4f(1.0));
     let slot = atomicAdd(&edge_count[0], 1u);
     if (slot < arrayLength(&edges)) {
-        let number = thread.y * u32(camera.size.x) + thread.x;
-        edges[slot] = Edge(share * sums[0], number, share * sums[1], seen, share * sums[2], 0u);
+        edges[slot].pixel = thread.y * u32(camera.size.x) + thread.x;
     }
 }
 
-// Write the listed pixels, once all of them are mixed from what the picture was before.
+const THREADS = 16384u;    // that share the list among them
+
+fn listed_pixel(number: u32) -> vec2i {
+    let width = u32(camera.size.x);
+    return vec2i(vec2u(number % width, number / width));
+}
+
+// Mix the light of the listed pixels from what the picture is so far.
+@compute @workgroup_size(64)
+fn mix_edges(@builtin(global_invocation_id) thread: vec3u) {
+    let count = min(listed_count[0], arrayLength(&edges));
+    for (var i = thread.x; i < count; i += THREADS) {
+        let own = listed_pixel(edges[i].pixel);
+        let id = vec4u(sample_id(own, 0), sample_id(own, 1), sample_id(own, 2), sample_id(own, 3));
+        let d = vec4f(
+            textureLoad(sample_depth, own, 0), textureLoad(sample_depth, own, 1),
+            textureLoad(sample_depth, own, 2), textureLoad(sample_depth, own, 3),
+        );
+        let best = best_pixels(own, id, d);
+        var direct = vec3f(0.0);
+        var indirect = vec3f(0.0);
+        var emission = vec3f(0.0);
+        for (var k = 0; k < SAMPLES; k++) {
+            let pixel = own + vec2i(best[k] % 3, best[k] / 3) - 1;
+            direct += textureLoad(direct_in, pixel, 0).rgb;
+            indirect += textureLoad(indirect_in, pixel, 0).rgb;
+            emission += textureLoad(emission_in, pixel, 0).rgb;
+        }
+        let share = 1.0 / f32(SAMPLES);
+        edges[i].direct = share * direct;
+        edges[i].indirect = share * indirect;
+        edges[i].emission = share * emission;
+        edges[i].seen = share * dot(vec4f(id != vec4u(0u)), vec4f(1.0));
+    }
+}
+
+// Write the listed pixels, once all of them are mixed.
 @compute @workgroup_size(64)
 fn write_edges(@builtin(global_invocation_id) thread: vec3u) {
-    if (thread.x >= min(mixed_count[0], arrayLength(&mixed))) {
-        return;
+    let count = min(listed_count[0], arrayLength(&mixed));
+    for (var i = thread.x; i < count; i += THREADS) {
+        let edge = mixed[i];
+        let pixel = listed_pixel(edge.pixel);
+        textureStore(direct_out, pixel, vec4f(edge.direct, edge.seen));
+        textureStore(indirect_out, pixel, vec4f(edge.indirect, edge.seen));
+        textureStore(emission_out, pixel, vec4f(edge.emission, edge.seen));
     }
-    let edge = mixed[thread.x];
-    let width = u32(camera.size.x);
-    let pixel = vec2u(edge.pixel % width, edge.pixel / width);
-    textureStore(direct_out, pixel, vec4f(edge.direct, edge.seen));
-    textureStore(indirect_out, pixel, vec4f(edge.indirect, edge.seen));
-    textureStore(emission_out, pixel, vec4f(edge.emission, edge.seen));
 }
 
 fn sample_id(own: vec2i, k: i32) -> u32 {
