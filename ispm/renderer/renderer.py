@@ -12,7 +12,7 @@ from ispm.errors import SceneError, SceneWarning, SettingsError
 from ispm.estimators import ESTIMATORS
 from ispm.frame import BounceMaps, GBuffer, GpuScene
 from ispm.gpu import Gpu, Recording, Texture, open_gpu
-from ispm.optics.records import EMITTED, PHOTON
+from ispm.optics.records import EMITTED, MATERIAL_UNLIT, PHOTON
 from ispm.optics.texture import TextureTable
 from ispm.renderer import layers as make
 from ispm.renderer.framing import default_camera, default_light, find_camera
@@ -315,20 +315,22 @@ class Renderer:
     ) -> Frame:
         """Read the picture's parts back, add them, expose and tone map."""
         f2, f4, u4 = np.float16, np.float32, np.uint32
-        d, i, e, irr, base, normals, ids, depth = self._gpu.read_many([
-            (light[0], f4, 4), (light[1], f4, 4), (light[2], f4, 4), (irradiance, f4, 4),
-            (gbuffer.base, f2, 4), (gbuffer.normals, f2, 4), (gbuffer.ids, u4, 2), (gbuffer.depth, f4),
+        assert self._packed is not None
+        glow = [(light[2], f4, 4)] if _glows(self._packed) else []
+        d, i, irr, base, normals, ids, depth, *rest = self._gpu.read_many([
+            (light[0], f4, 4), (light[1], f4, 4), (irradiance, f4, 4), (gbuffer.base, f2, 4),
+            (gbuffer.normals, f2, 4), (gbuffer.ids, u4, 2), (gbuffer.depth, f4), *glow,
         ])  # fmt: skip
-        alpha = e[..., 3].copy()
+        e = rest[0] if rest else np.zeros_like(d)
+        alpha = i[..., 3]
         background = self.settings.background
         if not isinstance(background, str) and any(background):
             e[..., :3] += (1.0 - alpha[..., None]) * np.array(background, f4)
-        assert self._packed is not None
         nodes = np.append(np.int32(-1), self._packed.instances["node"].astype(np.int32))
         full = make.sum_layers(d, i, e, self.threads)
         layers = make.Layers({
             "full": lambda: full, "direct": lambda: make.rgb(d), "indirect": lambda: make.rgb(i),
-            "emission": lambda: make.rgb(e), "alpha": lambda: alpha, "irradiance": lambda: make.rgb(irr),
+            "emission": lambda: make.rgb(e), "alpha": lambda: np.ascontiguousarray(alpha), "irradiance": lambda: make.rgb(irr),
             "depth": lambda: make.linear_depth(depth, view),
             "normal": lambda: make.decode_normals(normals, depth),
             "albedo": lambda: base[..., :3].astype(f4), "instance": lambda: nodes[ids[..., 0]],
@@ -341,3 +343,9 @@ class Renderer:
             image = np.dstack([image, np.rint(alpha * 255.0).astype(np.uint8)])
         camera = {"pose": view.pose, "clip_from_world": view.clip_from_world}
         return Frame(image, layers, Stats(), settings, camera, exposure)  # type: ignore[arg-type]
+
+
+def _glows(packed: Packed) -> bool:
+    """Whether any material emits light or shows its color unlit."""
+    unlit = packed.materials["flags"] & MATERIAL_UNLIT
+    return bool(packed.materials["emission"].any() or unlit.any())

@@ -16,7 +16,7 @@ from ispm.tracer.threads import run_threads
 
 f32, i64, u32 = np.float32, np.int64, np.uint32
 
-_CELLS_MAX = 96  # per axis: 3.5 MB of counts
+_CELLS_MAX = 64  # per axis: 1 MB of counts
 _CHUNK = 64  # receivers a thread takes at a time
 
 
@@ -37,9 +37,9 @@ class PhotonGrid:
         self._cell = f32(max(wanted, float(extent.max()) / _CELLS_MAX, 1e-30))
         self._low = low.astype(np.float32)
         self._shape = np.minimum(np.ceil(extent / self._cell), _CELLS_MAX).astype(np.int64) + 1
-        starts = np.zeros(int(self._shape.prod()) + 1, np.int64)
+        starts = np.zeros(int(self._shape.prod()) + 1, np.int32)
         _count(photons, self._low, self._cell, self._shape, starts)
-        self._starts = np.cumsum(starts)
+        self._starts = np.cumsum(starts, dtype=np.int32)
         self._ids = np.empty(int(self._starts[-1]), np.uint32)
         _fill(photons, self._low, self._cell, self._shape, self._starts[:-1].copy(), self._ids)
 

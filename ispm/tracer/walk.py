@@ -69,7 +69,7 @@ def walk(
     """
     chunk_count = -(-len(emitted) // _CHUNK)
     capacity = _CHUNK * max(bounces, 1)
-    stored = np.empty(chunk_count * capacity, PHOTON)  # mostly pages that are never touched
+    stored = world.scratch(chunk_count * capacity, PHOTON)  # mostly pages that are never touched
     counts = np.zeros((chunk_count, 2), np.int64)
     sums = np.zeros((chunk_count, 5, 3))
     counter = np.zeros(8, np.int64)

@@ -48,6 +48,7 @@ class World:
         self.threads = thread_count(threads)
         self.table = np.zeros(16, np.uint64)
         self._geometry: Geometry | None = None
+        self._scratch = np.empty(0, np.uint8)
         self._trees: dict[int, tuple[Mesh, int, MeshBvh]] = {}
         self._roots = np.zeros(0, np.uint32)
         self._boxes = np.zeros((0, 2, 3), np.float32)
@@ -62,6 +63,16 @@ class World:
         rows = packed.instances
         matrices = np.stack([rows["world0"], rows["world1"], rows["world2"]], axis=1)
         self._place(matrices, np.ascontiguousarray(rows["mesh"]))
+
+    def scratch(self, count: int, dtype: np.dtype) -> np.ndarray:
+        """Return room for `count` records, contents unknown; the next call takes it back.
+
+        Kept between frames: fresh memory costs the system more than filling it.
+        """
+        nbytes = count * dtype.itemsize
+        if self._scratch.nbytes < nbytes:
+            self._scratch = np.empty(nbytes, np.uint8)
+        return self._scratch[:nbytes].view(dtype)
 
     def trace(
         self, origins: np.ndarray, directions: np.ndarray, t_max: float | np.ndarray = np.inf
