@@ -64,7 +64,7 @@ class Settings(_Checked):
         40_000,
         "photons emitted per pass, all lights together; noise falls and time grows with it",
         low=0,
-        high=100_000_000,
+        high=16_000_000,
         metavar="N",
     )
     bounces: int = knob(

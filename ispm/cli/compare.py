@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import re
+from pathlib import Path
 from typing import Annotated
 
 from cyclopts import Parameter
 
 from ispm.cli.console import Console
 from ispm.cli.options import command
-from ispm.errors import SettingsError
+from ispm.errors import OutputError, SettingsError
+from ispm.io.atomic import require_writable
 
 EXCEEDED = 1
 
@@ -48,6 +51,8 @@ def compare(
     for name, bound in (("--max-relmse", max_relmse), ("--max-bias", max_bias)):
         if bound is not None and not bound >= 0.0:
             raise SettingsError(f"{name}: {bound} is not a bound; give 0 or more")
+    if diff is not None:
+        _require_diff(diff, a, b, mask)
     if not math.isfinite(reference_error):
         raise SettingsError(f"--reference-error: {reference_error} is not a number")
     from ispm.bench import metrics
@@ -79,3 +84,15 @@ def compare(
         console.say(line)
     console.result({**values, "exceeded": exceeded})
     return EXCEEDED if exceeded else 0
+
+
+def _require_diff(diff: str, *inputs: str | None) -> None:
+    """Raise OutputError where the picture of the difference cannot be written, or would replace an input."""
+    target = Path(diff)
+    if target.suffix.lower() != ".png":
+        raise OutputError(f"--diff: '{diff}' must end in .png")
+    require_writable(target)
+    for name in inputs:
+        source = Path(re.sub(r"(?i)(\.(?:npz|exr)):[^/\\:]+$", r"\1", name)) if name else None
+        if source and target.exists() and source.exists() and target.samefile(source):
+            raise OutputError(f"--diff: {diff} is one of the pictures compared; name another file")

@@ -15,7 +15,7 @@ from typing import Any
 class Console:
     """Says things to the user.
 
-    quiet    nothing but results, warnings and errors
+    quiet    nothing but results and errors
     as_json  one JSON object on stdout instead of the paths written
     """
 
@@ -33,7 +33,7 @@ class Console:
         """Print a warning on stderr, each once."""
         if text not in self._warned and not self.quiet:
             self._warned.add(text)
-            print("ispm: warning: " + " ".join(text.split()), file=sys.stderr, flush=True)
+            print("ispm: warning: " + one_line(text), file=sys.stderr, flush=True)
 
     def written(self, path: object) -> None:
         """Print the path of a file that was written, on stdout."""
@@ -116,3 +116,8 @@ def _rich_table(title: str, cells: list[list[str]]) -> None:
     for row in cells:
         table.add_row(*(Text(cell) for cell in row))
     Rich(stderr=True, highlight=False).print(table)
+
+
+def one_line(text: str) -> str:
+    """Return `text` in one line, without what would steer a terminal: names come from files."""
+    return "".join(c if c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in " ".join(text.split()))

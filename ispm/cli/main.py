@@ -13,7 +13,7 @@ from cyclopts import CycloptsError
 
 from ispm import __version__
 from ispm.cli import bench, compare, doctor, info, render, scenes
-from ispm.cli.console import Console
+from ispm.cli.console import Console, one_line
 from ispm.cli.options import app
 from ispm.errors import AdapterError, IspmError, SceneWarning
 
@@ -55,7 +55,7 @@ def _failed(code: int, message: str, debug: bool) -> int:
     """Say in one line what went wrong; with the traceback where it is wanted."""
     if debug:
         traceback.print_exc()
-    print("ispm: " + " ".join(message.split()), file=sys.stderr)
+    print("ispm: " + one_line(message), file=sys.stderr)
     return code
 
 

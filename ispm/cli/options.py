@@ -26,7 +26,7 @@ app = App(
 )
 
 _COMMON = {
-    "quiet": "print nothing but results, warnings and errors",
+    "quiet": "print nothing but results and errors",
     "json": "print one JSON object on stdout",
     "debug": "show a traceback where something goes wrong",
 }
@@ -84,6 +84,8 @@ def vector(option: str, text: str) -> tuple[float, float, float]:
         x, y, z = (float(part) for part in text.split(","))
     except ValueError:
         raise SettingsError(f"{option}: '{text}' is not X,Y,Z") from None
+    if not all(abs(value) < 1e12 for value in (x, y, z)):
+        raise SettingsError(f"{option}: '{text}' is not a place; give metres")
     return x, y, z
 
 

@@ -174,9 +174,11 @@ def _print_config(console: Console, settings: Settings) -> None:
 
 
 def _list_adapters(console: Console) -> None:
-    from ispm.gpu.device import list_adapters
+    from ispm.gpu.device import list_adapters, open_gpu
 
     found = list_adapters()
+    if not found:
+        open_gpu()  # says why there is none, and the cure
     console.table("adapters", [(a.name, a.backend, a.type, a.driver) for a in found])
     console.result({"adapters": found})
 

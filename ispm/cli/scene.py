@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import asdict, replace
 from math import radians
 from pathlib import Path
 from typing import TYPE_CHECKING
+from urllib.parse import quote
 
 from ispm.cli.console import Console
 from ispm.cli.options import vector
@@ -75,10 +77,12 @@ def require_not_input(output: Path, scene: str) -> None:
     if not output.exists() or not source.is_file():
         return
     readers = [source, *source.parent.glob("*.mtl")]
+    spellings = {output.name, quote(output.name), json.dumps(output.name)[1:-1]}
     named = any(
-        output.name.encode() in file.read_bytes()
+        spelling.encode() in file.read_bytes()
         for file in readers
-        if file.suffix.lower() in (".gltf", ".obj", ".mtl")
+        if file.suffix.lower() in (".gltf", ".glb", ".obj", ".mtl")
+        for spelling in spellings
     )
     if output.samefile(source) or (named and source.parent.resolve() in output.resolve().parents):
         raise OutputError(f"{output}: belongs to the scene {scene}; name another file with -o")

@@ -42,6 +42,7 @@ class Readback:
 
     def __init__(self, device: wgpu.GPUDevice) -> None:
         self._device = device
+        self._most = device.limits["max-buffer-size"]
         self._staging = self._create(65536)
 
     def read(self, wanted: Sequence[tuple[Any, ...]]) -> list[np.ndarray]:
@@ -52,6 +53,9 @@ class Readback:
             plan = _plan_texture if isinstance(item[0], Texture) else _plan_buffer
             planned.append(plan(-(-end // _ROW) * _ROW, *item))
             end = planned[-1].offset + -(-planned[-1].nbytes // 4) * 4
+        if end > self._most and len(wanted) > 1:
+            half = len(wanted) // 2
+            return self.read(wanted[:half]) + self.read(wanted[half:])
         if end > self._staging.size:
             self._staging.destroy()
             self._staging = self._create(end)

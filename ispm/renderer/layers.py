@@ -20,6 +20,13 @@ class Layers(Mapping[str, np.ndarray]):
         self._makers = dict(makers)
         self._made: dict[str, np.ndarray] = {}
 
+    def __getstate__(self) -> dict[str, np.ndarray]:
+        return dict(self)  # makers cannot be pickled; what they make can
+
+    def __setstate__(self, made: dict[str, np.ndarray]) -> None:
+        self._made = made
+        self._makers = dict.fromkeys(made, lambda: np.zeros(0, np.float32))
+
     def __getitem__(self, name: str) -> np.ndarray:
         if name not in self._made:
             self._made[name] = self._makers[name]()

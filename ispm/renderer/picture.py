@@ -33,11 +33,11 @@ class Frame:
     exposure    stops that `image` was made with
     """
 
-    image: np.ndarray
+    image: np.ndarray = field(repr=False)
     layers: dict[str, np.ndarray] = field(repr=False)
     stats: Stats
     settings: Settings
-    camera: dict[str, np.ndarray]
+    camera: dict[str, np.ndarray] = field(repr=False)
     exposure: float
 
     @property

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+import gc
+import math
 import time as clock
 import warnings
 from types import TracebackType
 
 import numpy as np
 
-from ispm.errors import SceneError, SceneWarning, SettingsError
+from ispm.errors import IspmError, SceneError, SceneWarning, SettingsError
 from ispm.estimators import ESTIMATORS
 from ispm.frame import BounceMaps, GBuffer, GpuScene
 from ispm.gpu import Gpu, Recording, Texture, open_gpu
-from ispm.optics.records import EMITTED, MATERIAL_UNLIT, PHOTON
+from ispm.optics.records import EMITTED, MATERIAL_UNLIT, PHOTON, RECEIVER
 from ispm.optics.texture import TextureTable
 from ispm.renderer import layers as make
 from ispm.renderer.framing import default_camera, default_light, find_camera
@@ -48,6 +50,10 @@ from ispm.tracer.world import World
 _NEAR = 1e-4  # of the scene's diagonal; reversed depth has precision to spare
 _TEXTURE_FOOTPRINT = 0.005  # of the diagonal: over which photons see textures averaged
 _PASS = 0  # of one
+_OWNED = (
+    "_upload", "_gbuffer", "_bounce", "_direct", "_antialias", "_shadow", "_downsample", "_upsample",
+    "_estimator", "_world", "_last", "_packed", "_textures",
+)  # fmt: skip
 
 
 class Renderer:
@@ -72,6 +78,9 @@ class Renderer:
         threads: int | None = None,
         gpu: Gpu | None = None,
     ) -> None:
+        if not isinstance(scene, Scene):
+            raise SceneError(f"a Renderer takes a Scene, not a {type(scene).__name__}; see ispm.load")
+        self._closed = False
         self.scene, self.camera = scene, camera
         self.threads = thread_count(threads)
         self._gpu, self._owns_gpu = gpu or open_gpu(adapter), gpu is None
@@ -99,9 +108,15 @@ class Renderer:
         self.close()
 
     def close(self) -> None:
-        """Free the adapter's memory; frames that were rendered stay whole."""
+        """Free the adapter's memory; frames that were rendered stay whole. Closing twice does no harm."""
+        if self._closed:
+            return
+        self._closed = True
         if self._owns_gpu:
             self._gpu.close()
+        for name in _OWNED:
+            vars(self).pop(name, None)
+        gc.collect()  # device objects refer to each other, and each holds memory that Python does not see
 
     @property
     def settings(self) -> Settings:
@@ -111,11 +126,19 @@ class Renderer:
 
     @settings.setter
     def settings(self, new: Settings) -> None:
+        if not isinstance(new, Settings):
+            raise SettingsError(f"settings must be ispm.Settings, not a {type(new).__name__}")
         old, limit = self._settings, self._gpu.max_texture
         if max(new.size) > limit:
             raise SettingsError(
                 f"size: {new.size[0]}x{new.size[1]} is larger than {self._gpu.name} can draw, "
                 f"{limit} pixels a side"
+            )
+        receivers = math.prod(-(-side // new.subsampling) for side in new.size)
+        if receivers * RECEIVER.itemsize > self._gpu.max_binding:
+            raise SettingsError(
+                f"size: {new.size[0]}x{new.size[1]} at subsampling {new.subsampling} needs more memory at "
+                f"once than {self._gpu.name} can bind; use a larger subsampling or a smaller size"
             )
         if old is None or old.subsampling != new.subsampling:
             self._downsample = Downsample(self._gpu, new.subsampling)
@@ -129,6 +152,8 @@ class Renderer:
 
     def render(self) -> Frame:
         """Render one picture. Raises SceneError for a scene without a surface."""
+        if self._closed:
+            raise IspmError("this renderer is closed; make another one")
         started = clock.perf_counter()
         watch = Watch()
         packed, view = self._prepare()
@@ -295,8 +320,6 @@ class Renderer:
         view: CameraView,
     ) -> None:
         """Light the pixels that upsampling could not serve: by the filter, else by the photons near."""
-        if not len(photons):
-            return
         missed, receivers = self._upsample.missed()
         if not len(missed):
             return
@@ -305,7 +328,7 @@ class Renderer:
             scene.packed.diagonal, self.settings.smoothing, self.threads,
         )  # fmt: skip
         alone = light[:, WEIGHT] == 0.0
-        if alone.any():
+        if alone.any() and len(photons):
             light[alone] = PhotonGrid(photons).estimate(receivers[alone], self.threads)
         with self._gpu.frame() as frame:
             self._upsample.patch(frame, scene, gbuffer, view, light)
@@ -330,7 +353,8 @@ class Renderer:
         full = make.sum_layers(d, i, e, self.threads)
         layers = make.Layers({
             "full": lambda: full, "direct": lambda: make.rgb(d), "indirect": lambda: make.rgb(i),
-            "emission": lambda: make.rgb(e), "alpha": lambda: np.ascontiguousarray(alpha), "irradiance": lambda: make.rgb(irr),
+            "emission": lambda: make.rgb(e), "alpha": lambda: np.ascontiguousarray(alpha),
+            "irradiance": lambda: make.rgb(irr),
             "depth": lambda: make.linear_depth(depth, view),
             "normal": lambda: make.decode_normals(normals, depth),
             "albedo": lambda: base[..., :3].astype(f4), "instance": lambda: nodes[ids[..., 0]],

@@ -24,6 +24,16 @@ class Camera:
     pose: np.ndarray | None = None
     name: str = field(default="", compare=False)
 
+    def __post_init__(self) -> None:
+        if not 0.0 < self.yfov < math.pi:
+            raise SettingsError(f"camera: yfov {self.yfov} is outside 0 to pi radians")
+        if self.ymag is not None and not 0.0 < self.ymag < math.inf:
+            raise SettingsError(f"camera: ymag {self.ymag} is not a height; give metres")
+        if self.pose is not None:
+            self.pose = np.asarray(self.pose, np.float64)
+            if self.pose.shape != (4, 4) or not np.isfinite(self.pose).all():
+                raise SettingsError("camera: the pose must be a (4, 4) matrix of finite numbers")
+
     @property
     def orthographic(self) -> bool:
         """Whether rays are parallel."""

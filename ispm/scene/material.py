@@ -81,10 +81,10 @@ class Material:
     double_sided: bool = False
     unlit: bool = False
     normal_scale: float = 1.0
-    base_color_texture: TextureUse | None = None
-    metallic_roughness_texture: TextureUse | None = None  # G roughness, B metallic
-    normal_texture: TextureUse | None = None
-    emission_texture: TextureUse | None = None
+    base_color_texture: TextureUse | Texture | None = None
+    metallic_roughness_texture: TextureUse | Texture | None = None  # G roughness, B metallic
+    normal_texture: TextureUse | Texture | None = None
+    emission_texture: TextureUse | Texture | None = None
     name: str = field(default="", compare=False)
 
     @property

@@ -36,6 +36,8 @@ class Mesh:
         self.positions = _array(self.positions, np.float32, 3, "positions", self.name)
         self.triangles = _array(self.triangles, np.uint32, 3, "triangles", self.name)
         vertex_count = len(self.positions)
+        if not np.isfinite(self.positions).all():
+            raise SceneError(f"mesh '{self.name}': a position is not finite")
         for name, width in (("normals", 3), ("tangents", 4), ("uv0", 2), ("uv1", 2), ("colors", 4)):
             values = getattr(self, name)
             if values is not None:

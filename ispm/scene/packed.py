@@ -234,6 +234,8 @@ def _light_record(light: PointLight, world: np.ndarray) -> np.ndarray:
     row["kind"] = records.LIGHT_POINT
     row["intensity"] = light.intensity
     row["range"] = light.range if np.isfinite(light.range) else 0.0
+    if not (np.isfinite(row["intensity"]).all() and (row["intensity"] >= 0.0).all()):
+        raise SceneError(f"light '{light.name}': intensity {light.intensity} must be finite and not negative")
     return row
 
 
@@ -292,14 +294,19 @@ def _material_record(material: Material, textures: list[Texture]) -> np.ndarray:
         | records.MATERIAL_DOUBLE_SIDED * material.double_sided
         | records.MATERIAL_UNLIT * material.unlit
     )
+    for name in ("base_color", "emission", "metallic", "roughness", "specular", "specular_color", "f0"):
+        if not (np.isfinite(row[name]).all() and (row[name] >= 0.0).all()):
+            raise SceneError(f"material '{material.name}': {name} must be finite and not negative")
     for slot in ("base_color", "metallic_roughness", "normal", "emission"):
         row[f"{slot}_texture"] = _texture_use(getattr(material, f"{slot}_texture"), textures)
     return row
 
 
-def _texture_use(use: TextureUse | None, textures: list[Texture]) -> np.ndarray:
+def _texture_use(use: TextureUse | Texture | None, textures: list[Texture]) -> np.ndarray:
     row = np.zeros((), records.TEXTURE_USE)
     row["texture"] = -1
+    if isinstance(use, Texture):
+        use = TextureUse(use)
     if use is not None:
         known = next((i for i, t in enumerate(textures) if t is use.texture), None)
         if known is None:

@@ -127,15 +127,15 @@ class Scene:
         parent: Node | None = None,
     ) -> Node:
         """Place a mesh, light or camera on a new node and return the node."""
+        if not isinstance(item, (Mesh, PointLight, Camera)):
+            raise SceneError(f"cannot add a {type(item).__name__}; give a mesh, a light or a camera")
         node = Node(name or item.name, translation, rotation, scale)
         if isinstance(item, Mesh):
             node.parts.append(Part(item, material or Material()))
         elif isinstance(item, PointLight):
             node.light = item
-        elif isinstance(item, Camera):
-            node.camera = item
         else:
-            raise SceneError(f"cannot add a {type(item).__name__}; give a mesh, a light or a camera")
+            node.camera = item
         (parent.children if parent else self.roots).append(node)
         return node
 

@@ -8,11 +8,20 @@ from concurrent.futures import ThreadPoolExecutor
 from functools import cache
 from typing import Any
 
+from ispm.errors import SettingsError
+
+_MOST = 1024  # threads; more of them than cores gain nothing
+
 
 def thread_count(threads: int | None) -> int:
-    """Return `threads`, or the number of cores this process may use where it is None or 0."""
+    """Return `threads`, or the number of cores this process may use where it is None or 0.
+
+    Raises SettingsError for a number of threads that makes no sense.
+    """
     if threads:
-        return max(1, threads)
+        if not 0 < threads <= _MOST:
+            raise SettingsError(f"threads: {threads} is outside 1 to {_MOST}")
+        return int(threads)
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1

@@ -165,7 +165,7 @@ def test_print_config_can_be_read_back(ispm_command, place):
         ("render cornell-box --photons", "--photons requires an argument"),
         ("render cornell-box extra", "extra"),
         ("render cornell-box --photons 4x", "--photons: '4x' is not a number"),
-        ("render cornell-box --photons -3", "--photons: -3 is outside 0 to 100000000"),
+        ("render cornell-box --photons -3", "--photons: -3 is outside 0 to 16000000"),
         ("render cornell-box --estimator volums", "did you mean 'volumes'?"),
         ("render cornell-box --size 640", "--size: needs 2 numbers, not 1"),
         ("render cornell-box --show ful", "--show: 'ful' is not one of"),

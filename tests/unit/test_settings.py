@@ -41,7 +41,7 @@ def test_setting_converts_to_what_the_renderer_uses(name, given_value, held):
 @pytest.mark.parametrize(
     ("name", "value", "says"),
     [
-        ("photons", -1, "photons: -1 is outside 0 to 100000000"),
+        ("photons", -1, "photons: -1 is outside 0 to 16000000"),
         ("photons", 1.5, "1.5 is not a whole number"),
         ("photons", "4x", "'4x' is not a number"),
         ("photons", True, "True is not a number"),
