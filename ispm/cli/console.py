@@ -27,7 +27,7 @@ class Console:
     def say(self, text: str) -> None:
         """Print a line on stderr."""
         if not self.quiet:
-            print(text, file=sys.stderr, flush=True)
+            print(one_line(text), file=sys.stderr, flush=True)
 
     def warn(self, text: str) -> None:
         """Print a warning on stderr, each once."""
@@ -54,7 +54,7 @@ class Console:
         elif sys.stderr.isatty():
             from rich.console import Console as Rich
 
-            with Rich(stderr=True, highlight=False).status(text):
+            with Rich(stderr=True, highlight=False).status(one_line(text)):
                 yield
         else:
             self.say(f"{text} ...")
@@ -102,7 +102,7 @@ def _cell(value: object) -> str:
         return f"{value:,.2f}" if abs(value) >= 10 else f"{value:.4g}"
     if isinstance(value, (list, tuple)):
         return ", ".join(_cell(item) for item in value) or "-"
-    return str(value)
+    return one_line(str(value))
 
 
 def _rich_table(title: str, cells: list[list[str]]) -> None:

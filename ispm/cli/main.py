@@ -29,6 +29,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     3 no usable graphics adapter; 130 interrupted.
     """
     arguments = sys.argv[1:] if arguments is None else list(arguments)
+    if sys.stdout is None or sys.stderr is None:  # closed by who started us; there is nobody to tell
+        sys.stdout, sys.stderr = (
+            s or os.fdopen(os.open(os.devnull, os.O_WRONLY), "w") for s in (sys.stdout, sys.stderr)
+        )
     debug = "--debug" in arguments
     app.version = __version__
     try:

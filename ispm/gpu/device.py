@@ -5,7 +5,9 @@ from __future__ import annotations
 import os
 import tempfile
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -90,7 +92,17 @@ def open_gpu(adapter: str | None = None) -> Gpu:
     return Gpu(matching[0])
 
 
+@cache
+def _leave_out_opengl() -> None:
+    """Its backend is never used, and aborts the process where several threads look for adapters at once."""
+    from wgpu.backends.wgpu_native.extras import set_instance_extras
+
+    with suppress(RuntimeError):  # another user of wgpu was first
+        set_instance_extras(backends=("Vulkan", "Metal", "DX12"))
+
+
 def _adapters() -> list[wgpu.GPUAdapter]:
+    _leave_out_opengl()
     os.environ.setdefault("XDG_RUNTIME_DIR", tempfile.gettempdir())  # unset, drivers complain on stderr
     found = [a for a in wgpu.gpu.enumerate_adapters_sync() if a.info["backend_type"] in _BACKENDS]
     return sorted(found, key=lambda a: _rank(a.info["adapter_type"]))

@@ -7,6 +7,7 @@ numba by itself does not see that a function called from another file has change
 from __future__ import annotations
 
 import hashlib
+import pickle
 from collections.abc import Callable
 from functools import cache
 from importlib.resources import files
@@ -30,7 +31,7 @@ def jit(function: Callable[..., Any] | None = None, *, inline: bool = False) -> 
     before = config.CACHE_DIR
     config.CACHE_DIR = folder or before
     try:
-        return njit(
+        compiled: Any = njit(
             nogil=True,
             cache=bool(folder),
             error_model="numpy",
@@ -39,6 +40,25 @@ def jit(function: Callable[..., Any] | None = None, *, inline: bool = False) -> 
         )(function)
     finally:
         config.CACHE_DIR = before
+    if folder:
+        _forgive(compiled._cache)
+    return compiled
+
+
+def _forgive(cache: Any) -> None:
+    """Let a damaged or full cache cost a compilation, not the picture."""
+
+    def forgiving(method: Callable[..., Any]) -> Callable[..., Any]:
+        def attempt(*arguments: Any) -> Any:
+            try:
+                return method(*arguments)
+            except (OSError, EOFError, pickle.UnpicklingError, ValueError, AttributeError, ImportError):
+                return None
+
+        return attempt
+
+    cache.load_overload = forgiving(cache.load_overload)
+    cache.save_overload = forgiving(cache.save_overload)
 
 
 @cache

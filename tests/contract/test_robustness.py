@@ -1,0 +1,138 @@
+"""What must not happen: stale light, lost inputs, and a damaged cache that stops the work."""
+
+import os
+import pickle
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from transport import box_room, lit, render
+
+from ispm.cli.main import main
+from ispm.errors import IspmError, SceneError, SettingsError
+from ispm.renderer import Renderer
+from ispm.scene.builtin import builtin
+from ispm.scene.camera import Camera
+from ispm.scene.light import PointLight
+from ispm.scene.material import Material, Texture
+from ispm.scene.mesh import Mesh
+from ispm.scene.scene import Scene
+from ispm.settings import Settings
+
+
+def test_no_light_stays_when_the_lights_go_out(gpu):
+    scene = builtin("cornell-box")
+    with Renderer(scene, Settings(size=(160, 90), photons=4000), gpu=gpu) as renderer:
+        assert renderer.render().indirect.any()
+        light = scene.lights[0].light
+        kept, light.intensity = light.intensity, (0.0, 0.0, 0.0)
+        assert not renderer.render().radiance.any()
+        light.intensity = kept
+        renderer.settings = renderer.settings.replace(bounces=0)
+        assert not renderer.render().indirect.any()
+
+
+def test_a_closed_renderer_says_so(gpu):
+    renderer = Renderer(box_room(), Settings(size=(16, 9)), gpu=gpu)
+    renderer.close()
+    renderer.close()
+    with pytest.raises(IspmError, match="closed"):
+        renderer.render()
+
+
+def test_frames_can_be_pickled(gpu):
+    frame, _ = render(gpu, lit(box_room()), size=(32, 18), photons=500)
+    again = pickle.loads(pickle.dumps(frame))
+    assert (again.radiance == frame.radiance).all() and set(again.layers) == set(frame.layers)
+    assert len(repr(frame)) < 4000
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda: Mesh([[np.nan, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]]),
+        lambda: Camera(yfov=float("nan")),
+        lambda: Camera(ymag=0.0),
+        lambda: Camera(pose=np.eye(3)),
+        lambda: Scene().add("a"),
+        lambda: Renderer("cornell-box"),
+    ],
+)
+def test_nonsense_is_refused_by_name(make):
+    with pytest.raises((SceneError, SettingsError)):
+        make()
+
+
+@pytest.mark.parametrize(
+    "change", [{"base_color": (np.nan, 0, 0)}, {"emission": (-1.0, 0, 0)}, {"roughness": np.inf}]
+)
+def test_numbers_without_sense_make_no_picture(gpu, change):
+    scene = lit(box_room())
+    scene.nodes[0].parts[0].material = Material(**change)
+    with pytest.raises(SceneError, match="finite and not negative"):
+        render(gpu, scene)
+
+
+def test_a_light_without_sense_makes_no_picture(gpu):
+    scene = box_room()
+    scene.add(PointLight((np.inf, 1.0, 1.0)))
+    with pytest.raises(SceneError, match="finite and not negative"):
+        render(gpu, scene)
+
+
+def test_a_texture_may_stand_for_its_use(gpu):
+    scene = lit(box_room())
+    pixels = np.full((2, 2, 4), 255, np.uint8)
+    scene.nodes[0].parts[0].material = Material(base_color_texture=Texture(pixels))
+    assert render(gpu, scene, size=(16, 9), bounces=0)[0].radiance.any()
+
+
+def test_threads_have_a_bound():
+    with pytest.raises(SettingsError, match="threads"):
+        Renderer(box_room(), threads=1_000_000)
+
+
+def test_too_many_receivers_are_refused_before_the_work(gpu):
+    side = gpu.max_texture
+    if side * side * 64 <= gpu.max_binding:
+        pytest.skip("this adapter binds more than its largest picture needs")
+    with pytest.raises(SettingsError, match="subsampling"):
+        Renderer(box_room(), Settings(size=(side, side), subsampling=1), gpu=gpu)
+
+
+def test_compare_does_not_write_over_what_it_compares(tmp_path: Path, capsys):
+    picture = tmp_path / "a.png"
+    from ispm.io.image import write_png
+
+    write_png(picture, np.zeros((4, 4, 3), np.uint8))
+    before = picture.read_bytes()
+    assert main(["compare", str(picture), str(picture), "--diff", str(picture)]) == 2
+    assert main(["compare", str(picture), str(picture), "--diff", str(tmp_path / "d.exr")]) == 2
+    assert picture.read_bytes() == before
+    assert capsys.readouterr().err.count("ispm: ") == 2
+
+
+def test_names_from_files_do_not_steer_the_terminal(capsys):
+    assert main(["render", "\x1b[31mred.glb"]) == 2
+    assert "\x1b" not in capsys.readouterr().err
+
+
+def test_a_damaged_cache_costs_a_compilation_only(tmp_path: Path):
+    code = "from ispm.optics.rng import random4; print(random4(1, 2, 3, 4)[0])"
+    environment = {**os.environ, "ISPM_CACHE": str(tmp_path)}
+
+    def run() -> str:
+        done = subprocess.run(
+            [sys.executable, "-c", code], env=environment, capture_output=True, text=True, timeout=120
+        )
+        assert done.returncode == 0, done.stderr
+        return done.stdout
+
+    first = run()
+    kept = [*tmp_path.glob("kernels-*/**/*.nb?")]
+    assert kept
+    for file in kept:
+        file.write_bytes(file.read_bytes()[:10])
+    assert run() == first
