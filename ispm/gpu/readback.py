@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -31,9 +32,36 @@ class _Copy:
     def nbytes(self) -> int:
         return math.prod(self.stored) * self.dtype.itemsize
 
-    def array(self, memory: memoryview) -> np.ndarray:
+    def array(self, memory: memoryview, room: _Room) -> np.ndarray:
         rows = np.frombuffer(memory, self.dtype, math.prod(self.stored), self.offset).reshape(self.stored)
-        return np.array(rows[tuple(slice(n) for n in self.used)]).reshape(self.shape)
+        out = room.take(math.prod(self.used) * self.dtype.itemsize).view(self.dtype)
+        np.copyto(out.reshape(self.used), rows[tuple(slice(n) for n in self.used)])
+        return out.reshape(self.shape)
+
+
+class _Room:
+    """Memory for what is read, used again when nobody holds it any more.
+
+    The system clears fresh memory before it gives it out, which takes longer than filling it: 0.1 s for
+    a frame of 1280 x 720.
+    """
+
+    _SMALL = 1 << 20  # bytes, below which nothing is kept
+    _KEPT = 24  # pieces at most
+
+    def __init__(self) -> None:
+        self._pieces: list[np.ndarray] = []
+
+    def take(self, nbytes: int) -> np.ndarray:
+        """Return bytes that nobody else holds."""
+        if nbytes < self._SMALL:
+            return np.empty(nbytes, np.uint8)
+        for index in range(len(self._pieces)):
+            # held by the list and the call alone: arrays made of a piece hold it too
+            if self._pieces[index].nbytes == nbytes and sys.getrefcount(self._pieces[index]) <= 2:
+                return self._pieces[index]
+        self._pieces = [*self._pieces[-self._KEPT + 1 :], np.empty(nbytes, np.uint8)]
+        return self._pieces[-1]
 
 
 class Readback:
@@ -44,6 +72,7 @@ class Readback:
         self._device = device
         self._most = device.limits["max-buffer-size"]
         self._staging = self._create(65536)
+        self._room = _Room()
 
     def read(self, wanted: Sequence[tuple[Any, ...]]) -> list[np.ndarray]:
         """Return arrays for (texture, dtype, channels, layer) and (buffer, dtype, count) items."""
@@ -67,7 +96,7 @@ class Readback:
         self._staging.map_sync(wgpu.MapMode.READ, 0, end)
         try:
             memory = self._staging.read_mapped(0, end, copy=False)
-            return [copy.array(memory) for copy in planned]
+            return [copy.array(memory, self._room) for copy in planned]
         finally:
             self._staging.unmap()
 

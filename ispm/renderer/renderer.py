@@ -155,6 +155,7 @@ class Renderer:
         if self._closed:
             raise IspmError("this renderer is closed; make another one")
         started = clock.perf_counter()
+        self._last = None  # so that its memory can be used again
         watch = Watch()
         packed, view = self._prepare()
 
@@ -344,7 +345,7 @@ class Renderer:
             (light[0], f4, 4), (light[1], f4, 4), (irradiance, f4, 4), (gbuffer.base, f2, 4),
             (gbuffer.normals, f2, 4), (gbuffer.ids, u4, 2), (gbuffer.depth, f4), *glow,
         ])  # fmt: skip
-        e = rest[0] if rest else np.zeros_like(d)
+        e = rest[0] if rest else np.zeros(d.shape, f4)  # untouched pages: zeros_like would write them
         alpha = i[..., 3]
         background = self.settings.background
         if not isinstance(background, str) and any(background):

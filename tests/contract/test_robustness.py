@@ -136,3 +136,16 @@ def test_a_damaged_cache_costs_a_compilation_only(tmp_path: Path):
     for file in kept:
         file.write_bytes(file.read_bytes()[:10])
     assert run() == first
+
+
+def test_frames_own_their_arrays_whatever_is_rendered_next(gpu):
+    scene = builtin("cornell-box")
+    with Renderer(scene, Settings(size=(640, 360), photons=1000), gpu=gpu) as renderer:
+        first = renderer.render()
+        kept = first.direct.copy(), first.radiance.copy()
+        scene.lights[0].light.intensity = (1.0, 2.0, 3.0)
+        direct = renderer.render().direct  # its frame is dropped at once
+        others = [renderer.render() for _ in range(3)]
+        assert (first.direct == kept[0]).all() and (first.radiance == kept[1]).all()
+        assert all((direct == other.direct).all() for other in others)
+        assert not (direct == kept[0]).all()
