@@ -49,7 +49,7 @@ class _Checked:
     """A frozen dataclass of knobs whose values are converted and checked as it is made."""
 
     def __post_init__(self) -> None:
-        for f in fields(self):  # type: ignore[arg-type]
+        for f in fields(self):  # type: ignore[arg-type]  # only dataclasses have this base
             object.__setattr__(self, f.name, convert(f, getattr(self, f.name)))
 
 

@@ -187,7 +187,7 @@ def _declare(library: ctypes.CDLL) -> None:
 
 
 @jit
-def _trace(scene, count, origins, directions, counter, hits):  # type: ignore[no-untyped-def]
+def _trace(scene, count, origins, directions, counter, hits):
     """Write a HIT for each ray; threads share `counter`."""
     ray = alloca(16)
     while True:

@@ -34,7 +34,7 @@ def rays_of_walk(
 
 
 @jit
-def _record(world, table, texels, rows, lights, emitted, bounces, seed, rays):  # type: ignore[no-untyped-def]
+def _record(world, table, texels, rows, lights, emitted, bounces, seed, rays):
     """Walk each photon as `walk` does, and write its rays instead of what they hit; return how many."""
     stack, words = alloca(STACK_WORDS), alloca(2)
     count = i64(0)

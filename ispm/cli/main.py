@@ -50,7 +50,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return _failed(NO_ADAPTER, str(error), debug)
     except (IspmError, CycloptsError) as error:
         return _failed(BAD_INPUT, str(error), debug)
-    except Exception as error:
+    except Exception as error:  # whatever it is, the user gets one line and an exit code
         what = f"unexpected {type(error).__name__}: {error}; run again with --debug to see where"
         return _failed(BAD_INPUT, what, debug)
 

@@ -95,7 +95,7 @@ def write_npy(path: str | Path, radiance: np.ndarray) -> None:
 def write_npz(path: str | Path, layers: Mapping[str, np.ndarray]) -> None:
     """Write arrays by name. Raises OutputError."""
     with replacing(path) as beside, open(beside, "wb") as file:
-        np.savez(file, **layers)  # type: ignore[arg-type]
+        np.savez(file, **layers)  # type: ignore[arg-type]  # the stub takes them for flags
 
 
 def read_picture(path: str | Path, key: str | None = None) -> np.ndarray:

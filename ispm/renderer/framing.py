@@ -35,7 +35,7 @@ def find_camera(scene: Scene, wanted: str | int | None) -> tuple[Camera, np.ndar
         chosen = placed[:1]
     else:
         text = str(wanted)
-        chosen = [p for p in placed if text in (p[0].name, p[0].camera.name)]  # type: ignore[union-attr]
+        chosen = [(n, w) for n, w in placed if n.camera and text in (n.name, n.camera.name)]
         if not chosen and text.isdigit() and int(text) < len(placed):
             chosen = [placed[int(text)]]
         if not chosen:

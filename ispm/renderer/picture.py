@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import io
 import json
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -34,7 +35,7 @@ class Frame:
     """
 
     image: np.ndarray = field(repr=False)
-    layers: dict[str, np.ndarray] = field(repr=False)
+    layers: Mapping[str, np.ndarray] = field(repr=False)
     stats: Stats
     settings: Settings
     camera: dict[str, np.ndarray] = field(repr=False)
@@ -48,7 +49,7 @@ class Frame:
     def __getattr__(self, name: str) -> np.ndarray:
         layers = self.__dict__.get("layers", {})
         if name in layers:
-            return layers[name]  # type: ignore[no-any-return]
+            return np.asarray(layers[name])
         raise AttributeError(f"a Frame has no '{name}'; it has {', '.join(layers)}")
 
     def __getitem__(self, layer: str) -> np.ndarray:

@@ -367,7 +367,7 @@ class Renderer:
         if background == "transparent":
             image = np.dstack([image, np.rint(alpha * 255.0).astype(np.uint8)])
         camera = {"pose": view.pose, "clip_from_world": view.clip_from_world}
-        return Frame(image, layers, Stats(), settings, camera, exposure)  # type: ignore[arg-type]
+        return Frame(image, layers, Stats(), settings, camera, exposure)
 
 
 def _glows(packed: Packed) -> bool:
