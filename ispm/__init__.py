@@ -18,8 +18,8 @@ if TYPE_CHECKING:
     from ispm.scene.animation import Animation
     from ispm.scene.builtin import builtin
     from ispm.scene.camera import Camera
-    from ispm.scene.light import PointLight
-    from ispm.scene.material import Material, Texture
+    from ispm.scene.light import DirectionalLight, PointLight, SpotLight
+    from ispm.scene.material import Material, Texture, TextureUse
     from ispm.scene.mesh import Mesh
     from ispm.scene.scene import Node, Scene
     from ispm.settings import Settings
@@ -30,6 +30,7 @@ _HOMES = {
     "AdapterError": "ispm.errors",
     "Animation": "ispm.scene.animation",
     "Camera": "ispm.scene.camera",
+    "DirectionalLight": "ispm.scene.light",
     "Frame": "ispm.renderer.picture",
     "IspmError": "ispm.errors",
     "Material": "ispm.scene.material",
@@ -42,7 +43,9 @@ _HOMES = {
     "SceneError": "ispm.errors",
     "Settings": "ispm.settings",
     "SettingsError": "ispm.errors",
+    "SpotLight": "ispm.scene.light",
     "Texture": "ispm.scene.material",
+    "TextureUse": "ispm.scene.material",
     "adapters": "ispm.gpu.device:list_adapters",
     "builtin": "ispm.scene.builtin",
     "compare": "ispm.bench.metrics",
@@ -54,6 +57,7 @@ __all__ = [
     "AdapterError",
     "Animation",
     "Camera",
+    "DirectionalLight",
     "Frame",
     "IspmError",
     "Material",
@@ -66,7 +70,9 @@ __all__ = [
     "SceneError",
     "Settings",
     "SettingsError",
+    "SpotLight",
     "Texture",
+    "TextureUse",
     "__version__",
     "adapters",
     "builtin",

@@ -48,32 +48,46 @@ struct Material {
     alpha_cutoff: f32,
     normal_scale: f32,
     flags: u32,                    // MATERIAL_*
+    transmission: f32,             // share of the light below the reflection that goes through, tinted
+    ior: f32,                      // index of refraction
     spare0: u32,
+    attenuation: vec3f,            // 1/m per channel, of light inside: exp(-attenuation distance)
     spare1: u32,
-    spare2: u32,
     base_color_texture: TextureUse,
     metallic_roughness_texture: TextureUse,
     normal_texture: TextureUse,
     emission_texture: TextureUse,
+    transmission_texture: TextureUse,
 }
 const MATERIAL_MASK = 1u;          // opacity below alpha_cutoff is a hole
 const MATERIAL_BLEND = 2u;         // opacity is a probability
 const MATERIAL_DOUBLE_SIDED = 4u;
 const MATERIAL_UNLIT = 8u;         // base colour is shown as it is; black to light
+const MATERIAL_TRANSMITS = 16u;    // some light goes through
+const MATERIAL_THIN = 32u;         // and straight on: the surface has no inside
+const MATERIAL_CAUSTIC = 64u;      // a mirror or glass that casts caustics, worth aiming photons at
 
 struct Light {
     position: vec3f,
     kind: u32,             // LIGHT_*
-    intensity: vec3f,      // cd per channel
+    intensity: vec3f,      // cd per channel; directional: lx on a surface that faces it
     range: f32,            // m, 0: without end
+    direction: vec3f,      // that a spot or directional light shines in, unit
+    cone_scale: f32,       // a spot's falloff is clamp(cos scale + offset, 0, 1)^2, cos from its axis;
     map_x: vec3f,          // rows of the matrix from directions about the light to the cube of its maps:
     spread: f32,           // the identity, or, seen from far, what puts the scene on the cube's +z face,
     map_y: vec3f,          // `spread` = tan(half the angle) wide
     solid_angle: f32,      // sr that the maps cover
     map_z: vec3f,
     faces: u32,            // of the cube in use: 6, or 1 for +z alone
+    cone_offset: f32,      // of the others it is 1: scale 0, offset 1
+    spare0: u32,
+    spare1: u32,
+    spare2: u32,
 }
 const LIGHT_POINT = 0u;
+const LIGHT_SPOT = 1u;
+const LIGHT_DIRECTIONAL = 2u;
 
 struct Emitted {           // a photon at its first hit, as the bounce map holds it
     instance: u32,         // NO_HIT: it left the scene

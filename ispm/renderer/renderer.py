@@ -235,9 +235,6 @@ class Renderer:
             self._say(line)
             scene = Scene([*scene.roots, node], scene.animations, scene.name)
             packed = self._pack(scene)
-        mirrors = sum(material.is_mirror for material in scene.materials)
-        if mirrors:
-            self._say(f"mirrors are drawn as rough surfaces; the scene has {mirrors}")
         if any(material.emissive for material in scene.materials):
             self._say("emissive materials glow, but do not light the scene yet")
         size, diagonal = self.settings.size, packed.diagonal

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from enum import IntEnum
 
@@ -66,6 +67,11 @@ class Material:
     metallic, roughness   0..1; alpha of the microfacet model is roughness squared
     specular, specular_color   KHR_materials_specular
     ior               KHR_materials_ior
+    transmission      KHR_materials_transmission: share of light below the reflection that goes through
+    thickness         KHR_materials_volume: above 0 the mesh bounds a solid, light refracts and what is inside
+                      attenuates it; 0: a thin sheet, light goes straight through
+    attenuation_color, attenuation_distance   of what is inside: the color that white light has after
+                      this many metres
     emission          (3,) cd/m2 per channel, strength included
     """
 
@@ -75,6 +81,10 @@ class Material:
     specular: float = 1.0
     specular_color: tuple[float, float, float] = (1.0, 1.0, 1.0)
     ior: float = 1.5
+    transmission: float = 0.0
+    thickness: float = 0.0
+    attenuation_color: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    attenuation_distance: float = math.inf
     emission: tuple[float, float, float] = (0.0, 0.0, 0.0)
     alpha_mode: AlphaMode = AlphaMode.OPAQUE
     alpha_cutoff: float = 0.5
@@ -85,13 +95,14 @@ class Material:
     metallic_roughness_texture: TextureUse | Texture | None = None  # G roughness, B metallic
     normal_texture: TextureUse | Texture | None = None
     emission_texture: TextureUse | Texture | None = None
+    transmission_texture: TextureUse | Texture | None = None  # R
     name: str = field(default="", compare=False)
 
     @property
-    def is_mirror(self) -> bool:
-        """Whether the surface reflects like a mirror: alpha, roughness squared, below 1e-3."""
-        shiny = self.metallic > 0.0 or (self.specular > 0.0 and max(self.specular_color) > 0.0)
-        return shiny and not self.unlit and self.roughness**2 < 1e-3
+    def casts_caustics(self) -> bool:
+        """Whether the surface is a mirror or glass, smooth enough to gather light into patterns."""
+        shiny = self.metallic > 0.5 or self.transmission > 0.0
+        return shiny and not self.unlit and self.roughness**2 < 0.05
 
     @property
     def emissive(self) -> bool:

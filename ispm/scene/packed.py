@@ -9,13 +9,17 @@ import numpy as np
 
 from ispm.errors import SceneError
 from ispm.optics import records
-from ispm.scene.light import PointLight
+from ispm.scene.light import DirectionalLight, Light, PointLight, SpotLight
+from ispm.scene.lightmap import LightMap, light_map
 from ispm.scene.material import AlphaMode, Material, Texture, TextureUse
 from ispm.scene.mesh import Mesh
 from ispm.scene.scene import Scene
 
-_AIM_SPREAD = 0.8  # tangent of half the angle below which a light's maps look at the scene alone
-_AIM_MARGIN = 1.02  # for the maps' sub-texel shifts and filters
+_KINDS = {
+    PointLight: records.LIGHT_POINT,
+    SpotLight: records.LIGHT_SPOT,
+    DirectionalLight: records.LIGHT_DIRECTIONAL,
+}
 
 
 @dataclass
@@ -69,6 +73,7 @@ class Packed:
     instances  (I,) INSTANCE, world space, sorted by mesh and material
     materials  (M,) MATERIAL;  textures: what their slots point to
     lights     (L,) LIGHT
+    maps       of each light, the one that holds all its light
     bounds     (2, 3) float64 corners of all instances, world space
     widths     (I,) float32 m: the second largest extent of each instance, what a kernel should fit into
     """
@@ -78,6 +83,7 @@ class Packed:
     materials: np.ndarray
     textures: list[Texture]
     lights: np.ndarray
+    maps: list[LightMap]
     draws: list[Draw]
     bounds: np.ndarray
     widths: np.ndarray
@@ -134,9 +140,10 @@ def pack(scene: Scene, geometry: Geometry | None = None) -> Packed:
     for i, item in enumerate(material_list):
         material_rows[i] = _material_record(item, textures)
     instances, draws, bounds, widths = _instances(rows, geometry)
-    _aim(lights, bounds)
+    maps = [light_map(i, row, bounds) for i, row in enumerate(lights)]
+    _write_maps(lights, maps)
     return Packed(
-        geometry, instances, material_rows, textures, lights, draws, bounds, widths,
+        geometry, instances, material_rows, textures, lights, maps, draws, bounds, widths,
         [material.name for material in material_list],
     )  # fmt: skip
 
@@ -228,52 +235,40 @@ def _unit(vectors: np.ndarray) -> np.ndarray:
     return np.where(good, vectors / np.where(good, length, 1.0), (0.0, 1.0, 0.0))
 
 
-def _light_record(light: PointLight, world: np.ndarray) -> np.ndarray:
+def _light_record(light: Light, world: np.ndarray) -> np.ndarray:
     row = np.zeros((), records.LIGHT)
     row["position"] = world[:3, 3]
-    row["kind"] = records.LIGHT_POINT
+    row["kind"] = _KINDS[type(light)]
     row["intensity"] = light.intensity
-    row["range"] = light.range if np.isfinite(light.range) else 0.0
     if not (np.isfinite(row["intensity"]).all() and (row["intensity"] >= 0.0).all()):
         raise SceneError(f"light '{light.name}': intensity {light.intensity} must be finite and not negative")
+    along = -world[:3, 2] / max(float(np.linalg.norm(world[:3, 2])), 1e-30)
+    row["direction"], row["cone_offset"] = along, 1.0
+    if isinstance(light, DirectionalLight):
+        return row
+    row["range"] = light.range if np.isfinite(light.range) else 0.0
+    if isinstance(light, SpotLight):
+        row["cone_scale"], row["cone_offset"] = _cone(light)
     return row
 
 
-def _aim(lights: np.ndarray, bounds: np.ndarray) -> None:
-    """Point the maps of lights far outside the scene at it; the others look all around.
-
-    Photons and shadow texels that would miss the scene are saved: of a lamp twenty diagonals away
-    nearly all.
-    """
-    corners = np.array([[bounds[i >> k & 1][k] for k in range(3)] for i in range(8)])
-    for row in lights:
-        position = row["position"].astype(np.float64)
-        axis, spread = _view_of(corners - position)
-        aimed = spread < _AIM_SPREAD
-        if not aimed:
-            axis, spread = np.eye(3), 1.0
-        row["map_x"], row["map_y"], row["map_z"] = axis[0] / spread, axis[1] / spread, axis[2]
-        row["spread"], row["faces"] = spread, 1 if aimed else 6
-        square = spread * spread
-        face = 4.0 * math.atan2(square, math.sqrt(1.0 + 2.0 * square))
-        row["solid_angle"] = face if aimed else 4.0 * math.pi
+def _cone(light: SpotLight) -> tuple[float, float]:
+    """Scale and offset of a spot's falloff; KHR_lights_punctual, inner and outer cone angles."""
+    inner, outer = light.inner_angle, light.outer_angle
+    if not 0.0 <= inner < outer <= math.pi / 2.0 + 1e-6:
+        raise SceneError(
+            f"light '{light.name}': its cones, {inner:g} and {outer:g} radians, must have "
+            "0 <= inner < outer <= pi / 2"
+        )
+    scale = 1.0 / max(math.cos(inner) - math.cos(outer), 1e-3)
+    return scale, -math.cos(outer) * scale
 
 
-def _view_of(points: np.ndarray) -> tuple[np.ndarray, float]:
-    """Rows right, up, forward of a view from the origin to the middle of points, and the tangent of half
-    its angle, with a margin; infinite where a point is not ahead."""
-    forward = points.mean(axis=0)
-    distance = float(np.linalg.norm(forward))
-    if not distance > 0.0:
-        return np.eye(3), math.inf
-    forward = forward / distance
-    right = np.cross((0.0, 1.0, 0.0) if abs(forward[1]) < 0.99 else (1.0, 0.0, 0.0), forward)
-    right /= np.linalg.norm(right)
-    axes = np.stack([right, np.cross(forward, right), forward])
-    seen = points @ axes.T
-    if (seen[:, 2] <= 0.0).any():
-        return axes, math.inf
-    return axes, _AIM_MARGIN * float((np.abs(seen[:, :2]) / seen[:, 2:]).max())
+def _write_maps(lights: np.ndarray, maps: list[LightMap]) -> None:
+    for row, map in zip(lights, maps, strict=True):
+        s, t, axis = map.axes[0] if len(map.axes) == 1 else np.diag((1.0, -1.0, 1.0))
+        row["map_x"], row["map_y"], row["map_z"] = s, -t, axis
+        row["spread"], row["faces"], row["solid_angle"] = map.spread, len(map.axes), map.measure
 
 
 def _material_record(material: Material, textures: list[Texture]) -> np.ndarray:
@@ -286,6 +281,9 @@ def _material_record(material: Material, textures: list[Texture]) -> np.ndarray:
     row["specular"] = material.specular
     row["roughness"] = material.roughness
     row["f0"] = ((material.ior - 1.0) / (material.ior + 1.0)) ** 2 if material.ior > 0.0 else 1.0
+    row["ior"] = material.ior if material.ior > 0.0 else 1.5
+    row["transmission"] = material.transmission
+    row["attenuation"] = _attenuation(material)
     row["alpha_cutoff"] = material.alpha_cutoff
     row["normal_scale"] = material.normal_scale
     row["flags"] = (
@@ -293,13 +291,27 @@ def _material_record(material: Material, textures: list[Texture]) -> np.ndarray:
         | records.MATERIAL_BLEND * (material.alpha_mode == AlphaMode.BLEND)
         | records.MATERIAL_DOUBLE_SIDED * material.double_sided
         | records.MATERIAL_UNLIT * material.unlit
+        | records.MATERIAL_TRANSMITS * (material.transmission > 0.0)
+        | records.MATERIAL_THIN * (material.transmission > 0.0 and material.thickness <= 0.0)
+        | records.MATERIAL_CAUSTIC * material.casts_caustics
     )
-    for name in ("base_color", "emission", "metallic", "roughness", "specular", "specular_color", "f0"):
+    for name in ("base_color", "emission", "metallic", "roughness", "specular", "specular_color", "f0",
+                 "transmission", "attenuation"):  # fmt: skip
         if not (np.isfinite(row[name]).all() and (row[name] >= 0.0).all()):
             raise SceneError(f"material '{material.name}': {name} must be finite and not negative")
-    for slot in ("base_color", "metallic_roughness", "normal", "emission"):
+    for slot in ("base_color", "metallic_roughness", "normal", "emission", "transmission"):
         row[f"{slot}_texture"] = _texture_use(getattr(material, f"{slot}_texture"), textures)
     return row
+
+
+def _attenuation(material: Material) -> np.ndarray:
+    """(3,) 1/m; KHR_materials_volume, attenuation."""
+    if material.thickness <= 0.0 or not np.isfinite(material.attenuation_distance):
+        return np.zeros(3)
+    if not material.attenuation_distance > 0.0:
+        raise SceneError(f"material '{material.name}': attenuation_distance must be positive")
+    color = np.clip(np.asarray(material.attenuation_color, np.float64), 1e-6, 1.0)
+    return np.asarray(-np.log(color) / material.attenuation_distance)
 
 
 def _texture_use(use: TextureUse | Texture | None, textures: list[Texture]) -> np.ndarray:

@@ -11,7 +11,7 @@ import numpy as np
 from ispm.errors import SceneError
 from ispm.scene.animation import Animation
 from ispm.scene.camera import Camera
-from ispm.scene.light import PointLight
+from ispm.scene.light import Light
 from ispm.scene.material import Material
 from ispm.scene.mesh import Mesh
 
@@ -39,7 +39,7 @@ class Node:
     scale: tuple[float, float, float] | np.ndarray = (1.0, 1.0, 1.0)
     matrix: np.ndarray | None = None
     parts: list[Part] = field(default_factory=list)
-    light: PointLight | None = None
+    light: Light | None = None
     camera: Camera | None = None
     children: list[Node] = field(default_factory=list)
 
@@ -117,7 +117,7 @@ class Scene:
 
     def add(
         self,
-        item: Mesh | PointLight | Camera,
+        item: Mesh | Light | Camera,
         *,
         material: Material | None = None,
         name: str = "",
@@ -127,12 +127,12 @@ class Scene:
         parent: Node | None = None,
     ) -> Node:
         """Place a mesh, light or camera on a new node and return the node."""
-        if not isinstance(item, (Mesh, PointLight, Camera)):
+        if not isinstance(item, Mesh | Light | Camera):
             raise SceneError(f"cannot add a {type(item).__name__}; give a mesh, a light or a camera")
         node = Node(name or item.name, translation, rotation, scale)
         if isinstance(item, Mesh):
             node.parts.append(Part(item, material or Material()))
-        elif isinstance(item, PointLight):
+        elif isinstance(item, Light):
             node.light = item
         else:
             node.camera = item

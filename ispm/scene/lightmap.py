@@ -1,0 +1,187 @@
+"""How a light looks at the scene: the cubes, squares and parallel views that its photons are rasterised in.
+
+A light shines from one point, or along one direction, so the first segment of every photon's path is a
+picture (McGuire and Luebke 2009). Each such picture is a `LightMap`.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from ispm.optics import records
+
+_NARROW = 0.8  # tangent of half the angle below which a light far outside looks at the scene alone
+_WIDE = 1.8  # tangent of half a spot's angle up to which one square serves it; wider ones take a cube
+_MARGIN = 1.02  # for the maps' sub-texel shifts
+_QUADRATURE = 128  # points a side, for the part of a spot's cone that a square covers
+
+# s (right), t (down) and axis of each face in the order of cube maps; WebGPU, section 23.2.
+CUBE_AXES = np.array(
+    [
+        [(0, 0, -1), (0, -1, 0), (1, 0, 0)],
+        [(0, 0, 1), (0, -1, 0), (-1, 0, 0)],
+        [(1, 0, 0), (0, 0, 1), (0, 1, 0)],
+        [(1, 0, 0), (0, 0, -1), (0, -1, 0)],
+        [(1, 0, 0), (0, -1, 0), (0, 0, 1)],
+        [(-1, 0, 0), (0, -1, 0), (0, 0, -1)],
+    ],
+    np.float64,
+)
+
+
+@dataclass(frozen=True, eq=False)
+class LightMap:
+    """Square views about a light that do not overlap: six make a cube, one stands alone.
+
+    light         row of the lights
+    origin        (3,) m, world space: the light; of a directional one the middle of what it lights
+    axes          (F, 3, 3) rows s, t, axis of each face. A point at p from the origin lies at
+                  (s.p, t.p) / axis.p of [-1, 1]^2, with s and t as long as 1 / tan(half the angle);
+                  orthographic: at (s.p, t.p) itself, axis.p going from -1, near, to 1, far
+    orthographic  the light is directional
+    measure       what the map takes of the light: its flux is intensity times this; sr, weighted by a
+                  spot's falloff; orthographic: m^2 across the rays
+    """
+
+    light: int
+    origin: np.ndarray
+    axes: np.ndarray
+    orthographic: bool
+    measure: float
+
+    @property
+    def spread(self) -> float:
+        """Tangent of half a face's angle, 1 for a cube; orthographic: half its width in m."""
+        return float(1.0 / np.linalg.norm(self.axes[0, 0]))
+
+
+def light_map(index: int, light: np.void, bounds: np.ndarray) -> LightMap:
+    """Return the map that holds all the light of row `index` that can reach the scene.
+
+    light   LIGHT
+    bounds  (2, 3) corners of the scene
+    A light far outside sees the scene alone, which saves the photons that would miss it.
+    """
+    corners = np.array([[bounds[i >> k & 1][k] for k in range(3)] for i in range(8)])
+    if light["kind"] == records.LIGHT_DIRECTIONAL:
+        return parallel_map(index, light, corners)
+    views = [view_of(corners - light["position"].astype(np.float64))]
+    limits = [_NARROW]
+    if light["kind"] == records.LIGHT_SPOT:
+        cosine = float(-light["cone_offset"] / light["cone_scale"])
+        tangent = math.sqrt(max(1.0 - cosine * cosine, 0.0)) / cosine if cosine > 1e-6 else math.inf
+        views.append((_frame(light["direction"].astype(np.float64)), tangent))
+        limits.append(_WIDE)
+    fitting = [view for view, limit in zip(views, limits, strict=True) if view[1] < limit]
+    if fitting:
+        return square_map(index, light, *min(fitting, key=lambda view: view[1]))
+    origin = light["position"].astype(np.float64)
+    return LightMap(index, origin, CUBE_AXES, False, _cone_measure(light))
+
+
+def square_map(index: int, light: np.void, frame: np.ndarray, spread: float) -> LightMap:
+    """Return a map of one square view.
+
+    frame   (3, 3) rows right, up, forward, unit
+    spread  tangent of half its angle
+    """
+    axes = np.stack([frame[0] / spread, -frame[1] / spread, frame[2]])[None]
+    origin = light["position"].astype(np.float64)
+    return LightMap(index, origin, axes, False, _square_measure(light, axes[0], spread))
+
+
+def parallel_map(index: int, light: np.void, points: np.ndarray) -> LightMap:
+    """Return the orthographic map of a directional light that holds `points`, (n, 3) world space."""
+    frame = _frame(light["direction"].astype(np.float64))
+    seen = points @ frame.T
+    low, high = seen.min(axis=0), seen.max(axis=0)
+    half = np.maximum(_MARGIN * (high - low) / 2.0, 1e-6 * max(float((high - low).max()), 1e-30))
+    axes = (frame * np.array([1.0, -1.0, 1.0])[:, None] / half[:, None])[None]
+    return LightMap(index, (low + high) / 2.0 @ frame, axes, True, float(4.0 * half[0] * half[1]))
+
+
+def view_of(points: np.ndarray) -> tuple[np.ndarray, float]:
+    """Rows right, up, forward of a view from the origin to the middle of points, and the tangent of half
+    its angle, with a margin; infinite where a point is not ahead."""
+    forward = points.mean(axis=0)
+    if not float(np.linalg.norm(forward)) > 0.0:
+        return np.eye(3), math.inf
+    frame = _frame(forward)
+    seen = points @ frame.T
+    if (seen[:, 2] <= 0.0).any():
+        return frame, math.inf
+    return frame, _MARGIN * float((np.abs(seen[:, :2]) / seen[:, 2:]).max())
+
+
+def falloff(light: np.void, directions: np.ndarray) -> np.ndarray:
+    """Return the share of its intensity that a light sends along (..., 3) unit directions."""
+    cosines = directions @ light["direction"].astype(np.float64)
+    edge = np.clip(cosines * float(light["cone_scale"]) + float(light["cone_offset"]), 0.0, 1.0)
+    return np.asarray(edge * edge)
+
+
+def texel_measures(
+    map: LightMap, light: np.void, width: int, shift: tuple[float, float] = (0.0, 0.0)
+) -> np.ndarray:
+    """Return the (F, width, width) float64 parts of the map's measure that its texels stand for.
+
+    shift  texels, in [-0.5, 0.5], that the samples lie right of and below the texels' centres
+
+    They follow falloff ds dt / l^3 at the shifted samples, scaled so that they sum to the map's measure.
+    Over all shifts the unscaled measure is unbiased, as the exact angle of the texel is not: that belongs
+    to its whole area, the light found to one point of it. The scale makes each single map carry the light's
+    whole flux, and is 1 + O(width^-2), so that its own bias is of fourth order.
+    """
+    s, t = (2.0 * (np.arange(width) + 0.5 + k) / width - 1.0 for k in shift)
+    parts = np.ones((len(map.axes), width, width))
+    if not map.orthographic:
+        parts *= (1.0 + map.spread**2 * (s**2 + t[:, None] ** 2)) ** -1.5
+        if light["kind"] == records.LIGHT_SPOT:
+            for face, axes in zip(parts, map.axes, strict=True):
+                face *= falloff(light, face_directions(axes, s, t[:, None]))
+    total = float(parts.sum())
+    return parts * (map.measure / total) if total > 0.0 else parts
+
+
+def face_directions(axes: np.ndarray, s: np.ndarray, t: np.ndarray) -> np.ndarray:
+    """Return the (..., 3) unit directions at places (s, t) of [-1, 1]^2 of a perspective face, (3, 3)."""
+    square = axes[0] @ axes[0]
+    way = axes[2] + (np.asarray(s)[..., None] * axes[0] + np.asarray(t)[..., None] * axes[1]) / square
+    return np.asarray(way / np.linalg.norm(way, axis=-1, keepdims=True))
+
+
+def _frame(forward: np.ndarray) -> np.ndarray:
+    """(3, 3) rows right, up, forward of a view along `forward`."""
+    forward = forward / np.linalg.norm(forward)
+    right = np.cross((0.0, 1.0, 0.0) if abs(forward[1]) < 0.99 else (1.0, 0.0, 0.0), forward)
+    right /= np.linalg.norm(right)
+    return np.stack([right, np.cross(forward, right), forward])
+
+
+def _cone_measure(light: np.void) -> float:
+    """sr of all directions, weighted by the falloff: 2 pi times its integral over the cosine."""
+    if light["kind"] != records.LIGHT_SPOT:
+        return 4.0 * math.pi
+    scale, offset = float(light["cone_scale"]), float(light["cone_offset"])
+    outer, inner = -offset / scale, (1.0 - offset) / scale
+    full = max(1.0 - inner, 0.0)
+    top = min(inner, 1.0) * scale + offset  # the falloff's root where the fade ends
+    return 2.0 * math.pi * (full + top**3 / (3.0 * scale)) if outer < 1.0 else 0.0
+
+
+def _square_measure(light: np.void, axes: np.ndarray, spread: float) -> float:
+    square = spread * spread
+    whole = 4.0 * math.atan2(square, math.sqrt(1.0 + 2.0 * square))
+    if light["kind"] != records.LIGHT_SPOT:
+        return whole
+    outer = max(float(-light["cone_offset"] / light["cone_scale"]), 1e-6)
+    inside = spread >= math.sqrt(max(1.0 - outer * outer, 0.0)) / outer * (1.0 - 1e-9)
+    if inside and float(axes[2] @ light["direction"].astype(np.float64)) > 1.0 - 1e-9:
+        return _cone_measure(light)
+    s = 2.0 * (np.arange(_QUADRATURE) + 0.5) / _QUADRATURE - 1.0
+    density = (1.0 + square * (s**2 + s[:, None] ** 2)) ** -1.5
+    share = density * falloff(light, face_directions(axes, *np.meshgrid(s, s)))
+    return float(whole * share.sum() / density.sum())
