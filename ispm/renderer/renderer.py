@@ -50,6 +50,7 @@ from ispm.tracer.world import World
 _NEAR = 1e-4  # of the scene's diagonal; reversed depth has precision to spare
 _TEXTURE_FOOTPRINT = 0.005  # of the diagonal: over which photons see textures averaged
 _PASS = 0  # of one
+_ROW = 0xFFFFFF  # of a material, in a word of the G-buffer
 _OWNED = (
     "_upload", "_gbuffer", "_bounce", "_direct", "_antialias", "_shadow", "_downsample", "_upsample",
     "_estimator", "_world", "_last", "_packed", "_textures",
@@ -356,7 +357,7 @@ class Renderer:
             "depth": lambda: make.linear_depth(depth, view),
             "normal": lambda: make.decode_normals(normals, depth),
             "albedo": lambda: base[..., :3].astype(f4), "instance": lambda: nodes[ids[..., 0]],
-            "material": lambda: np.where(ids[..., 0] > 0, ids[..., 1].astype(np.int32), np.int32(-1)),
+            "material": lambda: np.where(ids[..., 0] > 0, (ids[..., 1] & _ROW).astype(np.int32), np.int32(-1)),
         })  # fmt: skip
         settings = self.settings
         exposure = auto_exposure(full) if settings.exposure == "auto" else float(settings.exposure)

@@ -1,6 +1,6 @@
 // Light that reaches the eye's pixels straight from the lights, with shadows.
 // include stages/camera.wgsl
-// include optics/bsdf.wgsl
+// include stages/material.wgsl
 
 struct Shadows {
     light_count: u32,
@@ -68,21 +68,21 @@ fn vs(@builtin(vertex_index) corner: u32) -> @builtin(position) vec4f {
 fn fs(@builtin(position) position: vec4f) -> @location(0) vec4f {
     let pixel = vec2u(position.xy);
     let seen = textureLoad(ids, pixel, 0).xy;
-    if (seen.x == 0u || (materials[seen.y].flags & MATERIAL_UNLIT) != 0u) {
+    if (seen.x == 0u || (materials[material_row(seen.y)].flags & MATERIAL_UNLIT) != 0u) {
         return vec4f(0.0, 0.0, 0.0, 1.0);
     }
     return vec4f(lit(pixel, seen.y), 1.0);
 }
 
 // Radiance towards the eye, cd/m2, of the surface in a pixel.
-fn lit(pixel: vec2u, material: u32) -> vec3f {
+fn lit(pixel: vec2u, word: u32) -> vec3f {
     let packed = textureLoad(normals, pixel, 0);
     let n = octahedral_decode(packed.xy);
     let ng = octahedral_decode(packed.zw);
     let position = world_position(vec2f(pixel) + 0.5, textureLoad(depth, pixel, 0));
     let wo = view_direction(position);
     let color = textureLoad(base, pixel, 0);
-    let bsdf = surface_bsdf(color.rgb, color.a, textureLoad(emission, pixel, 0).a, materials[material]);
+    let bsdf = seen_bsdf(word, color, textureLoad(emission, pixel, 0).a, materials[material_row(word)]);
     var sum = vec3f(0.0);
     for (var i = 0u; i < shadows.light_count; i++) {
         let light = lights[i];

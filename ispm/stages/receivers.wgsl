@@ -1,6 +1,6 @@
 // Receivers: the surfaces whose incident light is estimated, and what becomes of it at a pixel.
 // include optics/records.wgsl
-// include optics/bsdf.wgsl
+// include stages/material.wgsl
 
 // Photons cannot resolve a narrower lobe: at this width some 3 % of them fall into it. Direct light and
 // the photons' own paths keep the true one.
