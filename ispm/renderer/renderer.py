@@ -6,6 +6,8 @@ import gc
 import math
 import time as clock
 import warnings
+from collections.abc import Callable
+from functools import cache
 from types import TracebackType
 
 import numpy as np
@@ -17,6 +19,7 @@ from ispm.gpu import Gpu, Recording, Texture, open_gpu
 from ispm.optics.records import EMITTED, MATERIAL_UNLIT, PHOTON, RECEIVER
 from ispm.optics.texture import TextureTable
 from ispm.renderer import layers as make
+from ispm.renderer.chains import eye_rays, light_ends, light_points
 from ispm.renderer.framing import default_camera, default_light, find_camera
 from ispm.renderer.light import map_plan, photons_of_maps
 from ispm.renderer.motion import moved
@@ -31,9 +34,10 @@ from ispm.settings import Settings
 from ispm.stages.antialias import Antialias
 from ispm.stages.bounce import BounceStage
 from ispm.stages.camera import CameraView
+from ispm.stages.chain import ChainStage
 from ispm.stages.direct import DirectStage
 from ispm.stages.downsample import Downsample
-from ispm.stages.filter import WEIGHT, filter_estimate, filter_points
+from ispm.stages.filter import filter_estimate
 from ispm.stages.gbuffer import GBufferStage
 from ispm.stages.shadow import ShadowStage
 from ispm.stages.tonemap import auto_exposure, tonemap
@@ -41,6 +45,7 @@ from ispm.stages.upload import Upload
 from ispm.stages.upsample import Upsample
 from ispm.tracer.density import measure_radii
 from ispm.tracer.emission import emit_rays, share_photons
+from ispm.tracer.eye import trace_eye
 from ispm.tracer.grid import PhotonGrid
 from ispm.tracer.surface import SurfaceTable
 from ispm.tracer.threads import thread_count
@@ -52,7 +57,7 @@ _TEXTURE_FOOTPRINT = 0.005  # of the diagonal: over which photons see textures a
 _PASS = 0  # of one
 _ROW = 0xFFFFFF  # of a material, in a word of the G-buffer
 _OWNED = (
-    "_upload", "_gbuffer", "_bounce", "_direct", "_antialias", "_shadow", "_downsample", "_upsample",
+    "_upload", "_gbuffer", "_bounce", "_direct", "_chains", "_antialias", "_shadow", "_downsample", "_upsample",
     "_estimator", "_world", "_last", "_packed", "_textures",
 )  # fmt: skip
 
@@ -90,6 +95,7 @@ class Renderer:
         self._gbuffer = GBufferStage(self._gpu)
         self._bounce = BounceStage(self._gpu)
         self._direct = DirectStage(self._gpu)
+        self._chains = ChainStage(self._gpu)
         self._antialias = Antialias(self._gpu)
         self._packed: Packed | None = None
         self._textures: TextureTable | None = None
@@ -159,6 +165,8 @@ class Renderer:
         self._last = None  # so that its memory can be used again
         watch = Watch()
         packed, view = self._prepare()
+        assert self._textures is not None
+        surfaces = SurfaceTable(packed, self._textures, _TEXTURE_FOOTPRINT * packed.diagonal)
 
         with self._gpu.frame() as first:
             scene = self._upload(packed)
@@ -166,28 +174,34 @@ class Renderer:
             gbuffer = self._gbuffer(first, scene, view)
             first.stage("upsample")
             receivers = self._downsample(first, scene, gbuffer, view)
+            self._chains(first, scene, gbuffer)
             first.stage("bounce_map")
             maps = self._draw_bounce_maps(first, scene, packed)
         with watch("copy"):
             points = self._downsample.read(self._gpu, view)
             texels = maps.read(self._gpu)
+            seen = self._chains.read()
         with self._gpu.frame() as second:
             second.stage("direct")
             shadows = self._shadow(second, scene, _NEAR * packed.diagonal)
             direct = self._direct(second, scene, gbuffer, shadows, view)
 
         with watch("trace"):
-            path = self._trace(packed, maps, texels)
+            path = self._trace(packed, surfaces, maps, texels)
         with watch("radiance"):
             estimate, light = self._gather(points, path.photons, packed, view)
 
         with self._gpu.frame() as third:
             third.stage("upsample")
             indirect, irradiance, emission = self._upsample(third, scene, gbuffer, view, receivers, light)
+        grid = cache(lambda: PhotonGrid(path.photons))
         with watch("upsample"):
-            self._light_missed(points, estimate, path.photons, scene, gbuffer, view)
+            self._light_missed(points, estimate, grid, scene, gbuffer, view)
+        with watch("eye"):
+            brought = self._follow_chains(packed, surfaces, seen, path.photons, view)
         with self._gpu.frame() as fourth:
             fourth.stage("compose")
+            self._chains.patch(fourth, seen["pixel"], brought, direct, indirect, emission)
             if self.settings.antialias:
                 self._antialias(fourth, scene, gbuffer, view, direct, indirect, emission)
         with watch("readback"):
@@ -276,11 +290,11 @@ class Renderer:
         widths, shifts = map_plan(packed.lights, self.settings, _PASS)
         return self._bounce(frame, scene, widths, shifts, _NEAR * packed.diagonal, _PASS)
 
-    def _trace(self, packed: Packed, maps: BounceMaps, texels: list[np.ndarray]) -> Walk:
+    def _trace(
+        self, packed: Packed, surfaces: SurfaceTable, maps: BounceMaps, texels: list[np.ndarray]
+    ) -> Walk:
         """Emit the photons and follow them."""
         settings = self.settings
-        assert self._textures is not None
-        surfaces = SurfaceTable(packed, self._textures, _TEXTURE_FOOTPRINT * packed.diagonal)
         if not settings.bounces:
             emitted = np.zeros(0, EMITTED)
         elif settings.emission == "rays":
@@ -313,7 +327,7 @@ class Renderer:
         self,
         points: np.ndarray,
         estimate: np.ndarray,
-        photons: np.ndarray,
+        grid: Callable[[], PhotonGrid],
         scene: GpuScene,
         gbuffer: GBuffer,
         view: CameraView,
@@ -322,15 +336,28 @@ class Renderer:
         missed, receivers = self._upsample.missed()
         if not len(missed):
             return
-        light = filter_points(
+        light = light_points(
             receivers, missed["low"], points, estimate, self._downsample.size(view),
-            scene.packed.diagonal, self.settings.smoothing, self.threads,
+            scene.packed.diagonal, self.settings.smoothing, grid, self.threads,
         )  # fmt: skip
-        alone = light[:, WEIGHT] == 0.0
-        if alone.any() and len(photons):
-            light[alone] = PhotonGrid(photons).estimate(receivers[alone], self.threads)
         with self._gpu.frame() as frame:
             self._upsample.patch(frame, scene, gbuffer, view, light)
+
+    def _follow_chains(
+        self, packed: Packed, surfaces: SurfaceTable, seen: np.ndarray, photons: np.ndarray, view: CameraView
+    ) -> np.ndarray:
+        """Return the light that mirrors and glass bring to the (n,) SEEN pixels, (n, 9)."""
+        settings = self.settings
+        background = (0.0, 0.0, 0.0) if isinstance(settings.background, str) else settings.background
+        rays = eye_rays(seen, view)
+        paths = trace_eye(
+            packed, self._world, surfaces, rays, background, settings.seed, _PASS, self.threads
+        )
+        caustic = photons["bounce"] == 0
+        return light_ends(
+            paths, rays.keys, cache(lambda: PhotonGrid(photons[~caustic])), cache(lambda: PhotonGrid(photons[caustic])),
+            view, settings, packed.diagonal, self.threads,
+        )  # fmt: skip
 
     def _compose(
         self, gbuffer: GBuffer, light: tuple[Texture, Texture, Texture], irradiance: Texture, view: CameraView

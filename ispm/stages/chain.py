@@ -35,7 +35,7 @@ class ChainStage:
         self._count.write(np.zeros(4, np.uint32))
         self._find(
             frame, over=gbuffer.size, materials=scene.materials, ids=gbuffer.ids, base=gbuffer.base,
-            emission=gbuffer.emission, depth=gbuffer.depth, seen_count=self._count,
+            glow=gbuffer.emission, depth=gbuffer.depth, seen_count=self._count,
             seen=self._seen.sized(capacity * SEEN.itemsize),
         )  # fmt: skip
 

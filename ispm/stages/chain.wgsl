@@ -4,7 +4,7 @@
 @group(0) @binding(0) var<storage, read> materials: array<Material>;
 @group(0) @binding(1) var ids: texture_2d<u32>;
 @group(0) @binding(2) var base: texture_2d<f32>;
-@group(0) @binding(3) var emission: texture_2d<f32>;
+@group(0) @binding(3) var glow: texture_2d<f32>;
 @group(0) @binding(4) var depth: texture_depth_2d;
 @group(0) @binding(5) var<storage, read_write> seen_count: array<atomic<u32>>;
 @group(0) @binding(6) var<storage, read_write> seen: array<Seen>;
@@ -31,12 +31,10 @@ struct Brought {           // the light that chains bring to a pixel
     spare1: u32,
 }
 
-const SMOOTH = 1e-3;       // roughness^2 below which the glossy lobe is a mirror's
-
-// Whether eye rays have to go on from a surface: it transmits, or has a mirror's lobe.
-fn leads_on(word: u32, b: Bsdf, roughness: f32) -> bool {
+// Whether eye rays have to go on from a surface: it transmits, or is a mirror.
+fn leads_on(b: Bsdf) -> bool {
     let shiny = max(b.f90, max(b.f0.x, max(b.f0.y, b.f0.z))) > 0.0;
-    return material_transmission(word) > 0.0 || (shiny && roughness * roughness < SMOOTH);
+    return transmits(b) || (shiny && is_smooth(b));
 }
 
 @compute @workgroup_size(8, 8)
@@ -51,9 +49,9 @@ fn find_chains(@builtin(global_invocation_id) thread: vec3u) {
     if (word.x == 0u || (materials[row].flags & MATERIAL_UNLIT) != 0u) {
         return;
     }
-    let roughness = textureLoad(emission, pixel, 0).a;
+    let roughness = textureLoad(glow, pixel, 0).a;
     let b = seen_bsdf(word.y, textureLoad(base, pixel, 0), roughness, materials[row]);
-    if (!leads_on(word.y, b, roughness)) {
+    if (!leads_on(b)) {
         return;
     }
     let slot = atomicAdd(&seen_count[0], 1u);

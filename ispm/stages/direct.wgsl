@@ -99,7 +99,7 @@ fn lit(pixel: vec2u, word: u32) -> vec3f {
         let visible = visibility(i, light.spread, p, normalize(np));
         if (visible > 0.0) {
             let irradiance = light.intensity * (visible * window * dot(wi, n) / (distance * distance));
-            sum += eval_bsdf(bsdf, n, wo, wi) * irradiance;
+            sum += eval_bsdf(bsdf, n, ng, wo, wi) * irradiance;
         }
     }
     return sum;

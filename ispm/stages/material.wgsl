@@ -16,7 +16,5 @@ fn material_transmission(word: u32) -> f32 {
 
 // The surface in a pixel: the word above, what the G-buffer has in `base`, and roughness.
 fn seen_bsdf(word: u32, base: vec4f, roughness: f32, material: Material) -> Bsdf {
-    var b = surface_bsdf(base.rgb, base.a, roughness, material);
-    b.diffuse *= 1.0 - material_transmission(word);
-    return b;
+    return surface_bsdf(base.rgb, base.a, roughness, material_transmission(word), material, true);
 }

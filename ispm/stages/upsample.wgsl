@@ -53,7 +53,7 @@ fn surface_at(pixel: vec2u, d: f32) -> Surface {
     s.bsdf = seen_bsdf(word, color, textureLoad(emission, pixel, 0).a, materials[material]);
     s.alpha = receiver_alpha(s.bsdf, materials[material].flags);
     if ((materials[material].flags & MATERIAL_UNLIT) != 0u) {
-        s.bsdf = Bsdf(vec3f(0.0), vec3f(0.0), 0.0, 1.0, 0.0, 0.0);
+        s.bsdf = Bsdf();
     }
     s.position = world_position(vec2f(pixel) + 0.5, d);
     s.n = octahedral_decode(packed.xy);

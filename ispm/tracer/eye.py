@@ -1,0 +1,383 @@
+"""Eye paths: from pixels that show mirrors and glass on to the surfaces that are seen in them.
+
+At the first surface both branches are followed, weighted by Fresnel's equations; after it the stronger one
+is taken for both, which is exact where both would find the same light. Rough glass is sampled instead.
+Where a path meets a surface that photons may light it leaves an end; light that comes there straight from
+the lights, and what glows, is added here.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numba import literal_unroll
+
+from ispm.optics.bsdf import has_finite, sample_bsdf, smooth_split, transmits
+from ispm.optics.jit import jit
+from ispm.optics.records import (
+    MATERIAL_BLEND,
+    MATERIAL_MASK,
+    MATERIAL_THIN,
+    MATERIAL_TRANSMITS,
+    MATERIAL_UNLIT,
+    RECEIVER,
+)  # fmt: skip
+from ispm.optics.rng import random4
+from ispm.optics.vector import add, dot, luminance, scale, sub
+from ispm.scene.packed import Packed
+from ispm.tracer.intersect import STACK_WORDS
+from ispm.tracer.lit import direct_light, greatest, side_of, times
+from ispm.tracer.simd import address, alloca, atomic_add
+from ispm.tracer.surface import (
+    SurfaceTable,
+    attenuation,
+    closest_surface,
+    glow,
+    hit_position,
+    leave_surface,
+    surface,
+)  # fmt: skip
+from ispm.tracer.threads import run_threads
+from ispm.tracer.world import World
+
+f32, i64, u32 = np.float32, np.int64, np.uint32
+
+EVENTS_MAX = 8  # mirrors and faces of glass that a path meets
+ROUGH_SAMPLES = 8  # paths from a pixel that shows rough glass
+_ENDS_MAX = 2  # of one path: behind a varnished floor goes on what it mirrors
+_LEAST = f32(1e-3)  # weight below which a path is not followed
+_STRONG = f32(0.02)  # and below which not from an end
+_BEFORE = f32(1e-4)  # of the distance that a ray starts before the surface that the pixel shows
+_BEHIND = f32(1e-3)  # of the distance: farther hits are not that surface
+_GLOSS_ALPHA_MIN = f32(0.25)  # as in stages/receivers.wgsl
+_CHUNK = 64  # pixels a thread takes at a time; results do not depend on it or on the threads
+_BATCH = 1 << 16  # pixels whose ends lie in memory at their full number
+
+# places in a Bsdf tuple
+_F0, _F90, _ALPHA, _ETA, _THIN = 3, 6, 7, 13, 14
+
+REFLECTED, TRANSMITTED, SCATTERED = 0, 1, 2  # what the first surface did to a path
+
+END = np.dtype([
+    ("slot", "<u4"), ("lane", "<u4"), ("weight", "<f4", 3), ("diffuse", "<f4", 3), ("f0", "<f4", 3),
+    ("f90", "<f4"), ("dielectric_f0", "<f4"), ("dielectric_f90", "<f4"),
+])  # fmt: skip
+
+
+@dataclass(frozen=True)
+class EyeRays:
+    """Rays through the pixels whose paths are wanted.
+
+    origins, directions  (n, 3) float32, unit
+    distances  (n,) float32 m to what the pixel shows
+    keys       (n,) uint32, of the random numbers
+    width      m that a pixel covers at the origin, and more at each m of the path
+    """
+
+    origins: np.ndarray
+    directions: np.ndarray
+    distances: np.ndarray
+    keys: np.ndarray
+    width: tuple[float, float]
+
+
+@dataclass(frozen=True)
+class EyePaths:
+    """What the paths found.
+
+    direct, emission  (n, 3) float32 radiance that they bring to each ray
+    ends    (m,) END in the order of the rays; slot: the ray's row, lane: REFLECTED, TRANSMITTED or SCATTERED
+            by the first surface, or a later end of its path; weight: of the radiance that leaves the end.
+            f0 and f90 are 0 where paths go on instead
+    points  (m,) RECEIVER, the same; footprint: of a pixel
+    rays    traced
+    """
+
+    direct: np.ndarray
+    emission: np.ndarray
+    ends: np.ndarray
+    points: np.ndarray
+    rays: int
+
+
+def trace_eye(
+    packed: Packed,
+    world: World,
+    surfaces: SurfaceTable,
+    rays: EyeRays,
+    background: tuple[float, float, float],
+    seed: int,
+    pass_index: int,
+    threads: int,
+) -> EyePaths:
+    """Follow eye paths to their ends; the same bytes for any number of threads.
+
+    surfaces    its footprint is of no account: textures are averaged over a pixel's width
+    background  radiance from where there is nothing
+    """
+    count = len(rays.origins)
+    direct, emission = np.zeros((count, 3), np.float32), np.zeros((count, 3), np.float32)
+    porous = bool((packed.materials["flags"] & (MATERIAL_MASK | MATERIAL_BLEND | MATERIAL_THIN)).any())
+    scene = (
+        packed.lights, porous, tuple(map(f32, background)), tuple(map(f32, rays.width)), u32(seed),
+        u32(pass_index),
+    )  # fmt: skip
+    capacity = _CHUNK * _ENDS_MAX * _samples(packed)
+    ends, points, traced = [np.zeros(0, END)], [np.zeros(0, RECEIVER)], 0
+    for first in range(0, count, _BATCH):
+        part = slice(first, min(first + _BATCH, count))
+        chunks = -(-(part.stop - first) // _CHUNK)
+        room = world.scratch(chunks * capacity, np.dtype([("end", END), ("point", RECEIVER)]))
+        counts = np.zeros((chunks, 2), np.int64)
+        counter = np.zeros(8, np.int64)
+
+        def work(_: int, part: slice = part, room: np.ndarray = room, counts: np.ndarray = counts,
+                 counter: np.ndarray = counter) -> None:  # fmt: skip
+            table, foot = surfaces.own_footprint()
+            _follow_chunks(
+                address(world.table), table, surfaces.texels, surfaces.rows, foot, scene,
+                (rays.origins[part], rays.directions[part], rays.distances[part], rays.keys[part]),
+                i64(part.start), address(counter), (direct[part], emission[part], room), counts,
+            )  # fmt: skip
+
+        run_threads(work, threads)
+        for chunk, found in enumerate(counts[:, 0]):
+            kept = room[chunk * capacity : chunk * capacity + found]
+            ends.append(kept["end"])
+            points.append(kept["point"])
+        traced += int(counts[:, 1].sum())
+    return EyePaths(direct, emission, np.concatenate(ends), np.concatenate(points), traced)
+
+
+def _samples(packed: Packed) -> int:
+    """Paths that a pixel may need."""
+    materials = packed.materials
+    rough = (materials["transmission"] > 0.0) & (materials["roughness"] > 0.0)
+    return ROUGH_SAMPLES if rough.any() else 2
+
+
+@jit
+def _follow_chunks(world, table, texels, rows, foot, scene, rays, base, counter, out, counts):
+    room = out[2]
+    capacity = i64(len(room) // len(counts))
+    scratch = alloca(STACK_WORDS), alloca(2)
+    place = (world, table, texels, rows, foot)
+    while True:
+        chunk = atomic_add(counter, i64(1))
+        if chunk >= len(counts):
+            return
+        row, traced = chunk * capacity, i64(0)
+        for i in range(chunk * i64(_CHUNK), min((chunk + 1) * i64(_CHUNK), len(rays[0]))):
+            row, traced = _follow_pixel(place, scene, rays, i, base, scratch, out, row, traced)
+        counts[chunk, 0] = row - chunk * capacity
+        counts[chunk, 1] = traced
+
+
+@jit
+def _follow_pixel(place, scene, rays, i, base, scratch, out, row, traced):
+    """Follow all paths of ray `i`; return the next free row of the ends and the number of rays traced."""
+    world, table, texels, rows, foot = place
+    origins, directions, distances, keys = rays
+    wide, spread = scene[3]
+    start, d = _vector(origins, i), _vector(directions, i)
+    near = distances[i] * (f32(1) - _BEFORE)
+    start = add(start, scale(near, d))
+    traced += 1
+    found, hit = closest_surface(world, table, texels, rows, start, d, f32(0), scratch[0], scratch[1])
+    white = (f32(1), f32(1), f32(1))
+    outside = (False, hit, f32(1))
+    if not found:
+        _add(out[1], i, scene[2], white)
+        return row, traced
+    away = sub(hit_position(table, hit), start)
+    length = near + math.sqrt(dot(away, away))
+    if length > distances[i] * (f32(1) + _BEHIND):  # past the edge of what the rasteriser drew
+        return _follow(
+            place, scene, i, base, keys[i], start, d, white, outside, near, SCATTERED, scratch, out, row, traced
+        )
+    foot[0] = wide + spread * length
+    _, ng, n, b, flags, entering = surface(table, texels, rows, hit, d)
+    wo = scale(f32(-1), d)
+    if b[_ALPHA] > f32(0):
+        if not transmits(b):
+            return row, traced
+        share = f32(1.0 / ROUGH_SAMPLES)
+        for k in range(ROUGH_SAMPLES):
+            u1, u2, u3 = _stratified(keys[i], k, scene)
+            alive, wi, factor = _scatter(b, n, ng, wo, u1, u2, u3)
+            if alive:
+                weight = scale(share, factor)
+                inside = _cross(outside, hit, b, ng, wi, entering)
+                start = leave_surface(world, table, hit, side_of(ng, wi))
+                row, traced = _follow(
+                    place, scene, i, base, keys[i] + u32(k), start, wi, weight, inside, length, SCATTERED,
+                    scratch, out, row, traced,
+                )  # fmt: skip
+        return row, traced
+    reflectance, transmittance, above, beyond, through = smooth_split(b, n, ng, wo)
+    if greatest(reflectance) > _LEAST:
+        start = leave_surface(world, table, hit, ng)
+        row, traced = _follow(
+            place, scene, i, base, keys[i], start, above, reflectance, outside, length, REFLECTED, scratch,
+            out, row, traced,
+        )  # fmt: skip
+    if through and greatest(transmittance) > _LEAST:
+        start = leave_surface(world, table, hit, scale(f32(-1), ng))
+        inside = _cross(outside, hit, b, ng, beyond, entering)
+        row, traced = _follow(
+            place, scene, i, base, keys[i], start, beyond, transmittance, inside, length, TRANSMITTED,
+            scratch, out, row, traced,
+        )  # fmt: skip
+    return row, traced
+
+
+@jit
+def _follow(
+    place, scene, i, base, key, start, d, weight, inside, length, lane, scratch, out, row, traced
+):  # fmt: skip
+    """Follow one path that leaves a mirror or glass from `start` along `d`.
+
+    weight  of the radiance that comes back along it
+    inside  whether in a solid, the hit at which it was entered, and what it makes of radiance
+    length  m from the eye to `start`
+    """
+    world, table, texels, rows, foot = place
+    seed, pass_index = scene[4], scene[5]
+    wide, spread = scene[3]
+    stored = 0
+    for event in range(EVENTS_MAX + 1):
+        u0, u1, u2, u3 = random4(key, u32(event), pass_index, seed)
+        traced += 1
+        found, hit = closest_surface(world, table, texels, rows, start, d, u0, scratch[0], scratch[1])
+        if not found:
+            _add(out[1], i, scene[2], weight)
+            break
+        way = sub(hit_position(table, hit), start)
+        distance = math.sqrt(dot(way, way))
+        length += distance
+        foot[0] = wide + spread * length
+        position, ng, n, b, flags, entering = surface(table, texels, rows, hit, d)
+        weight = _attenuated(table, hit, flags, entering, inside, distance, weight)
+        seen = scale(inside[2], weight)
+        _add(out[1], i, glow(table, texels, rows, hit), seen)
+        if flags & u32(MATERIAL_UNLIT):
+            break
+        wo = scale(f32(-1), d)
+        if has_finite(b) or b[_ALPHA] > f32(0):
+            light, shadows = direct_light(
+                place[:4], scene[0], scene[1], hit, position, ng, n, b, wo, u0, scratch
+            )
+            _add(out[0], i, light, seen)
+            traced += shadows
+        if has_finite(b):
+            _store(out[2], row, base + i, lane if stored == 0 else SCATTERED, seen, b)
+            _store_point(out[2], row, position, ng, n, wo, b, foot[0])
+            row += 1
+            stored += 1
+        alive, wi, factor = _go_on(b, n, ng, wo, u1, u2, u3)
+        weight = times(weight, factor)
+        if not alive or stored == _ENDS_MAX or greatest(weight) < (_STRONG if stored > 0 else _LEAST):
+            break
+        inside = _cross(inside, hit, b, ng, wi, entering)
+        start, d = leave_surface(world, table, hit, side_of(ng, wi)), wi
+    return row, traced
+
+
+@jit
+def _go_on(b, n, ng, wo, u1, u2, u3):
+    """Where a path goes on from a surface: (whether it does, wi, factor of its weight)."""
+    if b[_ALPHA] > f32(0):
+        return _scatter(b, n, ng, wo, u1, u2, u3)
+    reflectance, transmittance, above, beyond, through = smooth_split(b, n, ng, wo)
+    both = add(reflectance, transmittance)
+    if through and luminance(transmittance) > luminance(reflectance):
+        return True, beyond, both
+    return greatest(both) > f32(0), above, both
+
+
+@jit
+def _scatter(b, n, ng, wo, u1, u2, u3):
+    """`_go_on` for a rough surface, by one of its facets; an opaque one is the path's last."""
+    if not transmits(b):
+        return False, wo, wo
+    black = f32(0)
+    facets = (black, black, black, b[3], b[4], b[5], b[6], b[7], b[8], b[9], b[10], b[11], b[12], b[13], b[14])
+    ok, wi, factor, _ = sample_bsdf(facets, n, ng, wo, u1, u2, u3, False)
+    return ok, wi, factor
+
+
+@jit
+def _stratified(key, k, scene):
+    """The numbers of sample `k` of a rough pixel, even over the samples: a rank-1 lattice, turned."""
+    u1, u2, u3, _ = random4(key, u32(0x5EED), scene[5], scene[4])
+    u1 += f32(k) * f32(1.0 / ROUGH_SAMPLES)
+    u2 += f32(k) * f32(0.7548777)  # Roberts's R2
+    u3 += f32(k) * f32(0.5698403)
+    return u1 - f32(math.floor(u1)), u2 - f32(math.floor(u2)), u3 - f32(math.floor(u3))
+
+
+@jit
+def _cross(inside, hit, b, ng, wi, entering):
+    """What a path is in after a surface that sends it along `wi`."""
+    if dot(wi, ng) > f32(0) or b[_THIN] > f32(0):
+        return inside
+    if entering:
+        return True, hit, f32(1) / (b[_ETA] * b[_ETA])
+    return False, hit, f32(1)
+
+
+@jit
+def _attenuated(table, hit, flags, entering, inside, distance, weight):
+    """`weight` after a segment that ends at `hit`: the surface seen from within tells best what it was in."""
+    solid = flags & u32(MATERIAL_TRANSMITS | MATERIAL_THIN) == u32(MATERIAL_TRANSMITS)
+    if solid and not entering:
+        return times(weight, attenuation(table, hit, distance))
+    if inside[0]:
+        return times(weight, attenuation(table, inside[1], distance))
+    return weight
+
+
+@jit
+def _store(room, row, slot, lane, weight, b):
+    """Write the END of a path."""
+    end = room[row].end
+    gloss = f32(1) if b[_ALPHA] > f32(0) and not transmits(b) else f32(0)
+    end.slot = u32(slot)
+    end.lane = u32(lane)
+    for k in literal_unroll((0, 1, 2)):
+        end.weight[k] = weight[k]
+        end.diffuse[k] = b[k]
+        end.f0[k] = gloss * b[_F0 + k]
+    end.f90 = gloss * b[_F90]
+    end.dielectric_f0 = b[_F90 + 2]
+    end.dielectric_f90 = b[_F90 + 3]
+
+
+@jit
+def _store_point(room, row, position, ng, n, wo, b, width):
+    """Write the end's RECEIVER."""
+    point = room[row].point
+    for k in literal_unroll((0, 1, 2)):
+        point.position[k] = position[k]
+        point.ng[k] = ng[k]
+        point.n[k] = n[k]
+        point.wo[k] = wo[k]
+    glossy = b[_F90] > f32(0) or b[_F0] + b[_F0 + 1] + b[_F0 + 2] > f32(0)
+    point.alpha = max(b[_ALPHA], _GLOSS_ALPHA_MIN) if glossy else f32(0)
+    point.valid = u32(1)
+    point.footprint = width
+    point.slant = f32(1) / max(abs(dot(wo, ng)), f32(0.02))
+
+
+@jit
+def _vector(rows, i):
+    return rows[i, 0], rows[i, 1], rows[i, 2]
+
+
+@jit
+def _add(sums, i, value, weight):
+    sums[i, 0] += value[0] * weight[0]
+    sums[i, 1] += value[1] * weight[1]
+    sums[i, 2] += value[2] * weight[2]
