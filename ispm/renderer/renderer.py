@@ -198,7 +198,7 @@ class Renderer:
         with watch("upsample"):
             self._light_missed(points, estimate, grid, scene, gbuffer, view)
         with watch("eye"):
-            brought = self._follow_chains(packed, surfaces, seen, path.photons, view)
+            brought = self._follow_chains(packed, surfaces, seen, path.photons, grid, view)
         with self._gpu.frame() as fourth:
             fourth.stage("compose")
             self._chains.patch(fourth, seen["pixel"], brought, direct, indirect, emission)
@@ -344,7 +344,8 @@ class Renderer:
             self._upsample.patch(frame, scene, gbuffer, view, light)
 
     def _follow_chains(
-        self, packed: Packed, surfaces: SurfaceTable, seen: np.ndarray, photons: np.ndarray, view: CameraView
+        self, packed: Packed, surfaces: SurfaceTable, seen: np.ndarray, photons: np.ndarray,
+        grid: Callable[[], PhotonGrid], view: CameraView,
     ) -> np.ndarray:
         """Return the light that mirrors and glass bring to the (n,) SEEN pixels, (n, 9)."""
         settings = self.settings
@@ -353,10 +354,9 @@ class Renderer:
         paths = trace_eye(
             packed, self._world, surfaces, rays, background, settings.seed, _PASS, self.threads
         )
-        caustic = photons["bounce"] == 0
         return light_ends(
-            paths, rays.keys, cache(lambda: PhotonGrid(photons[~caustic])), cache(lambda: PhotonGrid(photons[caustic])),
-            view, settings, packed.diagonal, self.threads,
+            paths, rays.keys, grid, cache(lambda: PhotonGrid(photons[:0])), view, settings,
+            packed.diagonal, self.threads,
         )  # fmt: skip
 
     def _compose(

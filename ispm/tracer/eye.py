@@ -14,14 +14,14 @@ from dataclasses import dataclass
 import numpy as np
 from numba import literal_unroll
 
-from ispm.optics.bsdf import has_finite, sample_bsdf, smooth_split, transmits
+from ispm.optics.bsdf import has_finite, is_smooth, sample_bsdf, smooth_split, transmits
 from ispm.optics.jit import jit
 from ispm.optics.records import (
     MATERIAL_BLEND,
     MATERIAL_MASK,
     MATERIAL_THIN,
-    MATERIAL_TRANSMITS,
     MATERIAL_UNLIT,
+    NO_HIT,
     RECEIVER,
 )  # fmt: skip
 from ispm.optics.rng import random4
@@ -32,7 +32,6 @@ from ispm.tracer.lit import direct_light, greatest, side_of, times
 from ispm.tracer.simd import address, alloca, atomic_add
 from ispm.tracer.surface import (
     SurfaceTable,
-    attenuation,
     closest_surface,
     glow,
     hit_position,
@@ -40,6 +39,7 @@ from ispm.tracer.surface import (
     surface,
 )  # fmt: skip
 from ispm.tracer.threads import run_threads
+from ispm.tracer.walk import attenuated, beyond, medium, nowhere
 from ispm.tracer.world import World
 
 f32, i64, u32 = np.float32, np.int64, np.uint32
@@ -137,7 +137,7 @@ def trace_eye(
                  counter: np.ndarray = counter) -> None:  # fmt: skip
             table, foot = surfaces.own_footprint()
             _follow_chunks(
-                address(world.table), table, surfaces.texels, surfaces.rows, foot, scene,
+                (address(world.table), table, surfaces.texels, surfaces.rows), scene, foot,
                 (rays.origins[part], rays.directions[part], rays.distances[part], rays.keys[part]),
                 i64(part.start), address(counter), (direct[part], emission[part], room), counts,
             )  # fmt: skip
@@ -145,8 +145,8 @@ def trace_eye(
         run_threads(work, threads)
         for chunk, found in enumerate(counts[:, 0]):
             kept = room[chunk * capacity : chunk * capacity + found]
-            ends.append(kept["end"])
-            points.append(kept["point"])
+            ends.append(kept["end"].copy())
+            points.append(kept["point"].copy())
         traced += int(counts[:, 1].sum())
     return EyePaths(direct, emission, np.concatenate(ends), np.concatenate(points), traced)
 
@@ -159,140 +159,141 @@ def _samples(packed: Packed) -> int:
 
 
 @jit
-def _follow_chunks(world, table, texels, rows, foot, scene, rays, base, counter, out, counts):
+def _follow_chunks(place, scene, foot, rays, first, counter, out, counts):
     room = out[2]
     capacity = i64(len(room) // len(counts))
     scratch = alloca(STACK_WORDS), alloca(2)
-    place = (world, table, texels, rows, foot)
     while True:
         chunk = atomic_add(counter, i64(1))
         if chunk >= len(counts):
             return
-        row, traced = chunk * capacity, i64(0)
+        at = chunk * capacity, i64(0)
         for i in range(chunk * i64(_CHUNK), min((chunk + 1) * i64(_CHUNK), len(rays[0]))):
-            row, traced = _follow_pixel(place, scene, rays, i, base, scratch, out, row, traced)
-        counts[chunk, 0] = row - chunk * capacity
-        counts[chunk, 1] = traced
+            at = _follow_pixel(place, scene, foot, scratch, rays, i, (first + i, i), out, at)
+        counts[chunk, 0] = at[0] - chunk * capacity
+        counts[chunk, 1] = at[1]
 
 
 @jit
-def _follow_pixel(place, scene, rays, i, base, scratch, out, row, traced):
-    """Follow all paths of ray `i`; return the next free row of the ends and the number of rays traced."""
-    world, table, texels, rows, foot = place
-    origins, directions, distances, keys = rays
-    wide, spread = scene[3]
-    start, d = _vector(origins, i), _vector(directions, i)
-    near = distances[i] * (f32(1) - _BEFORE)
+def _follow_pixel(place, scene, foot, scratch, rays, i, slot, out, at):
+    """Follow all paths of ray `i`; `at`: the next free row of the ends, and the number of rays traced."""
+    world, table, texels, rows = place
+    start, d, key = _vector(rays[0], i), _vector(rays[1], i), rays[3][i]
+    near = rays[2][i] * (f32(1) - _BEFORE)
     start = add(start, scale(near, d))
-    traced += 1
+    at = at[0], at[1] + i64(1)
     found, hit = closest_surface(world, table, texels, rows, start, d, f32(0), scratch[0], scratch[1])
-    white = (f32(1), f32(1), f32(1))
-    outside = (False, hit, f32(1))
-    if not found:
-        _add(out[1], i, scene[2], white)
-        return row, traced
-    away = sub(hit_position(table, hit), start)
-    length = near + math.sqrt(dot(away, away))
-    if length > distances[i] * (f32(1) + _BEHIND):  # past the edge of what the rasteriser drew
-        return _follow(
-            place, scene, i, base, keys[i], start, d, white, outside, near, SCATTERED, scratch, out, row, traced
-        )
-    foot[0] = wide + spread * length
+    length = near + _distance(table, hit, start) if found else f32(np.inf)
+    if length > rays[2][i] * (f32(1) + _BEHIND):  # past the edge of what the rasteriser drew
+        white = f32(1), f32(1), f32(1)
+        path = key, u32(0), SCATTERED, start, d, white, nowhere(), f32(1), near
+        return _follow(place, scene, foot, scratch, path, slot, out, at)
+    foot[0] = _width(scene, length)
     _, ng, n, b, flags, entering = surface(table, texels, rows, hit, d)
     wo = scale(f32(-1), d)
-    if b[_ALPHA] > f32(0):
-        if not transmits(b):
-            return row, traced
-        share = f32(1.0 / ROUGH_SAMPLES)
-        for k in range(ROUGH_SAMPLES):
-            u1, u2, u3 = _stratified(keys[i], k, scene)
-            alive, wi, factor = _scatter(b, n, ng, wo, u1, u2, u3)
+    if not is_smooth(b):
+        for k in range(ROUGH_SAMPLES if transmits(b) else 0):
+            u1, u2, u3 = _stratified(scene, key, k)
+            alive, wi, weight = _scatter(b, n, ng, wo, u1, u2, u3)
             if alive:
-                weight = scale(share, factor)
-                inside = _cross(outside, hit, b, ng, wi, entering)
-                start = leave_surface(world, table, hit, side_of(ng, wi))
-                row, traced = _follow(
-                    place, scene, i, base, keys[i] + u32(k), start, wi, weight, inside, length, SCATTERED,
-                    scratch, out, row, traced,
+                path = _leave(
+                    place, hit, ng, b, flags, entering, nowhere(), f32(1), length, wi,
+                    scale(f32(1.0 / ROUGH_SAMPLES), weight), key, u32((k + 1) << 8), SCATTERED,
                 )  # fmt: skip
-        return row, traced
-    reflectance, transmittance, above, beyond, through = smooth_split(b, n, ng, wo)
+                at = _follow(place, scene, foot, scratch, path, slot, out, at)
+        return at
+    reflectance, transmittance, above, beyond_, through = smooth_split(b, n, ng, wo)
     if greatest(reflectance) > _LEAST:
-        start = leave_surface(world, table, hit, ng)
-        row, traced = _follow(
-            place, scene, i, base, keys[i], start, above, reflectance, outside, length, REFLECTED, scratch,
-            out, row, traced,
+        path = _leave(
+            place, hit, ng, b, flags, entering, nowhere(), f32(1), length, above, reflectance, key, u32(0),
+            REFLECTED,
         )  # fmt: skip
+        at = _follow(place, scene, foot, scratch, path, slot, out, at)
     if through and greatest(transmittance) > _LEAST:
-        start = leave_surface(world, table, hit, scale(f32(-1), ng))
-        inside = _cross(outside, hit, b, ng, beyond, entering)
-        row, traced = _follow(
-            place, scene, i, base, keys[i], start, beyond, transmittance, inside, length, TRANSMITTED,
-            scratch, out, row, traced,
+        path = _leave(
+            place, hit, ng, b, flags, entering, nowhere(), f32(1), length, beyond_, transmittance, key,
+            u32(128), TRANSMITTED,
         )  # fmt: skip
-    return row, traced
+        at = _follow(place, scene, foot, scratch, path, slot, out, at)
+    return at
 
 
 @jit
-def _follow(
-    place, scene, i, base, key, start, d, weight, inside, length, lane, scratch, out, row, traced
+def _leave(
+    place, hit, ng, b, flags, entering, inside, focus, length, wi, weight, key, dimension, lane
 ):  # fmt: skip
-    """Follow one path that leaves a mirror or glass from `start` along `d`.
+    """A path that goes on from a hit along `wi`:
 
-    weight  of the radiance that comes back along it
-    inside  whether in a solid, the hit at which it was entered, and what it makes of radiance
-    length  m from the eye to `start`
+    key, dimension  of its random numbers
+    lane            of its first end
+    start, d        of its next ray
+    weight          of the radiance that comes back along it
+    inside, focus   the hit at which it entered what it is in, see `medium`; what that makes of radiance
+    length          m from the eye to `start`
     """
-    world, table, texels, rows, foot = place
-    seed, pass_index = scene[4], scene[5]
-    wide, spread = scene[3]
+    start = leave_surface(place[0], place[1], hit, side_of(ng, wi))
+    if dot(wi, ng) < f32(0):
+        inside = beyond(hit, flags, entering, inside)
+        if b[_THIN] == f32(0):
+            focus = f32(1) / (b[_ETA] * b[_ETA]) if entering else f32(1)
+    return key, dimension, lane, start, wi, weight, inside, focus, length
+
+
+@jit
+def _follow(place, scene, foot, scratch, path, slot, out, at):
+    """Follow one path to its end or ends."""
+    world, table, texels, rows = place
+    lights, porous, background, _, seed, pass_index = scene
+    row, traced = at
+    key, dimension, lane, start, d, weight, inside, focus, length = path
     stored = 0
-    for event in range(EVENTS_MAX + 1):
-        u0, u1, u2, u3 = random4(key, u32(event), pass_index, seed)
-        traced += 1
+    for _ in range(EVENTS_MAX + 1):
+        u0, u1, u2, u3 = random4(key, dimension, pass_index, seed)
+        traced += i64(1)
         found, hit = closest_surface(world, table, texels, rows, start, d, u0, scratch[0], scratch[1])
         if not found:
-            _add(out[1], i, scene[2], weight)
+            _add(out[1], slot[1], background, weight)
             break
-        way = sub(hit_position(table, hit), start)
-        distance = math.sqrt(dot(way, way))
-        length += distance
-        foot[0] = wide + spread * length
+        length += _distance(table, hit, start)
+        foot[0] = _width(scene, length)
         position, ng, n, b, flags, entering = surface(table, texels, rows, hit, d)
-        weight = _attenuated(table, hit, flags, entering, inside, distance, weight)
-        seen = scale(inside[2], weight)
-        _add(out[1], i, glow(table, texels, rows, hit), seen)
+        inside = medium(inside, hit, flags, entering)
+        if inside[0] != u32(NO_HIT):
+            weight = attenuated(table, inside, start, position, weight)
+        seen = scale(focus, weight)
+        _add(out[1], slot[1], glow(table, texels, rows, hit), seen)
         if flags & u32(MATERIAL_UNLIT):
             break
         wo = scale(f32(-1), d)
-        if has_finite(b) or b[_ALPHA] > f32(0):
-            light, shadows = direct_light(
-                place[:4], scene[0], scene[1], hit, position, ng, n, b, wo, u0, scratch
-            )
-            _add(out[0], i, light, seen)
+        if has_finite(b) or not is_smooth(b):
+            light, shadows = direct_light(place, lights, porous, hit, position, ng, n, b, wo, u0, scratch)
+            _add(out[0], slot[1], light, seen)
             traced += shadows
         if has_finite(b):
-            _store(out[2], row, base + i, lane if stored == 0 else SCATTERED, seen, b)
-            _store_point(out[2], row, position, ng, n, wo, b, foot[0])
-            row += 1
-            stored += 1
-        alive, wi, factor = _go_on(b, n, ng, wo, u1, u2, u3)
+            _store(out[2][row].end, slot[0], lane, seen, b)
+            _store_point(out[2][row].point, position, ng, n, wo, b, foot[0])
+            row, stored, lane = row + i64(1), stored + 1, SCATTERED
+        alive, wi, factor = _go_on(b, n, ng, wo, entering, u1, u2, u3)
         weight = times(weight, factor)
         if not alive or stored == _ENDS_MAX or greatest(weight) < (_STRONG if stored > 0 else _LEAST):
             break
-        inside = _cross(inside, hit, b, ng, wi, entering)
-        start, d = leave_surface(world, table, hit, side_of(ng, wi)), wi
+        key, dimension, lane, start, d, weight, inside, focus, length = _leave(
+            place, hit, ng, b, flags, entering, inside, focus, length, wi, weight, key, dimension + u32(1), lane
+        )
     return row, traced
 
 
 @jit
-def _go_on(b, n, ng, wo, u1, u2, u3):
-    """Where a path goes on from a surface: (whether it does, wi, factor of its weight)."""
-    if b[_ALPHA] > f32(0):
+def _go_on(b, n, ng, wo, entering, u1, u2, u3):
+    """Where a path goes on from a surface: (whether it does, wi, factor of its weight).
+
+    From within a solid it leaves wherever it can: reflected, it would run round under a ball's rim.
+    """
+    if not is_smooth(b):
         return _scatter(b, n, ng, wo, u1, u2, u3)
     reflectance, transmittance, above, beyond, through = smooth_split(b, n, ng, wo)
     both = add(reflectance, transmittance)
-    if through and luminance(transmittance) > luminance(reflectance):
+    if through and (not entering or luminance(transmittance) > luminance(reflectance)):
         return True, beyond, both
     return greatest(both) > f32(0), above, both
 
@@ -302,47 +303,36 @@ def _scatter(b, n, ng, wo, u1, u2, u3):
     """`_go_on` for a rough surface, by one of its facets; an opaque one is the path's last."""
     if not transmits(b):
         return False, wo, wo
-    black = f32(0)
-    facets = (black, black, black, b[3], b[4], b[5], b[6], b[7], b[8], b[9], b[10], b[11], b[12], b[13], b[14])
-    ok, wi, factor, _ = sample_bsdf(facets, n, ng, wo, u1, u2, u3, False)
+    ok, wi, factor, _ = sample_bsdf((f32(0), f32(0), f32(0), *b[3:]), n, ng, wo, u1, u2, u3, False)
     return ok, wi, factor
 
 
 @jit
-def _stratified(key, k, scene):
-    """The numbers of sample `k` of a rough pixel, even over the samples: a rank-1 lattice, turned."""
-    u1, u2, u3, _ = random4(key, u32(0x5EED), scene[5], scene[4])
+def _stratified(scene, key, k):
+    """The numbers of sample `k` of a rough pixel: a lattice that is even over the samples, moved at random."""
+    u1, u2, u3, _ = random4(key, u32(0), scene[5], scene[4])
     u1 += f32(k) * f32(1.0 / ROUGH_SAMPLES)
-    u2 += f32(k) * f32(0.7548777)  # Roberts's R2
+    u2 += f32(k) * f32(0.7548777)  # Roberts's R2 sequence
     u3 += f32(k) * f32(0.5698403)
     return u1 - f32(math.floor(u1)), u2 - f32(math.floor(u2)), u3 - f32(math.floor(u3))
 
 
 @jit
-def _cross(inside, hit, b, ng, wi, entering):
-    """What a path is in after a surface that sends it along `wi`."""
-    if dot(wi, ng) > f32(0) or b[_THIN] > f32(0):
-        return inside
-    if entering:
-        return True, hit, f32(1) / (b[_ETA] * b[_ETA])
-    return False, hit, f32(1)
+def _distance(table, hit, start):
+    way = sub(hit_position(table, hit), start)
+    return f32(math.sqrt(dot(way, way)))
 
 
 @jit
-def _attenuated(table, hit, flags, entering, inside, distance, weight):
-    """`weight` after a segment that ends at `hit`: the surface seen from within tells best what it was in."""
-    solid = flags & u32(MATERIAL_TRANSMITS | MATERIAL_THIN) == u32(MATERIAL_TRANSMITS)
-    if solid and not entering:
-        return times(weight, attenuation(table, hit, distance))
-    if inside[0]:
-        return times(weight, attenuation(table, inside[1], distance))
-    return weight
+def _width(scene, length):
+    """What a pixel covers after `length` m of its path, were all mirrors flat."""
+    wide, spread = scene[3]
+    return wide + spread * length
 
 
 @jit
-def _store(room, row, slot, lane, weight, b):
-    """Write the END of a path."""
-    end = room[row].end
+def _store(end, slot, lane, weight, b):
+    """Write an END."""
     gloss = f32(1) if b[_ALPHA] > f32(0) and not transmits(b) else f32(0)
     end.slot = u32(slot)
     end.lane = u32(lane)
@@ -356,9 +346,8 @@ def _store(room, row, slot, lane, weight, b):
 
 
 @jit
-def _store_point(room, row, position, ng, n, wo, b, width):
-    """Write the end's RECEIVER."""
-    point = room[row].point
+def _store_point(point, position, ng, n, wo, b, width):
+    """Write its RECEIVER."""
     for k in literal_unroll((0, 1, 2)):
         point.position[k] = position[k]
         point.ng[k] = ng[k]
