@@ -9,7 +9,7 @@ import numpy as np
 from ispm.settings import Settings
 from ispm.stages.camera import CameraView
 from ispm.stages.filter import WEIGHT, filter_estimate, filter_points
-from ispm.tracer.ends import image_of_ends, reflect_light, spread_light
+from ispm.tracer.ends import image_of_ends, reflect_light, smooth_frost, spread_light
 from ispm.tracer.eye import REFLECTED, SCATTERED, TRANSMITTED, EyePaths, EyeRays
 from ispm.tracer.grid import PhotonGrid
 
@@ -54,7 +54,9 @@ def light_ends(
             light[rows] = photons().estimate(paths.points[rows], threads)
         light += caustics().estimate(paths.points, threads)
     indirect = reflect_light(paths.ends, light, len(pixels))
-    return np.concatenate([paths.direct, indirect, paths.emission], axis=1)
+    brought = np.concatenate([paths.direct, indirect, paths.emission], axis=1)
+    smooth_frost(brought, pixels, view.size[0], paths.frost, threads)
+    return brought
 
 
 def _light_lane(

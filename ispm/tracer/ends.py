@@ -23,6 +23,7 @@ _SAME_WAY = 0.5  # cosine of two normals, above which ends may lie on one surfac
 _SPREAD_MAX = 64.0  # widths that neighbours in a curved mirror lie apart, at most
 _PLANE_REACH = f32(1.3)  # as in stages/upsample.wgsl: low-resolution pixels off the tangent plane
 _TOO_LITTLE = f32(1e-3)  # sum of weights below which an end has no neighbour
+_FROST_REACH = 5  # pixels on each side over which rough glass is averaged
 _CHUNK = 256
 
 
@@ -161,3 +162,64 @@ def reflect_incident(end, light, i, c):
     kept = (f32(1) - end.dielectric_f0) * light[i, c] - (end.dielectric_f90 - end.dielectric_f0) * fresnel
     shown = end.diffuse[c] * f32(1 / math.pi) * kept + end.f0[c] * gloss + end.f90 * grazing
     return max(shown, f32(0))
+
+
+def smooth_frost(light: np.ndarray, pixels: np.ndarray, width: int, frost: np.ndarray, threads: int) -> None:
+    """Average the noise out of the light of pixels that show rough glass, (n, c), in place.
+
+    pixels  (n,) numbers y width + x, sorted;  frost  (n,) FROST
+    Light is averaged over a tenth of what the surface blurs it, at most 11 x 11 pixels, whose paths went out
+    in different directions.
+    """
+    if not (frost["blur"] > 0.0).any():
+        return
+    rows = np.full((int(pixels[-1]) // width + 1, width), -1, np.int32)
+    rows[pixels // width, pixels % width] = np.arange(len(pixels))
+    given = light.copy()
+    counter = np.zeros(8, np.int64)
+    run_threads(lambda _: _smooth(given, pixels, rows, frost, address(counter), light), threads)
+
+
+@jit
+def _smooth(given, pixels, rows, frost, counter, light):
+    while True:
+        first = atomic_add(counter, i64(_CHUNK))
+        if first >= len(pixels):
+            return
+        for i in range(first, min(first + i64(_CHUNK), len(pixels))):
+            reach = i64(min(frost[i].blur + f32(0.5), f32(_FROST_REACH)))
+            if reach > 0:
+                x, y = i64(pixels[i]) % rows.shape[1], i64(pixels[i]) // rows.shape[1]
+                _average(given, rows, frost, i, x, y, reach, light)
+
+
+@jit
+def _average(given, rows, frost, i, x, y, reach, light):
+    """Write the mean light of the pixels about (x, y) that show the same surface facing the same way."""
+    for c in range(light.shape[1]):
+        light[i, c] = f32(0)
+    total, inverse = f32(0), f32(1) / f32((reach + 1) * (reach + 1))
+    for row in range(max(y - reach, 0), min(y + reach + 1, rows.shape[0])):
+        for column in range(max(x - reach, 0), min(x + reach + 1, rows.shape[1])):
+            k = rows[row, column]
+            if k < 0:
+                continue
+            away = f32((row - y) * (row - y) + (column - x) * (column - x))
+            w = _same_frost(frost[i], frost[k]) * max(f32(1) - away * inverse, f32(0))
+            if w > f32(0):
+                total += w
+                for c in range(light.shape[1]):
+                    light[i, c] += w * given[k, c]
+    for c in range(light.shape[1]):
+        light[i, c] /= total
+
+
+@jit
+def _same_frost(a, b):
+    """1 for surfaces that blur alike, down to 0."""
+    if a.instance != b.instance or b.blur <= f32(0) or abs(a.tint - b.tint) > f32(0.02):
+        return f32(0)
+    bend = f32(0)
+    for k in range(3):
+        bend += (a.n[k] - b.n[k]) * (a.n[k] - b.n[k])
+    return max(f32(1) - f32(4) * bend / (a.alpha * a.alpha), f32(0))

@@ -52,11 +52,12 @@ _STRONG = f32(0.02)  # and below which not from an end
 _BEFORE = f32(1e-4)  # of the distance that a ray starts before the surface that the pixel shows
 _BEHIND = f32(1e-3)  # of the distance: farther hits are not that surface
 _GLOSS_ALPHA_MIN = f32(0.25)  # as in stages/receivers.wgsl
+_BLUR_SHARE = f32(0.1)  # of a rough surface's blur, that its pixels may be averaged over
 _CHUNK = 64  # pixels a thread takes at a time; results do not depend on it or on the threads
-_BATCH = 1 << 16  # pixels whose ends lie in memory at their full number
+_BATCH = 1 << 15  # pixels whose ends lie in memory at their full number
 
 # places in a Bsdf tuple
-_F0, _F90, _ALPHA, _ETA, _THIN = 3, 6, 7, 13, 14
+_F0, _F90, _ALPHA, _TINT, _ETA, _THIN = 3, 6, 7, 10, 13, 14
 
 REFLECTED, TRANSMITTED, SCATTERED = 0, 1, 2  # what the first surface did to a path
 
@@ -64,6 +65,9 @@ END = np.dtype([
     ("slot", "<u4"), ("lane", "<u4"), ("weight", "<f4", 3), ("diffuse", "<f4", 3), ("f0", "<f4", 3),
     ("f90", "<f4"), ("dielectric_f0", "<f4"), ("dielectric_f90", "<f4"),
 ])  # fmt: skip
+
+# What rough glass a pixel shows; blur: pixels over which its light may be averaged, 0 where it shows none.
+FROST = np.dtype([("n", "<f4", 3), ("alpha", "<f4"), ("tint", "<f4"), ("blur", "<f4"), ("instance", "<u4")])
 
 
 @dataclass(frozen=True)
@@ -92,6 +96,7 @@ class EyePaths:
             by the first surface, or a later end of its path; weight: of the radiance that leaves the end.
             f0 and f90 are 0 where paths go on instead
     points  (m,) RECEIVER, the same; footprint: of a pixel
+    frost   (n,) FROST
     rays    traced
     """
 
@@ -99,6 +104,7 @@ class EyePaths:
     emission: np.ndarray
     ends: np.ndarray
     points: np.ndarray
+    frost: np.ndarray
     rays: int
 
 
@@ -118,13 +124,14 @@ def trace_eye(
     background  radiance from where there is nothing
     """
     count = len(rays.origins)
+    frost = np.zeros(count, FROST)
     direct, emission = np.zeros((count, 3), np.float32), np.zeros((count, 3), np.float32)
     porous = bool((packed.materials["flags"] & (MATERIAL_MASK | MATERIAL_BLEND | MATERIAL_THIN)).any())
     scene = (
         packed.lights, porous, tuple(map(f32, background)), tuple(map(f32, rays.width)), u32(seed),
         u32(pass_index),
     )  # fmt: skip
-    capacity = _CHUNK * _ENDS_MAX * _samples(packed)
+    capacity = _CHUNK * 2 * _ENDS_MAX * _samples(packed)
     ends, points, traced = [np.zeros(0, END)], [np.zeros(0, RECEIVER)], 0
     for first in range(0, count, _BATCH):
         part = slice(first, min(first + _BATCH, count))
@@ -139,7 +146,7 @@ def trace_eye(
             _follow_chunks(
                 (address(world.table), table, surfaces.texels, surfaces.rows), scene, foot,
                 (rays.origins[part], rays.directions[part], rays.distances[part], rays.keys[part]),
-                i64(part.start), address(counter), (direct[part], emission[part], room), counts,
+                i64(part.start), address(counter), (direct[part], emission[part], room, frost[part]), counts,
             )  # fmt: skip
 
         run_threads(work, threads)
@@ -148,14 +155,14 @@ def trace_eye(
             ends.append(kept["end"].copy())
             points.append(kept["point"].copy())
         traced += int(counts[:, 1].sum())
-    return EyePaths(direct, emission, np.concatenate(ends), np.concatenate(points), traced)
+    return EyePaths(direct, emission, np.concatenate(ends), np.concatenate(points), frost, traced)
 
 
 def _samples(packed: Packed) -> int:
-    """Paths that a pixel may need."""
+    """Paths that a branch may need."""
     materials = packed.materials
     rough = (materials["transmission"] > 0.0) & (materials["roughness"] > 0.0)
-    return ROUGH_SAMPLES if rough.any() else 2
+    return ROUGH_SAMPLES if rough.any() else 1
 
 
 @jit
@@ -187,11 +194,12 @@ def _follow_pixel(place, scene, foot, scratch, rays, i, slot, out, at):
     if length > rays[2][i] * (f32(1) + _BEHIND):  # past the edge of what the rasteriser drew
         white = f32(1), f32(1), f32(1)
         path = key, u32(0), SCATTERED, start, d, white, nowhere(), f32(1), near
-        return _follow(place, scene, foot, scratch, path, slot, out, at)
+        return _follow_often(place, scene, foot, scratch, path, slot, out, at)
     foot[0] = _width(scene, length)
     _, ng, n, b, flags, entering = surface(table, texels, rows, hit, d)
     wo = scale(f32(-1), d)
     if not is_smooth(b):
+        reach = f32(0)
         for k in range(ROUGH_SAMPLES if transmits(b) else 0):
             u1, u2, u3 = _stratified(scene, key, k)
             alive, wi, weight = _scatter(b, n, ng, wo, u1, u2, u3)
@@ -200,7 +208,9 @@ def _follow_pixel(place, scene, foot, scratch, rays, i, slot, out, at):
                     place, hit, ng, b, flags, entering, nowhere(), f32(1), length, wi,
                     scale(f32(1.0 / ROUGH_SAMPLES), weight), key, u32((k + 1) << 8), SCATTERED,
                 )  # fmt: skip
-                at = _follow(place, scene, foot, scratch, path, slot, out, at)
+                at, _, end = _follow(place, scene, foot, scratch, path, slot, out, at)
+                reach += (end - length) / (end * f32(ROUGH_SAMPLES))
+        _store_frost(out[3][slot[1]], n, b, hit, reach * length / _width(scene, length))
         return at
     reflectance, transmittance, above, beyond_, through = smooth_split(b, n, ng, wo)
     if greatest(reflectance) > _LEAST:
@@ -208,13 +218,13 @@ def _follow_pixel(place, scene, foot, scratch, rays, i, slot, out, at):
             place, hit, ng, b, flags, entering, nowhere(), f32(1), length, above, reflectance, key, u32(0),
             REFLECTED,
         )  # fmt: skip
-        at = _follow(place, scene, foot, scratch, path, slot, out, at)
+        at = _follow_often(place, scene, foot, scratch, path, slot, out, at)
     if through and greatest(transmittance) > _LEAST:
         path = _leave(
             place, hit, ng, b, flags, entering, nowhere(), f32(1), length, beyond_, transmittance, key,
             u32(128), TRANSMITTED,
         )  # fmt: skip
-        at = _follow(place, scene, foot, scratch, path, slot, out, at)
+        at = _follow_often(place, scene, foot, scratch, path, slot, out, at)
     return at
 
 
@@ -240,19 +250,42 @@ def _leave(
 
 
 @jit
+def _follow_often(place, scene, foot, scratch, path, slot, out, at):
+    """Follow one path, and where it meets rough glass others beside it; return `at`."""
+    first, i = at[0], slot[1]
+    direct, emission = _vector(out[0], i), _vector(out[1], i)
+    at, rough, _ = _follow(place, scene, foot, scratch, path, slot, out, at)
+    if rough:
+        share = f32(1.0 / ROUGH_SAMPLES)
+        for c in range(3):
+            out[0][i, c] = direct[c] + share * (out[0][i, c] - direct[c])
+            out[1][i, c] = emission[c] + share * (out[1][i, c] - emission[c])
+            for row in range(first, at[0]):
+                out[2][row].end.weight[c] *= share
+        key, dimension, lane, start, d, weight, inside, focus, length = path
+        for k in range(1, ROUGH_SAMPLES):
+            path = (
+                key, dimension + u32(k << 8), SCATTERED, start, d, scale(share, weight), inside, focus, length
+            )  # fmt: skip
+            at, _, _ = _follow(place, scene, foot, scratch, path, slot, out, at)
+    return at
+
+
+@jit
 def _follow(place, scene, foot, scratch, path, slot, out, at):
-    """Follow one path to its end or ends."""
+    """Follow one path to its end or ends; return `at`, whether it met rough glass, and its length in m."""
     world, table, texels, rows = place
     lights, porous, background, _, seed, pass_index = scene
     row, traced = at
     key, dimension, lane, start, d, weight, inside, focus, length = path
-    stored = 0
+    stored, rough = 0, False
     for _ in range(EVENTS_MAX + 1):
         u0, u1, u2, u3 = random4(key, dimension, pass_index, seed)
         traced += i64(1)
         found, hit = closest_surface(world, table, texels, rows, start, d, u0, scratch[0], scratch[1])
         if not found:
             _add(out[1], slot[1], background, weight)
+            length = f32(1e30)
             break
         length += _distance(table, hit, start)
         foot[0] = _width(scene, length)
@@ -273,6 +306,7 @@ def _follow(place, scene, foot, scratch, path, slot, out, at):
             _store(out[2][row].end, slot[0], lane, seen, b)
             _store_point(out[2][row].point, position, ng, n, wo, b, foot[0])
             row, stored, lane = row + i64(1), stored + 1, SCATTERED
+        rough = rough or (transmits(b) and not is_smooth(b))
         alive, wi, factor = _go_on(b, n, ng, wo, entering, u1, u2, u3)
         weight = times(weight, factor)
         if not alive or stored == _ENDS_MAX or greatest(weight) < (_STRONG if stored > 0 else _LEAST):
@@ -280,7 +314,7 @@ def _follow(place, scene, foot, scratch, path, slot, out, at):
         key, dimension, lane, start, d, weight, inside, focus, length = _leave(
             place, hit, ng, b, flags, entering, inside, focus, length, wi, weight, key, dimension + u32(1), lane
         )
-    return row, traced
+    return (row, traced), rough, length
 
 
 @jit
@@ -358,6 +392,17 @@ def _store_point(point, position, ng, n, wo, b, width):
     point.valid = u32(1)
     point.footprint = width
     point.slant = f32(1) / max(abs(dot(wo, ng)), f32(0.02))
+
+
+@jit
+def _store_frost(frost, n, b, hit, angle):
+    """Write a FROST: a facet's lobe spreads by alpha, over which neighbouring pixels see the same."""
+    for k in literal_unroll((0, 1, 2)):
+        frost.n[k] = n[k]
+    frost.alpha = b[_ALPHA]
+    frost.tint = luminance((b[_TINT], b[_TINT + 1], b[_TINT + 2]))
+    frost.blur = _BLUR_SHARE * b[_ALPHA] * angle
+    frost.instance = hit[0]
 
 
 @jit
