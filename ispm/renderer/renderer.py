@@ -6,12 +6,13 @@ import gc
 import math
 import time as clock
 import warnings
+from operator import attrgetter
 from types import TracebackType
 
 import numpy as np
 
 from ispm.errors import IspmError, SceneError, SceneWarning, SettingsError
-from ispm.estimators import ESTIMATORS
+from ispm.estimators import make_estimator
 from ispm.frame import BounceMaps, GBuffer, GpuScene
 from ispm.gpu import Gpu, Recording, Texture, open_gpu
 from ispm.optics.records import EMITTED, MATERIAL_UNLIT, PHOTON, RECEIVER
@@ -42,6 +43,7 @@ from ispm.stages.upsample import Upsample
 from ispm.tracer.density import measure_radii
 from ispm.tracer.emission import emit_rays, share_photons
 from ispm.tracer.grid import PhotonGrid
+from ispm.tracer.hint import hint_radii
 from ispm.tracer.surface import SurfaceTable
 from ispm.tracer.threads import thread_count
 from ispm.tracer.walk import Walk, walk
@@ -50,6 +52,7 @@ from ispm.tracer.world import World
 _NEAR = 1e-4  # of the scene's diagonal; reversed depth has precision to spare
 _TEXTURE_FOOTPRINT = 0.005  # of the diagonal: over which photons see textures averaged
 _PASS = 0  # of one
+_ESTIMATOR_KNOBS = attrgetter("estimator", "kernel", "talk_errors")
 _OWNED = (
     "_upload", "_gbuffer", "_bounce", "_direct", "_antialias", "_shadow", "_downsample", "_upsample",
     "_estimator", "_world", "_last", "_packed", "_textures",
@@ -145,9 +148,8 @@ class Renderer:
             self._upsample = Upsample(self._gpu, new.subsampling)
         if old is None or old.shadow_resolution != new.shadow_resolution:
             self._shadow = ShadowStage(self._gpu, new.shadow_resolution)
-        if old is None or old.estimator != new.estimator:
-            name = "tiled" if new.estimator == "auto" else new.estimator
-            self._estimator = ESTIMATORS[name](self._gpu, self.threads)
+        if old is None or _ESTIMATOR_KNOBS(old) != _ESTIMATOR_KNOBS(new):
+            self._estimator = make_estimator(new, self._gpu, self.threads)
         self._settings = new
 
     def render(self) -> Frame:
@@ -299,6 +301,10 @@ class Renderer:
             dark = np.zeros((len(points), 16), np.float32)
             return dark, dark
         settings, size = self.settings, self._downsample.size(view)
+        if settings.kernel == "hint":
+            hint_radii(photons, packed.diagonal, settings.photons, settings.smoothing)
+            estimate = self._estimator(points, photons, view.clip_from_world, size)
+            return estimate, estimate
         pixel = settings.subsampling * view.footprint * view.clip_from_world[3]
         measure_radii(
             photons, packed.diagonal, settings.smoothing, pixel, packed.widths, view.eye_or_direction
