@@ -19,11 +19,11 @@ from ispm.optics.records import EMITTED, MATERIAL_UNLIT, PHOTON, RECEIVER
 from ispm.optics.texture import TextureTable
 from ispm.renderer import layers as make
 from ispm.renderer.framing import default_camera, default_light, find_camera
+from ispm.renderer.last import LastFrame
 from ispm.renderer.light import map_plan, photons_of_maps
 from ispm.renderer.motion import moved
 from ispm.renderer.picture import Frame
 from ispm.renderer.statistics import Stats, collect
-from ispm.renderer.views import photon_points
 from ispm.renderer.watch import Watch
 from ispm.scene.camera import Camera
 from ispm.scene.packed import Packed, pack
@@ -97,7 +97,7 @@ class Renderer:
         self._textures: TextureTable | None = None
         self._photons = np.zeros(0, PHOTON)
         self._instances: np.ndarray | None = None  # of the last frame
-        self._last: tuple[Frame, CameraView] | None = None
+        self._last: LastFrame | None = None
         self._said: set[str] = set()
         self._settings: Settings | None = None
         self.settings = settings or Settings()
@@ -203,7 +203,11 @@ class Renderer:
             adapter=self._gpu.name, timing=first.timing,
             moved=moved(packed.instances, self._instances),
         )  # fmt: skip
-        self._photons, self._last = path.photons, (frame, view)
+        self._photons = path.photons
+        self._last = LastFrame(
+            frame, view, packed, self._surfaces(packed), path.photons, points, self._downsample.size(view),
+            maps, texels, self.threads,
+        )  # fmt: skip
         self._instances = packed.instances
         return frame
 
@@ -216,13 +220,7 @@ class Renderer:
         if self._last is None:
             self.render()
         assert self._last is not None
-        frame, view = self._last
-        if name != "photons":
-            return frame.show(name)
-        return photon_points(
-            self._photons, frame.layers, view.clip_from_world, view.near, frame.exposure,
-            frame.settings.tonemap,
-        )  # fmt: skip
+        return self._last.show(name)
 
     def _prepare(self) -> tuple[Packed, CameraView]:
         """Pack the scene, place it in the tracer, and find its camera and lights."""
@@ -280,8 +278,7 @@ class Renderer:
     def _trace(self, packed: Packed, maps: BounceMaps, texels: list[np.ndarray]) -> Walk:
         """Emit the photons and follow them."""
         settings = self.settings
-        assert self._textures is not None
-        surfaces = SurfaceTable(packed, self._textures, _TEXTURE_FOOTPRINT * packed.diagonal)
+        surfaces = self._surfaces(packed)
         if not settings.bounces:
             emitted = np.zeros(0, EMITTED)
         elif settings.emission == "rays":
@@ -292,6 +289,10 @@ class Renderer:
         return walk(
             packed, self._world, surfaces, emitted, settings.bounces, settings.seed, _PASS, self.threads
         )
+
+    def _surfaces(self, packed: Packed) -> SurfaceTable:
+        assert self._textures is not None
+        return SurfaceTable(packed, self._textures, _TEXTURE_FOOTPRINT * packed.diagonal)
 
     def _gather(
         self, points: np.ndarray, photons: np.ndarray, packed: Packed, view: CameraView
