@@ -97,6 +97,16 @@ def on_instance(packed: Packed, instance: int, count: int, seed: int, flux: floa
     return rows
 
 
+def aim(tracer: Tracer, origins: np.ndarray, directions: np.ndarray, flux: float = 1.0) -> np.ndarray:
+    """Return EMITTED photons of the first light along rays, (N, 3) each, of `flux` lm together."""
+    hits = tracer.world.trace(np.float32(origins), np.float32(directions))
+    rows = np.zeros(len(hits), EMITTED)
+    for name in ("instance", "primitive", "u", "v"):
+        rows[name] = hits[name]
+    rows["flux"], rows["key"] = flux / len(hits), np.arange(len(hits))
+    return rows
+
+
 def total(photons: np.ndarray) -> np.ndarray:
     """Return the (3,) float64 flux of photons together."""
     return np.asarray(photons["flux"].astype(np.float64).sum(axis=0))
