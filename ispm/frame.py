@@ -11,6 +11,7 @@ import numpy as np
 from ispm.gpu import Buffer, Canvas, Gpu, Group, Raster, Recording, Sampler, Texture
 from ispm.optics import records
 from ispm.optics.records import VERTEX
+from ispm.scene.atlas import ShadowAtlas
 from ispm.scene.packed import Draw, Packed
 
 SLOTS = ("base_color", "metallic_roughness", "normal", "emission")
@@ -125,15 +126,18 @@ class GBuffer:
 
 @dataclass(frozen=True, eq=False)
 class ShadowMaps:
-    """Depth cubes of the point lights, light i in layers 6 i to 6 i + 5; depth is reversed.
+    """The shadow maps of all lights.
 
-    side  texels of a face's edge
-    near  m; depth in clip space is near / (distance along the face's axis)
+    atlas  what lies where
+    depth  depth32float, reversed: the nearest surface of each texel
+    maps   SHADOW_MAP rows (ispm/stages/shadow_map.wgsl), one for each light
+    tiles  SHADOW_TILE rows, six for each light
     """
 
-    cubes: Texture
-    side: int
-    near: float
+    atlas: ShadowAtlas
+    depth: Texture
+    maps: Buffer
+    tiles: Buffer
 
 
 @dataclass(frozen=True, eq=False)

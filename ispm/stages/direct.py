@@ -9,7 +9,7 @@ from ispm.frame import GBuffer, GpuScene, ShadowMaps
 from ispm.gpu import Gpu, Recording, Texture
 from ispm.stages.camera import CameraView
 
-_SHADOWS = wgsl.load("stages/direct.wgsl").dtype("Shadows")
+_DIRECT = wgsl.load("stages/direct.wgsl").dtype("Direct")
 
 
 class DirectStage:
@@ -34,10 +34,10 @@ class DirectStage:
         radiance = self._radiance.sized(gbuffer.size)
         group = self._shade.bind(
             0, frame, camera=view.uniform(),
-            shadows=np.array((scene.light_count, shadows.side, shadows.near, 0.0), _SHADOWS),
+            direct=np.array((scene.light_count, 0, 1.0 / np.array(shadows.depth.size)), _DIRECT),
             lights=scene.lights, materials=scene.materials, ids=gbuffer.ids, normals=gbuffer.normals,
-            base=gbuffer.base, emission=gbuffer.emission, depth=gbuffer.depth, cubes=shadows.cubes,
-            farther=self._farther,
+            base=gbuffer.base, emission=gbuffer.emission, depth=gbuffer.depth, atlas=shadows.depth,
+            farther=self._farther, maps=shadows.maps, tiles=shadows.tiles,
         )  # fmt: skip
         with frame.draw_into(radiance) as canvas:
             canvas.use(self._shade, group)

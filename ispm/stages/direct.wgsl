@@ -1,16 +1,17 @@
 // Light that reaches the eye's pixels straight from the lights, with shadows.
 // include stages/camera.wgsl
+// include stages/shadow_map.wgsl
 // include optics/bsdf.wgsl
+// include optics/light.wgsl
 
-struct Shadows {
+struct Direct {
     light_count: u32,
-    side: f32,          // texels of a map's edge
-    near: f32,          // m
-    spare: f32,
+    spare0: u32,
+    texel: vec2f,       // 1 / the atlas's size
 }
 
 @group(0) @binding(0) var<uniform> camera: Camera;
-@group(0) @binding(1) var<uniform> shadows: Shadows;
+@group(0) @binding(1) var<uniform> direct: Direct;
 @group(0) @binding(2) var<storage, read> lights: array<Light>;
 @group(0) @binding(3) var<storage, read> materials: array<Material>;
 @group(0) @binding(4) var ids: texture_2d<u32>;
@@ -18,45 +19,78 @@ struct Shadows {
 @group(0) @binding(6) var base: texture_2d<f32>;
 @group(0) @binding(7) var emission: texture_2d<f32>;
 @group(0) @binding(8) var depth: texture_depth_2d;
-@group(0) @binding(9) var cubes: texture_depth_cube_array;
+@group(0) @binding(9) var atlas: texture_depth_2d;
 @group(0) @binding(10) var farther: sampler_comparison;
+@group(0) @binding(11) var<storage, read> maps: array<ShadowMap>;
+@group(0) @binding(12) var<storage, read> tiles: array<ShadowTile>;
 
-const TAP = 0.5;             // texels that each of four taps lies off in both directions
-const REACH = TAP + 1.0;     // texels at most between the point and what a tap reads, bilinear
-const SEAM = 6.0;            // texels from a cube's edge within which taps may fall on the next face
+const REACH = 1.5;             // texels at most between a point and the centres of those its filter reads
+const TAP = 0.5;               // texels that each of four bilinear taps lies off, right and down
 
-// Share of the light that reaches a point, `p` from the light with the normal ng, both on the cube of
-// its maps, where an aimed light's narrow view is stretched sideways to a whole face.
-//
-// A tap compares a point beside p with the depth stored up to REACH texels from p. On p's own plane the
-// two agree to within that distance across the view, so the plane shades itself nowhere if p is first
-// raised by REACH texels times the slope of the plane in the face: ng's components along the face's
-// edges. That is exact for planes, in units of texels, so no scene needs a bias of its own. Bringing the
-// point REACH texels nearer as well keeps the other wall of a corner from shading the first.
-fn visibility(light: u32, spread: f32, p: vec3f, ng: vec3f) -> f32 {
-    let across = abs(p);
-    let distance = max(across.x, max(across.y, across.z));
-    let texel = 2.0 * distance / shadows.side;
-    let axes = step(vec3f(distance * (1.0 - SEAM / shadows.side)), across);
-    let edges = select(1.0 - axes, vec3f(1.0), axes.x + axes.y + axes.z > 1.0);
-    let raised = p + ng * (REACH * texel * dot(abs(ng), edges));
-    let s = select(vec3f(1.0, 0.0, 0.0), vec3f(0.0, 1.0, 0.0), across.x == distance);
-    let t = select(vec3f(0.0, 0.0, 1.0), vec3f(0.0, 1.0, 0.0), across.z == distance);
-    let nearer = 1.0 + 2.0 * REACH * spread / shadows.side;
-    var sum = 0.0;
-    for (var i = 0u; i < 4u; i++) {
-        let tap = vec2f(f32(i & 1u), f32(i >> 1u)) * 2.0 - 1.0;
-        let q = raised + (TAP * texel) * (tap.x * s + tap.y * t);
-        let axial = max(abs(q.x), max(abs(q.y), abs(q.z)));
-        sum += textureSampleCompareLevel(cubes, farther, q, light, nearer * shadows.near / axial);
-    }
-    return 0.25 * sum;
+struct Lookup {
+    texel: vec2f,       // of the atlas
+    depth: f32,         // nearer stored ones shade
+    side: f32,          // of the tile; 0: nothing shades
 }
 
-// 1 to 0 at the light's range; KHR_lights_punctual.
-fn range_window(distance: f32, range: f32) -> f32 {
-    let x = distance / range;
-    return select(1.0, clamp(1.0 - x * x * x * x, 0.0, 1.0), range > 0.0);
+fn turned(map: ShadowMap, v: vec3f) -> vec3f {
+    return vec3f(dot(map.x, v), dot(map.y, v), dot(map.z, v));
+}
+
+// Where a point of a surface with the normal ng, on the light's side, is looked up in map `light`.
+//
+// A tap compares the point with the depth stored up to REACH texels beside it. On the point's own plane
+// the two agree to within that distance across the view, so the plane shades itself nowhere if the point
+// is first raised by REACH texels times the slope of the plane in the face: ng's components along the
+// face's edges. That is exact for planes, in units of texels, so no scene needs a bias of its own.
+// Bringing the point REACH texels nearer as well keeps the other wall of a corner from shading the first.
+fn lookup(light: u32, position: vec3f, ng: vec3f) -> Lookup {
+    let map = maps[light];
+    let parallel = map.parallel != 0u;
+    let p = turned(map, position - map.origin);
+    let n = turned(map, ng);
+    let a = abs(p);
+    let on_x = map.faces == 6u && a.x >= max(a.y, a.z);
+    let on_y = map.faces == 6u && !on_x && a.y >= a.z;
+    let along = select(select(p.z, p.y, on_y), p.x, on_x);
+    let sign = select(-1.0, 1.0, along >= 0.0 || map.faces == 1u);
+    let axis = select(select(2u, 1u, on_y), 0u, on_x);
+    let tile = tiles[6u * light + select(0u, 2u * axis + u32(sign < 0.0), map.faces == 6u)];
+    let on = vec2<bool>(on_x, on_y);
+    let st = on_face(p, on, sign);
+    let ns = on_face(n, on, sign);
+    let texels = REACH / tile.scale;
+    let slope = dot(texels, abs(ns.xy));
+    let divisor = select(st.z, 1.0, parallel);
+    let raised = st + ns * (slope * divisor / (1.0 - slope * select(ns.z, 0.0, parallel)));
+    let w = select(raised.z, 1.0, parallel);
+    let nearer = raised.z - max(texels.x, texels.y) * w;
+    let texel = tile.scale * (raised.xy / w) + tile.shift;
+    let low = tile.corner + REACH;
+    return Lookup(
+        clamp(texel, low, low + (tile.side - 2.0 * REACH)),
+        (map.near - map.slope * nearer) / select(nearer, 1.0, parallel),
+        tile.side,
+    );
+}
+
+// Right, down and ahead as a face sees them; WebGPU, section 23.2.
+fn on_face(v: vec3f, on: vec2<bool>, sign: f32) -> vec3f {
+    return vec3f(
+        select(select(sign * v.x, v.x, on.y), -sign * v.z, on.x),
+        select(-v.y, sign * v.z, on.y),
+        sign * select(select(v.z, v.y, on.y), v.x, on.x),
+    );
+}
+
+// Share of the light that passes all surfaces, over three by three texels.
+fn visibility(at: Lookup) -> f32 {
+    var sum = 0.0;
+    for (var i = 0u; i < 4u; i++) {
+        let tap = vec2f(f32(i & 1u), f32(i >> 1u)) * (2.0 * TAP) - TAP;
+        sum += textureSampleCompareLevel(atlas, farther, (at.texel + tap) * direct.texel, at.depth);
+    }
+    return 0.25 * sum;
 }
 
 @vertex
@@ -68,10 +102,11 @@ fn vs(@builtin(vertex_index) corner: u32) -> @builtin(position) vec4f {
 fn fs(@builtin(position) position: vec4f) -> @location(0) vec4f {
     let pixel = vec2u(position.xy);
     let seen = textureLoad(ids, pixel, 0).xy;
-    if (seen.x == 0u || (materials[seen.y].flags & MATERIAL_UNLIT) != 0u) {
+    let material = seen.y & 0xffffffu;
+    if (seen.x == 0u || (materials[material].flags & MATERIAL_UNLIT) != 0u) {
         return vec4f(0.0, 0.0, 0.0, 1.0);
     }
-    return vec4f(lit(pixel, seen.y), 1.0);
+    return vec4f(lit(pixel, material), 1.0);
 }
 
 // Radiance towards the eye, cd/m2, of the surface in a pixel.
@@ -84,22 +119,18 @@ fn lit(pixel: vec2u, material: u32) -> vec3f {
     let color = textureLoad(base, pixel, 0);
     let bsdf = surface_bsdf(color.rgb, color.a, textureLoad(emission, pixel, 0).a, materials[material]);
     var sum = vec3f(0.0);
-    for (var i = 0u; i < shadows.light_count; i++) {
-        let light = lights[i];
-        let from_light = position - light.position;
-        let distance = length(from_light);
-        let wi = -from_light / distance;
-        let window = range_window(distance, light.range);
-        if (window == 0.0 || dot(wi, ng) <= 0.0 || dot(wi, n) <= 0.0) {
+    for (var i = 0u; i < direct.light_count; i++) {
+        let light = light_arriving(lights[i], position);
+        if (dot(light.wi, ng) <= 0.0 || dot(light.wi, n) <= 0.0 || max(light.irradiance.x, max(light.irradiance.y, light.irradiance.z)) <= 0.0) {
             continue;
         }
-        let p = vec3f(dot(light.map_x, from_light), dot(light.map_y, from_light), dot(light.map_z, from_light));
-        let k2 = light.spread * light.spread;
-        let np = vec3f(k2 * dot(light.map_x, ng), k2 * dot(light.map_y, ng), dot(light.map_z, ng));
-        let visible = visibility(i, light.spread, p, normalize(np));
+        let at = lookup(i, position, ng);
+        var visible = 1.0;
+        if (at.side > 0.0) {
+            visible = visibility(at);
+        }
         if (visible > 0.0) {
-            let irradiance = light.intensity * (visible * window * dot(wi, n) / (distance * distance));
-            sum += eval_bsdf(bsdf, n, wo, wi) * irradiance;
+            sum += eval_bsdf(bsdf, n, wo, light.wi) * light.irradiance * (visible * dot(light.wi, n));
         }
     }
     return sum;

@@ -1,14 +1,23 @@
-// Depth of what a light sees through one face of a cube; both sides of every surface cast.
-// include stages/cube.wgsl
+// Depth of what a light sees through one face of its map; both sides of every surface cast.
 // include stages/geometry.wgsl
 
-@group(0) @binding(0) var<uniform> face: Face;
+struct View {
+    clip_from_local: mat4x4f,   // local: from the origin, along the world's axes
+    origin: vec3f,
+    pass_index: u32,
+}
+
+@group(0) @binding(0) var<uniform> view: View;
 
 struct Corner {
     @builtin(position) clip: vec4f,
     @location(0) uv: vec4f,
     @location(1) color: vec4f,
     @location(2) @interpolate(flat) instance: u32,
+}
+
+fn clip_from_world(position: vec3f) -> vec4f {
+    return view.clip_from_local * vec4f(position - view.origin, 1.0);
 }
 
 @vertex
@@ -29,7 +38,9 @@ fn vs_masked(
 
 @fragment
 fn fs_masked(c: Corner) {
-    if (is_hole(base_color_at(c.uv, c.color).a, texel_key(c.clip.xy, c.instance))) {
+    let texel = vec2u(c.clip.xy);
+    let key = vec4u(texel.x | texel.y << 16u, 0u, c.instance, view.pass_index);
+    if (is_hole(base_color_at(c.uv, c.color).a, key)) {
         discard;
     }
 }
