@@ -22,12 +22,14 @@ class GpuScene:
     """A `Packed` scene on the device.
 
     boxes  (draws, 2, 3) float64 bounds of what each draw shows, world space
+    instance_boxes  (instances, 2, 3) of each instance
     vertices, indices, instances, materials, lights  its arrays, at least one row each
     maps  of each material the texture and the sampler of each of SLOTS; white where it has none
     """
 
     packed: Packed
     boxes: np.ndarray
+    instance_boxes: np.ndarray
     vertices: Buffer
     indices: Buffer
     instances: Buffer
@@ -126,18 +128,24 @@ class GBuffer:
 
 @dataclass(frozen=True, eq=False)
 class ShadowMaps:
-    """The shadow maps of all lights.
+    """The shadow maps of all lights, tiles of one atlas; depth is reversed.
 
-    atlas  what lies where
-    depth  depth32float, reversed: the nearest surface of each texel
-    maps   SHADOW_MAP rows (ispm/stages/shadow_map.wgsl), one for each light
-    tiles  SHADOW_TILE rows, six for each light
+    atlas   what lies where
+    maps    SHADOW_MAP rows (ispm/stages/shadow_map.wgsl), one for each light
+    tiles   SHADOW_TILE rows, six for each light
+    depth   depth32float: the nearest opaque surface of each texel
+    sheets  depth32float: its nearest thin surface that lets light straight through
+    tints   rgba8unorm: what all of those before the opaque one let through
+    The last two are not drawn, and of any size, unless it `has_sheets`.
     """
 
     atlas: ShadowAtlas
+    maps: np.ndarray
+    tiles: np.ndarray
     depth: Texture
-    maps: Buffer
-    tiles: Buffer
+    sheets: Texture
+    tints: Texture
+    has_sheets: bool
 
 
 @dataclass(frozen=True, eq=False)
