@@ -31,6 +31,7 @@ from ispm.settings import Settings
 from ispm.stages.antialias import Antialias
 from ispm.stages.bounce import BounceStage
 from ispm.stages.camera import CameraView
+from ispm.stages.caustic import CausticStage
 from ispm.stages.direct import DirectStage
 from ispm.stages.downsample import Downsample
 from ispm.stages.filter import WEIGHT, filter_estimate, filter_points
@@ -39,7 +40,7 @@ from ispm.stages.shadow import ShadowStage
 from ispm.stages.tonemap import auto_exposure, tonemap
 from ispm.stages.upload import Upload
 from ispm.stages.upsample import Upsample
-from ispm.tracer.density import measure_radii
+from ispm.tracer.density import measure_caustic_radii, measure_radii
 from ispm.tracer.emission import emit_rays, share_photons
 from ispm.tracer.grid import PhotonGrid
 from ispm.tracer.surface import SurfaceTable
@@ -51,7 +52,7 @@ _NEAR = 1e-4  # of the scene's diagonal; reversed depth has precision to spare
 _TEXTURE_FOOTPRINT = 0.005  # of the diagonal: over which photons see textures averaged
 _PASS = 0  # of one
 _OWNED = (
-    "_upload", "_gbuffer", "_bounce", "_direct", "_antialias", "_shadow", "_downsample", "_upsample",
+    "_upload", "_gbuffer", "_bounce", "_direct", "_caustic", "_antialias", "_shadow", "_downsample", "_upsample",
     "_estimator", "_world", "_last", "_packed", "_textures",
 )  # fmt: skip
 
@@ -89,6 +90,7 @@ class Renderer:
         self._gbuffer = GBufferStage(self._gpu)
         self._bounce = BounceStage(self._gpu)
         self._direct = DirectStage(self._gpu)
+        self._caustic = CausticStage(self._gpu)
         self._antialias = Antialias(self._gpu)
         self._packed: Packed | None = None
         self._textures: TextureTable | None = None
@@ -178,13 +180,18 @@ class Renderer:
         with watch("trace"):
             path = self._trace(packed, maps, texels)
         with watch("radiance"):
-            estimate, light = self._gather(points, path.photons, packed, view)
+            smooth, sharp = self._split(path.photons, packed, view)
+            estimate, light = self._gather(points, smooth, packed, view)
 
         with self._gpu.frame() as third:
+            third.stage("radiance")
+            caustic = self._caustic(third, scene, gbuffer, view, sharp)
             third.stage("upsample")
-            indirect, irradiance, emission = self._upsample(third, scene, gbuffer, view, receivers, light)
+            indirect, irradiance, emission = self._upsample(
+                third, scene, gbuffer, view, receivers, light, caustic
+            )
         with watch("upsample"):
-            self._light_missed(points, estimate, path.photons, scene, gbuffer, view)
+            self._light_missed(points, estimate, smooth, scene, gbuffer, view, caustic)
         with self._gpu.frame() as fourth:
             fourth.stage("compose")
             if self.settings.antialias:
@@ -291,6 +298,22 @@ class Renderer:
             packed, self._world, surfaces, emitted, settings.bounces, settings.seed, _PASS, self.threads
         )
 
+    def _split(
+        self, photons: np.ndarray, packed: Packed, view: CameraView
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Part the photons into those that are filtered at low resolution and those drawn sharp.
+
+        Caustic kernels of several low-resolution pixels show nothing sharp, and cost most to draw.
+        """
+        sharp = photons["bounce"] == 0
+        smooth, caustic = photons[~sharp], photons[sharp]
+        settings, pixel = self.settings, view.footprint * view.clip_from_world[3]
+        measure_caustic_radii(
+            caustic, packed.diagonal, settings.smoothing, pixel, packed.widths, view.eye_or_direction,
+            threads=self.threads,
+        )  # fmt: skip
+        return smooth, caustic
+
     def _gather(
         self, points: np.ndarray, photons: np.ndarray, packed: Packed, view: CameraView
     ) -> tuple[np.ndarray, np.ndarray]:
@@ -316,6 +339,7 @@ class Renderer:
         scene: GpuScene,
         gbuffer: GBuffer,
         view: CameraView,
+        caustic: tuple[Texture, Texture] | None,
     ) -> None:
         """Light the pixels that upsampling could not serve: by the filter, else by the photons near."""
         missed, receivers = self._upsample.missed()
@@ -329,7 +353,7 @@ class Renderer:
         if alone.any() and len(photons):
             light[alone] = PhotonGrid(photons).estimate(receivers[alone], self.threads)
         with self._gpu.frame() as frame:
-            self._upsample.patch(frame, scene, gbuffer, view, light)
+            self._upsample.patch(frame, scene, gbuffer, view, light, caustic)
 
     def _compose(
         self, gbuffer: GBuffer, light: tuple[Texture, Texture, Texture], irradiance: Texture, view: CameraView
