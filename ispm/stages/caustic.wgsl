@@ -92,15 +92,15 @@ fn fs(splat: Splat) -> Arrived {
     );
     let counts = seen > 0.0 && photon_counts(wi_ng, dot(normal, ng));
     let arriving = select(0.0, kappa * cosine_ratio(dot(splat.wi, n), wi_ng), counts);
-    let f = eval_bsdf(seen_bsdf(pixel), n, view_direction(position), splat.wi);
-    return Arrived(vec4f(arriving * splat.flux * f, 0.0), vec4f(arriving * splat.flux, 0.0));
+    let light = arriving * splat.flux;
+    return Arrived(vec4f(reflected(pixel, light, n, view_direction(position), splat.wi), 0.0), vec4f(light, 0.0));
 }
 
-// The surface in a pixel, with its gloss as wide as photons can resolve.
-fn seen_bsdf(pixel: vec2u) -> Bsdf {
+// Radiance towards the eye of light along wi, as if it came from the estimators.
+fn reflected(pixel: vec2u, light: vec3f, n: vec3f, wo: vec3f, wi: vec3f) -> vec3f {
     let material = textureLoad(ids, pixel, 0).y;
     let color = textureLoad(base, pixel, 0);
-    var b = surface_bsdf(color.rgb, color.a, textureLoad(emission, pixel, 0).a, materials[material]);
-    b.alpha = max(b.alpha, GLOSS_ALPHA_MIN);
-    return b;
+    let b = surface_bsdf(color.rgb, color.a, textureLoad(emission, pixel, 0).a, materials[material].transmission, materials[material], true);
+    let gloss = gloss_terms(receiver_alpha(b, materials[material].flags), n, wo, wi);
+    return reflect_incident(b, Incident(light, light * gloss.z, light * gloss.x, light * gloss.y));
 }

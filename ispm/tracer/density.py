@@ -213,7 +213,7 @@ def measure_caustic_radii(
 
 
 def _points_in_order(words: np.ndarray, turn: np.float32) -> tuple[np.ndarray, np.ndarray]:
-    """Positions and normals times `turn`, along a curve through space, (N, 6) float32; and the photons' rows."""
+    """Return (N, 6) positions and normals times `turn`, along a curve through space, and (N,) photons."""
     low, high = words[:, :3].min(axis=0), words[:, :3].max(axis=0)
     keys = np.empty(len(words), np.uint64)
     _cell_keys(words, low, max(f32((high - low).max() / 0xFFFFF), f32(1e-30)), keys)
@@ -241,8 +241,9 @@ def _write_caustic_radii(
                 reach2 = ldf(squares, found - i64(1))
                 bend = _bend(words, i, order, rows, found) / max(reach2, f32(1e-30))
             if found == wanted:
-                brighter = _flux(words, i) * f32(wanted) / max(_flux_of(words, order, rows, found), f32(1e-30))
-                radius = min(f32(math.sqrt(reach2 * max(brighter, f32(1)))), limits[0])
+                around = max(_flux_of(words, order, rows, found), f32(1e-30))
+                brighter = max(f32(wanted) * _flux(words, i) / around, f32(1))
+                radius = min(f32(math.sqrt(reach2 * brighter)), limits[0])
             radius = min(radius * limits[1], widest[i])
             radius = max(radius, min(_seen_width(words, i, least, eye), limits[0]))
             words[i, _RADIUS] = radius

@@ -12,8 +12,8 @@ import numpy as np
 
 from ispm.optics.jit import jit
 from ispm.tracer.simd import (
-    alloca,
     aligned,
+    alloca,
     count_trailing_zeros,
     f2u,
     ldf,
@@ -148,7 +148,10 @@ def _parts(waiting):
 
 @jit
 def _lanes_near(nodes, start, level, node, q, bound, lanes):
-    """Write the squared distances of a node's points or boxes to the point at q; bit k: lane k is within `bound`."""
+    """Write the squared distances of a node's points or boxes to the point at q.
+
+    -> bit k: whether that of lane k is within `bound`
+    """
     square = splat8(f32(0))
     if level == i64(0):
         block = start + node * i64(_BLOCK)
