@@ -30,7 +30,7 @@ def light_ends(
     paths: EyePaths,
     pixels: np.ndarray,
     photons: Callable[[], PhotonGrid],
-    caustics: Callable[[], PhotonGrid],
+    caustics: PhotonGrid,
     view: CameraView,
     settings: Settings,
     diagonal: float,
@@ -46,13 +46,12 @@ def light_ends(
     if len(paths.ends):
         for lane in (REFLECTED, TRANSMITTED):
             rows = np.flatnonzero(paths.ends["lane"] == lane)
-            light[rows] = _light_lane(
-                paths.points[rows], pixels[paths.ends["slot"][rows]], photons, view, settings, diagonal, threads
-            )
+            shown = pixels[paths.ends["slot"][rows]]
+            light[rows] = _light_lane(paths.points[rows], shown, photons, view, settings, diagonal, threads)
         rows = np.flatnonzero(paths.ends["lane"] == SCATTERED)
         if len(rows):
             light[rows] = photons().estimate(paths.points[rows], threads)
-        light += caustics().estimate(paths.points, threads)
+        light += caustics.estimate(paths.points, threads)
     indirect = reflect_light(paths.ends, light, len(pixels))
     brought = np.concatenate([paths.direct, indirect, paths.emission], axis=1)
     smooth_frost(brought, pixels, view.size[0], paths.frost, threads)

@@ -35,6 +35,7 @@ from ispm.settings import Settings
 from ispm.stages.antialias import Antialias
 from ispm.stages.bounce import BounceStage
 from ispm.stages.camera import CameraView
+from ispm.stages.caustic import CausticStage
 from ispm.stages.chain import ChainStage
 from ispm.stages.direct import DirectStage
 from ispm.stages.downsample import Downsample
@@ -44,7 +45,7 @@ from ispm.stages.shadow import ShadowStage
 from ispm.stages.tonemap import auto_exposure, tonemap
 from ispm.stages.upload import Upload
 from ispm.stages.upsample import Upsample
-from ispm.tracer.density import measure_radii
+from ispm.tracer.density import measure_caustic_radii, measure_radii
 from ispm.tracer.emission import emit_rays, share_photons
 from ispm.tracer.eye import trace_eye
 from ispm.tracer.grid import PhotonGrid
@@ -60,8 +61,8 @@ _PASS = 0  # of one
 _ROW = 0xFFFFFF  # of a material, in a word of the G-buffer
 _ESTIMATOR_KNOBS = attrgetter("estimator", "kernel", "talk_errors")
 _OWNED = (
-    "_upload", "_gbuffer", "_bounce", "_direct", "_chains", "_antialias", "_shadow", "_downsample", "_upsample",
-    "_estimator", "_world", "_last", "_packed", "_textures",
+    "_upload", "_gbuffer", "_bounce", "_direct", "_caustic", "_chains", "_antialias", "_shadow",
+    "_downsample", "_upsample", "_estimator", "_world", "_last", "_packed", "_textures",
 )  # fmt: skip
 
 
@@ -98,6 +99,7 @@ class Renderer:
         self._gbuffer = GBufferStage(self._gpu)
         self._bounce = BounceStage(self._gpu)
         self._direct = DirectStage(self._gpu)
+        self._caustic = CausticStage(self._gpu)
         self._chains = ChainStage(self._gpu)
         self._antialias = Antialias(self._gpu)
         self._packed: Packed | None = None
@@ -181,7 +183,7 @@ class Renderer:
         with watch("copy"):
             points = self._downsample.read(self._gpu, view)
             texels = maps.read(self._gpu)
-            seen = self._chains.read()
+            mirrors = self._chains.read()
         with self._gpu.frame() as second:
             second.stage("direct")
             seen = points["position"][points["valid"] > 0]
@@ -191,19 +193,24 @@ class Renderer:
         with watch("trace"):
             path = self._trace(packed, surfaces, maps, texels)
         with watch("radiance"):
-            estimate, light = self._gather(points, path.photons, packed, view)
+            photons, smooth, sharp = self._split(path.photons, packed, view)
+            estimate, light = self._gather(points, smooth, packed, view)
 
         with self._gpu.frame() as third:
+            third.stage("radiance")
+            caustic = self._caustic(third, scene, gbuffer, view, sharp)
             third.stage("upsample")
-            indirect, irradiance, emission = self._upsample(third, scene, gbuffer, view, receivers, light)
-        grid = cache(lambda: PhotonGrid(path.photons))
+            indirect, irradiance, emission = self._upsample(
+                third, scene, gbuffer, view, receivers, light, caustic
+            )
+        grid = cache(lambda: PhotonGrid(smooth))
         with watch("upsample"):
-            self._light_missed(points, estimate, grid, scene, gbuffer, view)
+            self._light_missed(points, estimate, grid, scene, gbuffer, view, caustic)
         with watch("eye"):
-            brought = self._follow_chains(packed, surfaces, seen, path.photons, grid, view)
+            brought = self._follow_chains(packed, surfaces, mirrors, grid, sharp, view)
         with self._gpu.frame() as fourth:
             fourth.stage("compose")
-            self._chains.patch(fourth, seen["pixel"], brought, direct, indirect, emission)
+            self._chains.patch(fourth, mirrors["pixel"], brought, direct, indirect, emission)
             if self.settings.antialias:
                 self._antialias(fourth, scene, gbuffer, view, direct, indirect, emission)
         with watch("readback"):
@@ -218,9 +225,9 @@ class Renderer:
             adapter=self._gpu.name, timing=first.timing,
             moved=moved(packed.instances, self._instances),
         )  # fmt: skip
-        self._photons = path.photons
+        self._photons = photons
         self._last = LastFrame(
-            frame, view, packed, surfaces, path.photons, points, self._downsample.size(view),
+            frame, view, packed, surfaces, photons, points, self._downsample.size(view),
             maps, texels, self.threads,
         )  # fmt: skip
         self._instances = packed.instances
@@ -309,6 +316,26 @@ class Renderer:
             packed, self._world, surfaces, emitted, settings.bounces, settings.seed, _PASS, self.threads
         )
 
+    def _split(
+        self, photons: np.ndarray, packed: Packed, view: CameraView
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return the photons in a new order, and its two parts: those to be filtered, and the caustic ones,
+        ready to be drawn.
+
+        The hint's kernels are as narrow as caustics need: with them all photons go the first way.
+        """
+        sharp = photons["bounce"] == 0
+        if self.settings.kernel == "hint":
+            sharp[:] = False
+        parted = np.concatenate([photons[~sharp], photons[sharp]])
+        smooth, caustic = np.split(parted, [len(parted) - np.count_nonzero(sharp)])
+        pixel = view.footprint * view.clip_from_world[3]
+        measure_caustic_radii(
+            caustic, packed.diagonal, self.settings.smoothing, pixel, packed.widths, view.eye_or_direction,
+            threads=self.threads,
+        )  # fmt: skip
+        return parted, smooth, caustic
+
     def _surfaces(self, packed: Packed) -> SurfaceTable:
         assert self._textures is not None
         return SurfaceTable(packed, self._textures, _TEXTURE_FOOTPRINT * packed.diagonal)
@@ -342,6 +369,7 @@ class Renderer:
         scene: GpuScene,
         gbuffer: GBuffer,
         view: CameraView,
+        caustic: tuple[Texture, Texture] | None,
     ) -> None:
         """Light the pixels that upsampling could not serve: by the filter, else by the photons near."""
         missed, receivers = self._upsample.missed()
@@ -352,23 +380,24 @@ class Renderer:
             scene.packed.diagonal, self.settings.smoothing, grid, self.threads,
         )  # fmt: skip
         with self._gpu.frame() as frame:
-            self._upsample.patch(frame, scene, gbuffer, view, light)
+            self._upsample.patch(frame, scene, gbuffer, view, light, caustic)
 
     def _follow_chains(
-        self, packed: Packed, surfaces: SurfaceTable, seen: np.ndarray, photons: np.ndarray,
-        grid: Callable[[], PhotonGrid], view: CameraView,
+        self, packed: Packed, surfaces: SurfaceTable, mirrors: np.ndarray, grid: Callable[[], PhotonGrid],
+        sharp: np.ndarray, view: CameraView,
     ) -> np.ndarray:
-        """Return the light that mirrors and glass bring to the (n,) SEEN pixels, (n, 9)."""
+        """Return the light that mirrors and glass bring to their pixels, (n, 9), of (n,) SEEN."""
         settings = self.settings
+        if not len(mirrors):
+            return np.zeros((0, 9), np.float32)
         background = (0.0, 0.0, 0.0) if isinstance(settings.background, str) else settings.background
-        rays = eye_rays(seen, view)
+        rays = eye_rays(mirrors, view)
         paths = trace_eye(
             packed, self._world, surfaces, rays, background, settings.seed, _PASS, self.threads
         )
         return light_ends(
-            paths, rays.keys, grid, cache(lambda: PhotonGrid(photons[:0])), view, settings,
-            packed.diagonal, self.threads,
-        )  # fmt: skip
+            paths, rays.keys, grid, PhotonGrid(sharp), view, settings, packed.diagonal, self.threads
+        )
 
     def _compose(
         self, gbuffer: GBuffer, light: tuple[Texture, Texture, Texture], irradiance: Texture, view: CameraView
@@ -376,15 +405,16 @@ class Renderer:
         """Read the picture's parts back, add them, expose and tone map."""
         f2, f4, u4 = np.float16, np.float32, np.uint32
         assert self._packed is not None
-        glow = [(light[2], f4, 4)] if _glows(self._packed) else []
+        background = self.settings.background
+        shines = not isinstance(background, str) and any(background)
+        glow = [(light[2], f4, 4)] if shines or _glows(self._packed) else []
         d, i, irr, base, normals, ids, depth, *rest = self._gpu.read_many([
             (light[0], f4, 4), (light[1], f4, 4), (irradiance, f4, 4), (gbuffer.base, f2, 4),
             (gbuffer.normals, f2, 4), (gbuffer.ids, u4, 2), (gbuffer.depth, f4), *glow,
         ])  # fmt: skip
         e = rest[0] if rest else np.zeros(d.shape, f4)  # untouched pages: zeros_like would write them
         alpha = i[..., 3]
-        background = self.settings.background
-        if not isinstance(background, str) and any(background):
+        if shines:
             e[..., :3] += (1.0 - alpha[..., None]) * np.array(background, f4)
         nodes = np.append(np.int32(-1), self._packed.instances["node"].astype(np.int32))
         full = make.sum_layers(d, i, e, self.threads)
@@ -395,7 +425,7 @@ class Renderer:
             "depth": lambda: make.linear_depth(depth, view),
             "normal": lambda: make.decode_normals(normals, depth),
             "albedo": lambda: base[..., :3].astype(f4), "instance": lambda: nodes[ids[..., 0]],
-            "material": lambda: np.where(ids[..., 0] > 0, (ids[..., 1] & _ROW).astype(np.int32), np.int32(-1)),
+            "material": lambda: np.where(ids[..., 0] > 0, ids[..., 1] & _ROW, -1).astype(np.int32),
         })  # fmt: skip
         settings = self.settings
         exposure = auto_exposure(full) if settings.exposure == "auto" else float(settings.exposure)

@@ -157,7 +157,7 @@ def _reflect(ends, light, out):
 
 @jit
 def reflect_incident(end, light, i, c):
-    """Return channel `c` of the radiance that row `i` of the light makes at an end. Twin of receivers.wgsl's."""
+    """Return channel `c` of the radiance that row `i` of the light makes at an end; as receivers.wgsl."""
     fresnel, gloss, grazing = light[i, 4 + c], light[i, 8 + c], light[i, 12 + c]
     kept = (f32(1) - end.dielectric_f0) * light[i, c] - (end.dielectric_f90 - end.dielectric_f0) * fresnel
     shown = end.diffuse[c] * f32(1 / math.pi) * kept + end.f0[c] * gloss + end.f90 * grazing

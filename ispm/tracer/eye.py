@@ -262,7 +262,7 @@ def _follow_often(place, scene, foot, scratch, path, slot, out, at):
             out[1][i, c] = emission[c] + share * (out[1][i, c] - emission[c])
             for row in range(first, at[0]):
                 out[2][row].end.weight[c] *= share
-        key, dimension, lane, start, d, weight, inside, focus, length = path
+        key, dimension, _, start, d, weight, inside, focus, length = path
         for k in range(1, ROUGH_SAMPLES):
             path = (
                 key, dimension + u32(k << 8), SCATTERED, start, d, scale(share, weight), inside, focus, length
@@ -312,8 +312,9 @@ def _follow(place, scene, foot, scratch, path, slot, out, at):
         if not alive or stored == _ENDS_MAX or greatest(weight) < (_STRONG if stored > 0 else _LEAST):
             break
         key, dimension, lane, start, d, weight, inside, focus, length = _leave(
-            place, hit, ng, b, flags, entering, inside, focus, length, wi, weight, key, dimension + u32(1), lane
-        )
+            place, hit, ng, b, flags, entering, inside, focus, length, wi, weight, key, dimension + u32(1),
+            lane,
+        )  # fmt: skip
     return (row, traced), rough, length
 
 
@@ -343,7 +344,7 @@ def _scatter(b, n, ng, wo, u1, u2, u3):
 
 @jit
 def _stratified(scene, key, k):
-    """The numbers of sample `k` of a rough pixel: a lattice that is even over the samples, moved at random."""
+    """The numbers of sample `k` of a rough pixel: a lattice even over the samples, moved at random."""
     u1, u2, u3, _ = random4(key, u32(0), scene[5], scene[4])
     u1 += f32(k) * f32(1.0 / ROUGH_SAMPLES)
     u2 += f32(k) * f32(0.7548777)  # Roberts's R2 sequence
