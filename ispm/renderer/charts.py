@@ -26,7 +26,7 @@ def overdraw_chart(counts: np.ndarray, size: tuple[int, int]) -> np.ndarray:
     width, height = size
     block = max(-(-width // counts.shape[1]), 1)
     full = counts.repeat(block, axis=0).repeat(block, axis=1)[:height, :width]
-    top = _round_up(float(np.percentile(counts, 99.5)))
+    top = _round_up(float(np.percentile(counts, 98.0)))
     picture = Image.fromarray(_heat(full / top))
     draw = ImageDraw.Draw(picture)
     text = f"kernels per pixel: mean {counts.mean():.1f}, most {int(counts.max())}"
