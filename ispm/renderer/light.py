@@ -11,7 +11,6 @@ from ispm.optics.records import EMITTED
 from ispm.scene.lightmap import texel_measures
 from ispm.scene.packed import Packed
 from ispm.settings import Settings
-from ispm.stages.cube import cube_texel_solid_angles
 from ispm.tracer.emission import map_shift, map_width, share_photons, thin
 
 
@@ -46,7 +45,7 @@ def photons_of_maps(
         batches.append(
             thin(
                 content.reshape(-1, each.width, each.width, 4),
-                cube_texel_solid_angles(each.width, each.shift, float(row["spread"])),
+                texel_measures(packed.maps[light], row, each.width, each.shift),
                 row, int(shares[light]), light, first_key, offset,
             )
         )  # fmt: skip

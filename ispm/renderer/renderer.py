@@ -240,7 +240,10 @@ class Renderer:
         size, diagonal = self.settings.size, packed.diagonal
         reach = float(np.abs(packed.bounds - pose[:3, 3]).max()) + diagonal
         near = _NEAR * diagonal if camera.ymag is None else 0.0
-        view = CameraView(size, pose, camera.yfov, camera.ymag, near, reach, pass_index=_PASS)
+        view = CameraView(
+            size, pose, camera.yfov, camera.ymag, near, reach,
+            pass_index=_PASS, aspect=camera.aspect, principal=camera.principal,
+        )  # fmt: skip
         return packed, view
 
     def _pack(self, scene: Scene) -> Packed:
