@@ -70,7 +70,12 @@ def _colored(content: np.ndarray, bounds: np.ndarray) -> list[np.ndarray]:
     place = (position - bounds[0]) / np.maximum(bounds[1] - bounds[0], 1e-30)
     power = np.sqrt(np.maximum(flux / max(float(flux.max()), 1e-30), 0.0))
     hit, alive = ((v != 0.0).any(axis=-1, keepdims=True) for v in (normal, direction))
-    shares = (hit * place, hit * (normal + 1.0) / 2.0, power, alive * (direction + 1.0) / 2.0)
+    shares: tuple[np.ndarray, ...] = (
+        hit * place,
+        hit * (normal + 1.0) / 2.0,
+        power,
+        alive * (direction + 1.0) / 2.0,
+    )
     return [np.rint(255.0 * np.clip(share, 0.0, 1.0)).astype(np.uint8) for share in shares]
 
 
