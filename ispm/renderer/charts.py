@@ -76,7 +76,7 @@ def _colored(content: np.ndarray, bounds: np.ndarray) -> list[np.ndarray]:
         power,
         alive * (direction + 1.0) / 2.0,
     )
-    return [np.rint(255.0 * np.clip(share, 0.0, 1.0)).astype(np.uint8) for share in shares]
+    return [np.asarray(255.0 * np.clip(share, 0.0, 1.0) + 0.5, np.uint8) for share in shares]
 
 
 def _unfolded(faces: np.ndarray) -> Image.Image:
@@ -107,4 +107,4 @@ def _heat(share: np.ndarray) -> np.ndarray:
     """(..., 3) uint8 colors of shares in [0, 1]."""
     place = np.clip(share, 0.0, 1.0) * (len(_HEAT) - 1)
     channels = [np.interp(place, np.arange(len(_HEAT)), _HEAT[:, c]) for c in range(3)]
-    return np.rint(np.stack(channels, axis=-1)).astype(np.uint8)
+    return np.asarray(np.stack(channels, axis=-1) + 0.5, np.uint8)
