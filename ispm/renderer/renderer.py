@@ -174,7 +174,8 @@ class Renderer:
             texels = maps.read(self._gpu)
         with self._gpu.frame() as second:
             second.stage("direct")
-            shadows = self._shadow(second, scene, _NEAR * packed.diagonal)
+            seen = points["position"][points["valid"] > 0]
+            shadows = self._shadow(second, scene, seen, view.eye_or_direction, _NEAR * packed.diagonal, _PASS)
             direct = self._direct(second, scene, gbuffer, shadows, view)
 
         with watch("trace"):
