@@ -4,7 +4,7 @@ import dataclasses
 
 import numpy as np
 
-from ispm.io.gltf_mesh import compact
+from ispm.io.arrays import compact
 from ispm.scene.material import Material, Texture, TextureUse
 from ispm.scene.mesh import Mesh
 
@@ -40,6 +40,7 @@ def _assert_nodes_alike(a, b):
             np.testing.assert_array_equal(getattr(a, name), getattr(b, name))
     else:
         np.testing.assert_array_equal(a.matrix, b.matrix)
+    np.testing.assert_array_equal(a.instances, b.instances)
     assert a.light == b.light and (a.light is None or a.light.name == b.light.name)
     assert (a.camera is None) == (b.camera is None)
     if a.camera is not None:

@@ -178,7 +178,7 @@ def transform(rows: Rows) -> dict[str, Any]:
     angle = math.atan2(-c, a) if sx else math.atan2(b, d)
     if math.cos(angle) * d + math.sin(angle) * b < 0.0:
         sy = -sy
-    for turn in _near(angle):
+    for turn in itertools.chain(*(_near(angle + whole) for whole in (0.0, math.tau, -math.tau))):
         cos, sin = math.cos(turn), math.sin(turn)
         wide = next((s for s in _near(sx) if (cos * s, -sin * s) == (a, c)), None)
         high = next((s for s in _near(sy) if (sin * s, cos * s) == (b, d)), None)

@@ -12,8 +12,10 @@ from urllib.parse import quote
 import numpy as np
 
 from ispm.errors import OutputError, SceneError
+from ispm.io.arrays import compact
 from ispm.io.atomic import replacing, require_writable
 from ispm.io.gltf_camera import camera_record
+from ispm.io.gltf_instances import instance_attributes
 from ispm.io.gltf_mesh import ATTRIBUTES
 from ispm.io.gltf_write import Document
 from ispm.io.gltf_write_material import MaterialWriter, given, numbers, split
@@ -30,10 +32,11 @@ def save(scene: Scene, path: str | os.PathLike[str]) -> Path:
     """Write `scene` as glTF 2.0 and return the path; what `load` reads back is equal.
 
     path  .glb: one file; .gltf: with a buffer `NAME.bin` and pictures `NAME-textures/0.png` beside it
-    Vertices and parts without triangles, channels of nodes outside the scene and what has no effect (the
-    normal scale of a material without a normal map) are left out. A texture whose encoding is not the one
-    glTF has for its place is rounded to that, with a SceneWarning. A camera's pose, aspect and principal
-    point stand in `extras`, where only this program reads them.
+    Left out are vertices and parts without triangles, channels of nodes outside the scene, names of a node's
+    meshes but for the first, and what has no effect, such as the normal scale of a material without a normal
+    map. A texture whose encoding is not the one glTF has for its place is rounded to that, with a
+    SceneWarning. A camera's pose, aspect and principal point stand in `extras`, where only this program
+    reads them.
     Raises SceneError for what glTF cannot hold, OutputError where the file cannot be written.
     """
     target = Path(path)
@@ -96,13 +99,16 @@ class _Writer:
         self.document.put("scenes", record)
 
     def _node(self, node: Node) -> dict[str, Any]:
-        light = None if node.light is None else self._light(node.light)
         parts = [part for part in node.parts if len(part.mesh.triangles)]
+        extensions = {} if node.light is None else self._light(node.light)
+        if parts and node.instances is not None:
+            extensions |= self._instances(node.instances)
         camera = None if node.camera is None else self.document.put("cameras", camera_record(node.camera))
         return given(
             {"name": node.name, **_place(node), "mesh": self._mesh(parts) if parts else None,
-             "camera": camera, "extensions": light},
-            {"name": "", "translation": [0.0] * 3, "rotation": [0.0, 0.0, 0.0, 1.0], "scale": [1.0] * 3},
+             "camera": camera, "extensions": extensions},
+            {"name": "", "translation": [0.0] * 3, "rotation": [0.0, 0.0, 0.0, 1.0], "scale": [1.0] * 3,
+             "extensions": {}},
         )  # fmt: skip
 
     def _mesh(self, parts: list[Part]) -> int:
@@ -121,14 +127,20 @@ class _Writer:
         """Accessors of a mesh; the loader shares meshes by them."""
         key = id(mesh)
         if key not in self._primitives:
-            attributes = {"POSITION": self.document.floats(mesh.positions, bounds=True, vertices=True)}
+            triangles, rows = compact(mesh.triangles)
+            some = slice(None) if len(rows) == len(mesh.positions) else rows
+            attributes = {"POSITION": self.document.floats(mesh.positions[some], bounds=True, vertices=True)}
             for field, (name, _) in ATTRIBUTES.items():
                 values = getattr(mesh, field)
                 if values is not None:
-                    attributes[name] = self.document.floats(values, vertices=True)
-            indices = self.document.indices(mesh.triangles, len(mesh.positions))
+                    attributes[name] = self.document.floats(values[some], vertices=True)
+            indices = self.document.indices(triangles, len(rows))
             self._primitives[key] = {"attributes": attributes, "indices": indices}
         return self._primitives[key]
+
+    def _instances(self, matrices: np.ndarray) -> dict[str, Any]:
+        places = {name: self.document.floats(v) for name, v in instance_attributes(matrices).items()}
+        return {self.document.use("EXT_mesh_gpu_instancing"): {"attributes": places}}
 
     def _light(self, light: Light) -> dict[str, Any]:
         """A node's extensions that hold a light of its own, as the loader makes them."""

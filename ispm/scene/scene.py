@@ -31,6 +31,7 @@ class Node:
     translation, scale   (3,) metres and factors
     rotation             (4,) unit quaternion x, y, z, w
     matrix               (4, 4) used instead of the three where given
+    instances            (n, 4, 4) where the parts stand n times, from each copy to this node; None: once
     """
 
     name: str = ""
@@ -39,9 +40,22 @@ class Node:
     scale: tuple[float, float, float] | np.ndarray = (1.0, 1.0, 1.0)
     matrix: np.ndarray | None = None
     parts: list[Part] = field(default_factory=list)
+    instances: np.ndarray | None = None
     light: Light | None = None
     camera: Camera | None = None
     children: list[Node] = field(default_factory=list)
+
+    @property
+    def copies(self) -> int:
+        """How many times the parts are placed."""
+        return 1 if self.instances is None else len(self.instances)
+
+    def places(self, world: np.ndarray) -> np.ndarray:
+        """Return the (copies, 4, 4) matrices that take the parts to the world.
+
+        world  (4, 4), this node's own
+        """
+        return world[None] if self.instances is None else world @ self.instances
 
     def local_matrix(self) -> np.ndarray:
         """Return the (4, 4) matrix that takes this node's space to its parent's."""
@@ -101,8 +115,8 @@ class Scene:
 
     @property
     def triangle_count(self) -> int:
-        """Triangles as placed: a mesh counts once for each node that shows it."""
-        return sum(len(part.mesh.triangles) for node in self.nodes for part in node.parts)
+        """Triangles as placed: a mesh counts once for each place where it is shown."""
+        return sum(node.copies * len(part.mesh.triangles) for node in self.nodes for part in node.parts)
 
     def __getitem__(self, name: str) -> Node:
         """Return the first node called `name`; KeyError names the nearest."""

@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 import ispm
 from ispm.errors import OutputError, SceneError, SceneWarning
 from ispm.io.gltf_image import uv_rows
+from ispm.io.gltf_instances import PLACING, instance_attributes, rotation_matrices
 from ispm.io.gltf_schema import TextureTransform
 from ispm.io.gltf_write_material import split, transform
 from ispm.io.load import load
@@ -178,7 +179,7 @@ def channel(node):
 
 
 @pytest.mark.parametrize("ending", ENDINGS)
-@settings(max_examples=5, deadline=None)
+@settings(max_examples=25, deadline=None)
 @given(scene=scenes())
 def test_a_random_scene_loads_back_equal(tmp_path_factory, ending, scene):
     folder = tmp_path_factory.mktemp("saved")
@@ -207,7 +208,7 @@ def test_any_color_is_split_exactly(values):
     assert max(color) <= 1.0
 
 
-@settings(max_examples=300)
+@settings(max_examples=100)
 @given(
     st.floats(-3.2, 3.2).map(lambda x: round(x, 3)), places,
     st.tuples(*[st.floats(0.01, 100.0).map(lambda x: round(x, 3))] * 2),
@@ -238,6 +239,20 @@ def test_every_kind_of_light_and_glass_loads_back_equal(tmp_path, ending):
     scene.add(mesh, material=glass)
     back = round_trip(scene, tmp_path, ending)
     assert_alike(scene, back)
+
+
+@pytest.mark.parametrize("ending", ENDINGS)
+def test_instances_load_back_equal_and_mean_the_same_to_others(tmp_path, ending):
+    random, scene = np.random.default_rng(4), Scene(name="wood")
+    node = scene.add(box((0, 0, 0), (1, 1, 1), "tree"))
+    turns = np.linalg.qr(random.normal(size=(50, 3, 3)))[0]  # half of them mirror
+    node.instances = np.tile(np.eye(4, dtype=np.float32), (50, 1, 1))
+    node.instances[:, :3, :3] = turns * random.uniform(0.1, 3.0, (50, 1, 3))
+    node.instances[:, :3, 3] = random.normal(size=(50, 3))
+    assert_alike(scene, round_trip(scene, tmp_path, ending))
+    places = {k: v for k, v in instance_attributes(node.instances).items() if k in PLACING}
+    rebuilt = rotation_matrices(places["ROTATION"].astype(np.float32)) * places["SCALE"][:, None, :]
+    assert np.abs(rebuilt - node.instances[:, :3, :3]).max() < 3e-6  # of numbers up to 3, in float32
 
 
 def grey_texture(srgb=False, name="grey"):
