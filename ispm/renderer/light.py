@@ -8,9 +8,9 @@ import numpy as np
 
 from ispm.frame import BounceMaps
 from ispm.optics.records import EMITTED
+from ispm.scene.lightmap import texel_measures
 from ispm.scene.packed import Packed
 from ispm.settings import Settings
-from ispm.stages.cube import cube_texel_solid_angles
 from ispm.tracer.emission import map_shift, map_width, share_photons, thin
 
 
@@ -45,9 +45,27 @@ def photons_of_maps(
         batches.append(
             thin(
                 content.reshape(-1, each.width, each.width, 4),
-                cube_texel_solid_angles(each.width, each.shift, float(row["spread"])),
+                texel_measures(packed.maps[light], row, each.width, each.shift),
                 row, int(shares[light]), light, first_key, offset,
             )
         )  # fmt: skip
         first_key += 6 * each.width**2
     return np.concatenate(batches)
+
+
+def texels_as_photons(packed: Packed, maps: BounceMaps, texels: Sequence[np.ndarray]) -> list[np.ndarray]:
+    """Return each map's texels as (faces W^2,) EMITTED of the flux they stand for, before any thinning."""
+    batches = []
+    first_key = 0
+    for each, content in zip(maps.maps, texels, strict=True):
+        row, words = packed.lights[each.light], content.reshape(-1, 4)
+        rows = np.zeros(len(words), EMITTED)
+        rows["instance"], rows["primitive"] = words[:, 0], words[:, 1]
+        rows["u"], rows["v"] = words[:, 2].view(np.float32), words[:, 3].view(np.float32)
+        measures = texel_measures(packed.maps[each.light], row, each.width, each.shift)
+        rows["flux"] = measures.reshape(-1, 1) * row["intensity"]
+        rows["light"] = each.light
+        rows["key"] = first_key + np.arange(len(rows))
+        first_key += 6 * each.width**2
+        batches.append(rows)
+    return batches

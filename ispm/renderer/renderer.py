@@ -6,23 +6,24 @@ import gc
 import math
 import time as clock
 import warnings
+from operator import attrgetter
 from types import TracebackType
 
 import numpy as np
 
 from ispm.errors import IspmError, SceneError, SceneWarning, SettingsError
-from ispm.estimators import ESTIMATORS
+from ispm.estimators import make_estimator
 from ispm.frame import BounceMaps, GBuffer, GpuScene
 from ispm.gpu import Gpu, Recording, Texture, open_gpu
 from ispm.optics.records import EMITTED, MATERIAL_UNLIT, PHOTON, RECEIVER
 from ispm.optics.texture import TextureTable
 from ispm.renderer import layers as make
 from ispm.renderer.framing import default_camera, default_light, find_camera
+from ispm.renderer.last import LastFrame
 from ispm.renderer.light import map_plan, photons_of_maps
 from ispm.renderer.motion import moved
 from ispm.renderer.picture import Frame
 from ispm.renderer.statistics import Stats, collect
-from ispm.renderer.views import photon_points
 from ispm.renderer.watch import Watch
 from ispm.scene.camera import Camera
 from ispm.scene.packed import Packed, pack
@@ -42,6 +43,7 @@ from ispm.stages.upsample import Upsample
 from ispm.tracer.density import measure_radii
 from ispm.tracer.emission import emit_rays, share_photons
 from ispm.tracer.grid import PhotonGrid
+from ispm.tracer.hint import hint_radii
 from ispm.tracer.surface import SurfaceTable
 from ispm.tracer.threads import thread_count
 from ispm.tracer.walk import Walk, walk
@@ -50,6 +52,7 @@ from ispm.tracer.world import World
 _NEAR = 1e-4  # of the scene's diagonal; reversed depth has precision to spare
 _TEXTURE_FOOTPRINT = 0.005  # of the diagonal: over which photons see textures averaged
 _PASS = 0  # of one
+_ESTIMATOR_KNOBS = attrgetter("estimator", "kernel", "talk_errors")
 _OWNED = (
     "_upload", "_gbuffer", "_bounce", "_direct", "_antialias", "_shadow", "_downsample", "_upsample",
     "_estimator", "_world", "_last", "_packed", "_textures",
@@ -94,7 +97,7 @@ class Renderer:
         self._textures: TextureTable | None = None
         self._photons = np.zeros(0, PHOTON)
         self._instances: np.ndarray | None = None  # of the last frame
-        self._last: tuple[Frame, CameraView] | None = None
+        self._last: LastFrame | None = None
         self._said: set[str] = set()
         self._settings: Settings | None = None
         self.settings = settings or Settings()
@@ -145,9 +148,8 @@ class Renderer:
             self._upsample = Upsample(self._gpu, new.subsampling)
         if old is None or old.shadow_resolution != new.shadow_resolution:
             self._shadow = ShadowStage(self._gpu, new.shadow_resolution)
-        if old is None or old.estimator != new.estimator:
-            name = "tiled" if new.estimator == "auto" else new.estimator
-            self._estimator = ESTIMATORS[name](self._gpu, self.threads)
+        if old is None or _ESTIMATOR_KNOBS(old) != _ESTIMATOR_KNOBS(new):
+            self._estimator = make_estimator(new, self._gpu, self.threads)
         self._settings = new
 
     def render(self) -> Frame:
@@ -201,7 +203,11 @@ class Renderer:
             adapter=self._gpu.name, timing=first.timing,
             moved=moved(packed.instances, self._instances),
         )  # fmt: skip
-        self._photons, self._last = path.photons, (frame, view)
+        self._photons = path.photons
+        self._last = LastFrame(
+            frame, view, packed, self._surfaces(packed), path.photons, points, self._downsample.size(view),
+            maps, texels, self.threads,
+        )  # fmt: skip
         self._instances = packed.instances
         return frame
 
@@ -214,13 +220,7 @@ class Renderer:
         if self._last is None:
             self.render()
         assert self._last is not None
-        frame, view = self._last
-        if name != "photons":
-            return frame.show(name)
-        return photon_points(
-            self._photons, frame.layers, view.clip_from_world, view.near, frame.exposure,
-            frame.settings.tonemap,
-        )  # fmt: skip
+        return self._last.show(name)
 
     def _prepare(self) -> tuple[Packed, CameraView]:
         """Pack the scene, place it in the tracer, and find its camera and lights."""
@@ -281,8 +281,7 @@ class Renderer:
     def _trace(self, packed: Packed, maps: BounceMaps, texels: list[np.ndarray]) -> Walk:
         """Emit the photons and follow them."""
         settings = self.settings
-        assert self._textures is not None
-        surfaces = SurfaceTable(packed, self._textures, _TEXTURE_FOOTPRINT * packed.diagonal)
+        surfaces = self._surfaces(packed)
         if not settings.bounces:
             emitted = np.zeros(0, EMITTED)
         elif settings.emission == "rays":
@@ -294,6 +293,10 @@ class Renderer:
             packed, self._world, surfaces, emitted, settings.bounces, settings.seed, _PASS, self.threads
         )
 
+    def _surfaces(self, packed: Packed) -> SurfaceTable:
+        assert self._textures is not None
+        return SurfaceTable(packed, self._textures, _TEXTURE_FOOTPRINT * packed.diagonal)
+
     def _gather(
         self, points: np.ndarray, photons: np.ndarray, packed: Packed, view: CameraView
     ) -> tuple[np.ndarray, np.ndarray]:
@@ -302,6 +305,10 @@ class Renderer:
             dark = np.zeros((len(points), 16), np.float32)
             return dark, dark
         settings, size = self.settings, self._downsample.size(view)
+        if settings.kernel == "hint":
+            hint_radii(photons, packed.diagonal, settings.photons, settings.smoothing)
+            estimate = self._estimator(points, photons, view.clip_from_world, size)
+            return estimate, estimate
         pixel = settings.subsampling * view.footprint * view.clip_from_world[3]
         measure_radii(
             photons, packed.diagonal, settings.smoothing, pixel, packed.widths, view.eye_or_direction

@@ -15,6 +15,8 @@ from ispm.scene.material import AlphaMode, Material, Texture, TextureUse
 from ispm.scene.mesh import Mesh
 from ispm.scene.scene import Scene
 
+_SHARPEST = 1e-6  # difference of the cosines of a spot's cones, in float32
+
 _KINDS = {
     PointLight: records.LIGHT_POINT,
     SpotLight: records.LIGHT_SPOT,
@@ -259,7 +261,7 @@ def _cone(light: SpotLight) -> tuple[float, float]:
             f"light '{light.name}': its cones, {inner:g} and {outer:g} radians, must have "
             "0 <= inner < outer <= pi / 2"
         )
-    scale = 1.0 / max(math.cos(inner) - math.cos(outer), 1e-3)
+    scale = 1.0 / max(math.cos(inner) - math.cos(outer), _SHARPEST)
     return scale, -math.cos(outer) * scale
 
 

@@ -12,9 +12,7 @@ from ispm.frame import BounceMap, BounceMaps, GpuScene
 from ispm.gpu import Gpu, Raster, Recording, Texture
 from ispm.optics.records import NO_HIT
 from ispm.scene.packed import Draw
-from ispm.stages.cube import cube_direction, cube_texel_solid_angles, face_uniforms, seen_by_faces
-
-__all__ = ["BounceStage", "cube_direction", "cube_texel_solid_angles"]
+from ispm.stages.face import face_uniforms, seen_by_faces
 
 
 class BounceStage:
@@ -49,7 +47,7 @@ class BounceStage:
         for light, (width, shift) in enumerate(zip(widths, shifts, strict=True)):
             if width > 0:
                 texels, depth = self._textures(len(maps))
-                texels.sized((width, width), layers=int(scene.packed.lights[light]["faces"]))
+                texels.sized((width, width), layers=len(scene.packed.maps[light].axes))
                 depth.sized((width, width))
                 maps.append(BounceMap(light, texels, shift))
                 self._draw(frame, scene, maps[-1], depth, near, pass_index)
@@ -71,14 +69,14 @@ class BounceStage:
     def _draw(
         self, frame: Recording, scene: GpuScene, map: BounceMap, depth: Texture, near: float, pass_index: int
     ) -> None:
-        row = scene.packed.lights[map.light]
+        about = scene.packed.maps[map.light]
         shift = (2.0 * map.shift[0] / map.width, 2.0 * map.shift[1] / map.width)
-        seen = seen_by_faces(scene.boxes, row)
+        seen = seen_by_faces(scene.boxes, about)
 
         def pipeline(draw: Draw) -> Raster:
             return self._masked if scene.is_masked(draw.material) else self._opaque
 
-        for layer, uniform in enumerate(face_uniforms(row, map.light, near, shift, pass_index)):
+        for layer, uniform in enumerate(face_uniforms(about, map.light, near, shift, pass_index)):
             shared = {
                 "face": frame.uniform(uniform), "vertices": scene.vertices, "indices": scene.indices,
                 "instances": scene.instances,

@@ -82,7 +82,7 @@ fn lit(pixel: vec2u, material: u32) -> vec3f {
     let position = world_position(vec2f(pixel) + 0.5, textureLoad(depth, pixel, 0));
     let wo = view_direction(position);
     let color = textureLoad(base, pixel, 0);
-    let bsdf = surface_bsdf(color.rgb, color.a, textureLoad(emission, pixel, 0).a, materials[material]);
+    let bsdf = surface_bsdf(color.rgb, color.a, textureLoad(emission, pixel, 0).a, materials[material].transmission, materials[material], true);
     var sum = vec3f(0.0);
     for (var i = 0u; i < shadows.light_count; i++) {
         let light = lights[i];
@@ -99,7 +99,7 @@ fn lit(pixel: vec2u, material: u32) -> vec3f {
         let visible = visibility(i, light.spread, p, normalize(np));
         if (visible > 0.0) {
             let irradiance = light.intensity * (visible * window * dot(wi, n) / (distance * distance));
-            sum += eval_bsdf(bsdf, n, wo, wi) * irradiance;
+            sum += eval_bsdf(bsdf, n, ng, wo, wi) * irradiance;
         }
     }
     return sum;

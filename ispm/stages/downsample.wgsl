@@ -59,7 +59,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
         let packed = textureLoad(normals, pixel, 0);
         let material = textureLoad(ids, pixel, 0).y;
         let color = textureLoad(base, pixel, 0);
-        let b = surface_bsdf(color.rgb, color.a, textureLoad(emission, pixel, 0).a, materials[material]);
+        let b = surface_bsdf(color.rgb, color.a, textureLoad(emission, pixel, 0).a, materials[material].transmission, materials[material], true);
         r.position = world_position(vec2f(pixel) + 0.5, d);
         r.alpha = receiver_alpha(b, materials[material].flags);
         r.n = octahedral_decode(packed.xy);

@@ -19,8 +19,13 @@ struct Incident {          // sums over photons, see `estimators`
     grazing: vec3f,        // weighted by D V Fc
 }
 
-// Reflected radiance: f summed over photons, with the lobe's colors put in afterwards.
+// Reflected radiance: f summed over photons, with the lobe's colors put in afterwards. What is mirrored or
+// comes through is left to eye paths.
 fn reflect_incident(b: Bsdf, i: Incident) -> vec3f {
     let kept = (1.0 - b.dielectric_f0) * i.irradiance - (b.dielectric_f90 - b.dielectric_f0) * i.fresnel;
-    return max(b.diffuse / PI * kept + b.f0 * i.gloss + b.f90 * i.grazing, vec3f(0.0));
+    let diffuse = b.diffuse / PI * kept;
+    if (is_smooth(b) || transmits(b)) {
+        return max(diffuse, vec3f(0.0));
+    }
+    return max(diffuse + b.f0 * i.gloss + b.f90 * i.grazing, vec3f(0.0));
 }

@@ -9,7 +9,7 @@ from ispm.errors import SceneError
 from ispm.frame import GpuScene, ShadowMaps, vertex_layout
 from ispm.gpu import Gpu, Raster, Recording
 from ispm.scene.packed import Draw
-from ispm.stages.cube import face_uniforms, faces_in_use, seen_by_faces
+from ispm.stages.face import face_uniforms, seen_by_faces
 
 _FULL_CUBES = 4  # cubes of the asked resolution that all lights share
 _SMALLEST = 64  # texels of a side
@@ -64,16 +64,16 @@ class ShadowStage:
         self._cubes.close()
 
     def _draw(self, frame: Recording, scene: GpuScene, index: int, near: float, pass_index: int) -> None:
-        light = scene.packed.lights[index]
-        seen = seen_by_faces(scene.boxes, light)
+        map = scene.packed.maps[index]
+        seen = seen_by_faces(scene.boxes, map)
 
         def pipeline(draw: Draw) -> Raster:
             return self._masked if scene.is_masked(draw.material) else self._opaque
 
-        uniforms = face_uniforms(light, index, near, pass_index=pass_index)
-        for row, (layer, uniform) in enumerate(zip(faces_in_use(light), uniforms, strict=True)):
+        first = 6 * index + (0 if len(map.axes) == 6 else 4)  # a single view fills the cube's +z face
+        for row, uniform in enumerate(face_uniforms(map, index, near, pass_index=pass_index)):
             shared = {"face": frame.uniform(uniform), "instances": scene.instances}
-            with frame.draw_into(depth=self._cubes.view(layer=6 * index + int(layer))) as canvas:
+            with frame.draw_into(depth=self._cubes.view(layer=first + row)) as canvas:
                 canvas.vertices(scene.vertices)
                 canvas.indices(scene.indices)
                 visible = compress(scene.draws, seen[row])

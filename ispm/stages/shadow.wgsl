@@ -1,5 +1,5 @@
 // Depth of what a light sees through one face of a cube; both sides of every surface cast.
-// include stages/cube.wgsl
+// include stages/face.wgsl
 // include stages/geometry.wgsl
 
 @group(0) @binding(0) var<uniform> face: Face;

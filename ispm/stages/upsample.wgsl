@@ -49,10 +49,10 @@ fn surface_at(pixel: vec2u, d: f32) -> Surface {
     let material = textureLoad(ids, pixel, 0).y;
     let color = textureLoad(base, pixel, 0);
     let packed = textureLoad(normals, pixel, 0);
-    s.bsdf = surface_bsdf(color.rgb, color.a, textureLoad(emission, pixel, 0).a, materials[material]);
+    s.bsdf = surface_bsdf(color.rgb, color.a, textureLoad(emission, pixel, 0).a, materials[material].transmission, materials[material], true);
     s.alpha = receiver_alpha(s.bsdf, materials[material].flags);
     if ((materials[material].flags & MATERIAL_UNLIT) != 0u) {
-        s.bsdf = Bsdf(vec3f(0.0), vec3f(0.0), 0.0, 1.0, 0.0, 0.0);
+        s.bsdf = Bsdf();
     }
     s.position = world_position(vec2f(pixel) + 0.5, d);
     s.n = octahedral_decode(packed.xy);

@@ -74,7 +74,7 @@ def thin(
     """Thin a light's map to photons of equal flux, in texel order.
 
     texels        (faces, W, W, 4) uint32: instance, primitive and bits of u, v
-    solid_angles  (W, W) float64 of one face's texels, sr
+    solid_angles  (faces, W, W) float64 of the texels, sr
     row           LIGHT, number `light`
     offset        of the thinning's lattice, see `map_shift`
     ->            (M,) EMITTED, M = `photon_count` in expectation; flux I Omega / photon_count each,
@@ -99,7 +99,7 @@ def _thin(texels, survival, flux, light, first_key, offset, out):
         for y in range(height):
             for x in range(width):
                 lattice = offset + x * 0.7548776662466927 + (y + face * height) * 0.5698402909980532
-                if lattice - math.floor(lattice) >= survival[y, x]:
+                if lattice - math.floor(lattice) >= survival[face, y, x]:
                     continue
                 row = out[count]
                 row.instance = texels[face, y, x, 0]

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 import pytest
-from exact import cast, interior, mixed_scene, packed_mixed, quad, triangles_of
+from exact import cast, cube_direction, interior, mixed_scene, packed_mixed, quad, triangles_of
 
 from ispm.frame import BounceMaps
 from ispm.gpu import Gpu
@@ -15,7 +13,7 @@ from ispm.scene.light import PointLight
 from ispm.scene.material import AlphaMode, Material, Texture, TextureUse
 from ispm.scene.packed import Packed, pack
 from ispm.scene.scene import Scene
-from ispm.stages.bounce import BounceStage, cube_direction, cube_texel_solid_angles
+from ispm.stages.bounce import BounceStage
 from ispm.stages.upload import Upload
 
 SHIFTS = [(0.0, 0.0), (0.31, -0.44), (-0.5, 0.5)]
@@ -69,47 +67,6 @@ def test_bounce_map_matches_exact_rays(gpu: Gpu, shift: tuple[float, float]) -> 
     texel = 2.0 / width * distance.reshape(6, width, width)[hits]
     assert (np.linalg.norm(across, axis=1) / texel).max() < 1e-3
     assert (found >= 0.0).all() and (found.sum(-1) <= 1.0 + 1e-6)[hits].all()
-
-
-def test_cube_directions_are_those_of_cube_maps() -> None:
-    """The middle texel of face 2 k + s looks along axis k, forwards (s = 0) or backwards."""
-    for face in range(6):
-        expected = np.zeros(3)
-        expected[face // 2] = 1.0 - 2.0 * (face % 2)
-        assert cube_direction(face, 2, 2, 5) == pytest.approx(expected)
-    # WebGPU, 23.2: on +x, u grows with -z and v with -y
-    assert cube_direction(0, 4, 2, 5)[2] < 0.0 and cube_direction(0, 2, 4, 5)[1] < 0.0
-
-
-@pytest.mark.parametrize("width", [1, 2, 3, 16, 113])
-@pytest.mark.parametrize("shift", SHIFTS)
-def test_texel_powers_sum_to_the_lights_flux(width: int, shift: tuple[float, float]) -> None:
-    total = 6.0 * cube_texel_solid_angles(width, shift).sum()
-    assert total == pytest.approx(4.0 * math.pi, rel=1e-12)
-
-
-@pytest.mark.parametrize("width", [4, 16])
-def test_texel_solid_angles_are_unbiased_over_shifts(width: int) -> None:
-    """The mean over shifts is the exact solid angle of the texel, up to the scale's fourth order."""
-    nodes, weights = np.polynomial.legendre.leggauss(8)
-    mean = sum(
-        0.25 * wx * wy * cube_texel_solid_angles(width, (x / 2.0, y / 2.0))
-        for x, wx in zip(nodes, weights, strict=True)
-        for y, wy in zip(nodes, weights, strict=True)
-    )
-    edges = np.linspace(-1.0, 1.0, width + 1)
-    corner = np.arctan2(edges[:, None] * edges, np.sqrt(edges[:, None] ** 2 + edges**2 + 1.0))
-    exact = np.diff(np.diff(corner, axis=0), axis=1)
-    # measured: 4.6e-3 / W^2 ... / W^4; the exact angle in place of the density's errs by 40 % at W = 4
-    assert np.abs(mean / exact - 1.0).max() < 2.0 / width**4
-
-
-def test_bounce_map_weighs_directions_like_the_sphere() -> None:
-    """The mean of |d|-components squared over a map is 1/3, for any shift."""
-    for shift in SHIFTS:
-        d = texel_rays(32, shift)
-        w = np.broadcast_to(cube_texel_solid_angles(32, shift), d.shape[:3])
-        assert np.einsum("fyx,fyxk->k", w, d**2) / (4.0 * math.pi) == pytest.approx([1 / 3] * 3, abs=1e-4)
 
 
 def test_bounce_map_does_not_depend_on_near(gpu: Gpu) -> None:

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from exact import cast, mixed_scene, quad, triangles_of, view_of
+from exact import cast, cube_direction, mixed_scene, quad, triangles_of, view_of
 
 from ispm.frame import GBuffer, ShadowMaps
 from ispm.gpu import Gpu
@@ -15,7 +15,6 @@ from ispm.scene.light import PointLight
 from ispm.scene.material import AlphaMode, Material
 from ispm.scene.packed import Packed, pack
 from ispm.scene.scene import Scene
-from ispm.stages.bounce import cube_direction
 from ispm.stages.camera import CameraView
 from ispm.stages.direct import DirectStage
 from ispm.stages.gbuffer import GBufferStage

@@ -11,12 +11,12 @@ from ispm.optics.records import LIGHT
 from ispm.renderer.renderer import Renderer
 from ispm.scene.builtins_common import lambert
 from ispm.scene.light import PointLight
+from ispm.scene.lightmap import CUBE_AXES, LightMap, square_map, texel_measures
 from ispm.scene.material import AlphaMode, Material, Texture, TextureUse
 from ispm.scene.packed import pack
 from ispm.scene.scene import Scene
 from ispm.scene.shapes import box, icosphere, polygons
 from ispm.settings import Settings
-from ispm.stages.cube import cube_texel_solid_angles
 from ispm.tracer.emission import map_width, share_photons, thin
 
 
@@ -27,6 +27,14 @@ def point_light(spread=1.0):
     face = 4 * math.atan2(spread**2, math.sqrt(1 + 2 * spread**2))
     row["faces"], row["solid_angle"] = (6, 4 * math.pi) if spread == 1.0 else (1, face)
     return row
+
+
+def cube_texel_solid_angles(width, shift, spread):
+    light = point_light(spread)
+    cube = LightMap(0, np.zeros(3), CUBE_AXES, False, 4 * math.pi)
+    return texel_measures(
+        cube if spread == 1.0 else square_map(0, light, np.eye(3), spread), light, width, shift
+    )
 
 
 def thinned(light, wanted, offset=0.3, shift=(0.2, -0.4)):
@@ -55,7 +63,7 @@ def test_thinning_keeps_the_flux_of_every_texel_in_expectation(spread):
     width, faces = map_width(light, wanted), int(light["faces"])
     keys = [thinned(light, wanted, (k + 0.5) / 4096, shift)["key"] for k in range(4096)]
     survived = np.bincount(np.concatenate(keys), minlength=faces * width**2) / 4096
-    angles = np.tile(cube_texel_solid_angles(width, shift, spread).ravel(), faces)
+    angles = cube_texel_solid_angles(width, shift, spread).ravel()
     assert survived == pytest.approx(angles * wanted / float(light["solid_angle"]), abs=2 / 4096)
     assert survived.max() < 1.0
 

@@ -18,25 +18,26 @@ SCALES = [(1.0, 1.0, 1.0), (2.0, 0.3, 1.2), (-1.0, 1.0, 1.0), (-1.0, -0.5, 2.0),
 
 
 @jit
-def _surfaces(table, texels, rows, instances, primitives, uv, d, points, ng, n, bsdf, flags):
+def _surfaces(table, texels, rows, instances, primitives, uv, d, points, ng, n, bsdf, flags, front):
     for i in range(len(uv)):
         hit = (instances[i], primitives[i], uv[i, 0], uv[i, 1])
-        p, g, s, b, f = surface(table, texels, rows, hit, (d[i, 0], d[i, 1], d[i, 2]))
+        p, g, s, b, f, front[i] = surface(table, texels, rows, hit, (d[i, 0], d[i, 1], d[i, 2]))
         q = hit_position(table, hit)
         for k in range(3):
             points[i, k], ng[i, k], n[i, k] = p[k], g[k], s[k]
             if p[k] != q[k]:
                 points[i, k] = np.float32(np.nan)
-        for k in range(10):
+        for k in range(15):
             bsdf[i, k] = b[k]
         flags[i] = f
 
 
 def surfaces(scene, primitives, uv, d):
-    """Points, ng, n, BSDFs and flags at hits of instance 0."""
+    """Points, ng, n, BSDFs, flags and whether the front was met, at hits of instance 0."""
     table = Tracer(scene).surfaces
     count = len(uv)
-    out = [np.zeros((count, k), np.float32) for k in (3, 3, 3, 10)] + [np.zeros(count, np.uint32)]
+    out = [np.zeros((count, k), np.float32) for k in (3, 3, 3, 15)]
+    out += [np.zeros(count, np.uint32), np.zeros(count, np.bool_)]
     _surfaces(
         table.addresses, table.texels, table.rows, np.zeros(count, np.uint32),
         np.asarray(primitives, np.uint32), np.asarray(uv, np.float32), np.asarray(d, np.float32), *out,
@@ -128,6 +129,6 @@ def test_textures_multiply_the_materials_factors():
 def test_flags_and_broken_normals_come_through():
     scene = textured_square(Material(unlit=True))
     scene.nodes[0].parts[0].mesh.normals = np.zeros((4, 3), np.float32)
-    *_, flags = surfaces(scene, [0], [(0.2, 0.2)], DOWN)
+    *_, flags, _ = surfaces(scene, [0], [(0.2, 0.2)], DOWN)
     assert flags[0] & MATERIAL_UNLIT
     assert np.isfinite(pack(scene).geometry.vertices["normal"]).all()
