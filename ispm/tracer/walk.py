@@ -10,7 +10,8 @@ from numba import literal_unroll
 
 from ispm.optics.bsdf import adjoint_factor, sample_bsdf
 from ispm.optics.jit import jit
-from ispm.optics.records import MATERIAL_UNLIT, NO_HIT, PHOTON
+from ispm.optics.light import range_window
+from ispm.optics.records import LIGHT_DIRECTIONAL, MATERIAL_UNLIT, NO_HIT, PHOTON
 from ispm.optics.rng import random4
 from ispm.optics.vector import dot, scale, sub
 from ispm.scene.packed import Packed
@@ -164,18 +165,15 @@ def _walk_one(
 def first_segment(table, lights, light, hit):
     """Direction from the light to the first hit, and the share of the flux within its range.
 
-    The share is clamp(1 - (distance / range)^4, 0, 1), as KHR_lights_punctual recommends.
+    A spot's falloff is not in it: emission has seen to that.
     """
     row = lights[light]
+    if row.kind == u32(LIGHT_DIRECTIONAL):
+        return (row.direction[0], row.direction[1], row.direction[2]), f32(1)
     way = sub(hit_position(table, hit), (row.position[0], row.position[1], row.position[2]))
     square = dot(way, way)
     distance = f32(math.sqrt(square if square > f32(0) else f32(1e-30)))
-    d = scale(f32(1) / distance, way)
-    if row.range <= f32(0):
-        return d, f32(1)
-    ratio = distance / row.range
-    ratio *= ratio
-    return d, max(f32(1) - ratio * ratio, f32(0))
+    return scale(f32(1) / distance, way), range_window(distance, row.range)
 
 
 @jit
