@@ -11,6 +11,7 @@ import numpy as np
 from ispm.gpu import Buffer, Canvas, Gpu, Group, Raster, Recording, Sampler, Texture
 from ispm.optics import records
 from ispm.optics.records import VERTEX
+from ispm.scene.atlas import ShadowAtlas
 from ispm.scene.packed import Draw, Packed
 
 SLOTS = ("base_color", "metallic_roughness", "normal", "emission")
@@ -21,12 +22,14 @@ class GpuScene:
     """A `Packed` scene on the device.
 
     boxes  (draws, 2, 3) float64 bounds of what each draw shows, world space
+    instance_boxes  (instances, 2, 3) of each instance
     vertices, indices, instances, materials, lights  its arrays, at least one row each
     maps  of each material the texture and the sampler of each of SLOTS; white where it has none
     """
 
     packed: Packed
     boxes: np.ndarray
+    instance_boxes: np.ndarray
     vertices: Buffer
     indices: Buffer
     instances: Buffer
@@ -125,15 +128,24 @@ class GBuffer:
 
 @dataclass(frozen=True, eq=False)
 class ShadowMaps:
-    """Depth cubes of the point lights, light i in layers 6 i to 6 i + 5; depth is reversed.
+    """The shadow maps of all lights, tiles of one atlas; depth is reversed.
 
-    side  texels of a face's edge
-    near  m; depth in clip space is near / (distance along the face's axis)
+    atlas   what lies where
+    maps    SHADOW_MAP rows (ispm/stages/shadow_map.wgsl), one for each light
+    tiles   SHADOW_TILE rows, six for each light
+    depth   depth32float: the nearest opaque surface of each texel
+    sheets  depth32float: its nearest thin surface that lets light straight through
+    tints   rgba8unorm: what all of those before the opaque one let through
+    The last two are not drawn, and of any size, unless it `has_sheets`.
     """
 
-    cubes: Texture
-    side: int
-    near: float
+    atlas: ShadowAtlas
+    maps: np.ndarray
+    tiles: np.ndarray
+    depth: Texture
+    sheets: Texture
+    tints: Texture
+    has_sheets: bool
 
 
 @dataclass(frozen=True, eq=False)

@@ -132,7 +132,11 @@ class Settings(_Checked):
         words={"auto": "auto"},
         metavar="EV",
     )
-    tonemap: str = knob("neutral", "neutral: Khronos PBR Neutral; none: clipped", choices=("neutral", "none"))
+    tonemap: str = knob(
+        "neutral",
+        "neutral: Khronos PBR Neutral, true colors; agx: AgX, softer, as film; none: clipped",
+        choices=("neutral", "agx", "none"),
+    )
     background: tuple[float, float, float] | str = knob(
         (0.0, 0.0, 0.0),
         "what is seen where nothing is: linear r,g,b, black, or transparent",

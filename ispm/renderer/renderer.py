@@ -32,6 +32,7 @@ from ispm.settings import Settings
 from ispm.stages.antialias import Antialias
 from ispm.stages.bounce import BounceStage
 from ispm.stages.camera import CameraView
+from ispm.stages.caustic import CausticStage
 from ispm.stages.direct import DirectStage
 from ispm.stages.downsample import Downsample
 from ispm.stages.filter import WEIGHT, filter_estimate, filter_points
@@ -40,7 +41,7 @@ from ispm.stages.shadow import ShadowStage
 from ispm.stages.tonemap import auto_exposure, tonemap
 from ispm.stages.upload import Upload
 from ispm.stages.upsample import Upsample
-from ispm.tracer.density import measure_radii
+from ispm.tracer.density import measure_caustic_radii, measure_radii
 from ispm.tracer.emission import emit_rays, share_photons
 from ispm.tracer.grid import PhotonGrid
 from ispm.tracer.hint import hint_radii
@@ -54,8 +55,8 @@ _TEXTURE_FOOTPRINT = 0.005  # of the diagonal: over which photons see textures a
 _PASS = 0  # of one
 _ESTIMATOR_KNOBS = attrgetter("estimator", "kernel", "talk_errors")
 _OWNED = (
-    "_upload", "_gbuffer", "_bounce", "_direct", "_antialias", "_shadow", "_downsample", "_upsample",
-    "_estimator", "_world", "_last", "_packed", "_textures",
+    "_upload", "_gbuffer", "_bounce", "_direct", "_caustic", "_antialias", "_shadow", "_downsample",
+    "_upsample", "_estimator", "_world", "_last", "_packed", "_textures",
 )  # fmt: skip
 
 
@@ -92,6 +93,7 @@ class Renderer:
         self._gbuffer = GBufferStage(self._gpu)
         self._bounce = BounceStage(self._gpu)
         self._direct = DirectStage(self._gpu)
+        self._caustic = CausticStage(self._gpu)
         self._antialias = Antialias(self._gpu)
         self._packed: Packed | None = None
         self._textures: TextureTable | None = None
@@ -174,19 +176,25 @@ class Renderer:
             texels = maps.read(self._gpu)
         with self._gpu.frame() as second:
             second.stage("direct")
-            shadows = self._shadow(second, scene, _NEAR * packed.diagonal)
+            seen = points["position"][points["valid"] > 0]
+            shadows = self._shadow(second, scene, seen, view.eye_or_direction, _NEAR * packed.diagonal, _PASS)
             direct = self._direct(second, scene, gbuffer, shadows, view)
 
         with watch("trace"):
             path = self._trace(packed, maps, texels)
         with watch("radiance"):
-            estimate, light = self._gather(points, path.photons, packed, view)
+            photons, smooth, sharp = self._split(path.photons, packed, view)
+            estimate, light = self._gather(points, smooth, packed, view)
 
         with self._gpu.frame() as third:
+            third.stage("radiance")
+            caustic = self._caustic(third, scene, gbuffer, view, sharp)
             third.stage("upsample")
-            indirect, irradiance, emission = self._upsample(third, scene, gbuffer, view, receivers, light)
+            indirect, irradiance, emission = self._upsample(
+                third, scene, gbuffer, view, receivers, light, caustic
+            )
         with watch("upsample"):
-            self._light_missed(points, estimate, path.photons, scene, gbuffer, view)
+            self._light_missed(points, estimate, smooth, scene, gbuffer, view, caustic)
         with self._gpu.frame() as fourth:
             fourth.stage("compose")
             if self.settings.antialias:
@@ -203,9 +211,9 @@ class Renderer:
             adapter=self._gpu.name, timing=first.timing,
             moved=moved(packed.instances, self._instances),
         )  # fmt: skip
-        self._photons = path.photons
+        self._photons = photons
         self._last = LastFrame(
-            frame, view, packed, self._surfaces(packed), path.photons, points, self._downsample.size(view),
+            frame, view, packed, self._surfaces(packed), photons, points, self._downsample.size(view),
             maps, texels, self.threads,
         )  # fmt: skip
         self._instances = packed.instances
@@ -293,6 +301,26 @@ class Renderer:
             packed, self._world, surfaces, emitted, settings.bounces, settings.seed, _PASS, self.threads
         )
 
+    def _split(
+        self, photons: np.ndarray, packed: Packed, view: CameraView
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return the photons in a new order, and its two parts: those to be filtered, and the caustic ones,
+        ready to be drawn.
+
+        The hint's kernels are as narrow as caustics need: with them all photons go the first way.
+        """
+        sharp = photons["bounce"] == 0
+        if self.settings.kernel == "hint":
+            sharp[:] = False
+        parted = np.concatenate([photons[~sharp], photons[sharp]])
+        smooth, caustic = np.split(parted, [len(parted) - np.count_nonzero(sharp)])
+        pixel = view.footprint * view.clip_from_world[3]
+        measure_caustic_radii(
+            caustic, packed.diagonal, self.settings.smoothing, pixel, packed.widths, view.eye_or_direction,
+            threads=self.threads,
+        )  # fmt: skip
+        return parted, smooth, caustic
+
     def _surfaces(self, packed: Packed) -> SurfaceTable:
         assert self._textures is not None
         return SurfaceTable(packed, self._textures, _TEXTURE_FOOTPRINT * packed.diagonal)
@@ -326,6 +354,7 @@ class Renderer:
         scene: GpuScene,
         gbuffer: GBuffer,
         view: CameraView,
+        caustic: tuple[Texture, Texture] | None,
     ) -> None:
         """Light the pixels that upsampling could not serve: by the filter, else by the photons near."""
         missed, receivers = self._upsample.missed()
@@ -339,7 +368,7 @@ class Renderer:
         if alone.any() and len(photons):
             light[alone] = PhotonGrid(photons).estimate(receivers[alone], self.threads)
         with self._gpu.frame() as frame:
-            self._upsample.patch(frame, scene, gbuffer, view, light)
+            self._upsample.patch(frame, scene, gbuffer, view, light, caustic)
 
     def _compose(
         self, gbuffer: GBuffer, light: tuple[Texture, Texture, Texture], irradiance: Texture, view: CameraView

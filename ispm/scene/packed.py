@@ -113,7 +113,7 @@ def pack(scene: Scene, geometry: Geometry | None = None) -> Packed:
     mesh_list: list[Mesh] = []
     materials: dict[int, int] = {}
     material_list: list[Material] = []
-    rows: list[tuple[int, int, bool, int, np.ndarray]] = []
+    rows: list[tuple[int, int, int, np.ndarray]] = []
     lights = np.zeros(sum(node.light is not None for node, _ in placed), records.LIGHT)
     light_count = 0
     for index, (node, world) in enumerate(placed):
@@ -122,9 +122,9 @@ def pack(scene: Scene, geometry: Geometry | None = None) -> Packed:
         if node.light is not None:
             lights[light_count] = _light_record(node.light, world)
             light_count += 1
-        mirrored = bool(np.linalg.det(world[:3, :3]) < 0.0)
+        places = node.places(world) if node.parts else world[:0]
         for part in node.parts:
-            if not len(part.mesh.triangles):
+            if not len(part.mesh.triangles) or not len(places):
                 continue
             mesh = meshes.setdefault(id(part.mesh), len(meshes))
             if mesh == len(mesh_list):
@@ -132,8 +132,7 @@ def pack(scene: Scene, geometry: Geometry | None = None) -> Packed:
             material = materials.setdefault(id(part.material), len(materials))
             if material == len(material_list):
                 material_list.append(part.material)
-            rows.append((mesh, material, mirrored, index, world))
-    rows.sort(key=lambda row: row[:4])
+            rows.append((mesh, material, index, places))
 
     if geometry is None or not geometry.fits(mesh_list):
         geometry = pack_geometry(mesh_list)
@@ -333,14 +332,22 @@ def _texture_use(use: TextureUse | Texture | None, textures: list[Texture]) -> n
 
 
 def _instances(
-    rows: list[tuple[int, int, bool, int, np.ndarray]], geometry: Geometry
+    rows: list[tuple[int, int, int, np.ndarray]], geometry: Geometry
 ) -> tuple[np.ndarray, list[Draw], np.ndarray, np.ndarray]:
-    """INSTANCE rows, the draws that show them, their bounds in world space, and their widths."""
-    instances = np.zeros(len(rows), records.INSTANCE)
+    """INSTANCE rows, the draws that show them, their bounds in world space, and their widths.
+
+    rows  mesh, material, node, and the (n, 4, 4) places of n instances
+    """
     if not rows:
-        return instances, [], np.zeros((2, 3)), np.zeros(0, np.float32)
-    mesh, material, mirrored, node = (np.array([row[k] for row in rows]) for k in range(4))
-    world = np.stack([row[4] for row in rows])
+        return np.zeros(0, records.INSTANCE), [], np.zeros((2, 3)), np.zeros(0, np.float32)
+    copies = [len(row[3]) for row in rows]
+    mesh, material, node = (np.repeat([row[k] for row in rows], copies) for k in range(3))
+    world = np.concatenate([row[3] for row in rows])
+    mirrored = np.linalg.det(world[:, :3, :3]) < 0.0
+    order = np.lexsort((node, mirrored, material, mesh))
+    mesh, material, node, mirrored = mesh[order], material[order], node[order], mirrored[order]
+    world = world[order]
+    instances = np.zeros(len(world), records.INSTANCE)
     cofactors = _cofactors(world[:, :3, :3])
     for k in range(3):
         instances[f"world{k}"] = world[:, k]
@@ -354,19 +361,19 @@ def _instances(
     bounds = np.stack([corners.min(axis=(0, 1)), corners.max(axis=(0, 1))])
     extents = (boxes[:, 1] - boxes[:, 0]) * np.linalg.norm(world[:, :3, :3], axis=1)
     widths = np.sort(extents, axis=1)[:, 1].astype(np.float32)
-    return instances, _draws(rows), bounds, widths
+    return instances, _draws(mesh, material, mirrored), bounds, widths
 
 
-def _draws(rows: list[tuple[int, int, bool, int, np.ndarray]]) -> list[Draw]:
-    """Runs of rows of the same mesh and material, turned the same way."""
-    draws: list[Draw] = []
-    for i, (mesh, material, mirrored, _, _) in enumerate(rows):
-        last = draws[-1] if draws else None
-        if last and (last.mesh, last.material, last.mirrored) == (mesh, material, mirrored):
-            last.instance_count += 1
-        else:
-            draws.append(Draw(mesh, material, i, 1, mirrored))
-    return draws
+def _draws(mesh: np.ndarray, material: np.ndarray, mirrored: np.ndarray) -> list[Draw]:
+    """Runs of instances of the same mesh and material, turned the same way."""
+    new = np.ones(len(mesh), bool)
+    new[1:] = (np.diff(mesh) != 0) | (np.diff(material) != 0) | (mirrored[1:] != mirrored[:-1])
+    first = np.flatnonzero(new)
+    counts = np.diff(np.append(first, len(mesh)))
+    return [
+        Draw(int(mesh[i]), int(material[i]), int(i), int(n), bool(mirrored[i]))
+        for i, n in zip(first, counts, strict=True)
+    ]
 
 
 def _mesh_box(mesh: Mesh) -> np.ndarray:
