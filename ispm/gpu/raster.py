@@ -18,7 +18,9 @@ Group: TypeAlias = wgpu.GPUBindGroup
 
 _BLENDS: dict[str, dict[str, Any]] = {
     "add": {k: {"operation": "add", "src_factor": "one", "dst_factor": "one"} for k in ("color", "alpha")},
-    "multiply": {k: {"operation": "add", "src_factor": "dst", "dst_factor": "zero"} for k in ("color", "alpha")},
+    "multiply": {
+        k: {"operation": "add", "src_factor": "dst", "dst_factor": "zero"} for k in ("color", "alpha")
+    },
 }
 
 

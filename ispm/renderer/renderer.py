@@ -15,12 +15,12 @@ from ispm.errors import IspmError, SceneError, SceneWarning, SettingsError
 from ispm.estimators import make_estimator
 from ispm.frame import BounceMaps, GBuffer, GpuScene
 from ispm.gpu import Gpu, Recording, Texture, open_gpu
-from ispm.optics.records import EMITTED, MATERIAL_UNLIT, PHOTON, RECEIVER
+from ispm.optics.records import MATERIAL_UNLIT, PHOTON, RECEIVER
 from ispm.optics.texture import TextureTable
 from ispm.renderer import layers as make
 from ispm.renderer.framing import default_camera, default_light, find_camera
 from ispm.renderer.last import LastFrame
-from ispm.renderer.light import map_plan, photons_of_maps
+from ispm.renderer.light import map_plan
 from ispm.renderer.motion import moved
 from ispm.renderer.picture import Frame
 from ispm.renderer.statistics import Stats, collect
@@ -42,9 +42,10 @@ from ispm.stages.tonemap import auto_exposure, tonemap
 from ispm.stages.upload import Upload
 from ispm.stages.upsample import Upsample
 from ispm.tracer.density import measure_caustic_radii, measure_radii
-from ispm.tracer.emission import emit_rays, share_photons
+from ispm.tracer.emission import emit_rays, emit_texels
 from ispm.tracer.grid import PhotonGrid
 from ispm.tracer.hint import hint_radii
+from ispm.tracer.plan import PlannedMap
 from ispm.tracer.surface import SurfaceTable
 from ispm.tracer.threads import thread_count
 from ispm.tracer.walk import Walk, walk
@@ -162,6 +163,7 @@ class Renderer:
         self._last = None  # so that its memory can be used again
         watch = Watch()
         packed, view = self._prepare()
+        plan = map_plan(packed, self.settings, _PASS)
 
         with self._gpu.frame() as first:
             scene = self._upload(packed)
@@ -170,7 +172,7 @@ class Renderer:
             first.stage("upsample")
             receivers = self._downsample(first, scene, gbuffer, view)
             first.stage("bounce_map")
-            maps = self._draw_bounce_maps(first, scene, packed)
+            maps = self._draw_bounce_maps(first, scene, plan)
         with watch("copy"):
             points = self._downsample.read(self._gpu, view)
             texels = maps.read(self._gpu)
@@ -181,7 +183,7 @@ class Renderer:
             direct = self._direct(second, scene, gbuffer, shadows, view)
 
         with watch("trace"):
-            path = self._trace(packed, maps, texels)
+            path = self._trace(packed, plan, texels)
         with watch("radiance"):
             photons, smooth, sharp = self._split(path.photons, packed, view)
             estimate, light = self._gather(points, smooth, packed, view)
@@ -214,7 +216,7 @@ class Renderer:
         self._photons = photons
         self._last = LastFrame(
             frame, view, packed, self._surfaces(packed), photons, points, self._downsample.size(view),
-            maps, texels, self.threads,
+            plan, texels, self.threads,
         )  # fmt: skip
         self._instances = packed.instances
         return frame
@@ -280,23 +282,19 @@ class Renderer:
             self._said.add(line)
             warnings.warn(line, SceneWarning, stacklevel=4)
 
-    def _draw_bounce_maps(self, frame: Recording, scene: GpuScene, packed: Packed) -> BounceMaps:
+    def _draw_bounce_maps(self, frame: Recording, scene: GpuScene, plan: list[PlannedMap]) -> BounceMaps:
         if self.settings.emission == "rays":
-            return BounceMaps([])
-        widths, shifts = map_plan(packed.lights, self.settings, _PASS)
-        return self._bounce(frame, scene, widths, shifts, _NEAR * packed.diagonal, _PASS)
+            return BounceMaps([], [])
+        return self._bounce(frame, scene, plan, _NEAR * scene.packed.diagonal, _PASS)
 
-    def _trace(self, packed: Packed, maps: BounceMaps, texels: list[np.ndarray]) -> Walk:
+    def _trace(self, packed: Packed, plan: list[PlannedMap], texels: list[np.ndarray]) -> Walk:
         """Emit the photons and follow them."""
         settings = self.settings
         surfaces = self._surfaces(packed)
-        if not settings.bounces:
-            emitted = np.zeros(0, EMITTED)
-        elif settings.emission == "rays":
-            counts = share_photons(packed.lights, settings.photons)
-            emitted = emit_rays(packed, self._world, surfaces, counts, settings.seed, _PASS, self.threads)
+        if settings.emission == "rays":
+            emitted = emit_rays(packed, self._world, surfaces, plan, settings.seed, _PASS, self.threads)
         else:
-            emitted = photons_of_maps(packed, maps, texels, settings, _PASS)
+            emitted = emit_texels(packed, plan, texels)
         return walk(
             packed, self._world, surfaces, emitted, settings.bounces, settings.seed, _PASS, self.threads
         )

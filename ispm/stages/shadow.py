@@ -121,11 +121,11 @@ class ShadowStage:
         for draw in scene.each(frame, canvas, masked, lambda _: self._masked, shared):
             scene.draw_indexed(canvas, draw)
 
-    def _draw_sheets(
-        self, frame: Recording, scene: GpuScene, tiles: list[_Tile], sheets: np.ndarray
-    ) -> None:
+    def _draw_sheets(self, frame: Recording, scene: GpuScene, tiles: list[_Tile], sheets: np.ndarray) -> None:
         """Draw the tints of what stands before opaque surfaces, then how near the nearest is."""
-        with frame.draw_into(self._tints, depth=self._depth, clear=(1.0, 1.0, 1.0, 1.0), clear_depth=None) as canvas:
+        with frame.draw_into(
+            self._tints, depth=self._depth, clear=(1.0, 1.0, 1.0, 1.0), clear_depth=None
+        ) as canvas:
             for tile in self._each(scene, canvas, tiles):
                 group = self._sheet.bind(0, frame, view=tile.view, instances=scene.instances)
                 for row, draw in tile.draws:
