@@ -15,15 +15,15 @@ import numpy as np
 
 from ispm.errors import IspmError, SceneError, SceneWarning, SettingsError
 from ispm.estimators import make_estimator
-from ispm.frame import BounceMaps, GBuffer, GpuScene
-from ispm.gpu import Gpu, Recording, Texture, open_gpu
+from ispm.frame import GBuffer, GpuScene
+from ispm.gpu import Gpu, Texture, open_gpu
 from ispm.optics.records import MATERIAL_UNLIT, PHOTON, RECEIVER
 from ispm.optics.texture import TextureTable
 from ispm.renderer import layers as make
 from ispm.renderer.chains import eye_rays, light_ends, light_points
 from ispm.renderer.framing import default_camera, default_light, find_camera
 from ispm.renderer.last import LastFrame
-from ispm.renderer.light import map_plan
+from ispm.renderer.light import emission_of, map_plan
 from ispm.renderer.motion import moved
 from ispm.renderer.picture import Frame
 from ispm.renderer.statistics import Stats, collect
@@ -172,6 +172,7 @@ class Renderer:
         packed, view = self._prepare()
         plan = map_plan(packed, self.settings, _PASS)
         surfaces = self._surfaces(packed)
+        by = emission_of(plan, packed, self.settings, self._gpu.is_software)
 
         with self._gpu.frame() as first:
             scene = self._upload(packed)
@@ -181,7 +182,8 @@ class Renderer:
             receivers = self._downsample(first, scene, gbuffer, view)
             self._chains(first, scene, gbuffer)
             first.stage("bounce_map")
-            maps = self._draw_bounce_maps(first, scene, plan)
+            drawn = plan if by == "map" else []
+            maps = self._bounce(first, scene, drawn, _NEAR * packed.diagonal, _PASS)
         with watch("copy"):
             points = self._downsample.read(self._gpu, view)
             texels = maps.read(self._gpu)
@@ -193,7 +195,7 @@ class Renderer:
             direct = self._direct(second, scene, gbuffer, shadows, view)
 
         with watch("trace"):
-            path = self._trace(packed, surfaces, plan, texels)
+            path = self._trace(packed, surfaces, plan, texels, by)
         with watch("radiance"):
             photons, smooth, sharp = self._split(path.photons, packed, view)
             estimate, light = self._gather(points, smooth, packed, view)
@@ -224,7 +226,7 @@ class Renderer:
         total = (clock.perf_counter() - started) * 1e3
         frame.stats = collect(
             packed, path, view, self.settings, watch.milliseconds, total,
-            adapter=self._gpu.name, timing=first.timing,
+            adapter=self._gpu.name, emission=by, timing=first.timing,
             moved=moved(packed.instances, self._instances),
         )  # fmt: skip
         self._photons = photons
@@ -296,17 +298,13 @@ class Renderer:
             self._said.add(line)
             warnings.warn(line, SceneWarning, stacklevel=4)
 
-    def _draw_bounce_maps(self, frame: Recording, scene: GpuScene, plan: list[PlannedMap]) -> BounceMaps:
-        if self.settings.emission == "rays":
-            return BounceMaps([], [])
-        return self._bounce(frame, scene, plan, _NEAR * scene.packed.diagonal, _PASS)
-
     def _trace(
-        self, packed: Packed, surfaces: SurfaceTable, plan: list[PlannedMap], texels: list[np.ndarray]
-    ) -> Walk:
-        """Emit the photons and follow them."""
+        self, packed: Packed, surfaces: SurfaceTable, plan: list[PlannedMap], texels: list[np.ndarray],
+        by: str,
+    ) -> Walk:  # fmt: skip
+        """Emit the photons, by 'map' or by 'rays', and follow them."""
         settings = self.settings
-        if settings.emission == "rays":
+        if by == "rays":
             emitted = emit_rays(packed, self._world, surfaces, plan, settings.seed, _PASS, self.threads)
         else:
             emitted = emit_texels(packed, plan, texels)

@@ -14,7 +14,6 @@ from ispm.gpu import Canvas, Gpu, Recording, Target, Texture
 from ispm.optics.records import MATERIAL_THIN
 from ispm.scene.atlas import GUARD, LEAST, ShadowAtlas, ShadowFace, plan_atlas
 from ispm.scene.lightmap import LightMap
-from ispm.scene.packed import Draw
 
 _MAP = wgsl.load("stages/shadow_map.wgsl").dtype("ShadowMap")
 _TILE = wgsl.load("stages/shadow_map.wgsl").dtype("ShadowTile")
