@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import dataclasses
 import difflib
+import functools
 import numbers
 import re
 from collections.abc import Iterable, Mapping
@@ -15,9 +16,12 @@ from typing import Any
 
 from ispm.errors import SettingsError
 
+RENDERER_VIEWS = ("photons", "bounce-map", "overdraw")
+"""Those of VIEWS that only a renderer can make: they show its photons."""
+
 VIEWS = (
-    "full", "direct", "indirect", "irradiance", "photons", "albedo",
-    "normal", "depth", "emission", "instance", "material", "split",
+    "full", "direct", "indirect", "ambient", "photons", "bounce-map", "overdraw", "irradiance",
+    "albedo", "normal", "depth", "emission", "instance", "material", "split",
 )  # fmt: skip
 
 LAYERS = (
@@ -75,7 +79,21 @@ class Settings(_Checked):
         high=100,
         metavar="N",
     )
-    preset: str = knob("default", "a group of settings to start from", choices=("default", "fast"))
+    caustic_photons: float = knob(
+        0.5,
+        "share of the photons aimed at mirrors and glass where there are any; unbiased for any",
+        low=0.0,
+        high=1.0,
+        metavar="F",
+    )
+    preset: str = knob(
+        "default",
+        "a group of settings to start from; talk: as near to the talk of 2009 as can be, for comparison",
+        choices=("default", "fast", "talk"),
+    )
+    talk_errors: bool = knob(
+        False, "with kernel hint: the minus in the distance and the second cosine of the talk's slide"
+    )
     smoothing: float = knob(
         1.0,
         "factor on every kernel radius and on the filter's; more: smoother and blurrier",
@@ -85,8 +103,9 @@ class Settings(_Checked):
     )
     kernel: str = knob(
         "auto",
-        "how a photon's kernel is sized; measured: by the density of photons around it",
-        choices=("auto", "measured"),
+        "how a photon's kernel is sized; measured (auto): by the density of photons around it; "
+        "hint: by its path alone, as in the talk of 2009, without a filter afterwards",
+        choices=("auto", "measured", "hint"),
     )
     subsampling: int = knob(
         4,
@@ -120,7 +139,11 @@ class Settings(_Checked):
         words={"auto": "auto"},
         metavar="EV",
     )
-    tonemap: str = knob("neutral", "neutral: Khronos PBR Neutral; none: clipped", choices=("neutral", "none"))
+    tonemap: str = knob(
+        "neutral",
+        "neutral: Khronos PBR Neutral, true colors; agx: AgX, softer, as film; none: clipped",
+        choices=("neutral", "agx", "none"),
+    )
     background: tuple[float, float, float] | str = knob(
         (0.0, 0.0, 0.0),
         "what is seen where nothing is: linear r,g,b, black, or transparent",
@@ -138,14 +161,53 @@ class Settings(_Checked):
         metavar="N",
     )
 
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.kernel == "hint" and self.estimator not in ("auto", "volumes"):
+            raise SettingsError(
+                f"estimator: '{self.estimator}' does not have the talk's kernel, which kernel 'hint' is; "
+                "use volumes or auto"
+            )
+        if self.talk_errors and self.kernel != "hint":
+            raise SettingsError(
+                f"talk_errors: kernel '{self.kernel}' has none of them; use kernel 'hint' or preset 'talk'"
+            )
+
     def replace(self, **changes: Any) -> Settings:
-        """Return these settings with some changed. Raises SettingsError for an unknown name."""
+        """Return these settings with some changed; a preset changes what it holds and is not given here.
+
+        Raises SettingsError for an unknown name.
+        """
         for name in changes:
             knob_of(Settings, name)
-        return dataclasses.replace(self, **changes)
+        return dataclasses.replace(self, **_with_preset(changes))
 
 
-PRESETS: dict[str, dict[str, Any]] = {"default": {}, "fast": {}}
+def _preset_first(owner: type[Settings]) -> None:
+    """Let what a preset holds stand in for what is not given where settings are made."""
+    plain, names = owner.__init__, [f.name for f in fields(owner)]
+
+    @functools.wraps(plain)
+    def init(self: Settings, *placed: Any, **named: Any) -> None:
+        given = dict(zip(names, placed, strict=False)) | named
+        plain(self, **_with_preset(given))
+
+    owner.__init__ = init  # type: ignore[method-assign]  # dataclasses have no hook between call and fields
+
+
+def _with_preset(given: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what was given, above what the preset among it holds."""
+    preset = convert(knob_of(Settings, "preset"), given.get("preset", "default"))
+    return {**PRESETS[preset], **given}
+
+
+PRESETS: dict[str, dict[str, Any]] = {
+    "default": {},
+    "fast": {},
+    # The table's row 5, NS2 (Cargo Bay): 20,356 photons, 3 bounces, one sample in 6 x 6 pixels.
+    "talk": {"photons": 20_356, "bounces": 3, "subsampling": 6, "estimator": "volumes", "kernel": "hint"},
+}
+_preset_first(Settings)
 
 
 @dataclass(frozen=True)
@@ -166,9 +228,7 @@ class LoadLimits(_Checked):
 
 def resolve(*layers: Mapping[str, Any]) -> Settings:
     """Return the settings that `layers` make, the first above the next, all above preset and defaults."""
-    given = {name: value for layer in reversed(layers) for name, value in layer.items()}
-    preset = convert(knob_of(Settings, "preset"), given.get("preset", Settings.preset))
-    return Settings().replace(**{**PRESETS[preset], **given})
+    return Settings().replace(**{k: value for layer in reversed(layers) for k, value in layer.items()})
 
 
 def knob_of(owner: type, name: str) -> Field[Any]:

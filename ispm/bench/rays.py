@@ -4,15 +4,24 @@ from __future__ import annotations
 
 import numpy as np
 
+from ispm.optics.bsdf import is_smooth
 from ispm.optics.jit import jit
 from ispm.optics.records import NO_HIT
-from ispm.optics.rng import random4
 from ispm.optics.vector import scale
 from ispm.scene.packed import Packed
 from ispm.tracer.intersect import STACK_WORDS
 from ispm.tracer.simd import address, alloca
-from ispm.tracer.surface import SurfaceTable, closest_surface, leave_surface, surface
-from ispm.tracer.walk import ROULETTE_AFTER, first_segment, scatter
+from ispm.tracer.surface import SurfaceTable, closest_surface, surface
+from ispm.tracer.walk import (
+    SPECULAR_MAX,
+    attenuated,
+    depart,
+    first_segment,
+    flight_number,
+    medium,
+    next_flight,
+    nowhere,
+)  # fmt: skip
 from ispm.tracer.world import World
 
 f32, i64, u32 = np.float32, np.int64, np.uint32
@@ -25,7 +34,7 @@ def rays_of_walk(
 
     emitted  (N,) EMITTED
     """
-    rays = np.empty((len(emitted) * max(bounces, 1), 2, 3), np.float32)
+    rays = np.empty((len(emitted) * (max(bounces, 1) + SPECULAR_MAX), 2, 3), np.float32)
     count = _record(
         address(world.table), surfaces.addresses, surfaces.texels, surfaces.rows, packed.lights, emitted,
         i64(bounces), u32(seed), rays,
@@ -43,27 +52,32 @@ def _record(world, table, texels, rows, lights, emitted, bounces, seed, rays):
         if photon.instance == u32(NO_HIT):
             continue
         hit = (photon.instance, photon.primitive, photon.u, photon.v)
-        d, within = first_segment(table, lights, i64(photon.light), hit)
+        origin, d, within = first_segment(table, lights, i64(photon.light), hit)
         flux = scale(within, (photon.flux[0], photon.flux[1], photon.flux[2]))
-        for scatters in range(bounces):
-            _, ng, n, bsdf, flags = surface(table, texels, rows, hit, d)
-            u0, u1, u2, u3 = random4(photon.key, u32(2 * scatters), u32(0), seed)
-            alive, wi, scattered = scatter(ng, n, bsdf, flags, d, flux, u0, u1, u2)
-            if alive and scatters >= ROULETTE_AFTER:
-                before = flux[0] + flux[1] + flux[2]
-                survival = min(f32(1), (scattered[0] + scattered[1] + scattered[2]) / before)
-                alive = u3 < survival
-                scattered = scale(f32(1) / survival, scattered)
-            if not alive:
+        inside = nowhere()
+        scatters, speculars = i64(0), i64(0)
+        while count < len(rays):
+            position, ng, n, bsdf, flags, entering = surface(table, texels, rows, hit, d)
+            inside = medium(inside, hit, flags, entering)
+            if inside[0] != u32(NO_HIT):
+                flux = attenuated(table, inside, origin, position, flux)
+            if scatters == bounces and not is_smooth(bsdf):
                 break
-            flux, d = scattered, wi
-            _, _, _, u3 = random4(photon.key, u32(2 * scatters + 1), u32(0), seed)
-            start = leave_surface(world, table, hit, ng)
+            alive, wi, scattered, specular = next_flight(
+                photon.key, u32(0), seed, scatters, speculars, ng, n, bsdf, flags, d, flux
+            )
+            if not alive or (scatters == bounces and not specular):
+                break
+            flux, d, origin = scattered, wi, position
+            u = flight_number(photon.key, u32(0), seed, scatters + speculars)
+            speculars += i64(specular)
+            scatters += i64(not specular)
+            start, inside = depart(world, table, hit, flags, entering, inside, ng, d)
             for axis in range(3):
                 rays[count, 0, axis] = start[axis]
                 rays[count, 1, axis] = d[axis]
             count += 1
-            found, hit = closest_surface(world, table, texels, rows, start, d, u3, stack, words)
+            found, hit = closest_surface(world, table, texels, rows, start, d, u, stack, words)
             if not found:
                 break
     return count

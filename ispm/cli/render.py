@@ -14,9 +14,8 @@ from ispm.cli.console import Console, to_json
 from ispm.cli.options import command, limits_from, settings_from
 from ispm.cli.scene import choose_camera, open_scene, require_not_input
 from ispm.errors import OutputError, SettingsError
-from ispm.settings import LAYERS, VIEWS, LoadLimits, Settings, nearest
+from ispm.settings import LAYERS, RENDERER_VIEWS, VIEWS, LoadLimits, Settings, nearest
 
-_RENDERER_VIEWS = ("photons",)  # made by the renderer, not by the frame
 _ARRAYS = [(".npy", layer) for layer in LAYERS]
 _Point = Parameter(metavar="X,Y,Z", allow_leading_hyphen=True)
 
@@ -107,7 +106,7 @@ def render(
         Renderer(world, settings, camera=view, adapter=adapter, threads=threads) as renderer,
     ):
         frame = renderer.render()
-        if show in _RENDERER_VIEWS:
+        if show in RENDERER_VIEWS:
             frame, show = dataclasses.replace(frame, image=renderer.view(show)), "full"
     frame.save(target, layers=wanted, show=show, float32=float)
     console.written(target)

@@ -12,6 +12,7 @@ from ispm.estimators.tiled import Tiled
 from ispm.estimators.tiled_cpu import TiledCpu
 from ispm.estimators.volumes import Volumes
 from ispm.gpu import Gpu
+from ispm.settings import Settings
 
 
 class Estimator(Protocol):
@@ -36,6 +37,23 @@ class Estimator(Protocol):
 
     def close(self) -> None:
         """Free what is held on the device."""
+
+
+def estimator_name(settings: Settings) -> str:
+    """Return the estimator that settings ask for; auto is screen tiles, or volumes for the talk's kernel."""
+    if settings.estimator != "auto":
+        return settings.estimator
+    return "volumes" if settings.kernel == "hint" else "tiled"
+
+
+def make_estimator(settings: Settings, gpu: Gpu, threads: int | None) -> Estimator:
+    """Return the estimator that settings ask for. Raises AdapterError where the adapter cannot do it.
+
+    threads  of the CPU; None: all
+    """
+    if settings.kernel == "hint":
+        return Volumes(gpu, talk=True, errors=settings.talk_errors)
+    return ESTIMATORS[estimator_name(settings)](gpu, threads)
 
 
 def _tiled(gpu: Gpu, threads: int | None) -> Estimator:

@@ -23,20 +23,28 @@ class Volumes:
     plane cuts one open. Sums are 32-bit floats: 16-bit ones stall where many small terms meet a large sum.
     Two targets a pass, because WebGPU promises 32 bytes per sample.
 
+    talk    the kernel of the talk of 2009, for comparison: a cut Gaussian of a distance that is not an
+            ellipsoid's
+    errors  with it, as its slide has them: that distance with a minus, and a second cosine
+
     Raises AdapterError where the adapter cannot blend 32-bit floats.
     Source: McGuire and Luebke 2009, section 3.4.
     """
 
-    def __init__(self, gpu: Gpu) -> None:
+    def __init__(self, gpu: Gpu, talk: bool = False, errors: bool = False) -> None:
         if not gpu.has("float32-blendable"):
             raise AdapterError(
                 f"{gpu.name}: it cannot blend 32-bit floats, which photon volumes need; "
                 "choose the estimator 'tiled' or 'grid'"
             )
         self._gpu = gpu
-        self._diffuse = gpu.raster(_PATH, [_SUM], depth=None, cull="front", fragment="fs_diffuse")
-        self._light = gpu.raster(_PATH, [_SUM, _SUM], depth=None, cull="front", fragment="fs_light")
-        self._gloss = gpu.raster(_PATH, [_SUM, _SUM], depth=None, cull="front", fragment="fs_gloss")
+        self._diffuse, self._light, self._gloss = (
+            gpu.raster(
+                _PATH, [_SUM] * targets, depth=None, cull="front", fragment=fragment,
+                TALK=talk, TALK_ERRORS=errors,
+            )
+            for fragment, targets in (("fs_diffuse", 1), ("fs_light", 2), ("fs_gloss", 2))
+        )  # fmt: skip
         self._sums = [
             gpu.texture(name, "rgba32float") for name in ("light", "fresnel", "gloss f0", "gloss f90")
         ]

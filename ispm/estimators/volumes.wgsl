@@ -14,6 +14,9 @@ struct Screen {
 
 // An icosahedron with its corners on the unit sphere holds the sphere only when it is larger by 1 / inradius.
 override BOUND_SCALE: f32 = 1.25840857;
+// The estimate of the talk, and the slips of its slide.
+override TALK: bool = false;
+override TALK_ERRORS: bool = false;
 // Receivers lie anywhere in their pixels, and rasterisation asks for the centres.
 const MARGIN = 1.0;   // pixels
 const GOLDEN = 1.618033988749895;
@@ -68,6 +71,39 @@ fn photon_of(volume: Volume) -> Photon {
     );
 }
 
+// As `arrival`, by the kernel that was asked for.
+fn brought(receiver: Receiver, photon: Photon) -> vec2f {
+    if (!TALK) {
+        return arrival(receiver, photon);
+    }
+    let wi_ng = dot(photon.wi, receiver.ng);
+    if (receiver.valid == 0u || !photon_counts(wi_ng, dot(photon.normal, receiver.ng))) {
+        return vec2f(0.0);
+    }
+    let wi_n = dot(photon.wi, receiver.n);
+    // Photons already land by the cosine; the slide applies it again.
+    let cosine = select(cosine_ratio(wi_n, wi_ng), max(wi_n, 0.0), TALK_ERRORS);
+    return talk_kernel(receiver.position - photon.position, photon) * vec2f(1.0, cosine);
+}
+
+// exp(-t^2 / 2 s^2), s = 1/3, up to t = 1, where the talk leaves the constant open:
+// 1 / (2 pi s^2 (1 - exp(-1 / 2 s^2))) makes its integral over the disc 1.
+const GAUSSIAN_NORMALISATION = 1.4484857;
+
+fn talk_kernel(offset: vec3f, photon: Photon) -> f32 {
+    let d = length(offset);
+    let z = abs(dot(offset, photon.normal));
+    let planar2 = max(d * d - z * z, 0.0) / (photon.radius * photon.radius);
+    if (planar2 + z * z / (photon.height * photon.height) >= 1.0) {   // the volume ends here
+        return 0.0;
+    }
+    // t = d / radius (1 +- c (radius - height) / height), with c d = z; the slide has the minus.
+    let stretch = z / photon.radius * (photon.radius - photon.height) / photon.height;
+    let t = max(d / photon.radius + select(stretch, -stretch, TALK_ERRORS), 0.0);
+    let kappa = GAUSSIAN_NORMALISATION / (photon.radius * photon.radius) * exp(-4.5 * t * t);
+    return select(0.0, kappa, t < 1.0);
+}
+
 struct LightSums {
     @location(0) light: vec4f,     // sum of flux kappa c; sum of kappa
     @location(1) fresnel: vec4f,   // sum of flux kappa c Fc
@@ -80,7 +116,7 @@ struct GlossSums {
 
 @fragment
 fn fs_diffuse(volume: Volume) -> @location(0) vec4f {
-    let found = arrival(receiver_at(volume.clip), photon_of(volume));
+    let found = brought(receiver_at(volume.clip), photon_of(volume));
     if (found.x == 0.0) { discard; }
     return vec4f(found.y * volume.flux, found.x);
 }
@@ -88,7 +124,7 @@ fn fs_diffuse(volume: Volume) -> @location(0) vec4f {
 @fragment
 fn fs_light(volume: Volume) -> LightSums {
     let receiver = receiver_at(volume.clip);
-    let found = arrival(receiver, photon_of(volume));
+    let found = brought(receiver, photon_of(volume));
     if (found.x == 0.0) { discard; }
     let light = found.y * volume.flux;
     return LightSums(vec4f(light, found.x), vec4f(light * arrival_gloss(receiver, volume.wi).z, 0.0));
@@ -97,7 +133,7 @@ fn fs_light(volume: Volume) -> LightSums {
 @fragment
 fn fs_gloss(volume: Volume) -> GlossSums {
     let receiver = receiver_at(volume.clip);
-    let found = arrival(receiver, photon_of(volume));
+    let found = brought(receiver, photon_of(volume));
     if (found.y == 0.0 || receiver.alpha <= 0.0) { discard; }
     let light = found.y * volume.flux;
     let gloss = arrival_gloss(receiver, volume.wi);

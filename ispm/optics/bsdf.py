@@ -1,10 +1,24 @@
-"""The metallic-roughness surface of glTF 2.0 with KHR_materials_specular and KHR_materials_ior.
+"""The metallic-roughness surface of glTF 2.0 with KHR_materials_specular, _ior, _transmission and _volume.
 
-Twin of bsdf.wgsl. Directions leave the surface; the cosine is not included. A Bsdf is a tuple of ten float32:
-diffuse r, g, b; f0 r, g, b; f90; alpha; dielectric_f0; dielectric_f90. Directions are tuples of three.
-glTF weighs the Lambert lobe by the half vector's Fresnel, which gains energy at grazing angles: a smooth
-white dielectric reflects 1.4 times the light that comes in at 3 degrees above it, 1.01 at 37 degrees.
-Sources: glTF 2.0 specification, appendix B; GGX: Walter et al. 2007; V: Heitz, JCGT 2014.
+Twin of bsdf.wgsl. Directions leave the surface, tuples of three; the cosine is not included. `wo` is known,
+`wi` is evaluated or sampled: the eye's `wo` is towards the eye, a photon's points back along its flight. Both
+normals, shading n and geometric ng, are on wo's side.
+
+A Bsdf is a tuple of 15 float32:
+ 0 diffuse r, g, b        albedo of the Lambert lobe, before it gives way to reflection
+ 3 f0 r, g, b             reflectance of the facets along their normal
+ 6 f90                    and at grazing incidence
+ 7 alpha                  roughness^2; exactly 0: smooth, reflection and transmission go one way each
+ 8 dielectric_f0, _f90    the reflection that the Lambert lobe and transmission give way to
+10 tint r, g, b           transmittance before it does; 0: opaque
+13 eta                    index of refraction of the other side over this one's
+14 thin                   1: a sheet without inside, light goes straight through; 0: a solid's boundary
+
+Opaque surfaces take Schlick's Fresnel term, transmitting ones the exact one. glTF weighs the Lambert lobe by
+the half vector's, which gains energy at grazing angles: a smooth white dielectric reflects 1.4 times the
+light that comes in at 3 degrees above it, 1.01 at 37 degrees.
+Sources: glTF 2.0 specification, appendix B; GGX and rough refraction: Walter et al. 2007; V: Heitz, JCGT
+2014.
 """
 
 import math
@@ -17,42 +31,81 @@ from ispm.optics.vector import add, cross, dot, luminance, normalize, scale, sub
 
 f32 = np.float32
 
-MIN_ALPHA = f32(1e-3)  # smoother surfaces are mirrors
+MIN_ALPHA = f32(1e-3)  # smoother surfaces are mirrors or clear
+MIN_CONTRAST = f32(1e-2)  # |index - 1| below which facets bend nothing, and rough solids count as clear
 _INV_PI = f32(1 / math.pi)
 _TWO_PI = f32(2 * math.pi)
 
 # Places of the scalars in a Bsdf tuple.
-_F90, _ALPHA, _DIELECTRIC_F0, _DIELECTRIC_F90 = 6, 7, 8, 9
+_F90, _ALPHA, _DIELECTRIC_F0, _DIELECTRIC_F90, _ETA, _THIN = 6, 7, 8, 9, 13, 14
 
 
 @jit
-def surface_bsdf(base, metallic, roughness, f0, specular_color, specular):
+def surface_bsdf(
+    base, metallic, roughness, f0, specular_color, specular, transmission, ior, thin, entering
+):  # fmt: skip
     """Return the Bsdf of a material at a point.
 
-    base, metallic, roughness     factors with the textures' part in them
-    f0, specular_color, specular  as MATERIAL has them
+    base, metallic, roughness, transmission   factors with the textures' part in them
+    f0, specular_color, specular, ior         as MATERIAL has them
+    thin, entering                            whether it is a sheet; whether wo is outside the solid
     """
-    kept = f32(1) - metallic
+    opaque = (f32(1) - metallic) * (f32(1) - transmission)
+    clear = (f32(1) - metallic) * transmission
     r = min(f0 * specular_color[0], f32(1)) * specular
     g = min(f0 * specular_color[1], f32(1)) * specular
     b = min(f0 * specular_color[2], f32(1)) * specular
+    alpha = roughness * roughness
+    bends_nothing = clear > f32(0) and not thin and abs(ior - f32(1)) < MIN_CONTRAST
     return (
-        base[0] * kept,
-        base[1] * kept,
-        base[2] * kept,
+        base[0] * opaque,
+        base[1] * opaque,
+        base[2] * opaque,
         _mix(r, base[0], metallic),
         _mix(g, base[1], metallic),
         _mix(b, base[2], metallic),
         _mix(specular, f32(1), metallic),
-        max(roughness * roughness, MIN_ALPHA),
+        f32(0) if alpha < MIN_ALPHA or bends_nothing else alpha,
         max(r, max(g, b)),
         specular,
+        base[0] * clear,
+        base[1] * clear,
+        base[2] * clear,
+        ior if thin or entering else f32(1) / ior,
+        f32(1) if thin else f32(0),
     )
 
 
 @jit
 def _mix(a, b, t):
     return a * (f32(1) - t) + b * t
+
+
+@jit
+def transmits(b):
+    """Return whether some light goes through."""
+    return b[10] + b[11] + b[12] > f32(0)
+
+
+@jit
+def is_lambert(b):
+    """Return whether there are no facets: neither reflection nor transmission beside the Lambert lobe."""
+    return b[3] + b[4] + b[5] + b[_F90] == f32(0) and not transmits(b)
+
+
+@jit
+def is_smooth(b):
+    """Return whether reflection and transmission go one way each."""
+    return b[_ALPHA] == f32(0)
+
+
+@jit
+def has_finite(b):
+    """Return whether photons that arrive here can be seen: a lobe of more than one direction, and opaque.
+
+    What rough glass shows is left to eye paths.
+    """
+    return (b[_ALPHA] > f32(0) and not transmits(b)) or b[0] + b[1] + b[2] > f32(0)
 
 
 @jit
@@ -90,17 +143,148 @@ def schlick(cosine):
 
 
 @jit
-def eval_bsdf(b, n, wo, wi):
-    """Return f(wo, wi) in 1/sr, RGB; zero unless both are above the shading normal's horizon."""
-    if dot(n, wo) <= f32(0) or dot(n, wi) <= f32(0):
+def fresnel_dielectric(cosine, eta):
+    """Return the share of unpolarised light that a boundary reflects; 1 at total internal reflection.
+
+    cosine  with the normal, of the direction on this side, within [0, 1]
+    eta     index of the other side over this one's
+    """
+    square = eta * eta - f32(1) + cosine * cosine  # (eta cos)^2 of the other side
+    if square <= f32(0):
+        return f32(1)
+    other = math.sqrt(square)
+    s = (cosine - other) / (cosine + other)
+    p = (eta * eta * cosine - other) / (eta * eta * cosine + other)
+    return f32(0.5) * (s * s + p * p)
+
+
+@jit
+def fresnel_weight(b, cosine):
+    """Return Fc: a facet met at `cosine` reflects f0 + (f90 - f0) Fc.
+
+    The exact one is (F - F0) / (1 - F0), so that plain glass reflects F.
+    """
+    if not transmits(b):
+        return schlick(cosine)
+    root = (b[_ETA] - f32(1)) / (b[_ETA] + f32(1))
+    f0 = root * root
+    return (fresnel_dielectric(min(cosine, f32(1)), b[_ETA]) - f0) / (f32(1) - f0)
+
+
+@jit
+def facet_reflectance(b, fc):
+    """Return what facets reflect, RGB."""
+    return _mix(b[3], b[_F90], fc), _mix(b[4], b[_F90], fc), _mix(b[5], b[_F90], fc)
+
+
+@jit
+def facet_transmittance(b, fc):
+    """Return what facets let through, RGB."""
+    return scale(f32(1) - _mix(b[_DIELECTRIC_F0], b[_DIELECTRIC_F90], fc), (b[10], b[11], b[12]))
+
+
+@jit
+def mirrored(wo, h):
+    """Return `wo` reflected about the normal `h`."""
+    return normalize(sub(scale(f32(2) * dot(wo, h), h), wo))
+
+
+@jit
+def refract(wo, h, eta):
+    """Return (whether light passes, wi beyond the surface of normal `h`, on wo's side); Snell's law."""
+    c = dot(wo, h)
+    square = eta * eta - f32(1) + c * c
+    if square <= f32(0):
+        return False, wo
+    return True, normalize(sub(scale(c - math.sqrt(square), h), wo))
+
+
+@jit
+def specular_split(b, h, wo):
+    """Return what a facet of normal `h` makes of light along `wo`.
+
+    -> (reflectance, transmittance, wi reflected, wi transmitted, whether any is transmitted), without the
+    factor 1 / eta^2 of refracted radiance. Thin sheets let it straight through.
+    """
+    fc = fresnel_weight(b, dot(wo, h))
+    through, beyond = False, scale(f32(-1), wo)
+    if transmits(b):
+        through = True
+        if b[_THIN] == f32(0):
+            through, beyond = refract(wo, h, b[_ETA])
+    transmittance = facet_transmittance(b, fc) if through else (f32(0), f32(0), f32(0))
+    return facet_reflectance(b, fc), transmittance, mirrored(wo, h), beyond, through
+
+
+@jit
+def smooth_split(b, n, ng, wo):
+    """Return `specular_split` of a smooth surface, with the directions on their sides of ng.
+
+    Where the shading normal n leads to the wrong one, ng decides.
+    """
+    reflectance, transmittance, above, beyond, through = specular_split(b, n, wo)
+    if through and dot(beyond, ng) >= f32(0):
+        return specular_split(b, ng, wo)
+    if dot(above, ng) <= f32(0):
+        above = mirrored(wo, ng)
+    return reflectance, transmittance, above, beyond, through
+
+
+@jit
+def eval_bsdf(b, n, ng, wo, wi):
+    """Return f(wo, wi) in 1/sr, RGB, of the lobes that spread: a smooth surface's own count 0.
+
+    Reflection for wi above both normals' horizons, transmission below both. Solids: the share of flux along
+    wo that leaves along wi; for radiance times 1 / eta^2.
+    """
+    nl = dot(n, wi)
+    if dot(n, wo) <= f32(0) or nl * dot(ng, wi) <= f32(0):
         return f32(0), f32(0), f32(0)
-    dv, fc = gloss(b[_ALPHA], n, wo, wi)
+    if nl < f32(0):
+        return _eval_transmission(b, n, wo, wi)
+    h = normalize(add(wo, wi))
+    fc = fresnel_weight(b, dot(wo, h))
     lambert = (f32(1) - _mix(b[_DIELECTRIC_F0], b[_DIELECTRIC_F90], fc)) * _INV_PI
+    if is_smooth(b):
+        return b[0] * lambert, b[1] * lambert, b[2] * lambert
+    dv = ggx(b[_ALPHA], n, h) * smith(b[_ALPHA], dot(n, wo), nl)
     return (
         b[0] * lambert + dv * _mix(b[3], b[_F90], fc),
         b[1] * lambert + dv * _mix(b[4], b[_F90], fc),
         b[2] * lambert + dv * _mix(b[5], b[_F90], fc),
     )
+
+
+@jit
+def _eval_transmission(b, n, wo, wi):
+    """`eval_bsdf` below the surface: D V s T, and s as `transmitting_facet` has it."""
+    if is_smooth(b) or not transmits(b):
+        return f32(0), f32(0), f32(0)
+    h, spread = transmitting_facet(b, n, wo, wi)
+    if spread <= f32(0):
+        return f32(0), f32(0), f32(0)
+    dvs = ggx(b[_ALPHA], n, h) * smith(b[_ALPHA], dot(n, wo), -dot(n, wi)) * spread
+    return scale(dvs, facet_transmittance(b, fresnel_weight(b, dot(wo, h))))
+
+
+@jit
+def transmitting_facet(b, n, wo, wi):
+    """Return the normal h of the facets that take wo to wi, and 4 wo.h |d omega_h / d omega_i|.
+
+    Reflecting facets have 1 for the latter. 0: there are none. Thin sheets mirror their reflection through;
+    solids: Walter et al. 2007, equations 16 and 17.
+    """
+    if b[_THIN] > f32(0):
+        return normalize(add(wo, sub(wi, scale(f32(2) * dot(n, wi), n)))), f32(1)
+    sum_ = add(wo, scale(b[_ETA], wi))
+    square = dot(sum_, sum_)
+    if square <= f32(0):
+        return n, f32(0)
+    h = scale((f32(1) if dot(n, sum_) > f32(0) else f32(-1)) / math.sqrt(square), sum_)
+    co, ci = dot(wo, h), dot(wi, h)
+    if co <= f32(0) or ci >= f32(0):
+        return n, f32(0)
+    return h, f32(-4) * co * ci * b[_ETA] * b[_ETA] / square
 
 
 @jit
@@ -117,43 +301,113 @@ def gloss_terms(alpha, n, wo, wi):
 
 @jit
 def gloss_share(b, n, wo):
-    """Return the chance that sample_bsdf draws from the glossy lobe; exactly 0 for Lambert, 1 for metal."""
+    """Return the chance that sample_bsdf draws a facet instead of the Lambert lobe; exactly 0 without facets,
+    1 without that lobe."""
     fc = schlick(dot(n, wo))
-    f90 = b[_F90]
-    glossy = luminance((_mix(b[3], f90, fc), _mix(b[4], f90, fc), _mix(b[5], f90, fc)))
+    glossy = f32(0)
+    if transmits(b):
+        fc = fresnel_weight(b, dot(n, wo))
+        glossy = luminance(facet_transmittance(b, fc))
+    glossy += luminance(facet_reflectance(b, fc))
     diffuse = luminance((b[0], b[1], b[2])) * (f32(1) - b[_DIELECTRIC_F0])
     return glossy / (glossy + diffuse) if glossy > f32(0) else f32(0)
 
 
 @jit
-def pdf_bsdf(b, n, wo, wi):
-    """Return the density of sample_bsdf's wi, in 1/sr."""
-    nv, nl = dot(n, wo), dot(n, wi)
-    if nv <= f32(0) or nl <= f32(0):
-        return f32(0)
-    a2 = b[_ALPHA] * b[_ALPHA]
-    visible = ggx(b[_ALPHA], n, normalize(add(wo, wi))) / (
-        f32(2) * (nv + math.sqrt(nv * nv * (f32(1) - a2) + a2))
-    )
-    return _mix(nl * _INV_PI, visible, gloss_share(b, n, wo))
+def reflection_chance(b, cosine):
+    """Return the chance that sample_bsdf reflects at a facet met at `cosine`, rather than transmits."""
+    if not transmits(b):
+        return f32(1)
+    fc = fresnel_weight(b, cosine)
+    reflected = luminance(facet_reflectance(b, fc))
+    both = reflected + luminance(facet_transmittance(b, fc))
+    return reflected / both if both > f32(0) else f32(1)
 
 
 @jit
-def sample_bsdf(b, n, wo, u1, u2, u3):
-    """Draw wi from one lobe and weigh it by both lobes' pdf (balance heuristic).
+def pdf_bsdf(b, n, wo, wi):
+    """Return the density of sample_bsdf's wi, in 1/sr, where it is not one of a smooth surface's two."""
+    nv, nl = dot(n, wo), dot(n, wi)
+    if nv <= f32(0):
+        return f32(0)
+    share = gloss_share(b, n, wo)
+    lambert = max(nl, f32(0)) * _INV_PI * (f32(1) - share)
+    if is_smooth(b) or (nl <= f32(0) and not transmits(b)):
+        return lambert
+    if nl > f32(0):
+        h = normalize(add(wo, wi))
+        return lambert + share * reflection_chance(b, dot(wo, h)) * _visible(b[_ALPHA], n, nv, h)
+    h, spread = transmitting_facet(b, n, wo, wi)
+    return share * (f32(1) - reflection_chance(b, dot(wo, h))) * _visible(b[_ALPHA], n, nv, h) * spread
 
-    -> (ok, wi, weight): weight = f cos / pdf, RGB; not ok: absorbed, and the rest means nothing
+
+@jit
+def _visible(alpha, n, nv, h):
+    """Density of `visible_normal` over 4 wo.h: that of the reflected direction."""
+    a2 = alpha * alpha
+    return ggx(alpha, n, h) / (f32(2) * (nv + math.sqrt(nv * nv * (f32(1) - a2) + a2)))
+
+
+@jit
+def sample_bsdf(b, n, ng, wo, u1, u2, u3, radiance):
+    """Draw wi from one lobe and weigh it by the pdf of all that spread (balance heuristic).
+
+    radiance  refracted light takes the factor 1 / eta^2: True on paths from the eye, False for photons
+    ->        (ok, wi, weight, specular): weight = f cos / pdf, RGB, of a smooth surface's own directions
+              (specular) reflectance or transmittance over their chance; wi.ng < 0: transmitted;
+              not ok: absorbed, and the rest means nothing
     """
-    if u3 < gloss_share(b, n, wo):
-        h = to_world(visible_normal(b[_ALPHA], to_local(wo, n), u1, u2), n)
-        wi = normalize(sub(scale(f32(2) * dot(wo, h), h), wo))
-    else:
+    if is_lambert(b):  # nothing for it to give way to, so that the weight is its albedo
         wi = to_world(cosine_hemisphere(u1, u2), n)
+        return dot(ng, wi) > f32(0) and b[0] + b[1] + b[2] > f32(0), wi, (b[0], b[1], b[2]), False
+    share = gloss_share(b, n, wo)
+    ok = True
+    if u3 >= share:
+        wi = to_world(cosine_hemisphere(u1, u2), n)
+    elif is_smooth(b):
+        return _sample_smooth(b, n, ng, wo, u3 / share, share, radiance)
+    else:
+        ok, wi = _sample_facet(b, n, wo, u1, u2, u3 / share)
     pdf = pdf_bsdf(b, n, wo, wi)
-    if pdf <= f32(0):
-        return False, wi, (f32(0), f32(0), f32(0))
-    weight = scale(dot(n, wi) / pdf, eval_bsdf(b, n, wo, wi))
-    return max(weight[0], max(weight[1], weight[2])) > f32(0), wi, weight
+    if not ok or pdf <= f32(0):
+        return False, wi, (f32(0), f32(0), f32(0)), False
+    weight = scale(abs(dot(n, wi)) / pdf, eval_bsdf(b, n, ng, wo, wi))
+    if radiance and dot(n, wi) < f32(0):
+        weight = scale(_compression(b), weight)
+    return max(weight[0], max(weight[1], weight[2])) > f32(0), wi, weight, False
+
+
+@jit
+def _compression(b):
+    """What refraction makes of radiance: 1 / eta^2; 1 for a sheet."""
+    return f32(1) if b[_THIN] > f32(0) else f32(1) / (b[_ETA] * b[_ETA])
+
+
+@jit
+def _sample_smooth(b, n, ng, wo, u, share, radiance):
+    """`sample_bsdf` of a smooth surface's own directions."""
+    reflectance, transmittance, above, beyond, through = smooth_split(b, n, ng, wo)
+    reflected, transmitted = luminance(reflectance), luminance(transmittance)
+    chance = reflected / (reflected + transmitted) if transmitted > f32(0) else f32(1)
+    if u < chance or not through:
+        weight, wi = scale(f32(1) / (share * chance), reflectance), above
+    else:
+        factor = _compression(b) if radiance else f32(1)
+        weight, wi = scale(factor / (share * (f32(1) - chance)), transmittance), beyond
+    return max(weight[0], max(weight[1], weight[2])) > f32(0), wi, weight, True
+
+
+@jit
+def _sample_facet(b, n, wo, u1, u2, u3):
+    """(ok, wi) from a facet that wo sees; not ok: it leads to the wrong side of the surface."""
+    h = to_world(visible_normal(b[_ALPHA], to_local(wo, n), u1, u2), n)
+    above = mirrored(wo, h)
+    if not transmits(b) or u3 < reflection_chance(b, dot(wo, h)):
+        return dot(n, above) > f32(0), above
+    if b[_THIN] > f32(0):
+        return dot(n, above) > f32(0), sub(above, scale(f32(2) * dot(n, above), n))
+    through, beyond = refract(wo, h, b[_ETA])
+    return through and dot(n, beyond) < f32(0), beyond
 
 
 @jit

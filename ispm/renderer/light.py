@@ -1,53 +1,13 @@
-"""Indirect light of one frame on the CPU: photons emitted, traced, and gathered at the receivers."""
+"""What the lights' maps do in a frame, as its settings ask."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
-import numpy as np
-
-from ispm.frame import BounceMaps
-from ispm.optics.records import EMITTED
 from ispm.scene.packed import Packed
 from ispm.settings import Settings
-from ispm.stages.cube import cube_texel_solid_angles
-from ispm.tracer.emission import map_shift, map_width, share_photons, thin
+from ispm.tracer.plan import PlannedMap, plan_maps, share_photons
 
 
-def map_plan(
-    lights: np.ndarray, settings: Settings, pass_index: int
-) -> tuple[list[int], list[tuple[float, float]]]:
-    """Return the width of each light's bounce map (0: none) and its sub-texel shift.
-
-    lights  (L,) LIGHT
-    """
-    shares = share_photons(lights, settings.photons if settings.bounces else 0)
-    widths = [
-        map_width(light, int(share)) if share else 0 for light, share in zip(lights, shares, strict=True)
-    ]
-    return widths, [map_shift(settings.seed, pass_index, i)[:2] for i in range(len(lights))]
-
-
-def photons_of_maps(
-    packed: Packed,
-    maps: BounceMaps,
-    texels: Sequence[np.ndarray],
-    settings: Settings,
-    pass_index: int,
-) -> np.ndarray:
-    """Return the (N,) EMITTED photons that bounce maps hold, light by light, in texel order."""
-    shares = share_photons(packed.lights, settings.photons)
-    batches = [np.zeros(0, EMITTED)]
-    first_key = 0
-    for each, content in zip(maps.maps, texels, strict=True):
-        light, row = each.light, packed.lights[each.light]
-        offset = map_shift(settings.seed, pass_index, light)[2]
-        batches.append(
-            thin(
-                content.reshape(-1, each.width, each.width, 4),
-                cube_texel_solid_angles(each.width, each.shift, float(row["spread"])),
-                row, int(shares[light]), light, first_key, offset,
-            )
-        )  # fmt: skip
-        first_key += 6 * each.width**2
-    return np.concatenate(batches)
+def map_plan(packed: Packed, settings: Settings, pass_index: int) -> list[PlannedMap]:
+    """Return the maps that emit photons, light by light; none where nothing is to be traced."""
+    counts = share_photons(packed, settings.photons if settings.bounces else 0)
+    return plan_maps(packed, counts, settings.caustic_photons, settings.seed, pass_index)

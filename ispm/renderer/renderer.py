@@ -6,23 +6,27 @@ import gc
 import math
 import time as clock
 import warnings
+from collections.abc import Callable
+from functools import cache
+from operator import attrgetter
 from types import TracebackType
 
 import numpy as np
 
 from ispm.errors import IspmError, SceneError, SceneWarning, SettingsError
-from ispm.estimators import ESTIMATORS
+from ispm.estimators import make_estimator
 from ispm.frame import BounceMaps, GBuffer, GpuScene
 from ispm.gpu import Gpu, Recording, Texture, open_gpu
-from ispm.optics.records import EMITTED, MATERIAL_UNLIT, PHOTON, RECEIVER
+from ispm.optics.records import MATERIAL_UNLIT, PHOTON, RECEIVER
 from ispm.optics.texture import TextureTable
 from ispm.renderer import layers as make
+from ispm.renderer.chains import eye_rays, light_ends, light_points
 from ispm.renderer.framing import default_camera, default_light, find_camera
-from ispm.renderer.light import map_plan, photons_of_maps
+from ispm.renderer.last import LastFrame
+from ispm.renderer.light import map_plan
 from ispm.renderer.motion import moved
 from ispm.renderer.picture import Frame
 from ispm.renderer.statistics import Stats, collect
-from ispm.renderer.views import photon_points
 from ispm.renderer.watch import Watch
 from ispm.scene.camera import Camera
 from ispm.scene.packed import Packed, pack
@@ -31,17 +35,22 @@ from ispm.settings import Settings
 from ispm.stages.antialias import Antialias
 from ispm.stages.bounce import BounceStage
 from ispm.stages.camera import CameraView
+from ispm.stages.caustic import CausticStage
+from ispm.stages.chain import ChainStage
 from ispm.stages.direct import DirectStage
 from ispm.stages.downsample import Downsample
-from ispm.stages.filter import WEIGHT, filter_estimate, filter_points
+from ispm.stages.filter import filter_estimate
 from ispm.stages.gbuffer import GBufferStage
 from ispm.stages.shadow import ShadowStage
 from ispm.stages.tonemap import auto_exposure, tonemap
 from ispm.stages.upload import Upload
 from ispm.stages.upsample import Upsample
-from ispm.tracer.density import measure_radii
-from ispm.tracer.emission import emit_rays, share_photons
+from ispm.tracer.density import measure_caustic_radii, measure_radii
+from ispm.tracer.emission import emit_rays, emit_texels
+from ispm.tracer.eye import trace_eye
 from ispm.tracer.grid import PhotonGrid
+from ispm.tracer.hint import hint_radii
+from ispm.tracer.plan import PlannedMap
 from ispm.tracer.surface import SurfaceTable
 from ispm.tracer.threads import thread_count
 from ispm.tracer.walk import Walk, walk
@@ -50,9 +59,11 @@ from ispm.tracer.world import World
 _NEAR = 1e-4  # of the scene's diagonal; reversed depth has precision to spare
 _TEXTURE_FOOTPRINT = 0.005  # of the diagonal: over which photons see textures averaged
 _PASS = 0  # of one
+_ROW = 0xFFFFFF  # of a material, in a word of the G-buffer
+_ESTIMATOR_KNOBS = attrgetter("estimator", "kernel", "talk_errors")
 _OWNED = (
-    "_upload", "_gbuffer", "_bounce", "_direct", "_antialias", "_shadow", "_downsample", "_upsample",
-    "_estimator", "_world", "_last", "_packed", "_textures",
+    "_upload", "_gbuffer", "_bounce", "_direct", "_caustic", "_chains", "_antialias", "_shadow",
+    "_downsample", "_upsample", "_estimator", "_world", "_last", "_packed", "_textures",
 )  # fmt: skip
 
 
@@ -89,12 +100,14 @@ class Renderer:
         self._gbuffer = GBufferStage(self._gpu)
         self._bounce = BounceStage(self._gpu)
         self._direct = DirectStage(self._gpu)
+        self._caustic = CausticStage(self._gpu)
+        self._chains = ChainStage(self._gpu)
         self._antialias = Antialias(self._gpu)
         self._packed: Packed | None = None
         self._textures: TextureTable | None = None
         self._photons = np.zeros(0, PHOTON)
         self._instances: np.ndarray | None = None  # of the last frame
-        self._last: tuple[Frame, CameraView] | None = None
+        self._last: LastFrame | None = None
         self._said: set[str] = set()
         self._settings: Settings | None = None
         self.settings = settings or Settings()
@@ -145,9 +158,8 @@ class Renderer:
             self._upsample = Upsample(self._gpu, new.subsampling)
         if old is None or old.shadow_resolution != new.shadow_resolution:
             self._shadow = ShadowStage(self._gpu, new.shadow_resolution)
-        if old is None or old.estimator != new.estimator:
-            name = "tiled" if new.estimator == "auto" else new.estimator
-            self._estimator = ESTIMATORS[name](self._gpu, self.threads)
+        if old is None or _ESTIMATOR_KNOBS(old) != _ESTIMATOR_KNOBS(new):
+            self._estimator = make_estimator(new, self._gpu, self.threads)
         self._settings = new
 
     def render(self) -> Frame:
@@ -158,6 +170,8 @@ class Renderer:
         self._last = None  # so that its memory can be used again
         watch = Watch()
         packed, view = self._prepare()
+        plan = map_plan(packed, self.settings, _PASS)
+        surfaces = self._surfaces(packed)
 
         with self._gpu.frame() as first:
             scene = self._upload(packed)
@@ -165,28 +179,40 @@ class Renderer:
             gbuffer = self._gbuffer(first, scene, view)
             first.stage("upsample")
             receivers = self._downsample(first, scene, gbuffer, view)
+            self._chains(first, scene, gbuffer)
             first.stage("bounce_map")
-            maps = self._draw_bounce_maps(first, scene, packed)
+            maps = self._draw_bounce_maps(first, scene, plan)
         with watch("copy"):
             points = self._downsample.read(self._gpu, view)
             texels = maps.read(self._gpu)
+            mirrors = self._chains.read()
         with self._gpu.frame() as second:
             second.stage("direct")
-            shadows = self._shadow(second, scene, _NEAR * packed.diagonal)
+            seen = points["position"][points["valid"] > 0]
+            shadows = self._shadow(second, scene, seen, view.eye_or_direction, _NEAR * packed.diagonal, _PASS)
             direct = self._direct(second, scene, gbuffer, shadows, view)
 
         with watch("trace"):
-            path = self._trace(packed, maps, texels)
+            path = self._trace(packed, surfaces, plan, texels)
         with watch("radiance"):
-            estimate, light = self._gather(points, path.photons, packed, view)
+            photons, smooth, sharp = self._split(path.photons, packed, view)
+            estimate, light = self._gather(points, smooth, packed, view)
 
         with self._gpu.frame() as third:
+            third.stage("radiance")
+            caustic = self._caustic(third, scene, gbuffer, view, sharp)
             third.stage("upsample")
-            indirect, irradiance, emission = self._upsample(third, scene, gbuffer, view, receivers, light)
+            indirect, irradiance, emission = self._upsample(
+                third, scene, gbuffer, view, receivers, light, caustic
+            )
+        grid = cache(lambda: PhotonGrid(smooth))
         with watch("upsample"):
-            self._light_missed(points, estimate, path.photons, scene, gbuffer, view)
+            self._light_missed(points, estimate, grid, scene, gbuffer, view, caustic)
+        with watch("eye"):
+            brought = self._follow_chains(packed, surfaces, mirrors, grid, sharp, view)
         with self._gpu.frame() as fourth:
             fourth.stage("compose")
+            self._chains.patch(fourth, mirrors["pixel"], brought, direct, indirect, emission)
             if self.settings.antialias:
                 self._antialias(fourth, scene, gbuffer, view, direct, indirect, emission)
         with watch("readback"):
@@ -201,7 +227,11 @@ class Renderer:
             adapter=self._gpu.name, timing=first.timing,
             moved=moved(packed.instances, self._instances),
         )  # fmt: skip
-        self._photons, self._last = path.photons, (frame, view)
+        self._photons = photons
+        self._last = LastFrame(
+            frame, view, packed, surfaces, photons, points, self._downsample.size(view),
+            plan, texels, self.threads,
+        )  # fmt: skip
         self._instances = packed.instances
         return frame
 
@@ -214,13 +244,7 @@ class Renderer:
         if self._last is None:
             self.render()
         assert self._last is not None
-        frame, view = self._last
-        if name != "photons":
-            return frame.show(name)
-        return photon_points(
-            self._photons, frame.layers, view.clip_from_world, view.near, frame.exposure,
-            frame.settings.tonemap,
-        )  # fmt: skip
+        return self._last.show(name)
 
     def _prepare(self) -> tuple[Packed, CameraView]:
         """Pack the scene, place it in the tracer, and find its camera and lights."""
@@ -240,7 +264,10 @@ class Renderer:
         size, diagonal = self.settings.size, packed.diagonal
         reach = float(np.abs(packed.bounds - pose[:3, 3]).max()) + diagonal
         near = _NEAR * diagonal if camera.ymag is None else 0.0
-        view = CameraView(size, pose, camera.yfov, camera.ymag, near, reach, pass_index=_PASS)
+        view = CameraView(
+            size, pose, camera.yfov, camera.ymag, near, reach,
+            pass_index=_PASS, aspect=camera.aspect, principal=camera.principal,
+        )  # fmt: skip
         return packed, view
 
     def _pack(self, scene: Scene) -> Packed:
@@ -269,27 +296,47 @@ class Renderer:
             self._said.add(line)
             warnings.warn(line, SceneWarning, stacklevel=4)
 
-    def _draw_bounce_maps(self, frame: Recording, scene: GpuScene, packed: Packed) -> BounceMaps:
+    def _draw_bounce_maps(self, frame: Recording, scene: GpuScene, plan: list[PlannedMap]) -> BounceMaps:
         if self.settings.emission == "rays":
-            return BounceMaps([])
-        widths, shifts = map_plan(packed.lights, self.settings, _PASS)
-        return self._bounce(frame, scene, widths, shifts, _NEAR * packed.diagonal, _PASS)
+            return BounceMaps([], [])
+        return self._bounce(frame, scene, plan, _NEAR * scene.packed.diagonal, _PASS)
 
-    def _trace(self, packed: Packed, maps: BounceMaps, texels: list[np.ndarray]) -> Walk:
+    def _trace(
+        self, packed: Packed, surfaces: SurfaceTable, plan: list[PlannedMap], texels: list[np.ndarray]
+    ) -> Walk:
         """Emit the photons and follow them."""
         settings = self.settings
-        assert self._textures is not None
-        surfaces = SurfaceTable(packed, self._textures, _TEXTURE_FOOTPRINT * packed.diagonal)
-        if not settings.bounces:
-            emitted = np.zeros(0, EMITTED)
-        elif settings.emission == "rays":
-            counts = share_photons(packed.lights, settings.photons)
-            emitted = emit_rays(packed, self._world, surfaces, counts, settings.seed, _PASS, self.threads)
+        if settings.emission == "rays":
+            emitted = emit_rays(packed, self._world, surfaces, plan, settings.seed, _PASS, self.threads)
         else:
-            emitted = photons_of_maps(packed, maps, texels, settings, _PASS)
+            emitted = emit_texels(packed, plan, texels)
         return walk(
             packed, self._world, surfaces, emitted, settings.bounces, settings.seed, _PASS, self.threads
         )
+
+    def _split(
+        self, photons: np.ndarray, packed: Packed, view: CameraView
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return the photons in a new order, and its two parts: those to be filtered, and the caustic ones,
+        ready to be drawn.
+
+        The hint's kernels are as narrow as caustics need: with them all photons go the first way.
+        """
+        sharp = photons["bounce"] == 0
+        if self.settings.kernel == "hint":
+            sharp[:] = False
+        parted = np.concatenate([photons[~sharp], photons[sharp]])
+        smooth, caustic = np.split(parted, [len(parted) - np.count_nonzero(sharp)])
+        pixel = view.footprint * view.clip_from_world[3]
+        measure_caustic_radii(
+            caustic, packed.diagonal, self.settings.smoothing, pixel, packed.widths, view.eye_or_direction,
+            threads=self.threads,
+        )  # fmt: skip
+        return parted, smooth, caustic
+
+    def _surfaces(self, packed: Packed) -> SurfaceTable:
+        assert self._textures is not None
+        return SurfaceTable(packed, self._textures, _TEXTURE_FOOTPRINT * packed.diagonal)
 
     def _gather(
         self, points: np.ndarray, photons: np.ndarray, packed: Packed, view: CameraView
@@ -299,6 +346,10 @@ class Renderer:
             dark = np.zeros((len(points), 16), np.float32)
             return dark, dark
         settings, size = self.settings, self._downsample.size(view)
+        if settings.kernel == "hint":
+            hint_radii(photons, packed.diagonal, settings.photons, settings.smoothing)
+            estimate = self._estimator(points, photons, view.clip_from_world, size)
+            return estimate, estimate
         pixel = settings.subsampling * view.footprint * view.clip_from_world[3]
         measure_radii(
             photons, packed.diagonal, settings.smoothing, pixel, packed.widths, view.eye_or_direction
@@ -312,24 +363,39 @@ class Renderer:
         self,
         points: np.ndarray,
         estimate: np.ndarray,
-        photons: np.ndarray,
+        grid: Callable[[], PhotonGrid],
         scene: GpuScene,
         gbuffer: GBuffer,
         view: CameraView,
+        caustic: tuple[Texture, Texture] | None,
     ) -> None:
         """Light the pixels that upsampling could not serve: by the filter, else by the photons near."""
         missed, receivers = self._upsample.missed()
         if not len(missed):
             return
-        light = filter_points(
+        light = light_points(
             receivers, missed["low"], points, estimate, self._downsample.size(view),
-            scene.packed.diagonal, self.settings.smoothing, self.threads,
+            scene.packed.diagonal, self.settings.smoothing, grid, self.threads,
         )  # fmt: skip
-        alone = light[:, WEIGHT] == 0.0
-        if alone.any() and len(photons):
-            light[alone] = PhotonGrid(photons).estimate(receivers[alone], self.threads)
         with self._gpu.frame() as frame:
-            self._upsample.patch(frame, scene, gbuffer, view, light)
+            self._upsample.patch(frame, scene, gbuffer, view, light, caustic)
+
+    def _follow_chains(
+        self, packed: Packed, surfaces: SurfaceTable, mirrors: np.ndarray, grid: Callable[[], PhotonGrid],
+        sharp: np.ndarray, view: CameraView,
+    ) -> np.ndarray:
+        """Return the light that mirrors and glass bring to their pixels, (n, 9), of (n,) SEEN."""
+        settings = self.settings
+        if not len(mirrors):
+            return np.zeros((0, 9), np.float32)
+        background = (0.0, 0.0, 0.0) if isinstance(settings.background, str) else settings.background
+        rays = eye_rays(mirrors, view)
+        paths = trace_eye(
+            packed, self._world, surfaces, rays, background, settings.seed, _PASS, self.threads
+        )
+        return light_ends(
+            paths, rays.keys, grid, PhotonGrid(sharp), view, settings, packed.diagonal, self.threads
+        )
 
     def _compose(
         self, gbuffer: GBuffer, light: tuple[Texture, Texture, Texture], irradiance: Texture, view: CameraView
@@ -337,15 +403,16 @@ class Renderer:
         """Read the picture's parts back, add them, expose and tone map."""
         f2, f4, u4 = np.float16, np.float32, np.uint32
         assert self._packed is not None
-        glow = [(light[2], f4, 4)] if _glows(self._packed) else []
+        background = self.settings.background
+        shines = not isinstance(background, str) and any(background)
+        glow = [(light[2], f4, 4)] if shines or _glows(self._packed) else []
         d, i, irr, base, normals, ids, depth, *rest = self._gpu.read_many([
             (light[0], f4, 4), (light[1], f4, 4), (irradiance, f4, 4), (gbuffer.base, f2, 4),
             (gbuffer.normals, f2, 4), (gbuffer.ids, u4, 2), (gbuffer.depth, f4), *glow,
         ])  # fmt: skip
         e = rest[0] if rest else np.zeros(d.shape, f4)  # untouched pages: zeros_like would write them
         alpha = i[..., 3]
-        background = self.settings.background
-        if not isinstance(background, str) and any(background):
+        if shines:
             e[..., :3] += (1.0 - alpha[..., None]) * np.array(background, f4)
         nodes = np.append(np.int32(-1), self._packed.instances["node"].astype(np.int32))
         full = make.sum_layers(d, i, e, self.threads)
@@ -356,7 +423,7 @@ class Renderer:
             "depth": lambda: make.linear_depth(depth, view),
             "normal": lambda: make.decode_normals(normals, depth),
             "albedo": lambda: base[..., :3].astype(f4), "instance": lambda: nodes[ids[..., 0]],
-            "material": lambda: np.where(ids[..., 0] > 0, ids[..., 1].astype(np.int32), np.int32(-1)),
+            "material": lambda: np.where(ids[..., 0] > 0, ids[..., 1] & _ROW, -1).astype(np.int32),
         })  # fmt: skip
         settings = self.settings
         exposure = auto_exposure(full) if settings.exposure == "auto" else float(settings.exposure)

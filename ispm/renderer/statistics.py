@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from ispm.estimators import estimator_name
 from ispm.renderer.watch import peak_memory
 from ispm.scene.packed import Packed
 from ispm.settings import Settings
@@ -62,7 +63,7 @@ class Stats:
     tracer: str = "cpu"
     estimator: str = ""
     emission: str = ""
-    kernel: str = "measured"
+    kernel: str = ""
     passes: int = 1
     seed: int = 0
     timing: str = ""
@@ -104,7 +105,7 @@ def collect(
         flux_absorbed=float(path.absorbed.sum()), flux_escaped=float(path.escaped.sum()),
         flux_dropped=float(path.dropped.sum()), flux_stored=float(path.stored.sum()),
         overdraw=overdraw(path.photons, view), peak_memory=peak_memory(), adapter=adapter,
-        estimator="tiled" if settings.estimator == "auto" else settings.estimator,
+        estimator=estimator_name(settings), kernel="hint" if settings.kernel == "hint" else "measured",
         emission="map" if settings.emission == "auto" else settings.emission,
         seed=settings.seed, timing=timing,
     )  # fmt: skip

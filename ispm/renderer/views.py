@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from ispm.errors import SettingsError
-from ispm.settings import VIEWS, nearest
+from ispm.settings import RENDERER_VIEWS, VIEWS, nearest
 from ispm.stages.tonemap import auto_exposure, tonemap
 
 _PHOTON_DIM = 0.15  # of the direct picture behind the photons
@@ -22,6 +22,8 @@ def display(layers: Mapping[str, np.ndarray], view: str, exposure: float, mode: 
     """
     if view in ("full", "direct", "indirect", "emission"):
         return tonemap(layers[view], exposure, mode)
+    if view == "ambient":
+        return tonemap(_ambient(layers), exposure, mode)
     if view == "irradiance":
         return tonemap(layers[view], auto_exposure(layers[view]), mode)
     if view == "albedo":
@@ -39,7 +41,18 @@ def display(layers: Mapping[str, np.ndarray], view: str, exposure: float, mode: 
         picture[:, :half] = tonemap(layers["direct"], exposure, mode)[:, :half]
         picture[:, half : half + 1] = 255
         return picture
+    if view in RENDERER_VIEWS:
+        raise SettingsError(f"a frame has no view '{view}': it shows photons, so ask renderer.view('{view}')")
     raise SettingsError(f"there is no view '{view}'{nearest(view, VIEWS)}")
+
+
+def _ambient(layers: Mapping[str, np.ndarray]) -> np.ndarray:
+    """The picture with a constant ambient term, of the same mean as the indirect light per channel."""
+    albedo = layers["albedo"]
+    amount = layers["indirect"].mean(axis=(0, 1), dtype=np.float64) / np.maximum(
+        albedo.mean(axis=(0, 1), dtype=np.float64), 1e-30
+    )
+    return np.asarray(layers["direct"] + albedo * amount.astype(np.float32) + layers["emission"])
 
 
 def photon_points(

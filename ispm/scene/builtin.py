@@ -9,13 +9,17 @@ from typing import Any
 from ispm.errors import SceneError, SettingsError
 from ispm.scene.builtins_atrium import atrium
 from ispm.scene.builtins_rooms import cornell_box, integrating_sphere
+from ispm.scene.builtins_studio import caustic_ring, glass_sphere, objects_in_box
 from ispm.scene.scene import Scene
 from ispm.settings import nearest
 
 BUILTINS: dict[str, Callable[..., Scene]] = {
     "atrium": atrium,
+    "caustic-ring": caustic_ring,
     "cornell-box": cornell_box,
+    "glass-sphere": glass_sphere,
     "integrating-sphere": integrating_sphere,
+    "objects-in-box": objects_in_box,
 }
 """Name to function; the first line of the function's docstring describes the scene."""
 

@@ -1,4 +1,4 @@
-"""What the built-in scenes share: exact Lambert materials and cameras on nodes that can be moved."""
+"""What the built-in scenes share: exact Lambert materials, and cameras, spots and paths of nodes."""
 
 from __future__ import annotations
 
@@ -6,7 +6,9 @@ import math
 
 import numpy as np
 
+from ispm.scene.animation import Channel
 from ispm.scene.camera import Camera, look_at_pose
+from ispm.scene.light import SpotLight
 from ispm.scene.material import Material
 from ispm.scene.scene import Node, Scene
 
@@ -26,6 +28,35 @@ def add_camera(
     """Place a camera at `eye` (metres) that looks at `target`, by translation and rotation."""
     pose = look_at_pose(np.asarray(eye, float), np.asarray(target, float))
     return scene.add(Camera(yfov=yfov), name=name, translation=eye, rotation=quaternion(pose[:3, :3]))
+
+
+def add_spot(
+    scene: Scene,
+    light: SpotLight,
+    name: str,
+    eye: tuple[float, float, float],
+    target: tuple[float, float, float],
+    parent: Node | None = None,
+) -> Node:
+    """Place a spot at `eye` (metres) that shines at `target`."""
+    pose = look_at_pose(np.asarray(eye, float), np.asarray(target, float))
+    return scene.add(light, name=name, translation=eye, rotation=quaternion(pose[:3, :3]), parent=parent)
+
+
+def closed_path(node: Node, path: str, values: np.ndarray, period: float) -> Channel:
+    """Return the channel that takes `path` of a node through (K, 3 or 4) values, evenly, in `period` s.
+
+    The first value is where the node begins, and the path ends there.
+    """
+    keys = np.concatenate([values, values[:1]]).astype(np.float32)
+    setattr(node, path, keys[0].astype(float))
+    return Channel(node, path, np.linspace(0.0, period, len(keys), dtype=np.float32), keys)
+
+
+def turns_about(axis: tuple[float, float, float], angles: np.ndarray) -> np.ndarray:
+    """Return (K, 4) quaternions that turn by `angles` (radians) about a unit axis."""
+    half = 0.5 * np.asarray(angles)[:, None]
+    return np.concatenate([np.sin(half) * np.asarray(axis), np.cos(half)], axis=1)
 
 
 def quaternion(rotation: np.ndarray) -> tuple[float, float, float, float]:

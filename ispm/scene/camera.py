@@ -3,25 +3,32 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from ispm.errors import SettingsError
 
+_AXES = {"opencv": np.array([1.0, -1.0, -1.0, 1.0]), "opengl": np.ones(4)}  # signs of a pose's columns
+
 
 @dataclass
 class Camera:
     """A camera looks along -Z of its node, +Y up, +X to the right (glTF).
 
-    yfov   vertical angle of view in radians; used where `ymag` is None (perspective)
-    ymag   half the height of the view in metres (orthographic), else None
-    pose   (4, 4) camera-to-world matrix; None: the pose of the node that holds the camera
+    yfov       vertical angle of view in radians; used where `ymag` is None (perspective)
+    ymag       half the height of the view in metres (orthographic), else None
+    pose       (4, 4) camera-to-world matrix; None: the pose of the node that holds the camera
+    aspect     width over height of the view; None: that of the picture, so that pixels are square
+    principal  where the axis of the view meets the picture: 0, 0 the middle, 1, 1 its top right corner
     """
 
     yfov: float = math.radians(50.0)
     ymag: float | None = None
     pose: np.ndarray | None = None
+    aspect: float | None = None
+    principal: tuple[float, float] = (0.0, 0.0)
     name: str = field(default="", compare=False)
 
     def __post_init__(self) -> None:
@@ -29,6 +36,10 @@ class Camera:
             raise SettingsError(f"camera: yfov {self.yfov} is outside 0 to pi radians")
         if self.ymag is not None and not 0.0 < self.ymag < math.inf:
             raise SettingsError(f"camera: ymag {self.ymag} is not a height; give metres")
+        if self.aspect is not None and not 0.0 < self.aspect < math.inf:
+            raise SettingsError(f"camera: aspect {self.aspect} is not a width over a height")
+        if len(self.principal) != 2 or not all(map(math.isfinite, self.principal)):
+            raise SettingsError(f"camera: principal {self.principal} is not a place in the picture")
         if self.pose is not None:
             self.pose = np.asarray(self.pose, np.float64)
             if self.pose.shape != (4, 4) or not np.isfinite(self.pose).all():
@@ -51,6 +62,53 @@ class Camera:
         Raises SettingsError where the two points are the same.
         """
         return cls(yfov=yfov, pose=look_at_pose(np.asarray(eye, float), np.asarray(target, float)))
+
+    @classmethod
+    def from_intrinsics(
+        cls,
+        K: np.ndarray | Sequence[Sequence[float]],
+        size: tuple[int, int],
+        pose: np.ndarray,
+        convention: str = "opencv",
+    ) -> Camera:
+        """Return the camera that projects as K [R | t] does, for pictures of any size.
+
+        K           (3, 3) focal lengths and principal point in pixels of a picture of `size`, measured from
+                    its top left corner: the first pixel's centre is at 0.5, 0.5. Where it is at 0, 0, as
+                    in OpenCV's functions, add 0.5 to the principal point.
+        size        width and height; a picture of another size shows the same view
+        pose        (4, 4) camera-to-world, a rotation and a translation in metres
+        convention  the pose's axes: `opencv` +Y down and +Z ahead, `opengl` +Y up and -Z ahead
+        Raises SettingsError where one of them makes no sense, or K has skew.
+        """
+        k = np.asarray(K, np.float64)
+        if k.shape != (3, 3) or not np.isfinite(k).all() or min(k[0, 0], k[1, 1]) <= 0.0:
+            raise SettingsError("camera: K must be a (3, 3) matrix with focal lengths above 0, in pixels")
+        if abs(k[0, 1]) > 1e-9 * k[0, 0] or k[1, 0] or (k[2] != (0.0, 0.0, 1.0)).any():
+            raise SettingsError("camera: K must be fx 0 cx; 0 fy cy; 0 0 1: skew is not supported")
+        if convention not in _AXES:
+            raise SettingsError(f"camera: the convention '{convention}' is not one of {', '.join(_AXES)}")
+        if min(size) < 1:
+            raise SettingsError(f"camera: the size {size[0]} x {size[1]} is no picture's")
+        placed = np.asarray(pose, np.float64)
+        if placed.shape != (4, 4) or not _is_rigid(placed):
+            raise SettingsError(
+                "camera: the pose must be (4, 4) camera-to-world: a rotation and a translation"
+            )
+        width, height = size
+        return cls(
+            yfov=2.0 * math.atan(height / (2.0 * k[1, 1])),
+            pose=placed * _AXES[convention],
+            aspect=float((width / k[0, 0]) / (height / k[1, 1])),
+            principal=(float(2.0 * k[0, 2] / width - 1.0), float(1.0 - 2.0 * k[1, 2] / height)),
+        )
+
+
+def _is_rigid(pose: np.ndarray) -> bool:
+    """Whether a pose turns and moves, and neither scales nor mirrors."""
+    turn = pose[:3, :3]
+    square = np.allclose(turn @ turn.T, np.eye(3), atol=1e-4) and (pose[3] == (0.0, 0.0, 0.0, 1.0)).all()
+    return bool(square and np.linalg.det(turn) > 0.0)
 
 
 def look_at_pose(eye: np.ndarray, target: np.ndarray) -> np.ndarray:

@@ -7,7 +7,7 @@ picture (McGuire and Luebke 2009). Each such picture is a `LightMap`.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -15,8 +15,11 @@ from ispm.optics import records
 
 _NARROW = 0.8  # tangent of half the angle below which a light far outside looks at the scene alone
 _WIDE = 1.8  # tangent of half a spot's angle up to which one square serves it; wider ones take a cube
+_NARROWEST = 1e-6  # likewise, of a scene that is a point
 _MARGIN = 1.02  # for the maps' sub-texel shifts
 _QUADRATURE = 128  # points a side, for the part of a spot's cone that a square covers
+
+_CORNERS = np.array([[i & 1, i >> 1 & 1, i >> 2 & 1] for i in range(8)])
 
 # s (right), t (down) and axis of each face in the order of cube maps; WebGPU, section 23.2.
 CUBE_AXES = np.array(
@@ -44,6 +47,7 @@ class LightMap:
     orthographic  the light is directional
     measure       what the map takes of the light: its flux is intensity times this; sr, weighted by a
                   spot's falloff; orthographic: m^2 across the rays
+    range         m from the origin beyond which the light ends
     """
 
     light: int
@@ -51,6 +55,7 @@ class LightMap:
     axes: np.ndarray
     orthographic: bool
     measure: float
+    range: float = math.inf
 
     @property
     def spread(self) -> float:
@@ -65,21 +70,19 @@ def light_map(index: int, light: np.void, bounds: np.ndarray) -> LightMap:
     bounds  (2, 3) corners of the scene
     A light far outside sees the scene alone, which saves the photons that would miss it.
     """
-    corners = np.array([[bounds[i >> k & 1][k] for k in range(3)] for i in range(8)])
+    corners = corners_of(bounds)
     if light["kind"] == records.LIGHT_DIRECTIONAL:
         return parallel_map(index, light, corners)
     views = [view_of(corners - light["position"].astype(np.float64))]
     limits = [_NARROW]
     if light["kind"] == records.LIGHT_SPOT:
-        cosine = float(-light["cone_offset"] / light["cone_scale"])
-        tangent = math.sqrt(max(1.0 - cosine * cosine, 0.0)) / cosine if cosine > 1e-6 else math.inf
-        views.append((_frame(light["direction"].astype(np.float64)), tangent))
+        views.append((_frame(_axis(light)), _cone_tangent(light)))
         limits.append(_WIDE)
     fitting = [view for view, limit in zip(views, limits, strict=True) if view[1] < limit]
     if fitting:
         return square_map(index, light, *min(fitting, key=lambda view: view[1]))
     origin = light["position"].astype(np.float64)
-    return LightMap(index, origin, CUBE_AXES, False, _cone_measure(light))
+    return LightMap(index, origin, CUBE_AXES, False, cone_measure(light), _range(light))
 
 
 def square_map(index: int, light: np.void, frame: np.ndarray, spread: float) -> LightMap:
@@ -90,35 +93,54 @@ def square_map(index: int, light: np.void, frame: np.ndarray, spread: float) -> 
     """
     axes = np.stack([frame[0] / spread, -frame[1] / spread, frame[2]])[None]
     origin = light["position"].astype(np.float64)
-    return LightMap(index, origin, axes, False, _square_measure(light, axes[0], spread))
+    return LightMap(index, origin, axes, False, _square_measure(light, axes[0], spread), _range(light))
 
 
 def parallel_map(index: int, light: np.void, points: np.ndarray) -> LightMap:
-    """Return the orthographic map of a directional light that holds `points`, (n, 3) world space."""
-    frame = _frame(light["direction"].astype(np.float64))
-    seen = points @ frame.T
-    low, high = seen.min(axis=0), seen.max(axis=0)
-    half = np.maximum(_MARGIN * (high - low) / 2.0, 1e-6 * max(float((high - low).max()), 1e-30))
-    axes = (frame * np.array([1.0, -1.0, 1.0])[:, None] / half[:, None])[None]
-    return LightMap(index, (low + high) / 2.0 @ frame, axes, True, float(4.0 * half[0] * half[1]))
+    """Return the orthographic map of a directional light that holds `points`, (n, 3) world space.
+
+    Of the views that turn one of the world's axes upwards it is the smallest: one has an edge along each
+    edge of a box, and the smallest rectangle round a polygon has an edge along one of the polygon's.
+    """
+    maps = [_parallel_view(index, light, points, up) for up in np.eye(3)]
+    return min(maps, key=lambda map: map.measure)
+
+
+def cropped(map: LightMap, low: np.ndarray, high: np.ndarray) -> LightMap:
+    """Return the part of an orthographic map between two places, (2,) each, of its [-1, 1]^2.
+
+    It is as deep as the whole: what stands before the part, seen from the light, shades it.
+    """
+    half = np.append((high - low) / 2.0, 1.0)
+    across = map.axes[0, :2] / (map.axes[0, :2] ** 2).sum(axis=1, keepdims=True)
+    return replace(
+        map, origin=map.origin + (low + high) / 2.0 @ across, axes=map.axes / half[:, None],
+        measure=map.measure * float(half[0] * half[1]),
+    )  # fmt: skip
+
+
+def corners_of(boxes: np.ndarray) -> np.ndarray:
+    """Return the (..., 8, 3) corners of (..., 2, 3) boxes."""
+    return np.asarray(boxes[..., _CORNERS, [0, 1, 2]])
 
 
 def view_of(points: np.ndarray) -> tuple[np.ndarray, float]:
     """Rows right, up, forward of a view from the origin to the middle of points, and the tangent of half
     its angle, with a margin; infinite where a point is not ahead."""
-    forward = points.mean(axis=0)
+    forward = (points.min(axis=0) + points.max(axis=0)) / 2.0
     if not float(np.linalg.norm(forward)) > 0.0:
         return np.eye(3), math.inf
     frame = _frame(forward)
     seen = points @ frame.T
     if (seen[:, 2] <= 0.0).any():
         return frame, math.inf
-    return frame, _MARGIN * float((np.abs(seen[:, :2]) / seen[:, 2:]).max())
+    tangent = float((np.abs(seen[:, :2]) / seen[:, 2:]).max())
+    return frame, max(_MARGIN * tangent, _NARROWEST)
 
 
 def falloff(light: np.void, directions: np.ndarray) -> np.ndarray:
     """Return the share of its intensity that a light sends along (..., 3) unit directions."""
-    cosines = directions @ light["direction"].astype(np.float64)
+    cosines = directions @ _axis(light)
     edge = np.clip(cosines * float(light["cone_scale"]) + float(light["cone_offset"]), 0.0, 1.0)
     return np.asarray(edge * edge)
 
@@ -136,12 +158,12 @@ def texel_measures(
     whole flux, and is 1 + O(width^-2), so that its own bias is of fourth order.
     """
     s, t = (2.0 * (np.arange(width) + 0.5 + k) / width - 1.0 for k in shift)
-    parts = np.ones((len(map.axes), width, width))
+    parts = np.ones((width, width))
     if not map.orthographic:
-        parts *= (1.0 + map.spread**2 * (s**2 + t[:, None] ** 2)) ** -1.5
-        if light["kind"] == records.LIGHT_SPOT:
-            for face, axes in zip(parts, map.axes, strict=True):
-                face *= falloff(light, face_directions(axes, s, t[:, None]))
+        parts = (1.0 + map.spread**2 * (s**2 + t[:, None] ** 2)) ** -1.5
+    parts = np.broadcast_to(parts, (len(map.axes), width, width))
+    if light["kind"] == records.LIGHT_SPOT:
+        parts = parts * [falloff(light, face_directions(axes, s, t[:, None])) for axes in map.axes]
     total = float(parts.sum())
     return parts * (map.measure / total) if total > 0.0 else parts
 
@@ -156,13 +178,49 @@ def face_directions(axes: np.ndarray, s: np.ndarray, t: np.ndarray) -> np.ndarra
 def _frame(forward: np.ndarray) -> np.ndarray:
     """(3, 3) rows right, up, forward of a view along `forward`."""
     forward = forward / np.linalg.norm(forward)
-    right = np.cross((0.0, 1.0, 0.0) if abs(forward[1]) < 0.99 else (1.0, 0.0, 0.0), forward)
+    return _upright(forward, np.eye(3)[1 if abs(forward[1]) < 0.99 else 0])
+
+
+def _upright(forward: np.ndarray, up: np.ndarray) -> np.ndarray:
+    """Likewise, with `up` upwards; `forward` is unit and another direction."""
+    right = np.cross(up, forward)
     right /= np.linalg.norm(right)
     return np.stack([right, np.cross(forward, right), forward])
 
 
-def _cone_measure(light: np.void) -> float:
-    """sr of all directions, weighted by the falloff: 2 pi times its integral over the cosine."""
+def _parallel_view(index: int, light: np.void, points: np.ndarray, up: np.ndarray) -> LightMap:
+    forward = _axis(light)
+    frame = _frame(forward) if abs(forward @ up) > 0.999 else _upright(forward, up)
+    seen = points @ frame.T
+    low, high = seen.min(axis=0), seen.max(axis=0)
+    half = np.maximum(_MARGIN * (high - low) / 2.0, 1e-6 * max(float((high - low).max()), 1e-30))
+    axes = (frame * np.array([1.0, -1.0, 1.0])[:, None] / half[:, None])[None]
+    return LightMap(index, (low + high) / 2.0 @ frame, axes, True, float(4.0 * half[0] * half[1]))
+
+
+def _axis(light: np.void) -> np.ndarray:
+    """Its direction, (3,), unit in float64."""
+    direction = light["direction"].astype(np.float64)
+    return np.asarray(direction / np.linalg.norm(direction))
+
+
+def _cone_tangent(light: np.void) -> float:
+    """Tangent of half the angle of a spot's whole cone."""
+    cosine = float(-light["cone_offset"] / light["cone_scale"])
+    if cosine < 1e-6:
+        return math.inf
+    return max(math.sqrt(max(1.0 - cosine * cosine, 0.0)) / cosine, _NARROWEST)
+
+
+def _range(light: np.void) -> float:
+    return float(light["range"]) if light["range"] > 0.0 else math.inf
+
+
+def cone_measure(light: np.void) -> float:
+    """Return the sr of all directions, weighted by the falloff: 4 pi but for spots.
+
+    Of these it is 2 pi times the integral of the falloff over the cosine.
+    """
     if light["kind"] != records.LIGHT_SPOT:
         return 4.0 * math.pi
     scale, offset = float(light["cone_scale"]), float(light["cone_offset"])
@@ -177,10 +235,8 @@ def _square_measure(light: np.void, axes: np.ndarray, spread: float) -> float:
     whole = 4.0 * math.atan2(square, math.sqrt(1.0 + 2.0 * square))
     if light["kind"] != records.LIGHT_SPOT:
         return whole
-    outer = max(float(-light["cone_offset"] / light["cone_scale"]), 1e-6)
-    inside = spread >= math.sqrt(max(1.0 - outer * outer, 0.0)) / outer * (1.0 - 1e-9)
-    if inside and float(axes[2] @ light["direction"].astype(np.float64)) > 1.0 - 1e-9:
-        return _cone_measure(light)
+    if spread >= _cone_tangent(light) and float(axes[2] @ _axis(light)) > 1.0 - 1e-12:
+        return cone_measure(light)
     s = 2.0 * (np.arange(_QUADRATURE) + 0.5) / _QUADRATURE - 1.0
     density = (1.0 + square * (s**2 + s[:, None] ** 2)) ** -1.5
     share = density * falloff(light, face_directions(axes, *np.meshgrid(s, s)))

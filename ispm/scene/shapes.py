@@ -80,6 +80,53 @@ def _profile_rows(points: np.ndarray) -> tuple[np.ndarray, np.ndarray, list[int]
     return np.array(rows), np.array(normals), starts
 
 
+def ball(radius: float, segments: int, steps: int, name: str = "") -> Mesh:
+    """Return a sphere about the origin cut by meridians and parallels: 2 segments (steps - 1) triangles.
+
+    steps  from pole to pole
+    """
+    angle = np.linspace(-0.5 * np.pi, 0.5 * np.pi, steps + 1)
+    across = radius * np.cos(angle)
+    across[[0, -1]] = 0.0  # on the axis exactly
+    profile = [(float(x), float(y)) for x, y in zip(across, radius * np.sin(angle), strict=True)]
+    return lathe(profile, segments, name)
+
+
+def tube(path: np.ndarray, radius: float, sides: int, name: str = "") -> Mesh:
+    """Return a round tube along a closed curve: 2 triangles per point and side.
+
+    path  (N, 3) points in order, the last one joined to the first
+    """
+    ahead = np.roll(path, -1, axis=0) - np.roll(path, 1, axis=0)
+    ahead /= np.linalg.norm(ahead, axis=1, keepdims=True)
+    across = _carried(ahead)
+    # what the frame has turned by after one round is taken back evenly along it
+    end = _across(across[-1], ahead[0])
+    lag = np.arctan2(np.cross(across[0], end) @ ahead[0], across[0] @ end)
+    turn = 2.0 * np.pi * np.arange(sides) / sides - lag * np.arange(len(path))[:, None] / len(path)
+    other = np.cross(ahead, across)
+    out = np.cos(turn)[..., None] * across[:, None] + np.sin(turn)[..., None] * other[:, None]
+    k = np.arange(len(path) * sides).reshape(len(path), sides)
+    a, b = k, np.roll(k, -1, axis=0)
+    c, d = np.roll(b, -1, axis=1), np.roll(a, -1, axis=1)
+    triangles = np.stack([a, c, b, a, d, c], axis=-1).reshape(-1, 3)
+    return Mesh((path[:, None] + radius * out).reshape(-1, 3), triangles, out.reshape(-1, 3), name=name)
+
+
+def _carried(ahead: np.ndarray) -> np.ndarray:
+    """(N, 3) unit vectors across a curve, each turned as little as can be from the one before."""
+    across = [_across(np.eye(3)[np.argmin(np.abs(ahead[0]))], ahead[0])]
+    for direction in ahead[1:]:
+        across.append(_across(across[-1], direction))
+    return np.array(across)
+
+
+def _across(vector: np.ndarray, direction: np.ndarray) -> np.ndarray:
+    """The unit vector along the part of `vector` across `direction`."""
+    part = vector - direction * (vector @ direction)
+    return np.asarray(part / np.linalg.norm(part))
+
+
 def icosphere(radius: float, segments: int, name: str = "") -> Mesh:
     """Return a sphere about the origin: an icosahedron with edges cut into `segments`, pushed outwards.
 

@@ -1,5 +1,5 @@
 // The first hits of a light's photons: which triangle each texel of a cube face sees, and where on it.
-// include stages/cube.wgsl
+// include stages/face.wgsl
 // include stages/geometry.wgsl
 
 @group(0) @binding(0) var<uniform> face: Face;

@@ -23,6 +23,8 @@ class CameraView:
     near, far   m along the view axis; `far` bounds orthographic views only
     jitter      pixels that samples lie right of and below the pixels' centres
     pass_index  selects the random numbers of stochastic masks
+    aspect      width over height of the view; None: that of `size`, so that pixels are square
+    principal   where the view axis meets the picture: 0, 0 its middle, 1, 1 its top right corner
     """
 
     size: tuple[int, int]
@@ -33,6 +35,8 @@ class CameraView:
     far: float = 1e3
     jitter: tuple[float, float] = (0.0, 0.0)
     pass_index: int = 0
+    aspect: float | None = None
+    principal: tuple[float, float] = (0.0, 0.0)
     clip_from_world: np.ndarray = field(init=False, repr=False)
     world_from_clip: np.ndarray = field(init=False, repr=False)
 
@@ -58,8 +62,10 @@ class CameraView:
 
     @property
     def footprint(self) -> float:
-        """A pixel's height in m: at 1 m of depth, or at any (orthographic)."""
-        return 2.0 * (math.tan(self.yfov / 2.0) if self.ymag is None else self.ymag) / self.size[1]
+        """A pixel's side in m: at 1 m of depth, or at any (orthographic); that of a square of a pixel's
+        area where pixels are not square."""
+        width, height = self._extents()
+        return 2.0 * math.sqrt(width * height / (self.size[0] * self.size[1]))
 
     def sees(self, boxes: np.ndarray) -> np.ndarray:
         """Return (n,) whether each of (n, 2, 3) world-space boxes may be in the picture."""
@@ -84,30 +90,49 @@ class CameraView:
     def rays(self) -> tuple[np.ndarray, np.ndarray]:
         """Return origins and unit directions, (height, width, 3) float64, of the pixels' samples."""
         width, height = self.size
-        x = 2.0 * (np.arange(width) + 0.5) / width - 1.0
-        y = 1.0 - 2.0 * (np.arange(height) + 0.5) / height
+        return self.rays_through(np.arange(width) + 0.5, np.arange(height)[:, None] + 0.5)
+
+    def rays_through(self, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return origins and unit directions, (..., 3) float64, of rays through points of the picture.
+
+        x, y  pixels right and down, centres at .5, of shapes that broadcast
+        """
         near, beyond = (self._unproject(x, y, depth) for depth in (1.0, 0.5))
         direction = beyond - near
         direction /= np.linalg.norm(direction, axis=-1, keepdims=True)
         return (near if self.ymag is not None else np.broadcast_to(self.eye, near.shape)), direction
 
+    def pixel_rays(self, pixels: np.ndarray, depth: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return origins, unit directions, (n, 3), and metres to what is seen, (n,), of some pixels.
+
+        pixels  (n,) numbers y width + x;  depth  (n,) in clip space, above 0
+        """
+        x, y = pixels % self.size[0] + 0.5, pixels // self.size[0] + 0.5
+        origin, direction = self.rays_through(x, y)
+        along = self.near / depth if self.ymag is None else (1.0 - depth) * (self.far - self.near)
+        return origin, direction, along / (direction @ self.forward)
+
     def _unproject(self, x: np.ndarray, y: np.ndarray, depth: float) -> np.ndarray:
-        ndc = np.ones((len(y), len(x), 4))
-        ndc[..., 0], ndc[..., 1], ndc[..., 2] = x, y[:, None], depth
+        x, y = np.broadcast_arrays(2.0 * x / self.size[0] - 1.0, 1.0 - 2.0 * y / self.size[1])
+        ndc = np.stack([x, y, np.full(x.shape, depth), np.ones(x.shape)], axis=-1)
         world = ndc @ self.world_from_clip.T
         return np.asarray(world[..., :3] / world[..., 3:])
 
+    def _extents(self) -> tuple[float, float]:
+        """Half the width and height of the view in m: at 1 m of depth, or at any (orthographic)."""
+        height = math.tan(self.yfov / 2.0) if self.ymag is None else self.ymag
+        return height * (self.aspect or self.size[0] / self.size[1]), height
+
     def _clip_from_view(self) -> np.ndarray:
         """Reversed depth: near / distance, or linear from near to far (orthographic)."""
-        width, height = self.size
         matrix = np.zeros((4, 4))
-        extent = math.tan(self.yfov / 2.0) if self.ymag is None else self.ymag
-        matrix[0, 0], matrix[1, 1] = height / (width * extent), 1.0 / extent
+        matrix[0, 0], matrix[1, 1] = (1.0 / extent for extent in self._extents())
         if self.ymag is None:
             matrix[2, 3], matrix[3, 2] = self.near, -1.0
         else:
             span = self.far - self.near
             matrix[2, 2], matrix[2, 3], matrix[3, 3] = 1.0 / span, self.far / span, 1.0
         shift = np.eye(4)
-        shift[0, 3], shift[1, 3] = -2.0 * self.jitter[0] / width, 2.0 * self.jitter[1] / height
+        shift[0, 3] = self.principal[0] - 2.0 * self.jitter[0] / self.size[0]
+        shift[1, 3] = self.principal[1] + 2.0 * self.jitter[1] / self.size[1]
         return shift @ matrix

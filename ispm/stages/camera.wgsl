@@ -11,7 +11,7 @@ struct Camera {
     near: f32,                  // m
     size: vec2f,                // pixels
     jitter: vec2f,              // pixels that the samples lie right of and below the pixels' centres
-    footprint: f32,             // a pixel's height in m: at 1 m of depth, or at any (orthographic)
+    footprint: f32,             // a pixel's side in m: at 1 m of depth, or at any (orthographic)
     far: f32,                   // m, orthographic only
     pass_index: u32,
     spare: u32,
@@ -40,7 +40,7 @@ fn linear_depth(depth: f32) -> f32 {
     return camera.near / depth;
 }
 
-// Height in m of what a pixel covers at a linear depth, seen face on.
+// Side in m of what a pixel covers at a linear depth, seen face on.
 fn pixel_footprint(distance: f32) -> f32 {
     return camera.footprint * select(distance, 1.0, camera.orthographic != 0u);
 }

@@ -1,62 +1,94 @@
 // Light that reaches the eye's pixels straight from the lights, with shadows.
 // include stages/camera.wgsl
-// include optics/bsdf.wgsl
+// include stages/material.wgsl
+// include stages/shadow_map.wgsl
+// include optics/light.wgsl
 
-struct Shadows {
-    light_count: u32,
-    side: f32,          // texels of a map's edge
-    near: f32,          // m
-    spare: f32,
+override ADDS: bool = false;        // to what the lights before these brought
+override TRANSMITS: bool = true;    // some surface lets light through
+override SHEETS: bool = true;       // some sheets tint the light
+
+struct Lamps {                      // uniform: on llvmpipe a storage buffer costs a fifth more
+    texel: vec2f,                   // 1 / the atlas's size
+    count: u32,                     // of lights
+    spare: u32,
+    lights: array<Light, 128>,
+    maps: array<ShadowMap, 128>,
+    tiles: array<ShadowTile, 768>,
 }
 
 @group(0) @binding(0) var<uniform> camera: Camera;
-@group(0) @binding(1) var<uniform> shadows: Shadows;
-@group(0) @binding(2) var<storage, read> lights: array<Light>;
-@group(0) @binding(3) var<storage, read> materials: array<Material>;
-@group(0) @binding(4) var ids: texture_2d<u32>;
-@group(0) @binding(5) var normals: texture_2d<f32>;
-@group(0) @binding(6) var base: texture_2d<f32>;
-@group(0) @binding(7) var emission: texture_2d<f32>;
-@group(0) @binding(8) var depth: texture_depth_2d;
-@group(0) @binding(9) var cubes: texture_depth_cube_array;
-@group(0) @binding(10) var farther: sampler_comparison;
+@group(0) @binding(1) var<uniform> lamps: Lamps;
+@group(0) @binding(2) var<storage, read> materials: array<Material>;
+@group(0) @binding(3) var ids: texture_2d<u32>;
+@group(0) @binding(4) var normals: texture_2d<f32>;
+@group(0) @binding(5) var base: texture_2d<f32>;
+@group(0) @binding(6) var emission: texture_2d<f32>;
+@group(0) @binding(7) var depth: texture_depth_2d;
+@group(0) @binding(8) var before: texture_2d<f32>;
+@group(0) @binding(9) var atlas: texture_depth_2d;
+@group(0) @binding(10) var sheets: texture_depth_2d;
+@group(0) @binding(11) var tints: texture_2d<f32>;
+@group(0) @binding(12) var nearest: sampler;
 
-const TAP = 0.5;             // texels that each of four taps lies off in both directions
-const REACH = TAP + 1.0;     // texels at most between the point and what a tap reads, bilinear
-const SEAM = 6.0;            // texels from a cube's edge within which taps may fall on the next face
+const REACH = 1.0;      // texels at most between a point and the centres of those its filter reads
+const GRAZING = 1e-3;   // what normals are uncertain by, kept as two halves: radians
 
-// Share of the light that reaches a point, `p` from the light with the normal ng, both on the cube of
-// its maps, where an aimed light's narrow view is stretched sideways to a whole face.
-//
-// A tap compares a point beside p with the depth stored up to REACH texels from p. On p's own plane the
-// two agree to within that distance across the view, so the plane shades itself nowhere if p is first
-// raised by REACH texels times the slope of the plane in the face: ng's components along the face's
-// edges. That is exact for planes, in units of texels, so no scene needs a bias of its own. Bringing the
-// point REACH texels nearer as well keeps the other wall of a corner from shading the first.
-fn visibility(light: u32, spread: f32, p: vec3f, ng: vec3f) -> f32 {
-    let across = abs(p);
-    let distance = max(across.x, max(across.y, across.z));
-    let texel = 2.0 * distance / shadows.side;
-    let axes = step(vec3f(distance * (1.0 - SEAM / shadows.side)), across);
-    let edges = select(1.0 - axes, vec3f(1.0), axes.x + axes.y + axes.z > 1.0);
-    let raised = p + ng * (REACH * texel * dot(abs(ng), edges));
-    let s = select(vec3f(1.0, 0.0, 0.0), vec3f(0.0, 1.0, 0.0), across.x == distance);
-    let t = select(vec3f(0.0, 0.0, 1.0), vec3f(0.0, 1.0, 0.0), across.z == distance);
-    let nearer = 1.0 + 2.0 * REACH * spread / shadows.side;
-    var sum = 0.0;
-    for (var i = 0u; i < 4u; i++) {
-        let tap = vec2f(f32(i & 1u), f32(i >> 1u)) * 2.0 - 1.0;
-        let q = raised + (TAP * texel) * (tap.x * s + tap.y * t);
-        let axial = max(abs(q.x), max(abs(q.y), abs(q.z)));
-        sum += textureSampleCompareLevel(cubes, farther, q, light, nearer * shadows.near / axial);
-    }
-    return 0.25 * sum;
+// Four texels about a point in the order of textureGather: left below, right below, right above, left above.
+struct Lookup {
+    middle: vec2f,      // where they meet, in texels of the atlas
+    share: vec4f,       // of each in the point's light
+    depth: vec4f,       // surfaces that are nearer shade
+    side: f32,          // of the tile; 0: nothing shades
 }
 
-// 1 to 0 at the light's range; KHR_lights_punctual.
-fn range_window(distance: f32, range: f32) -> f32 {
-    let x = distance / range;
-    return select(1.0, clamp(1.0 - x * x * x * x, 0.0, 1.0), range > 0.0);
+// Where a point is looked up in the map of light `i`; ng: its surface's normal on the light's side.
+//
+// The depth stored in a texel belongs to its centre, so the point is compared there as its surface's plane
+// would be stored: depth in clip space is linear across the map. That is exact for planes, at any scale.
+// Where the plane recedes the point's own depth serves, which spares it the shade of what stands at its
+// foot. And all is REACH texels nearer, so that a corner's other wall does not shade the first.
+fn lookup(i: u32, position: vec3f, ng: vec3f) -> Lookup {
+    let map = lamps.maps[i];
+    let parallel = map.parallel != 0u;
+    let from_light = position - map.origin;
+    let p = vec3f(dot(map.x, from_light), dot(map.y, from_light), dot(map.z, from_light));
+    let face = face_of(p, map.faces == 6u);
+    let tile = lamps.tiles[6u * i + face.index];
+    let point = on_face(face, p);
+    let n = on_face(face, vec3f(dot(map.x, ng), dot(map.y, ng), dot(map.z, ng)));
+    let size = select(length(point), 1.0, parallel);
+    let facing = min(select(dot(n, point), n.z, parallel), -2.0 * GRAZING * size) + GRAZING * size;
+    let slope = (select(map.near, map.slope, parallel) / facing) * n.xy / tile.scale;
+    let w = select(point.z, 1.0, parallel);
+    let nearer = point.z - REACH * w * max(1.0 / tile.scale.x, 1.0 / tile.scale.y);
+    let own = (map.near - map.slope * nearer) / select(nearer, 1.0, parallel);
+    let texel = clamp(tile.scale * (point.xy / w) + tile.shift, tile.corner + REACH, tile.corner + (tile.side - REACH));
+    let f = fract(texel - 0.5);
+    let x = vec4f(-f.x, 1.0 - f.x, 1.0 - f.x, -f.x);
+    let y = vec4f(1.0 - f.y, 1.0 - f.y, -f.y, -f.y);
+    return Lookup(
+        floor(texel - 0.5) + 1.0,
+        (1.0 - abs(x)) * (1.0 - abs(y)),
+        own + max(slope.x * x + slope.y * y, vec4f(0.0)),
+        tile.side,
+    );
+}
+
+// Share of the light that passes all opaque surfaces.
+fn visibility(at: Lookup) -> f32 {
+    let stored = textureGather(atlas, nearest, at.middle * lamps.texel);
+    return dot(at.share, select(vec4f(0.0), vec4f(1.0), stored <= at.depth));
+}
+
+// Share of it that passes all sheets, where the nearest stands before the point.
+fn tint(at: Lookup) -> vec3f {
+    let stored = textureGather(sheets, nearest, at.middle * lamps.texel);
+    let share = select(vec4f(0.0), at.share, stored > at.depth);
+    let k = vec2u(at.middle);
+    return 1.0 - dot(share, vec4f(1.0))
+        + share.x * textureLoad(tints, k - vec2u(1u, 0u), 0).rgb + share.y * textureLoad(tints, k, 0).rgb
+        + share.z * textureLoad(tints, k - vec2u(0u, 1u), 0).rgb + share.w * textureLoad(tints, k - vec2u(1u, 1u), 0).rgb;
 }
 
 @vertex
@@ -68,39 +100,45 @@ fn vs(@builtin(vertex_index) corner: u32) -> @builtin(position) vec4f {
 fn fs(@builtin(position) position: vec4f) -> @location(0) vec4f {
     let pixel = vec2u(position.xy);
     let seen = textureLoad(ids, pixel, 0).xy;
-    if (seen.x == 0u || (materials[seen.y].flags & MATERIAL_UNLIT) != 0u) {
+    if (seen.x == 0u || (materials[material_row(seen.y)].flags & MATERIAL_UNLIT) != 0u) {
         return vec4f(0.0, 0.0, 0.0, 1.0);
     }
-    return vec4f(lit(pixel, seen.y), 1.0);
+    var sum = lit(pixel, seen.y);
+    if (ADDS) {
+        sum += textureLoad(before, pixel, 0).rgb;
+    }
+    return vec4f(sum, 1.0);
 }
 
 // Radiance towards the eye, cd/m2, of the surface in a pixel.
-fn lit(pixel: vec2u, material: u32) -> vec3f {
+fn lit(pixel: vec2u, word: u32) -> vec3f {
     let packed = textureLoad(normals, pixel, 0);
     let n = octahedral_decode(packed.xy);
     let ng = octahedral_decode(packed.zw);
     let position = world_position(vec2f(pixel) + 0.5, textureLoad(depth, pixel, 0));
     let wo = view_direction(position);
     let color = textureLoad(base, pixel, 0);
-    let bsdf = surface_bsdf(color.rgb, color.a, textureLoad(emission, pixel, 0).a, materials[material]);
+    var bsdf = seen_bsdf(word, color, textureLoad(emission, pixel, 0).a, materials[material_row(word)]);
+    if (!TRANSMITS) {
+        bsdf.tint = vec3f(0.0);  // so that the compiler leaves the lobe out
+    }
     var sum = vec3f(0.0);
-    for (var i = 0u; i < shadows.light_count; i++) {
-        let light = lights[i];
-        let from_light = position - light.position;
-        let distance = length(from_light);
-        let wi = -from_light / distance;
-        let window = range_window(distance, light.range);
-        if (window == 0.0 || dot(wi, ng) <= 0.0 || dot(wi, n) <= 0.0) {
+    for (var i = 0u; i < lamps.count; i++) {
+        let light = light_arriving(lamps.lights[i], position);
+        let above = dot(light.wi, ng) > 0.0;
+        let crosses = TRANSMITS && bsdf.thin > 0.0 && !above;
+        if (!any(light.irradiance > vec3f(0.0)) || !(above && dot(light.wi, n) > 0.0 || crosses)) {
             continue;
         }
-        let p = vec3f(dot(light.map_x, from_light), dot(light.map_y, from_light), dot(light.map_z, from_light));
-        let k2 = light.spread * light.spread;
-        let np = vec3f(k2 * dot(light.map_x, ng), k2 * dot(light.map_y, ng), dot(light.map_z, ng));
-        let visible = visibility(i, light.spread, p, normalize(np));
-        if (visible > 0.0) {
-            let irradiance = light.intensity * (visible * window * dot(wi, n) / (distance * distance));
-            sum += eval_bsdf(bsdf, n, wo, wi) * irradiance;
+        let at = lookup(i, position, select(ng, -ng, crosses));
+        var arriving = light.irradiance * abs(dot(light.wi, n));
+        if (at.side > 0.0) {
+            arriving *= visibility(at);
+            if (SHEETS) {
+                arriving *= tint(at);
+            }
         }
+        sum += eval_bsdf(bsdf, n, ng, wo, light.wi) * arriving;
     }
     return sum;
 }

@@ -1,15 +1,17 @@
 // Receivers: the surfaces whose incident light is estimated, and what becomes of it at a pixel.
 // include optics/records.wgsl
-// include optics/bsdf.wgsl
+// include stages/material.wgsl
 
 // Photons cannot resolve a narrower lobe: at this width some 3 % of them fall into it. Direct light and
 // the photons' own paths keep the true one.
 const GLOSS_ALPHA_MIN = 0.25;
 
-// The width of the glossy lobe that a receiver estimates, 0: none.
+// The width of the lobe by which a receiver weighs photons, 0: none. Smooth surfaces need the Fresnel term
+// alone, for their diffuse part.
 fn receiver_alpha(b: Bsdf, flags: u32) -> f32 {
     let glossy = b.f90 > 0.0 || max(b.f0.x, max(b.f0.y, b.f0.z)) > 0.0;
-    return select(0.0, max(b.alpha, GLOSS_ALPHA_MIN), glossy && (flags & MATERIAL_UNLIT) == 0u);
+    let counts = glossy && has_finite(b) && (flags & MATERIAL_UNLIT) == 0u;
+    return select(0.0, max(b.alpha, GLOSS_ALPHA_MIN), counts);
 }
 
 struct Incident {          // sums over photons, see `estimators`
@@ -19,8 +21,13 @@ struct Incident {          // sums over photons, see `estimators`
     grazing: vec3f,        // weighted by D V Fc
 }
 
-// Reflected radiance: f summed over photons, with the lobe's colors put in afterwards.
+// Reflected radiance: f summed over photons, with the lobe's colors put in afterwards. What is mirrored or
+// comes through is left to eye paths.
 fn reflect_incident(b: Bsdf, i: Incident) -> vec3f {
     let kept = (1.0 - b.dielectric_f0) * i.irradiance - (b.dielectric_f90 - b.dielectric_f0) * i.fresnel;
-    return max(b.diffuse / PI * kept + b.f0 * i.gloss + b.f90 * i.grazing, vec3f(0.0));
+    let diffuse = b.diffuse / PI * kept;
+    if (is_smooth(b) || transmits(b)) {
+        return max(diffuse, vec3f(0.0));
+    }
+    return max(diffuse + b.f0 * i.gloss + b.f90 * i.grazing, vec3f(0.0));
 }

@@ -62,6 +62,25 @@ class PhotonGrid:
         run_threads(work, threads)
         return out
 
+    def count(self, receivers: np.ndarray, threads: int) -> np.ndarray:
+        """Return how many kernels hold each point, (n,) int32, whether they light it or not.
+
+        receivers  (n,) RECEIVER
+        """
+        out = np.zeros(len(receivers), np.int32)
+        if len(self._photons) and len(receivers):
+            edges = np.linspace(0, len(receivers), threads + 1).astype(np.int64)
+
+            def work(k: int) -> None:
+                rows = slice(edges[k], edges[k + 1])
+                _count_kernels(
+                    receivers[rows], self._photons, self._low, self._cell, self._shape, self._starts,
+                    self._ids, out[rows],
+                )  # fmt: skip
+
+            run_threads(work, threads)
+        return out
+
 
 @jit
 def _span(photon, low, cell, shape, axis):
@@ -110,15 +129,38 @@ def _gather(receivers, photons, low, cell, shape, starts, ids, counter, out):
             receiver = receivers[r]
             if receiver.valid == u32(0):
                 continue
-            inside = True
-            c = i64(0)
-            for axis in range(3):
-                place = (receiver.position[axis] - low[axis]) / cell
-                inside = inside and place >= f32(0) and place < f32(shape[axis])
-                c = c * shape[axis] + i64(place) if inside else i64(0)
-            if inside:
+            c = _cell_at(receiver.position, low, cell, shape)
+            if c >= i64(0):
                 for k in range(starts[c], starts[c + 1]):
                     add_photon(receiver, photons[ids[k]], out, r)
+
+
+@jit
+def _count_kernels(receivers, photons, low, cell, shape, starts, ids, out):
+    for r in range(len(receivers)):
+        c = _cell_at(receivers[r].position, low, cell, shape)
+        if receivers[r].valid == u32(0) or c < i64(0):
+            continue
+        at = receivers[r].position
+        for k in range(starts[c], starts[c + 1]):
+            photon = photons[ids[k]]
+            normal = (photon.normal[0], photon.normal[1], photon.normal[2])
+            place = photon.position
+            offset = (at[0] - place[0], at[1] - place[1], at[2] - place[2])
+            if density_kernel(offset, normal, photon.radius, photon.height) > f32(0):
+                out[r] += 1
+
+
+@jit
+def _cell_at(position, low, cell, shape):
+    """The number of the cell that holds a position, -1 outside."""
+    c = i64(0)
+    for axis in range(3):
+        place = (position[axis] - low[axis]) / cell
+        if not (place >= f32(0) and place < f32(shape[axis])):
+            return i64(-1)
+        c = c * shape[axis] + i64(place)
+    return c
 
 
 @jit

@@ -17,6 +17,9 @@ from ispm.optics.records import (
     MATERIAL,
     MATERIAL_BLEND,
     MATERIAL_MASK,
+    MATERIAL_THIN,
+    MATERIAL_TRANSMITS,
+    MATERIAL_UNLIT,
     TEXTURE_USE,
     VERTEX,
 )  # fmt: skip
@@ -53,9 +56,12 @@ _METALLIC, _ROUGHNESS = _word(MATERIAL, "metallic"), _word(MATERIAL, "roughness"
 _SPECULAR, _SPECULAR_COLOR = _word(MATERIAL, "specular"), _word(MATERIAL, "specular_color")
 _F0, _CUTOFF, _FLAGS = (_word(MATERIAL, n) for n in ("f0", "alpha_cutoff", "flags"))
 _NORMAL_SCALE = _word(MATERIAL, "normal_scale")
+_TRANSMISSION, _IOR, _ATTENUATION = (_word(MATERIAL, n) for n in ("transmission", "ior", "attenuation"))
 _BASE_MAP = _word(MATERIAL, "base_color_texture")
 _ROUGHNESS_MAP = _word(MATERIAL, "metallic_roughness_texture")
 _NORMAL_MAP = _word(MATERIAL, "normal_texture")
+_EMISSION, _EMISSION_MAP = _word(MATERIAL, "emission"), _word(MATERIAL, "emission_texture")
+_TRANSMISSION_MAP = _word(MATERIAL, "transmission_texture")
 _TEXTURE, _UV_SET, _ROW1 = (_word(TEXTURE_USE, n) for n in ("texture", "uv_set", "row1"))
 
 # slots of the addresses in a SurfaceTable
@@ -82,13 +88,21 @@ class SurfaceTable:
         self.addresses = np.array([*map(address, self._kept), 0, 0, 0], np.uint64)
         self.texels, self.rows = textures.texels, textures.rows
 
+    def own_footprint(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return addresses whose footprint is the caller's to set, and the (1,) float32 that holds it."""
+        footprint = np.array(self._kept[_FOOTPRINT])
+        addresses = self.addresses.copy()
+        addresses[_FOOTPRINT] = address(footprint)
+        return addresses, footprint
+
 
 @jit
 def surface(table, texels, rows, hit, d):
-    """Return (position, ng, n, bsdf, flags) at a hit.
+    """Return (position, ng, n, bsdf, flags, entering) at a hit.
 
     hit  (instance, primitive, u, v), barycentrics of the second and third vertex
     d    direction of the ray that hit; both normals are turned against it
+    entering: it met the front, the outside of a solid
     """
     instance, material, corners = _place(table, hit)
     u, v = hit[2], hit[3]
@@ -101,14 +115,16 @@ def surface(table, texels, rows, hit, d):
     texel_area = f32(0)
     if _has_texture(table, material):
         texel_area = _footprint(table, instance, corners, e1, e2)
-    if dot(ng, d) > f32(0):
+    entering = dot(ng, d) <= f32(0)
+    if not entering:
         ng = scale(f32(-1), ng)
     side = f32(-1) if dot(n, ng) < f32(0) else f32(1)
     if _texture(table, material, _NORMAL_MAP) >= i64(0):
         n = _mapped_normal(table, texels, rows, instance, material, corners, u, v, n, texel_area)
     n = _bend(_bend(scale(side, n), ng), scale(f32(-1), d))
-    bsdf = _bsdf(table, texels, rows, material, corners, u, v, texel_area)
-    return position, ng, n, bsdf, ldu(table[_MATERIALS], material + _FLAGS)
+    flags = ldu(table[_MATERIALS], material + _FLAGS)
+    bsdf = _bsdf(table, texels, rows, material, flags, corners, u, v, texel_area, entering)
+    return position, ng, n, bsdf, flags, entering
 
 
 @jit
@@ -122,6 +138,38 @@ def _bend(n, toward):
     if beyond >= f32(0):
         return n
     return _unit(sub(n, scale(beyond - f32(1e-3), toward)))
+
+
+@jit
+def attenuation(table, hit, distance):
+    """Return the share of light, RGB, left after `distance` metres of what the hit's material bounds.
+
+    Source: KHR_materials_volume, attenuation.
+    """
+    _, material, _ = _place(table, hit)
+    rate = _vector(table[_MATERIALS], material + _ATTENUATION)
+    return math.exp(-distance * rate[0]), math.exp(-distance * rate[1]), math.exp(-distance * rate[2])
+
+
+@jit
+def glow(table, texels, rows, hit):
+    """Return the radiance that a hit sends everywhere: emission, or the base color of unlit materials."""
+    instance, material, corners = _place(table, hit)
+    materials = table[_MATERIALS]
+    unlit = ldu(materials, material + _FLAGS) & u32(MATERIAL_UNLIT) != u32(0)
+    emission = _vector(materials, material + _EMISSION)
+    texture = _texture(table, material, _EMISSION_MAP)
+    if not unlit and (texture < i64(0) or emission[0] + emission[1] + emission[2] == f32(0)):
+        return emission
+    p0 = _vector(table[_VERTICES], corners[0])
+    e1 = sub(_vector(table[_VERTICES], corners[1]), p0)
+    e2 = sub(_vector(table[_VERTICES], corners[2]), p0)
+    area = _footprint(table, instance, corners, e1, e2)
+    if unlit:
+        color, _ = _base_color(table, texels, rows, material, corners, hit[2], hit[3], area)
+        return color
+    r, g, b, _ = _sample(table, texels, rows, material, _EMISSION_MAP, corners, hit[2], hit[3], area)
+    return emission[0] * r, emission[1] * g, emission[2] * b
 
 
 @jit
@@ -255,7 +303,8 @@ def _texture(table, material, use):
 @jit
 def _has_texture(table, material):
     base, rough = _texture(table, material, _BASE_MAP), _texture(table, material, _ROUGHNESS_MAP)
-    return max(max(base, rough), _texture(table, material, _NORMAL_MAP)) >= i64(0)
+    normal, clear = _texture(table, material, _NORMAL_MAP), _texture(table, material, _TRANSMISSION_MAP)
+    return max(max(base, rough), max(normal, clear)) >= i64(0)
 
 
 @jit
@@ -324,8 +373,8 @@ def _mix_channel(c0, c1, c2, shift, u, v):
 
 
 @jit
-def _bsdf(table, texels, rows, material, corners, u, v, uv_area):
-    """The ten numbers of the BSDF at a point of a material."""
+def _bsdf(table, texels, rows, material, flags, corners, u, v, uv_area, entering):
+    """The Bsdf at a point of a material."""
     materials = table[_MATERIALS]
     color, _ = _base_color(table, texels, rows, material, corners, u, v, uv_area)
     metallic = ldf(materials, material + _METALLIC)
@@ -333,9 +382,16 @@ def _bsdf(table, texels, rows, material, corners, u, v, uv_area):
     if _texture(table, material, _ROUGHNESS_MAP) >= i64(0):
         _, g, b, _ = _sample(table, texels, rows, material, _ROUGHNESS_MAP, corners, u, v, uv_area)
         roughness, metallic = roughness * g, metallic * b
+    transmission = f32(0)
+    if flags & u32(MATERIAL_TRANSMITS):
+        transmission = ldf(materials, material + _TRANSMISSION)
+        if _texture(table, material, _TRANSMISSION_MAP) >= i64(0):
+            r, _, _, _ = _sample(table, texels, rows, material, _TRANSMISSION_MAP, corners, u, v, uv_area)
+            transmission *= r
     return surface_bsdf(
         color, metallic, roughness, ldf(materials, material + _F0),
-        _vector(materials, material + _SPECULAR_COLOR), ldf(materials, material + _SPECULAR),
+        _vector(materials, material + _SPECULAR_COLOR), ldf(materials, material + _SPECULAR), transmission,
+        ldf(materials, material + _IOR), flags & u32(MATERIAL_THIN) != u32(0), entering,
     )  # fmt: skip
 
 

@@ -8,21 +8,38 @@ from dataclasses import dataclass
 import numpy as np
 from numba import literal_unroll
 
-from ispm.optics.bsdf import adjoint_factor, sample_bsdf
+from ispm.optics.bsdf import adjoint_factor, has_finite, is_smooth, sample_bsdf
 from ispm.optics.jit import jit
-from ispm.optics.records import MATERIAL_UNLIT, NO_HIT, PHOTON
+from ispm.optics.light import range_window
+from ispm.optics.records import (
+    LIGHT_DIRECTIONAL,
+    MATERIAL_THIN,
+    MATERIAL_TRANSMITS,
+    MATERIAL_UNLIT,
+    NO_HIT,
+    PHOTON,
+)  # fmt: skip
 from ispm.optics.rng import random4
 from ispm.optics.vector import dot, scale, sub
 from ispm.scene.packed import Packed
 from ispm.tracer.intersect import STACK_WORDS
 from ispm.tracer.simd import address, alloca, atomic_add
-from ispm.tracer.surface import SurfaceTable, closest_surface, hit_position, leave_surface, surface
+from ispm.tracer.surface import (
+    SurfaceTable,
+    attenuation,
+    closest_surface,
+    hit_position,
+    leave_surface,
+    surface,
+)  # fmt: skip
 from ispm.tracer.threads import run_threads
 from ispm.tracer.world import World
 
 f32, i64, u32 = np.float32, np.int64, np.uint32
 
 ROULETTE_AFTER = 4  # scatters; living photons lower the error more than they cost before that
+SPECULAR_MAX = 8  # events at smooth surfaces without roulette
+_SPECULAR_SURVIVAL = 0.9  # chance at each later one: ends paths between lossless surfaces without fireflies
 _CHUNK = 256  # photons a thread takes at a time; results do not depend on it or on the threads
 
 # rows of a chunk's sums
@@ -62,13 +79,15 @@ def walk(
     """Trace photons from their first hits, storing one at each later hit.
 
     emitted  (N,) EMITTED
-    bounces  scatters at most, the one at the first hit included
-    The first hit is direct light, which shadow maps show, so it is not stored. Flux changes by
-    f cos / pdf; after `ROULETTE_AFTER` scatters roulette keeps the expectation (method, 1.3).
+    bounces  scatters at most, the one at the first hit included; events at smooth surfaces, where light
+             goes one way, do not count
+    The first hit is direct light, which shadow maps show, also behind thin sheets, so it is not stored. Flux
+    changes by f cos / pdf, and between hits by what is in between; after `ROULETTE_AFTER` scatters and
+    `SPECULAR_MAX` specular events roulette keeps the expectation (method, 1.3).
     Returns the same bytes for any number of threads.
     """
     chunk_count = -(-len(emitted) // _CHUNK)
-    capacity = _CHUNK * max(bounces, 1)
+    capacity = int(chunk_capacity(bounces))
     stored = world.scratch(chunk_count * capacity, PHOTON)  # mostly pages that are never touched
     counts = np.zeros((chunk_count, 2), np.int64)
     sums = np.zeros((chunk_count, 5, 3))
@@ -91,10 +110,19 @@ def walk(
 
 
 @jit
+def chunk_capacity(bounces):
+    """Return how many photons a chunk can store, on average `SPECULAR_MAX` more than a photon scatters.
+
+    Surfaces both smooth and diffuse store without end; where a chunk is full its photons are dropped.
+    """
+    return i64(_CHUNK) * (max(i64(bounces), i64(1)) + i64(SPECULAR_MAX))
+
+
+@jit
 def _walk_chunks(
     world, table, texels, rows, lights, emitted, bounces, seed, pass_index, counter, stored, counts, sums
 ):  # fmt: skip
-    capacity = i64(_CHUNK) * max(bounces, i64(1))
+    capacity = chunk_capacity(bounces)
     stack, words = alloca(STACK_WORDS), alloca(2)
     while True:
         chunk = atomic_add(counter, i64(1))
@@ -125,35 +153,48 @@ def _walk_one(
         _add(sums, chunk, _ESCAPED, flux)
         return row, i64(0)
     hit = (photon.instance, photon.primitive, photon.u, photon.v)
-    d, within = first_segment(table, lights, i64(photon.light), hit)
+    origin, d, within = first_segment(table, lights, i64(photon.light), hit)
     kept = scale(within, flux)
     _add_difference(sums, chunk, _ESCAPED, flux, kept)
     flux = kept
-    rays = i64(0)
-    for scatters in range(bounces + 1):
-        position, ng, n, bsdf, flags = surface(table, texels, rows, hit, d)
-        if scatters > 0:
+    end = (chunk + i64(1)) * chunk_capacity(bounces)
+    direct = True  # straight from the light, but for thin sheets
+    inside = nowhere()
+    scatters, speculars, rays = i64(0), i64(0), i64(0)
+    while True:
+        position, ng, n, bsdf, flags, entering = surface(table, texels, rows, hit, d)
+        inside = medium(inside, hit, flags, entering)
+        if inside[0] != u32(NO_HIT):
+            kept = attenuated(table, inside, origin, position, flux)
+            _add_difference(sums, chunk, _ABSORBED, flux, kept)
+            flux = kept
+        room = row < end
+        if not direct and room and has_finite(bsdf):
             _store(stored, row, position, ng, flux, d, hit[0], scatters)
             _add(sums, chunk, _STORED, flux)
             row += 1
-        if scatters == bounces:
+        last = scatters == bounces
+        if not room or (last and not is_smooth(bsdf)):
             _add(sums, chunk, _DROPPED, flux)
             break
-        u0, u1, u2, u3 = random4(photon.key, u32(2 * scatters), pass_index, seed)
-        alive, wi, scattered = scatter(ng, n, bsdf, flags, d, flux, u0, u1, u2)
-        if alive and scatters >= ROULETTE_AFTER:
-            survival = min(f32(1), _sum(scattered) / _sum(flux))
-            alive = u3 < survival
-            scattered = scale(f32(1) / survival, scattered)
+        alive, wi, scattered, specular = next_flight(
+            photon.key, pass_index, seed, scatters, speculars, ng, n, bsdf, flags, d, flux
+        )
+        if alive and last and not specular:
+            _add(sums, chunk, _DROPPED, flux)
+            break
         if not alive:
             _add(sums, chunk, _ABSORBED, flux)
             break
         _add_difference(sums, chunk, _ABSORBED, flux, scattered)
-        flux, d = scattered, wi
-        _, _, _, u3 = random4(photon.key, u32(2 * scatters + 1), pass_index, seed)
-        start = leave_surface(world, table, hit, ng)
-        rays += 1
-        found, hit = closest_surface(world, table, texels, rows, start, d, u3, stack, words)
+        flux, d, origin = scattered, wi, position
+        u = flight_number(photon.key, pass_index, seed, scatters + speculars)
+        speculars += i64(specular)
+        scatters += i64(not specular)
+        direct = direct and specular and passed_sheet(flags, ng, d)
+        start, inside = depart(world, table, hit, flags, entering, inside, ng, d)
+        rays += i64(1)
+        found, hit = closest_surface(world, table, texels, rows, start, d, u, stack, words)
         if not found:
             _add(sums, chunk, _ESCAPED, flux)
             break
@@ -162,35 +203,93 @@ def _walk_one(
 
 @jit
 def first_segment(table, lights, light, hit):
-    """Direction from the light to the first hit, and the share of the flux within its range.
-
-    The share is clamp(1 - (distance / range)^4, 0, 1), as KHR_lights_punctual recommends.
+    """Return where the flight from the light to the first hit begins, its direction, and the share of the
+    flux within the light's range. A directional light's begins at the hit: it is not in what it shines on.
     """
     row = lights[light]
-    way = sub(hit_position(table, hit), (row.position[0], row.position[1], row.position[2]))
+    position = hit_position(table, hit)
+    if row.kind == u32(LIGHT_DIRECTIONAL):
+        return position, (row.direction[0], row.direction[1], row.direction[2]), f32(1)
+    origin = (row.position[0], row.position[1], row.position[2])
+    way = sub(position, origin)
     square = dot(way, way)
     distance = f32(math.sqrt(square if square > f32(0) else f32(1e-30)))
-    d = scale(f32(1) / distance, way)
-    if row.range <= f32(0):
-        return d, f32(1)
-    ratio = distance / row.range
-    ratio *= ratio
-    return d, max(f32(1) - ratio * ratio, f32(0))
+    return origin, scale(f32(1) / distance, way), range_window(distance, row.range)
+
+
+@jit
+def nowhere():
+    """Return the hit that bounds nothing."""
+    return u32(NO_HIT), u32(0), f32(0), f32(0)
+
+
+@jit
+def medium(inside, hit, flags, entering):
+    """Return a hit on what bounds the solid that a flight to `hit` went through: that one if met from within,
+    else what the path last entered, `inside`."""
+    solid = flags & u32(MATERIAL_TRANSMITS | MATERIAL_THIN) == u32(MATERIAL_TRANSMITS)
+    return hit if solid and not entering else inside
+
+
+@jit
+def depart(world, table, hit, flags, entering, inside, ng, d):
+    """Return where a flight along `d` from a hit starts, and a hit on what bounds the solid it is in."""
+    side = f32(1) if dot(d, ng) > f32(0) else f32(-1)
+    start = leave_surface(world, table, hit, scale(side, ng))
+    if side > f32(0) or flags & u32(MATERIAL_THIN):
+        return start, inside
+    return start, hit if entering else nowhere()
+
+
+@jit
+def attenuated(table, inside, origin, position, flux):
+    """Return the flux that is left of a flight through a solid."""
+    way = sub(position, origin)
+    left = attenuation(table, inside, f32(math.sqrt(dot(way, way))))
+    return left[0] * flux[0], left[1] * flux[1], left[2] * flux[2]
+
+
+@jit
+def passed_sheet(flags, ng, wi):
+    """Return whether a specular event was a straight passage through a thin sheet."""
+    return flags & u32(MATERIAL_THIN) != u32(0) and dot(wi, ng) < f32(0)
+
+
+@jit
+def next_flight(key, pass_index, seed, scatters, speculars, ng, n, bsdf, flags, d, flux):
+    """Sample where the photon goes, with roulette: (alive, wi, flux after it, specular)."""
+    u0, u1, u2, u3 = random4(key, u32(2 * (scatters + speculars)), pass_index, seed)
+    alive, wi, scattered, specular = scatter(ng, n, bsdf, flags, d, flux, u0, u1, u2)
+    if alive and specular and speculars >= SPECULAR_MAX:
+        alive = u3 < f32(_SPECULAR_SURVIVAL)
+        scattered = scale(f32(1 / _SPECULAR_SURVIVAL), scattered)
+    if alive and not specular and scatters >= ROULETTE_AFTER:
+        survival = min(f32(1), _sum(scattered) / _sum(flux))
+        alive = u3 < survival
+        scattered = scale(f32(1) / survival, scattered)
+    return alive, wi, scattered, specular
+
+
+@jit
+def flight_number(key, pass_index, seed, event):
+    """Return the random number for holes that the flight after an event meets."""
+    _, _, _, u3 = random4(key, u32(2 * event + 1), pass_index, seed)
+    return u3
 
 
 @jit
 def scatter(ng, n, bsdf, flags, d, flux, u0, u1, u2):
-    """Sample where the photon goes: (alive, wi, flux after it)."""
+    """Sample where the photon goes: (alive, wi, flux after it, specular)."""
     wo = scale(f32(-1), d)
     if flags & u32(MATERIAL_UNLIT):
-        return False, wo, flux
-    alive, wi, weight = sample_bsdf(bsdf, n, wo, u0, u1, u2)
-    out_ng = dot(wi, ng)
-    if not alive or out_ng <= f32(0):
-        return False, wo, flux
-    k = adjoint_factor(dot(wo, n), dot(wo, ng), dot(wi, n), out_ng)
-    scattered = (k * weight[0] * flux[0], k * weight[1] * flux[1], k * weight[2] * flux[2])
-    return _sum(scattered) > f32(0), wi, scattered
+        return False, wo, flux, False
+    alive, wi, weight, specular = sample_bsdf(bsdf, n, ng, wo, u0, u1, u2, False)
+    if not alive:
+        return False, wo, flux, False
+    if not specular:  # of the others flux is kept
+        weight = scale(adjoint_factor(dot(wo, n), dot(wo, ng), dot(wi, n), dot(wi, ng)), weight)
+    scattered = (weight[0] * flux[0], weight[1] * flux[1], weight[2] * flux[2])
+    return _sum(scattered) > f32(0), wi, scattered, specular
 
 
 @jit

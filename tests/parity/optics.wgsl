@@ -3,8 +3,8 @@
 // include optics/bsdf.wgsl
 // include optics/density.wgsl
 
-@group(0) @binding(0) var<storage, read> given: array<array<vec4f, 6>>;
-@group(0) @binding(1) var<storage, read_write> result: array<array<vec4f, 3>>;
+@group(0) @binding(0) var<storage, read> given: array<array<vec4f, 8>>;
+@group(0) @binding(1) var<storage, read_write> result: array<array<vec4f, 4>>;
 @group(0) @binding(2) var<storage, read> keys: array<vec4u>;
 @group(0) @binding(3) var<storage, read_write> hashes: array<vec4u>;
 
@@ -17,12 +17,14 @@ fn rng(@builtin(global_invocation_id) id: vec3u) {
     }
 }
 
-fn surface(row: array<vec4f, 6>) -> Bsdf {
+fn surface(row: array<vec4f, 8>) -> Bsdf {
     var material: Material;
     material.f0 = row[1].x;
     material.specular_color = row[1].yzw;
     material.specular = row[2].w;
-    return surface_bsdf(row[0].xyz, row[0].w, row[2].x, material);
+    material.ior = row[4].w;
+    material.flags = select(0u, MATERIAL_THIN, row[5].w == 1.0);
+    return surface_bsdf(row[0].xyz, row[0].w, row[2].x, row[6].w, material, row[5].w != 2.0);
 }
 
 @compute @workgroup_size(64)
@@ -31,20 +33,33 @@ fn bsdf(@builtin(global_invocation_id) id: vec3u) {
     let row = given[id.x];
     let b = surface(row);
     let n = row[3].xyz;
-    let f = eval_bsdf(b, n, row[4].xyz, row[5].xyz);
+    let f = eval_bsdf(b, n, row[6].xyz, row[4].xyz, row[5].xyz);
     let g = gloss_terms(b.alpha, n, row[4].xyz, row[5].xyz);
     result[id.x][0] = vec4f(f, pdf_bsdf(b, n, row[4].xyz, row[5].xyz));
     result[id.x][1] = vec4f(g, b.alpha);
     result[id.x][2] = vec4f(b.f0, b.dielectric_f0);
+    result[id.x][3] = vec4f(b.tint, b.eta + b.thin);
 }
 
 @compute @workgroup_size(64)
 fn bsdf_sample(@builtin(global_invocation_id) id: vec3u) {
     if (id.x >= arrayLength(&given)) { return; }
     let row = given[id.x];
-    let s = sample_bsdf(surface(row), row[3].xyz, row[4].xyz, vec3f(row[2].y, row[2].z, row[3].w));
+    let s = sample_bsdf(surface(row), row[3].xyz, row[6].xyz, row[4].xyz, vec3f(row[2].yz, row[3].w), row[7].x > 0.5);
     result[id.x][0] = vec4f(s.wi, select(0.0, 1.0, s.ok));
-    result[id.x][1] = vec4f(s.weight, 0.0);
+    result[id.x][1] = vec4f(s.weight, select(0.0, 1.0, s.specular));
+}
+
+@compute @workgroup_size(64)
+fn specular(@builtin(global_invocation_id) id: vec3u) {
+    if (id.x >= arrayLength(&given)) { return; }
+    let row = given[id.x];
+    let b = surface(row);
+    let s = smooth_split(b, row[3].xyz, row[6].xyz, row[4].xyz);
+    result[id.x][0] = vec4f(s.reflectance, select(0.0, 1.0, s.through));
+    result[id.x][1] = vec4f(s.transmittance, select(0.0, 1.0, has_finite(b)));
+    result[id.x][2] = vec4f(s.wi_reflected, 0.0);
+    result[id.x][3] = vec4f(s.wi_transmitted, 0.0);
 }
 
 @compute @workgroup_size(64)

@@ -1,5 +1,6 @@
 """camera.wgsl against CameraView, and CameraView against geometry."""
 
+import dataclasses
 import math
 from pathlib import Path
 
@@ -16,6 +17,10 @@ VIEWS = {
     "perspective": CameraView((320, 180), POSE, 0.9, near=1e-3),
     "jittered": CameraView((64, 99), POSE, 1.2, near=0.1, jitter=(0.4, -0.3)),
     "orthographic": CameraView((320, 180), POSE, ymag=2.0, near=0.5, far=40.0),
+    "off-axis": CameraView((320, 180), POSE, 0.9, near=1e-3, aspect=1.5, principal=(0.3, -0.2)),
+    "off-axis orthographic": CameraView(
+        (320, 180), POSE, ymag=2.0, near=0.5, far=40.0, aspect=2.5, principal=(-0.4, 0.1)
+    ),
 }
 
 
@@ -45,13 +50,15 @@ def test_camera_shader_agrees_with_geometry(gpu: Gpu, view: CameraView) -> None:
     wo = wo / np.linalg.norm(wo, axis=1, keepdims=True)
     assert np.abs(rows[:, 1, :3] - wo).max() < 1e-6
     height = 2.0 * math.tan(view.yfov / 2.0) * distance if view.ymag is None else 2.0 * view.ymag
-    assert rows[:, 1, 3] == pytest.approx(height / view.size[1] * np.ones(len(points)), rel=1e-5)
+    stretch = 1.0 if view.aspect is None else view.aspect * view.size[1] / view.size[0]
+    side = height / view.size[1] * math.sqrt(stretch) * np.ones(len(points))
+    assert rows[:, 1, 3] == pytest.approx(side, rel=1e-5)
 
 
 @pytest.mark.parametrize("view", VIEWS.values(), ids=VIEWS)
 def test_rays_pass_the_pixels_samples(view: CameraView) -> None:
     """A point along a pixel's ray projects onto the pixel's centre plus the jitter, without jitter."""
-    plain = CameraView(view.size, view.pose, view.yfov, view.ymag, view.near, view.far)
+    plain = dataclasses.replace(view, jitter=(0.0, 0.0))
     origins, directions = view.rays()
     points = origins + 7.0 * directions
     clip = np.concatenate([points, np.ones((*points.shape[:2], 1))], -1) @ plain.clip_from_world.T

@@ -8,6 +8,7 @@ import numpy as np
 
 from ispm.scene.camera import look_at_pose
 from ispm.scene.light import PointLight
+from ispm.scene.lightmap import CUBE_AXES, LightMap, face_directions
 from ispm.scene.material import Material
 from ispm.scene.mesh import Mesh
 from ispm.scene.packed import Packed, pack
@@ -114,6 +115,38 @@ def cast(
     distance = t[rows, best]
     barycentrics = np.stack([u[rows, best], v[rows, best]], -1)
     return np.where(np.isfinite(distance), best, -1), distance, barycentrics
+
+
+def cube_direction(
+    face: np.ndarray | int,
+    x: np.ndarray | int,
+    y: np.ndarray | int,
+    width: int,
+    shift: tuple[float, float] = (0.0, 0.0),
+) -> np.ndarray:
+    """Unit directions, (..., 3), that texels (x, y) of a cube's faces sample."""
+    s, t = (2.0 * (np.asarray(k) + 0.5 + d) / width - 1.0 for k, d in zip((x, y), shift, strict=True))
+    right, down, axis = np.moveaxis(CUBE_AXES[face], -2, 0)
+    way = axis + s[..., None] * right + t[..., None] * down
+    return np.asarray(way / np.linalg.norm(way, axis=-1, keepdims=True))
+
+
+def map_rays(
+    map: LightMap, width: int, shift: tuple[float, float] = (0.0, 0.0)
+) -> tuple[np.ndarray, np.ndarray]:
+    """Origins and unit directions, (F, width, width, 3), of the rays that a map's texels stand for.
+
+    Those of an orthographic map start at its near plane.
+    """
+    s, t = (2.0 * (np.arange(width) + 0.5 + k) / width - 1.0 for k in shift)
+    shape = (len(map.axes), width, width, 3)
+    if not map.orthographic:
+        directions = np.stack([face_directions(axes, s, t[:, None]) for axes in map.axes])
+        return np.broadcast_to(map.origin, shape), directions
+    inverse = map.axes[0] / (map.axes[0] ** 2).sum(axis=1, keepdims=True)
+    place = np.stack(np.broadcast_arrays(s, t[:, None], -1.0), axis=-1) @ inverse
+    axis = inverse[2] / np.linalg.norm(inverse[2])
+    return (map.origin + place)[None], np.broadcast_to(axis, shape)
 
 
 def interior(labels: np.ndarray) -> np.ndarray:

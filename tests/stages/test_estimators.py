@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 from scipy import integrate
+from transport import trace
 
 from ispm.errors import AdapterError
 from ispm.estimators.grid import Grid
@@ -15,6 +16,7 @@ from ispm.estimators.volumes import Volumes, icosahedron_corners, icosahedron_fa
 from ispm.gpu import Target
 from ispm.optics.records import PHOTON, RECEIVER
 from ispm.reference.gather import gather
+from ispm.scene.builtin import builtin
 
 LOW, HIGH = np.array([-2.0, -1.5, -6.0]), np.array([2.0, 1.5, 1.0])  # of a room around the eye
 SIZE = (45, 27)  # not a multiple of a tile
@@ -268,6 +270,82 @@ def test_unscaled_volumes_lose_light(gpu):
     found = volumes(receivers, photon, clip, (64, 64))
     volumes.close()
     assert disagreement(found, gather(receivers, photon)).max() > 1e-3
+
+
+def talk_kernel(receivers, photons, errors):
+    """(n, m) kappa of the slide's distance, t = d / r (1 +- c (r - h) / h), in double precision."""
+    offset = receivers["position"][:, None].astype(float) - photons["position"].astype(float)
+    d = np.linalg.norm(offset, axis=2)
+    z = np.abs(np.einsum("nmi,mi->nm", offset, photons["normal"].astype(float)))
+    r, h = photons["radius"].astype(float), photons["height"].astype(float)
+    t = d / r * (1 + (-1 if errors else 1) * z / d * (r - h) / h)
+    ellipsoid = (d**2 - z**2) / r**2 + z**2 / h**2
+    if not errors:
+        assert (
+            t**2 >= ellipsoid - 1e-12
+        ).all()  # so the volume drawn for the ellipsoid holds this kernel too
+    s = 1 / 3
+    norm = 1 / (2 * math.pi * s**2 * (1 - math.exp(-1 / (2 * s**2)))) / r**2
+    return np.where((t < 1) & (ellipsoid < 1), norm * np.exp(-(np.maximum(t, 0) ** 2) / (2 * s**2)), 0)
+
+
+@pytest.mark.parametrize("errors", [False, True])
+def test_talk_volumes_have_the_slides_kernel(gpu, errors):
+    s = make_scene("diffuse")
+    volumes = Volumes(gpu, talk=True, errors=errors)
+    found = volumes(s.receivers, s.photons, s.clip, s.size)
+    volumes.close()
+    kappa = talk_kernel(s.receivers, s.photons, errors)
+    wi_ng = s.receivers["ng"].astype(float) @ s.photons["wi"].T.astype(float)
+    wi_n = s.receivers["n"].astype(float) @ s.photons["wi"].T.astype(float)
+    counts = (s.receivers["valid"] > 0)[:, None] & (wi_ng > 0)
+    counts &= s.receivers["ng"].astype(float) @ s.photons["normal"].T.astype(float) > 0.5
+    kappa = np.where(counts, kappa, 0)
+    assert kappa.sum(axis=1) == pytest.approx(found[:, 3], abs=2e-3 * kappa.sum(axis=1).max())
+    cosine = np.maximum(wi_n, 0) if errors else np.clip(wi_n, 0, None) / np.where(counts, wi_ng, 1)
+    light = (kappa * np.minimum(cosine, 10)) @ s.photons["flux"][:, 0]
+    # kernels jump by 1.1 % of their peak at the edge, and rounding decides which side a receiver is on
+    assert light == pytest.approx(found[:, 0], abs=2e-3 * light.max())
+
+
+def test_cut_gaussian_keeps_the_flux_of_a_photon(gpu):
+    receivers, clip = floor((64, 64), 1.0)
+    volumes = Volumes(gpu, talk=True)
+    found = volumes(receivers, lattice(0.1, 0.05, 0.7, 5.0), clip, (64, 64))
+    volumes.close()
+    # midpoint rule over 45 pixels across, and a rim of 1.1 % of the peak on pixels that are in or out
+    assert found[:, 0].sum() * (2 / 64) ** 2 == pytest.approx(5.0, rel=5e-3)
+
+
+def test_second_cosine_of_the_slide_loses_a_third_in_an_integrating_sphere(gpu):
+    """Method, 1.7: photons land by the cosine, so a second one averages cos^2 over cos, 2/3."""
+    radius, albedo, flux, bounces = 2.0, 0.6, 100.0, 3
+    path = trace(
+        builtin("integrating-sphere", radius=radius, albedo=albedo, flux=flux), 40_000, bounces, seed=3
+    )
+    photons = path.photons
+    # as high as wide, the talk's distance is the chord's with either sign, whose caps on a sphere hold pi r^2
+    photons["radius"] = photons["height"] = 0.3
+    size = (32, 32)
+    clip = perspective(size=size)
+    columns, rows = (np.arange(32) + 0.5) / 16 - 1, 1 - (np.arange(32) + 0.5) / 16
+    x, y = np.meshgrid(columns * math.tan(math.radians(35)), rows * math.tan(math.radians(35)))
+    way = unit(np.stack([x, y, -np.ones_like(x)], axis=-1).reshape(-1, 3))
+    receivers = np.zeros(len(way), RECEIVER)
+    receivers["position"], receivers["ng"], receivers["n"], receivers["wo"] = radius * way, -way, -way, -way
+    receivers["valid"] = 1
+    exact = flux / (4 * math.pi * radius**2) * sum(albedo**b for b in range(1, bounces + 1))
+    ratios = []
+    for errors in (False, True):
+        volumes = Volumes(gpu, talk=True, errors=errors)
+        ratios.append(volumes(receivers, photons, clip, size)[:, 0].mean(dtype=float) / exact)
+        volumes.close()
+    in_view = (unit(photons["position"].astype(float)) @ way.T).max(axis=1) > 0.99
+    # of photons of equal flux: 4 sigma of their number, and the triangles' 0.05 %
+    slack = 4 / math.sqrt(in_view.sum()) + 1e-3
+    assert slack < 0.04
+    assert ratios[0] == pytest.approx(1.0, abs=slack)
+    assert ratios[1] == pytest.approx(2 / 3, abs=slack)
 
 
 def test_volumes_without_blending_say_what_to_choose(gpu, monkeypatch):

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from exact import cast, mixed_scene, quad, triangles_of, view_of
+from exact import cast, cube_direction, mixed_scene, quad, triangles_of, view_of
 
 from ispm.frame import GBuffer, ShadowMaps
 from ispm.gpu import Gpu
@@ -15,7 +15,6 @@ from ispm.scene.light import PointLight
 from ispm.scene.material import AlphaMode, Material
 from ispm.scene.packed import Packed, pack
 from ispm.scene.scene import Scene
-from ispm.stages.bounce import cube_direction
 from ispm.stages.camera import CameraView
 from ispm.stages.direct import DirectStage
 from ispm.stages.gbuffer import GBufferStage
@@ -85,7 +84,7 @@ def test_shadows_disagree_with_exact_rays_only_at_silhouettes(gpu: Gpu, scale: f
     on = (row >= 0) & (ids.ravel() == np.where(row >= 0, triangles.instance[row] + 1, 0))
     points = origins[on] + directions[on] * distance[on, None]
     light = packed.lights["position"][0].astype(float)
-    texel = 2.0 * float(packed.lights["spread"][0]) / side  # over the distance
+    texel = 2.0 * packed.maps[0].spread / side  # over the distance
     to_light = light - points
     d = np.linalg.norm(to_light, axis=1)
     facing = np.einsum("nk,nk->n", to_light, triangles.front[row[on]])

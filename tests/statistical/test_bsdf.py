@@ -16,16 +16,21 @@ COSINES = (0.15, 0.6, 0.98)
 CASES = [(r, c) for r in ROUGHNESS for c in COSINES]
 
 
-def surface(base, metallic, roughness, f0=0.04, specular=1.0):
+def surface(
+    base, metallic, roughness, f0=0.04, specular=1.0, transmission=0.0, ior=1.5, thin=False, entering=True
+):
     white = (f32(1),) * 3
     color = tuple(f32(b) for b in base)
-    values = bsdf.surface_bsdf(color, f32(metallic), f32(roughness), f32(f0), white, f32(specular))
+    values = bsdf.surface_bsdf(
+        color, f32(metallic), f32(roughness), f32(f0), white, f32(specular), f32(transmission), f32(ior),
+        thin, entering,
+    )  # fmt: skip
     return tuple(f32(v) for v in values)
 
 
 def mirror_gloss(roughness):
     """The glossy lobe alone, all of whose facets reflect everything."""
-    return tuple(f32(v) for v in (0, 0, 0, 1, 1, 1, 1, roughness**2, 0, 0))
+    return tuple(f32(v) for v in (0, 0, 0, 1, 1, 1, 1, roughness**2, 0, 0, 0, 0, 0, 1.5, 0))
 
 
 def towards(cosine):
@@ -41,7 +46,7 @@ def hemisphere_grid(b, wo, rows, columns, value, pdf):
         for j in range(columns):
             phi = f32(2 * math.pi * (j + 0.5) / columns)
             wi = (r * math.cos(phi), r * math.sin(phi), z)
-            f = bsdf.eval_bsdf(b, N, wo, wi)
+            f = bsdf.eval_bsdf(b, N, N, wo, wi)
             value[i, j, 0], value[i, j, 1], value[i, j, 2] = f[0] * z, f[1] * z, f[2] * z
             pdf[i, j] = bsdf.pdf_bsdf(b, N, wo, wi)
 
@@ -58,7 +63,7 @@ def draw(b, wo, seed, wi, weight):
     """wi and weight of len(wi) samples; both zero where absorbed."""
     for i in range(len(wi)):
         u = rng.random4(np.uint32(i), np.uint32(0), np.uint32(0), seed)
-        ok, direction, w = bsdf.sample_bsdf(b, N, wo, u[0], u[1], u[2])
+        ok, direction, w, _ = bsdf.sample_bsdf(b, N, N, wo, u[0], u[1], u[2], False)
         for k in range(3):
             wi[i, k] = direction[k] if ok else f32(0)
             weight[i, k] = w[k] if ok else f32(0)
@@ -138,7 +143,9 @@ def test_bsdf_is_reciprocal():
         wo, wi = (tuple((v / np.linalg.norm(v)).astype(f32)) for v in (wo, wi))
         b = surface(random.random(3), random.random(), random.uniform(0.1, 1))
         # swapped arguments differ only in the order of rounding; 1e-2 is the smallest alpha here
-        np.testing.assert_allclose(bsdf.eval_bsdf(b, N, wo, wi), bsdf.eval_bsdf(b, N, wi, wo), rtol=2e-4)
+        np.testing.assert_allclose(
+            bsdf.eval_bsdf(b, N, N, wo, wi), bsdf.eval_bsdf(b, N, N, wi, wo), rtol=2e-4
+        )
 
 
 def test_lambert_weight_is_exactly_the_albedo():

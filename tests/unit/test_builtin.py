@@ -13,7 +13,7 @@ from ispm.scene.camera import look_at_pose
 from ispm.scene.mesh import Mesh
 from ispm.scene.packed import pack
 from ispm.scene.scene import Scene, rotation_matrix
-from ispm.scene.shapes import face_normals, icosphere, merge, moved
+from ispm.scene.shapes import ball, face_normals, icosphere, merge, moved, tube
 
 
 def meshes(scene: Scene) -> Iterator[Mesh]:
@@ -89,6 +89,94 @@ def test_icosphere_is_closed_and_counts() -> None:
         assert len(ball.triangles) == 20 * segments**2
         assert len(ball.positions) == 10 * segments**2 + 2  # Euler: V = 2 + T / 2
         assert open_edges(ball) == 0 and volume(ball) > 0.0
+
+
+def test_ball_is_closed_and_counts() -> None:
+    mesh = ball(2.0, 12, 9)
+    assert len(mesh.triangles) == 2 * 12 * 8
+    assert open_edges(mesh) == 0 and volume(mesh) > 0.0
+    assert mesh.normals is not None
+    assert np.allclose(2.0 * mesh.normals, mesh.positions, atol=1e-6)  # exact, the poles too
+
+
+def test_tube_is_closed_and_its_normals_leave_the_curve() -> None:
+    t = 2.0 * np.pi * np.arange(40) / 40
+    curve = np.stack([np.cos(t), np.sin(t), 0.5 * np.sin(3.0 * t)], axis=1)  # twists the carried frame
+    mesh = tube(curve, 0.1, 7)
+    assert len(mesh.triangles) == 2 * 40 * 7
+    assert open_edges(mesh) == 0 and volume(mesh) > 0.0
+    assert mesh.normals is not None
+    assert np.allclose(mesh.positions - 0.1 * mesh.normals, np.repeat(curve, 7, axis=0), atol=1e-6)
+    # the last ring joins the first without a twist: quads across the seam are as wide as the others
+    rings = mesh.positions.reshape(40, 7, 3)
+    steps = np.linalg.norm(np.roll(rings, -1, axis=0) - rings, axis=2)
+    assert steps[-1].max() < 1.3 * steps[:-1].max()
+
+
+# scene: triangles that stand still, that move, moving objects, lights; rows of the talk's table
+ROWS = {
+    "caustic-ring": (412, 400, 1, 1),
+    "glass-sphere": (4022, 4012, 2, 5),
+    "objects-in-box": (9826, 9816, 3, 2),
+}
+
+
+@pytest.mark.parametrize("name", ROWS)
+def test_still_lifes_have_the_numbers_of_the_talk(name: str) -> None:
+    scene = builtin(name)
+    still, moving, objects, lights = ROWS[name]
+    start, later = pack(scene.at(0.0)), pack(scene.at(1.3))
+    places = [(start.instances[k] != later.instances[k]).any(axis=1) for k in ("world0", "world1", "world2")]
+    moved = np.any(places, axis=0)
+    assert int(start.instances["triangle_count"][moved].sum()) == moving
+    assert int(start.instances["triangle_count"][~moved].sum()) == still
+    assert len(np.unique(start.instances["node"][moved])) == objects
+    assert len(scene.lights) == lights
+
+
+@pytest.mark.parametrize("name", ROWS)
+def test_still_lifes_begin_as_they_stand_and_end_where_they_began(name: str) -> None:
+    scene = builtin(name)
+    for moment in (0.0, scene.animations[0].duration):
+        for here, there in zip(scene.placed(), scene.at(moment).placed(), strict=True):
+            assert np.allclose(here[1], there[1], atol=1e-5), here[0].name
+
+
+@pytest.mark.parametrize("name", ROWS)
+def test_still_lifes_moving_things_are_closed_and_meet_nothing(name: str) -> None:
+    """Moving solids stay clear of each other and of what stands still, by the boxes round them."""
+    scene = builtin(name)
+    channels = [c for c in scene.animations[0].channels if c.node.parts]
+    for moment in np.linspace(0.0, 8.0, 17):
+        boxes = []
+        for node, world in scene.at(float(moment)).placed():
+            for part in node.parts:
+                points = part.mesh.positions @ world[:3, :3].T + world[:3, 3]
+                moving = any(c.node.name == node.name for c in channels)
+                boxes.append((moving, node.name, points.min(axis=0), points.max(axis=0)))
+        for k, (moving, one, low, high) in enumerate(boxes):
+            for _, other, below, above in boxes[:k] + boxes[k + 1 :] if moving else []:
+                if {one, other} == {"ring", "plate"} or other == "backdrop":
+                    continue  # the ring's foot is in the plate; a backdrop is a bent sheet
+                assert (high < below).any() or (above < low).any(), (one, other, moment)
+    for channel in channels:
+        assert open_edges(channel.node.parts[0].mesh) == 0
+
+
+def test_caustic_ring_has_the_cusp_in_the_middle_of_the_picture() -> None:
+    """The mirror formula for a cylinder (method, V15): 1/s + 1/s' = 2/R from the far wall."""
+    scene = builtin("caustic-ring")
+    (light,) = (world[:3, 3] for node, world in scene.placed() if node.light)
+    radius, flat = 0.1, light * (1.0, 0.0, 1.0)
+    away = -flat / np.linalg.norm(flat)
+    cusp = (radius - 1.0 / (2.0 / radius - 1.0 / (radius + np.linalg.norm(flat)))) * away
+    # light falls from the far wall, 4 cm high, as far as the cusp, and passes over the near one
+    assert 0.04 * np.linalg.norm(flat) / light[1] > radius - np.linalg.norm(cusp)
+    assert 2.0 * radius * light[1] / np.linalg.norm(flat) > 0.04
+    (camera,) = (np.linalg.inv(world) for node, world in scene.placed() if node.camera)
+    seen = camera[:3, :3] @ cusp + camera[:3, 3]
+    half = math.tan(0.5 * math.radians(27.0))
+    assert np.abs(seen[:2] / seen[2]).max() < 0.05 * half
 
 
 def test_cornell_box_is_closed_but_for_its_front() -> None:

@@ -6,8 +6,8 @@ from numba import types
 
 from ispm.optics import bsdf, density, rng, sampling, texture
 
-F, U = types.float32, types.uint32
-VECTOR, BSDF = types.UniTuple(F, 3), types.UniTuple(F, 10)
+F, U, B = types.float32, types.uint32, types.boolean
+VECTOR, BSDF = types.UniTuple(F, 3), types.UniTuple(F, 15)
 TEXELS, ROWS = types.Array(U, 1, "C"), types.Array(types.int64, 2, "C")
 
 
@@ -19,11 +19,14 @@ TEXELS, ROWS = types.Array(U, 1, "C"), types.Array(types.int64, 2, "C")
         (sampling.octahedral_encode, (VECTOR,)),
         (sampling.octahedral_decode, (F, F)),
         (sampling.equal_area_octahedral, (F, F)),
-        (bsdf.surface_bsdf, (VECTOR, F, F, F, VECTOR, F)),
-        (bsdf.eval_bsdf, (BSDF, VECTOR, VECTOR, VECTOR)),
+        (bsdf.surface_bsdf, (VECTOR, F, F, F, VECTOR, F, F, F, B, B)),
+        (bsdf.fresnel_dielectric, (F, F)),
+        (bsdf.refract, (VECTOR, VECTOR, F)),
+        (bsdf.specular_split, (BSDF, VECTOR, VECTOR)),
+        (bsdf.eval_bsdf, (BSDF, VECTOR, VECTOR, VECTOR, VECTOR)),
         (bsdf.gloss_terms, (F, VECTOR, VECTOR, VECTOR)),
         (bsdf.pdf_bsdf, (BSDF, VECTOR, VECTOR, VECTOR)),
-        (bsdf.sample_bsdf, (BSDF, VECTOR, VECTOR, F, F, F)),
+        (bsdf.sample_bsdf, (BSDF, VECTOR, VECTOR, VECTOR, F, F, F, B)),
         (bsdf.adjoint_factor, (F, F, F, F)),
         (density.density_kernel, (VECTOR, VECTOR, F, F)),
         (density.cosine_ratio, (F, F)),

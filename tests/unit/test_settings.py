@@ -93,6 +93,22 @@ def test_resolve_puts_the_preset_under_all_layers(monkeypatch):
     assert (settings.preset, settings.photons, settings.bounces) == ("fast", 20, 1)
 
 
+def test_preset_stands_below_what_is_given_with_it():
+    talk = Settings(preset="talk", bounces=8)
+    assert (talk.photons, talk.bounces, talk.kernel) == (20_356, 8, "hint")
+    assert Settings().replace(preset="talk", bounces=8) == talk
+    assert talk.replace(seed=1).bounces == 8  # what was given once is not undone
+    assert Settings((64, 64), 7, preset="talk").photons == 7
+
+
+def test_the_talks_kernel_belongs_to_volumes():
+    with pytest.raises(SettingsError, match=r"estimator: 'tiled' does not have .* use volumes or auto"):
+        Settings(preset="talk", estimator="tiled")
+    with pytest.raises(SettingsError, match="talk_errors: kernel 'auto' has none of them"):
+        Settings(talk_errors=True)
+    assert Settings(kernel="hint").estimator == "auto"
+
+
 def test_every_knob_says_what_it_does():
     for owner in (Settings, LoadLimits):
         for f in dataclasses.fields(owner):

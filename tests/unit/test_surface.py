@@ -18,25 +18,26 @@ SCALES = [(1.0, 1.0, 1.0), (2.0, 0.3, 1.2), (-1.0, 1.0, 1.0), (-1.0, -0.5, 2.0),
 
 
 @jit
-def _surfaces(table, texels, rows, instances, primitives, uv, d, points, ng, n, bsdf, flags):
+def _surfaces(table, texels, rows, instances, primitives, uv, d, points, ng, n, bsdf, flags, front):
     for i in range(len(uv)):
         hit = (instances[i], primitives[i], uv[i, 0], uv[i, 1])
-        p, g, s, b, f = surface(table, texels, rows, hit, (d[i, 0], d[i, 1], d[i, 2]))
+        p, g, s, b, f, front[i] = surface(table, texels, rows, hit, (d[i, 0], d[i, 1], d[i, 2]))
         q = hit_position(table, hit)
         for k in range(3):
             points[i, k], ng[i, k], n[i, k] = p[k], g[k], s[k]
             if p[k] != q[k]:
                 points[i, k] = np.float32(np.nan)
-        for k in range(10):
+        for k in range(15):
             bsdf[i, k] = b[k]
         flags[i] = f
 
 
 def surfaces(scene, primitives, uv, d):
-    """Points, ng, n, BSDFs and flags at hits of instance 0."""
+    """Points, ng, n, BSDFs, flags and whether the front was met, at hits of instance 0."""
     table = Tracer(scene).surfaces
     count = len(uv)
-    out = [np.zeros((count, k), np.float32) for k in (3, 3, 3, 10)] + [np.zeros(count, np.uint32)]
+    out = [np.zeros((count, k), np.float32) for k in (3, 3, 3, 15)]
+    out += [np.zeros(count, np.uint32), np.zeros(count, np.bool_)]
     _surfaces(
         table.addresses, table.texels, table.rows, np.zeros(count, np.uint32),
         np.asarray(primitives, np.uint32), np.asarray(uv, np.float32), np.asarray(d, np.float32), *out,
@@ -128,6 +129,33 @@ def test_textures_multiply_the_materials_factors():
 def test_flags_and_broken_normals_come_through():
     scene = textured_square(Material(unlit=True))
     scene.nodes[0].parts[0].mesh.normals = np.zeros((4, 3), np.float32)
-    *_, flags = surfaces(scene, [0], [(0.2, 0.2)], DOWN)
+    *_, flags, _ = surfaces(scene, [0], [(0.2, 0.2)], DOWN)
     assert flags[0] & MATERIAL_UNLIT
     assert np.isfinite(pack(scene).geometry.vertices["normal"]).all()
+
+
+def test_transmission_is_factor_times_red_and_tints():
+    material = Material((0.5, 1.0, 0.25), transmission=0.8, thickness=1.0, ior=2.0, metallic=0.0,
+                        transmission_texture=constant(128, 9, 9, 9))  # fmt: skip
+    above, below = (surfaces(textured_square(material), [0], [(0.2, 0.2)], s * DOWN) for s in (1, -1))
+    share, base = 0.8 * 128 / 255, np.array([0.5, 1.0, 0.25])
+    assert above[5][0] and not below[5][0]
+    for found, eta in ((above, 2.0), (below, 0.5)):
+        bsdf = found[3][0]
+        assert bsdf[:3] == pytest.approx(base * (1 - share), rel=1e-5)
+        assert bsdf[10:13] == pytest.approx(base * share, rel=1e-5)
+        assert bsdf[13:] == pytest.approx((eta, 0.0))
+    thin = surfaces(textured_square(Material(transmission=1.0, ior=2.0)), [0], [(0.2, 0.2)], -DOWN)
+    assert thin[3][0, 13:] == pytest.approx((2.0, 1.0))
+
+
+@pytest.mark.parametrize("scale", SCALES)
+def test_the_front_of_a_closed_mesh_is_its_outside_however_it_is_scaled(scale):
+    ball = icosphere(0.7, 3)
+    scene = Scene()
+    scene.add(ball, translation=(3.0, -1.0, 2.0), rotation=TURN, scale=scale)
+    primitives, uv, d = some_hits(ball)
+    points, *_, entering = surfaces(scene, primitives, uv, unit(d))
+    outwards = points - (3.0, -1.0, 2.0)
+    ng = surfaces(scene, primitives, uv, -unit(outwards))[1]  # towards where a ray from outside comes from
+    assert (entering == ((ng * d).sum(axis=1) < 0)).all()
