@@ -37,7 +37,7 @@ from ispm.stages.downsample import Downsample
 from ispm.stages.filter import WEIGHT, filter_estimate, filter_points
 from ispm.stages.gbuffer import GBufferStage
 from ispm.stages.shadow import ShadowStage
-from ispm.stages.tonemap import auto_exposure, tonemap
+from ispm.stages.tonemap import auto_exposure, tonemap, tonemap_transparent
 from ispm.stages.upload import Upload
 from ispm.stages.upsample import Upsample
 from ispm.tracer.density import measure_radii
@@ -101,6 +101,12 @@ class Renderer:
         self._said: set[str] = set()
         self._settings: Settings | None = None
         self.settings = settings or Settings()
+
+    def __repr__(self) -> str:
+        if self._closed:
+            return "<Renderer, closed>"
+        width, height = self.settings.size
+        return f"<Renderer of {self.scene!r} at {width}x{height} on {self._gpu.name}>"
 
     def __enter__(self) -> Renderer:
         return self
@@ -370,11 +376,12 @@ class Renderer:
         })  # fmt: skip
         settings = self.settings
         exposure = auto_exposure(full) if settings.exposure == "auto" else float(settings.exposure)
-        image = tonemap(full, exposure, settings.tonemap, self.threads)
         if background == "transparent":
-            image = np.dstack([image, np.rint(alpha * 255.0).astype(np.uint8)])
+            image = tonemap_transparent(full, alpha, exposure, settings.tonemap, self.threads)
+        else:
+            image = tonemap(full, exposure, settings.tonemap, self.threads)
         camera = {"pose": view.pose, "clip_from_world": view.clip_from_world}
-        return Frame(image, layers, Stats(), settings, camera, exposure)
+        return Frame(image, layers, Stats(), settings, camera, exposure, self.scene.name)
 
 
 def _glows(packed: Packed) -> bool:
