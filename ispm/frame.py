@@ -15,7 +15,7 @@ from ispm.scene.atlas import ShadowAtlas
 from ispm.scene.lightmap import LightMap
 from ispm.scene.packed import Draw, Packed
 
-SLOTS = ("base_color", "metallic_roughness", "normal", "emission")
+SLOTS = ("base_color", "metallic_roughness", "normal", "emission", "transmission")
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,14 +23,12 @@ class GpuScene:
     """A `Packed` scene on the device.
 
     boxes  (draws, 2, 3) float64 bounds of what each draw shows, world space
-    instance_boxes  (instances, 2, 3) of each instance
     vertices, indices, instances, materials, lights  its arrays, at least one row each
     maps  of each material the texture and the sampler of each of SLOTS; white where it has none
     """
 
     packed: Packed
     boxes: np.ndarray
-    instance_boxes: np.ndarray
     vertices: Buffer
     indices: Buffer
     instances: Buffer
@@ -110,7 +108,8 @@ class GpuScene:
 class GBuffer:
     """What each pixel of the eye sees; 32 bytes of color and the depth.
 
-    ids       rg32uint: instance row + 1 (0: nothing is there), material row
+    ids       rg32uint: instance row + 1 (0: nothing is there), material row in the low 24 bits and
+              transmission above them (ispm/stages/material.wgsl)
     normals   rgba16float: shading and geometric normal, octahedral (ispm/optics/sampling.wgsl),
               both on the side the eye sees
     base      rgba16float: base color, linear; metallic
