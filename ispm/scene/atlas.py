@@ -14,9 +14,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ispm.optics import records
-from ispm.scene.lightmap import LightMap
+from ispm.scene.lightmap import LightMap, corners_of
 
-GUARD = 4  # texels round a tile's window, for the filter of its outermost points
+GUARD = 2  # texels round a tile's window, for the filter of its outermost points
 LEAST = 32  # texels of a tile's side, a multiple of STEP
 STEP = 16
 
@@ -36,6 +36,7 @@ class ShadowFace:
     window    (2, 2) low and high corner of what the tile shows, in tangents right and down of forward;
               orthographic: in m
     depth     m before and behind the origin that an orthographic view holds; 0: a perspective one
+    range     m from the origin beyond which the light ends
     weight    share of the picture's width that its light fills, 0 to 1; 0 where it lights nothing seen
     """
 
@@ -45,30 +46,29 @@ class ShadowFace:
     frame: np.ndarray
     window: np.ndarray
     depth: float
+    range: float
     weight: float
 
-    def project(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return where (..., 3) world-space points lie in the window's units, (..., 2), and (...) by what
-        they were divided: m ahead of the origin, orthographic 1."""
-        local = (points - self.origin) @ self.frame.T
-        ahead = np.ones_like(local[..., 2]) if self.depth else local[..., 2]
-        with np.errstate(divide="ignore", invalid="ignore"):
-            return local[..., :2] / ahead[..., None], ahead
+    def holds(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return where (n, 3) world-space points lie in the window's units, (2, n), and (n,) whether that
+        is in the window."""
+        right, down, ahead = self.frame @ (points - self.origin).T
+        at = np.stack([right, down])
+        if not self.depth:
+            at /= np.where(ahead > 0.0, ahead, np.nan)
+        low, high = self.window[..., None]
+        inside = (at >= low) & (at <= high)
+        return at, inside[0] & inside[1]
 
-    def sees(self, boxes: np.ndarray, reach: float = 0.0) -> np.ndarray:
-        """Return (n,) whether (n, 2, 3) world-space boxes may be in the window.
-
-        reach  m from the origin that counts; 0: all
-        """
-        picks = np.array([[i & 1, i >> 1 & 1, i >> 2 & 1] for i in range(8)])
-        local = (boxes[:, picks, [0, 1, 2]] - self.origin) @ self.frame.T
-        ahead = 1.0 if self.depth else local[..., 2:]
-        low, high = local[..., :2] - self.window[0] * ahead, self.window[1] * ahead - local[..., :2]
-        outside = (low < 0.0).all(axis=1).any(axis=1) | (high < 0.0).all(axis=1).any(axis=1)
-        if reach > 0.0:
-            nearest = np.clip(self.origin, boxes[:, 0], boxes[:, 1]) - self.origin
-            outside |= np.linalg.norm(nearest, axis=1) > reach
-        return np.asarray(~outside)
+    def sees(self, boxes: np.ndarray) -> np.ndarray:
+        """Return (n,) whether (n, 2, 3) world-space boxes may be in the window, within the light's range."""
+        right, down, ahead = np.moveaxis((corners_of(boxes) - self.origin) @ self.frame.T, -1, 0)
+        edge = np.ones_like(ahead) if self.depth else ahead
+        (left, top), (far, bottom) = self.window
+        sides = (right - left * edge, far * edge - right, down - top * edge, bottom * edge - down)
+        outside = np.any([(side < 0.0).all(axis=1) for side in sides], axis=0)
+        nearest = np.clip(self.origin, boxes[:, 0], boxes[:, 1]) - self.origin
+        return np.asarray(~outside & (np.linalg.norm(nearest, axis=1) <= self.range))
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,14 +105,13 @@ def plan_atlas(
     samples = receivers[:: max(len(receivers) // _SAMPLES, 1)]
     irradiance = brightness(lights, samples)
     weights = apparent_sizes(lights, irradiance, eye)
-    faces = []
+    faces: list[ShadowFace] = []
     for map in maps:
         light = lights[map.light]
         if light["intensity"].any():
             lit = samples[irradiance[map.light] > 0.0]
-            for face in _faces(map, light, receivers, lit, float(weights[map.light])):
-                if face.sees(boxes, float(light["range"])).any():
-                    faces.append(face)
+            found = _faces(map, light, receivers, lit, float(weights[map.light]))
+            faces += [face for face in found if face.sees(boxes).any()]
     budget = _BUDGET * resolution**2
     while True:
         sides = tile_sides(np.array([face.weight for face in faces]), resolution, budget)
@@ -200,24 +199,23 @@ def _faces(
         half = 1.0 / lengths[:2]
         depth = 1.0 / float(lengths[2]) if map.orthographic else 0.0
         window = np.stack([-half, half])
-        face = ShadowFace(map.light, index, map.origin, rows / lengths[:, None], window, depth, weight)
+        frame = rows / lengths[:, None]
+        face = ShadowFace(map.light, index, map.origin, frame, window, depth, map.range, weight)
         if len(map.axes) == 1:
             faces.append(_fitted(face, receivers))
         elif not _is_dark(light, face.frame[2]):
-            at, ahead = face.project(lit)
-            inside = (ahead > 0.0) & (np.abs(at) <= half).all(axis=-1)
-            faces.append(face if inside.any() else replace(face, weight=0.0))
+            faces.append(face if face.holds(lit)[1].any() else replace(face, weight=0.0))
     return faces
 
 
 def _fitted(face: ShadowFace, receivers: np.ndarray) -> ShadowFace:
     """The face with its window narrowed to the receivers in it."""
-    at, ahead = face.project(receivers)
-    low, high = face.window
-    at = at[(ahead > 0.0) & (at >= low).all(axis=-1) & (at <= high).all(axis=-1)]
-    if not len(at):
+    at, inside = face.holds(receivers)
+    at = at[:, inside]
+    if not at.size:
         return replace(face, weight=0.0)
-    corners = np.stack([at.min(axis=0), at.max(axis=0)])
+    low, high = face.window
+    corners = np.stack([at.min(axis=1), at.max(axis=1)])
     margin = np.maximum(_MARGIN * (corners[1] - corners[0]), 1e-3 * (high - low))
     return replace(face, window=np.clip(corners + np.stack([-margin, margin]), low, high))
 

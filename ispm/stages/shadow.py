@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -14,7 +14,6 @@ from ispm.gpu import Canvas, Gpu, Recording, Target, Texture
 from ispm.optics.records import MATERIAL_THIN
 from ispm.scene.atlas import GUARD, LEAST, ShadowAtlas, ShadowFace, plan_atlas
 from ispm.scene.lightmap import LightMap
-from ispm.scene.packed import Draw
 
 _MAP = wgsl.load("stages/shadow_map.wgsl").dtype("ShadowMap")
 _TILE = wgsl.load("stages/shadow_map.wgsl").dtype("ShadowTile")
@@ -73,7 +72,7 @@ class ShadowStage:
             )
         sheets = np.array([_is_sheet(packed.materials[draw.material]) for draw in scene.draws], bool)
         self._fit(self._depth, atlas.size)
-        tiles = [_Tile.of(atlas, k, scene, near, pass_index) for k in range(len(atlas.faces))]
+        tiles = _tiles(atlas, scene, near, pass_index)
         with frame.draw_into(depth=self._depth) as canvas:
             for tile in self._each(scene, canvas, tiles):
                 self._draw(frame, scene, canvas, tile, ~sheets)
@@ -111,7 +110,7 @@ class ShadowStage:
     ) -> None:
         """Draw the depth of the draws `which` into a tile."""
         shared = {"view": frame.uniform(tile.view), "instances": scene.instances}
-        visible = [draw for row, draw in tile.draws if which[row]]
+        visible = [scene.draws[row] for row in tile.draws if which[row]]
         solid = [draw for draw in visible if not scene.is_masked(draw.material)]
         if solid:
             canvas.use(self._opaque, self._opaque.bind(0, **shared))
@@ -128,12 +127,11 @@ class ShadowStage:
         ) as canvas:
             for tile in self._each(scene, canvas, tiles):
                 group = self._sheet.bind(0, frame, view=tile.view, instances=scene.instances)
-                for row, draw in tile.draws:
-                    if sheets[row]:
-                        material = scene.packed.materials[draw.material]
-                        maps = scene.material_maps(draw.material, "base_color")
-                        canvas.use(self._sheet, group, self._sheet.bind(1, frame, material=material, **maps))
-                        scene.draw_indexed(canvas, draw)
+                for draw in (scene.draws[row] for row in tile.draws if sheets[row]):
+                    material = scene.packed.materials[draw.material]
+                    maps = scene.material_maps(draw.material, "base_color")
+                    canvas.use(self._sheet, group, self._sheet.bind(1, frame, material=material, **maps))
+                    scene.draw_indexed(canvas, draw)
         with frame.draw_into(depth=self._sheets) as canvas:
             for tile in self._each(scene, canvas, tiles):
                 self._draw(frame, scene, canvas, tile, sheets)
@@ -141,34 +139,20 @@ class ShadowStage:
 
 @dataclass(frozen=True, eq=False)
 class _Tile:
-    """A face with its place, its VIEW record, and what it sees: rows of the draws, and the draws."""
+    """Where a face lies in the atlas, its VIEW record, and the rows of the draws that it sees."""
 
     corner: tuple[int, int]
     side: int
     view: np.ndarray
-    draws: list[tuple[int, Draw]]
-
-    @classmethod
-    def of(cls, atlas: ShadowAtlas, k: int, scene: GpuScene, near: float, pass_index: int) -> _Tile:
-        face, place, side = atlas.faces[k], atlas.places[k], int(atlas.sides[k])
-        seen = face.sees(scene.instance_boxes, float(scene.packed.lights[face.light]["range"]))
-        corner = int(place[0]), int(place[1])
-        return cls(corner, side, view_row(face, side, near, pass_index), _runs(scene.draws, seen))
+    draws: np.ndarray
 
 
-def _runs(draws: list[Draw], seen: np.ndarray) -> list[tuple[int, Draw]]:
-    """Rows of the draws and draws of the instances in them that are seen, neighbours together."""
-    starts = np.array([draw.first_instance for draw in draws] + [len(seen)])
-    new = np.zeros(len(seen) + 1, bool)
-    new[starts] = True
-    padded = np.append(seen, False)
-    first = np.flatnonzero(padded & (new | ~np.roll(padded, 1)))
-    last = np.flatnonzero(padded[:-1] & (new[1:] | ~padded[1:]))
-    rows = np.searchsorted(starts, first, side="right") - 1
-    return [
-        (row, replace(draws[row], first_instance=begin, instance_count=end - begin + 1))
-        for row, begin, end in zip(rows.tolist(), first.tolist(), last.tolist(), strict=True)
-    ]
+def _tiles(atlas: ShadowAtlas, scene: GpuScene, near: float, pass_index: int) -> list[_Tile]:
+    tiles = []
+    for face, place, side in zip(atlas.faces, atlas.places.tolist(), atlas.sides.tolist(), strict=True):
+        seen = np.flatnonzero(face.sees(scene.boxes))
+        tiles.append(_Tile((place[0], place[1]), side, view_row(face, side, near, pass_index), seen))
+    return tiles
 
 
 def _is_sheet(material: np.void) -> bool:
