@@ -11,9 +11,10 @@ import numpy as np
 from ispm.gpu import Buffer, Canvas, Gpu, Group, Raster, Recording, Sampler, Texture
 from ispm.optics import records
 from ispm.optics.records import VERTEX
+from ispm.scene.lightmap import LightMap
 from ispm.scene.packed import Draw, Packed
 
-SLOTS = ("base_color", "metallic_roughness", "normal", "emission")
+SLOTS = ("base_color", "metallic_roughness", "normal", "emission", "transmission")
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,7 +104,8 @@ class GpuScene:
 class GBuffer:
     """What each pixel of the eye sees; 32 bytes of color and the depth.
 
-    ids       rg32uint: instance row + 1 (0: nothing is there), material row
+    ids       rg32uint: instance row + 1 (0: nothing is there), material row in the low 24 bits and
+              transmission above them (ispm/stages/material.wgsl)
     normals   rgba16float: shading and geometric normal, octahedral (ispm/optics/sampling.wgsl),
               both on the side the eye sees
     base      rgba16float: base color, linear; metallic
@@ -145,33 +147,35 @@ class ShadowMaps:
 
 @dataclass(frozen=True, eq=False)
 class BounceMap:
-    """The first hits of one point light's photons.
+    """The first hits that a map of a light sees.
 
-    light   row of the lights
-    texels  rgba32uint, 6 layers of width x width: instance row, primitive in its mesh, and the bits of
-            the barycentrics u and v; NO_HIT in the first where nothing was hit
-    shift   texels, in [-0.5, 0.5], that the samples lie right of and below the texels' centres
+    places  (F, 3) where its faces lie: the page, and the texels right of and below its corner
+    width   texels of a face's edge
     """
 
-    light: int
-    texels: Texture
-    shift: tuple[float, float]
-
-    @property
-    def width(self) -> int:
-        """Texels of a face's edge."""
-        return self.texels.size[0]
+    map: LightMap
+    places: np.ndarray
+    width: int
 
 
 @dataclass(frozen=True, eq=False)
 class BounceMaps:
-    """The bounce maps of all lights that have one."""
+    """The bounce maps of all lights, side by side.
 
+    pages  rgba32uint: instance row, primitive in its mesh, and the bits of the barycentrics u and v;
+           NO_HIT in the first where nothing was hit
+    """
+
+    pages: list[Texture]
     maps: list[BounceMap]
 
     def read(self, gpu: Gpu) -> list[np.ndarray]:
-        """Return the maps as (6, width, width, 4) uint32, after one wait for all."""
-        return gpu.read_many([(each.texels, np.uint32, 4) for each in self.maps])
+        """Return the maps as (F, width, width, 4) uint32, after one wait for all."""
+        pages = gpu.read_many([(page, np.uint32, 4) for page in self.pages])
+        return [
+            np.stack([pages[page][y : y + each.width, x : x + each.width] for page, x, y in each.places])
+            for each in self.maps
+        ]
 
 
 _ATTRIBUTES = {"position": "float32x3", "color": "unorm8x4", "uv0": "float32x2", "uv1": "float32x2"}

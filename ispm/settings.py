@@ -79,6 +79,13 @@ class Settings(_Checked):
         high=100,
         metavar="N",
     )
+    caustic_photons: float = knob(
+        0.5,
+        "share of the photons aimed at mirrors and glass where there are any; unbiased for any",
+        low=0.0,
+        high=1.0,
+        metavar="F",
+    )
     preset: str = knob(
         "default",
         "a group of settings to start from; talk: as near to the talk of 2009 as can be, for comparison",
@@ -132,7 +139,11 @@ class Settings(_Checked):
         words={"auto": "auto"},
         metavar="EV",
     )
-    tonemap: str = knob("neutral", "neutral: Khronos PBR Neutral; none: clipped", choices=("neutral", "none"))
+    tonemap: str = knob(
+        "neutral",
+        "neutral: Khronos PBR Neutral, true colors; agx: AgX, softer, as film; none: clipped",
+        choices=("neutral", "agx", "none"),
+    )
     background: tuple[float, float, float] | str = knob(
         (0.0, 0.0, 0.0),
         "what is seen where nothing is: linear r,g,b, black, or transparent",

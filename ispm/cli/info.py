@@ -12,6 +12,8 @@ from ispm.cli.scene import open_scene
 from ispm.settings import LoadLimits
 
 if TYPE_CHECKING:
+    import numpy as np
+
     from ispm.scene.material import Material
     from ispm.scene.scene import Scene
 
@@ -29,7 +31,7 @@ def info(
 
     Example: ispm info room.glb
 
-    SCENE is a file (.glb .gltf) or the name of a built-in scene.
+    SCENE is a file (.glb .gltf .obj .ply .stl) or the name of a built-in scene.
     """
     contents = summary(open_scene(console, scene, limits_from(given, config)))
     console.table(scene, list(contents.items()))
@@ -43,7 +45,7 @@ def summary(scene: Scene) -> dict[str, Any]:
     return {
         "triangles": scene.triangle_count,
         "meshes": len({id(part.mesh) for part in parts}),
-        "instances": len(parts),
+        "instances": sum(node.copies * len(node.parts) for node in scene.nodes),
         "materials": len(scene.materials),
         "textures": len({id(t) for m in scene.materials for t in _textures(m)}),
         "lights": [node.name or f"light {i}" for i, node in enumerate(scene.lights)],
@@ -70,9 +72,24 @@ def _bounds(scene: Scene) -> tuple[list[float], list[float]]:
     corners = []
     for node, world in scene.placed():
         for part in node.parts:
-            if len(part.mesh.positions):
+            if len(part.mesh.positions) and node.instances is None:
                 placed = part.mesh.positions @ world[:3, :3].T + world[:3, 3]
                 corners += [placed.min(axis=0), placed.max(axis=0)]
+            elif len(part.mesh.positions) and node.copies:
+                boxes = _boxes(part.mesh.positions, node.places(world))
+                corners += [boxes.min(axis=0), boxes.max(axis=0)]
     if not corners:
         return [], []
     return np.min(corners, axis=0).tolist(), np.max(corners, axis=0).tolist()
+
+
+def _boxes(positions: np.ndarray, places: np.ndarray) -> np.ndarray:
+    """(8 n, 3) corners of the box round `positions` at each of (n, 4, 4) places: not tight where turned."""
+    from itertools import product
+
+    import numpy as np
+
+    ends = np.stack([positions.min(axis=0), positions.max(axis=0)])
+    corners = np.array([[ends[k, i] for i, k in enumerate(pick)] for pick in product((0, 1), repeat=3)])
+    placed: np.ndarray = corners @ places[:, :3, :3].swapaxes(1, 2) + places[:, None, :3, 3]
+    return placed.reshape(-1, 3)

@@ -11,22 +11,28 @@ from pathlib import Path
 
 from ispm.errors import SceneError
 from ispm.io import gltf_schema as schema
+from ispm.io.arrays import FARTHEST
 from ispm.io.gltf_animation import read_animations
-from ispm.io.gltf_file import FARTHEST, GltfFile, item, label
-from ispm.io.gltf_material import BRIGHTEST
+from ispm.io.gltf_camera import furnished
+from ispm.io.gltf_file import GltfFile, item, label
+from ispm.io.gltf_instances import read_instances
+from ispm.io.gltf_light import read_light
 from ispm.io.gltf_mesh import Meshes
 from ispm.io.gltf_node import build_tree, chosen_scene, reached
 from ispm.scene.camera import Camera
-from ispm.scene.light import PointLight
 from ispm.scene.scene import Node, Part, Scene
 from ispm.settings import LoadLimits
 
 SUPPORTED = (
+    "EXT_mesh_gpu_instancing",
+    "EXT_texture_webp",
     "KHR_lights_punctual",
     "KHR_materials_emissive_strength",
     "KHR_materials_ior",
     "KHR_materials_specular",
+    "KHR_materials_transmission",
     "KHR_materials_unlit",
+    "KHR_materials_volume",
     "KHR_mesh_quantization",
     "KHR_texture_transform",
 )
@@ -36,7 +42,6 @@ KNOWN_AS = {
     "EXT_meshopt_compression": "meshopt compression",
     "KHR_meshopt_compression": "meshopt compression",
     "KHR_texture_basisu": "KTX2 textures",
-    "EXT_texture_webp": "WebP textures",
 }
 
 
@@ -69,7 +74,7 @@ def check_extensions(file: GltfFile) -> None:
     """Note the extensions that are not supported; raise SceneError where the file requires one."""
     required = _unsupported(file.gltf.extensions_required)
     if required:
-        raise SceneError(f"it requires {', '.join(required)}, not supported; export it without")
+        raise SceneError(f"it uses {', '.join(required)}, which ispm does not read; export it without")
     used = _unsupported(file.gltf.extensions_used)
     if used:
         file.notes.add(f"extensions that are not supported are passed over: {', '.join(used)}")
@@ -86,31 +91,27 @@ def _unsupported(names: list[str]) -> list[str]:
 def _furnish(file: GltfFile, nodes: list[Node], shown: list[int]) -> None:
     """Put meshes, cameras and lights at the nodes numbered in `shown`."""
     meshes = Meshes(file)
-    placed = 0
-    silent: dict[str, list[str]] = {}
+    triangles = instances = 0
     for i in shown:
         record, node = file.gltf.nodes[i], nodes[i]
         if record.mesh is not None:
             node.parts = [Part(mesh, material) for mesh, material in meshes.parts(record.mesh)]
-            placed += sum(len(part.mesh.triangles) for part in node.parts)
-        if placed > file.limits.triangles:
+            if record.extensions.instancing is not None and node.parts:
+                node.instances = read_instances(
+                    file, record.extensions.instancing, label("node", i, node.name)
+                )
+            instances += node.copies
+            triangles += node.copies * sum(len(part.mesh.triangles) for part in node.parts)
+        if instances > file.limits.nodes:
+            raise SceneError(f"more than nodes={file.limits.nodes} instances are placed")
+        if triangles > file.limits.triangles:
             raise SceneError(f"more than triangles={file.limits.triangles} triangles are placed")
         if record.skin is not None:
             file.notes.count("skinned node is drawn in rest pose", "skinned nodes are drawn in rest pose")
         if record.camera is not None:
             node.camera = _camera(file, record.camera)
         if record.extensions.light is not None:
-            node.light = _light(file, record.extensions.light.light, node, silent)
-    for kind, names in silent.items():
-        file.notes.add(_told(kind, names))
-
-
-def _told(kind: str, names: list[str]) -> str:
-    """The warning that lights of a kind are dark."""
-    does = (
-        "lights are not supported yet and give" if len(names) > 1 else "light is not supported yet and gives"
-    )
-    return f"{len(names)} {kind} {does} no light: {', '.join(names[:5])}{', ...' if len(names) > 5 else ''}"
+            node.light = read_light(file, record.extensions.light.light, node.name)
 
 
 def _camera(file: GltfFile, index: int) -> Camera | None:
@@ -125,29 +126,10 @@ def _camera(file: GltfFile, index: int) -> Camera | None:
         file.notes.add(f"{where}: its zfar is not beyond its znear; both are passed over")
     if isinstance(kind, schema.Perspective):
         if NARROWEST < kind.yfov < math.pi - NARROWEST:
-            return Camera(kind.yfov, name=record.name)
+            return furnished(Camera(kind.yfov, name=record.name), record.extras, file, where)
         file.notes.add(f"{where}: a yfov of {kind.yfov:g} shows nothing; {Camera.yfov:.3g} rad is used")
         return Camera(name=record.name)
     if not NARROWEST < abs(kind.ymag) < FARTHEST:
         file.notes.add(f"{where} is left out: a ymag of {kind.ymag:g} shows nothing")
         return None
-    return Camera(ymag=abs(kind.ymag), name=record.name)
-
-
-def _light(file: GltfFile, index: int, node: Node, silent: dict[str, list[str]]) -> PointLight | None:
-    """A point light; None for other kinds, which are gathered in `silent` by kind."""
-    record = item(file.gltf.extensions.lights.lights, index, "light")
-    name = node.name or record.name or str(index)
-    if record.type != "point":
-        known = record.type in ("spot", "directional")
-        silent.setdefault(record.type if known else f"'{record.type}'", []).append(f"'{name}'")
-        return None
-    given = [record.intensity * c for c in record.color]
-    intensity = [min(max(value, 0.0), BRIGHTEST) for value in given]
-    if intensity != given:
-        file.notes.add(f"light '{name}': its intensity is clamped to 0..{BRIGHTEST:g} cd")
-    reach = math.inf if record.range is None else record.range
-    if reach <= 0.0:
-        file.notes.add(f"light '{name}': a range of {reach:g} lights nothing; it counts as infinite")
-        reach = math.inf
-    return PointLight((intensity[0], intensity[1], intensity[2]), reach, record.name)
+    return furnished(Camera(ymag=abs(kind.ymag), name=record.name), record.extras, file, where)

@@ -8,7 +8,8 @@ import numpy as np
 
 from ispm.errors import SceneError
 from ispm.io import gltf_schema as schema
-from ispm.io.gltf_file import FARTHEST, GltfFile, item, label
+from ispm.io.arrays import FARTHEST
+from ispm.io.gltf_file import GltfFile, item, label
 from ispm.scene.animation import Animation, Channel
 from ispm.scene.scene import Node
 

@@ -4,34 +4,20 @@ from __future__ import annotations
 
 import base64
 import binascii
-import mmap
-import re
 import struct
-from pathlib import Path, PureWindowsPath
+from pathlib import Path
 from urllib.parse import unquote, unquote_to_bytes
 
 import msgspec
 
 from ispm.errors import SceneError
+from ispm.io.folder import read_inside
 from ispm.io.gltf_schema import Gltf
 from ispm.settings import LoadLimits
 
 MAGIC = b"glTF"
 JSON_CHUNK, BINARY_CHUNK = 0x4E4F534A, 0x004E4942
 BOM = b"\xef\xbb\xbf"
-
-
-def map_file(path: Path, limits: LoadLimits) -> memoryview:
-    """Return a file's bytes without reading them yet. Raises SceneError where it is larger than allowed."""
-    size = path.stat().st_size
-    if size > limits.file_bytes:
-        raise SceneError(
-            f"{path.name} has {size} bytes; file_bytes={limits.file_bytes} is the most that is read"
-        )
-    if size == 0:
-        return memoryview(b"")
-    with path.open("rb") as file:
-        return memoryview(mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ))
 
 
 def unwrap(data: memoryview) -> tuple[memoryview, memoryview | None]:
@@ -93,16 +79,7 @@ def read_uri(uri: str, folder: Path, limits: LoadLimits) -> memoryview:
     """
     if uri[:5].lower() == "data:":
         return memoryview(_data_uri(uri))
-    name = unquote(uri)
-    if re.match(r"[A-Za-z][A-Za-z0-9+.-]*:", uri) or PureWindowsPath(name).anchor or "\0" in name:
-        raise SceneError(f"'{uri[:200]}' is not read: only files in the scene's own folder are")
-    folder = folder.resolve()
-    path = (folder / name).resolve()
-    if not path.is_relative_to(folder):
-        raise SceneError(f"'{uri[:200]}' is not read: it lies outside the scene's own folder")
-    if not path.is_file():
-        raise SceneError(f"the file '{name[:200]}' is not there")
-    return map_file(path, limits)
+    return read_inside(unquote(uri), folder, limits)
 
 
 def _data_uri(uri: str) -> bytes:

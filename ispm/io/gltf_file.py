@@ -1,8 +1,7 @@
-"""An open glTF file: its records, its buffers as numpy arrays, and what is to be told about it."""
+"""An open glTF file: its records, and its buffers as numpy arrays."""
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TypeVar
@@ -11,40 +10,16 @@ import numpy as np
 
 from ispm.errors import SceneError
 from ispm.io import gltf_schema as schema
-from ispm.io.gltf_container import BOM, map_file, parse, read_uri, unwrap
+from ispm.io.folder import map_file
+from ispm.io.gltf_container import BOM, parse, read_uri, unwrap
+from ispm.io.notes import Notes
 from ispm.settings import LoadLimits
 
 COMPONENTS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
-FARTHEST = 1e18  # m; squares of larger coordinates do not fit a float32
-MOST_WARNINGS = 50
 MOST_ZEROS = 1_000_000  # elements that take no bytes of the file, so that small files stay small
 
 Item = TypeVar("Item")
-
-
-class Notes:
-    """What is wrong with a file that can be drawn all the same: each fault once, like faults counted."""
-
-    def __init__(self) -> None:
-        self._lines: dict[str, None] = {}
-        self._counts: Counter[tuple[str, str]] = Counter()
-
-    def add(self, message: str) -> None:
-        """Note a fault, in one line."""
-        self._lines[message] = None
-
-    def count(self, one: str, many: str) -> None:
-        """Note one of several faults of a kind: 'primitive is', 'primitives are'."""
-        self._counts[one, many] += 1
-
-    def lines(self) -> list[str]:
-        """Return the lines to show."""
-        counted = [f"{n} {one if n == 1 else many}" for (one, many), n in self._counts.items()]
-        lines = [*counted, *self._lines]
-        if len(lines) > MOST_WARNINGS:
-            lines[MOST_WARNINGS:] = [f"and {len(lines) - MOST_WARNINGS} more faults"]
-        return lines
 
 
 class GltfFile:
@@ -85,7 +60,13 @@ class GltfFile:
             if buffer.uri is not None:
                 data = self.uri(buffer.uri)
             if data is None:
-                raise SceneError(f"buffer {index} has no data")
+                packed = buffer.extensions.meshopt or buffer.extensions.khr_meshopt
+                why = (
+                    " without meshopt compression, which ispm does not read; export it without"
+                    if packed
+                    else ""
+                )
+                raise SceneError(f"buffer {index} has no data{why}")
             if len(data) < buffer.byte_length:
                 raise SceneError(f"buffer {index} has {len(data)} of its {buffer.byte_length} bytes")
             self._buffers[index] = data[: buffer.byte_length]

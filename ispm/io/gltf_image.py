@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import dataclasses
-import io
 import math
-import warnings
 from typing import Any, TypeVar
 
 import numpy as np
@@ -13,8 +10,8 @@ import numpy as np
 from ispm.errors import SceneError
 from ispm.io import gltf_schema as schema
 from ispm.io.gltf_file import GltfFile, item, label
+from ispm.io.picture import decode, shrunk
 from ispm.scene.material import IDENTITY_UV, Texture, TextureUse, Wrap
-from ispm.settings import LoadLimits
 
 WRAPS = {10497: Wrap.REPEAT, 33071: Wrap.CLAMP, 33648: Wrap.MIRROR}
 MAG_LINEAR = {9728: False, 9729: True}
@@ -48,15 +45,25 @@ class Textures:
         if uv_set > 1:
             self._file.notes.add(f"{where}: a texture is left out: only TEXCOORD_0 and _1 are supported")
             return None
-        if record.source is None:
+        source = self._source(record)
+        if source is None:
             called = label("texture", slot.index, record.name)
-            self._file.notes.add(f"{where}: {called} has no picture to show")
+            why = "; it is there as KTX2 only, which ispm does not read" * bool(record.extensions.basisu)
+            self._file.notes.add(f"{where}: {called} has no picture to show{why}")
             return None
         if max(map(abs, (transform.rotation, *transform.scale, *transform.offset))) > LARGEST_TRANSFORM:
             self._file.notes.add(f"{where}: a texture's transform is too large and is passed over")
             transform = schema.TextureTransform()
-        texture = self._texture(record.source, record.sampler, srgb)
+        texture = self._texture(source, record.sampler, srgb)
         return None if texture is None else TextureUse(texture, uv_set, uv_rows(transform))
+
+    def _source(self, record: schema.Texture) -> int | None:
+        """The picture to show: the WebP where there is one that can be decoded, else the plain one."""
+        webp = record.extensions.webp
+        if webp is None or webp.source is None:
+            return record.source
+        shown = self._picture(webp.source) is not None
+        return webp.source if shown or record.source is None else record.source
 
     def _texture(self, source: int, sampler: int | None, srgb: bool) -> Texture | None:
         key = source, sampler, srgb
@@ -66,10 +73,10 @@ class Textures:
 
     def _make(self, source: int, sampler: int | None, srgb: bool) -> Texture | None:
         how = schema.Sampler() if sampler is None else item(self._file.gltf.samplers, sampler, "sampler")
-        image = item(self._file.gltf.images, source, "image")
-        pixels = self._picture(source, image)
+        pixels = self._picture(source)
         if pixels is None:
             return None
+        image = self._file.gltf.images[source]
         texture = Texture(
             pixels,
             srgb,
@@ -89,7 +96,8 @@ class Textures:
         self._file.notes.add(f"a sampler's {what} {str(value)[:20]!r} is unknown; the default is used")
         return default
 
-    def _picture(self, index: int, image: schema.Image) -> np.ndarray | None:
+    def _picture(self, index: int) -> np.ndarray | None:
+        image = item(self._file.gltf.images, index, "image")
         if index not in self._pictures:
             try:
                 self._pictures[index] = decode(self._bytes(image), self._file.limits)
@@ -105,51 +113,6 @@ class Textures:
         if image.buffer_view is None:
             raise SceneError("it has neither a file nor a buffer view")
         return self._file.view(image.buffer_view)
-
-
-def decode(data: memoryview, limits: LoadLimits) -> np.ndarray:
-    """Return a PNG or JPEG as (height, width, 4) uint8, 16-bit channels cut to 8.
-
-    Raises SceneError where it has more pixels than allowed, before they are decoded, or is broken.
-    """
-    from PIL import Image, UnidentifiedImageError
-
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", Image.DecompressionBombWarning)  # the limit below is ours
-        try:
-            with Image.open(io.BytesIO(data), formats=("PNG", "JPEG")) as image:
-                width, height = image.size
-                if width * height > limits.image_pixels:
-                    raise SceneError(
-                        f"{width} x {height} pixels are more than image_pixels={limits.image_pixels} allows"
-                    )
-                return _rgba(image)
-        except Image.DecompressionBombError:
-            raise SceneError("it has more pixels than can be decoded safely") from None
-        except UnidentifiedImageError:
-            raise SceneError("it is neither PNG nor JPEG") from None
-        except SceneError:
-            raise
-        except Exception as error:  # Pillow's decoders raise a dozen kinds for broken pictures
-            raise SceneError(f"it cannot be decoded: {error}") from None
-
-
-def _rgba(image: Any) -> np.ndarray:
-    if image.mode.startswith("I"):  # 16-bit gray, which Pillow would clip rather than scale
-        gray = (np.asarray(image).astype(np.uint32) >> 8).clip(0, 255).astype(np.uint8)
-        return np.dstack([gray, gray, gray, np.full_like(gray, 255)])
-    return np.array(image.convert("RGBA"))
-
-
-def shrunk(texture: Texture, largest: int) -> Texture:
-    """Return `texture` halved by averaging, in linear light, until neither side is longer than `largest`."""
-    if max(texture.pixels.shape[:2]) <= largest:
-        return texture
-    from ispm.optics.texture import mip_chain
-
-    levels = mip_chain(dataclasses.replace(texture, mipmaps=True))
-    fitting = next(level for level in levels if max(level.shape[:2]) <= largest)
-    return dataclasses.replace(texture, pixels=fitting)
 
 
 def uv_rows(transform: schema.TextureTransform) -> Rows:

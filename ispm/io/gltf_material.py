@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -12,7 +13,10 @@ from ispm.io.gltf_image import Textures
 from ispm.scene.material import AlphaMode, Material, TextureUse
 from ispm.scene.mesh import Mesh
 
-SLOTS = ("base_color_texture", "metallic_roughness_texture", "normal_texture", "emission_texture")
+SLOTS = (
+    "base_color_texture", "metallic_roughness_texture", "normal_texture", "emission_texture",
+    "transmission_texture",
+)  # fmt: skip
 BRIGHTEST = 1e12  # cd/m2 and cd: beyond the sun's 2e9, and squares still fit a float32
 
 
@@ -53,6 +57,7 @@ class Materials:
         return Material(
             **self._base(record.pbr, where),
             **self._layers(record, where),
+            **self._inside(record.extensions, where),
             **self._opacity(record, where),
             normal_scale=self._normal_scale(record.normal_texture, where),
             normal_texture=self._textures.use(record.normal_texture, srgb=False, where=where),
@@ -95,6 +100,23 @@ class Materials:
             ior=ior,
             emission=tuple(strength * f for f in factor),
             emission_texture=self._textures.use(record.emissive_texture, srgb=True, where=where),
+        )
+
+    def _inside(self, extensions: schema.MaterialExtensions, where: str) -> dict[str, Any]:
+        """What goes through the surface, and what becomes of it behind: a solid where it has a thickness."""
+        glass, volume = extensions.transmission, extensions.volume
+        share = self._within([glass.transmission_factor], 0.0, 1.0, f"{where}: transmissionFactor")[0]
+        distance = math.inf if volume.attenuation_distance is None else volume.attenuation_distance
+        if distance <= 0.0:
+            self._file.notes.add(f"{where}: an attenuationDistance of {distance:g} counts as infinite")
+            distance = math.inf
+        thickness = self._within([volume.thickness_factor], 0.0, 1e9, f"{where}: thicknessFactor")[0]
+        return dict(
+            transmission=share,
+            transmission_texture=self._textures.use(glass.transmission_texture, srgb=False, where=where),
+            thickness=thickness,
+            attenuation_color=self._within(volume.attenuation_color, 0.0, 1.0, f"{where}: attenuationColor"),
+            attenuation_distance=distance,
         )
 
     def _opacity(self, record: schema.Material, where: str) -> dict[str, Any]:

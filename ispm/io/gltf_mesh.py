@@ -8,7 +8,8 @@ import numpy as np
 
 from ispm.errors import SceneError
 from ispm.io import gltf_schema as schema
-from ispm.io.gltf_file import FARTHEST, GltfFile, item, label
+from ispm.io.arrays import compact, wild
+from ispm.io.gltf_file import GltfFile, item, label
 from ispm.io.gltf_material import Materials
 from ispm.scene.material import Material
 from ispm.scene.mesh import Mesh
@@ -64,11 +65,15 @@ class Meshes:
         if "POSITION" not in primitive.attributes:
             self._file.notes.add(f"{where}: a primitive without POSITION is not drawn")
             return None
+        if primitive.extensions.draco and self._lacks_bytes(primitive.attributes["POSITION"]):
+            raise SceneError(
+                f"{where} uses KHR_draco_mesh_compression, which ispm does not read; export it without"
+            )
         triangles, rows = compact(self._triangles(primitive, where))
         positions = self._file.floats(primitive.attributes["POSITION"], ("VEC3",), rows)
         if positions is None:
             raise SceneError(f"{where}: POSITION is not a VEC3")
-        far = np.asarray(_wild(positions).any(axis=1))
+        far = np.asarray(wild(positions).any(axis=1))
         if far.any():
             lost = far[triangles].any(axis=1)
             self._file.notes.add(
@@ -83,6 +88,9 @@ class Meshes:
             field: self._attribute(primitive, *asked, rows, where) for field, asked in ATTRIBUTES.items()
         }
         return Mesh(positions, triangles, **others, name=name)
+
+    def _lacks_bytes(self, index: int) -> bool:
+        return item(self._file.gltf.accessors, index, "accessor").buffer_view is None
 
     def _triangles(self, primitive: schema.Primitive, where: str) -> np.ndarray:
         """(T, 3) numbers of the primitive's vertices; checked before memory is asked for."""
@@ -124,10 +132,10 @@ class Meshes:
         if values is None:
             self._file.notes.add(f"{where}: {attribute} is left out: it is not a {' or '.join(types)}")
             return None
-        wild = _wild(values)
-        if wild.any():
+        strays = wild(values)
+        if strays.any():
             self._file.notes.add(f"{where}: values of {attribute} that are not finite count as 0")
-            values[wild] = 0.0
+            values[strays] = 0.0
         return opaque(values) if color else values
 
 
@@ -144,23 +152,8 @@ def assemble(corners: np.ndarray, mode: int) -> np.ndarray:
     return triangles
 
 
-def compact(triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return (T, 3) uint32 triangles renumbered over the vertices they use, and those vertices' rows."""
-    used = np.zeros(int(triangles.max()) + 1 if triangles.size else 0, bool)
-    used[triangles] = True
-    number = np.cumsum(used, dtype=np.uint32) - np.uint32(1)
-    renumbered: np.ndarray = number[triangles]
-    return renumbered, np.flatnonzero(used)
-
-
 def opaque(colors: np.ndarray) -> np.ndarray:
     """Return colors within 0..1, with an alpha of 1 where they have none."""
     result = np.ones((len(colors), 4), np.float32)
     np.clip(colors, 0.0, 1.0, out=result[:, : colors.shape[1]])
     return result
-
-
-def _wild(values: np.ndarray) -> np.ndarray:
-    """Where `values` are NaN, infinite or too large to reckon with."""
-    wild: np.ndarray = ~(np.abs(values) < FARTHEST)
-    return wild

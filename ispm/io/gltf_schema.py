@@ -6,6 +6,7 @@ Values that a renderer can do without are held loosely here and judged where the
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, Any, Literal
 
 import msgspec
@@ -30,11 +31,19 @@ class Asset(Record):
     min_version: str | None = None
 
 
+class BufferExtensions(Record):
+    """Extensions of a buffer: that its bytes are found only by decoding others."""
+
+    meshopt: Any = field(name="EXT_meshopt_compression", default=None)
+    khr_meshopt: Any = field(name="KHR_meshopt_compression", default=None)
+
+
 class Buffer(Record):
     """Bytes: a file beside this one, a data: URI, or (without `uri`) the binary chunk of a GLB."""
 
     byte_length: Count
     uri: str | None = None
+    extensions: BufferExtensions = field(default_factory=BufferExtensions)
 
 
 class BufferView(Record):
@@ -98,12 +107,26 @@ class Sampler(Record):
     wrap_t: Any = 10497
 
 
+class Source(Record):
+    """EXT_texture_webp: the picture to show instead."""
+
+    source: Index | None = None
+
+
+class PictureExtensions(Record):
+    """Extensions of a texture."""
+
+    webp: Source | None = field(name="EXT_texture_webp", default=None)
+    basisu: Source | None = field(name="KHR_texture_basisu", default=None)
+
+
 class Texture(Record):
     """A picture and a sampler."""
 
     source: Index | None = None
     sampler: Index | None = None
     name: str = ""
+    extensions: PictureExtensions = field(default_factory=PictureExtensions)
 
 
 class TextureTransform(Record):
@@ -161,6 +184,21 @@ class EmissiveStrength(Record):
     emissive_strength: float = 1.0
 
 
+class Transmission(Record):
+    """KHR_materials_transmission."""
+
+    transmission_factor: float = 0.0
+    transmission_texture: TextureSlot | None = None
+
+
+class Volume(Record):
+    """KHR_materials_volume; what its thickness texture says matters to flat pictures alone."""
+
+    thickness_factor: float = 0.0
+    attenuation_color: Vec3 = (1.0, 1.0, 1.0)
+    attenuation_distance: float | None = None
+
+
 class Unlit(Record):
     """KHR_materials_unlit."""
 
@@ -173,6 +211,8 @@ class MaterialExtensions(Record):
     emissive_strength: EmissiveStrength = field(
         name="KHR_materials_emissive_strength", default_factory=EmissiveStrength
     )
+    transmission: Transmission = field(name="KHR_materials_transmission", default_factory=Transmission)
+    volume: Volume = field(name="KHR_materials_volume", default_factory=Volume)
     unlit: Unlit | None = field(name="KHR_materials_unlit", default=None)
 
 
@@ -190,6 +230,12 @@ class Material(Record):
     extensions: MaterialExtensions = field(default_factory=MaterialExtensions)
 
 
+class PrimitiveExtensions(Record):
+    """Extensions of a primitive."""
+
+    draco: Any = field(name="KHR_draco_mesh_compression", default=None)
+
+
 class Primitive(Record):
     """Triangles, lines or points of one material."""
 
@@ -198,6 +244,7 @@ class Primitive(Record):
     material: Index | None = None
     mode: int = 4
     targets: list[Any] = []
+    extensions: PrimitiveExtensions = field(default_factory=PrimitiveExtensions)
 
 
 class Mesh(Record):
@@ -230,6 +277,14 @@ class Camera(Record):
     perspective: Perspective | None = None
     orthographic: Orthographic | None = None
     name: str = ""
+    extras: Any = None
+
+
+class Spot(Record):
+    """The cones of a spot light, radians from its axis."""
+
+    inner_cone_angle: float = 0.0
+    outer_cone_angle: float = math.pi / 4.0
 
 
 class Light(Record):
@@ -239,6 +294,7 @@ class Light(Record):
     color: Vec3 = (1.0, 1.0, 1.0)
     intensity: float = 1.0
     range: float | None = None
+    spot: Spot = field(default_factory=Spot)
     name: str = ""
 
 
@@ -248,10 +304,17 @@ class LightUse(Record):
     light: Index
 
 
+class Instancing(Record):
+    """EXT_mesh_gpu_instancing: where copies of the node's mesh stand."""
+
+    attributes: dict[str, Index]
+
+
 class NodeExtensions(Record):
     """Extensions of a node."""
 
     light: LightUse | None = field(name="KHR_lights_punctual", default=None)
+    instancing: Instancing | None = field(name="EXT_mesh_gpu_instancing", default=None)
 
 
 class Node(Record):

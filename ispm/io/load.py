@@ -8,10 +8,13 @@ from typing import Any
 
 from ispm.errors import SceneError
 from ispm.io.gltf import read_gltf
+from ispm.io.obj import read_obj
+from ispm.io.ply import read_ply
+from ispm.io.stl import read_stl
 from ispm.scene.scene import Scene
 from ispm.settings import LoadLimits, knob_of
 
-READERS = {".glb": read_gltf, ".gltf": read_gltf}
+READERS = {".glb": read_gltf, ".gltf": read_gltf, ".obj": read_obj, ".ply": read_ply, ".stl": read_stl}
 
 
 def load(path: str | os.PathLike[str], **limits: Any) -> Scene:
@@ -55,7 +58,10 @@ def _read(path: Path, limits: LoadLimits) -> Scene:
     reader = READERS.get(path.suffix.lower())
     if reader is None:
         ending = f"files ending in {path.suffix}" if path.suffix else "files without an ending"
-        raise SceneError(f"{ending} are not supported yet; {' and '.join(READERS)} are")
+        raise SceneError(
+            f"{ending} are not read, but {' '.join(READERS)} are; for others, Scene.from_trimesh takes what "
+            "trimesh loads"
+        )
     return reader(path, limits)
 
 

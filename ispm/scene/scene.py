@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -31,6 +32,7 @@ class Node:
     translation, scale   (3,) metres and factors
     rotation             (4,) unit quaternion x, y, z, w
     matrix               (4, 4) used instead of the three where given
+    instances            (n, 4, 4) where the parts stand n times, from each copy to this node; None: once
     """
 
     name: str = ""
@@ -39,9 +41,22 @@ class Node:
     scale: tuple[float, float, float] | np.ndarray = (1.0, 1.0, 1.0)
     matrix: np.ndarray | None = None
     parts: list[Part] = field(default_factory=list)
+    instances: np.ndarray | None = None
     light: Light | None = None
     camera: Camera | None = None
     children: list[Node] = field(default_factory=list)
+
+    @property
+    def copies(self) -> int:
+        """How many times the parts are placed."""
+        return 1 if self.instances is None else len(self.instances)
+
+    def places(self, world: np.ndarray) -> np.ndarray:
+        """Return the (copies, 4, 4) matrices that take the parts to the world.
+
+        world  (4, 4), this node's own
+        """
+        return world[None] if self.instances is None else world @ self.instances
 
     def local_matrix(self) -> np.ndarray:
         """Return the (4, 4) matrix that takes this node's space to its parent's."""
@@ -66,6 +81,16 @@ class Scene:
     extensions_used: list[str] = field(default_factory=list)
     extensions_honoured: list[str] = field(default_factory=list)
 
+    @classmethod
+    def from_trimesh(cls, source: Any) -> Scene:
+        """Return the scene of a trimesh.Scene or Trimesh: geometry, places and materials, copied.
+
+        Raises SceneError where a geometry cannot be used.
+        """
+        from ispm.scene.from_trimesh import to_scene
+
+        return to_scene(source)
+
     def placed(self) -> Iterator[tuple[Node, np.ndarray]]:
         """Yield each node with its (4, 4) node-to-world matrix, parents before children."""
         stack = [(node, np.eye(4)) for node in reversed(self.roots)]
@@ -78,7 +103,12 @@ class Scene:
     @property
     def nodes(self) -> list[Node]:
         """All nodes, parents before children."""
-        return [node for node, _ in self.placed()]
+        found, stack = [], self.roots[::-1]
+        while stack:
+            node = stack.pop()
+            found.append(node)
+            stack.extend(reversed(node.children))
+        return found
 
     @property
     def lights(self) -> list[Node]:
@@ -101,8 +131,8 @@ class Scene:
 
     @property
     def triangle_count(self) -> int:
-        """Triangles as placed: a mesh counts once for each node that shows it."""
-        return sum(len(part.mesh.triangles) for node in self.nodes for part in node.parts)
+        """Triangles as placed: a mesh counts once for each place where it is shown."""
+        return sum(node.copies * len(part.mesh.triangles) for node in self.nodes for part in node.parts)
 
     def __getitem__(self, name: str) -> Node:
         """Return the first node called `name`; KeyError names the nearest."""

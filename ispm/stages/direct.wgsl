@@ -1,7 +1,7 @@
 // Light that reaches the eye's pixels straight from the lights, with shadows.
 // include stages/camera.wgsl
+// include stages/material.wgsl
 // include stages/shadow_map.wgsl
-// include optics/bsdf.wgsl
 // include optics/light.wgsl
 
 override ADDS: bool = false;        // to what the lights before these brought
@@ -100,8 +100,7 @@ fn vs(@builtin(vertex_index) corner: u32) -> @builtin(position) vec4f {
 fn fs(@builtin(position) position: vec4f) -> @location(0) vec4f {
     let pixel = vec2u(position.xy);
     let seen = textureLoad(ids, pixel, 0).xy;
-    let row = seen.y & 0xffffffu;
-    if (seen.x == 0u || (materials[row].flags & MATERIAL_UNLIT) != 0u) {
+    if (seen.x == 0u || (materials[material_row(seen.y)].flags & MATERIAL_UNLIT) != 0u) {
         return vec4f(0.0, 0.0, 0.0, 1.0);
     }
     var sum = lit(pixel, seen.y);
@@ -119,8 +118,7 @@ fn lit(pixel: vec2u, word: u32) -> vec3f {
     let position = world_position(vec2f(pixel) + 0.5, textureLoad(depth, pixel, 0));
     let wo = view_direction(position);
     let color = textureLoad(base, pixel, 0);
-    let row = word & 0xffffffu;
-    var bsdf = surface_bsdf(color.rgb, color.a, textureLoad(emission, pixel, 0).a, materials[row].transmission, materials[row], true);
+    var bsdf = seen_bsdf(word, color, textureLoad(emission, pixel, 0).a, materials[material_row(word)]);
     if (!TRANSMITS) {
         bsdf.tint = vec3f(0.0);  // so that the compiler leaves the lobe out
     }

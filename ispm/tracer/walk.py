@@ -38,7 +38,8 @@ from ispm.tracer.world import World
 f32, i64, u32 = np.float32, np.int64, np.uint32
 
 ROULETTE_AFTER = 4  # scatters; living photons lower the error more than they cost before that
-SPECULAR_MAX = 8  # events at smooth surfaces; of each later one half the photons survive
+SPECULAR_MAX = 8  # events at smooth surfaces without roulette
+_SPECULAR_SURVIVAL = 0.9  # chance at each later one: ends paths between lossless surfaces without fireflies
 _CHUNK = 256  # photons a thread takes at a time; results do not depend on it or on the threads
 
 # rows of a chunk's sums
@@ -110,9 +111,11 @@ def walk(
 
 @jit
 def chunk_capacity(bounces):
-    """Return how many photons a chunk can store: one at each scatter and, on average, two more than the
-    specular events without roulette, which is one more than surfaces both smooth and diffuse can ask for."""
-    return i64(_CHUNK) * (max(i64(bounces), i64(1)) + i64(SPECULAR_MAX + 2))
+    """Return how many photons a chunk can store, on average `SPECULAR_MAX` more than a photon scatters.
+
+    Surfaces both smooth and diffuse store without end; where a chunk is full its photons are dropped.
+    """
+    return i64(_CHUNK) * (max(i64(bounces), i64(1)) + i64(SPECULAR_MAX))
 
 
 @jit
@@ -186,16 +189,10 @@ def _walk_one(
         _add_difference(sums, chunk, _ABSORBED, flux, scattered)
         flux, d, origin = scattered, wi, position
         u = flight_number(photon.key, pass_index, seed, scatters + speculars)
-        if specular:
-            speculars += i64(1)
-        else:
-            scatters += i64(1)
+        speculars += i64(specular)
+        scatters += i64(not specular)
         direct = direct and specular and passed_sheet(flags, ng, d)
-        side = ng
-        if dot(d, ng) < f32(0):
-            side = scale(f32(-1), ng)
-            inside = beyond(hit, flags, entering, inside)
-        start = leave_surface(world, table, hit, side)
+        start, inside = depart(world, table, hit, flags, entering, inside, ng, d)
         rays += i64(1)
         found, hit = closest_surface(world, table, texels, rows, start, d, u, stack, words)
         if not found:
@@ -228,18 +225,20 @@ def nowhere():
 
 @jit
 def medium(inside, hit, flags, entering):
-    """Return a hit on what bounds the solid that a flight to `hit` went through: it is that one if met from
-    within, else what the path last entered, `inside`."""
+    """Return a hit on what bounds the solid that a flight to `hit` went through: that one if met from within,
+    else what the path last entered, `inside`."""
     solid = flags & u32(MATERIAL_TRANSMITS | MATERIAL_THIN) == u32(MATERIAL_TRANSMITS)
     return hit if solid and not entering else inside
 
 
 @jit
-def beyond(hit, flags, entering, inside):
-    """Return `medium` for flights that were transmitted at `hit`."""
-    if flags & u32(MATERIAL_THIN):
-        return inside
-    return hit if entering else nowhere()
+def depart(world, table, hit, flags, entering, inside, ng, d):
+    """Return where a flight along `d` from a hit starts, and a hit on what bounds the solid it is in."""
+    side = f32(1) if dot(d, ng) > f32(0) else f32(-1)
+    start = leave_surface(world, table, hit, scale(side, ng))
+    if side > f32(0) or flags & u32(MATERIAL_THIN):
+        return start, inside
+    return start, hit if entering else nowhere()
 
 
 @jit
@@ -262,8 +261,8 @@ def next_flight(key, pass_index, seed, scatters, speculars, ng, n, bsdf, flags, 
     u0, u1, u2, u3 = random4(key, u32(2 * (scatters + speculars)), pass_index, seed)
     alive, wi, scattered, specular = scatter(ng, n, bsdf, flags, d, flux, u0, u1, u2)
     if alive and specular and speculars >= SPECULAR_MAX:
-        alive = u3 < f32(0.5)
-        scattered = scale(f32(2), scattered)
+        alive = u3 < f32(_SPECULAR_SURVIVAL)
+        scattered = scale(f32(1 / _SPECULAR_SURVIVAL), scattered)
     if alive and not specular and scatters >= ROULETTE_AFTER:
         survival = min(f32(1), _sum(scattered) / _sum(flux))
         alive = u3 < survival

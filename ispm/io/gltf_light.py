@@ -1,0 +1,61 @@
+"""Lights of a glTF file (KHR_lights_punctual)."""
+
+from __future__ import annotations
+
+import math
+
+from ispm.io import gltf_schema as schema
+from ispm.io.gltf_file import GltfFile, item
+from ispm.io.gltf_material import BRIGHTEST
+from ispm.scene.light import DirectionalLight, Light, PointLight, SpotLight
+
+NARROWEST = 1e-3  # rad from the axis, and between the cones
+
+
+def read_light(file: GltfFile, index: int, node: str) -> Light | None:
+    """Return a light; None, with a note, where its kind is unknown.
+
+    node  name of the node where it stands, for messages
+    Raises SceneError where the file has no such light.
+    """
+    record = item(file.gltf.extensions.lights.lights, index, "light")
+    where = f"light '{node or record.name or index}'"
+    if record.type not in ("point", "spot", "directional"):
+        file.notes.add(f"{where} is left out: its type '{record.type}' is unknown")
+        return None
+    intensity = _intensity(file, record, where)
+    if record.type == "directional":
+        return DirectionalLight(intensity, record.name)
+    reach = _range(file, record, where)
+    if record.type == "point":
+        return PointLight(intensity, reach, record.name)
+    return SpotLight(intensity, reach, *_cones(file, record.spot, where), record.name)
+
+
+def _intensity(file: GltfFile, record: schema.Light, where: str) -> tuple[float, float, float]:
+    given = [record.intensity * c for c in record.color]
+    r, g, b = (min(max(value, 0.0), BRIGHTEST) for value in given)
+    if [r, g, b] != given:
+        unit = "lx" if record.type == "directional" else "cd"
+        file.notes.add(f"{where}: its intensity is clamped to 0..{BRIGHTEST:g} {unit}")
+    return r, g, b
+
+
+def _range(file: GltfFile, record: schema.Light, where: str) -> float:
+    if record.range is None or record.range > 0.0:
+        return math.inf if record.range is None else record.range
+    file.notes.add(f"{where}: a range of {record.range:g} lights nothing; it counts as infinite")
+    return math.inf
+
+
+def _cones(file: GltfFile, spot: schema.Spot, where: str) -> tuple[float, float]:
+    """The inner and outer angle, 0 <= inner < outer <= pi / 2."""
+    given = spot.inner_cone_angle, spot.outer_cone_angle
+    outer = min(max(given[1], NARROWEST), math.pi / 2.0)
+    inner = min(max(given[0], 0.0), outer - NARROWEST)
+    if max(abs(inner - given[0]), abs(outer - given[1])) > 1e-6:  # files round pi / 2
+        file.notes.add(
+            f"{where}: its cones of {given[0]:g} and {given[1]:g} rad break 0 <= inner < outer <= pi / 2; "
+            f"{inner:.3g} and {outer:.3g} are used"
+        )
+    return inner, outer

@@ -1,0 +1,136 @@
+"""Wavefront OBJ files: objects and materials become nodes and parts.
+
+Metres as written, Y up. Objects (`o`, else groups `g`) are nodes. Faces without normals are smooth within
+their smoothing group and flat without one. Colors of vertices, if any, are taken as sRGB.
+Source: Wavefront, "Object Files (.obj)", Advanced Visualizer manual, appendix B1; colors as MeshLab and
+Blender write them.
+"""
+
+from __future__ import annotations
+
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from ispm.io.arrays import wild
+from ispm.io.folder import map_file
+from ispm.io.mtl import Materials
+from ispm.io.notes import Notes
+from ispm.io.obj_text import FLAT, Group, ObjText, read_text
+from ispm.io.polygons import triangulate
+from ispm.io.surface_mesh import check_counts, check_range, make_mesh
+from ispm.scene.color import linear
+from ispm.scene.mesh import Mesh
+from ispm.scene.scene import Node, Part, Scene
+from ispm.settings import LoadLimits
+
+
+def read_obj(path: Path, limits: LoadLimits) -> Scene:
+    """Return the scene of an OBJ file and its MTL files. Raises SceneError where it cannot be used."""
+    notes = Notes()
+    text = read_text(map_file(path, limits), notes, limits)
+    _check(text, notes, limits)
+    triangles = {group: _triangles(text, group) for group in text.groups}
+    normals = _normals(text, list(triangles.values()))
+    materials = Materials(text.libraries, path.parent, notes, limits)
+    nodes: dict[str, Node] = {}
+    for group, corners in triangles.items():
+        mesh = _mesh(text, group, corners, normals, notes)
+        if mesh is not None:
+            node = nodes.setdefault(group.object, Node(group.object))
+            solid = partial(_closed, text, triangles, group.material)
+            material = materials.get(group.material, mesh, solid)
+            node.parts.append(Part(mesh, material))
+    if not nodes:
+        notes.add("it has no faces, so there is nothing to draw")
+    return Scene(list(nodes.values()), warnings=notes.lines())
+
+
+def _check(text: ObjText, notes: Notes, limits: LoadLimits) -> None:
+    """Raise SceneError where vertices are too many or missing; note where others are, and replace them."""
+    placed = sum(len(faces.corners) - 2 * len(faces.sizes) for faces in text.groups.values())
+    check_counts(limits, len(text.positions), placed)
+    vertex, uv, normal = text.corners.T
+    check_range(vertex, len(text.positions), first=1)
+    missing = (uv >= len(text.uvs)) & (uv >= 0), (normal >= len(text.normals)) & (normal >= 0)
+    if missing[0].any():
+        notes.add("texture coordinates that faces ask for are not there; 0, 0 is used")
+        uv[missing[0]] = -1
+    if missing[1].any():
+        notes.add("normals that faces ask for are not there; the mean of their faces' is used")
+        normal[missing[1]] = FLAT - 1
+
+
+def _triangles(text: ObjText, group: Group) -> np.ndarray:
+    """(T, 3) rows of text.corners."""
+    faces = text.groups[group]
+    points = text.positions[text.corners[:, 0]]
+    return triangulate(np.array(faces.corners), np.array(faces.sizes), points)
+
+
+def _normals(text: ObjText, triangles: list[np.ndarray]) -> np.ndarray:
+    """(C, 3) normals of all corners: as written, else the mean of their smoothing group.
+
+    Weighted by angle, so that it is the same however polygons are cut (Thuermer and Wuethrich 1998).
+    """
+    result = np.zeros((len(text.corners), 3))
+    asked = text.corners[:, 2]
+    written = asked >= 0
+    result[written] = text.normals[asked[written]]
+    if triangles and (asked < FLAT).any():
+        keys, group = np.unique(text.corners[:, [0, 2]], axis=0, return_inverse=True)
+        sums = np.zeros((len(keys), 3))
+        every = np.concatenate(triangles)
+        corners = text.positions[text.corners[every, 0]]
+        with np.errstate(invalid="ignore", over="ignore"):
+            weighted = _by_angle(corners)
+        weighted[wild(weighted).any(axis=(1, 2))] = 0.0
+        np.add.at(sums, group.ravel()[every], weighted)
+        result[~written] = sums[group.ravel()[~written]]
+    return result
+
+
+def _by_angle(corners: np.ndarray) -> np.ndarray:
+    """(T, 3, 3) unit normals of (T, 3, 3) triangles, times the angle at each corner."""
+    ahead = _unit(np.roll(corners, -1, axis=1) - corners)
+    behind = -np.roll(ahead, 1, axis=1)
+    angle = np.arccos(np.clip(np.einsum("tki,tki->tk", ahead, behind), -1.0, 1.0))
+    flat = _unit(np.cross(ahead[:, 0], -ahead[:, 2]))
+    return np.asarray(angle[:, :, None] * flat[:, None, :])
+
+
+def _unit(vectors: np.ndarray) -> np.ndarray:
+    length = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    return np.asarray(vectors / np.where(length > 0.0, length, 1.0))
+
+
+def _closed(text: ObjText, triangles: dict[Group, np.ndarray], material: str) -> bool:
+    """Whether the faces of a material bound solids: every edge is met as often one way as the other."""
+    all_corners = np.concatenate([t for group, t in triangles.items() if group.material == material])
+    places = np.unique(text.positions, axis=0, return_inverse=True)[1].ravel()
+    rows = places[text.corners[all_corners, 0]]
+    edges = np.concatenate([rows[:, [0, 1]], rows[:, [1, 2]], rows[:, [2, 0]]])
+    forward, back = edges @ (len(places), 1), edges @ (1, len(places))
+    return bool((np.sort(forward) == np.sort(back)).all())
+
+
+def _mesh(
+    text: ObjText, group: Group, triangles: np.ndarray, normals: np.ndarray, notes: Notes
+) -> Mesh | None:
+    vertex, uv, _ = text.corners.T
+    uvs = colors = None
+    if len(text.uvs) and (uv[triangles] >= 0).any():
+        uvs = np.where(uv[:, None] >= 0, text.uvs[uv], 0.0) * (1.0, -1.0) + (0.0, 1.0)
+    if text.colors is not None:
+        colors = np.ones((len(vertex), 4), np.float32)
+        colors[:, :3] = linear(np.clip(text.colors[vertex], 0.0, 1.0))
+    return make_mesh(
+        text.positions[vertex],
+        triangles,
+        notes,
+        group.object or group.material or "the mesh",
+        normals=normals if group.smooth else None,
+        uv0=uvs,
+        colors=colors,
+    )
