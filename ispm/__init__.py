@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from ispm.errors import AdapterError, IspmError, OutputError, SceneError, SettingsError
     from ispm.gpu.device import list_adapters as adapters
     from ispm.io.load import load
+    from ispm.io.save import save
     from ispm.renderer import Renderer, render
     from ispm.renderer.picture import Frame
     from ispm.scene.animation import Animation
@@ -51,6 +52,7 @@ _HOMES = {
     "compare": "ispm.bench.metrics",
     "load": "ispm.io.load",
     "render": "ispm.renderer",
+    "save": "ispm.io.save",
 }
 
 __all__ = [
@@ -79,6 +81,7 @@ __all__ = [
     "compare",
     "load",
     "render",
+    "save",
 ]
 
 

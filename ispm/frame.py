@@ -11,7 +11,7 @@ import numpy as np
 from ispm.gpu import Buffer, Canvas, Gpu, Group, Raster, Recording, Sampler, Texture
 from ispm.optics import records
 from ispm.optics.records import VERTEX
-from ispm.scene.atlas import ShadowAtlas
+from ispm.scene.lightmap import LightMap
 from ispm.scene.packed import Draw, Packed
 
 SLOTS = ("base_color", "metallic_roughness", "normal", "emission", "transmission")
@@ -22,14 +22,12 @@ class GpuScene:
     """A `Packed` scene on the device.
 
     boxes  (draws, 2, 3) float64 bounds of what each draw shows, world space
-    instance_boxes  (instances, 2, 3) of each instance
     vertices, indices, instances, materials, lights  its arrays, at least one row each
     maps  of each material the texture and the sampler of each of SLOTS; white where it has none
     """
 
     packed: Packed
     boxes: np.ndarray
-    instance_boxes: np.ndarray
     vertices: Buffer
     indices: Buffer
     instances: Buffer
@@ -90,11 +88,14 @@ class GpuScene:
         shared  group 0 of all pipelines; group 1 is what an alpha mask reads, for materials that have one
         """
         groups: dict[Raster, Group] = {}
+        used = None
         for draw in draws:
             raster = pipeline(draw)
             if raster not in groups:
                 groups[raster] = raster.bind(0, **shared)
-            canvas.use(raster, groups[raster])
+            if raster is not used:
+                canvas.use(raster, groups[raster])
+                used = raster
             if self.is_masked(draw.material):
                 material = frame.uniform(self.packed.materials[draw.material])
                 maps = self.material_maps(draw.material, "base_color")
@@ -131,7 +132,6 @@ class GBuffer:
 class ShadowMaps:
     """The shadow maps of all lights, tiles of one atlas; depth is reversed.
 
-    atlas   what lies where
     maps    SHADOW_MAP rows (ispm/stages/shadow_map.wgsl), one for each light
     tiles   SHADOW_TILE rows, six for each light
     depth   depth32float: the nearest opaque surface of each texel
@@ -140,7 +140,6 @@ class ShadowMaps:
     The last two are not drawn, and of any size, unless it `has_sheets`.
     """
 
-    atlas: ShadowAtlas
     maps: np.ndarray
     tiles: np.ndarray
     depth: Texture
@@ -151,33 +150,37 @@ class ShadowMaps:
 
 @dataclass(frozen=True, eq=False)
 class BounceMap:
-    """The first hits of one point light's photons.
+    """The first hits that a map of a light sees.
 
-    light   row of the lights
-    texels  rgba32uint, 6 layers of width x width: instance row, primitive in its mesh, and the bits of
-            the barycentrics u and v; NO_HIT in the first where nothing was hit
-    shift   texels, in [-0.5, 0.5], that the samples lie right of and below the texels' centres
+    places  (F, 2) texels that its faces lie right of and below the corner
+    width   texels of a face's edge
     """
 
-    light: int
-    texels: Texture
-    shift: tuple[float, float]
-
-    @property
-    def width(self) -> int:
-        """Texels of a face's edge."""
-        return self.texels.size[0]
+    map: LightMap
+    places: np.ndarray
+    width: int
 
 
 @dataclass(frozen=True, eq=False)
 class BounceMaps:
-    """The bounce maps of all lights that have one."""
+    """The bounce maps of all lights, side by side.
 
+    texels  rgba32uint: instance row, primitive in its mesh, and the bits of the barycentrics u and v;
+            NO_HIT in the first where nothing was hit
+    """
+
+    texels: Texture
     maps: list[BounceMap]
 
     def read(self, gpu: Gpu) -> list[np.ndarray]:
-        """Return the maps as (6, width, width, 4) uint32, after one wait for all."""
-        return gpu.read_many([(each.texels, np.uint32, 4) for each in self.maps])
+        """Return the maps as (F, width, width, 4) uint32, after one wait for all."""
+        if not self.maps:
+            return []
+        (texels,) = gpu.read_many([(self.texels, np.uint32, 4)])
+        return [
+            np.stack([texels[y : y + each.width, x : x + each.width] for x, y in each.places])
+            for each in self.maps
+        ]
 
 
 _ATTRIBUTES = {"position": "float32x3", "color": "unorm8x4", "uv0": "float32x2", "uv1": "float32x2"}

@@ -79,6 +79,13 @@ class Settings(_Checked):
         high=100,
         metavar="N",
     )
+    caustic_photons: float = knob(
+        0.5,
+        "share of the photons aimed at mirrors and glass where there are any; unbiased for any",
+        low=0.0,
+        high=1.0,
+        metavar="F",
+    )
     preset: str = knob(
         "default",
         "a group of settings to start from; talk: as near to the talk of 2009 as can be, for comparison",
@@ -114,7 +121,8 @@ class Settings(_Checked):
     )
     emission: str = knob(
         "auto",
-        "how photons leave the lights: rasterised bounce maps, or rays",
+        "how photons leave the lights: rasterised bounce maps, or rays; auto: maps, but rays where a "
+        "software adapter has much to draw",
         choices=("auto", "map", "rays"),
     )
     shadow_resolution: int = knob(
@@ -132,7 +140,11 @@ class Settings(_Checked):
         words={"auto": "auto"},
         metavar="EV",
     )
-    tonemap: str = knob("neutral", "neutral: Khronos PBR Neutral; none: clipped", choices=("neutral", "none"))
+    tonemap: str = knob(
+        "neutral",
+        "neutral: Khronos PBR Neutral, true colors; agx: AgX, softer, as film; none: clipped",
+        choices=("neutral", "agx", "none"),
+    )
     background: tuple[float, float, float] | str = knob(
         (0.0, 0.0, 0.0),
         "what is seen where nothing is: linear r,g,b, black, or transparent",
@@ -194,7 +206,14 @@ PRESETS: dict[str, dict[str, Any]] = {
     "default": {},
     "fast": {},
     # The table's row 5, NS2 (Cargo Bay): 20,356 photons, 3 bounces, one sample in 6 x 6 pixels.
-    "talk": {"photons": 20_356, "bounces": 3, "subsampling": 6, "estimator": "volumes", "kernel": "hint"},
+    "talk": {
+        "photons": 20_356,
+        "bounces": 3,
+        "subsampling": 6,
+        "estimator": "volumes",
+        "kernel": "hint",
+        "caustic_photons": 0.0,
+    },
 }
 _preset_first(Settings)
 

@@ -19,6 +19,7 @@ from ispm.scene.scene import Scene
 from ispm.scene.shapes import polygons
 from ispm.settings import Settings
 from ispm.tracer.emission import emit_rays
+from ispm.tracer.plan import plan_maps
 from ispm.tracer.surface import SurfaceTable
 from ispm.tracer.walk import Walk, walk
 from ispm.tracer.world import World
@@ -41,7 +42,8 @@ class Tracer:
     def emit(self, count: int, seed: int = 0) -> np.ndarray:
         """Return EMITTED photons, `count` from each light, drawn as rays."""
         counts = np.full(len(self.packed.lights), count)
-        return emit_rays(self.packed, self.world, self.surfaces, counts, seed, 0, self.threads)
+        plan = plan_maps(self.packed, counts, 0.0, seed, 0)
+        return emit_rays(self.packed, self.world, self.surfaces, plan, seed, 0, self.threads)
 
     def walk(self, emitted: np.ndarray, bounces: int, seed: int = 0) -> Walk:
         """Follow photons from their first hits."""

@@ -13,6 +13,7 @@ from ispm.errors import SceneError
 from ispm.io import gltf_schema as schema
 from ispm.io.arrays import FARTHEST
 from ispm.io.gltf_animation import read_animations
+from ispm.io.gltf_camera import furnished
 from ispm.io.gltf_file import GltfFile, item, label
 from ispm.io.gltf_instances import read_instances
 from ispm.io.gltf_light import read_light
@@ -125,10 +126,10 @@ def _camera(file: GltfFile, index: int) -> Camera | None:
         file.notes.add(f"{where}: its zfar is not beyond its znear; both are passed over")
     if isinstance(kind, schema.Perspective):
         if NARROWEST < kind.yfov < math.pi - NARROWEST:
-            return Camera(kind.yfov, name=record.name)
+            return furnished(Camera(kind.yfov, name=record.name), record.extras, file, where)
         file.notes.add(f"{where}: a yfov of {kind.yfov:g} shows nothing; {Camera.yfov:.3g} rad is used")
         return Camera(name=record.name)
     if not NARROWEST < abs(kind.ymag) < FARTHEST:
         file.notes.add(f"{where} is left out: a ymag of {kind.ymag:g} shows nothing")
         return None
-    return Camera(ymag=abs(kind.ymag), name=record.name)
+    return furnished(Camera(ymag=abs(kind.ymag), name=record.name), record.extras, file, where)

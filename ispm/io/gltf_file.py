@@ -61,7 +61,11 @@ class GltfFile:
                 data = self.uri(buffer.uri)
             if data is None:
                 packed = buffer.extensions.meshopt or buffer.extensions.khr_meshopt
-                why = "; it is packed by meshopt compression, which ispm does not read" if packed else ""
+                why = (
+                    " without meshopt compression, which ispm does not read; export it without"
+                    if packed
+                    else ""
+                )
                 raise SceneError(f"buffer {index} has no data{why}")
             if len(data) < buffer.byte_length:
                 raise SceneError(f"buffer {index} has {len(data)} of its {buffer.byte_length} bytes")

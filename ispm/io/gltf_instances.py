@@ -15,6 +15,7 @@ PLACING = {
     "ROTATION": ("VEC4", UNTURNED),
     "SCALE": ("VEC3", np.ones(3, np.float32)),
 }
+ROWS = ("_ROW0", "_ROW1", "_ROW2")  # our own: of the matrices, to the last bit
 
 
 def read_instances(file: GltfFile, record: schema.Instancing, where: str) -> np.ndarray:
@@ -28,7 +29,9 @@ def read_instances(file: GltfFile, record: schema.Instancing, where: str) -> np.
     count = counts.pop()
     if count > file.limits.nodes:
         raise SceneError(f"{where}: {count} instances are more than nodes={file.limits.nodes} allows")
-    translation, rotation, scale = (_attribute(file, record, name, count, where) for name in PLACING)
+    translation, rotation, scale = (
+        _attribute(file, record, name, count, where, *about) for name, about in PLACING.items()
+    )
     strays = np.asarray(wild(np.hstack([translation, rotation, scale])).any(axis=1))
     if strays.any():
         file.notes.add(f"{where}: instances with places that are not finite: {strays.sum()} left out")
@@ -37,12 +40,51 @@ def read_instances(file: GltfFile, record: schema.Instancing, where: str) -> np.
     result[:, :3, :3] = rotation_matrices(rotation) * scale[:, None, :]
     result[:, :3, 3] = translation
     result[:, 3, 3] = 1.0
+    if record.attributes.keys() >= set(ROWS):
+        rows = [_attribute(file, record, name, count, where, "VEC4", UNTURNED) for name in ROWS]
+        exact = np.stack(rows, axis=1)[~strays]
+        result[:, :3] = np.where(wild(exact), result[:, :3], exact)
     return result
 
 
-def _attribute(file: GltfFile, record: schema.Instancing, name: str, count: int, where: str) -> np.ndarray:
+def instance_attributes(matrices: np.ndarray) -> dict[str, np.ndarray]:
+    """Return (n, 4, 4) matrices as the attributes of EXT_mesh_gpu_instancing, and by their rows.
+
+    The first three are what other programs read; shear, which they cannot say, is in the rows alone.
+    """
+    exact = np.asarray(matrices, np.float32)
+    turn = exact[:, :3, :3].astype(np.float64)
+    scale = np.linalg.norm(turn, axis=1)
+    scale[:, 0] *= np.where(np.linalg.det(turn) < 0.0, -1.0, 1.0)
+    turn = turn / np.where(scale, scale, 1.0)[:, None, :]
+    values = exact[:, :3, 3], _quaternions(turn), scale
+    return dict(zip(PLACING, values, strict=True)) | {name: exact[:, i] for i, name in enumerate(ROWS)}
+
+
+def _quaternions(turn: np.ndarray) -> np.ndarray:
+    """Unit quaternions x, y, z, w of (n, 3, 3) rotations."""
+    # the eigenvector of the largest eigenvalue (Bar-Itzhack 2000): sound for every rotation
+    (a, b, c), (d, e, f), (g, h, i) = np.moveaxis(turn, 0, -1)
+    k = np.array([
+        [a - e - i, b + d, c + g, h - f],
+        [b + d, e - a - i, f + h, c - g],
+        [c + g, f + h, i - a - e, d - b],
+        [h - f, c - g, d - b, a + e + i],
+    ])  # fmt: skip
+    largest: np.ndarray = np.linalg.eigh(np.moveaxis(k, -1, 0))[1][:, :, 3]
+    return largest * np.where(largest[:, 3:] < 0.0, -1.0, 1.0)
+
+
+def _attribute(
+    file: GltfFile,
+    record: schema.Instancing,
+    name: str,
+    count: int,
+    where: str,
+    kind: str,
+    default: np.ndarray,
+) -> np.ndarray:
     """The (count, width) values of an attribute, the same for all where it is absent."""
-    kind, default = PLACING[name]
     index = record.attributes.get(name)
     if index is None:
         return np.tile(default, (count, 1))

@@ -277,6 +277,7 @@ class Camera(Record):
     perspective: Perspective | None = None
     orthographic: Orthographic | None = None
     name: str = ""
+    extras: Any = None
 
 
 class Spot(Record):

@@ -5,6 +5,7 @@ Arrays are (height, width, channels), row 0 on top; colors are linear Rec. 709 u
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -14,8 +15,10 @@ import numpy as np
 
 from ispm.errors import OutputError
 from ispm.io.atomic import replacing
+from ispm.io.png import encode_png
 
 ENDINGS = (".png", ".jpg", ".jpeg", ".exr", ".npy", ".npz")
+ABOUT = "__about__"  # the array of an NPZ that says how the others were made
 
 _HALF_MAX = 65504.0
 _MAX_PIXELS = 1 << 28  # of an EXR; a broken header may ask for terabytes
@@ -32,24 +35,21 @@ def require_ending(path: str | Path) -> str:
 
 
 def write_png(path: str | Path, pixels: np.ndarray, text: Mapping[str, str] | None = None) -> None:
-    """Write (h, w, 3 or 4) uint8 sRGB pixels, and `text` in text chunks. Raises OutputError."""
-    from PIL import Image, PngImagePlugin
-
-    chunks = PngImagePlugin.PngInfo()
-    chunks.add(b"sRGB", b"\0")  # perceptual intent
-    for key, value in (text or {}).items():
-        chunks.add_text(key, value)
+    """Write (h, w, 3 or 4) uint8 or uint16 sRGB pixels, and `text` in text chunks. Raises OutputError."""
     with replacing(path) as beside:
-        # Level 3 takes a third of the default's time for a file a few per cent larger.
-        Image.fromarray(pixels).save(beside, format="png", pnginfo=chunks, compress_level=3)
+        beside.write_bytes(encode_png(pixels, text))
 
 
-def write_jpeg(path: str | Path, pixels: np.ndarray) -> None:
-    """Write (h, w, 3) uint8 sRGB pixels. Raises OutputError."""
+def write_jpeg(path: str | Path, pixels: np.ndarray, text: Mapping[str, str] | None = None) -> None:
+    """Write (h, w, 3) uint8 sRGB pixels, colors as fine as light, and `text` as JSON in the comment.
+
+    Raises OutputError.
+    """
     from PIL import Image
 
+    comment = json.dumps(text).encode() if text else b""
     with replacing(path) as beside:
-        Image.fromarray(pixels[..., :3]).save(beside, format="jpeg", quality=92, subsampling=0)
+        Image.fromarray(pixels).save(beside, format="jpeg", quality=95, subsampling=0, comment=comment)
 
 
 def write_exr(
@@ -92,10 +92,13 @@ def write_npy(path: str | Path, radiance: np.ndarray) -> None:
         np.save(file, radiance)
 
 
-def write_npz(path: str | Path, layers: Mapping[str, np.ndarray]) -> None:
-    """Write arrays by name. Raises OutputError."""
+def write_npz(
+    path: str | Path, layers: Mapping[str, np.ndarray], text: Mapping[str, str] | None = None
+) -> None:
+    """Write arrays by name, and `text` as JSON in the array ABOUT. Raises OutputError."""
+    about = {ABOUT: np.array(json.dumps(text))} if text else {}
     with replacing(path) as beside, open(beside, "wb") as file:
-        np.savez(file, **layers)  # type: ignore[arg-type]  # the stub takes them for flags
+        np.savez(file, **layers, **about)  # type: ignore[arg-type]  # the stub takes them for flags
 
 
 def read_picture(path: str | Path, key: str | None = None) -> np.ndarray:
@@ -140,6 +143,11 @@ def srgb_to_linear(values: np.ndarray) -> np.ndarray:
     code = np.arange(256) / 255.0
     table = np.where(code <= 0.04045, code / 12.92, ((code + 0.055) / 1.055) ** 2.4)
     return np.take(table.astype(np.float32), values)
+
+
+def linear_to_srgb(values: np.ndarray) -> np.ndarray:
+    """Return sRGB values in [0, 1] for linear ones in [0, 1] (IEC 61966-2-1)."""
+    return np.where(values <= 0.0031308, 12.92 * values, 1.055 * values ** (1 / 2.4) - 0.055)
 
 
 def _channels(layer: str, values: np.ndarray, float: bool) -> list[tuple[str, np.ndarray]]:
@@ -198,13 +206,12 @@ def _read_npy(path: Path, _key: str | None) -> np.ndarray:
 
 def _read_npz(path: Path, key: str | None) -> np.ndarray:
     with np.load(path, allow_pickle=False) as arrays:
-        if key is None and len(arrays.files) == 1:
-            key = arrays.files[0]
-        if key not in arrays.files:
+        names = [name for name in arrays.files if name != ABOUT]
+        if key is None and len(names) == 1:
+            key = names[0]
+        if key not in names:
             problem = f"has no array '{key}'" if key else "holds several arrays"
-            raise OutputError(
-                f"{path}: {problem}; write {path.name}:KEY with one of {', '.join(arrays.files)}"
-            )
+            raise OutputError(f"{path}: {problem}; write {path.name}:KEY with one of {', '.join(names)}")
         return np.asarray(arrays[key])
 
 

@@ -1,4 +1,4 @@
-"""Bounce maps: where the photons of point lights first hit, rasterised.
+"""Bounce maps: where the photons of lights first hit, rasterised.
 
 McGuire and Luebke 2009: the first segment of a photon's path leaves a point, so it is a picture.
 """
@@ -8,17 +8,23 @@ from __future__ import annotations
 from collections.abc import Sequence
 from itertools import compress
 
+import numpy as np
+
+from ispm.errors import SettingsError
 from ispm.frame import BounceMap, BounceMaps, GpuScene
-from ispm.gpu import Gpu, Raster, Recording, Texture
+from ispm.gpu import Canvas, Gpu, Raster, Recording
 from ispm.optics.records import NO_HIT
+from ispm.scene.atlas import pack_shelves
 from ispm.scene.packed import Draw
 from ispm.stages.face import face_uniforms, seen_by_faces
+from ispm.tracer.plan import PlannedMap
 
 
 class BounceStage:
-    """Draws the scene into six faces about each light; both sides of every surface count.
+    """Draws the scene as each map sees it; both sides of every surface count.
 
     Texels take the nearest surface within the light's range that is no hole of its material.
+    All faces lie side by side in one texture: a pass of its own for each would cost more than to draw it.
     """
 
     def __init__(self, gpu: Gpu) -> None:
@@ -26,63 +32,63 @@ class BounceStage:
         path, formats = "stages/bounce.wgsl", ["rgba32uint"]
         self._opaque = gpu.raster(path, formats)
         self._masked = gpu.raster(path, formats, vertex="vs_masked", fragment="fs_masked")
-        self._maps: list[tuple[Texture, Texture]] = []  # texels and depth
+        self._texels = gpu.texture("bounce maps", formats[0], usage=["attachment"])
+        self._depth = gpu.texture("bounce depth", "depth32float", usage=["attachment"])
 
     def __call__(
-        self,
-        frame: Recording,
-        scene: GpuScene,
-        widths: Sequence[int],
-        shifts: Sequence[tuple[float, float]],
-        near: float,
-        pass_index: int = 0,
+        self, frame: Recording, scene: GpuScene, plan: Sequence[PlannedMap], near: float, pass_index: int = 0
     ) -> BounceMaps:
         """Record the draws and return where their result will be.
 
-        widths  texels of a face's edge for each light; 0: no map
-        shifts  of each light's samples in texels, in [-0.5, 0.5]
-        near    m, a tiny part of the scene's diagonal
+        near  m, a tiny part of the scene's diagonal
+        Raises SettingsError where the maps are larger than the adapter's textures.
         """
-        maps: list[BounceMap] = []
-        for light, (width, shift) in enumerate(zip(widths, shifts, strict=True)):
-            if width > 0:
-                texels, depth = self._textures(len(maps))
-                texels.sized((width, width), layers=len(scene.packed.maps[light].axes))
-                depth.sized((width, width))
-                maps.append(BounceMap(light, texels, shift))
-                self._draw(frame, scene, maps[-1], depth, near, pass_index)
-        return BounceMaps(maps)
+        maps, size = _arrange(plan, self._gpu.max_texture)
+        if not maps:
+            return BounceMaps(self._texels, maps)
+        if max(size) > self._gpu.max_texture:
+            raise SettingsError(
+                f"photons: {sum(each.photons for each in plan)} need bounce maps larger than "
+                f"{self._gpu.name} can draw; use fewer, or emission 'rays'"
+            )
+        depth = self._depth.sized(size)
+        with frame.draw_into(self._texels.sized(size), depth=depth, clear=(NO_HIT, 0, 0, 0)) as canvas:
+            for index, (map, planned) in enumerate(zip(maps, plan, strict=True)):
+                shift = (2.0 * planned.shift[0] / map.width, 2.0 * planned.shift[1] / map.width)
+                uniforms = face_uniforms(map.map, index, near, shift, pass_index)
+                self._draw(frame, canvas, scene, map, uniforms)
+        return BounceMaps(self._texels, maps)
 
     def close(self) -> None:
         """Free the textures."""
-        for pair in self._maps:
-            for texture in pair:
-                texture.close()
-
-    def _textures(self, index: int) -> tuple[Texture, Texture]:
-        if index == len(self._maps):
-            texels = self._gpu.texture(f"bounce map {index}", "rgba32uint", dimension="2d-array", layers=6)
-            depth = self._gpu.texture(f"bounce depth {index}", "depth32float", usage=["attachment"])
-            self._maps.append((texels, depth))
-        return self._maps[index]
+        self._texels.close()
+        self._depth.close()
 
     def _draw(
-        self, frame: Recording, scene: GpuScene, map: BounceMap, depth: Texture, near: float, pass_index: int
+        self, frame: Recording, canvas: Canvas, scene: GpuScene, map: BounceMap, uniforms: np.ndarray
     ) -> None:
-        about = scene.packed.maps[map.light]
-        shift = (2.0 * map.shift[0] / map.width, 2.0 * map.shift[1] / map.width)
-        seen = seen_by_faces(scene.boxes, about)
-
         def pipeline(draw: Draw) -> Raster:
             return self._masked if scene.is_masked(draw.material) else self._opaque
 
-        for layer, uniform in enumerate(face_uniforms(about, map.light, near, shift, pass_index)):
+        seen = seen_by_faces(scene.boxes, map.map)
+        for uniform, (x, y), visible in zip(uniforms, map.places.tolist(), seen, strict=True):
+            if not visible.any():
+                continue
             shared = {
                 "face": frame.uniform(uniform), "vertices": scene.vertices, "indices": scene.indices,
                 "instances": scene.instances,
             }  # fmt: skip
-            target = map.texels.view(layer=layer)
-            with frame.draw_into(target, depth=depth, clear=(NO_HIT, 0, 0, 0)) as canvas:
-                visible = compress(scene.draws, seen[layer])
-                for draw in scene.each(frame, canvas, visible, pipeline, shared):
-                    scene.draw_corners(canvas, draw)
+            canvas.viewport(x, y, map.width, map.width)
+            for draw in scene.each(frame, canvas, compress(scene.draws, visible), pipeline, shared):
+                scene.draw_corners(canvas, draw)
+
+
+def _arrange(plan: Sequence[PlannedMap], limit: int) -> tuple[list[BounceMap], tuple[int, int]]:
+    """Find a place for each face of the maps, and return them and the size of the texture they need."""
+    widths = np.repeat([each.width for each in plan], [len(each.map.axes) for each in plan])
+    order = np.argsort(-widths, kind="stable")
+    places = np.empty((len(widths), 2), np.int64)
+    places[order], size = pack_shelves(widths[order], limit)
+    ends = np.cumsum([len(each.map.axes) for each in plan])[:-1]
+    parts = np.split(places, ends) if plan else []
+    return [BounceMap(each.map, part, each.width) for each, part in zip(plan, parts, strict=True)], size

@@ -7,6 +7,7 @@ from functools import cache
 
 import numpy as np
 
+from ispm.io.image import linear_to_srgb
 from ispm.optics.jit import jit
 from ispm.tracer.threads import run_threads, thread_count
 
@@ -15,11 +16,41 @@ _TRIM = 10.0  # per cent left out at either end, so that lamps and corners do no
 _ENOUGH = 1 << 16  # pixels that auto exposure looks at
 
 _TABLE_SIZE = 1 << 14  # its steps are at most 0.2 of a step of sRGB, where sRGB is steepest
+_CODES = {8: np.uint8, 16: np.uint16}
+_NONE, _NEUTRAL, _AGX = range(3)
+_MODES = {"none": _NONE, "neutral": _NEUTRAL, "agx": _AGX}
 
 # Khronos PBR Neutral 1.0, in the letters of its specification.
 _F90 = np.float32(0.04)
 _START = np.float32(0.8 - 0.04)
 _DESATURATION = np.float32(0.15)
+
+# AgX: the range of light it shows, in stops about middle grey, and the sigmoid through its middle, of
+# slope 2, whose toe and shoulder end in 0 and 1. Source: Sobotka, AgX-S2O3, AgX.py.
+_BELOW, _ABOVE = 10.0, 6.5
+_PIVOT = _BELOW / (_BELOW + _ABOVE)
+_TOE, _SHOULDER = 3.0, 3.25
+_TOE_SCALE = 4.0**_TOE - _PIVOT**-_TOE
+_SHOULDER_SCALE = 4.0**_SHOULDER - (1.0 - _PIVOT) ** -_SHOULDER
+# Its primaries, drawn in before the sigmoid and out again after it. Source: Chow, AgX_LUT_Gen,
+# AgXBaseRec2020.py, as Blender and Filament have them; between them and Rec. 709 ITU-R BT.2087.
+_REC2020 = np.array([
+    [0.627404, 0.329283, 0.043313], [0.069097, 0.919541, 0.011362], [0.016391, 0.088013, 0.895595],
+])  # fmt: skip
+_INSET = np.array([
+    [0.856627153315983, 0.0951212405381588, 0.0482516061458583],
+    [0.137318972929847, 0.761241990602591, 0.101439036467562],
+    [0.11189821299995, 0.0767994186031903, 0.811302368396859],
+])  # fmt: skip
+_OUTSET = np.linalg.inv([
+    [0.899796955911611, 0.0871996192028351, 0.013003424885555],
+    [0.11142098895748, 0.875575586156966, 0.0130034248855548],
+    [0.11142098895748, 0.0871996192028349, 0.801379391839686],
+])  # fmt: skip
+_TO_AGX = tuple(tuple(row) for row in (_INSET @ _REC2020).astype(np.float32))
+_DRAWN_OUT = tuple(tuple(row) for row in _OUTSET.astype(np.float32))
+_FROM_REC2020 = tuple(tuple(row) for row in np.linalg.inv(_REC2020).astype(np.float32))
+_DARKEST = np.float32(0.18 * 2.0**-_BELOW)
 
 _BRIGHTEST = np.float32(1e8)  # keeps the curve's divisions finite for infinite radiance
 _0, _1 = np.float32(0.0), np.float32(1.0)
@@ -46,56 +77,64 @@ def auto_exposure(radiance: np.ndarray) -> float:
 
 
 def tonemap(
-    radiance: np.ndarray, exposure: float, mode: str = "neutral", threads: int | None = None
+    radiance: np.ndarray, exposure: float, mode: str = "neutral", threads: int | None = None, bits: int = 8
 ) -> np.ndarray:
-    """Return (h, w, 3) uint8 sRGB for (h, w, 3) float32 linear radiance.
+    """Return (h, w, 3) sRGB, uint8 or with 16 bits uint16, for (h, w, 3) float32 linear radiance.
 
     exposure  stops: radiance is multiplied by 2 ** exposure
-    mode      `neutral`: Khronos PBR Neutral; `none`: clipped at 1
-    NaN and negative values are shown as black. Cost about 10 ms at 1280 x 720 on two cores.
+    mode      `neutral`: Khronos PBR Neutral; `agx`: AgX; `none`: clipped at 1
+    NaN and negative values are shown as black. Cost about 10 ms at 1280 x 720 on two cores, `agx` 100.
     """
     values = np.ascontiguousarray(radiance, np.float32)
-    out = np.empty(values.shape, np.uint8)
+    out = np.empty(values.shape, _CODES[bits])
     count = thread_count(threads)
     edges = np.linspace(0, values.size // 3, count + 1).astype(np.int64)
+    flat, result, table = values.reshape(-1), out.reshape(-1), _srgb_table(bits)
     scale = np.float32(2.0**exposure)
-
-    def part(k: int) -> None:
-        _tonemap(
-            values.reshape(-1),
-            scale,
-            mode == "neutral",
-            _srgb_table(),
-            edges[k],
-            edges[k + 1],
-            out.reshape(-1),
-        )
-
-    run_threads(part, count)
+    run_threads(lambda k: _tonemap(flat, scale, _MODES[mode], table, edges[k], edges[k + 1], result), count)
     return out
 
 
+def tonemap_transparent(
+    radiance: np.ndarray,
+    alpha: np.ndarray,
+    exposure: float,
+    mode: str = "neutral",
+    threads: int | None = None,
+    bits: int = 8,
+) -> np.ndarray:
+    """Return (h, w, 4) sRGB as `tonemap` does, with straight alpha, as PNG has it.
+
+    radiance  of what covers a pixel times the share that it covers, `alpha` (h, w)
+    """
+    covered = radiance / np.where(alpha > 0.0, alpha, np.float32(1.0))[..., None]
+    color = tonemap(covered, exposure, mode, threads, bits)
+    opacity = np.rint(alpha * (2.0**bits - 1.0)).astype(color.dtype)
+    return np.concatenate([color, opacity[..., None]], axis=2)
+
+
 @cache
-def _srgb_table() -> np.ndarray:
-    """Return sRGB codes of _TABLE_SIZE linear values from 0 to 1 (IEC 61966-2-1)."""
-    linear = np.linspace(0.0, 1.0, _TABLE_SIZE)
-    encoded = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
-    return np.rint(encoded * 255.0).astype(np.uint8)
+def _srgb_table(bits: int) -> np.ndarray:
+    """Return sRGB codes of linear values from 0 to 1, _TABLE_SIZE or, of 16 bits, 256 times as many."""
+    linear = np.linspace(0.0, 1.0, _TABLE_SIZE << (bits - 8))
+    return np.asarray(np.rint(linear_to_srgb(linear) * (2**bits - 1)), _CODES[bits])
 
 
 @jit
-def _tonemap(radiance, scale, compress, table, first, last, out):
+def _tonemap(radiance, scale, mode, table, first, last, out):
     """Pixels first to last of flat radiance into flat out."""
-    top = np.float32(len(table) - 1)
+    top, half = np.float32(len(table) - 1), np.float32(0.5)
     for p in range(first, last):
         r = _clean(radiance[3 * p] * scale)
         g = _clean(radiance[3 * p + 1] * scale)
         b = _clean(radiance[3 * p + 2] * scale)
-        if compress:
+        if mode == _NEUTRAL:
             r, g, b = neutral(r, g, b)
-        out[3 * p] = table[int(min(r, _1) * top + np.float32(0.5))]
-        out[3 * p + 1] = table[int(min(g, _1) * top + np.float32(0.5))]
-        out[3 * p + 2] = table[int(min(b, _1) * top + np.float32(0.5))]
+        elif mode == _AGX:
+            r, g, b = agx(r, g, b)
+        out[3 * p] = table[int(min(r, _1) * top + half)]
+        out[3 * p + 1] = table[int(min(g, _1) * top + half)]
+        out[3 * p + 2] = table[int(min(b, _1) * top + half)]
 
 
 @jit
@@ -120,6 +159,45 @@ def neutral(r, g, b):
     keep = shrink * (_1 - white)
     rest = new_peak * white
     return r * keep + rest, g * keep + rest, b * keep + rest
+
+
+@jit
+def agx(r, g, b):
+    """Return the AgX tone curve of a linear color, "base" look: a sigmoid of the logarithm of light, per
+    channel, of primaries that are drawn in, so that bright colors turn to white by way of their hue.
+
+    Source: Sobotka's AgX with the primaries of Chow's, which Blender shows by default.
+    """
+    r, g, b = _times(_TO_AGX, r, g, b)
+    r, g, b = _times(_DRAWN_OUT, _agx_curve(r), _agx_curve(g), _agx_curve(b))
+    r, g, b = _times(_FROM_REC2020, _decoded(r), _decoded(g), _decoded(b))
+    return max(r, _0), max(g, _0), max(b, _0)
+
+
+@jit
+def _agx_curve(value):
+    """Light in 0..1 of the display's code for light of the scene."""
+    stops = math.log2(max(value, _DARKEST) / _DARKEST)
+    x = min(stops / np.float32(_BELOW + _ABOVE), _1) - np.float32(_PIVOT)
+    power = np.float32(_TOE) if x < _0 else np.float32(_SHOULDER)
+    scale = np.float32(_TOE_SCALE) if x < _0 else np.float32(_SHOULDER_SCALE)
+    return np.float32(0.5) + np.float32(2.0) * x / (_1 + scale * abs(x) ** power) ** (_1 / power)
+
+
+@jit
+def _decoded(code):
+    """Linear light of a code of the display that AgX is made for, of exponent 2.2."""
+    return max(code, _0) ** np.float32(2.2)
+
+
+@jit
+def _times(m, r, g, b):
+    """A matrix times a color."""
+    return (
+        m[0][0] * r + m[0][1] * g + m[0][2] * b,
+        m[1][0] * r + m[1][1] * g + m[1][2] * b,
+        m[2][0] * r + m[2][1] * g + m[2][2] * b,
+    )
 
 
 @jit

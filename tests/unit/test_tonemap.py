@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from ispm.stages.tonemap import MIDDLE_GREY, auto_exposure, neutral, tonemap
+from ispm.settings import Settings, knob_of
+from ispm.stages.tonemap import MIDDLE_GREY, agx, auto_exposure, neutral, tonemap
 
 f32 = np.float32
 
@@ -102,3 +103,82 @@ def test_auto_exposure_ignores_background_lamps_and_broken_pixels():
 
 def test_auto_exposure_of_black_is_zero():
     assert auto_exposure(np.zeros((4, 4, 3), np.float32)) == 0.0
+
+
+def agx_curve(*color):
+    return np.array(agx(*(f32(c) for c in color)), np.float64)
+
+
+def agx_exact(color):
+    """AgX in float64, by the equations of Sobotka's AgX-S2O3 and the matrices of AgX_LUT_Gen."""
+    to_2020 = [[0.6274, 0.3293, 0.0433], [0.0691, 0.9195, 0.0114], [0.0164, 0.0880, 0.8956]]
+    inset = [
+        [0.856627153315983, 0.0951212405381588, 0.0482516061458583],
+        [0.137318972929847, 0.761241990602591, 0.101439036467562],
+        [0.11189821299995, 0.0767994186031903, 0.811302368396859],
+    ]
+    outset = [  # published inverted, by columns
+        [1.1271005818144368, -0.11060664309660323, -0.016493938717834573],
+        [-0.1413297634984383, 1.157823702216272, -0.016493938717834257],
+        [-0.14132976349843826, -0.11060664309660294, 1.2519364065950405],
+    ]
+    from_2020 = [[1.6605, -0.5876, -0.0728], [-0.1246, 1.1329, -0.0083], [-0.0182, -0.1006, 1.1187]]
+    x = np.asarray(inset) @ to_2020 @ np.asarray(color, float)
+    x = (np.clip(np.log2(np.maximum(x, 1e-10) / 0.18), -10.0, 6.5) + 10.0) / 16.5
+    pivot, middle, slope = 10.0 / 16.5, 0.5, 2.0
+    side = np.where(x >= pivot, 1.0 - pivot, pivot)
+    power = np.where(x >= pivot, 3.25, 3.0)
+    scale = ((slope * side) ** -power * ((slope * side / middle) ** power - 1.0)) ** (-1.0 / power)
+    scale = np.where(x >= pivot, scale, -scale)
+    term = slope * (x - pivot) / scale
+    y = scale * term / (1.0 + term**power) ** (1.0 / power) + middle
+    return np.maximum(np.asarray(from_2020) @ np.maximum(np.asarray(outset) @ y, 0.0) ** 2.2, 0.0)
+
+
+def test_agx_follows_its_equations():
+    # Published matrices are rounded to 4 digits where the code has 6, hence the tolerance.
+    random = np.random.default_rng(8)
+    for color in 2.0 ** random.uniform(-12.0, 7.0, (300, 3)):
+        np.testing.assert_allclose(agx_curve(*color), agx_exact(color), atol=1e-3)
+
+
+def test_agx_rises_with_the_light_from_black_to_white():
+    greys = np.array([agx_curve(x, x, x) for x in np.geomspace(1e-5, 1e4, 600)])
+    assert (np.diff(greys, axis=0) >= -1e-6).all()
+    assert greys[0].max() == 0.0 and greys[-1] == pytest.approx(1.0, abs=1e-4)
+    assert np.ptp(greys, axis=1).max() < 1e-3  # grey stays grey
+    assert agx_curve(0.0, 0.0, 0.0).max() == 0.0
+    assert agx_curve(0.18, 0.18, 0.18) == pytest.approx(0.5**2.2, abs=1e-3)  # the middle of its range
+
+
+@pytest.mark.parametrize("color", [(1.0, 0.1, 0.05), (0.1, 1.0, 0.1), (0.1, 0.2, 1.0)])
+def test_agx_keeps_the_order_of_channels_and_fades_to_white(color):
+    shown = np.array([agx_curve(*(np.array(color) * 2.0**stop)) for stop in range(-4, 14)])
+    order = np.argsort(color, kind="stable")
+    shown = np.minimum(shown, 1.0)
+    for row in shown:
+        assert row[order[2]] >= row.max() - 1e-5
+    spread = np.ptp(shown, axis=1) / np.maximum(shown.max(axis=1), 1e-6)
+    assert (np.diff(spread[4:]) <= 1e-6).all()  # less and less saturated from 0 stops on
+    assert shown[-1] == pytest.approx(1.0, abs=0.02)
+
+
+def test_tonemap_has_every_mode_of_the_settings():
+    picture = np.full((1, 1, 3), 0.5, np.float32)
+    for mode in knob_of(Settings, "tonemap").metadata["choices"]:
+        assert 0 < tonemap(picture, 0.0, mode)[0, 0, 0] < 255
+
+
+@pytest.mark.parametrize("mode", ["none", "neutral", "agx"])
+def test_16_bits_say_the_same_as_8_and_more(mode):
+    picture = np.random.default_rng(5).random((40, 50, 3), np.float32) ** 3
+    fine, coarse = tonemap(picture, 0.0, mode, bits=16), tonemap(picture, 0.0, mode)
+    assert fine.dtype == np.uint16
+    assert np.abs(fine / 257.0 - coarse).max() <= 0.61  # a rounding, and the table's 0.1
+    assert len(np.unique(fine)) > 10 * len(np.unique(coarse))
+
+
+def test_16_bits_encode_srgb_to_within_a_rounding():
+    values = (np.geomspace(1e-5, 1.0, 3 * 4096, dtype=np.float32)).reshape(64, 64, 3)
+    codes = tonemap(values, 0.0, "none", bits=16).astype(np.float64)
+    assert np.abs(codes - 257.0 * encode(values.astype(np.float64))).max() <= 0.61

@@ -1,0 +1,201 @@
+"""Scenes written as glTF 2.0."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+from urllib.parse import quote
+
+import numpy as np
+
+from ispm.errors import OutputError, SceneError
+from ispm.io.arrays import compact
+from ispm.io.atomic import replacing, require_writable
+from ispm.io.gltf_camera import camera_record
+from ispm.io.gltf_instances import instance_attributes
+from ispm.io.gltf_mesh import ATTRIBUTES
+from ispm.io.gltf_write import Document
+from ispm.io.gltf_write_material import MaterialWriter, given, numbers, split
+from ispm.io.png import encode_png
+from ispm.scene.animation import Animation, Channel
+from ispm.scene.light import DirectionalLight, Light, SpotLight
+from ispm.scene.mesh import Mesh
+from ispm.scene.scene import Node, Part, Scene
+
+ENDINGS = (".glb", ".gltf")
+
+
+def save(scene: Scene, path: str | os.PathLike[str]) -> Path:
+    """Write `scene` as glTF 2.0 and return the path; what `load` reads back is equal.
+
+    path  .glb: one file; .gltf: with a buffer `NAME.bin` and pictures `NAME-textures/0.png` beside it
+    Left out are vertices and parts without triangles, channels of nodes outside the scene, names of a node's
+    meshes but for the first, and what has no effect, such as the normal scale of a material without a normal
+    map. A texture whose encoding is not the one glTF has for its place is rounded to that, with a
+    SceneWarning. A camera's pose, aspect and principal point stand in `extras`, where only this program
+    reads them.
+    Raises SceneError for what glTF cannot hold, OutputError where the file cannot be written.
+    """
+    target = Path(path)
+    ending = target.suffix.lower()
+    if ending not in ENDINGS:
+        problem = f"scenes cannot be written as '{ending}'" if ending else "the name has no ending"
+        raise OutputError(f"{target}: {problem}; use one of {', '.join(ENDINGS)}")
+    require_writable(target)
+    try:
+        document = _Writer(scene).document
+        if ending == ".glb":
+            _write(target, document.glb())
+        else:
+            _write_gltf(target, document)
+    except SceneError as error:
+        raise SceneError(f"{target.name}: {error}") from None
+    return target
+
+
+def _write_gltf(target: Path, document: Document) -> None:
+    """The buffer and the pictures, then the text that names them."""
+    folder = f"{target.stem}-textures"
+    names = [f"{folder}/{i}.png" for i in range(document.picture_count)]
+    text, chunks, pictures = document.gltf(quote(target.stem), [quote(name) for name in names])
+    for name, pixels in zip(names, pictures, strict=True):
+        _write(target.parent / name, [encode_png(pixels)])
+    if chunks:
+        _write(target.with_suffix(".bin"), chunks)
+    _write(target, [text])
+
+
+def _write(path: Path, chunks: Iterable[bytes | memoryview]) -> None:
+    with replacing(path) as beside, open(beside, "wb") as file:
+        file.writelines(chunks)
+
+
+class _Writer:
+    """Fills a document with a scene."""
+
+    def __init__(self, scene: Scene) -> None:
+        self.document = Document()
+        self._materials = MaterialWriter(self.document)
+        self._primitives: dict[int, dict[str, Any]] = {}
+        self._meshes: dict[tuple[tuple[int, int], ...], int] = {}
+        self._numbers: dict[int, list[int]] = {}  # of each node; a node may hang in several places
+        self._scene(scene)
+        for animation in scene.animations:
+            self._animation(animation)
+
+    def _scene(self, scene: Scene) -> None:
+        record: dict[str, Any] = {"name": scene.name} if scene.name else {}
+        stack: list[tuple[Node, dict[str, Any], str]] = [(n, record, "nodes") for n in reversed(scene.roots)]
+        while stack:
+            node, parent, place = stack.pop()
+            made = self._node(node)
+            number = self.document.put("nodes", made)
+            self._numbers.setdefault(id(node), []).append(number)
+            parent.setdefault(place, []).append(number)
+            stack.extend((child, made, "children") for child in reversed(node.children))
+        self.document.put("scenes", record)
+
+    def _node(self, node: Node) -> dict[str, Any]:
+        parts = [part for part in node.parts if len(part.mesh.triangles)]
+        extensions = {} if node.light is None else self._light(node.light)
+        if parts and node.instances is not None:
+            extensions |= self._instances(node.instances)
+        camera = None if node.camera is None else self.document.put("cameras", camera_record(node.camera))
+        return given(
+            {"name": node.name, **_place(node), "mesh": self._mesh(parts) if parts else None,
+             "camera": camera, "extensions": extensions},
+            {"name": "", "translation": [0.0] * 3, "rotation": [0.0, 0.0, 0.0, 1.0], "scale": [1.0] * 3,
+             "extensions": {}},
+        )  # fmt: skip
+
+    def _mesh(self, parts: list[Part]) -> int:
+        key = tuple((id(part.mesh), id(part.material)) for part in parts)
+        if key not in self._meshes:
+            primitives = [
+                {**self._primitive(part.mesh), "material": self._materials.number(part.material)}
+                for part in parts
+            ]
+            name = parts[0].mesh.name
+            record = {"primitives": primitives}
+            self._meshes[key] = self.document.put("meshes", {"name": name, **record} if name else record)
+        return self._meshes[key]
+
+    def _primitive(self, mesh: Mesh) -> dict[str, Any]:
+        """Accessors of a mesh; the loader shares meshes by them."""
+        key = id(mesh)
+        if key not in self._primitives:
+            triangles, rows = compact(mesh.triangles)
+            some = slice(None) if len(rows) == len(mesh.positions) else rows
+            attributes = {"POSITION": self.document.floats(mesh.positions[some], bounds=True, vertices=True)}
+            for field, (name, _) in ATTRIBUTES.items():
+                values = getattr(mesh, field)
+                if values is not None:
+                    attributes[name] = self.document.floats(values[some], vertices=True)
+            indices = self.document.indices(triangles, len(rows))
+            self._primitives[key] = {"attributes": attributes, "indices": indices}
+        return self._primitives[key]
+
+    def _instances(self, matrices: np.ndarray) -> dict[str, Any]:
+        places = {name: self.document.floats(v) for name, v in instance_attributes(matrices).items()}
+        return {self.document.use("EXT_mesh_gpu_instancing"): {"attributes": places}}
+
+    def _light(self, light: Light) -> dict[str, Any]:
+        """A node's extensions that hold a light of its own, as the loader makes them."""
+        color, intensity = split(light.intensity)
+        record = given(
+            {"name": light.name, "color": color, "intensity": intensity}, {"name": "", "color": [1.0] * 3}
+        )
+        if isinstance(light, DirectionalLight):
+            record["type"] = "directional"
+        else:
+            record["type"] = "spot" if isinstance(light, SpotLight) else "point"
+            if not math.isinf(light.range):
+                record["range"] = float(light.range)
+        if isinstance(light, SpotLight):
+            record["spot"] = {
+                "innerConeAngle": float(light.inner_angle),
+                "outerConeAngle": float(light.outer_angle),
+            }
+        return {self.document.use("KHR_lights_punctual"): {"light": self.document.put("lights", record)}}
+
+    def _animation(self, animation: Animation) -> None:
+        samplers: list[dict[str, Any]] = []
+        channels: list[dict[str, Any]] = []
+        for channel in animation.channels:
+            numbers_ = self._numbers.get(id(channel.node), [])
+            if numbers_:
+                samplers.append(self._sampler(channel))
+            channels += [
+                {"sampler": len(samplers) - 1, "target": {"node": number, "path": channel.path}}
+                for number in numbers_
+            ]
+        if channels:
+            record = {"channels": channels, "samplers": samplers}
+            name = {"name": animation.name} if animation.name else {}
+            self.document.put("animations", {**name, **record})
+
+    def _sampler(self, channel: Channel) -> dict[str, Any]:
+        if channel.node.matrix is not None:
+            raise SceneError(
+                f"node '{channel.node.name}' is placed by a matrix and animated, which glTF cannot hold; "
+                "give it a translation, a rotation and a scale"
+            )
+        width = channel.values.shape[-1]
+        return {
+            "input": self.document.floats(channel.times, bounds=True),
+            "output": self.document.floats(np.asarray(channel.values).reshape(-1, width)),
+            "interpolation": channel.interpolation,
+        }
+
+
+def _place(node: Node) -> dict[str, Any]:
+    if node.matrix is not None:
+        return {"matrix": numbers(np.asarray(node.matrix, float).T.ravel())}
+    return {
+        "translation": numbers(node.translation),
+        "rotation": numbers(node.rotation),
+        "scale": numbers(node.scale),
+    }
