@@ -48,9 +48,7 @@ class Lamp:
     def __post_init__(self) -> None:
         self.stages = Upload(self.gpu), GBufferStage(self.gpu), DirectStage(self.gpu)
 
-    def __call__(
-        self, packed: Packed, view: CameraView, resolution: int = 256, near: float = 1e-3
-    ) -> Lit:
+    def __call__(self, packed: Packed, view: CameraView, resolution: int = 256, near: float = 1e-3) -> Lit:
         upload, gbuffer, direct = self.stages
         shadow = ShadowStage(self.gpu, resolution)
         with self.gpu.frame() as frame:

@@ -97,7 +97,9 @@ def test_shadows_disagree_with_traced_rays_only_at_their_edges(lamp: Lamp, kind:
     assert at_edge.all() and len(wrong) < 0.02 * len(points)
 
 
-RING = [r * np.array([math.cos(a), math.sin(a)]) for r in (0.75, 1.4, REACH) for a in np.arange(8) * math.pi / 4]
+RING = [
+    r * np.array([math.cos(a), math.sin(a)]) for r in (0.75, 1.4, REACH) for a in np.arange(8) * math.pi / 4
+]
 
 
 def exact_beside(
@@ -227,7 +229,9 @@ def test_a_shadow_begins_at_the_foot(lamp: Lamp, thickness: float) -> None:
     scene.add(box((-3.0, 0.0, -thickness), (3.0, 1.0, 0.0)), material=Material(specular=0.0))
     node = scene.add(DirectionalLight())
     set_rotation(node, look_at_pose(np.array([0.0, 1.0, -1.0]), np.zeros(3)))
-    view = CameraView((200, 100), look_at_pose(np.array([0.0, 3.0, 2.0]), np.array([0.0, 0.0, 0.5])), near=0.01)
+    view = CameraView(
+        (200, 100), look_at_pose(np.array([0.0, 3.0, 2.0]), np.array([0.0, 0.0, 0.5])), near=0.01
+    )
     lit = lamp(pack(scene), view, 128)
     floor = lit.ids == 1
     x, z = lit.points[..., 0], lit.points[..., 2]
