@@ -88,11 +88,14 @@ class GpuScene:
         shared  group 0 of all pipelines; group 1 is what an alpha mask reads, for materials that have one
         """
         groups: dict[Raster, Group] = {}
+        used = None
         for draw in draws:
             raster = pipeline(draw)
             if raster not in groups:
                 groups[raster] = raster.bind(0, **shared)
-            canvas.use(raster, groups[raster])
+            if raster is not used:
+                canvas.use(raster, groups[raster])
+                used = raster
             if self.is_masked(draw.material):
                 material = frame.uniform(self.packed.materials[draw.material])
                 maps = self.material_maps(draw.material, "base_color")
@@ -149,7 +152,7 @@ class ShadowMaps:
 class BounceMap:
     """The first hits that a map of a light sees.
 
-    places  (F, 3) where its faces lie: the page, and the texels right of and below its corner
+    places  (F, 2) texels that its faces lie right of and below the corner
     width   texels of a face's edge
     """
 
@@ -162,18 +165,20 @@ class BounceMap:
 class BounceMaps:
     """The bounce maps of all lights, side by side.
 
-    pages  rgba32uint: instance row, primitive in its mesh, and the bits of the barycentrics u and v;
-           NO_HIT in the first where nothing was hit
+    texels  rgba32uint: instance row, primitive in its mesh, and the bits of the barycentrics u and v;
+            NO_HIT in the first where nothing was hit
     """
 
-    pages: list[Texture]
+    texels: Texture
     maps: list[BounceMap]
 
     def read(self, gpu: Gpu) -> list[np.ndarray]:
         """Return the maps as (F, width, width, 4) uint32, after one wait for all."""
-        pages = gpu.read_many([(page, np.uint32, 4) for page in self.pages])
+        if not self.maps:
+            return []
+        (texels,) = gpu.read_many([(self.texels, np.uint32, 4)])
         return [
-            np.stack([pages[page][y : y + each.width, x : x + each.width] for page, x, y in each.places])
+            np.stack([texels[y : y + each.width, x : x + each.width] for x, y in each.places])
             for each in self.maps
         ]
 

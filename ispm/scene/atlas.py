@@ -111,7 +111,7 @@ def plan_atlas(
     samples = receivers[:: max(len(receivers) // _SAMPLES, 1)]
     irradiance = brightness(lights, samples)
     weights = apparent_sizes(lights, irradiance, eye)
-    views = [
+    views: list[tuple[ShadowFace, np.ndarray]] = [
         (face, rows)
         for map in maps
         if lights[map.light]["intensity"].any()
