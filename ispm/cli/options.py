@@ -99,18 +99,20 @@ def _layers(owner: type, given: Mapping[str, Any], config: str | None) -> list[d
 
 
 def _picked(owner: type, values: Mapping[str, Any], called: Callable[[str], str]) -> dict[str, Any]:
-    return {f.name: convert(f, values[name], called(name)) for f, name in _names(owner) if name in values}
+    return {
+        f.name: convert(f, values[name], called(name)) for f, name in named_knobs(owner) if name in values
+    }
 
 
-def _names(owner: type) -> Iterator[tuple[Field[Any], str]]:
-    """The knobs of `owner` with the names users know them by."""
+def named_knobs(owner: type) -> Iterator[tuple[Field[Any], str]]:
+    """Yield the knobs of `owner` with the names users know them by."""
     for f in fields(owner):
         limit = owner is LoadLimits and not f.name.startswith("max_")
         yield f, f"max_{f.name}" if limit else f.name
 
 
 def _environment(owner: type) -> dict[str, str]:
-    found = {name: os.environ.get("ISPM_" + name.upper()) for _, name in _names(owner)}
+    found = {name: os.environ.get("ISPM_" + name.upper()) for _, name in named_knobs(owner)}
     return {name: value for name, value in found.items() if value}
 
 
@@ -126,7 +128,7 @@ def _file(config: str | None) -> dict[str, Any]:
     except tomllib.TOMLDecodeError as error:
         raise SettingsError(f"{config}: is not TOML: {error}") from None
     values = {key.replace("-", "_"): value for key, value in table.items()}
-    known = [name for owner in (Settings, LoadLimits) for _, name in _names(owner)]
+    known = [name for owner in (Settings, LoadLimits) for _, name in named_knobs(owner)]
     for key in values:
         if key not in known:
             raise SettingsError(f"{config}: there is no setting '{key}'{nearest(key, known)}")
@@ -135,7 +137,7 @@ def _file(config: str | None) -> dict[str, Any]:
 
 def _option(owner: type, f: Field[Any]) -> inspect.Parameter:
     """The option of one knob; values stay text, so that all sources are converted and refused alike."""
-    name = {g.name: name for g, name in _names(owner)}[f.name]
+    name = {g.name: name for g, name in named_knobs(owner)}[f.name]
     if isinstance(f.default, bool):
         return _keyword(name, bool | None, f.metadata["help"], show_default=lambda _: as_text(f.default))
     choices = f" ({', '.join(f.metadata['choices'])})" if f.metadata["choices"] else ""
@@ -157,5 +159,5 @@ def _keyword(name: str, kind: Any, help: str, *, default: Any = None, **about: A
 def as_text(value: Any) -> str:
     """Return a knob's value as it is written on the command line."""
     if isinstance(value, tuple):
-        return ("x" if isinstance(value[0], int) else ",").join(f"{item:g}" for item in value)
+        return ("x" if isinstance(value[0], int) else ",").join(repr(v).removesuffix(".0") for v in value)
     return re.sub(r"^(True|False)$", lambda m: m[0].lower(), str(value))

@@ -15,15 +15,15 @@ import numpy as np
 
 from ispm.errors import IspmError, SceneError, SceneWarning, SettingsError
 from ispm.estimators import make_estimator
-from ispm.frame import BounceMaps, GBuffer, GpuScene
-from ispm.gpu import Gpu, Recording, Texture, open_gpu
+from ispm.frame import GBuffer, GpuScene
+from ispm.gpu import Gpu, Texture, open_gpu
 from ispm.optics.records import MATERIAL_UNLIT, PHOTON, RECEIVER
 from ispm.optics.texture import TextureTable
 from ispm.renderer import layers as make
 from ispm.renderer.chains import eye_rays, light_ends, light_points
 from ispm.renderer.framing import default_camera, default_light, find_camera
 from ispm.renderer.last import LastFrame
-from ispm.renderer.light import map_plan
+from ispm.renderer.light import emission_of, map_plan
 from ispm.renderer.motion import moved
 from ispm.renderer.picture import Frame
 from ispm.renderer.statistics import Stats, collect
@@ -42,7 +42,7 @@ from ispm.stages.downsample import Downsample
 from ispm.stages.filter import filter_estimate
 from ispm.stages.gbuffer import GBufferStage
 from ispm.stages.shadow import ShadowStage
-from ispm.stages.tonemap import auto_exposure, tonemap
+from ispm.stages.tonemap import auto_exposure, tonemap, tonemap_transparent
 from ispm.stages.upload import Upload
 from ispm.stages.upsample import Upsample
 from ispm.tracer.density import measure_caustic_radii, measure_radii
@@ -113,6 +113,12 @@ class Renderer:
         self._settings: Settings | None = None
         self.settings = settings or Settings()
 
+    def __repr__(self) -> str:
+        if self._closed:
+            return "<Renderer, closed>"
+        width, height = self.settings.size
+        return f"<Renderer of {self.scene!r} at {width}x{height} on {self._gpu.name}>"
+
     def __enter__(self) -> Renderer:
         return self
 
@@ -173,6 +179,7 @@ class Renderer:
         packed, view = self._prepare()
         plan = map_plan(packed, self.settings, _PASS)
         surfaces = self._surfaces(packed)
+        by = emission_of(plan, packed, self.settings, self._gpu.is_software)
 
         with self._gpu.frame() as first:
             scene = self._upload(packed)
@@ -182,7 +189,8 @@ class Renderer:
             receivers = self._downsample(first, scene, gbuffer, view)
             self._chains(first, scene, gbuffer)
             first.stage("bounce_map")
-            maps = self._draw_bounce_maps(first, scene, plan)
+            drawn = plan if by == "map" else []
+            maps = self._bounce(first, scene, drawn, _NEAR * packed.diagonal, _PASS)
         with watch("copy"):
             points = self._downsample.read(self._gpu, view)
             texels = maps.read(self._gpu)
@@ -194,7 +202,7 @@ class Renderer:
             direct = self._direct(second, scene, gbuffer, shadows, view)
 
         with watch("trace"):
-            path = self._trace(packed, surfaces, plan, texels)
+            path = self._trace(packed, surfaces, plan, texels, by)
         with watch("radiance"):
             photons, smooth, wide, sharp = self._part(path.photons, packed, view)
             estimate, light = self._gather(points, smooth, packed, view)
@@ -229,7 +237,7 @@ class Renderer:
         total = (clock.perf_counter() - started) * 1e3
         frame.stats = collect(
             packed, path, view, self.settings, watch.milliseconds, total,
-            adapter=self._gpu.name, timing=first.timing,
+            adapter=self._gpu.name, emission=by, timing=first.timing,
             moved=moved(packed.instances, self._instances),
         )  # fmt: skip
         self._photons = photons
@@ -301,17 +309,13 @@ class Renderer:
             self._said.add(line)
             warnings.warn(line, SceneWarning, stacklevel=4)
 
-    def _draw_bounce_maps(self, frame: Recording, scene: GpuScene, plan: list[PlannedMap]) -> BounceMaps:
-        if self.settings.emission == "rays":
-            return BounceMaps([], [])
-        return self._bounce(frame, scene, plan, _NEAR * scene.packed.diagonal, _PASS)
-
     def _trace(
-        self, packed: Packed, surfaces: SurfaceTable, plan: list[PlannedMap], texels: list[np.ndarray]
-    ) -> Walk:
-        """Emit the photons and follow them."""
+        self, packed: Packed, surfaces: SurfaceTable, plan: list[PlannedMap], texels: list[np.ndarray],
+        by: str,
+    ) -> Walk:  # fmt: skip
+        """Emit the photons, by 'map' or by 'rays', and follow them."""
         settings = self.settings
-        if settings.emission == "rays":
+        if by == "rays":
             emitted = emit_rays(packed, self._world, surfaces, plan, settings.seed, _PASS, self.threads)
         else:
             emitted = emit_texels(packed, plan, texels)
@@ -392,8 +396,13 @@ class Renderer:
             self._upsample.patch(frame, scene, gbuffer, view, light, caustic)
 
     def _follow_chains(
-        self, packed: Packed, surfaces: SurfaceTable, mirrors: np.ndarray, grid: Callable[[], PhotonGrid],
-        focused: np.ndarray, view: CameraView,
+        self,
+        packed: Packed,
+        surfaces: SurfaceTable,
+        mirrors: np.ndarray,
+        grid: Callable[[], PhotonGrid],
+        focused: np.ndarray,
+        view: CameraView,
     ) -> np.ndarray:
         """Return the light that mirrors and glass bring to their pixels, (n, 9), of (n,) SEEN."""
         settings = self.settings
@@ -401,9 +410,7 @@ class Renderer:
             return np.zeros((0, 9), np.float32)
         background = (0.0, 0.0, 0.0) if isinstance(settings.background, str) else settings.background
         rays = eye_rays(mirrors, view)
-        paths = trace_eye(
-            packed, self._world, surfaces, rays, background, settings.seed, _PASS, self.threads
-        )
+        paths = trace_eye(packed, self._world, surfaces, rays, background, settings.seed, _PASS, self.threads)
         return light_ends(
             paths, rays.keys, grid, PhotonGrid(focused), view, settings, packed.diagonal, self.threads
         )
@@ -438,11 +445,12 @@ class Renderer:
         })  # fmt: skip
         settings = self.settings
         exposure = auto_exposure(full) if settings.exposure == "auto" else float(settings.exposure)
-        image = tonemap(full, exposure, settings.tonemap, self.threads)
         if background == "transparent":
-            image = np.dstack([image, np.rint(alpha * 255.0).astype(np.uint8)])
+            image = tonemap_transparent(full, alpha, exposure, settings.tonemap, self.threads)
+        else:
+            image = tonemap(full, exposure, settings.tonemap, self.threads)
         camera = {"pose": view.pose, "clip_from_world": view.clip_from_world}
-        return Frame(image, layers, Stats(), settings, camera, exposure)
+        return Frame(image, layers, Stats(), settings, camera, exposure, self.scene.name)
 
 
 def _glows(packed: Packed) -> bool:

@@ -28,18 +28,17 @@ from ispm.optics.rng import random4
 from ispm.optics.vector import add, dot, luminance, scale, sub
 from ispm.scene.packed import Packed
 from ispm.tracer.intersect import STACK_WORDS
-from ispm.tracer.lit import direct_light, greatest, side_of, times
+from ispm.tracer.lit import direct_light, greatest, times
 from ispm.tracer.simd import address, alloca, atomic_add
 from ispm.tracer.surface import (
     SurfaceTable,
     closest_surface,
     glow,
     hit_position,
-    leave_surface,
     surface,
 )  # fmt: skip
 from ispm.tracer.threads import run_threads
-from ispm.tracer.walk import attenuated, beyond, medium, nowhere
+from ispm.tracer.walk import attenuated, depart, medium, nowhere
 from ispm.tracer.world import World
 
 f32, i64, u32 = np.float32, np.int64, np.uint32
@@ -241,11 +240,9 @@ def _leave(
     inside, focus   the hit at which it entered what it is in, see `medium`; what that makes of radiance
     length          m from the eye to `start`
     """
-    start = leave_surface(place[0], place[1], hit, side_of(ng, wi))
-    if dot(wi, ng) < f32(0):
-        inside = beyond(hit, flags, entering, inside)
-        if b[_THIN] == f32(0):
-            focus = f32(1) / (b[_ETA] * b[_ETA]) if entering else f32(1)
+    start, inside = depart(place[0], place[1], hit, flags, entering, inside, ng, wi)
+    if dot(wi, ng) < f32(0) and b[_THIN] == f32(0):
+        focus = f32(1) / (b[_ETA] * b[_ETA]) if entering else f32(1)
     return key, dimension, lane, start, wi, weight, inside, focus, length
 
 
