@@ -5,7 +5,7 @@ run = .venv/bin
 .PHONY: help demo test check bench clean
 
 help:
-	@echo 'make demo               render the Cornell box to out/cornell-box.png'
+	@echo 'make demo               render a few built-in scenes to out/'
 	@echo 'make demo SCENE=FILE    and that file to out/'
 	@echo 'make test               all checks and tests'
 	@echo 'make check              format, lint, types, imports'
@@ -14,7 +14,9 @@ help:
 
 demo:
 	@scripts/setup.sh core
-	$(run)/ispm render cornell-box -o out/cornell-box.png
+	$(run)/ispm render cornell-box -o out/cornell-box.png --size 960x540
+	$(run)/ispm render caustic-ring -o out/caustic-ring.png --size 640x360 --quiet
+	$(run)/ispm render glass-sphere -o out/glass-sphere.png --size 640x360 --quiet
 	$(if $(SCENE),$(run)/ispm render '$(SCENE)' -o 'out/$(basename $(notdir $(SCENE))).png')
 
 test: check

@@ -11,6 +11,8 @@ import numpy as np
 from ispm.gpu import Buffer, Canvas, Gpu, Group, Raster, Recording, Sampler, Texture
 from ispm.optics import records
 from ispm.optics.records import VERTEX
+from ispm.scene.atlas import ShadowAtlas
+from ispm.scene.lightmap import LightMap
 from ispm.scene.packed import Draw, Packed
 
 SLOTS = ("base_color", "metallic_roughness", "normal", "emission")
@@ -21,12 +23,14 @@ class GpuScene:
     """A `Packed` scene on the device.
 
     boxes  (draws, 2, 3) float64 bounds of what each draw shows, world space
+    instance_boxes  (instances, 2, 3) of each instance
     vertices, indices, instances, materials, lights  its arrays, at least one row each
     maps  of each material the texture and the sampler of each of SLOTS; white where it has none
     """
 
     packed: Packed
     boxes: np.ndarray
+    instance_boxes: np.ndarray
     vertices: Buffer
     indices: Buffer
     instances: Buffer
@@ -125,46 +129,57 @@ class GBuffer:
 
 @dataclass(frozen=True, eq=False)
 class ShadowMaps:
-    """Depth cubes of the point lights, light i in layers 6 i to 6 i + 5; depth is reversed.
+    """The shadow maps of all lights, tiles of one atlas; depth is reversed.
 
-    side  texels of a face's edge
-    near  m; depth in clip space is near / (distance along the face's axis)
+    atlas   what lies where
+    maps    SHADOW_MAP rows (ispm/stages/shadow_map.wgsl), one for each light
+    tiles   SHADOW_TILE rows, six for each light
+    depth   depth32float: the nearest opaque surface of each texel
+    sheets  depth32float: its nearest thin surface that lets light straight through
+    tints   rgba8unorm: what all of those before the opaque one let through
+    The last two are not drawn, and of any size, unless it `has_sheets`.
     """
 
-    cubes: Texture
-    side: int
-    near: float
+    atlas: ShadowAtlas
+    maps: np.ndarray
+    tiles: np.ndarray
+    depth: Texture
+    sheets: Texture
+    tints: Texture
+    has_sheets: bool
 
 
 @dataclass(frozen=True, eq=False)
 class BounceMap:
-    """The first hits of one point light's photons.
+    """The first hits that a map of a light sees.
 
-    light   row of the lights
-    texels  rgba32uint, 6 layers of width x width: instance row, primitive in its mesh, and the bits of
-            the barycentrics u and v; NO_HIT in the first where nothing was hit
-    shift   texels, in [-0.5, 0.5], that the samples lie right of and below the texels' centres
+    places  (F, 3) where its faces lie: the page, and the texels right of and below its corner
+    width   texels of a face's edge
     """
 
-    light: int
-    texels: Texture
-    shift: tuple[float, float]
-
-    @property
-    def width(self) -> int:
-        """Texels of a face's edge."""
-        return self.texels.size[0]
+    map: LightMap
+    places: np.ndarray
+    width: int
 
 
 @dataclass(frozen=True, eq=False)
 class BounceMaps:
-    """The bounce maps of all lights that have one."""
+    """The bounce maps of all lights, side by side.
 
+    pages  rgba32uint: instance row, primitive in its mesh, and the bits of the barycentrics u and v;
+           NO_HIT in the first where nothing was hit
+    """
+
+    pages: list[Texture]
     maps: list[BounceMap]
 
     def read(self, gpu: Gpu) -> list[np.ndarray]:
-        """Return the maps as (6, width, width, 4) uint32, after one wait for all."""
-        return gpu.read_many([(each.texels, np.uint32, 4) for each in self.maps])
+        """Return the maps as (F, width, width, 4) uint32, after one wait for all."""
+        pages = gpu.read_many([(page, np.uint32, 4) for page in self.pages])
+        return [
+            np.stack([pages[page][y : y + each.width, x : x + each.width] for page, x, y in each.places])
+            for each in self.maps
+        ]
 
 
 _ATTRIBUTES = {"position": "float32x3", "color": "unorm8x4", "uv0": "float32x2", "uv1": "float32x2"}

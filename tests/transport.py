@@ -19,6 +19,7 @@ from ispm.scene.scene import Scene
 from ispm.scene.shapes import polygons
 from ispm.settings import Settings
 from ispm.tracer.emission import emit_rays
+from ispm.tracer.plan import plan_maps
 from ispm.tracer.surface import SurfaceTable
 from ispm.tracer.walk import Walk, walk
 from ispm.tracer.world import World
@@ -41,7 +42,8 @@ class Tracer:
     def emit(self, count: int, seed: int = 0) -> np.ndarray:
         """Return EMITTED photons, `count` from each light, drawn as rays."""
         counts = np.full(len(self.packed.lights), count)
-        return emit_rays(self.packed, self.world, self.surfaces, counts, seed, 0, self.threads)
+        plan = plan_maps(self.packed, counts, 0.0, seed, 0)
+        return emit_rays(self.packed, self.world, self.surfaces, plan, seed, 0, self.threads)
 
     def walk(self, emitted: np.ndarray, bounces: int, seed: int = 0) -> Walk:
         """Follow photons from their first hits."""
@@ -94,6 +96,16 @@ def on_instance(packed: Packed, instance: int, count: int, seed: int, flux: floa
     rows["primitive"] = random.integers(0, packed.instances["triangle_count"][instance], count)
     rows["flux"] = flux / count
     rows["key"] = np.arange(count)
+    return rows
+
+
+def aim(tracer: Tracer, origins: np.ndarray, directions: np.ndarray, flux: float = 1.0) -> np.ndarray:
+    """Return EMITTED photons of the first light along rays, (N, 3) each, of `flux` lm together."""
+    hits = tracer.world.trace(np.float32(origins), np.float32(directions))
+    rows = np.zeros(len(hits), EMITTED)
+    for name in ("instance", "primitive", "u", "v"):
+        rows[name] = hits[name]
+    rows["flux"], rows["key"] = flux / len(hits), np.arange(len(hits))
     return rows
 
 

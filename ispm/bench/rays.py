@@ -34,7 +34,7 @@ def rays_of_walk(
 
     emitted  (N,) EMITTED
     """
-    rays = np.empty((len(emitted) * (max(bounces, 1) + SPECULAR_MAX + 2), 2, 3), np.float32)
+    rays = np.empty((len(emitted) * (max(bounces, 1) + SPECULAR_MAX), 2, 3), np.float32)
     count = _record(
         address(world.table), surfaces.addresses, surfaces.texels, surfaces.rows, packed.lights, emitted,
         i64(bounces), u32(seed), rays,

@@ -24,11 +24,12 @@ from ispm import __version__
 from ispm.bench.rays import rays_of_walk
 from ispm.optics.texture import TextureTable
 from ispm.renderer import Renderer, Stats
+from ispm.renderer.light import map_plan
 from ispm.scene.builtin import builtin
 from ispm.scene.packed import pack
 from ispm.scene.scene import Scene
 from ispm.settings import Settings
-from ispm.tracer.emission import emit_rays, share_photons
+from ispm.tracer.emission import emit_rays
 from ispm.tracer.surface import SurfaceTable
 from ispm.tracer.threads import thread_count
 from ispm.tracer.walk import walk
@@ -180,8 +181,8 @@ def measure_trace(scene: Scene, settings: Settings) -> tuple[int, list[TraceRate
     world.update(packed)
     footprint = _TEXTURE_FOOTPRINT * packed.diagonal
     surfaces = SurfaceTable(packed, TextureTable.pack(packed.textures), footprint)
-    counts = share_photons(packed.lights, settings.photons)
-    emitted = emit_rays(packed, world, surfaces, counts, settings.seed, 0, world.threads)
+    plan = map_plan(packed, settings, 0)
+    emitted = emit_rays(packed, world, surfaces, plan, settings.seed, 0, world.threads)
     bounces, seed = settings.bounces, settings.seed
     origins, directions = rays_of_walk(packed, world, surfaces, emitted, bounces, seed)
     if find_spec("embreex") is None:

@@ -18,12 +18,15 @@ Group: TypeAlias = wgpu.GPUBindGroup
 
 _BLENDS: dict[str, dict[str, Any]] = {
     "add": {k: {"operation": "add", "src_factor": "one", "dst_factor": "one"} for k in ("color", "alpha")},
+    "multiply": {
+        k: {"operation": "add", "src_factor": "dst", "dst_factor": "zero"} for k in ("color", "alpha")
+    },
 }
 
 
 @dataclass(frozen=True)
 class Target:
-    """A color attachment a pipeline writes to; `blend` is None or add."""
+    """A color attachment a pipeline writes to; `blend` is None, add or multiply."""
 
     format: str
     blend: str | None = None

@@ -20,10 +20,3 @@ def compact(triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     number = np.cumsum(used, dtype=np.uint32) - np.uint32(1)
     renumbered: np.ndarray = number[triangles]
     return renumbered, np.flatnonzero(used)
-
-
-def linear(encoded: np.ndarray) -> np.ndarray:
-    """Return the float32 light that sRGB-encoded colors in [0, 1] stand for (IEC 61966-2-1)."""
-    low = encoded / 12.92
-    high = ((np.maximum(encoded, 0.0) + 0.055) / 1.055) ** 2.4
-    return np.where(encoded <= 0.04045, low, high).astype(np.float32)

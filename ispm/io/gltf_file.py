@@ -61,7 +61,11 @@ class GltfFile:
                 data = self.uri(buffer.uri)
             if data is None:
                 packed = buffer.extensions.meshopt or buffer.extensions.khr_meshopt
-                why = "; it is packed by meshopt compression, which ispm does not read" if packed else ""
+                why = (
+                    " without meshopt compression, which ispm does not read; export it without"
+                    if packed
+                    else ""
+                )
                 raise SceneError(f"buffer {index} has no data{why}")
             if len(data) < buffer.byte_length:
                 raise SceneError(f"buffer {index} has {len(data)} of its {buffer.byte_length} bytes")
@@ -71,9 +75,9 @@ class GltfFile:
     def count(self, index: int) -> int:
         """Return how many elements an accessor has. Raises SceneError where there are more than allowed."""
         count = item(self.gltf.accessors, index, "accessor").count
-        if count > self.limits.elements:
+        if count > self.limits.max_elements:
             raise SceneError(
-                f"accessor {index} has {count} elements, more than elements={self.limits.elements} allows"
+                f"accessor {index} has {count} elements; max_elements={self.limits.max_elements} is the most"
             )
         return count
 

@@ -53,7 +53,7 @@ def _cones(file: GltfFile, spot: schema.Spot, where: str) -> tuple[float, float]
     given = spot.inner_cone_angle, spot.outer_cone_angle
     outer = min(max(given[1], NARROWEST), math.pi / 2.0)
     inner = min(max(given[0], 0.0), outer - NARROWEST)
-    if max(abs(inner - given[0]), abs(outer - given[1])) > NARROWEST:  # files round pi / 2
+    if max(abs(inner - given[0]), abs(outer - given[1])) > 1e-6:  # files round pi / 2
         file.notes.add(
             f"{where}: its cones of {given[0]:g} and {given[1]:g} rad break 0 <= inner < outer <= pi / 2; "
             f"{inner:.3g} and {outer:.3g} are used"

@@ -13,13 +13,14 @@ from pathlib import Path
 
 import numpy as np
 
-from ispm.io.arrays import linear, wild
+from ispm.io.arrays import wild
 from ispm.io.folder import map_file
 from ispm.io.mtl import Materials
 from ispm.io.notes import Notes
 from ispm.io.obj_text import FLAT, Group, ObjText, read_text
 from ispm.io.polygons import triangulate
 from ispm.io.surface_mesh import check_counts, check_range, make_mesh
+from ispm.scene.color import linear
 from ispm.scene.mesh import Mesh
 from ispm.scene.scene import Node, Part, Scene
 from ispm.settings import LoadLimits
@@ -69,7 +70,10 @@ def _triangles(text: ObjText, group: Group) -> np.ndarray:
 
 
 def _normals(text: ObjText, triangles: list[np.ndarray]) -> np.ndarray:
-    """(C, 3) normals of all corners: as written, else the mean of their smoothing group, by area."""
+    """(C, 3) normals of all corners: as written, else the mean of their smoothing group.
+
+    Weighted by angle, so that it is the same however polygons are cut (Thuermer and Wuethrich 1998).
+    """
     result = np.zeros((len(text.corners), 3))
     asked = text.corners[:, 2]
     written = asked >= 0
@@ -78,14 +82,27 @@ def _normals(text: ObjText, triangles: list[np.ndarray]) -> np.ndarray:
         keys, group = np.unique(text.corners[:, [0, 2]], axis=0, return_inverse=True)
         sums = np.zeros((len(keys), 3))
         every = np.concatenate(triangles)
-        a, b, c = (text.positions[text.corners[every[:, k], 0]] for k in range(3))
+        corners = text.positions[text.corners[every, 0]]
         with np.errstate(invalid="ignore", over="ignore"):
-            flat = np.cross(b - a, c - a)
-        flat[wild(flat).any(axis=1)] = 0.0
-        for k in range(3):
-            np.add.at(sums, group.ravel()[every[:, k]], flat)
+            weighted = _by_angle(corners)
+        weighted[wild(weighted).any(axis=(1, 2))] = 0.0
+        np.add.at(sums, group.ravel()[every], weighted)
         result[~written] = sums[group.ravel()[~written]]
     return result
+
+
+def _by_angle(corners: np.ndarray) -> np.ndarray:
+    """(T, 3, 3) unit normals of (T, 3, 3) triangles, times the angle at each corner."""
+    ahead = _unit(np.roll(corners, -1, axis=1) - corners)
+    behind = -np.roll(ahead, 1, axis=1)
+    angle = np.arccos(np.clip(np.einsum("tki,tki->tk", ahead, behind), -1.0, 1.0))
+    flat = _unit(np.cross(ahead[:, 0], -ahead[:, 2]))
+    return np.asarray(angle[:, :, None] * flat[:, None, :])
+
+
+def _unit(vectors: np.ndarray) -> np.ndarray:
+    length = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    return np.asarray(vectors / np.where(length > 0.0, length, 1.0))
 
 
 def _closed(text: ObjText, triangles: dict[Group, np.ndarray], material: str) -> bool:

@@ -13,6 +13,7 @@ from ispm.io.notes import Notes
 from ispm.settings import LoadLimits
 
 FLAT = -1  # the normal of a corner that has none; FLAT - g: smooth within smoothing group g
+LARGEST = 1 << 60
 CURVES = {b"curv", b"curv2", b"surf", b"cstype", b"deg", b"parm", b"vp"}
 PASSED = CURVES | {b"p", b"l", b"g", b"o", b"s", b"usemtl", b"mtllib"}
 
@@ -145,8 +146,8 @@ class _Reader:
 def _index(word: bytes, count: int) -> int:
     """The row, from 0, that an index names: from 1, or, negative, back from the last of `count`."""
     index = int(word)
-    if index == 0:
-        raise SceneError("index 0; they count from 1")
+    if index == 0 or index > LARGEST:
+        raise SceneError(f"index {index}; they count from 1" if index == 0 else f"index {index} is too large")
     if index < -count:
         raise SceneError(f"index {index} points before the first of {count}")
     return index - 1 if index > 0 else count + index
@@ -168,8 +169,8 @@ def read_text(data: memoryview, notes: Notes, limits: LoadLimits) -> ObjText:
                 else f"'{words[0].decode()}' with numbers that make no sense"
             )
             raise SceneError(f"line {number}: {why}") from None
-        if len(reader.positions) > 3 * limits.elements:
-            raise SceneError(f"more vertices than elements={limits.elements} allows")
+        if len(reader.positions) > 3 * limits.max_elements:
+            raise SceneError(f"more vertices than max_elements={limits.max_elements} allows")
     return ObjText(
         np.array(reader.positions).reshape(-1, 3),
         _colors(reader.colors, len(reader.positions) // 3),

@@ -11,7 +11,6 @@ from pathlib import Path
 import numpy as np
 
 from ispm.errors import SceneError
-from ispm.io.arrays import linear
 from ispm.io.folder import map_file
 from ispm.io.mtl import plain
 from ispm.io.mtl_picture import MapUse, Pictures
@@ -19,6 +18,7 @@ from ispm.io.notes import Notes
 from ispm.io.ply_text import Table, read_tables
 from ispm.io.polygons import triangulate
 from ispm.io.surface_mesh import check_counts, check_range, make_mesh
+from ispm.scene.color import linear
 from ispm.scene.mesh import Mesh
 from ispm.scene.scene import Node, Part, Scene
 from ispm.settings import LoadLimits

@@ -74,12 +74,6 @@ struct Light {
     range: f32,            // m, 0: without end
     direction: vec3f,      // that a spot or directional light shines in, unit
     cone_scale: f32,       // a spot's falloff is clamp(cos scale + offset, 0, 1)^2, cos from its axis;
-    map_x: vec3f,          // rows of the matrix from directions about the light to the cube of its maps:
-    spread: f32,           // the identity, or, seen from far, what puts the scene on the cube's +z face,
-    map_y: vec3f,          // `spread` = tan(half the angle) wide
-    solid_angle: f32,      // sr that the maps cover
-    map_z: vec3f,
-    faces: u32,            // of the cube in use: 6, or 1 for +z alone
     cone_offset: f32,      // of the others it is 1: scale 0, offset 1
     spare0: u32,
     spare1: u32,

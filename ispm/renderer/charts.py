@@ -26,7 +26,7 @@ def overdraw_chart(counts: np.ndarray, size: tuple[int, int]) -> np.ndarray:
     width, height = size
     block = max(-(-width // counts.shape[1]), 1)
     full = counts.repeat(block, axis=0).repeat(block, axis=1)[:height, :width]
-    top = _round_up(float(np.percentile(counts, 99.5)))
+    top = _round_up(float(np.percentile(counts, 98.0)))
     picture = Image.fromarray(_heat(full / top))
     draw = ImageDraw.Draw(picture)
     text = f"kernels per pixel: mean {counts.mean():.1f}, most {int(counts.max())}"
@@ -70,8 +70,13 @@ def _colored(content: np.ndarray, bounds: np.ndarray) -> list[np.ndarray]:
     place = (position - bounds[0]) / np.maximum(bounds[1] - bounds[0], 1e-30)
     power = np.sqrt(np.maximum(flux / max(float(flux.max()), 1e-30), 0.0))
     hit, alive = ((v != 0.0).any(axis=-1, keepdims=True) for v in (normal, direction))
-    shares = (hit * place, hit * (normal + 1.0) / 2.0, power, alive * (direction + 1.0) / 2.0)
-    return [np.rint(255.0 * np.clip(share, 0.0, 1.0)).astype(np.uint8) for share in shares]
+    shares: tuple[np.ndarray, ...] = (
+        hit * place,
+        hit * (normal + 1.0) / 2.0,
+        power,
+        alive * (direction + 1.0) / 2.0,
+    )
+    return [np.asarray(255.0 * np.clip(share, 0.0, 1.0) + 0.5, np.uint8) for share in shares]
 
 
 def _unfolded(faces: np.ndarray) -> Image.Image:
@@ -102,4 +107,4 @@ def _heat(share: np.ndarray) -> np.ndarray:
     """(..., 3) uint8 colors of shares in [0, 1]."""
     place = np.clip(share, 0.0, 1.0) * (len(_HEAT) - 1)
     channels = [np.interp(place, np.arange(len(_HEAT)), _HEAT[:, c]) for c in range(3)]
-    return np.rint(np.stack(channels, axis=-1)).astype(np.uint8)
+    return np.asarray(np.stack(channels, axis=-1) + 0.5, np.uint8)

@@ -8,18 +8,19 @@ import numpy as np
 
 from ispm.errors import SceneError
 from ispm.optics.records import NO_HIT
+from ispm.renderer.room import find_heart
 from ispm.scene.camera import Camera, look_at_pose
 from ispm.scene.light import PointLight
 from ispm.scene.packed import Packed
 from ispm.scene.scene import Node, Scene
 from ispm.tracer.world import World
 
-_PROBES = 512  # rays from the scene's centre that tell a room from an object
 _FROM = np.array([0.45, 0.35, 1.0])  # where an object is seen from: front, a little right and above
 _SUN = np.array([0.6, 1.0, 0.7])
 _VERTICES = 20_000  # looked at to frame a scene
 _CLEARANCE = 0.02  # of the diagonal, between the eye and the scene
 _MARGIN = 1.08  # about what is framed
+_WAYS = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [-1.0, 0.0, 0.0]])
 _YFOV = math.radians(50.0)
 _ROOM_YFOV = math.radians(70.0)
 
@@ -60,41 +61,13 @@ def rigid(matrix: np.ndarray) -> np.ndarray:
     return pose
 
 
-def is_room(packed: Packed, world: World) -> bool:
-    """Whether most rays from the middle of the scene meet front faces: a room seen from inside."""
-    low, high = packed.bounds
-    center = np.broadcast_to(((low + high) / 2.0).astype(np.float32), (_PROBES, 3))
-    directions = _sphere(_PROBES)
-    hits = world.trace(center, directions)
-    hit = hits["instance"] != NO_HIT
-    if hit.mean() < 0.8:
-        return False
-    rows = packed.instances[hits["instance"][hit]]
-    first = rows["first_index"].astype(np.int64) + 3 * hits["primitive"][hit]
-    corners = [packed.geometry.vertices["position"][packed.geometry.indices[first + k]] for k in range(3)]
-    flat = np.cross(corners[1] - corners[0], corners[2] - corners[0])
-    matrix = np.stack([rows[f"normal{k}"][:, :3] for k in range(3)], axis=1)
-    normals = np.einsum("nij,nj->ni", matrix, flat)
-    facing = np.einsum("ni,ni->n", normals, directions[hit])
-    return bool((facing < 0.0).mean() > 0.5)
-
-
 def default_camera(packed: Packed, world: World, aspect: float) -> tuple[Camera, np.ndarray]:
     """Return a camera that frames the scene from outside, or from within where it is a room."""
+    heart = find_heart(packed, world)
+    if heart is not None:
+        return Camera(yfov=_ROOM_YFOV), _pose_within(packed, world, heart)
     low, high = packed.bounds
-    center, size = (low + high) / 2.0, high - low
-    if is_room(packed, world):
-        # from the middle of the shorter horizontal side, looking along the longer one
-        axis = 0 if size[0] > size[2] else 2
-        eye = center.copy()
-        eye[1] = low[1] + 0.45 * size[1]
-        back = np.zeros(3)
-        back[axis] = 1.0
-        free = world.trace(eye[None].astype(np.float32), back[None].astype(np.float32))["t"][0]
-        eye[axis] += 0.9 * min(float(free), float(size[axis]))
-        target = center.copy()
-        target[1] = eye[1] - 0.05 * size[1]
-        return Camera(yfov=_ROOM_YFOV), look_at_pose(eye, target)
+    center = (low + high) / 2.0
     back = _FROM / np.linalg.norm(_FROM)
     pose = look_at_pose(center + back, center)
     offsets = _some_vertices(packed) - center
@@ -107,6 +80,30 @@ def default_camera(packed: Packed, world: World, aspect: float) -> tuple[Camera,
     distance = max(fits, float(depth.max()) + _CLEARANCE * packed.diagonal)
     pose[:3, 3] = center + distance * back + pose[:3, :2] @ ((ahead - behind) / 2.0)
     return Camera(yfov=_YFOV), pose
+
+
+def _pose_within(packed: Packed, world: World, heart: np.ndarray) -> np.ndarray:
+    """A pose that looks through a room along the way that is longest, at an eye's height."""
+    low, high = packed.bounds
+    size = high - low
+    up, down = np.minimum(_free(world, heart, np.array([[0.0, 1.0, 0.0], [0.0, -1.0, 0.0]])), size[1])
+    eye = heart + np.array([0.0, 0.45 * (up + down) - down, 0.0])
+    free = np.minimum(_free(world, eye, _WAYS), np.abs(_WAYS) @ size)
+    way = int((free + 0.5 * np.roll(free, 2)).argmax())  # an open side is one to look in by
+    back, aside = _WAYS[way], np.abs(_WAYS[way - 1])
+    eye = eye + 0.9 * free[way] * back
+    if (eye < low).any() or (eye > high).any():  # and from its middle
+        eye = eye + aside * ((low + high) / 2.0 - eye)
+    length = float(size @ np.abs(back)) / 2.0
+    return look_at_pose(eye, eye - length * back - np.array([0.0, 0.05 * (up + down), 0.0]))
+
+
+def _free(world: World, origin: np.ndarray, directions: np.ndarray) -> np.ndarray:
+    """How far one sees from a place in (n, 3) directions, m; infinitely where nothing is met."""
+    hits = world.trace(
+        np.tile(origin, (len(directions), 1)).astype(np.float32), directions.astype(np.float32)
+    )
+    return np.where(hits["instance"] == NO_HIT, np.inf, hits["t"]).astype(np.float64)
 
 
 def _some_vertices(packed: Packed) -> np.ndarray:
@@ -130,9 +127,11 @@ def default_light(packed: Packed, world: World, eye: np.ndarray) -> tuple[Node, 
     """
     low, high = packed.bounds
     center = (low + high) / 2.0
-    if is_room(packed, world):
-        position = eye + 0.15 * (center - eye)
-        position[1] += 0.3 * (high[1] - position[1])
+    heart = find_heart(packed, world)
+    if heart is not None:
+        position = eye + 0.15 * (heart - eye)
+        free = float(_free(world, position, np.array([[0.0, 1.0, 0.0]]))[0])
+        position[1] += min(0.3 * (high[1] - position[1]), 0.5 * free)
         kind = "a lamp near the camera"
         distance = packed.diagonal / 3.0
     else:
@@ -142,11 +141,3 @@ def default_light(packed: Packed, world: World, eye: np.ndarray) -> tuple[Node, 
     intensity = math.pi * distance * distance
     node = Node("default light", translation=position, light=PointLight((intensity,) * 3))
     return node, f"the scene has no light; {kind} lights it"
-
-
-def _sphere(count: int) -> np.ndarray:
-    """(count, 3) float32 directions, evenly spread (a Fibonacci lattice)."""
-    k = np.arange(count) + 0.5
-    y = 1.0 - 2.0 * k / count
-    r, phi = np.sqrt(1.0 - y * y), k * (math.pi * (3.0 - math.sqrt(5.0)))
-    return np.stack([r * np.cos(phi), y, r * np.sin(phi)], axis=1).astype(np.float32)

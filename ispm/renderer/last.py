@@ -7,15 +7,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from ispm.errors import SettingsError
-from ispm.frame import BounceMaps
+from ispm.optics.records import EMITTED
 from ispm.renderer.charts import bounce_chart, overdraw_chart
-from ispm.renderer.light import texels_as_photons
 from ispm.renderer.picture import Frame
 from ispm.renderer.views import photon_points
+from ispm.scene.lightmap import texel_measures
 from ispm.scene.packed import Packed
 from ispm.stages.camera import CameraView
 from ispm.tracer.first_hits import first_hits
 from ispm.tracer.grid import PhotonGrid
+from ispm.tracer.plan import PlannedMap
 from ispm.tracer.surface import SurfaceTable
 
 
@@ -25,7 +26,7 @@ class LastFrame:
 
     photons         (N,) PHOTON with their kernels
     points          (rows * columns,) RECEIVER, of `low` columns and rows
-    maps, texels    bounce maps and what they held; none where photons left the lights as rays
+    plan, texels    bounce maps and what they held; no texels where photons left the lights as rays
     """
 
     frame: Frame
@@ -35,7 +36,7 @@ class LastFrame:
     photons: np.ndarray
     points: np.ndarray
     low: tuple[int, int]
-    maps: BounceMaps
+    plan: list[PlannedMap]
     texels: list[np.ndarray]
     threads: int
 
@@ -56,15 +57,32 @@ class LastFrame:
 
     def _bounce_maps(self) -> np.ndarray:
         settings = self.frame.settings
-        if not self.maps.maps:
+        if not self.texels:
             why = "bounces is 0" if not settings.bounces else f"emission is '{settings.emission}'"
             raise SettingsError(f"bounce-map: there is none, {why}; use bounces 1 or more and emission 'map'")
         shown, names = [], []
-        for each, emitted in zip(
-            self.maps.maps, texels_as_photons(self.packed, self.maps, self.texels), strict=True
-        ):
-            found = first_hits(self.packed, self.surfaces, emitted, settings.seed, 0)
+        emitted = texels_as_photons(self.packed, self.plan, self.texels)
+        for each, batch in zip(self.plan, emitted, strict=True):
+            found = first_hits(self.packed, self.surfaces, batch, settings.seed, 0)
             shown.append(found.reshape(-1, each.width, each.width, 12))
             faces = f"{len(shown[-1])} faces of " if len(shown[-1]) > 1 else ""
-            names.append(f"light {each.light}: {faces}{each.width} x {each.width} texels")
+            names.append(f"light {each.map.light}: {faces}{each.width} x {each.width} texels")
         return bounce_chart(shown, names, self.packed.bounds)
+
+
+def texels_as_photons(packed: Packed, plan: list[PlannedMap], texels: list[np.ndarray]) -> list[np.ndarray]:
+    """Return each map's texels as (faces W^2,) EMITTED of the flux they stand for, before any thinning."""
+    batches = []
+    first_key = 0
+    for each, content in zip(plan, texels, strict=True):
+        row, words = packed.lights[each.map.light], content.reshape(-1, 4)
+        rows = np.zeros(len(words), EMITTED)
+        rows["instance"], rows["primitive"] = words[:, 0], words[:, 1]
+        rows["u"], rows["v"] = words[:, 2].view(np.float32), words[:, 3].view(np.float32)
+        measures = texel_measures(each.map, row, each.width, each.shift)
+        rows["flux"] = measures.reshape(-1, 1) * row["intensity"]
+        rows["light"] = each.map.light
+        rows["key"] = first_key + np.arange(len(rows))
+        first_key += len(rows)
+        batches.append(rows)
+    return batches

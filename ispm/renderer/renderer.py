@@ -14,13 +14,13 @@ import numpy as np
 from ispm.errors import IspmError, SceneError, SceneWarning, SettingsError
 from ispm.estimators import make_estimator
 from ispm.frame import BounceMaps, GBuffer, GpuScene
-from ispm.gpu import Gpu, Recording, Texture, open_gpu
-from ispm.optics.records import EMITTED, MATERIAL_UNLIT, PHOTON, RECEIVER
+from ispm.gpu import Gpu, Recording, Texture, open_gpu, within_memory
+from ispm.optics.records import MATERIAL_UNLIT, PHOTON, RECEIVER
 from ispm.optics.texture import TextureTable
 from ispm.renderer import layers as make
 from ispm.renderer.framing import default_camera, default_light, find_camera
 from ispm.renderer.last import LastFrame
-from ispm.renderer.light import map_plan, photons_of_maps
+from ispm.renderer.light import map_plan
 from ispm.renderer.motion import moved
 from ispm.renderer.picture import Frame
 from ispm.renderer.statistics import Stats, collect
@@ -32,6 +32,7 @@ from ispm.settings import Settings
 from ispm.stages.antialias import Antialias
 from ispm.stages.bounce import BounceStage
 from ispm.stages.camera import CameraView
+from ispm.stages.caustic import CausticStage
 from ispm.stages.direct import DirectStage
 from ispm.stages.downsample import Downsample
 from ispm.stages.filter import WEIGHT, filter_estimate, filter_points
@@ -40,10 +41,11 @@ from ispm.stages.shadow import ShadowStage
 from ispm.stages.tonemap import auto_exposure, tonemap, tonemap_transparent
 from ispm.stages.upload import Upload
 from ispm.stages.upsample import Upsample
-from ispm.tracer.density import measure_radii
-from ispm.tracer.emission import emit_rays, share_photons
+from ispm.tracer.density import measure_caustic_radii, measure_radii
+from ispm.tracer.emission import emit_rays, emit_texels
 from ispm.tracer.grid import PhotonGrid
 from ispm.tracer.hint import hint_radii
+from ispm.tracer.plan import PlannedMap
 from ispm.tracer.surface import SurfaceTable
 from ispm.tracer.threads import thread_count
 from ispm.tracer.walk import Walk, walk
@@ -54,8 +56,8 @@ _TEXTURE_FOOTPRINT = 0.005  # of the diagonal: over which photons see textures a
 _PASS = 0  # of one
 _ESTIMATOR_KNOBS = attrgetter("estimator", "kernel", "talk_errors")
 _OWNED = (
-    "_upload", "_gbuffer", "_bounce", "_direct", "_antialias", "_shadow", "_downsample", "_upsample",
-    "_estimator", "_world", "_last", "_packed", "_textures",
+    "_upload", "_gbuffer", "_bounce", "_direct", "_caustic", "_antialias", "_shadow", "_downsample",
+    "_upsample", "_estimator", "_world", "_last", "_packed", "_textures",
 )  # fmt: skip
 
 
@@ -92,6 +94,7 @@ class Renderer:
         self._gbuffer = GBufferStage(self._gpu)
         self._bounce = BounceStage(self._gpu)
         self._direct = DirectStage(self._gpu)
+        self._caustic = CausticStage(self._gpu)
         self._antialias = Antialias(self._gpu)
         self._packed: Packed | None = None
         self._textures: TextureTable | None = None
@@ -159,13 +162,22 @@ class Renderer:
         self._settings = new
 
     def render(self) -> Frame:
-        """Render one picture. Raises SceneError for a scene without a surface."""
+        """Render one picture.
+
+        Raises SceneError for a scene without a surface, SettingsError for more than memory can hold.
+        """
         if self._closed:
             raise IspmError("this renderer is closed; make another one")
+        width, height = self.settings.size
+        with within_memory(f"a picture of {width}x{height} pixels and {self.settings.photons:,} photons"):
+            return self._render()
+
+    def _render(self) -> Frame:
         started = clock.perf_counter()
         self._last = None  # so that its memory can be used again
         watch = Watch()
         packed, view = self._prepare()
+        plan = map_plan(packed, self.settings, _PASS)
 
         with self._gpu.frame() as first:
             scene = self._upload(packed)
@@ -174,25 +186,31 @@ class Renderer:
             first.stage("upsample")
             receivers = self._downsample(first, scene, gbuffer, view)
             first.stage("bounce_map")
-            maps = self._draw_bounce_maps(first, scene, packed)
+            maps = self._draw_bounce_maps(first, scene, plan)
         with watch("copy"):
             points = self._downsample.read(self._gpu, view)
             texels = maps.read(self._gpu)
         with self._gpu.frame() as second:
             second.stage("direct")
-            shadows = self._shadow(second, scene, _NEAR * packed.diagonal)
+            seen = points["position"][points["valid"] > 0]
+            shadows = self._shadow(second, scene, seen, view.eye_or_direction, _NEAR * packed.diagonal, _PASS)
             direct = self._direct(second, scene, gbuffer, shadows, view)
 
         with watch("trace"):
-            path = self._trace(packed, maps, texels)
+            path = self._trace(packed, plan, texels)
         with watch("radiance"):
-            estimate, light = self._gather(points, path.photons, packed, view)
+            photons, smooth, sharp = self._split(path.photons, packed, view)
+            estimate, light = self._gather(points, smooth, packed, view)
 
         with self._gpu.frame() as third:
+            third.stage("radiance")
+            caustic = self._caustic(third, scene, gbuffer, view, sharp)
             third.stage("upsample")
-            indirect, irradiance, emission = self._upsample(third, scene, gbuffer, view, receivers, light)
+            indirect, irradiance, emission = self._upsample(
+                third, scene, gbuffer, view, receivers, light, caustic
+            )
         with watch("upsample"):
-            self._light_missed(points, estimate, path.photons, scene, gbuffer, view)
+            self._light_missed(points, estimate, smooth, scene, gbuffer, view, caustic)
         with self._gpu.frame() as fourth:
             fourth.stage("compose")
             if self.settings.antialias:
@@ -209,10 +227,10 @@ class Renderer:
             adapter=self._gpu.name, timing=first.timing,
             moved=moved(packed.instances, self._instances),
         )  # fmt: skip
-        self._photons = path.photons
+        self._photons = photons
         self._last = LastFrame(
-            frame, view, packed, self._surfaces(packed), path.photons, points, self._downsample.size(view),
-            maps, texels, self.threads,
+            frame, view, packed, self._surfaces(packed), photons, points, self._downsample.size(view),
+            plan, texels, self.threads,
         )  # fmt: skip
         self._instances = packed.instances
         return frame
@@ -278,26 +296,42 @@ class Renderer:
             self._said.add(line)
             warnings.warn(line, SceneWarning, stacklevel=4)
 
-    def _draw_bounce_maps(self, frame: Recording, scene: GpuScene, packed: Packed) -> BounceMaps:
+    def _draw_bounce_maps(self, frame: Recording, scene: GpuScene, plan: list[PlannedMap]) -> BounceMaps:
         if self.settings.emission == "rays":
-            return BounceMaps([])
-        widths, shifts = map_plan(packed.lights, self.settings, _PASS)
-        return self._bounce(frame, scene, widths, shifts, _NEAR * packed.diagonal, _PASS)
+            return BounceMaps([], [])
+        return self._bounce(frame, scene, plan, _NEAR * scene.packed.diagonal, _PASS)
 
-    def _trace(self, packed: Packed, maps: BounceMaps, texels: list[np.ndarray]) -> Walk:
+    def _trace(self, packed: Packed, plan: list[PlannedMap], texels: list[np.ndarray]) -> Walk:
         """Emit the photons and follow them."""
         settings = self.settings
         surfaces = self._surfaces(packed)
-        if not settings.bounces:
-            emitted = np.zeros(0, EMITTED)
-        elif settings.emission == "rays":
-            counts = share_photons(packed.lights, settings.photons)
-            emitted = emit_rays(packed, self._world, surfaces, counts, settings.seed, _PASS, self.threads)
+        if settings.emission == "rays":
+            emitted = emit_rays(packed, self._world, surfaces, plan, settings.seed, _PASS, self.threads)
         else:
-            emitted = photons_of_maps(packed, maps, texels, settings, _PASS)
+            emitted = emit_texels(packed, plan, texels)
         return walk(
             packed, self._world, surfaces, emitted, settings.bounces, settings.seed, _PASS, self.threads
         )
+
+    def _split(
+        self, photons: np.ndarray, packed: Packed, view: CameraView
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return the photons in a new order, and its two parts: those to be filtered, and the caustic ones,
+        ready to be drawn.
+
+        The hint's kernels are as narrow as caustics need: with them all photons go the first way.
+        """
+        sharp = photons["bounce"] == 0
+        if self.settings.kernel == "hint":
+            sharp[:] = False
+        parted = np.concatenate([photons[~sharp], photons[sharp]])
+        smooth, caustic = np.split(parted, [len(parted) - np.count_nonzero(sharp)])
+        pixel = view.footprint * view.clip_from_world[3]
+        measure_caustic_radii(
+            caustic, packed.diagonal, self.settings.smoothing, pixel, packed.widths, view.eye_or_direction,
+            threads=self.threads,
+        )  # fmt: skip
+        return parted, smooth, caustic
 
     def _surfaces(self, packed: Packed) -> SurfaceTable:
         assert self._textures is not None
@@ -332,6 +366,7 @@ class Renderer:
         scene: GpuScene,
         gbuffer: GBuffer,
         view: CameraView,
+        caustic: tuple[Texture, Texture] | None,
     ) -> None:
         """Light the pixels that upsampling could not serve: by the filter, else by the photons near."""
         missed, receivers = self._upsample.missed()
@@ -345,7 +380,7 @@ class Renderer:
         if alone.any() and len(photons):
             light[alone] = PhotonGrid(photons).estimate(receivers[alone], self.threads)
         with self._gpu.frame() as frame:
-            self._upsample.patch(frame, scene, gbuffer, view, light)
+            self._upsample.patch(frame, scene, gbuffer, view, light, caustic)
 
     def _compose(
         self, gbuffer: GBuffer, light: tuple[Texture, Texture, Texture], irradiance: Texture, view: CameraView

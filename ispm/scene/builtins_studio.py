@@ -67,9 +67,9 @@ def glass_sphere() -> Scene:
     Both balls wander on closed paths of 8 s; a red and a green matte ball stand still.
     """
     scene = Scene(name="glass-sphere")
-    scene.add(_backdrop(3.0, 0.70, 0.95, 20, 20, -0.04), material=lambert((0.52, 0.50, 0.47), "paper"))
-    scene.add(_checkers(24, 16, 0.05), material=lambert((1.0, 1.0, 1.0), "checkers"))
-    rim = box((-0.63, -0.04, -0.43), (0.63, -0.002, 0.43), "table")
+    scene.add(_niche(1.25, 1.20, 20, 20, -0.04), material=lambert((0.52, 0.50, 0.47), "paper"))
+    scene.add(_checkers(24, 16, 0.06), material=lambert((1.0, 1.0, 1.0), "checkers"))
+    rim = box((-0.75, -0.04, -0.51), (0.75, -0.002, 0.51), "table")
     scene.add(rim, material=lambert((0.30, 0.17, 0.09), "walnut"))
     red, green = lambert((0.66, 0.06, 0.04), "red"), lambert((0.08, 0.36, 0.20), "green")
     scene.add(ball(0.075, 30, 21, "red ball"), material=red, translation=(0.30, 0.075, -0.17))
@@ -156,17 +156,34 @@ def _backdrop(width: float, front: float, height: float, columns: int, rows: int
     front   reach towards +z from the middle, m; it bends up as far behind
     height  to which it rises
     """
-    bend = 0.5 * height
-    lengths = np.array([2.0 * front - bend, 0.5 * math.pi * bend, height - bend])
-    s = np.linspace(0.0, lengths.sum(), rows + 1)
-    angle = np.clip((s - lengths[0]) / bend, 0.0, 0.5 * math.pi)
-    z = front - np.minimum(s, lengths[0]) - bend * np.sin(angle)
-    rise = y + bend * (1.0 - np.cos(angle)) + np.maximum(s - lengths[:2].sum(), 0.0)
-    x = np.linspace(-0.5 * width, 0.5 * width, columns + 1)
+    along, rise = _bent(2.0 * front, height, rows)
     grid = np.empty((columns + 1, rows + 1, 3))
-    grid[..., 0], grid[..., 1], grid[..., 2] = x[:, None], rise, z
+    grid[..., 0] = np.linspace(-0.5 * width, 0.5 * width, columns + 1)[:, None]
+    grid[..., 1], grid[..., 2] = y + rise, front - along
     # (next column) x (next row), x and -z, points up
     return sheet(grid, "backdrop")
+
+
+def _niche(radius: float, height: float, columns: int, rows: int, y: float) -> Mesh:
+    """A round niche that is open in front, by 120 degrees: 2 columns rows triangles. It begins a fifth of its
+    radius from the middle."""
+    along, rise = _bent(0.8 * radius, height, rows)
+    across = (0.2 * radius + along) * np.exp(1j * np.radians(np.linspace(-120.0, 120.0, columns + 1)))[
+        :, None
+    ]
+    grid = np.empty((columns + 1, rows + 1, 3))
+    grid[..., 0], grid[..., 1], grid[..., 2] = across.imag, y + rise, -across.real
+    return sheet(grid, "backdrop")
+
+
+def _bent(length: float, height: float, rows: int) -> tuple[np.ndarray, np.ndarray]:
+    """Way along the floor and height at rows + 1 even steps of paper that rises at the end of `length`."""
+    bend = 0.5 * height
+    flat, curve = length - bend, 0.5 * math.pi * bend
+    s = np.linspace(0.0, flat + curve + height - bend, rows + 1)
+    angle = np.clip((s - flat) / bend, 0.0, 0.5 * math.pi)
+    along = np.minimum(s, flat) + bend * np.sin(angle)
+    return along, bend * (1.0 - np.cos(angle)) + np.maximum(s - flat - curve, 0.0)
 
 
 def _checkers(columns: int, rows: int, side: float) -> Mesh:

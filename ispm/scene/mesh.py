@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -52,6 +53,16 @@ class Mesh:
                 f"mesh '{self.name}': index {int(self.triangles.max())} points past the last of "
                 f"{vertex_count} vertices"
             )
+
+    @classmethod
+    def from_trimesh(cls, mesh: Any) -> Mesh:
+        """Return a copy of a trimesh.Trimesh: faces, vertex normals if given, uv, colors (as sRGB).
+
+        Raises SceneError where the arrays cannot be used.
+        """
+        from ispm.scene.from_trimesh import to_mesh
+
+        return to_mesh(mesh)
 
     def touch(self) -> None:
         """Say that an array was edited in place, so that renderers read it again."""

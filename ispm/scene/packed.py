@@ -10,7 +10,7 @@ import numpy as np
 from ispm.errors import SceneError
 from ispm.optics import records
 from ispm.scene.light import DirectionalLight, Light, PointLight, SpotLight
-from ispm.scene.lightmap import LightMap, light_map
+from ispm.scene.lightmap import LightMap, corners_of, light_map
 from ispm.scene.material import AlphaMode, Material, Texture, TextureUse
 from ispm.scene.mesh import Mesh
 from ispm.scene.scene import Scene
@@ -78,6 +78,7 @@ class Packed:
     maps       of each light, the one that holds all its light
     bounds     (2, 3) float64 corners of all instances, world space
     widths     (I,) float32 m: the second largest extent of each instance, what a kernel should fit into
+    boxes      (I, 2, 3) float64 corners of each instance, world space
     """
 
     geometry: Geometry
@@ -89,6 +90,7 @@ class Packed:
     draws: list[Draw]
     bounds: np.ndarray
     widths: np.ndarray
+    boxes: np.ndarray
     material_names: list[str] = field(default_factory=list)
 
     @property
@@ -96,6 +98,12 @@ class Packed:
         """Length of the bounds' diagonal in metres; 1 for an empty scene."""
         length = float(np.linalg.norm(self.bounds[1] - self.bounds[0]))
         return length if length > 0.0 else 1.0
+
+    @property
+    def caustic_boxes(self) -> np.ndarray:
+        """(n, 2, 3) corners of the instances that cast caustics, worth aiming photons at."""
+        flags = self.materials["flags"][self.instances["material"]]
+        return np.asarray(self.boxes[(flags & records.MATERIAL_CAUSTIC) != 0])
 
     @property
     def triangle_count(self) -> int:
@@ -140,11 +148,11 @@ def pack(scene: Scene, geometry: Geometry | None = None) -> Packed:
     material_rows = np.zeros(len(material_list), records.MATERIAL)
     for i, item in enumerate(material_list):
         material_rows[i] = _material_record(item, textures)
-    instances, draws, bounds, widths = _instances(rows, geometry)
+    instances, draws, widths, boxes = _instances(rows, geometry)
+    bounds = np.stack([boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)]) if len(boxes) else np.zeros((2, 3))
     maps = [light_map(i, row, bounds) for i, row in enumerate(lights)]
-    _write_maps(lights, maps)
     return Packed(
-        geometry, instances, material_rows, textures, lights, maps, draws, bounds, widths,
+        geometry, instances, material_rows, textures, lights, maps, draws, bounds, widths, boxes,
         [material.name for material in material_list],
     )  # fmt: skip
 
@@ -265,13 +273,6 @@ def _cone(light: SpotLight) -> tuple[float, float]:
     return scale, -math.cos(outer) * scale
 
 
-def _write_maps(lights: np.ndarray, maps: list[LightMap]) -> None:
-    for row, map in zip(lights, maps, strict=True):
-        s, t, axis = map.axes[0] if len(map.axes) == 1 else np.diag((1.0, -1.0, 1.0))
-        row["map_x"], row["map_y"], row["map_z"] = s, -t, axis
-        row["spread"], row["faces"], row["solid_angle"] = map.spread, len(map.axes), map.measure
-
-
 def _material_record(material: Material, textures: list[Texture]) -> np.ndarray:
     row = np.zeros((), records.MATERIAL)
     color = tuple(material.base_color)
@@ -334,12 +335,12 @@ def _texture_use(use: TextureUse | Texture | None, textures: list[Texture]) -> n
 def _instances(
     rows: list[tuple[int, int, int, np.ndarray]], geometry: Geometry
 ) -> tuple[np.ndarray, list[Draw], np.ndarray, np.ndarray]:
-    """INSTANCE rows, the draws that show them, their bounds in world space, and their widths.
+    """INSTANCE rows, the draws that show them, their widths, and their boxes in world space.
 
     rows  mesh, material, node, and the (n, 4, 4) places of n instances
     """
     if not rows:
-        return np.zeros(0, records.INSTANCE), [], np.zeros((2, 3)), np.zeros(0, np.float32)
+        return np.zeros(0, records.INSTANCE), [], np.zeros(0, np.float32), np.zeros((0, 2, 3))
     copies = [len(row[3]) for row in rows]
     mesh, material, node = (np.repeat([row[k] for row in rows], copies) for k in range(3))
     world = np.concatenate([row[3] for row in rows])
@@ -357,11 +358,11 @@ def _instances(
     instances["material"], instances["node"], instances["mesh"] = material, node, mesh
     instances["flags"] = np.where(mirrored, records.INSTANCE_MIRRORED, 0)
     boxes = np.stack([kept.box for kept in geometry.ranges])[mesh]
-    corners = np.einsum("nij,nkj->nki", world[:, :3, :3], _corners(boxes)) + world[:, None, :3, 3]
-    bounds = np.stack([corners.min(axis=(0, 1)), corners.max(axis=(0, 1))])
+    corners = np.einsum("nij,nkj->nki", world[:, :3, :3], corners_of(boxes)) + world[:, None, :3, 3]
     extents = (boxes[:, 1] - boxes[:, 0]) * np.linalg.norm(world[:, :3, :3], axis=1)
     widths = np.sort(extents, axis=1)[:, 1].astype(np.float32)
-    return instances, _draws(mesh, material, mirrored), bounds, widths
+    draws = _draws(mesh, material, mirrored)
+    return instances, draws, widths, np.stack([corners.min(axis=1), corners.max(axis=1)], axis=1)
 
 
 def _draws(mesh: np.ndarray, material: np.ndarray, mirrored: np.ndarray) -> list[Draw]:
@@ -380,11 +381,6 @@ def _mesh_box(mesh: Mesh) -> np.ndarray:
     """(2, 3) corners of a mesh's bounds in object space, of the vertices its triangles use."""
     used = mesh.positions[np.unique(mesh.triangles)].astype(np.float64)
     return np.stack([used.min(axis=0), used.max(axis=0)])
-
-
-def _corners(boxes: np.ndarray) -> np.ndarray:
-    """(n, 8, 3) corners of (n, 2, 3) boxes."""
-    return np.stack([boxes[:, [i & 1, i >> 1 & 1, i >> 2 & 1], [0, 1, 2]] for i in range(8)], axis=1)
 
 
 def _cofactors(m: np.ndarray) -> np.ndarray:

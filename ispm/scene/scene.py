@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -89,6 +90,16 @@ class Scene:
         held = ", ".join(f"{count:,} {what}{'s' * (count != 1)}" for count, what in counts)
         return f"<Scene '{self.name}': {held}>"
 
+    @classmethod
+    def from_trimesh(cls, source: Any) -> Scene:
+        """Return the scene of a trimesh.Scene or Trimesh: geometry, places and materials, copied.
+
+        Raises SceneError where a geometry cannot be used.
+        """
+        from ispm.scene.from_trimesh import to_scene
+
+        return to_scene(source)
+
     def placed(self) -> Iterator[tuple[Node, np.ndarray]]:
         """Yield each node with its (4, 4) node-to-world matrix, parents before children."""
         stack = [(node, np.eye(4)) for node in reversed(self.roots)]
@@ -101,7 +112,12 @@ class Scene:
     @property
     def nodes(self) -> list[Node]:
         """All nodes, parents before children."""
-        return [node for node, _ in self.placed()]
+        found, stack = [], self.roots[::-1]
+        while stack:
+            node = stack.pop()
+            found.append(node)
+            stack.extend(reversed(node.children))
+        return found
 
     @property
     def lights(self) -> list[Node]:

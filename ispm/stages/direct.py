@@ -6,44 +6,87 @@ import numpy as np
 
 from ispm import wgsl
 from ispm.frame import GBuffer, GpuScene, ShadowMaps
-from ispm.gpu import Gpu, Recording, Texture
+from ispm.gpu import Gpu, Raster, Recording, Texture
+from ispm.optics.records import MATERIAL_TRANSMITS
 from ispm.stages.camera import CameraView
 
-_SHADOWS = wgsl.load("stages/direct.wgsl").dtype("Shadows")
+_LAMPS = wgsl.load("stages/direct.wgsl").dtype("Lamps")
+_AT_ONCE = _LAMPS["lights"].shape[0]  # lights; a uniform's 64 KiB hold no more
 
 
 class DirectStage:
-    """Radiance that point lights send to the eye by one reflection.
+    """Radiance that lights send to the eye by one reflection, or through a thin surface.
 
     In   scene, gbuffer, shadows, and the view the G-buffer was drawn with
     Out  rgba32float of the G-buffer's size: cd/m2, 1; black where nothing is and where it is unlit
     Shadows are filtered over two to three texels of their map. A fragment shader: on llvmpipe it takes
-    four fifths of a compute shader's time, half of it in the four cube comparisons.
+    four fifths of a compute shader's time. Every pixel asks every light; 128 at a time.
     """
 
     def __init__(self, gpu: Gpu) -> None:
-        self._shade = gpu.raster("stages/direct.wgsl", ["rgba32float"], depth=None)
+        self._gpu = gpu
+        self._pipelines: dict[tuple[bool, bool, bool], Raster] = {}
         self._farther = gpu.sampler(compare="greater-equal")  # reversed depth: nearer is greater
         usage = ("attachment", "sampled", "storage")
-        self._radiance = gpu.texture("direct radiance", "rgba32float", usage=usage)
+        self._radiance = [gpu.texture(f"direct radiance {k}", "rgba32float", usage=usage) for k in range(2)]
+        self._nothing = gpu.texture("no radiance", "rgba32float").sized((1, 1))
 
     def __call__(
         self, frame: Recording, scene: GpuScene, gbuffer: GBuffer, shadows: ShadowMaps, view: CameraView
     ) -> Texture:
         """Record the shading and return where its result will be."""
-        radiance = self._radiance.sized(gbuffer.size)
-        group = self._shade.bind(
-            0, frame, camera=view.uniform(),
-            shadows=np.array((scene.light_count, shadows.side, shadows.near, 0.0), _SHADOWS),
-            lights=scene.lights, materials=scene.materials, ids=gbuffer.ids, normals=gbuffer.normals,
-            base=gbuffer.base, emission=gbuffer.emission, depth=gbuffer.depth, cubes=shadows.cubes,
-            farther=self._farther,
-        )  # fmt: skip
-        with frame.draw_into(radiance) as canvas:
-            canvas.use(self._shade, group)
-            canvas.draw(3)
-        return radiance
+        before = self._nothing
+        for index, first in enumerate(range(0, max(scene.light_count, 1), _AT_ONCE)):
+            result = self._radiance[index % 2].sized(gbuffer.size)
+            self._shade(frame, scene, gbuffer, shadows, view, first, before, result)
+            before = result
+        return before
 
     def close(self) -> None:
         """Free the radiance."""
-        self._radiance.close()
+        for texture in (*self._radiance, self._nothing):
+            texture.close()
+
+    def _shade(
+        self,
+        frame: Recording,
+        scene: GpuScene,
+        gbuffer: GBuffer,
+        shadows: ShadowMaps,
+        view: CameraView,
+        first: int,
+        before: Texture,
+        result: Texture,
+    ) -> None:
+        """Record the shading by the lights from row `first` on, on top of `before`."""
+        transmits = bool((scene.packed.materials["flags"] & MATERIAL_TRANSMITS).any())
+        raster = self._pipeline(first > 0, transmits, shadows.has_sheets)
+        group = raster.bind(
+            0, frame, camera=view.uniform(), lamps=_lamps(scene, shadows, first), materials=scene.materials,
+            ids=gbuffer.ids, normals=gbuffer.normals, base=gbuffer.base, emission=gbuffer.emission,
+            depth=gbuffer.depth, before=before, atlas=shadows.depth, sheets=shadows.sheets,
+            tints=shadows.tints, farther=self._farther,
+        )  # fmt: skip
+        with frame.draw_into(result) as canvas:
+            canvas.use(raster, group)
+            canvas.draw(3)
+
+    def _pipeline(self, adds: bool, transmits: bool, sheets: bool) -> Raster:
+        key = adds, transmits, sheets
+        if key not in self._pipelines:
+            self._pipelines[key] = self._gpu.raster(
+                "stages/direct.wgsl", ["rgba32float"], depth=None,
+                ADDS=adds, TRANSMITS=transmits, SHEETS=sheets,
+            )  # fmt: skip
+        return self._pipelines[key]
+
+
+def _lamps(scene: GpuScene, shadows: ShadowMaps, first: int) -> np.ndarray:
+    """The LAMPS record of the lights from row `first` on, as many as it holds."""
+    lamps = np.zeros((), _LAMPS)
+    count = min(scene.light_count - first, _AT_ONCE)
+    lamps["count"], lamps["texel"] = count, 1.0 / np.array(shadows.depth.size)
+    lamps["lights"][:count] = scene.packed.lights[first : first + count]
+    lamps["maps"][:count] = shadows.maps[first : first + count]
+    lamps["tiles"][: 6 * count] = shadows.tiles[6 * first : 6 * (first + count)]
+    return lamps

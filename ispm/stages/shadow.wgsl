@@ -1,19 +1,32 @@
-// Depth of what a light sees through one face of a cube; both sides of every surface cast.
-// include stages/face.wgsl
+// Depth of what a light sees through one face of its map, and the tint of thin sheets on its way; both
+// sides of every surface count. The viewport is the face's tile.
 // include stages/geometry.wgsl
+// include optics/bsdf.wgsl
 
-@group(0) @binding(0) var<uniform> face: Face;
+struct View {
+    clip_from_local: mat4x4f,   // local: from the origin, along the world's axes
+    origin: vec3f,              // m, world space
+    pass_index: u32,
+    light: vec4f,               // where the light is and 1, or the direction towards it and 0
+}
+
+@group(0) @binding(0) var<uniform> view: View;
 
 struct Corner {
     @builtin(position) clip: vec4f,
     @location(0) uv: vec4f,
     @location(1) color: vec4f,
     @location(2) @interpolate(flat) instance: u32,
+    @location(3) local: vec3f,
+}
+
+fn clip_from_local(local: vec3f) -> vec4f {
+    return view.clip_from_local * vec4f(local, 1.0);
 }
 
 @vertex
 fn vs(@location(0) position: vec3f, @builtin(instance_index) instance: u32) -> @builtin(position) vec4f {
-    return clip_from_world(point_to_world(instance, position));
+    return clip_from_local(point_to_world(instance, position) - view.origin);
 }
 
 @vertex
@@ -24,12 +37,30 @@ fn vs_masked(
     @location(3) uv1: vec2f,
     @builtin(instance_index) instance: u32,
 ) -> Corner {
-    return Corner(clip_from_world(point_to_world(instance, position)), vec4f(uv0, uv1), color, instance);
+    let local = point_to_world(instance, position) - view.origin;
+    return Corner(clip_from_local(local), vec4f(uv0, uv1), color, instance, local);
+}
+
+// The base color where the surface is no hole; a hole discards the fragment.
+fn cover(c: Corner) -> vec3f {
+    let texel = vec2u(c.clip.xy);
+    let color = base_color_at(c.uv, c.color);
+    if (is_hole(color.a, vec4u(texel.x | texel.y << 16u, 0u, c.instance, view.pass_index))) {
+        discard;
+    }
+    return color.rgb;
 }
 
 @fragment
 fn fs_masked(c: Corner) {
-    if (is_hole(base_color_at(c.uv, c.color).a, texel_key(c.clip.xy, c.instance))) {
-        discard;
-    }
+    _ = cover(c);
+}
+
+// What a sheet lets through at this incidence.
+@fragment
+fn fs_sheet(c: Corner) -> @location(0) vec4f {
+    let n = normalize(cross(dpdx(c.local), dpdy(c.local)));
+    let wi = normalize(view.light.xyz - view.light.w * (c.local + view.origin));
+    let b = surface_bsdf(cover(c), material.metallic, 0.0, material.transmission, material, true);
+    return vec4f(facet_transmittance(b, fresnel_weight(b, abs(dot(n, wi)))), 1.0);
 }

@@ -18,7 +18,8 @@ MISSED = wgsl.load("stages/upsample.wgsl").dtype("Missed")
 class Upsample:
     """Joint bilateral upsampling of incident light, and the radiance that the surfaces make of it.
 
-    In   gbuffer (W, H); receivers (w h,) and their light (w h, 16)
+    In   gbuffer (W, H); receivers (w h,) and their light (w h, 16); caustics, radiance and irradiance at full
+         resolution, which are added
     Out  indirect, irradiance, and emission as it is: (W, H) rgba32float, alpha 1 where a surface is seen
     Source: Kopf et al. 2007, with plane distance as the range weight.
     """
@@ -36,10 +37,11 @@ class Upsample:
         self.indirect = gpu.texture("indirect", "rgba32float", usage=("storage", "sampled"))
         self.emission = gpu.texture("emission", "rgba32float", usage=("storage", "sampled"))
         self.irradiance = gpu.texture("irradiance", "rgba32float", usage=("storage", "sampled"))
+        self._black = gpu.texture("no caustic", "rgba32float").sized((1, 1))
 
     def __call__(
         self, frame: Recording, scene: GpuScene, gbuffer: GBuffer, view: CameraView,
-        receivers: Buffer, light: np.ndarray,
+        receivers: Buffer, light: np.ndarray, caustic: tuple[Texture, Texture] | None = None,
     ) -> tuple[Texture, Texture, Texture]:  # fmt: skip
         capacity = min(view.size[0] * view.size[1], self._gpu.max_binding // RECEIVER.itemsize)
         self._missed.sized(capacity * MISSED.itemsize)
@@ -50,7 +52,7 @@ class Upsample:
             frame, over=cells, **self._surface(scene, gbuffer, view), receivers=receivers,
             light=self._light.write(light), missed_count=self._count, missed=self._missed,
             missed_receivers=self._missed_receivers, glow=self.emission.sized(view.size),
-            **self._targets(view),
+            **self._targets(view), **self._sharp(caustic),
         )  # fmt: skip
         return self.indirect, self.irradiance, self.emission
 
@@ -64,12 +66,13 @@ class Upsample:
         return pixels, receivers
 
     def patch(
-        self, frame: Recording, scene: GpuScene, gbuffer: GBuffer, view: CameraView, light: np.ndarray
-    ) -> None:
+        self, frame: Recording, scene: GpuScene, gbuffer: GBuffer, view: CameraView, light: np.ndarray,
+        caustic: tuple[Texture, Texture] | None = None,
+    ) -> None:  # fmt: skip
         """Write the (M, 16) light of the missed pixels."""
         self._patch(
             frame, over=len(light), **self._surface(scene, gbuffer, view), missed_list=self._missed,
-            missed_light=self._missed_light.write(light), **self._targets(view),
+            missed_light=self._missed_light.write(light), **self._targets(view), **self._sharp(caustic),
         )  # fmt: skip
 
     def _surface(self, scene: GpuScene, gbuffer: GBuffer, view: CameraView) -> dict[str, Any]:
@@ -78,6 +81,10 @@ class Upsample:
             "normals": gbuffer.normals, "base": gbuffer.base, "emission": gbuffer.emission,
             "depth": gbuffer.depth,
         }  # fmt: skip
+
+    def _sharp(self, caustic: tuple[Texture, Texture] | None) -> dict[str, Any]:
+        radiance, irradiance = caustic or (self._black, self._black)
+        return {"caustic": radiance, "caustic_irradiance": irradiance}
 
     def _targets(self, view: CameraView) -> dict[str, Any]:
         return {

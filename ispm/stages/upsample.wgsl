@@ -31,6 +31,8 @@ struct Missed {
 @group(0) @binding(12) var indirect: texture_storage_2d<rgba32float, write>;
 @group(0) @binding(13) var irradiance: texture_storage_2d<rgba32float, write>;
 @group(0) @binding(16) var glow: texture_storage_2d<rgba32float, write>;
+@group(0) @binding(17) var caustic: texture_2d<f32>;              // drawn at full resolution, or one black texel
+@group(0) @binding(18) var caustic_irradiance: texture_2d<f32>;
 @group(0) @binding(14) var<storage, read> missed_list: array<Missed>;
 @group(0) @binding(15) var<storage, read> missed_light: array<vec4f>;
 
@@ -124,8 +126,9 @@ fn mean_of(taps: Taps) -> Incident {
 }
 
 fn write_out(pixel: vec2u, b: Bsdf, i: Incident) {
-    textureStore(indirect, pixel, vec4f(reflect_incident(b, i), 1.0));
-    textureStore(irradiance, pixel, vec4f(i.irradiance, 1.0));
+    let sharp = textureLoad(caustic, pixel, 0).rgb;
+    textureStore(indirect, pixel, vec4f(reflect_incident(b, i) + sharp, 1.0));
+    textureStore(irradiance, pixel, vec4f(i.irradiance + textureLoad(caustic_irradiance, pixel, 0).rgb, 1.0));
 }
 
 // The 2 x 2 receivers about a pixel are the same for BLOCK x BLOCK pixels: a thread serves them all.

@@ -1,7 +1,7 @@
 """How dense the photons lie, from which each gets the width of its kernel.
 
-A k-nearest-neighbour search would serve too; counting in cells of doubling size costs a tenth of it
-and, since kernels conserve flux at any width, what the cruder count costs is a little noise or blur.
+Photons that have scattered light smoothly, and a filter comes after: to count them in cells of doubling
+size does. Caustics are as sharp as their kernels are narrow: theirs reach to the neighbours themselves.
 """
 
 from __future__ import annotations
@@ -12,6 +12,9 @@ import numpy as np
 
 from ispm.optics.jit import jit
 from ispm.optics.vector import dot
+from ispm.tracer.nearest import DIMENSIONS, STACK_WORDS, NearestTree, find_nearest
+from ispm.tracer.simd import address, alloca, atomic_add, ldf, ldu
+from ispm.tracer.threads import run_threads
 
 f32, u32, i64 = np.float32, np.uint32, np.int64
 
@@ -25,8 +28,17 @@ _HEIGHT = 0.25  # of a kernel over its radius: thin, so that it does not reach o
 _LEVELS = 8  # cell sizes, each twice the one before
 _SHIFTS = ((0.0, 0.0, 0.0), (0.381, 0.618, 0.236))  # of the cells, so that no border shows
 
+CAUSTIC_NEIGHBORS = 8  # photons that a caustic photon's kernel reaches to
+_CAUSTIC_RADIUS_MAX = 0.05  # of the scene's diagonal
+_CAUSTIC_PIXEL_SHARE = 1.0  # of a pixel: narrower kernels fall between the centres
+_TURN = 0.1  # of the diagonal: how far a radian between normals counts as away
+_SAGITTA = 1.5  # a kernel's height over that of the curved surface it spans
+_NEIGHBORS_MAX = 64
+_ROOM = _NEIGHBORS_MAX // 2  # uint64
+_CHUNK = 256  # photons a thread takes at a time
+
 # columns of a PHOTON record seen as 16 words
-_RADIUS, _NX, _H = 3, 12, 15
+_RADIUS, _FLUX, _NX, _H = 3, 4, 12, 15
 
 
 def measure_radii(
@@ -140,12 +152,128 @@ def _write_radii(words, widest, log_density, smoothing, low, high, least, eye):
         density = f32(math.exp(log_density[i]))
         radius = f32(math.sqrt(f32(NEIGHBORS) / (f32(math.pi) * density)))
         radius = min(min(max(radius, low), high) * smoothing, widest[i])
-        x, y, z = words[i, 0], words[i, 1], words[i, 2]
-        seen = least[0] * x + least[1] * y + least[2] * z + least[3]
-        wo = (eye[0] - eye[3] * x, eye[1] - eye[3] * y, eye[2] - eye[3] * z)
-        aslant = abs(dot(wo, (words[i, _NX], words[i, _NX + 1], words[i, _NX + 2])))
-        distance = f32(math.sqrt(dot(wo, wo)))
-        slant = min(distance / max(aslant, f32(1e-12)), f32(_SLANT_MAX)) if distance > f32(0) else f32(1)
-        radius = max(radius, min(seen * slant, high))
+        radius = max(radius, min(_seen_width(words, i, least, eye), high))
         words[i, _RADIUS] = radius
         words[i, _H] = f32(_HEIGHT) * radius
+
+
+@jit
+def _seen_width(words, i, pixel, eye):
+    """What a pixel of width `pixel` (a plane's value, m) covers of the surface at photon `i`, lengthwise."""
+    x, y, z = words[i, 0], words[i, 1], words[i, 2]
+    width = pixel[0] * x + pixel[1] * y + pixel[2] * z + pixel[3]
+    wo = (eye[0] - eye[3] * x, eye[1] - eye[3] * y, eye[2] - eye[3] * z)
+    distance = f32(math.sqrt(dot(wo, wo)))
+    if distance == f32(0):
+        return width
+    aslant = abs(dot(wo, (words[i, _NX], words[i, _NX + 1], words[i, _NX + 2])))
+    return width * min(distance / max(aslant, f32(1e-12)), f32(_SLANT_MAX))
+
+
+def measure_caustic_radii(
+    photons: np.ndarray,
+    diagonal: float,
+    smoothing: float = 1.0,
+    pixel: np.ndarray | None = None,
+    widths: np.ndarray | None = None,
+    eye: tuple[float, ...] | np.ndarray = (0.0, 0.0, 0.0, 0.0),
+    neighbors: int = CAUSTIC_NEIGHBORS,
+    threads: int = 1,
+) -> None:
+    """Write `radius` and `height` of each caustic photon's kernel, from the photons next to it.
+
+    photons    (N,) PHOTON, caustic ones alone, changed in place
+    diagonal   of the scene, metres: no radius is above 0.05 of it
+    pixel      (4,) as in `measure_radii`, but of the picture's own pixels: no radius is below it
+    neighbors  the radius reaches to this nearest one, of those that face the same way: a turn of a radian
+               is as far as 0.1 of the diagonal
+    smoothing, widths, eye  as in `measure_radii`
+    A photon of more flux than its neighbours spreads over as much more area, so that it stands out as
+    little. Where the surface bends, kernels are high enough to reach down to it. The same bytes for any
+    number of threads.
+    """
+    if not len(photons):
+        return
+    assert 0 < neighbors <= _NEIGHBORS_MAX
+    words = photons.view(np.float32).reshape(-1, 16)
+    points, order = _points_in_order(words, f32(_TURN * diagonal))
+    tree = NearestTree(points)
+    limits = np.array([_CAUSTIC_RADIUS_MAX * diagonal, smoothing], np.float32)
+    least = (np.zeros(4) if pixel is None else _CAUSTIC_PIXEL_SHARE * pixel).astype(np.float32)
+    widest, eye = _reach_on_objects(photons, widths), np.asarray(eye, np.float32)
+    counter = np.zeros(8, np.int64)
+
+    def work(_: int) -> None:
+        _write_caustic_radii(
+            address(counter), address(tree.nodes), tree.starts, points, order, i64(neighbors), words, widest,
+            limits, least, eye,
+        )  # fmt: skip
+
+    run_threads(work, threads)
+
+
+def _points_in_order(words: np.ndarray, turn: np.float32) -> tuple[np.ndarray, np.ndarray]:
+    """Return (N, 6) positions and normals times `turn`, along a curve through space, and (N,) photons."""
+    low, high = words[:, :3].min(axis=0), words[:, :3].max(axis=0)
+    keys = np.empty(len(words), np.uint64)
+    _cell_keys(words, low, max(f32((high - low).max() / 0xFFFFF), f32(1e-30)), keys)
+    order = np.argsort(keys, kind="stable")
+    points = np.empty((len(words), DIMENSIONS), np.float32)
+    points[:, :3] = words[order, :3]
+    points[:, 3:] = words[order, _NX : _NX + 3] * turn
+    return points, order
+
+
+@jit
+def _write_caustic_radii(
+    counter, nodes, starts, points, order, wanted, words, widest, limits, least, eye
+):  # fmt: skip
+    squares, rows, stack = alloca(_ROOM), alloca(_ROOM), alloca(STACK_WORDS)
+    while True:
+        first = atomic_add(counter, i64(_CHUNK))
+        if first >= len(points):
+            return
+        for point in range(first, min(first + i64(_CHUNK), len(points))):
+            found = find_nearest(nodes, starts, i64(point), wanted, limits[0], squares, rows, stack)
+            i = order[point]
+            radius, bend = limits[0], f32(0)
+            if found > i64(0):
+                reach2 = ldf(squares, found - i64(1))
+                bend = _bend(words, i, order, rows, found) / max(reach2, f32(1e-30))
+            if found == wanted:
+                around = max(_flux_of(words, order, rows, found), f32(1e-30))
+                brighter = max(f32(wanted) * _flux(words, i) / around, f32(1))
+                radius = min(f32(math.sqrt(reach2 * brighter)), limits[0])
+            radius = min(radius * limits[1], widest[i])
+            radius = max(radius, min(_seen_width(words, i, least, eye), limits[0]))
+            words[i, _RADIUS] = radius
+            words[i, _H] = min(max(f32(_HEIGHT), f32(_SAGITTA) * bend * radius), f32(1)) * radius
+
+
+@jit
+def _flux(words, i):
+    return words[i, _FLUX] + words[i, _FLUX + 1] + words[i, _FLUX + 2]
+
+
+@jit
+def _flux_of(words, order, rows, found):
+    """The neighbours' flux together."""
+    total = f32(0)
+    for k in range(found):
+        total += _flux(words, order[i64(ldu(rows, i64(k)))])
+    return total
+
+
+@jit
+def _bend(words, i, order, rows, found):
+    """The most that the surface falls away under a neighbour, m: half its distance times its turn."""
+    most = f32(0)
+    for k in range(found):
+        j = order[i64(ldu(rows, i64(k)))]
+        away2, turn2 = f32(0), f32(0)
+        for axis in range(3):
+            away, turn = words[j, axis] - words[i, axis], words[j, _NX + axis] - words[i, _NX + axis]
+            away2 += away * away
+            turn2 += turn * turn
+        most = max(most, away2 * turn2)
+    return f32(0.5) * f32(math.sqrt(most))

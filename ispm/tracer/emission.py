@@ -1,181 +1,214 @@
 """Photons as they leave the lights: their first hits, from bounce maps or from rays.
 
-Both ways draw the same photons in expectation; a test compares the flux they store per object.
+Both ways draw the same photons in expectation; a test compares the flux they store per object. Where
+several maps of a light see a direction, each sends its photons there, and all of these have the flux
+I / sum of the maps' densities (the balance heuristic of Veach 1997, section 9.2.2), so that their sum is
+right and they are alike.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
+from itertools import groupby
 from typing import Any
 
 import numpy as np
 
 from ispm.optics.jit import jit
-from ispm.optics.records import EMITTED, NO_HIT
+from ispm.optics.light import cone_falloff
+from ispm.optics.records import EMITTED, LIGHT_SPOT, NO_HIT
 from ispm.optics.rng import random4
-from ispm.optics.sampling import equal_area_octahedral
-from ispm.optics.vector import dot, scale
+from ispm.optics.sampling import equal_area_octahedral, to_world
+from ispm.scene.lightmap import LightMap, cone_measure, texel_measures
 from ispm.scene.packed import Packed
 from ispm.tracer.intersect import STACK_WORDS
+from ispm.tracer.plan import PlannedMap
 from ispm.tracer.simd import address, alloca, ldf
 from ispm.tracer.surface import SurfaceTable, closest_surface
 from ispm.tracer.threads import run_threads
 from ispm.tracer.world import World
 
-f32, i64, u32 = np.float32, np.int64, np.uint32
+f32, f64, i64, u32 = np.float32, np.float64, np.int64, np.uint32
 
-_DIMENSION_SHIFT = 1 << 20  # of the random numbers that shift a whole map
-_DIMENSION_RAY = (1 << 20) + 1
+_DIMENSION = (1 << 20) - 1  # of the random numbers of a ray
 
+# What a map sees: all that its light sends, a square or a parallel view.
+_WHOLE, _SQUARE, _PARALLEL = range(3)
 
-def share_photons(lights: np.ndarray, photon_count: int) -> np.ndarray:
-    """Return how many photons each light emits: in proportion to its luminous flux.
-
-    lights  (L,) LIGHT
-    ->      (L,) int64; no light that shines gets none
-    """
-    power = lights["intensity"].astype(np.float64) @ (0.2126, 0.7152, 0.0722) * lights["solid_angle"]
-    total = float(power.sum())
-    if total <= 0.0 or photon_count == 0:
-        return np.zeros(len(lights), np.int64)
-    shares = np.rint(photon_count * power / total).astype(np.int64)
-    return np.where(power > 0.0, np.maximum(shares, 1), 0)
+# A face of a map as kernels read it: origin from that of the light's own map, axes as in LightMap, and the
+# photons that the map sends per sr and falloff, per m^2, or, as a square of rays, per tangent squared.
+_VIEW = np.dtype(
+    [("origin", f64, 3), ("s", f64, 3), ("t", f64, 3), ("axis", f64, 3), ("density", f64), ("kind", i64)]
+)
 
 
-def map_width(light: np.void, photon_count: int) -> int:
-    """Return the width of a map's face so that thinning leaves `photon_count` photons.
+def emit_texels(packed: Packed, plan: Sequence[PlannedMap], texels: Sequence[np.ndarray]) -> np.ndarray:
+    """Thin bounce maps to photons, in order of map and texel.
 
-    The largest texel covers nearly 4 k^2 / W^2 sr, k the spread; it must not carry more than one
-    photon's flux, a share Omega / N of the maps' solid angle. For a cube W^2 >= N / pi, and about 52 %
-    of the texels survive.
-    """
-    widest = 4.0 * float(light["spread"]) ** 2 / float(light["solid_angle"])
-    return max(1, math.ceil(math.sqrt(widest * photon_count)))
+    texels  of each planned map, (F, W, W, 4) uint32: instance, primitive and bits of u, v
+    ->      (N,) EMITTED; of each map `photons` in expectation
 
-
-def map_shift(seed: int, pass_index: int, light: int) -> tuple[float, float, float]:
-    """Return a light's random numbers for one pass: its map's sub-texel shift and its thinning's.
-
-    ->  x, y in [-0.5, 0.5) texels, and the offset of the thinning's lattice in [0, 1)
-    """
-    x, y, z, _ = random4(u32(light), u32(_DIMENSION_SHIFT), u32(pass_index), u32(seed))
-    return float(x) - 0.5, float(y) - 0.5, float(z)
-
-
-def thin(
-    texels: np.ndarray,
-    solid_angles: np.ndarray,
-    row: np.void,
-    photon_count: int,
-    light: int,
-    first_key: int,
-    offset: float,
-) -> np.ndarray:
-    """Thin a light's map to photons of equal flux, in texel order.
-
-    texels        (faces, W, W, 4) uint32: instance, primitive and bits of u, v
-    solid_angles  (faces, W, W) float64 of the texels, sr
-    row           LIGHT, number `light`
-    offset        of the thinning's lattice, see `map_shift`
-    ->            (M,) EMITTED, M = `photon_count` in expectation; flux I Omega / photon_count each,
-                  Omega the maps' solid angle
-    A texel of flux I dOmega survives with probability dOmega photon_count / Omega. Survivors are
-    spread evenly by comparing against a lattice (the plastic number's, Roberts 2018) shifted at
+    A texel of the part dF of its map's measure F emits N dF / F photons, N the map's: mostly one or none.
+    They are spread evenly by comparing against a lattice (the plastic number's, Roberts 2018) shifted at
     random, so that the expectation is exact and the count nearly constant.
     """
-    out = np.empty(texels.shape[0] * texels.shape[1] * texels.shape[2], EMITTED)
-    covered = float(row["solid_angle"])
-    survival = (solid_angles * (photon_count / covered)).astype(np.float32)
-    flux = (row["intensity"].astype(np.float64) * (covered / photon_count)).astype(np.float32)
-    count = _thin(texels, survival, flux, u32(light), u32(first_key), offset, out)
-    return out[:count]
-
-
-@jit
-def _thin(texels, survival, flux, light, first_key, offset, out):
-    faces, height, width, _ = texels.shape
-    count = i64(0)
-    for face in range(faces):
-        for y in range(height):
-            for x in range(width):
-                lattice = offset + x * 0.7548776662466927 + (y + face * height) * 0.5698402909980532
-                if lattice - math.floor(lattice) >= survival[face, y, x]:
-                    continue
-                row = out[count]
-                row.instance = texels[face, y, x, 0]
-                row.primitive = texels[face, y, x, 1]
-                bits = np.uint64(texels.ctypes.data)
-                word = ((face * height + y) * width + x) * 4
-                row.u = ldf(bits, word + 2)
-                row.v = ldf(bits, word + 3)
-                for c in range(3):
-                    row.flux[c] = flux[c]
-                row.key = u32(first_key + (face * height + y) * width + x)
-                row.light = light
-                count += 1
-    return count
+    batches = [np.zeros(0, EMITTED)]
+    content = iter(texels)
+    first_key = 0
+    for index, maps in _by_light(plan):
+        light = packed.lights[index]
+        origin = maps[0].map.origin
+        views = _views(light, maps, [each.photons / each.map.measure for each in maps])
+        for own, each in enumerate(maps):
+            expected = texel_measures(each.map, light, each.width, each.shift)
+            expected *= each.photons / each.map.measure
+            most = np.ceil(expected)
+            out = np.empty(int(most.sum()), EMITTED)
+            count = _thin(
+                np.ascontiguousarray(next(content)), expected, _faces(each.map, origin), views, i64(own),
+                light["intensity"], f64(each.shift[0]), f64(each.shift[1]), f64(each.offset), u32(index),
+                u32(first_key), out,
+            )  # fmt: skip
+            batches.append(out[:count])
+            first_key += expected.size * int(most.max(initial=0.0))
+    return np.concatenate(batches)
 
 
 def emit_rays(
     packed: Packed,
     world: World,
     surfaces: SurfaceTable,
-    counts: np.ndarray,
+    plan: Sequence[PlannedMap],
     seed: int,
     pass_index: int,
     threads: int,
 ) -> np.ndarray:
-    """Draw photons by tracing rays from the lights, one in each cell of an equal-area sphere, or of the
-    square that an aimed light's map covers.
+    """Draw photons by tracing rays from the lights, one in each cell of a square that is mapped to the
+    directions or places that a map sees.
 
-    counts  (L,) photons wanted of each light; each gets the next square number
-    ->      (M,) EMITTED, in order of light and cell
+    ->  (N,) EMITTED, in order of map and cell; of each map the next square number from its `photons`, less
+        those outside a spot's cone
+
+    All that a point light or a spot sends is met with photons of equal flux; a square view with the density
+    of its texels before they are thinned.
     """
-    batches: list[np.ndarray] = []
+    batches = [np.zeros(0, EMITTED)]
     first_key = 0
-    for light, wanted in enumerate(counts):
-        if wanted == 0:
-            continue
-        side = math.ceil(math.sqrt(int(wanted)))
-        rows = np.zeros(side * side, EMITTED)
-        rows["light"] = light
-        intensity = packed.lights["intensity"][light].astype(np.float64)
-        rows["flux"] = (intensity * (4.0 * math.pi / (side * side))).astype(np.float32)
-        aim = packed.lights[light : light + 1]
-        rows["key"] = np.arange(first_key, first_key + side * side, dtype=np.uint32)
-        first_key += side * side
-        edges = np.linspace(0, len(rows), threads + 1).astype(np.int64)
-
-        def part(k: int, rows: Any = rows, edges: Any = edges, aim: Any = aim) -> None:
-            _emit_rays(
-                address(world.table), surfaces.addresses, surfaces.texels, surfaces.rows, aim,
-                rows[edges[k] : edges[k + 1]], u32(seed), u32(pass_index),
-                i64(edges[k]), i64(len(rows)),
+    for index, maps in _by_light(plan):
+        light = packed.lights[index : index + 1]
+        sides = [math.ceil(math.sqrt(each.photons)) for each in maps]
+        pairs = zip(maps, sides, strict=True)
+        views = _views(light[0], maps, [_density_of_rays(light[0], each, side) for each, side in pairs])
+        for own, side in enumerate(sides):
+            rows = np.zeros(side * side, EMITTED)
+            rows["light"] = index
+            rows["key"] = np.arange(first_key, first_key + len(rows), dtype=np.uint32)
+            first_key += len(rows)
+            kernel = partial(
+                _emit_rays, address(world.table), surfaces.addresses, surfaces.texels, surfaces.rows,
+                light, maps[0].map.origin, views, i64(own), i64(side), u32(seed), u32(pass_index),
             )  # fmt: skip
+            _fill(kernel, rows, threads)
+            batches.append(rows[rows["flux"].any(axis=1)])
+    return np.concatenate(batches)
 
-        run_threads(part, threads)
-        batches.append(rows)
-    return np.concatenate(batches) if batches else np.zeros(0, EMITTED)
+
+def _fill(kernel: Callable[[np.ndarray, Any], Any], rows: np.ndarray, threads: int) -> None:
+    """Call kernel(part, first) for as many parts of `rows` as there are threads, at the same time."""
+    edges = np.linspace(0, len(rows), threads + 1).astype(np.int64)
+    run_threads(lambda k: kernel(rows[edges[k] : edges[k + 1]], edges[k]), threads)
+
+
+def _by_light(plan: Sequence[PlannedMap]) -> Iterator[tuple[int, list[PlannedMap]]]:
+    """Each light's row with its maps."""
+    for light, maps in groupby(plan, key=lambda each: each.map.light):
+        yield light, list(maps)
+
+
+def _views(light: np.void, maps: Sequence[PlannedMap], densities: Sequence[float]) -> np.ndarray:
+    """(K,) _VIEW of the maps of one light."""
+    views = np.concatenate([_faces(each.map, maps[0].map.origin)[:1] for each in maps])
+    for view, each in zip(views, maps, strict=True):
+        view["kind"] = _PARALLEL if each.map.orthographic else _WHOLE if _is_whole(light, each) else _SQUARE
+    views["density"] = densities
+    return views
+
+
+def _faces(map: LightMap, origin: np.ndarray) -> np.ndarray:
+    """(F,) _VIEW of a map's faces, without density and kind."""
+    faces = np.zeros(len(map.axes), _VIEW)
+    faces["origin"] = map.origin - origin
+    faces["s"], faces["t"], faces["axis"] = np.moveaxis(map.axes, 1, 0)
+    return faces
+
+
+def _is_whole(light: np.void, each: PlannedMap) -> bool:
+    return len(each.map.axes) == 6 or bool(
+        light["kind"] == LIGHT_SPOT and each.map.measure == cone_measure(light)
+    )
+
+
+def _density_of_rays(light: np.void, each: PlannedMap, side: int) -> float:
+    if each.map.orthographic or _is_whole(light, each):
+        return side * side / each.map.measure
+    return side * side / (4.0 * each.map.spread**2)
 
 
 @jit
-def _emit_rays(world, table, texels, texture_rows, lights, rows, seed, pass_index, first, count):
-    side = i64(round(math.sqrt(count)))
+def _thin(
+    texels, expected, faces, views, own, intensity, shift_x, shift_y, offset, light, first_key, out
+):  # fmt: skip
+    count = i64(0)
+    width = texels.shape[1]
+    words = np.uint64(texels.ctypes.data)
+    for face in range(len(faces)):
+        for y in range(width):
+            t = f64(2) * (y + 0.5 + shift_y) / width - f64(1)
+            for x in range(width):
+                lattice = offset + x * 0.7548776662466927 + (y + face * width) * 0.5698402909980532
+                threshold = lattice - math.floor(lattice)
+                if threshold >= expected[face, y, x]:
+                    continue
+                s = f64(2) * (x + 0.5 + shift_x) / width - f64(1)
+                density = _density(views, own, _place(faces[face], s, t))
+                texel = (face * width + y) * width + x
+                key = i64(first_key) + texel
+                while threshold < expected[face, y, x]:
+                    row = out[count]
+                    row.instance = texels[face, y, x, 0]
+                    row.primitive = texels[face, y, x, 1]
+                    row.u = ldf(words, 4 * texel + 2)
+                    row.v = ldf(words, 4 * texel + 3)
+                    for c in range(3):
+                        row.flux[c] = f32(f64(intensity[c]) / density)
+                    row.key = u32(key)
+                    row.light = light
+                    key += expected.size
+                    threshold += f64(1)
+                    count += 1
+    return count
+
+
+@jit
+def _emit_rays(
+    world, table, texels, texture_rows, lights, origin, views, own, side, seed, pass_index, rows, first
+):  # fmt: skip
     light = lights[0]
-    origin = (light.position[0], light.position[1], light.position[2])
     stack, words = alloca(STACK_WORDS), alloca(2)
     for i in range(len(rows)):
-        r0, r1, r2, _ = random4(rows[i].key, u32(_DIMENSION_RAY), pass_index, seed)
+        r0, r1, r2, _ = random4(rows[i].key, u32(_DIMENSION), pass_index, seed)
         cell = first + i
-        x = (f32(cell % side) + r0) / f32(side)
-        y = (f32(cell // side) + r1) / f32(side)
-        x, y = f32(2) * x - f32(1), f32(2) * y - f32(1)
-        d = equal_area_octahedral(x, y)
-        if light.faces == u32(1):
-            d, weight = _aimed_direction(light, x, y)
-            for c in range(3):
-                rows[i].flux[c] *= weight
-        found, hit = closest_surface(world, table, texels, texture_rows, origin, d, r2, stack, words)
+        x = (f64(cell % side) + f64(r0)) / f64(side)
+        y = (f64(cell // side) + f64(r1)) / f64(side)
+        start, d, place = _ray(light, views[own], origin, x, y)
+        density = _ray_density(light, views, own, d, place)
+        for c in range(3):
+            rows[i].flux[c] = f32(f64(light.intensity[c]) / density)
+        if density == f64(np.inf):
+            continue  # outside a spot's cone
+        found, hit = closest_surface(world, table, texels, texture_rows, start, d, r2, stack, words)
         rows[i].instance = hit[0] if found else u32(NO_HIT)
         rows[i].primitive = hit[1]
         rows[i].u = hit[2]
@@ -183,16 +216,101 @@ def _emit_rays(world, table, texels, texture_rows, lights, rows, seed, pass_inde
 
 
 @jit
-def _aimed_direction(light, x, y):
-    """Direction at (x, y) in [-1, 1]^2 of an aimed light's map, and the sphere's share there, times 4 pi.
+def _ray(light, view, origin, x, y):
+    """(start, direction, place) of the ray at (x, y) of [0, 1]^2 of a map; `place` as `_place` returns it."""
+    s, t = f64(2) * x - f64(1), f64(2) * y - f64(1)
+    if view.kind == i64(_PARALLEL):
+        place = _place(view, s, t)
+        back = f64(1) + f64(1) / _square(view.axis)  # to the near plane, a unit of `_place` included
+        start = (
+            f32(origin[0] + place[0] - back * view.axis[0]),
+            f32(origin[1] + place[1] - back * view.axis[1]),
+            f32(origin[2] + place[2] - back * view.axis[2]),
+        )
+        return start, (light.direction[0], light.direction[1], light.direction[2]), place
+    if view.kind == i64(_SQUARE):
+        place = _place(view, s, t)
+        inv = f64(1) / math.sqrt(place[0] * place[0] + place[1] * place[1] + place[2] * place[2])
+        d = (f32(inv * place[0]), f32(inv * place[1]), f32(inv * place[2]))
+    elif light.kind == u32(LIGHT_SPOT):
+        d = _cone_direction(light, x, y)
+    else:
+        d = equal_area_octahedral(f32(s), f32(t))
+    start = (light.position[0], light.position[1], light.position[2])
+    return start, d, (f64(d[0]), f64(d[1]), f64(d[2]))
 
-    d = k x right + k y up + forward over its length l; d Omega = k^2 dx dy / l^3.
+
+@jit
+def _cone_direction(light, x, y):
+    """Direction of a spot with a pdf in proportion to its falloff: the inverse of the falloff's integral."""
+    scale, offset = f64(light.cone_scale), f64(light.cone_offset)
+    inner = min((f64(1) - offset) / scale, f64(1))
+    top = inner * scale + offset
+    fade = top * top * top / (f64(3) * scale)
+    part = x * (fade + f64(1) - inner)
+    cosine = inner + part - fade
+    if part < fade:
+        cosine = ((f64(3) * scale * part) ** f64(1 / 3) - offset) / scale
+    sine = math.sqrt(max(f64(1) - cosine * cosine, f64(0)))
+    phi = f64(2 * math.pi) * y
+    local = (f32(sine * math.cos(phi)), f32(sine * math.sin(phi)), f32(cosine))
+    return to_world(local, (light.direction[0], light.direction[1], light.direction[2]))
+
+
+@jit
+def _ray_density(light, views, own, d, place):
+    """Rays of all maps per sr and falloff, or per m^2, there."""
+    even, uneven = f64(0), f64(0)
+    for k in range(len(views)):
+        if k == own or _covers(views[k], place):
+            if views[k].kind == i64(_SQUARE):
+                axis = views[k].axis
+                cosine = f64(d[0]) * axis[0] + f64(d[1]) * axis[1] + f64(d[2]) * axis[2]
+                uneven += views[k].density / (cosine * cosine * cosine)
+            else:
+                even += views[k].density
+    return even + uneven / f64(cone_falloff(light, d)) if uneven > f64(0) else even  # may be infinite
+
+
+@jit
+def _density(views, own, place):
+    """Photons of all maps per sr and falloff, or per m^2, there."""
+    total = f64(0)
+    for k in range(len(views)):
+        if k == own or _covers(views[k], place):
+            total += views[k].density
+    return total
+
+
+@jit
+def _covers(view, place):
+    """Whether a map sees a place, relative to the origin of the light's own map."""
+    if view.kind == i64(_WHOLE):
+        return True
+    p = (place[0] - view.origin[0], place[1] - view.origin[1], place[2] - view.origin[2])
+    edge = f64(1) if view.kind == i64(_PARALLEL) else _dot(view.axis, p)
+    return abs(_dot(view.s, p)) <= edge and abs(_dot(view.t, p)) <= edge
+
+
+@jit
+def _place(view, s, t):
+    """A point of a map at (s, t) of [-1, 1]^2 of a face, relative to the origin of the light's own map.
+
+    Of a light at a point it is a unit ahead of it; of a parallel view it may be anywhere along the ray.
     """
-    k2 = light.spread * light.spread
-    d = (
-        k2 * x * light.map_x[0] + k2 * y * light.map_y[0] + light.map_z[0],
-        k2 * x * light.map_x[1] + k2 * y * light.map_y[1] + light.map_z[1],
-        k2 * x * light.map_x[2] + k2 * y * light.map_y[2] + light.map_z[2],
+    ss, tt = s / _square(view.s), t / _square(view.t)
+    return (
+        view.origin[0] + ss * view.s[0] + tt * view.t[0] + view.axis[0],
+        view.origin[1] + ss * view.s[1] + tt * view.t[1] + view.axis[1],
+        view.origin[2] + ss * view.s[2] + tt * view.t[2] + view.axis[2],
     )
-    inv = f32(1) / math.sqrt(dot(d, d))
-    return scale(inv, d), k2 * inv * inv * inv * f32(1 / math.pi)
+
+
+@jit
+def _square(a):
+    return a[0] * a[0] + a[1] * a[1] + a[2] * a[2]
+
+
+@jit
+def _dot(a, b):
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]

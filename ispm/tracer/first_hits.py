@@ -19,7 +19,7 @@ def first_hits(
     """Return what becomes of photons at their first hits, (N, 12) float32.
 
     emitted  (N,) EMITTED
-    ->       columns 0-2 position (m), 3-5 shading normal, 6-8 outgoing flux (lm) and 9-11 direction, unit; all
+    ->       columns 0-2 position (m), 3-5 shading normal, 6-8 outgoing flux (lm) and 9-11 direction; all
              zero where nothing was hit, the last six where the photon was absorbed
     The directions are those that `walk` takes.
     """

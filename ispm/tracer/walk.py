@@ -38,7 +38,8 @@ from ispm.tracer.world import World
 f32, i64, u32 = np.float32, np.int64, np.uint32
 
 ROULETTE_AFTER = 4  # scatters; living photons lower the error more than they cost before that
-SPECULAR_MAX = 8  # events at smooth surfaces; of each later one half the photons survive
+SPECULAR_MAX = 8  # events at smooth surfaces without roulette
+_SPECULAR_SURVIVAL = 0.9  # chance at each later one: ends paths between lossless surfaces without fireflies
 _CHUNK = 256  # photons a thread takes at a time; results do not depend on it or on the threads
 
 # rows of a chunk's sums
@@ -110,9 +111,11 @@ def walk(
 
 @jit
 def chunk_capacity(bounces):
-    """Return how many photons a chunk can store: one at each scatter and, on average, two more than the
-    specular events without roulette, which is one more than surfaces both smooth and diffuse can ask for."""
-    return i64(_CHUNK) * (max(i64(bounces), i64(1)) + i64(SPECULAR_MAX + 2))
+    """Return how many photons a chunk can store, on average `SPECULAR_MAX` more than a photon scatters.
+
+    Surfaces both smooth and diffuse store without end; where a chunk is full its photons are dropped.
+    """
+    return i64(_CHUNK) * (max(i64(bounces), i64(1)) + i64(SPECULAR_MAX))
 
 
 @jit
@@ -262,8 +265,8 @@ def next_flight(key, pass_index, seed, scatters, speculars, ng, n, bsdf, flags, 
     u0, u1, u2, u3 = random4(key, u32(2 * (scatters + speculars)), pass_index, seed)
     alive, wi, scattered, specular = scatter(ng, n, bsdf, flags, d, flux, u0, u1, u2)
     if alive and specular and speculars >= SPECULAR_MAX:
-        alive = u3 < f32(0.5)
-        scattered = scale(f32(2), scattered)
+        alive = u3 < f32(_SPECULAR_SURVIVAL)
+        scattered = scale(f32(1 / _SPECULAR_SURVIVAL), scattered)
     if alive and not specular and scatters >= ROULETTE_AFTER:
         survival = min(f32(1), _sum(scattered) / _sum(flux))
         alive = u3 < survival

@@ -19,11 +19,22 @@ PEAK_KIB = 1 << 20  # 1 GiB
 LOAD_ALL = """
 import json, resource, sys, time
 from pathlib import Path
+import numpy.ma
 import PIL.Image
 from ispm.errors import SceneError
 from ispm.io.load import load
 
-PIL.Image.preinit()  # its modules are files, too
+PIL.Image.init()  # its modules are files, too, like those that numpy imports when it needs them
+
+def peak_kib():
+    # Linux hands the peak of the process that starts another on in ru_maxrss; VmHWM is of this program.
+    status = Path("/proc/self/status")
+    if status.exists():
+        lines = status.read_text().splitlines()
+        return next(int(line.split()[1]) for line in lines if line.startswith("VmHWM:"))
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return peak // (1024 if sys.platform == "darwin" else 1)
+
 touched = []
 def watch(event, args):
     if event == "open" or event.startswith(("socket.", "subprocess.", "os.exec")):
@@ -32,7 +43,7 @@ sys.addaudithook(watch)
 
 folder, ends = Path(sys.argv[1]), {}
 for name in sys.argv[2:]:
-    start = time.perf_counter()
+    start = time.process_time()  # a busy machine is no fault of the loader
     try:
         scene = load(folder / name)
         end = "warn" if scene.warnings else "ok", scene.warnings
@@ -40,15 +51,15 @@ for name in sys.argv[2:]:
         end = "error", [str(error)]
     except BaseException as error:
         end = type(error).__name__, [str(error)]
-    ends[name] = *end, time.perf_counter() - start
-peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss // (1024 if sys.platform == "darwin" else 1)
-print(json.dumps({"ends": ends, "peak_kib": peak, "touched": touched}))
+    ends[name] = *end, time.process_time() - start
+seen = list(touched)  # before /proc is read
+print(json.dumps({"ends": ends, "peak_kib": peak_kib(), "touched": seen}))
 """
 
 
 def negative_cases() -> dict[str, dict[str, Any]]:
     cases = json.loads((assets() / "negative" / "cases.json").read_text())
-    return {case["file"]: case for case in cases if case["file"].endswith((".gltf", ".glb"))}
+    return {case["file"]: case for case in cases}
 
 
 @pytest.fixture(scope="module")
@@ -181,9 +192,13 @@ def test_elements_without_bytes_are_bounded(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("limits", "reason"),
-    [({"triangles": 3}, "triangles=3"), ({"nodes": 1}, "nodes=1"), ({"elements": 3}, "elements=3"),
-     ({"file_bytes": 100}, "file_bytes=100")],
-)  # fmt: skip
+    [
+        ({"max_triangles": 3}, "max_triangles=3"),
+        ({"max_nodes": 1}, "max_nodes=1"),
+        ({"max_elements": 3}, "max_elements=3"),
+        ({"max_file_bytes": 100}, "max_file_bytes=100"),
+    ],
+)
 def test_limits_are_held(tmp_path: Path, limits: dict[str, int], reason: str) -> None:
     builder = quad()
     builder.node(mesh=0)

@@ -127,7 +127,7 @@ def conditioning(rows: np.ndarray, alpha: np.ndarray) -> np.ndarray:
     """(N,) how much f and its pdf amplify an error of their directions, relative to them.
 
     The GGX distribution: an error e of n x h moves it by 4 e / alpha near its peak; a refracting half vector
-    has e = EPS / |wo + eta wi|. Fresnel's 1 - F grows like the root of (eta cos)^2 beyond the total reflection.
+    has e = EPS / |wo + eta wi|. 1 - F of Fresnel grows like the root of (eta cos)^2 beyond total reflection.
     """
     r = rows.astype(np.float64)
     n, wo, wi, ior = r[:, 3, :3], r[:, 4, :3], r[:, 5, :3], r[:, 4, 3]

@@ -84,7 +84,7 @@ def test_shadows_disagree_with_exact_rays_only_at_silhouettes(gpu: Gpu, scale: f
     on = (row >= 0) & (ids.ravel() == np.where(row >= 0, triangles.instance[row] + 1, 0))
     points = origins[on] + directions[on] * distance[on, None]
     light = packed.lights["position"][0].astype(float)
-    texel = 2.0 * float(packed.lights["spread"][0]) / side  # over the distance
+    texel = 2.0 * packed.maps[0].spread / side  # over the distance
     to_light = light - points
     d = np.linalg.norm(to_light, axis=1)
     facing = np.einsum("nk,nk->n", to_light, triangles.front[row[on]])

@@ -17,6 +17,7 @@ from ispm.scene.builtin import builtin
 from ispm.scene.packed import pack
 from ispm.settings import Settings
 from ispm.tracer.emission import emit_rays
+from ispm.tracer.plan import plan_maps
 from ispm.tracer.surface import SurfaceTable
 from ispm.tracer.walk import walk
 from ispm.tracer.world import World
@@ -85,7 +86,8 @@ def test_rays_of_a_walk_are_those_it_traces():
     world = World()
     world.update(packed)
     surfaces = SurfaceTable(packed, TextureTable.pack(packed.textures), 0.0)
-    emitted = emit_rays(packed, world, surfaces, np.array([400]), 3, 0, 1)
+    plan = plan_maps(packed, np.array([400]), 0.0, 3, 0)
+    emitted = emit_rays(packed, world, surfaces, plan, 3, 0, 1)
     path = walk(packed, world, surfaces, emitted, 6, 3, 0, 1)
     origins, directions = rays_of_walk(packed, world, surfaces, emitted, 6, 3)
     assert len(origins) == path.rays > 1000

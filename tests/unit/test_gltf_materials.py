@@ -225,11 +225,11 @@ def test_pictures_of_too_many_pixels_are_not_decoded(tmp_path: Path, monkeypatch
         raise AssertionError("decoded")
 
     builder = textured(np.zeros((20, 20, 3), np.uint8))
-    assert base_texture(builder.load(tmp_path, image_pixels=400)).texture.pixels.shape == (20, 20, 4)
+    assert base_texture(builder.load(tmp_path, max_image_pixels=400)).texture.pixels.shape == (20, 20, 4)
     monkeypatch.setattr("PIL.ImageFile.ImageFile.load", fail)
-    scene = builder.load(tmp_path, image_pixels=399)
+    scene = builder.load(tmp_path, max_image_pixels=399)
     assert only_material(scene).base_color_texture is None
-    assert "20 x 20 pixels are more than image_pixels=399" in scene.warnings[0]
+    assert "20 x 20 pixels; max_image_pixels=399 is the most" in scene.warnings[0]
 
 
 @pytest.mark.parametrize(
@@ -277,3 +277,87 @@ def test_third_uv_set_is_told(tmp_path: Path) -> None:
     scene = textured(slot={"texCoord": 2}).load(tmp_path)
     assert only_material(scene).base_color_texture is None
     assert "TEXCOORD" in scene.warnings[0]
+
+
+def glass(**volume: Any) -> dict[str, Any]:
+    return {
+        "extensions": {
+            "KHR_materials_transmission": {"transmissionFactor": 0.75},
+            "KHR_materials_ior": {"ior": 1.4},
+            "KHR_materials_volume": volume,
+        }
+    }
+
+
+def test_glass_is_read(tmp_path: Path) -> None:
+    volume = {"thicknessFactor": 0.5, "attenuationColor": [0.1, 0.5, 1], "attenuationDistance": 2}
+    scene = quad(glass(**volume, thicknessTexture={"index": 9})).load(tmp_path)
+    assert scene.warnings == []  # the thickness texture is for renderers that trace no rays
+    expected = Material(
+        metallic=1.0, ior=1.4, transmission=0.75, thickness=0.5, attenuation_color=(0.1, 0.5, 1.0),
+        attenuation_distance=2.0,
+    )  # fmt: skip
+    assert only_material(scene) == expected
+
+
+@pytest.mark.parametrize("volume", [{}, {"thicknessFactor": 0}])
+def test_glass_without_thickness_is_thin(tmp_path: Path, volume: dict[str, Any]) -> None:
+    material = only_material(quad(glass(**volume)).load(tmp_path))
+    assert (material.transmission, material.thickness) == (0.75, 0.0)
+    assert material.attenuation_distance == math.inf
+
+
+def test_glass_with_wrong_numbers_is_mended(tmp_path: Path) -> None:
+    record = glass(thicknessFactor=-1, attenuationDistance=0, attenuationColor=[2, 0, -1])
+    record["extensions"]["KHR_materials_transmission"]["transmissionFactor"] = 3
+    scene = quad(record).load(tmp_path)
+    material = only_material(scene)
+    assert (material.transmission, material.thickness, material.attenuation_distance) == (1.0, 0.0, math.inf)
+    assert material.attenuation_color == (1.0, 0.0, 0.0)
+    assert len(scene.warnings) == 4
+
+
+def test_transmission_textures_hold_data_and_need_coordinates(tmp_path: Path) -> None:
+    record = glass()
+    record["extensions"]["KHR_materials_transmission"]["transmissionTexture"] = {"index": 0}
+    builder = quad(record)
+    builder.picture(CHECKS)
+    builder.node(mesh=builder.mesh(QUAD_INDICES, POSITION=QUAD, more={"material": 0}))  # no TEXCOORD_0
+    with_uv, without = (node.parts[0].material for node in builder.load(tmp_path).nodes)
+    assert with_uv.transmission_texture.texture.srgb is False
+    assert without.transmission_texture is None
+
+
+def webp(**texture: Any) -> GltfBuilder:
+    """A quad with a texture whose WebP is white and whose plain picture is black."""
+    builder = quad({"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}})
+    builder.picture(np.full((4, 4, 3), 255, np.uint8), "WEBP")
+    builder.picture(np.zeros((4, 4, 3), np.uint8))
+    builder.json["textures"] = [texture | {"extensions": {"EXT_texture_webp": {"source": 0}}}]
+    return builder
+
+
+@pytest.mark.parametrize("texture", [{}, {"source": 1}])
+def test_webp_is_shown_where_a_texture_has_one(tmp_path: Path, texture: dict[str, Any]) -> None:
+    scene = webp(**texture).load(tmp_path)
+    assert (base_texture(scene).texture.pixels == 255).all()
+    assert scene.warnings == []
+
+
+def test_a_broken_webp_leaves_the_plain_picture(tmp_path: Path) -> None:
+    builder = webp(source=1)
+    builder.json["images"][0] = {"uri": "data:image/webp;base64,AAAA"}
+    scene = builder.load(tmp_path)
+    assert (base_texture(scene).texture.pixels[..., :3] == 0).all()
+    assert "left out" in scene.warnings[0]
+
+
+@pytest.mark.parametrize(("plain", "told"), [({"source": 1}, "passed over"), ({}, "KTX2 only")])
+def test_ktx2_gives_way_to_a_plain_picture(tmp_path: Path, plain: dict[str, Any], told: str) -> None:
+    builder = webp()
+    builder.json |= {"extensionsUsed": ["KHR_texture_basisu"]}
+    builder.json["textures"] = [plain | {"extensions": {"KHR_texture_basisu": {"source": 0}}}]
+    scene = builder.load(tmp_path)
+    assert (only_material(scene).base_color_texture is not None) == bool(plain)
+    assert told in scene.warnings[-1]
+    assert "KTX2 textures" in scene.warnings[0]

@@ -9,6 +9,7 @@ from gltf_builder import GltfBuilder
 
 from ispm.errors import SceneError
 from ispm.scene.camera import Camera
+from ispm.scene.light import DirectionalLight, SpotLight
 
 
 def test_node_matrices_compose_translation_rotation_scale(tmp_path: Path) -> None:
@@ -138,16 +139,41 @@ def test_point_lights_have_intensity_per_channel(tmp_path: Path) -> None:
     assert (second.intensity, second.range) == ((1.0, 1.0, 1.0), math.inf)
 
 
-def test_other_lights_are_counted_and_named(tmp_path: Path) -> None:
-    scene = with_lights({"type": "spot"}, {"type": "directional"}, {"type": "spot"}, {"type": "tube"}).load(
-        tmp_path
-    )
+def test_lights_of_an_unknown_type_are_left_out(tmp_path: Path) -> None:
+    scene = with_lights({"type": "tube"}).load(tmp_path)
     assert scene.lights == []
-    assert scene.warnings == [
-        "2 spot lights are not supported yet and give no light: 'n0', 'n2'",
-        "1 directional light is not supported yet and gives no light: 'n1'",
-        "1 'tube' light is not supported yet and gives no light: 'n3'",
+    assert scene.warnings == ["light 'n0' is left out: its type 'tube' is unknown"]
+
+
+def test_spots_and_directional_lights_are_read(tmp_path: Path) -> None:
+    spot = {"innerConeAngle": 0.25, "outerConeAngle": 0.5}
+    builder = with_lights(
+        {"type": "spot", "color": [1, 0.5, 0], "intensity": 8, "range": 3, "spot": spot, "name": "s"},
+        {"type": "spot", "spot": {}},
+        {"type": "directional", "color": [0, 1, 0], "intensity": 5, "range": 3},
+    )
+    scene = builder.load(tmp_path)
+    assert [node.light for node in scene.lights] == [
+        SpotLight((8.0, 4.0, 0.0), 3.0, 0.25, 0.5),
+        SpotLight((1.0, 1.0, 1.0), math.inf, 0.0, math.pi / 4),  # the extension's defaults
+        DirectionalLight((0.0, 5.0, 0.0)),
     ]
+    assert scene.warnings == []
+
+
+@pytest.mark.parametrize(
+    ("inner", "outer", "told"),
+    [(0.0, math.pi / 2, 0), (0.0, 1.5707964, 0), (0.9, 0.3, 1), (0.5, 0.5, 1), (-1.0, 0.3, 1), (0.1, 3.0, 1),
+     (0.0, 0.0, 1), (0.0, -2.0, 1), (9.0, 9.0, 1)],
+)  # fmt: skip
+def test_cones_are_clamped_to_what_the_extension_allows(
+    tmp_path: Path, inner: float, outer: float, told: int
+) -> None:
+    record = {"type": "spot", "spot": {"innerConeAngle": inner, "outerConeAngle": outer}}
+    scene = with_lights(record).load(tmp_path)
+    (light,) = (node.light for node in scene.lights)
+    assert 0.0 <= light.inner_angle < light.outer_angle <= math.pi / 2
+    assert len(scene.warnings) == told
 
 
 def test_lights_with_wrong_numbers_are_mended(tmp_path: Path) -> None:

@@ -132,3 +132,30 @@ def test_flags_and_broken_normals_come_through():
     *_, flags, _ = surfaces(scene, [0], [(0.2, 0.2)], DOWN)
     assert flags[0] & MATERIAL_UNLIT
     assert np.isfinite(pack(scene).geometry.vertices["normal"]).all()
+
+
+def test_transmission_is_factor_times_red_and_tints():
+    material = Material((0.5, 1.0, 0.25), transmission=0.8, thickness=1.0, ior=2.0, metallic=0.0,
+                        transmission_texture=constant(128, 9, 9, 9))  # fmt: skip
+    above, below = (surfaces(textured_square(material), [0], [(0.2, 0.2)], s * DOWN) for s in (1, -1))
+    share, base = 0.8 * 128 / 255, np.array([0.5, 1.0, 0.25])
+    assert above[5][0] and not below[5][0]
+    for found, eta in ((above, 2.0), (below, 0.5)):
+        bsdf = found[3][0]
+        assert bsdf[:3] == pytest.approx(base * (1 - share), rel=1e-5)
+        assert bsdf[10:13] == pytest.approx(base * share, rel=1e-5)
+        assert bsdf[13:] == pytest.approx((eta, 0.0))
+    thin = surfaces(textured_square(Material(transmission=1.0, ior=2.0)), [0], [(0.2, 0.2)], -DOWN)
+    assert thin[3][0, 13:] == pytest.approx((2.0, 1.0))
+
+
+@pytest.mark.parametrize("scale", SCALES)
+def test_the_front_of_a_closed_mesh_is_its_outside_however_it_is_scaled(scale):
+    ball = icosphere(0.7, 3)
+    scene = Scene()
+    scene.add(ball, translation=(3.0, -1.0, 2.0), rotation=TURN, scale=scale)
+    primitives, uv, d = some_hits(ball)
+    points, *_, entering = surfaces(scene, primitives, uv, unit(d))
+    outwards = points - (3.0, -1.0, 2.0)
+    ng = surfaces(scene, primitives, uv, -unit(outwards))[1]  # towards where a ray from outside comes from
+    assert (entering == ((ng * d).sum(axis=1) < 0)).all()

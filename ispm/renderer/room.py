@@ -1,0 +1,104 @@
+"""What tells a room, to be seen from within, from an object, to be seen from outside."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ispm.optics.records import NO_HIT
+from ispm.scene.packed import Packed
+from ispm.tracer.world import World
+
+_GRID = 5  # places along each side of the bounds
+_PROBES = 128  # rays from each
+# What rooms among the test assets have at least, and objects at most:
+_SEEN = 0.24  # of the bounds' volume, seen from one place: 0.29, and 0.20 of those that pass the next
+_REACH = 0.5  # of the way to the bounds that rays go, on average: 0.58, and 0.38 of those that see as much
+_ENCLOSED = 0.4  # of the places: 0.57 of most rooms, 0.19
+_LEVEL = 500.0  # m3 seen from one place of a level without a roof: 960, 32 of those with backs outside
+_R3 = np.array([0.8191725, 0.6710436, 0.5497005])  # Roberts 2018: evenly spread points
+
+
+def find_heart(packed: Packed, world: World) -> np.ndarray | None:
+    """Return a place (3,) near the middle of a room, in m; None for an object, to be seen from outside.
+
+    A place is enclosed where most rays from it meet front faces. A room has mostly such places, or one from
+    which much of its bounds is seen; so has no shoe. A level under an open sky is told by its size, and by
+    its walls, which show their backs to the outside.
+    """
+    low, high = packed.bounds
+    steps = (np.arange(_GRID) + 0.5) / _GRID
+    places = np.stack(np.meshgrid(steps, steps, steps, indexing="ij"), axis=-1).reshape(-1, 3)
+    places = low + places * (high - low)
+    enclosed, volume, reach = _surroundings(packed, world, places)
+    if not enclosed.any():
+        return None
+    most = float(volume[enclosed].max())
+    wide = most >= _SEEN * np.prod(high - low) and float(reach[enclosed].max()) >= _REACH
+    level = most >= _LEVEL and _shows_backs(packed, world)
+    if not (wide or level or enclosed.mean() >= _ENCLOSED):
+        return None
+    fit = places[enclosed & (volume >= 0.8 * most)]
+    away = np.linalg.norm((fit - (low + high) / 2.0) / np.maximum(high - low, 1e-9), axis=1)
+    heart: np.ndarray = fit[away.argmin()]
+    return heart
+
+
+def _surroundings(
+    packed: Packed, world: World, places: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Of each of (n, 3) places: whether it is enclosed, the volume in m3 that is seen from it, and how much
+    of the way to the bounds its rays go; those that meet nothing count as 0."""
+    origins = np.repeat(places, _PROBES, axis=0)
+    directions = np.tile(_sphere(_PROBES), (len(places), 1))
+    front, back, t = _facing(packed, world, origins, directions)
+    met = front | back
+    t = np.where(met, t, 0.0).astype(np.float64)
+    low, high = packed.bounds
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ends = np.fmin.reduce(np.where(directions > 0.0, high - origins, low - origins) / directions, axis=1)
+    reach = np.clip(t / np.maximum(ends, 1e-30), 0.0, 1.0)
+    shape = len(places), _PROBES
+    hits = met.reshape(shape).sum(axis=1)
+    enclosed = (hits > 0.8 * _PROBES) & (front.reshape(shape).sum(axis=1) > 0.6 * hits)
+    volume = 4.0 / 3.0 * math.pi * (t.reshape(shape) ** 3).mean(axis=1)
+    return enclosed, volume, reach.reshape(shape).mean(axis=1)
+
+
+def _shows_backs(packed: Packed, world: World) -> bool:
+    """Whether rays from all around into the scene meet many backs of faces."""
+    low, high = packed.bounds
+    outside = _sphere(512).astype(np.float64)
+    k = np.arange(len(outside))[:, None]
+    targets = low + (0.5 + k * _R3) % 1.0 * (high - low)
+    origins = (low + high) / 2.0 + outside * packed.diagonal
+    directions = targets - origins
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    front, back, _ = _facing(packed, world, origins, directions)
+    return bool(back.sum() > 0.4 * (front | back).sum())
+
+
+def _facing(
+    packed: Packed, world: World, origins: np.ndarray, directions: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Of each ray, whether it meets a front, whether a back, and where, in m."""
+    hits = world.trace(origins.astype(np.float32), directions.astype(np.float32))
+    hit = hits["instance"] != NO_HIT
+    rows = packed.instances[hits["instance"][hit]]
+    first = rows["first_index"].astype(np.int64) + 3 * hits["primitive"][hit]
+    corners = [packed.geometry.vertices["position"][packed.geometry.indices[first + k]] for k in range(3)]
+    flat = np.cross(corners[1] - corners[0], corners[2] - corners[0])
+    matrix = np.stack([rows[f"normal{k}"][:, :3] for k in range(3)], axis=1)
+    normals = np.einsum("nij,nj->ni", matrix, flat)
+    front = np.zeros(len(hits), bool)
+    front[hit] = np.einsum("ni,ni->n", normals, directions[hit]) < 0.0
+    return front, hit & ~front, hits["t"]
+
+
+def _sphere(count: int) -> np.ndarray:
+    """(count, 3) float32 directions, evenly spread (a Fibonacci lattice)."""
+    k = np.arange(count) + 0.5
+    y = 1.0 - 2.0 * k / count
+    r, phi = np.sqrt(1.0 - y * y), k * (math.pi * (3.0 - math.sqrt(5.0)))
+    return np.stack([r * np.cos(phi), y, r * np.sin(phi)], axis=1).astype(np.float32)

@@ -1,0 +1,106 @@
+// Caustics: each photon that met only mirrors and glass is drawn, at full resolution, as a triangle round
+// its kernel, and what the pixels' surfaces make of its light is added up.
+// include stages/camera.wgsl
+// include stages/receivers.wgsl
+// include optics/density.wgsl
+
+@group(0) @binding(0) var<uniform> camera: Camera;
+@group(0) @binding(1) var<storage, read> photons: array<Photon>;
+@group(0) @binding(2) var<storage, read> materials: array<Material>;
+@group(0) @binding(3) var ids: texture_2d<u32>;
+@group(0) @binding(4) var normals: texture_2d<f32>;
+@group(0) @binding(5) var base: texture_2d<f32>;
+@group(0) @binding(6) var emission: texture_2d<f32>;
+@group(0) @binding(7) var depth: texture_depth_2d;
+
+override BOUND_SCALE: f32 = 1.0;   // a smaller triangle would cut the kernel
+const MARGIN = 0.125;              // pixels, for rounding; the kernel falls to zero at its edge
+const TRIANGLE = array(vec2f(-sqrt(3.0), -1.0), vec2f(sqrt(3.0), -1.0), vec2f(0.0, 2.0));   // round the unit disc
+
+struct Splat {
+    @builtin(position) clip: vec4f,
+    @location(0) @interpolate(flat) position_radius: vec4f,
+    @location(1) @interpolate(flat) normal_height: vec4f,
+    @location(2) @interpolate(flat) wi: vec3f,
+    @location(3) @interpolate(flat) flux: vec3f,
+}
+
+struct Arrived {
+    @location(0) radiance: vec4f,     // that the pixel's surface reflects to the eye
+    @location(1) irradiance: vec4f,
+}
+
+// One triangle a photon: of a kernel as small as a pixel its setup is half the cost. Not instances, since
+// some drivers pay for each.
+@vertex
+fn vs(@builtin(vertex_index) index: u32) -> Splat {
+    let photon = photons[index / 3u];
+    return Splat(
+        vec4f(on_screen(photon, BOUND_SCALE * TRIANGLE[index % 3u]), 0.5, 1.0),
+        vec4f(photon.position, photon.radius), vec4f(photon.normal, photon.height), photon.wi, photon.flux,
+    );
+}
+
+// Where a point of the plane is, in normalised device coordinates, when the unit disc is mapped to the
+// ellipse that a photon's kernel covers on the screen.
+//
+// The plane x - s w = 0 through the eye touches the kernel's ellipsoid where its value at the center,
+// squared, is the ellipsoid's form of it. With x counted from the center's place on the screen that is
+// d s^2 + 2 b s - a = 0, in which nothing cancels; likewise for any other direction than x. So the
+// ellipse has the center -b / d and the covariance a / d + b b^T / d^2. Exact for any projection.
+fn on_screen(photon: Photon, place: vec2f) -> vec2f {
+    let rows = transpose(camera.clip_from_world);
+    let center = vec4f(photon.position, 1.0);
+    let w = dot(rows[3], center);
+    let d = w * w - form(photon, rows[3].xyz, rows[3].xyz);
+    if (!(d > 0.0)) {
+        return 2.0 * place;       // it reaches round the eye: the whole screen
+    }
+    if (w < 0.0) {
+        return vec2f(2.0);        // behind the eye: nothing
+    }
+    let at = vec2f(dot(rows[0], center), dot(rows[1], center)) / w;
+    let x = rows[0].xyz - at.x * rows[3].xyz;
+    let y = rows[1].xyz - at.y * rows[3].xyz;
+    let b = vec2f(form(photon, x, rows[3].xyz), form(photon, y, rows[3].xyz)) / d;
+    let margin = MARGIN * 2.0 / camera.size;
+    let variance = vec2f(form(photon, x, x), form(photon, y, y)) / d + b * b + margin * margin;
+    let width = sqrt(variance.x);
+    let shear = (form(photon, x, y) / d + b.x * b.y) / width;
+    let height = sqrt(max(variance.y - shear * shear, margin.y * margin.y));
+    return at - b + vec2f(width * place.x, shear * place.x + height * place.y);
+}
+
+// The ellipsoid's quadratic form: a^T (r^2 (1 - n n^T) + h^2 n n^T) b.
+fn form(photon: Photon, a: vec3f, b: vec3f) -> f32 {
+    let along = dot(a, photon.normal) * dot(b, photon.normal);
+    return photon.radius * photon.radius * (dot(a, b) - along) + photon.height * photon.height * along;
+}
+
+@fragment
+fn fs(splat: Splat) -> Arrived {
+    let pixel = vec2u(splat.clip.xy);
+    let packed = textureLoad(normals, pixel, 0);
+    let n = octahedral_decode(packed.xy);
+    let ng = octahedral_decode(packed.zw);
+    let seen = textureLoad(depth, pixel, 0);
+    let position = world_position(vec2f(pixel) + 0.5, seen);
+    let normal = splat.normal_height.xyz;
+    let wi_ng = dot(splat.wi, ng);
+    let kappa = density_kernel(
+        position - splat.position_radius.xyz, normal, splat.position_radius.w, splat.normal_height.w
+    );
+    let counts = seen > 0.0 && photon_counts(wi_ng, dot(normal, ng));
+    let arriving = select(0.0, kappa * cosine_ratio(dot(splat.wi, n), wi_ng), counts);
+    let light = arriving * splat.flux;
+    return Arrived(vec4f(reflected(pixel, light, n, view_direction(position), splat.wi), 0.0), vec4f(light, 0.0));
+}
+
+// Radiance towards the eye of light along wi, as if it came from the estimators.
+fn reflected(pixel: vec2u, light: vec3f, n: vec3f, wo: vec3f, wi: vec3f) -> vec3f {
+    let material = textureLoad(ids, pixel, 0).y;
+    let color = textureLoad(base, pixel, 0);
+    let b = surface_bsdf(color.rgb, color.a, textureLoad(emission, pixel, 0).a, materials[material].transmission, materials[material], true);
+    let gloss = gloss_terms(receiver_alpha(b, materials[material].flags), n, wo, wi);
+    return reflect_incident(b, Incident(light, light * gloss.z, light * gloss.x, light * gloss.y));
+}

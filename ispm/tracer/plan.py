@@ -1,0 +1,98 @@
+"""Which maps emit how many photons in a pass, and where their samples lie."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from ispm.optics.records import LIGHT_SPOT
+from ispm.optics.rng import random4
+from ispm.scene.aim import aimed_maps
+from ispm.scene.lightmap import LightMap
+from ispm.scene.packed import Packed
+
+_DIMENSION = 1 << 20  # of the random numbers that shift whole maps, and those after it
+_FLOOR = 0.1  # of an equal share: what a light gets however weak it is
+_LEAST_BASE = 0.05  # of a light's photons, which its own map keeps
+_AIMED_MOST = 8  # maps of a light
+_AIMED_LEAST = 128  # photons that a map which is aimed is worth drawing for, on average
+_SPOT_WIDTH = 8  # texels that see a cone's fade well enough
+_FINEST = 4.0  # texels of an edge over the root of the photons; a texel may emit several
+
+
+@dataclass(frozen=True, eq=False)
+class PlannedMap:
+    """What a map does in one pass.
+
+    photons  that it emits in expectation
+    width    texels of a face's edge
+    shift    of its samples in texels, in [-0.5, 0.5), right of and below the texels' centres
+    offset   of the lattice that thins its texels, in [0, 1)
+    """
+
+    map: LightMap
+    photons: int
+    width: int
+    shift: tuple[float, float]
+    offset: float
+
+
+def share_photons(packed: Packed, photon_count: int) -> np.ndarray:
+    """Return how many photons each light emits, (L,) int64: in proportion to its luminous flux.
+
+    But each light that shines gets a tenth of an equal share, and one.
+    """
+    measures = np.array([map.measure for map in packed.maps])
+    power = packed.lights["intensity"].astype(np.float64) @ (0.2126, 0.7152, 0.0722) * measures
+    if photon_count == 0 or not power.any():
+        return np.zeros(len(power), np.int64)
+    shares = np.where(power > 0.0, np.maximum(power / power.sum(), _FLOOR / np.count_nonzero(power)), 0.0)
+    counts = np.rint(photon_count * shares / shares.sum()).astype(np.int64)
+    return np.where(power > 0.0, np.maximum(counts, 1), 0)
+
+
+def plan_maps(
+    packed: Packed, counts: np.ndarray, caustic_share: float, seed: int, pass_index: int
+) -> list[PlannedMap]:
+    """Return what the maps of all lights do, light by light, a light's own map first.
+
+    counts         (L,) photons of each light
+    caustic_share  of a light's photons are aimed at what casts caustics, where there is any
+    """
+    plan: list[PlannedMap] = []
+    for index, (light, count) in enumerate(zip(packed.lights, counts, strict=True)):
+        if count:
+            shared = _share(packed, index, int(count), caustic_share)
+            for k, (map, photons) in enumerate(shared):
+                x, y, z, _ = random4(
+                    np.uint32(index), np.uint32(_DIMENSION + k), np.uint32(pass_index), np.uint32(seed)
+                )
+                width = map_width(map, light, photons)
+                plan.append(PlannedMap(map, photons, width, (float(x) - 0.5, float(y) - 0.5), float(z)))
+    return plan
+
+
+def map_width(map: LightMap, light: np.void, photons: int) -> int:
+    """Return the width of a map's face so that its texels emit at most one photon each.
+
+    A texel covers at most 4 k^2 / W^2 sr, k the spread, and must not carry more than the part 1 / N of the
+    map's measure. For a cube W^2 >= N / pi, and about 52 % of the texels survive.
+    """
+    largest = map.measure if map.orthographic else 4.0 * map.spread**2
+    needed = math.sqrt(photons * largest / map.measure)
+    least = _SPOT_WIDTH if light["kind"] == LIGHT_SPOT else 1
+    return max(least, math.ceil(min(needed, _FINEST * math.sqrt(photons))))
+
+
+def _share(packed: Packed, index: int, count: int, caustic_share: float) -> list[tuple[LightMap, int]]:
+    """A light's maps and their photons."""
+    base, boxes = packed.maps[index], packed.caustic_boxes
+    wanted = min(caustic_share, 1.0 - _LEAST_BASE) * count
+    most = min(_AIMED_MOST, int(wanted) // _AIMED_LEAST)
+    aimed = aimed_maps(base, packed.lights[index], boxes, most) if most and len(boxes) else []
+    total = sum(map.measure for map in aimed)
+    shares = [(map, round(wanted * map.measure / total)) for map in aimed]
+    shares = [(map, photons) for map, photons in shares if photons]
+    return [(base, count - sum(photons for _, photons in shares)), *shares]

@@ -1,0 +1,28 @@
+"""The examples run, at a size that takes no time."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+EXAMPLES = sorted((Path(__file__).parents[2] / "examples").glob("*.py"))
+
+
+@pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
+def test_example_runs(path, tmp_path, monkeypatch, capsys):
+    if "trimesh" in path.stem:
+        pytest.importorskip("trimesh", reason="trimesh is not installed")
+    monkeypatch.chdir(tmp_path)
+    text, sizes = re.subn(r"^SIZE = .*$", "SIZE = (64, 48)", path.read_text("utf-8"), flags=re.MULTILINE)
+    text = re.sub(r"^(STEPS|PICTURES) = .*$", r"\1 = 2", text, flags=re.MULTILINE)
+    assert sizes == 1
+    exec(compile(text, str(path), "exec"), {"__name__": "__main__"})
+    assert list(tmp_path.glob("*.*")), "it writes a file"
+    if path.stem == "save_and_load":
+        assert "same picture: True" in capsys.readouterr().out
+
+
+def test_examples_are_short():
+    long = {path.name: n for path in EXAMPLES if (n := len(path.read_text("utf-8").splitlines())) > 40}
+    assert len(EXAMPLES) >= 8
+    assert long == {}

@@ -1,0 +1,110 @@
+"""Views aimed at what casts caustics: they hold it, are few, and narrow."""
+
+import math
+
+import numpy as np
+import pytest
+
+from ispm.scene.aim import aimed_maps
+from ispm.scene.light import DirectionalLight, Light, PointLight, SpotLight
+from ispm.scene.lightmap import LightMap, corners_of
+from ispm.scene.material import Material
+from ispm.scene.packed import Packed, pack
+from ispm.scene.scene import Scene
+from ispm.scene.shapes import box
+
+ROOM = ((-10.0, 0.0, -10.0), (10.0, 8.0, 10.0))
+
+
+def lit_room(light: Light, position: tuple[float, ...] = (0.0, 6.0, 0.0)) -> Packed:
+    scene = Scene()
+    scene.add(box(*ROOM))
+    scene.add(light, translation=position, rotation=(-0.6, 0.15, 0.1, 0.78))
+    return pack(scene)
+
+
+def aimed(light: Light, boxes: np.ndarray, most: int = 8, **where: tuple[float, ...]) -> list[LightMap]:
+    packed = lit_room(light, **where)
+    return aimed_maps(packed.maps[0], packed.lights[0], boxes, most)
+
+
+def boxes_at(centers: object, half: float = 0.3) -> np.ndarray:
+    centers = np.asarray(centers, float)
+    return np.stack([centers - half, centers + half], axis=1)
+
+
+def sees(map: LightMap, boxes: np.ndarray) -> np.ndarray:
+    """Which boxes a map holds altogether, (n,)."""
+    s, t, axis = np.moveaxis((corners_of(boxes) - map.origin) @ map.axes[0].T, -1, 0)
+    edge = np.ones_like(axis) if map.orthographic else axis
+    return np.asarray((np.maximum(abs(s), abs(t)) <= edge).all(axis=1))
+
+
+def grid(side: int, spacing: float) -> np.ndarray:
+    x, z = np.meshgrid(*[(np.arange(side) - (side - 1) / 2) * spacing] * 2)
+    return np.stack([x, np.full_like(x, 1.0), z], axis=-1).reshape(-1, 3)
+
+
+@pytest.mark.parametrize("light", [PointLight(), DirectionalLight()])
+@pytest.mark.parametrize(("side", "spacing"), [(1, 1.0), (2, 6.0), (5, 1.0), (16, 0.4)])
+def test_every_box_is_seen_by_a_map(light, side, spacing):
+    boxes = boxes_at(grid(side, spacing), min(0.3, 0.3 * spacing))
+    maps = aimed(light, boxes)
+    assert 1 <= len(maps) <= 8
+    assert np.any([sees(map, boxes) for map in maps], axis=0).all()
+
+
+def test_near_boxes_share_a_map_and_distant_ones_do_not():
+    near = boxes_at([(-5.0, 1.0, 0.0), (-5.2, 1.0, 0.3), (-4.8, 1.2, 0.1)])
+    far = boxes_at([(6.0, 1.0, 3.0), (6.0, 1.0, -6.0)])
+    for light in (PointLight(), DirectionalLight()):
+        maps = aimed(light, np.concatenate([near, far]))
+        assert sorted(int(sees(map, near).sum()) for map in maps) == [0, 0, 3]
+        one = aimed(light, far, most=1)
+        assert len(one) <= 1
+
+
+def test_a_box_behind_another_shares_its_map():
+    """Seen from the light they overlap, however far apart they are."""
+    light = np.array([0.0, 6.0, 0.0])
+    way = np.array([0.5, -0.5, 0.7])
+    assert len(aimed(PointLight(), boxes_at([light + 1.5 * way, light + 8.0 * way]))) == 1
+
+
+def test_maps_are_narrow_and_take_little_of_their_light():
+    boxes = boxes_at(grid(9, 2.2), 0.2)
+    packed = lit_room(PointLight())
+    for map in aimed_maps(packed.maps[0], packed.lights[0], boxes, 8):
+        assert map.spread < math.tan(0.6) and map.measure < packed.maps[0].measure / 3
+
+
+def test_no_map_for_a_box_round_the_light_or_close_to_it():
+    assert aimed(PointLight(), boxes_at([(0.0, 6.0, 0.0)])) == []
+    assert aimed(PointLight(), boxes_at([(0.0, 5.5, 0.1)], 0.4)) == []
+    assert aimed(PointLight(), np.zeros((0, 2, 3))) == []
+    both = aimed(PointLight(), boxes_at([(0.0, 6.0, 0.0), (4.0, 1.0, 0.0)]))
+    assert len(both) == 1 and sees(both[0], boxes_at([(4.0, 1.0, 0.0)])).all()
+
+
+def test_no_map_where_a_spot_does_not_shine():
+    packed = lit_room(SpotLight(outer_angle=0.3))
+    ahead = packed.lights["direction"][0].astype(float)
+    for way, count in ((ahead, 1), (-ahead, 0), (np.cross(ahead, (0.3, 0.9, 0.1)), 0)):
+        boxes = boxes_at([packed.maps[0].origin + 5.0 * way], 0.2)
+        assert len(aimed_maps(packed.maps[0], packed.lights[0], boxes, 8)) == count
+
+
+def test_thousands_of_boxes_are_grouped():
+    boxes = boxes_at(np.random.default_rng(0).uniform((-9, 0, -9), (9, 2, 9), (3000, 3)), 0.02)
+    assert len(aimed(DirectionalLight(), boxes)) <= 8
+
+
+def test_boxes_of_caustic_instances_are_packed():
+    scene = Scene()
+    unit = box((-1, -1, -1), (1, 1, 1))
+    scene.add(unit, material=Material())
+    mirror = Material(metallic=1.0, roughness=0.0)
+    scene.add(unit, material=mirror, translation=(5, 0, 0), scale=(1, 2, 3))
+    packed = pack(scene)
+    assert packed.boxes.shape == (2, 2, 3)
+    assert packed.caustic_boxes == pytest.approx(np.array([[(4, -2, -3), (6, 2, 3)]]))
