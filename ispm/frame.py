@@ -11,11 +11,10 @@ import numpy as np
 from ispm.gpu import Buffer, Canvas, Gpu, Group, Raster, Recording, Sampler, Texture
 from ispm.optics import records
 from ispm.optics.records import VERTEX
-from ispm.scene.atlas import ShadowAtlas
 from ispm.scene.lightmap import LightMap
 from ispm.scene.packed import Draw, Packed
 
-SLOTS = ("base_color", "metallic_roughness", "normal", "emission")
+SLOTS = ("base_color", "metallic_roughness", "normal", "emission", "transmission")
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,14 +22,12 @@ class GpuScene:
     """A `Packed` scene on the device.
 
     boxes  (draws, 2, 3) float64 bounds of what each draw shows, world space
-    instance_boxes  (instances, 2, 3) of each instance
     vertices, indices, instances, materials, lights  its arrays, at least one row each
     maps  of each material the texture and the sampler of each of SLOTS; white where it has none
     """
 
     packed: Packed
     boxes: np.ndarray
-    instance_boxes: np.ndarray
     vertices: Buffer
     indices: Buffer
     instances: Buffer
@@ -91,11 +88,14 @@ class GpuScene:
         shared  group 0 of all pipelines; group 1 is what an alpha mask reads, for materials that have one
         """
         groups: dict[Raster, Group] = {}
+        used = None
         for draw in draws:
             raster = pipeline(draw)
             if raster not in groups:
                 groups[raster] = raster.bind(0, **shared)
-            canvas.use(raster, groups[raster])
+            if raster is not used:
+                canvas.use(raster, groups[raster])
+                used = raster
             if self.is_masked(draw.material):
                 material = frame.uniform(self.packed.materials[draw.material])
                 maps = self.material_maps(draw.material, "base_color")
@@ -107,7 +107,8 @@ class GpuScene:
 class GBuffer:
     """What each pixel of the eye sees; 32 bytes of color and the depth.
 
-    ids       rg32uint: instance row + 1 (0: nothing is there), material row
+    ids       rg32uint: instance row + 1 (0: nothing is there), material row in the low 24 bits and
+              transmission above them (ispm/stages/material.wgsl)
     normals   rgba16float: shading and geometric normal, octahedral (ispm/optics/sampling.wgsl),
               both on the side the eye sees
     base      rgba16float: base color, linear; metallic
@@ -131,7 +132,6 @@ class GBuffer:
 class ShadowMaps:
     """The shadow maps of all lights, tiles of one atlas; depth is reversed.
 
-    atlas   what lies where
     maps    SHADOW_MAP rows (ispm/stages/shadow_map.wgsl), one for each light
     tiles   SHADOW_TILE rows, six for each light
     depth   depth32float: the nearest opaque surface of each texel
@@ -140,7 +140,6 @@ class ShadowMaps:
     The last two are not drawn, and of any size, unless it `has_sheets`.
     """
 
-    atlas: ShadowAtlas
     maps: np.ndarray
     tiles: np.ndarray
     depth: Texture
@@ -153,7 +152,7 @@ class ShadowMaps:
 class BounceMap:
     """The first hits that a map of a light sees.
 
-    places  (F, 3) where its faces lie: the page, and the texels right of and below its corner
+    places  (F, 2) texels that its faces lie right of and below the corner
     width   texels of a face's edge
     """
 
@@ -166,18 +165,20 @@ class BounceMap:
 class BounceMaps:
     """The bounce maps of all lights, side by side.
 
-    pages  rgba32uint: instance row, primitive in its mesh, and the bits of the barycentrics u and v;
-           NO_HIT in the first where nothing was hit
+    texels  rgba32uint: instance row, primitive in its mesh, and the bits of the barycentrics u and v;
+            NO_HIT in the first where nothing was hit
     """
 
-    pages: list[Texture]
+    texels: Texture
     maps: list[BounceMap]
 
     def read(self, gpu: Gpu) -> list[np.ndarray]:
         """Return the maps as (F, width, width, 4) uint32, after one wait for all."""
-        pages = gpu.read_many([(page, np.uint32, 4) for page in self.pages])
+        if not self.maps:
+            return []
+        (texels,) = gpu.read_many([(self.texels, np.uint32, 4)])
         return [
-            np.stack([pages[page][y : y + each.width, x : x + each.width] for page, x, y in each.places])
+            np.stack([texels[y : y + each.width, x : x + each.width] for x, y in each.places])
             for each in self.maps
         ]
 

@@ -121,7 +121,8 @@ class Settings(_Checked):
     )
     emission: str = knob(
         "auto",
-        "how photons leave the lights: rasterised bounce maps, or rays",
+        "how photons leave the lights: rasterised bounce maps, or rays; auto: maps, but rays where a "
+        "software adapter has much to draw",
         choices=("auto", "map", "rays"),
     )
     shadow_resolution: int = knob(

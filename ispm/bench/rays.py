@@ -7,15 +7,15 @@ import numpy as np
 from ispm.optics.bsdf import is_smooth
 from ispm.optics.jit import jit
 from ispm.optics.records import NO_HIT
-from ispm.optics.vector import dot, scale
+from ispm.optics.vector import scale
 from ispm.scene.packed import Packed
 from ispm.tracer.intersect import STACK_WORDS
 from ispm.tracer.simd import address, alloca
-from ispm.tracer.surface import SurfaceTable, closest_surface, leave_surface, surface
+from ispm.tracer.surface import SurfaceTable, closest_surface, surface
 from ispm.tracer.walk import (
     SPECULAR_MAX,
     attenuated,
-    beyond,
+    depart,
     first_segment,
     flight_number,
     medium,
@@ -70,15 +70,9 @@ def _record(world, table, texels, rows, lights, emitted, bounces, seed, rays):
                 break
             flux, d, origin = scattered, wi, position
             u = flight_number(photon.key, u32(0), seed, scatters + speculars)
-            if specular:
-                speculars += i64(1)
-            else:
-                scatters += i64(1)
-            side = ng
-            if dot(d, ng) < f32(0):
-                side = scale(f32(-1), ng)
-                inside = beyond(hit, flags, entering, inside)
-            start = leave_surface(world, table, hit, side)
+            speculars += i64(specular)
+            scatters += i64(not specular)
+            start, inside = depart(world, table, hit, flags, entering, inside, ng, d)
             for axis in range(3):
                 rays[count, 0, axis] = start[axis]
                 rays[count, 1, axis] = d[axis]

@@ -65,8 +65,8 @@ def render(
 
     Example: ispm render cornell-box -o room.png --photons 100k --size 640x360
 
-    SCENE is a file (.glb .gltf) or the name of a built-in scene. The settings may also come from the
-    environment (ISPM_PHOTONS=100k) or from --config.
+    SCENE is a file (.glb .gltf .obj .ply .stl) or the name of a built-in scene. The settings may also come
+    from the environment (ISPM_PHOTONS=100k) or from --config.
     """
     settings = settings_from(given, config)
     limits = limits_from(given, config)

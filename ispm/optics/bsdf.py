@@ -88,6 +88,12 @@ def transmits(b):
 
 
 @jit
+def is_lambert(b):
+    """Return whether there are no facets: neither reflection nor transmission beside the Lambert lobe."""
+    return b[3] + b[4] + b[5] + b[_F90] == f32(0) and not transmits(b)
+
+
+@jit
 def is_smooth(b):
     """Return whether reflection and transmission go one way each."""
     return b[_ALPHA] == f32(0)
@@ -351,6 +357,9 @@ def sample_bsdf(b, n, ng, wo, u1, u2, u3, radiance):
               (specular) reflectance or transmittance over their chance; wi.ng < 0: transmitted;
               not ok: absorbed, and the rest means nothing
     """
+    if is_lambert(b):  # nothing for it to give way to, so that the weight is its albedo
+        wi = to_world(cosine_hemisphere(u1, u2), n)
+        return dot(ng, wi) > f32(0) and b[0] + b[1] + b[2] > f32(0), wi, (b[0], b[1], b[2]), False
     share = gloss_share(b, n, wo)
     ok = True
     if u3 >= share:

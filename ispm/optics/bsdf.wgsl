@@ -47,6 +47,11 @@ fn transmits(b: Bsdf) -> bool {
     return b.tint.x + b.tint.y + b.tint.z > 0.0;
 }
 
+// Whether there are no facets: neither reflection nor transmission beside the Lambert lobe.
+fn is_lambert(b: Bsdf) -> bool {
+    return b.f0.x + b.f0.y + b.f0.z + b.f90 == 0.0 && !transmits(b);
+}
+
 // Whether reflection and transmission go one way each.
 fn is_smooth(b: Bsdf) -> bool {
     return b.alpha == 0.0;
@@ -287,8 +292,12 @@ struct BsdfSample {
 // Draw wi from one lobe and weigh it by the pdf of all that spread (balance heuristic). u in [0, 1)^3.
 // radiance: refracted light takes the factor 1 / eta^2, true on paths from the eye.
 fn sample_bsdf(b: Bsdf, n: vec3f, ng: vec3f, wo: vec3f, u: vec3f, radiance: bool) -> BsdfSample {
-    let share = gloss_share(b, n, wo);
     var facet = Refracted(true, to_world(cosine_hemisphere(u.x, u.y), n));
+    if (is_lambert(b)) {    // nothing for it to give way to, so that the weight is its albedo
+        let ok = dot(ng, facet.wi) > 0.0 && b.diffuse.x + b.diffuse.y + b.diffuse.z > 0.0;
+        return BsdfSample(ok, facet.wi, b.diffuse, false);
+    }
+    let share = gloss_share(b, n, wo);
     if (u.z < share) {
         if (is_smooth(b)) {
             return sample_smooth(b, n, ng, wo, u.z / share, share, radiance);

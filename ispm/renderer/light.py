@@ -6,8 +6,22 @@ from ispm.scene.packed import Packed
 from ispm.settings import Settings
 from ispm.tracer.plan import PlannedMap, plan_maps, share_photons
 
+_RAY = 5  # triangles that a software adapter draws into a face in the time of a ray
+
 
 def map_plan(packed: Packed, settings: Settings, pass_index: int) -> list[PlannedMap]:
     """Return the maps that emit photons, light by light; none where nothing is to be traced."""
     counts = share_photons(packed, settings.photons if settings.bounces else 0)
     return plan_maps(packed, counts, settings.caustic_photons, settings.seed, pass_index)
+
+
+def emission_of(plan: list[PlannedMap], packed: Packed, settings: Settings, software: bool) -> str:
+    """Return how photons leave the lights, 'map' or 'rays'.
+
+    software  the adapter is a program on the CPU, which is slow to draw a large scene into many faces
+    """
+    if settings.emission != "auto":
+        return settings.emission
+    drawn = packed.triangle_count * sum(len(each.map.axes) for each in plan)
+    traced = sum(each.photons for each in plan)
+    return "rays" if software and drawn > _RAY * traced else "map"

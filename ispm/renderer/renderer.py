@@ -6,6 +6,8 @@ import gc
 import math
 import time as clock
 import warnings
+from collections.abc import Callable
+from functools import cache
 from operator import attrgetter
 from types import TracebackType
 
@@ -13,14 +15,15 @@ import numpy as np
 
 from ispm.errors import IspmError, SceneError, SceneWarning, SettingsError
 from ispm.estimators import make_estimator
-from ispm.frame import BounceMaps, GBuffer, GpuScene
-from ispm.gpu import Gpu, Recording, Texture, open_gpu, within_memory
+from ispm.frame import GBuffer, GpuScene
+from ispm.gpu import Gpu, Texture, open_gpu, within_memory
 from ispm.optics.records import MATERIAL_UNLIT, PHOTON, RECEIVER
 from ispm.optics.texture import TextureTable
 from ispm.renderer import layers as make
+from ispm.renderer.chains import eye_rays, light_ends, light_points
 from ispm.renderer.framing import default_camera, default_light, find_camera
 from ispm.renderer.last import LastFrame
-from ispm.renderer.light import map_plan
+from ispm.renderer.light import emission_of, map_plan
 from ispm.renderer.motion import moved
 from ispm.renderer.picture import Frame
 from ispm.renderer.statistics import Stats, collect
@@ -33,9 +36,10 @@ from ispm.stages.antialias import Antialias
 from ispm.stages.bounce import BounceStage
 from ispm.stages.camera import CameraView
 from ispm.stages.caustic import CausticStage
+from ispm.stages.chain import ChainStage
 from ispm.stages.direct import DirectStage
 from ispm.stages.downsample import Downsample
-from ispm.stages.filter import WEIGHT, filter_estimate, filter_points
+from ispm.stages.filter import filter_estimate
 from ispm.stages.gbuffer import GBufferStage
 from ispm.stages.shadow import ShadowStage
 from ispm.stages.tonemap import auto_exposure, tonemap, tonemap_transparent
@@ -43,6 +47,7 @@ from ispm.stages.upload import Upload
 from ispm.stages.upsample import Upsample
 from ispm.tracer.density import measure_caustic_radii, measure_radii
 from ispm.tracer.emission import emit_rays, emit_texels
+from ispm.tracer.eye import trace_eye
 from ispm.tracer.grid import PhotonGrid
 from ispm.tracer.hint import hint_radii
 from ispm.tracer.plan import PlannedMap
@@ -54,10 +59,12 @@ from ispm.tracer.world import World
 _NEAR = 1e-4  # of the scene's diagonal; reversed depth has precision to spare
 _TEXTURE_FOOTPRINT = 0.005  # of the diagonal: over which photons see textures averaged
 _PASS = 0  # of one
+_SHARP = 3.0  # low-resolution pixels: caustic kernels of a larger radius are not drawn at full resolution
+_ROW = 0xFFFFFF  # of a material, in a word of the G-buffer
 _ESTIMATOR_KNOBS = attrgetter("estimator", "kernel", "talk_errors")
 _OWNED = (
-    "_upload", "_gbuffer", "_bounce", "_direct", "_caustic", "_antialias", "_shadow", "_downsample",
-    "_upsample", "_estimator", "_world", "_last", "_packed", "_textures",
+    "_upload", "_gbuffer", "_bounce", "_direct", "_caustic", "_chains", "_antialias", "_shadow",
+    "_downsample", "_upsample", "_estimator", "_world", "_last", "_packed", "_textures",
 )  # fmt: skip
 
 
@@ -95,6 +102,7 @@ class Renderer:
         self._bounce = BounceStage(self._gpu)
         self._direct = DirectStage(self._gpu)
         self._caustic = CausticStage(self._gpu)
+        self._chains = ChainStage(self._gpu)
         self._antialias = Antialias(self._gpu)
         self._packed: Packed | None = None
         self._textures: TextureTable | None = None
@@ -178,6 +186,8 @@ class Renderer:
         watch = Watch()
         packed, view = self._prepare()
         plan = map_plan(packed, self.settings, _PASS)
+        surfaces = self._surfaces(packed)
+        by = emission_of(plan, packed, self.settings, self._gpu.is_software)
 
         with self._gpu.frame() as first:
             scene = self._upload(packed)
@@ -185,11 +195,14 @@ class Renderer:
             gbuffer = self._gbuffer(first, scene, view)
             first.stage("upsample")
             receivers = self._downsample(first, scene, gbuffer, view)
+            self._chains(first, scene, gbuffer)
             first.stage("bounce_map")
-            maps = self._draw_bounce_maps(first, scene, plan)
+            drawn = plan if by == "map" else []
+            maps = self._bounce(first, scene, drawn, _NEAR * packed.diagonal, _PASS)
         with watch("copy"):
             points = self._downsample.read(self._gpu, view)
             texels = maps.read(self._gpu)
+            mirrors = self._chains.read()
         with self._gpu.frame() as second:
             second.stage("direct")
             seen = points["position"][points["valid"] > 0]
@@ -197,10 +210,13 @@ class Renderer:
             direct = self._direct(second, scene, gbuffer, shadows, view)
 
         with watch("trace"):
-            path = self._trace(packed, plan, texels)
+            path = self._trace(packed, surfaces, plan, texels, by)
         with watch("radiance"):
-            photons, smooth, sharp = self._split(path.photons, packed, view)
+            photons, smooth, wide, sharp = self._part(path.photons, packed, view)
             estimate, light = self._gather(points, smooth, packed, view)
+            if len(wide):
+                size = self._downsample.size(view)
+                light = light + self._estimator(points, wide, view.clip_from_world, size)
 
         with self._gpu.frame() as third:
             third.stage("radiance")
@@ -209,10 +225,15 @@ class Renderer:
             indirect, irradiance, emission = self._upsample(
                 third, scene, gbuffer, view, receivers, light, caustic
             )
+        grid = cache(lambda: PhotonGrid(smooth))
         with watch("upsample"):
-            self._light_missed(points, estimate, smooth, scene, gbuffer, view, caustic)
+            self._light_missed(points, estimate, grid, wide, scene, gbuffer, view, caustic)
+        with watch("eye"):
+            focused = photons[len(smooth) :]
+            brought = self._follow_chains(packed, surfaces, mirrors, grid, focused, view)
         with self._gpu.frame() as fourth:
             fourth.stage("compose")
+            self._chains.patch(fourth, mirrors["pixel"], brought, direct, indirect, emission)
             if self.settings.antialias:
                 self._antialias(fourth, scene, gbuffer, view, direct, indirect, emission)
         with watch("readback"):
@@ -224,12 +245,12 @@ class Renderer:
         total = (clock.perf_counter() - started) * 1e3
         frame.stats = collect(
             packed, path, view, self.settings, watch.milliseconds, total,
-            adapter=self._gpu.name, timing=first.timing,
+            adapter=self._gpu.name, emission=by, timing=first.timing,
             moved=moved(packed.instances, self._instances),
         )  # fmt: skip
         self._photons = photons
         self._last = LastFrame(
-            frame, view, packed, self._surfaces(packed), photons, points, self._downsample.size(view),
+            frame, view, packed, surfaces, photons, points, self._downsample.size(view),
             plan, texels, self.threads,
         )  # fmt: skip
         self._instances = packed.instances
@@ -296,16 +317,13 @@ class Renderer:
             self._said.add(line)
             warnings.warn(line, SceneWarning, stacklevel=4)
 
-    def _draw_bounce_maps(self, frame: Recording, scene: GpuScene, plan: list[PlannedMap]) -> BounceMaps:
-        if self.settings.emission == "rays":
-            return BounceMaps([], [])
-        return self._bounce(frame, scene, plan, _NEAR * scene.packed.diagonal, _PASS)
-
-    def _trace(self, packed: Packed, plan: list[PlannedMap], texels: list[np.ndarray]) -> Walk:
-        """Emit the photons and follow them."""
+    def _trace(
+        self, packed: Packed, surfaces: SurfaceTable, plan: list[PlannedMap], texels: list[np.ndarray],
+        by: str,
+    ) -> Walk:  # fmt: skip
+        """Emit the photons, by 'map' or by 'rays', and follow them."""
         settings = self.settings
-        surfaces = self._surfaces(packed)
-        if settings.emission == "rays":
+        if by == "rays":
             emitted = emit_rays(packed, self._world, surfaces, plan, settings.seed, _PASS, self.threads)
         else:
             emitted = emit_texels(packed, plan, texels)
@@ -313,25 +331,25 @@ class Renderer:
             packed, self._world, surfaces, emitted, settings.bounces, settings.seed, _PASS, self.threads
         )
 
-    def _split(
-        self, photons: np.ndarray, packed: Packed, view: CameraView
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return the photons in a new order, and its two parts: those to be filtered, and the caustic ones,
-        ready to be drawn.
+    def _part(self, photons: np.ndarray, packed: Packed, view: CameraView) -> list[np.ndarray]:
+        """Return the photons in a new order, and its parts: those to be filtered; caustic ones whose kernels
+        are so wide that low resolution shows them as well; and those to be drawn at full resolution.
 
         The hint's kernels are as narrow as caustics need: with them all photons go the first way.
         """
-        sharp = photons["bounce"] == 0
         if self.settings.kernel == "hint":
-            sharp[:] = False
-        parted = np.concatenate([photons[~sharp], photons[sharp]])
-        smooth, caustic = np.split(parted, [len(parted) - np.count_nonzero(sharp)])
+            return [photons, photons, photons[:0], photons[:0]]
+        caustic = photons[photons["bounce"] == 0]
         pixel = view.footprint * view.clip_from_world[3]
         measure_caustic_radii(
             caustic, packed.diagonal, self.settings.smoothing, pixel, packed.widths, view.eye_or_direction,
             threads=self.threads,
         )  # fmt: skip
-        return parted, smooth, caustic
+        seen = caustic["position"] @ pixel[:3] + pixel[3]
+        wide = caustic["radius"] > _SHARP * self.settings.subsampling * seen
+        parts = [photons[photons["bounce"] > 0], caustic[wide], caustic[~wide]]
+        parted = np.concatenate(parts)
+        return [parted, *np.split(parted, np.cumsum([len(part) for part in parts[:2]]))]
 
     def _surfaces(self, packed: Packed) -> SurfaceTable:
         assert self._textures is not None
@@ -362,25 +380,48 @@ class Renderer:
         self,
         points: np.ndarray,
         estimate: np.ndarray,
-        photons: np.ndarray,
+        grid: Callable[[], PhotonGrid],
+        wide: np.ndarray,
         scene: GpuScene,
         gbuffer: GBuffer,
         view: CameraView,
         caustic: tuple[Texture, Texture] | None,
     ) -> None:
-        """Light the pixels that upsampling could not serve: by the filter, else by the photons near."""
+        """Light the pixels that upsampling could not serve: by the filter, else by the photons near.
+
+        wide  caustic photons at low resolution, which are not filtered
+        """
         missed, receivers = self._upsample.missed()
         if not len(missed):
             return
-        light = filter_points(
+        light = light_points(
             receivers, missed["low"], points, estimate, self._downsample.size(view),
-            scene.packed.diagonal, self.settings.smoothing, self.threads,
+            scene.packed.diagonal, self.settings.smoothing, grid, self.threads,
         )  # fmt: skip
-        alone = light[:, WEIGHT] == 0.0
-        if alone.any() and len(photons):
-            light[alone] = PhotonGrid(photons).estimate(receivers[alone], self.threads)
+        if len(wide):
+            light += PhotonGrid(wide).estimate(receivers, self.threads)
         with self._gpu.frame() as frame:
             self._upsample.patch(frame, scene, gbuffer, view, light, caustic)
+
+    def _follow_chains(
+        self,
+        packed: Packed,
+        surfaces: SurfaceTable,
+        mirrors: np.ndarray,
+        grid: Callable[[], PhotonGrid],
+        focused: np.ndarray,
+        view: CameraView,
+    ) -> np.ndarray:
+        """Return the light that mirrors and glass bring to their pixels, (n, 9), of (n,) SEEN."""
+        settings = self.settings
+        if not len(mirrors):
+            return np.zeros((0, 9), np.float32)
+        background = (0.0, 0.0, 0.0) if isinstance(settings.background, str) else settings.background
+        rays = eye_rays(mirrors, view)
+        paths = trace_eye(packed, self._world, surfaces, rays, background, settings.seed, _PASS, self.threads)
+        return light_ends(
+            paths, rays.keys, grid, PhotonGrid(focused), view, settings, packed.diagonal, self.threads
+        )
 
     def _compose(
         self, gbuffer: GBuffer, light: tuple[Texture, Texture, Texture], irradiance: Texture, view: CameraView
@@ -388,15 +429,16 @@ class Renderer:
         """Read the picture's parts back, add them, expose and tone map."""
         f2, f4, u4 = np.float16, np.float32, np.uint32
         assert self._packed is not None
-        glow = [(light[2], f4, 4)] if _glows(self._packed) else []
+        background = self.settings.background
+        shines = not isinstance(background, str) and any(background)
+        glow = [(light[2], f4, 4)] if shines or _glows(self._packed) else []
         d, i, irr, base, normals, ids, depth, *rest = self._gpu.read_many([
             (light[0], f4, 4), (light[1], f4, 4), (irradiance, f4, 4), (gbuffer.base, f2, 4),
             (gbuffer.normals, f2, 4), (gbuffer.ids, u4, 2), (gbuffer.depth, f4), *glow,
         ])  # fmt: skip
         e = rest[0] if rest else np.zeros(d.shape, f4)  # untouched pages: zeros_like would write them
         alpha = i[..., 3]
-        background = self.settings.background
-        if not isinstance(background, str) and any(background):
+        if shines:
             e[..., :3] += (1.0 - alpha[..., None]) * np.array(background, f4)
         nodes = np.append(np.int32(-1), self._packed.instances["node"].astype(np.int32))
         full = make.sum_layers(d, i, e, self.threads)
@@ -407,7 +449,7 @@ class Renderer:
             "depth": lambda: make.linear_depth(depth, view),
             "normal": lambda: make.decode_normals(normals, depth),
             "albedo": lambda: base[..., :3].astype(f4), "instance": lambda: nodes[ids[..., 0]],
-            "material": lambda: np.where(ids[..., 0] > 0, ids[..., 1].astype(np.int32), np.int32(-1)),
+            "material": lambda: np.where(ids[..., 0] > 0, ids[..., 1] & _ROW, -1).astype(np.int32),
         })  # fmt: skip
         settings = self.settings
         exposure = auto_exposure(full) if settings.exposure == "auto" else float(settings.exposure)

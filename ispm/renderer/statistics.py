@@ -82,12 +82,14 @@ def collect(
     total_ms: float,
     *,
     adapter: str,
+    emission: str,
     timing: str,
     moved: np.ndarray,
 ) -> Stats:
     """Return a frame's statistics.
 
     times  ms of the stages by name;  total_ms of the whole frame
+    emission  how the photons left the lights: map or rays
     moved  (I,) bool: the instances that stand elsewhere than in the frame before
     """
     dynamic = packed.instances[moved]
@@ -106,8 +108,7 @@ def collect(
         flux_dropped=float(path.dropped.sum()), flux_stored=float(path.stored.sum()),
         overdraw=overdraw(path.photons, view), peak_memory=peak_memory(), adapter=adapter,
         estimator=estimator_name(settings), kernel="hint" if settings.kernel == "hint" else "measured",
-        emission="map" if settings.emission == "auto" else settings.emission,
-        seed=settings.seed, timing=timing,
+        emission=emission, seed=settings.seed, timing=timing,
     )  # fmt: skip
 
 

@@ -14,9 +14,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ispm.optics import records
-from ispm.scene.lightmap import LightMap
+from ispm.scene.lightmap import LightMap, corners_of
 
-GUARD = 4  # texels round a tile's window, for the filter of its outermost points
+GUARD = 2  # texels round a tile's window, for the filter of its outermost points
 LEAST = 32  # texels of a tile's side, a multiple of STEP
 STEP = 16
 
@@ -36,7 +36,8 @@ class ShadowFace:
     window    (2, 2) low and high corner of what the tile shows, in tangents right and down of forward;
               orthographic: in m
     depth     m before and behind the origin that an orthographic view holds; 0: a perspective one
-    weight    share of the picture's width that its light fills, 0 to 1; 0 where it lights nothing seen
+    range     m from the origin beyond which the light ends
+    weight    1; 0 where the light shines on nothing there that the eye sees
     """
 
     light: int
@@ -45,43 +46,48 @@ class ShadowFace:
     frame: np.ndarray
     window: np.ndarray
     depth: float
+    range: float
     weight: float
 
-    def project(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return where (..., 3) world-space points lie in the window's units, (..., 2), and (...) by what
-        they were divided: m ahead of the origin, orthographic 1."""
-        local = (points - self.origin) @ self.frame.T
-        ahead = np.ones_like(local[..., 2]) if self.depth else local[..., 2]
-        with np.errstate(divide="ignore", invalid="ignore"):
-            return local[..., :2] / ahead[..., None], ahead
+    def holds(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return where (n, 3) world-space points lie in the window's units, (2, n), and (n,) whether that
+        is in the window."""
+        frame = self.frame.astype(np.float32)
+        local = frame @ (points - self.origin.astype(np.float32)).T
+        at = local[:2] if self.depth else local[:2] / np.maximum(local[2], np.float32(1e-30))
+        low, high = self.window.astype(np.float32)[..., None]
+        return at, ((at >= low) & (at <= high)).all(axis=0)
 
-    def sees(self, boxes: np.ndarray, reach: float = 0.0) -> np.ndarray:
-        """Return (n,) whether (n, 2, 3) world-space boxes may be in the window.
+    def sees(self, boxes: np.ndarray) -> np.ndarray:
+        """Return (n,) whether (n, 2, 3) world-space boxes may be in the window, within the light's range."""
+        right, down, ahead = np.moveaxis((corners_of(boxes) - self.origin) @ self.frame.T, -1, 0)
+        edge = np.ones_like(ahead) if self.depth else ahead
+        (left, top), (far, bottom) = self.window
+        sides = (right - left * edge, far * edge - right, down - top * edge, bottom * edge - down)
+        outside = np.any([(side < 0.0).all(axis=1) for side in sides], axis=0)
+        nearest = np.clip(self.origin, boxes[:, 0], boxes[:, 1]) - self.origin
+        return np.asarray(~outside & (np.linalg.norm(nearest, axis=1) <= self.range))
 
-        reach  m from the origin that counts; 0: all
-        """
-        picks = np.array([[i & 1, i >> 1 & 1, i >> 2 & 1] for i in range(8)])
-        local = (boxes[:, picks, [0, 1, 2]] - self.origin) @ self.frame.T
-        ahead = 1.0 if self.depth else local[..., 2:]
-        low, high = local[..., :2] - self.window[0] * ahead, self.window[1] * ahead - local[..., :2]
-        outside = (low < 0.0).all(axis=1).any(axis=1) | (high < 0.0).all(axis=1).any(axis=1)
-        if reach > 0.0:
-            nearest = np.clip(self.origin, boxes[:, 0], boxes[:, 1]) - self.origin
-            outside |= np.linalg.norm(nearest, axis=1) > reach
-        return np.asarray(~outside)
+
+@dataclass(frozen=True, eq=False)
+class ShadowTile:
+    """Where a face lies in the atlas.
+
+    seen    rows of the boxes that it may see
+    corner  texels: its upper left;  side  texels
+    """
+
+    face: ShadowFace
+    seen: np.ndarray
+    corner: tuple[int, int]
+    side: int
 
 
 @dataclass(frozen=True, eq=False)
 class ShadowAtlas:
-    """The faces that have a tile, largest first, and where those lie.
+    """The tiles of all faces that see something, largest first; size: width and height that hold them."""
 
-    places  (F, 2) texels: the tiles' upper left corners;  sides  (F,) texels
-    size    width and height that hold them all
-    """
-
-    faces: list[ShadowFace]
-    places: np.ndarray
-    sides: np.ndarray
+    tiles: list[ShadowTile]
     size: tuple[int, int]
 
 
@@ -105,21 +111,25 @@ def plan_atlas(
     samples = receivers[:: max(len(receivers) // _SAMPLES, 1)]
     irradiance = brightness(lights, samples)
     weights = apparent_sizes(lights, irradiance, eye)
-    faces = []
-    for map in maps:
-        light = lights[map.light]
-        if light["intensity"].any():
-            lit = samples[irradiance[map.light] > 0.0]
-            for face in _faces(map, light, receivers, lit, float(weights[map.light])):
-                if face.sees(boxes, float(light["range"])).any():
-                    faces.append(face)
+    views: list[tuple[ShadowFace, np.ndarray]] = [
+        (face, rows)
+        for map in maps
+        if lights[map.light]["intensity"].any()
+        for face in _faces(map, lights[map.light], receivers, samples[irradiance[map.light] > 0.0])
+        if len(rows := np.flatnonzero(face.sees(boxes)))
+    ]
+    wanted = np.array([face.weight * weights[face.light] for face, _ in views])
     budget = _BUDGET * resolution**2
     while True:
-        sides = tile_sides(np.array([face.weight for face in faces]), resolution, budget)
+        sides = tile_sides(wanted, resolution, budget)
         order = np.argsort(-sides, kind="stable")
         places, size = pack_shelves(sides[order], limit)
         if max(size) <= limit:
-            return ShadowAtlas([faces[i] for i in order], places, sides[order], size)
+            tiles = [
+                ShadowTile(*views[i], (int(place[0]), int(place[1])), int(sides[i]))
+                for i, place in zip(order, places, strict=True)
+            ]
+            return ShadowAtlas(tiles, size)
         if (sides == LEAST).all():
             return None
         budget = budget * 3 // 4
@@ -190,34 +200,33 @@ def pack_shelves(sides: np.ndarray, limit: int) -> tuple[np.ndarray, tuple[int, 
     return places, (width, y + height)
 
 
-def _faces(
-    map: LightMap, light: np.void, receivers: np.ndarray, lit: np.ndarray, weight: float
-) -> list[ShadowFace]:
-    """The faces of a light's map; weight 0 where none of the points `lit`, which it shines at, is seen."""
+def _faces(map: LightMap, light: np.void, receivers: np.ndarray, lit: np.ndarray) -> list[ShadowFace]:
+    """The faces of a light's map that it shines through; `lit`: receivers that it may shine on."""
+    cube = len(map.axes) == 6
+    ways = lit - map.origin
+    largest = np.abs(ways).argmax(axis=1)
+    used = set((2 * largest + (np.take_along_axis(ways, largest[:, None], 1)[:, 0] < 0.0)).tolist())
     faces = []
     for index, rows in enumerate(map.axes):
         lengths = np.linalg.norm(rows, axis=1)
         half = 1.0 / lengths[:2]
         depth = 1.0 / float(lengths[2]) if map.orthographic else 0.0
-        window = np.stack([-half, half])
-        face = ShadowFace(map.light, index, map.origin, rows / lengths[:, None], window, depth, weight)
-        if len(map.axes) == 1:
-            faces.append(_fitted(face, receivers))
-        elif not _is_dark(light, face.frame[2]):
-            at, ahead = face.project(lit)
-            inside = (ahead > 0.0) & (np.abs(at) <= half).all(axis=-1)
-            faces.append(face if inside.any() else replace(face, weight=0.0))
+        window, frame = np.stack([-half, half]), rows / lengths[:, None]
+        weight = float(index in used) if cube else 1.0
+        face = ShadowFace(map.light, index, map.origin, frame, window, depth, map.range, weight)
+        if not (cube and _is_dark(light, frame[2])):
+            faces.append(face if cube else _fitted(face, receivers))
     return faces
 
 
 def _fitted(face: ShadowFace, receivers: np.ndarray) -> ShadowFace:
     """The face with its window narrowed to the receivers in it."""
-    at, ahead = face.project(receivers)
-    low, high = face.window
-    at = at[(ahead > 0.0) & (at >= low).all(axis=-1) & (at <= high).all(axis=-1)]
-    if not len(at):
+    at, inside = face.holds(receivers)
+    at = at[:, inside]
+    if not at.size:
         return replace(face, weight=0.0)
-    corners = np.stack([at.min(axis=0), at.max(axis=0)])
+    low, high = face.window
+    corners = np.stack([at.min(axis=1), at.max(axis=1)])
     margin = np.maximum(_MARGIN * (corners[1] - corners[0]), 1e-3 * (high - low))
     return replace(face, window=np.clip(corners + np.stack([-margin, margin]), low, high))
 

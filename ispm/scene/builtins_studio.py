@@ -45,7 +45,7 @@ def caustic_ring() -> Scene:
     pivot = Node("pivot")
     scene.roots.append(pivot)
     lamp = SpotLight((620.0, 500.0, 350.0), inner_angle=math.radians(13.0), outer_angle=math.radians(24.0))
-    add_spot(scene, lamp, "lamp", (-0.80, 0.47, -0.36), (0.0, 0.0, 0.0), pivot)
+    add_spot(scene, lamp, "lamp", (-0.74, 0.27, 0.52), (0.0, 0.0, 0.0), pivot)
     slide = 0.02 * np.stack([np.sin(_KEYS), 0.0 * _KEYS, 0.5 * np.sin(2.0 * _KEYS)], axis=1)
     scene.animations.append(
         Animation(
@@ -57,7 +57,7 @@ def caustic_ring() -> Scene:
         )
     )
     # Parallel light meets half a radius behind the centre, seen from where it comes from.
-    add_camera(scene, (0.10, 0.45, 0.42), (0.043, 0.0, 0.019), math.radians(26.0))
+    add_camera(scene, (0.06, 0.44, 0.40), (0.038, 0.0, -0.027), math.radians(27.0))
     return scene
 
 

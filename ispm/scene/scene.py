@@ -81,15 +81,6 @@ class Scene:
     extensions_used: list[str] = field(default_factory=list)
     extensions_honoured: list[str] = field(default_factory=list)
 
-    def __repr__(self) -> str:
-        counts = (
-            (self.triangle_count, "triangle"),
-            (len(self.lights), "light"),
-            (len(self.cameras), "camera"),
-        )
-        held = ", ".join(f"{count:,} {what}{'s' * (count != 1)}" for count, what in counts)
-        return f"<Scene '{self.name}': {held}>"
-
     @classmethod
     def from_trimesh(cls, source: Any) -> Scene:
         """Return the scene of a trimesh.Scene or Trimesh: geometry, places and materials, copied.
@@ -99,6 +90,15 @@ class Scene:
         from ispm.scene.from_trimesh import to_scene
 
         return to_scene(source)
+
+    def __repr__(self) -> str:
+        counts = (
+            (self.triangle_count, "triangle"),
+            (len(self.lights), "light"),
+            (len(self.cameras), "camera"),
+        )
+        held = ", ".join(f"{count:,} {what}{'s' * (count != 1)}" for count, what in counts)
+        return f"<Scene '{self.name}': {held}>"
 
     def placed(self) -> Iterator[tuple[Node, np.ndarray]]:
         """Yield each node with its (4, 4) node-to-world matrix, parents before children."""

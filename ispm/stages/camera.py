@@ -90,16 +90,31 @@ class CameraView:
     def rays(self) -> tuple[np.ndarray, np.ndarray]:
         """Return origins and unit directions, (height, width, 3) float64, of the pixels' samples."""
         width, height = self.size
-        x = 2.0 * (np.arange(width) + 0.5) / width - 1.0
-        y = 1.0 - 2.0 * (np.arange(height) + 0.5) / height
+        return self.rays_through(np.arange(width) + 0.5, np.arange(height)[:, None] + 0.5)
+
+    def rays_through(self, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return origins and unit directions, (..., 3) float64, of rays through points of the picture.
+
+        x, y  pixels right and down, centres at .5, of shapes that broadcast
+        """
         near, beyond = (self._unproject(x, y, depth) for depth in (1.0, 0.5))
         direction = beyond - near
         direction /= np.linalg.norm(direction, axis=-1, keepdims=True)
         return (near if self.ymag is not None else np.broadcast_to(self.eye, near.shape)), direction
 
+    def pixel_rays(self, pixels: np.ndarray, depth: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return origins, unit directions, (n, 3), and metres to what is seen, (n,), of some pixels.
+
+        pixels  (n,) numbers y width + x;  depth  (n,) in clip space, above 0
+        """
+        x, y = pixels % self.size[0] + 0.5, pixels // self.size[0] + 0.5
+        origin, direction = self.rays_through(x, y)
+        along = self.near / depth if self.ymag is None else (1.0 - depth) * (self.far - self.near)
+        return origin, direction, along / (direction @ self.forward)
+
     def _unproject(self, x: np.ndarray, y: np.ndarray, depth: float) -> np.ndarray:
-        ndc = np.ones((len(y), len(x), 4))
-        ndc[..., 0], ndc[..., 1], ndc[..., 2] = x, y[:, None], depth
+        x, y = np.broadcast_arrays(2.0 * x / self.size[0] - 1.0, 1.0 - 2.0 * y / self.size[1])
+        ndc = np.stack([x, y, np.full(x.shape, depth), np.ones(x.shape)], axis=-1)
         world = ndc @ self.world_from_clip.T
         return np.asarray(world[..., :3] / world[..., 3:])
 

@@ -98,9 +98,9 @@ fn fs(splat: Splat) -> Arrived {
 
 // Radiance towards the eye of light along wi, as if it came from the estimators.
 fn reflected(pixel: vec2u, light: vec3f, n: vec3f, wo: vec3f, wi: vec3f) -> vec3f {
-    let material = textureLoad(ids, pixel, 0).y;
-    let color = textureLoad(base, pixel, 0);
-    let b = surface_bsdf(color.rgb, color.a, textureLoad(emission, pixel, 0).a, materials[material].transmission, materials[material], true);
+    let word = textureLoad(ids, pixel, 0).y;
+    let material = material_row(word);
+    let b = seen_bsdf(word, textureLoad(base, pixel, 0), textureLoad(emission, pixel, 0).a, materials[material]);
     let gloss = gloss_terms(receiver_alpha(b, materials[material].flags), n, wo, wi);
     return reflect_incident(b, Incident(light, light * gloss.z, light * gloss.x, light * gloss.y));
 }

@@ -19,14 +19,14 @@ class DirectStage:
 
     In   scene, gbuffer, shadows, and the view the G-buffer was drawn with
     Out  rgba32float of the G-buffer's size: cd/m2, 1; black where nothing is and where it is unlit
-    Shadows are filtered over two to three texels of their map. A fragment shader: on llvmpipe it takes
-    four fifths of a compute shader's time. Every pixel asks every light; 128 at a time.
+    Shadows are filtered over two texels of their map. A fragment shader: on llvmpipe it takes four fifths
+    of a compute shader's time. Every pixel asks every light, 128 at a time.
     """
 
     def __init__(self, gpu: Gpu) -> None:
         self._gpu = gpu
         self._pipelines: dict[tuple[bool, bool, bool], Raster] = {}
-        self._farther = gpu.sampler(compare="greater-equal")  # reversed depth: nearer is greater
+        self._nearest = gpu.sampler(linear=False, mipmaps=False)
         usage = ("attachment", "sampled", "storage")
         self._radiance = [gpu.texture(f"direct radiance {k}", "rgba32float", usage=usage) for k in range(2)]
         self._nothing = gpu.texture("no radiance", "rgba32float").sized((1, 1))
@@ -65,7 +65,7 @@ class DirectStage:
             0, frame, camera=view.uniform(), lamps=_lamps(scene, shadows, first), materials=scene.materials,
             ids=gbuffer.ids, normals=gbuffer.normals, base=gbuffer.base, emission=gbuffer.emission,
             depth=gbuffer.depth, before=before, atlas=shadows.depth, sheets=shadows.sheets,
-            tints=shadows.tints, farther=self._farther,
+            tints=shadows.tints, nearest=self._nearest,
         )  # fmt: skip
         with frame.draw_into(result) as canvas:
             canvas.use(raster, group)

@@ -1,7 +1,7 @@
 // Light that reaches the eye's pixels straight from the lights, with shadows.
 // include stages/camera.wgsl
+// include stages/material.wgsl
 // include stages/shadow_map.wgsl
-// include optics/bsdf.wgsl
 // include optics/light.wgsl
 
 override ADDS: bool = false;        // to what the lights before these brought
@@ -29,72 +29,66 @@ struct Lamps {                      // uniform: on llvmpipe a storage buffer cos
 @group(0) @binding(9) var atlas: texture_depth_2d;
 @group(0) @binding(10) var sheets: texture_depth_2d;
 @group(0) @binding(11) var tints: texture_2d<f32>;
-@group(0) @binding(12) var farther: sampler_comparison;
+@group(0) @binding(12) var nearest: sampler;
 
-const REACH = 1.5;   // texels at most between a point and the centres of those its filter reads
-const TAP = 0.5;     // texels that each of four bilinear taps lies off, right and down
+const REACH = 1.0;      // texels at most between a point and the centres of those its filter reads
+const GRAZING = 1e-3;   // what normals are uncertain by, kept as two halves: radians
 
+// Four texels about a point in the order of textureGather: left below, right below, right above, left above.
 struct Lookup {
-    texel: vec2f,    // of the atlas
-    depth: f32,      // surfaces that are nearer shade
-    side: f32,       // of the tile; 0: nothing shades
+    middle: vec2f,      // where they meet, in texels of the atlas
+    share: vec4f,       // of each in the point's light
+    depth: vec4f,       // surfaces that are nearer shade
+    side: f32,          // of the tile; 0: nothing shades
 }
 
 // Where a point is looked up in the map of light `i`; ng: its surface's normal on the light's side.
 //
-// A tap compares the point with the depth stored up to REACH texels beside it. On the point's own plane
-// the two agree to within that distance across the view, so the plane shades itself nowhere if the point
-// is first raised by REACH texels times the slope of the plane in the face: ng's components along the
-// face's edges. That is exact for planes, in units of texels, so no scene needs a bias of its own.
-// Bringing the point REACH texels nearer as well keeps the other wall of a corner from shading the first.
+// The depth stored in a texel belongs to its centre, so the point is compared there as its surface's plane
+// would be stored: depth in clip space is linear across the map. That is exact for planes, at any scale.
+// Where the plane recedes the point's own depth serves, which spares it the shade of what stands at its
+// foot. And all is REACH texels nearer, so that a corner's other wall does not shade the first.
 fn lookup(i: u32, position: vec3f, ng: vec3f) -> Lookup {
     let map = lamps.maps[i];
     let parallel = map.parallel != 0u;
-    let to_map = vec3f(dot(map.x, ng), dot(map.y, ng), dot(map.z, ng));
     let from_light = position - map.origin;
     let p = vec3f(dot(map.x, from_light), dot(map.y, from_light), dot(map.z, from_light));
     let face = face_of(p, map.faces == 6u);
     let tile = lamps.tiles[6u * i + face.index];
-    let n = on_face(face, to_map);
     let point = on_face(face, p);
-    let texels = REACH / tile.scale;
-    let slope = dot(texels, abs(n.xy));
-    let growth = select(slope * n.z, 0.0, parallel);    // of the texels on the way up
-    let raised = point + n * (slope * select(point.z, 1.0, parallel) / (1.0 - growth));
-    let w = select(raised.z, 1.0, parallel);
-    let nearer = raised.z - max(texels.x, texels.y) * w;
-    let low = tile.corner + REACH;
+    let n = on_face(face, vec3f(dot(map.x, ng), dot(map.y, ng), dot(map.z, ng)));
+    let size = select(length(point), 1.0, parallel);
+    let facing = min(select(dot(n, point), n.z, parallel), -2.0 * GRAZING * size) + GRAZING * size;
+    let slope = (select(map.near, map.slope, parallel) / facing) * n.xy / tile.scale;
+    let w = select(point.z, 1.0, parallel);
+    let nearer = point.z - REACH * w * max(1.0 / tile.scale.x, 1.0 / tile.scale.y);
+    let own = (map.near - map.slope * nearer) / select(nearer, 1.0, parallel);
+    let texel = clamp(tile.scale * (point.xy / w) + tile.shift, tile.corner + REACH, tile.corner + (tile.side - REACH));
+    let f = fract(texel - 0.5);
+    let x = vec4f(-f.x, 1.0 - f.x, 1.0 - f.x, -f.x);
+    let y = vec4f(1.0 - f.y, 1.0 - f.y, -f.y, -f.y);
     return Lookup(
-        clamp(tile.scale * (raised.xy / w) + tile.shift, low, low + (tile.side - 2.0 * REACH)),
-        (map.near - map.slope * nearer) / select(nearer, 1.0, parallel),
+        floor(texel - 0.5) + 1.0,
+        (1.0 - abs(x)) * (1.0 - abs(y)),
+        own + max(slope.x * x + slope.y * y, vec4f(0.0)),
         tile.side,
     );
 }
 
-// Share of the light that passes all opaque surfaces, over three by three texels.
+// Share of the light that passes all opaque surfaces.
 fn visibility(at: Lookup) -> f32 {
-    var sum = 0.0;
-    for (var i = 0u; i < 4u; i++) {
-        let tap = vec2f(f32(i & 1u), f32(i >> 1u)) * (2.0 * TAP) - TAP;
-        sum += textureSampleCompareLevel(atlas, farther, (at.texel + tap) * lamps.texel, at.depth);
-    }
-    return 0.25 * sum;
+    let stored = textureGather(atlas, nearest, at.middle * lamps.texel);
+    return dot(at.share, select(vec4f(0.0), vec4f(1.0), stored <= at.depth));
 }
 
-// Share of it that passes all sheets, where the nearest stands before the point; over the same texels.
+// Share of it that passes all sheets, where the nearest stands before the point.
 fn tint(at: Lookup) -> vec3f {
-    let first = floor(at.texel - 1.0);
-    let f = at.texel - 1.0 - first;
-    let x = vec3f(1.0 - f.x, 1.0, f.x);
-    let y = vec3f(1.0 - f.y, 1.0, f.y);
-    var sum = vec3f(0.0);
-    for (var i = 0u; i < 9u; i++) {
-        let offset = vec2u(i % 3u, i / 3u);
-        let texel = vec2u(first) + offset;
-        let shaded = textureLoad(sheets, texel, 0) > at.depth;
-        sum += (0.25 * x[offset.x] * y[offset.y]) * select(vec3f(1.0), textureLoad(tints, texel, 0).rgb, shaded);
-    }
-    return sum;
+    let stored = textureGather(sheets, nearest, at.middle * lamps.texel);
+    let share = select(vec4f(0.0), at.share, stored > at.depth);
+    let k = vec2u(at.middle);
+    return 1.0 - dot(share, vec4f(1.0))
+        + share.x * textureLoad(tints, k - vec2u(1u, 0u), 0).rgb + share.y * textureLoad(tints, k, 0).rgb
+        + share.z * textureLoad(tints, k - vec2u(0u, 1u), 0).rgb + share.w * textureLoad(tints, k - vec2u(1u, 1u), 0).rgb;
 }
 
 @vertex
@@ -106,8 +100,7 @@ fn vs(@builtin(vertex_index) corner: u32) -> @builtin(position) vec4f {
 fn fs(@builtin(position) position: vec4f) -> @location(0) vec4f {
     let pixel = vec2u(position.xy);
     let seen = textureLoad(ids, pixel, 0).xy;
-    let row = seen.y & 0xffffffu;
-    if (seen.x == 0u || (materials[row].flags & MATERIAL_UNLIT) != 0u) {
+    if (seen.x == 0u || (materials[material_row(seen.y)].flags & MATERIAL_UNLIT) != 0u) {
         return vec4f(0.0, 0.0, 0.0, 1.0);
     }
     var sum = lit(pixel, seen.y);
@@ -125,8 +118,7 @@ fn lit(pixel: vec2u, word: u32) -> vec3f {
     let position = world_position(vec2f(pixel) + 0.5, textureLoad(depth, pixel, 0));
     let wo = view_direction(position);
     let color = textureLoad(base, pixel, 0);
-    let row = word & 0xffffffu;
-    var bsdf = surface_bsdf(color.rgb, color.a, textureLoad(emission, pixel, 0).a, materials[row].transmission, materials[row], true);
+    var bsdf = seen_bsdf(word, color, textureLoad(emission, pixel, 0).a, materials[material_row(word)]);
     if (!TRANSMITS) {
         bsdf.tint = vec3f(0.0);  // so that the compiler leaves the lobe out
     }

@@ -57,9 +57,10 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     if (pixel.x >= 0) {
         let d = textureLoad(depth, pixel, 0);
         let packed = textureLoad(normals, pixel, 0);
-        let material = textureLoad(ids, pixel, 0).y;
+        let word = textureLoad(ids, pixel, 0).y;
+        let material = material_row(word);
         let color = textureLoad(base, pixel, 0);
-        let b = surface_bsdf(color.rgb, color.a, textureLoad(emission, pixel, 0).a, materials[material].transmission, materials[material], true);
+        let b = seen_bsdf(word, color, textureLoad(emission, pixel, 0).a, materials[material]);
         r.position = world_position(vec2f(pixel) + 0.5, d);
         r.alpha = receiver_alpha(b, materials[material].flags);
         r.n = octahedral_decode(packed.xy);

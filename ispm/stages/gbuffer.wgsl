@@ -4,7 +4,7 @@
 // lose it on triangles smaller than a pixel.
 // include stages/camera.wgsl
 // include stages/geometry.wgsl
-// include optics/sampling.wgsl
+// include stages/material.wgsl
 
 override MASKED: bool = false;     // the material has holes
 override TEXTURED: bool = false;   // the material has textures
@@ -17,6 +17,8 @@ override MIRRORED: bool = false;   // the instances turn triangles inside out
 @group(1) @binding(6) var normal_sampler: sampler;
 @group(1) @binding(7) var emission_map: texture_2d<f32>;
 @group(1) @binding(8) var emission_sampler: sampler;
+@group(1) @binding(9) var transmission_map: texture_2d<f32>;
+@group(1) @binding(10) var transmission_sampler: sampler;
 
 const LARGEST_HALF = 65504.0;
 
@@ -96,11 +98,13 @@ fn fs(c: Corner) -> Pixel {
     var base = material.base_color * c.color;
     var metallic_roughness = vec2f(material.metallic, material.roughness);
     var emission = material.emission;
+    var transmission = material.transmission;
     var n = normalize(c.normal);
     if (TEXTURED) {
         base = base_color_at(c.uv, c.color);
         metallic_roughness *= textureSample(metallic_roughness_map, metallic_roughness_sampler, texture_uv(material.metallic_roughness_texture, c.uv)).bg;
         emission *= textureSample(emission_map, emission_sampler, texture_uv(material.emission_texture, c.uv)).rgb;
+        transmission *= textureSample(transmission_map, transmission_sampler, texture_uv(material.transmission_texture, c.uv)).r;
         let texel = textureSample(normal_map, normal_sampler, texture_uv(material.normal_texture, c.uv));
         n = mapped_normal(c, texel.xyz);
     }
@@ -115,7 +119,7 @@ fn fs(c: Corner) -> Pixel {
         base = vec4f(0.0);
     }
     var out: Pixel;
-    out.ids = c.ids;
+    out.ids = vec2u(c.ids.x, pack_material(c.ids.y, transmission));
     out.normals = seen_normals(c, n);
     out.base = vec4f(base.rgb, metallic_roughness.x);
     out.emission = vec4f(min(emission, vec3f(LARGEST_HALF)), metallic_roughness.y);

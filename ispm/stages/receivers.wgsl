@@ -1,15 +1,17 @@
 // Receivers: the surfaces whose incident light is estimated, and what becomes of it at a pixel.
 // include optics/records.wgsl
-// include optics/bsdf.wgsl
+// include stages/material.wgsl
 
 // Photons cannot resolve a narrower lobe: at this width some 3 % of them fall into it. Direct light and
 // the photons' own paths keep the true one.
 const GLOSS_ALPHA_MIN = 0.25;
 
-// The width of the glossy lobe that a receiver estimates, 0: none.
+// The width of the lobe by which a receiver weighs photons, 0: none. Smooth surfaces need the Fresnel term
+// alone, for their diffuse part.
 fn receiver_alpha(b: Bsdf, flags: u32) -> f32 {
     let glossy = b.f90 > 0.0 || max(b.f0.x, max(b.f0.y, b.f0.z)) > 0.0;
-    return select(0.0, max(b.alpha, GLOSS_ALPHA_MIN), glossy && (flags & MATERIAL_UNLIT) == 0u);
+    let counts = glossy && has_finite(b) && (flags & MATERIAL_UNLIT) == 0u;
+    return select(0.0, max(b.alpha, GLOSS_ALPHA_MIN), counts);
 }
 
 struct Incident {          // sums over photons, see `estimators`

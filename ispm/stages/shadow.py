@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -12,9 +11,8 @@ from ispm.errors import SceneError
 from ispm.frame import GpuScene, ShadowMaps, vertex_layout
 from ispm.gpu import Canvas, Gpu, Recording, Target, Texture
 from ispm.optics.records import MATERIAL_THIN
-from ispm.scene.atlas import GUARD, LEAST, ShadowAtlas, ShadowFace, plan_atlas
+from ispm.scene.atlas import GUARD, LEAST, ShadowAtlas, ShadowTile, plan_atlas
 from ispm.scene.lightmap import LightMap
-from ispm.scene.packed import Draw
 
 _MAP = wgsl.load("stages/shadow_map.wgsl").dtype("ShadowMap")
 _TILE = wgsl.load("stages/shadow_map.wgsl").dtype("ShadowTile")
@@ -71,19 +69,20 @@ class ShadowStage:
                 f"the scene has {len(packed.lights)} lights, more than {self._gpu.name} can hold shadow maps "
                 f"for in a texture of {self._gpu.max_texture} texels a side; remove some"
             )
-        sheets = np.array([_is_sheet(packed.materials[draw.material]) for draw in scene.draws], bool)
+        materials = packed.materials[[draw.material for draw in scene.draws]]
+        sheets = _are_sheets(materials)
+        has_sheets = bool(sheets.any())
         self._fit(self._depth, atlas.size)
-        tiles = [_Tile.of(atlas, k, scene, near, pass_index) for k in range(len(atlas.faces))]
-        with frame.draw_into(depth=self._depth) as canvas:
-            for tile in self._each(scene, canvas, tiles):
-                self._draw(frame, scene, canvas, tile, ~sheets)
         for texture in (self._sheets, self._tints):
-            texture.sized(self._depth.size if sheets.any() else (1, 1))
-        if sheets.any():
-            self._draw_sheets(frame, scene, tiles, sheets)
+            texture.sized(self._depth.size if has_sheets else (1, 1))
+        views = [view_row(tile, near, pass_index) for tile in atlas.tiles]
+        self._draw_depth(frame, scene, atlas, views, self._depth, ~sheets)
+        if has_sheets:
+            self._draw_tints(frame, scene, atlas, views, sheets)
+            self._draw_depth(frame, scene, atlas, views, self._sheets, sheets)
         return ShadowMaps(
-            atlas, map_rows(packed.maps, near), tile_rows(atlas, len(packed.maps)),
-            self._depth, self._sheets, self._tints, bool(sheets.any()),
+            map_rows(packed.maps, near), tile_rows(atlas, len(packed.maps)),
+            self._depth, self._sheets, self._tints, has_sheets,
         )  # fmt: skip
 
     def close(self) -> None:
@@ -98,82 +97,61 @@ class ShadowStage:
         if width > old[0] or height > old[1] or 2 * width * height < old[0] * old[1]:
             texture.sized((width, height))
 
-    def _each(self, scene: GpuScene, canvas: Canvas, tiles: list[_Tile]) -> Iterator[_Tile]:
-        """Yield the tiles, each with the canvas set to it."""
-        canvas.vertices(scene.vertices)
-        canvas.indices(scene.indices)
-        for tile in tiles:
-            canvas.viewport(*tile.corner, tile.side, tile.side)
-            yield tile
-
-    def _draw(
-        self, frame: Recording, scene: GpuScene, canvas: Canvas, tile: _Tile, which: np.ndarray
+    def _draw_depth(
+        self,
+        frame: Recording,
+        scene: GpuScene,
+        atlas: ShadowAtlas,
+        views: list[np.ndarray],
+        target: Texture,
+        which: np.ndarray,
     ) -> None:
-        """Draw the depth of the draws `which` into a tile."""
-        shared = {"view": frame.uniform(tile.view), "instances": scene.instances}
-        visible = [draw for row, draw in tile.draws if which[row]]
-        solid = [draw for draw in visible if not scene.is_masked(draw.material)]
-        if solid:
-            canvas.use(self._opaque, self._opaque.bind(0, **shared))
-        for draw in solid:
-            scene.draw_indexed(canvas, draw)
-        masked = (draw for draw in visible if scene.is_masked(draw.material))
-        for draw in scene.each(frame, canvas, masked, lambda _: self._masked, shared):
-            scene.draw_indexed(canvas, draw)
+        """Draw the depth of the draws `which`, (draws,) bool, into all tiles."""
+        masked = np.array([scene.is_masked(draw.material) for draw in scene.draws], bool)
+        with frame.draw_into(depth=target) as canvas:
+            for tile, view in _each(scene, canvas, atlas, views):
+                shared = {"view": frame.uniform(view), "instances": scene.instances}
+                canvas.use(self._opaque, self._opaque.bind(0, **shared))
+                for row in tile.seen[(which & ~masked)[tile.seen]]:
+                    scene.draw_indexed(canvas, scene.draws[row])
+                holed = (scene.draws[row] for row in tile.seen[(which & masked)[tile.seen]])
+                for draw in scene.each(frame, canvas, holed, lambda _: self._masked, shared):
+                    scene.draw_indexed(canvas, draw)
 
-    def _draw_sheets(self, frame: Recording, scene: GpuScene, tiles: list[_Tile], sheets: np.ndarray) -> None:
-        """Draw the tints of what stands before opaque surfaces, then how near the nearest is."""
-        with frame.draw_into(
-            self._tints, depth=self._depth, clear=(1.0, 1.0, 1.0, 1.0), clear_depth=None
-        ) as canvas:
-            for tile in self._each(scene, canvas, tiles):
-                group = self._sheet.bind(0, frame, view=tile.view, instances=scene.instances)
-                for row, draw in tile.draws:
-                    if sheets[row]:
-                        material = scene.packed.materials[draw.material]
-                        maps = scene.material_maps(draw.material, "base_color")
-                        canvas.use(self._sheet, group, self._sheet.bind(1, frame, material=material, **maps))
-                        scene.draw_indexed(canvas, draw)
-        with frame.draw_into(depth=self._sheets) as canvas:
-            for tile in self._each(scene, canvas, tiles):
-                self._draw(frame, scene, canvas, tile, sheets)
-
-
-@dataclass(frozen=True, eq=False)
-class _Tile:
-    """A face with its place, its VIEW record, and what it sees: rows of the draws, and the draws."""
-
-    corner: tuple[int, int]
-    side: int
-    view: np.ndarray
-    draws: list[tuple[int, Draw]]
-
-    @classmethod
-    def of(cls, atlas: ShadowAtlas, k: int, scene: GpuScene, near: float, pass_index: int) -> _Tile:
-        face, place, side = atlas.faces[k], atlas.places[k], int(atlas.sides[k])
-        seen = face.sees(scene.instance_boxes, float(scene.packed.lights[face.light]["range"]))
-        corner = int(place[0]), int(place[1])
-        return cls(corner, side, view_row(face, side, near, pass_index), _runs(scene.draws, seen))
+    def _draw_tints(
+        self,
+        frame: Recording,
+        scene: GpuScene,
+        atlas: ShadowAtlas,
+        views: list[np.ndarray],
+        sheets: np.ndarray,
+    ) -> None:
+        """Draw what the sheets before opaque surfaces let through, one on top of the other."""
+        white = (1.0, 1.0, 1.0, 1.0)
+        with frame.draw_into(self._tints, depth=self._depth, clear=white, clear_depth=None) as canvas:
+            for tile, view in _each(scene, canvas, atlas, views):
+                group = self._sheet.bind(0, frame, view=view, instances=scene.instances)
+                for draw in (scene.draws[row] for row in tile.seen[sheets[tile.seen]]):
+                    material = scene.packed.materials[draw.material]
+                    maps = scene.material_maps(draw.material, "base_color")
+                    canvas.use(self._sheet, group, self._sheet.bind(1, frame, material=material, **maps))
+                    scene.draw_indexed(canvas, draw)
 
 
-def _runs(draws: list[Draw], seen: np.ndarray) -> list[tuple[int, Draw]]:
-    """Rows of the draws and draws of the instances in them that are seen, neighbours together."""
-    starts = np.array([draw.first_instance for draw in draws] + [len(seen)])
-    new = np.zeros(len(seen) + 1, bool)
-    new[starts] = True
-    padded = np.append(seen, False)
-    first = np.flatnonzero(padded & (new | ~np.roll(padded, 1)))
-    last = np.flatnonzero(padded[:-1] & (new[1:] | ~padded[1:]))
-    rows = np.searchsorted(starts, first, side="right") - 1
-    return [
-        (row, replace(draws[row], first_instance=begin, instance_count=end - begin + 1))
-        for row, begin, end in zip(rows.tolist(), first.tolist(), last.tolist(), strict=True)
-    ]
+def _each(
+    scene: GpuScene, canvas: Canvas, atlas: ShadowAtlas, views: list[np.ndarray]
+) -> Iterator[tuple[ShadowTile, np.ndarray]]:
+    """Yield the tiles and their VIEW records, each with the canvas set to it."""
+    canvas.vertices(scene.vertices)
+    canvas.indices(scene.indices)
+    for tile, view in zip(atlas.tiles, views, strict=True):
+        canvas.viewport(*tile.corner, tile.side, tile.side)
+        yield tile, view
 
 
-def _is_sheet(material: np.void) -> bool:
-    """Whether light goes straight through: thin, and smooth."""
-    return bool(material["flags"] & MATERIAL_THIN) and float(material["roughness"]) ** 2 < _MIN_ALPHA
+def _are_sheets(materials: np.ndarray) -> np.ndarray:
+    """Whether light goes straight through: thin and smooth materials, (n,) bool."""
+    return np.asarray((materials["flags"] & MATERIAL_THIN != 0) & (materials["roughness"] ** 2 < _MIN_ALPHA))
 
 
 def map_rows(maps: Sequence[LightMap], near: float) -> np.ndarray:
@@ -191,27 +169,28 @@ def map_rows(maps: Sequence[LightMap], near: float) -> np.ndarray:
 def tile_rows(atlas: ShadowAtlas, light_count: int) -> np.ndarray:
     """Return the SHADOW_TILE rows, six for each light; zero where a light has no such face or no tile."""
     rows = np.zeros(_FACES * light_count, _TILE)
-    for face, place, side in zip(atlas.faces, atlas.places, atlas.sides, strict=True):
+    for tile in atlas.tiles:
+        face = tile.face
         row = rows[_FACES * face.light + face.index]
-        row["scale"] = (side - 2 * GUARD) / (face.window[1] - face.window[0])
-        row["shift"] = place + side / 2.0 - row["scale"] * face.window.mean(axis=0)
-        row["corner"], row["side"] = place, side
+        row["scale"] = (tile.side - 2 * GUARD) / (face.window[1] - face.window[0])
+        row["shift"] = np.array(tile.corner) + tile.side / 2.0 - row["scale"] * face.window.mean(axis=0)
+        row["corner"], row["side"] = tile.corner, tile.side
     return rows
 
 
-def view_row(face: ShadowFace, side: int, near: float, pass_index: int) -> np.ndarray:
-    """Return the VIEW record of a face drawn into a tile of `side` texels."""
-    row = np.zeros((), _VIEW)
-    row["origin"], row["pass_index"] = face.origin, pass_index
-    across = (1.0 - 2.0 * GUARD / side) * 2.0 / (face.window[1] - face.window[0])
+def view_row(tile: ShadowTile, near: float, pass_index: int) -> np.ndarray:
+    """Return the VIEW record that draws a tile."""
+    face, row = tile.face, np.zeros((), _VIEW)
+    scale = (1.0 - 2.0 * GUARD / tile.side) * 2.0 / (face.window[1] - face.window[0])
     middle = face.window.mean(axis=0)
-    right, down, forward = face.frame
-    matrix = np.zeros((4, 4))
-    w = np.array((0.0, 0.0, 0.0, 1.0)) if face.depth else np.append(forward, 0.0)
-    matrix[0] = across[0] * (np.append(right, 0.0) - middle[0] * w)
-    matrix[1] = -across[1] * (np.append(down, 0.0) - middle[1] * w)
-    matrix[2] = np.append(-0.5 / face.depth * forward, 0.5) if face.depth else (0.0, 0.0, 0.0, near)
-    matrix[3] = w
-    row["clip_from_local"] = matrix.T
-    row["light"] = np.append(-forward, 0.0) if face.depth else np.append(face.origin, 1.0)
+    right, down, forward = np.column_stack([face.frame, np.zeros(3)])
+    if face.depth:
+        w = np.array((0.0, 0.0, 0.0, 1.0))
+        z, light = 0.5 * w - 0.5 / face.depth * forward, -forward
+    else:
+        w = forward
+        z, light = np.array((0.0, 0.0, 0.0, near)), np.append(face.origin, 1.0)
+    matrix = np.stack([scale[0] * (right - middle[0] * w), scale[1] * (middle[1] * w - down), z, w])
+    row["clip_from_local"] = matrix.T  # WGSL stores columns
+    row["origin"], row["light"], row["pass_index"] = face.origin, light, pass_index
     return row

@@ -48,10 +48,8 @@ class Upload:
         self._write(self._materials, packed.materials)
         self._write(self._lights, packed.lights)
         self._keep(packed.textures)
-        boxes = self._instance_boxes(packed)
-        first = [draw.first_instance for draw in packed.draws]
         return GpuScene(
-            packed, _joined(boxes, first), boxes,
+            packed, self._draw_boxes(packed),
             self._vertices, self._indices, self._instances, self._materials, self._lights,
             [self._maps(row, packed.textures) for row in packed.materials],
         )  # fmt: skip
@@ -71,8 +69,8 @@ class Upload:
             )
         buffer.write(rows)
 
-    def _instance_boxes(self, packed: Packed) -> np.ndarray:
-        """(instances, 2, 3) bounds, world space."""
+    def _draw_boxes(self, packed: Packed) -> np.ndarray:
+        """(draws, 2, 3) bounds of each draw's instances, world space."""
         if not packed.draws:
             return np.zeros((0, 2, 3))
         rows = packed.instances
@@ -80,7 +78,10 @@ class Upload:
         low, high = np.moveaxis(self._boxes[rows["mesh"]], 1, 0)
         center = np.einsum("nij,nj->ni", matrix[..., :3], (low + high) / 2.0) + matrix[..., 3]
         extent = np.einsum("nij,nj->ni", np.abs(matrix[..., :3]), (high - low) / 2.0)
-        return np.stack([center - extent, center + extent], axis=1)
+        first = [draw.first_instance for draw in packed.draws]
+        return np.stack(
+            [np.minimum.reduceat(center - extent, first), np.maximum.reduceat(center + extent, first)], axis=1
+        )
 
     def _keep(self, textures: list[scene_material.Texture]) -> None:
         """Load textures that came, free those that went."""
@@ -118,11 +119,3 @@ class Upload:
         wrap = (_WRAP[texture.wrap_u], _WRAP[texture.wrap_v])
         sampler = self._gpu.sampler(wrap, linear=texture.linear, mipmaps=texture.mipmaps)
         return self._textures[id(texture)][1], sampler
-
-
-def _joined(boxes: np.ndarray, first: list[int]) -> np.ndarray:
-    """Bounds of consecutive boxes, from each row of `first` to the next."""
-    if not first:
-        return np.zeros((0, 2, 3))
-    low, high = np.minimum.reduceat(boxes[:, 0], first), np.maximum.reduceat(boxes[:, 1], first)
-    return np.stack([low, high], axis=1)

@@ -48,10 +48,11 @@ struct Surface {
 
 fn surface_at(pixel: vec2u, d: f32) -> Surface {
     var s: Surface;
-    let material = textureLoad(ids, pixel, 0).y;
+    let word = textureLoad(ids, pixel, 0).y;
+    let material = material_row(word);
     let color = textureLoad(base, pixel, 0);
     let packed = textureLoad(normals, pixel, 0);
-    s.bsdf = surface_bsdf(color.rgb, color.a, textureLoad(emission, pixel, 0).a, materials[material].transmission, materials[material], true);
+    s.bsdf = seen_bsdf(word, color, textureLoad(emission, pixel, 0).a, materials[material]);
     s.alpha = receiver_alpha(s.bsdf, materials[material].flags);
     if ((materials[material].flags & MATERIAL_UNLIT) != 0u) {
         s.bsdf = Bsdf();

@@ -19,7 +19,7 @@ _LEAST_BASE = 0.05  # of a light's photons, which its own map keeps
 _AIMED_MOST = 8  # maps of a light
 _AIMED_LEAST = 128  # photons that a map which is aimed is worth drawing for, on average
 _SPOT_WIDTH = 8  # texels that see a cone's fade well enough
-_FINEST = 4.0  # texels of an edge over the root of the photons; a texel may emit several
+_FINEST = 2.0  # texels of an edge over the root of the photons; a texel may emit several
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,6 +19,7 @@ from ispm.optics.records import (
     MATERIAL_MASK,
     MATERIAL_THIN,
     MATERIAL_TRANSMITS,
+    MATERIAL_UNLIT,
     TEXTURE_USE,
     VERTEX,
 )  # fmt: skip
@@ -59,6 +60,7 @@ _TRANSMISSION, _IOR, _ATTENUATION = (_word(MATERIAL, n) for n in ("transmission"
 _BASE_MAP = _word(MATERIAL, "base_color_texture")
 _ROUGHNESS_MAP = _word(MATERIAL, "metallic_roughness_texture")
 _NORMAL_MAP = _word(MATERIAL, "normal_texture")
+_EMISSION, _EMISSION_MAP = _word(MATERIAL, "emission"), _word(MATERIAL, "emission_texture")
 _TRANSMISSION_MAP = _word(MATERIAL, "transmission_texture")
 _TEXTURE, _UV_SET, _ROW1 = (_word(TEXTURE_USE, n) for n in ("texture", "uv_set", "row1"))
 
@@ -85,6 +87,13 @@ class SurfaceTable:
         ]  # fmt: skip
         self.addresses = np.array([*map(address, self._kept), 0, 0, 0], np.uint64)
         self.texels, self.rows = textures.texels, textures.rows
+
+    def own_footprint(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return addresses whose footprint is the caller's to set, and the (1,) float32 that holds it."""
+        footprint = np.array(self._kept[_FOOTPRINT])
+        addresses = self.addresses.copy()
+        addresses[_FOOTPRINT] = address(footprint)
+        return addresses, footprint
 
 
 @jit
@@ -140,6 +149,27 @@ def attenuation(table, hit, distance):
     _, material, _ = _place(table, hit)
     rate = _vector(table[_MATERIALS], material + _ATTENUATION)
     return math.exp(-distance * rate[0]), math.exp(-distance * rate[1]), math.exp(-distance * rate[2])
+
+
+@jit
+def glow(table, texels, rows, hit):
+    """Return the radiance that a hit sends everywhere: emission, or the base color of unlit materials."""
+    instance, material, corners = _place(table, hit)
+    materials = table[_MATERIALS]
+    unlit = ldu(materials, material + _FLAGS) & u32(MATERIAL_UNLIT) != u32(0)
+    emission = _vector(materials, material + _EMISSION)
+    texture = _texture(table, material, _EMISSION_MAP)
+    if not unlit and (texture < i64(0) or emission[0] + emission[1] + emission[2] == f32(0)):
+        return emission
+    p0 = _vector(table[_VERTICES], corners[0])
+    e1 = sub(_vector(table[_VERTICES], corners[1]), p0)
+    e2 = sub(_vector(table[_VERTICES], corners[2]), p0)
+    area = _footprint(table, instance, corners, e1, e2)
+    if unlit:
+        color, _ = _base_color(table, texels, rows, material, corners, hit[2], hit[3], area)
+        return color
+    r, g, b, _ = _sample(table, texels, rows, material, _EMISSION_MAP, corners, hit[2], hit[3], area)
+    return emission[0] * r, emission[1] * g, emission[2] * b
 
 
 @jit

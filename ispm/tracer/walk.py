@@ -189,16 +189,10 @@ def _walk_one(
         _add_difference(sums, chunk, _ABSORBED, flux, scattered)
         flux, d, origin = scattered, wi, position
         u = flight_number(photon.key, pass_index, seed, scatters + speculars)
-        if specular:
-            speculars += i64(1)
-        else:
-            scatters += i64(1)
+        speculars += i64(specular)
+        scatters += i64(not specular)
         direct = direct and specular and passed_sheet(flags, ng, d)
-        side = ng
-        if dot(d, ng) < f32(0):
-            side = scale(f32(-1), ng)
-            inside = beyond(hit, flags, entering, inside)
-        start = leave_surface(world, table, hit, side)
+        start, inside = depart(world, table, hit, flags, entering, inside, ng, d)
         rays += i64(1)
         found, hit = closest_surface(world, table, texels, rows, start, d, u, stack, words)
         if not found:
@@ -231,18 +225,20 @@ def nowhere():
 
 @jit
 def medium(inside, hit, flags, entering):
-    """Return a hit on what bounds the solid that a flight to `hit` went through: it is that one if met from
-    within, else what the path last entered, `inside`."""
+    """Return a hit on what bounds the solid that a flight to `hit` went through: that one if met from within,
+    else what the path last entered, `inside`."""
     solid = flags & u32(MATERIAL_TRANSMITS | MATERIAL_THIN) == u32(MATERIAL_TRANSMITS)
     return hit if solid and not entering else inside
 
 
 @jit
-def beyond(hit, flags, entering, inside):
-    """Return `medium` for flights that were transmitted at `hit`."""
-    if flags & u32(MATERIAL_THIN):
-        return inside
-    return hit if entering else nowhere()
+def depart(world, table, hit, flags, entering, inside, ng, d):
+    """Return where a flight along `d` from a hit starts, and a hit on what bounds the solid it is in."""
+    side = f32(1) if dot(d, ng) > f32(0) else f32(-1)
+    start = leave_surface(world, table, hit, scale(side, ng))
+    if side > f32(0) or flags & u32(MATERIAL_THIN):
+        return start, inside
+    return start, hit if entering else nowhere()
 
 
 @jit

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from exact import cast, interior, map_rays, mixed_scene, packed_mixed, quad, triangles_of
 
+from ispm.errors import SettingsError
 from ispm.frame import BounceMaps
 from ispm.gpu import Gpu
 from ispm.optics.records import NO_HIT
@@ -148,7 +149,7 @@ def test_blended_surface_stops_its_share(gpu: Gpu) -> None:
 
 
 def test_maps_lie_side_by_side_without_touching(gpu: Gpu) -> None:
-    """Each is what it would be alone, wherever on whatever page its faces come to lie."""
+    """Each is what it would be alone, wherever its faces come to lie."""
     scene = mixed_scene()
     scene.add(SpotLight(), translation=(0.0, 4.0, 0.0), rotation=DOWN)
     scene.add(DirectionalLight(), rotation=DOWN)
@@ -169,18 +170,22 @@ def test_maps_lie_side_by_side_without_touching(gpu: Gpu) -> None:
     assert draw(gpu, packed, []) == []
 
 
-def test_faces_fit_their_pages() -> None:
-    """No two overlap, none sticks out, and pages are not mostly empty."""
+def test_faces_do_not_overlap() -> None:
     packed = packed_mixed()
     random = np.random.default_rng(0)
     for count, widest in ((1, 9), (64, 40), (30, 900), (5, 3000)):
         plan = [planned(packed.maps[0], int(w)) for w in random.integers(1, widest + 1, count)]
-        maps, size, pages = _arrange(plan, 2048)
-        taken = np.zeros((pages, size[1], size[0]), np.uint8)
+        maps, size = _arrange(plan, 8192)
+        taken = np.zeros(size[::-1], np.uint8)
         for each in maps:
-            for page, x, y in each.places:
-                part = taken[page, y : y + each.width, x : x + each.width]
+            for x, y in each.places:
+                part = taken[y : y + each.width, x : x + each.width]
                 assert part.shape == (each.width, each.width)
                 part += 1
-        assert taken.max() == 1
-        assert size[0] <= max(2048, widest) and (count == 1 or taken.mean() > 0.4)
+        assert taken.max() == 1 and (count == 1 or taken.mean() > 0.4)
+
+
+def test_maps_beyond_the_adapter_name_the_cure(gpu: Gpu) -> None:
+    packed = packed_mixed()
+    with pytest.raises(SettingsError, match=r"photons: 1000 .*fewer.*rays"):
+        draw(gpu, packed, [planned(packed.maps[0], gpu.max_texture // 2 + 1)])

@@ -92,8 +92,9 @@ def test_ply_lists_and_elements_beside_faces_are_passed_over(tmp_path: Path, for
     head = (
         f"ply\r\nformat {form} 1.0\r\nelement note 1\r\nproperty list uint uchar text\r\nelement vertex 3\r\n"
         "property double z\r\nproperty short y\r\nproperty uchar x\r\nelement face 2\r\n"
-        "property uchar tag\r\nproperty list uchar ushort vertex_index\r\nproperty list uchar float w\r\nend_header\r\n"
-    )  # fmt: skip
+        "property uchar tag\r\nproperty list uchar ushort vertex_index\r\n"
+        "property list uchar float w\r\nend_header\r\n"
+    )
     if form == "ascii":
         body = b"2 65 66\n5 0 0\n5 0 9\n5 -7 0\n1 3 0 1 2 2 .5 .5\n1 3 0 2 1 1 .5\n"
     else:

@@ -1,0 +1,72 @@
+"""The pixels that show mirrors and glass, and the light that eye paths bring to them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ispm import wgsl
+from ispm.frame import GBuffer, GpuScene
+from ispm.gpu import Gpu, Recording, Texture
+
+_SHADER = wgsl.load("stages/chain.wgsl")
+SEEN, BROUGHT = _SHADER.dtype("Seen"), _SHADER.dtype("Brought")
+_THREADS = 16384  # as in the shader
+
+
+class ChainStage:
+    """Lists the pixels from which eye rays go on, and adds what those rays found.
+
+    In   gbuffer (W, H)
+    Out  (n,) SEEN: pixel number y W + x and depth in clip space, sorted by number
+    """
+
+    def __init__(self, gpu: Gpu) -> None:
+        self._gpu = gpu
+        path = "stages/chain.wgsl"
+        self._find, self._add, self._write = (
+            gpu.compute(path, entry) for entry in ("find_chains", "add_pixels", "write_pixels")
+        )
+        self._count, self._seen = gpu.buffer("chain count"), gpu.buffer("chain pixels")
+        self._brought = gpu.buffer("light of chains")
+
+    def __call__(self, frame: Recording, scene: GpuScene, gbuffer: GBuffer) -> None:
+        """Record the search for the pixels."""
+        capacity = min(gbuffer.size[0] * gbuffer.size[1], self._gpu.max_binding // SEEN.itemsize)
+        self._count.write(np.zeros(4, np.uint32))
+        self._find(
+            frame, over=gbuffer.size, materials=scene.materials, ids=gbuffer.ids, base=gbuffer.base,
+            glow=gbuffer.emission, depth=gbuffer.depth, seen_count=self._count,
+            seen=self._seen.sized(capacity * SEEN.itemsize),
+        )  # fmt: skip
+
+    def read(self) -> np.ndarray:
+        """Return the pixels that were found; waits for them."""
+        count = int(self._gpu.read_buffer(self._count, np.uint32, 1)[0])
+        count = min(count, self._seen.nbytes // SEEN.itemsize)
+        found = self._gpu.read_buffer(self._seen, SEEN, count)
+        return np.asarray(found[np.argsort(found["pixel"])])
+
+    def patch(
+        self, frame: Recording, pixels: np.ndarray, light: np.ndarray, direct: Texture, indirect: Texture,
+        emission: Texture,
+    ) -> None:  # fmt: skip
+        """Add (n, 9) light, direct, indirect and emission RGB, to the numbered pixels of three textures."""
+        if not len(pixels):
+            return
+        brought = np.zeros(len(pixels), BROUGHT)
+        brought["pixel"] = pixels
+        brought["direct"], brought["indirect"], brought["emission"] = np.split(light, 3, axis=1)
+        threads = min(len(pixels), _THREADS)
+        self._add(
+            frame, over=threads, brought=self._brought.write(brought), direct_in=direct,
+            indirect_in=indirect, emission_in=emission,
+        )  # fmt: skip
+        self._write(
+            frame, over=threads, summed=self._brought, direct_out=direct, indirect_out=indirect,
+            emission_out=emission,
+        )  # fmt: skip
+
+    def close(self) -> None:
+        """Free the buffers."""
+        for buffer in (self._count, self._seen, self._brought):
+            buffer.close()

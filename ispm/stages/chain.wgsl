@@ -1,0 +1,90 @@
+// Pixels whose light comes through a chain of mirrors and glass: which they are, and their light.
+// include stages/material.wgsl
+
+@group(0) @binding(0) var<storage, read> materials: array<Material>;
+@group(0) @binding(1) var ids: texture_2d<u32>;
+@group(0) @binding(2) var base: texture_2d<f32>;
+@group(0) @binding(3) var glow: texture_2d<f32>;
+@group(0) @binding(4) var depth: texture_depth_2d;
+@group(0) @binding(5) var<storage, read_write> seen_count: array<atomic<u32>>;
+@group(0) @binding(6) var<storage, read_write> seen: array<Seen>;
+@group(0) @binding(7) var<storage, read_write> brought: array<Brought>;
+@group(0) @binding(8) var direct_in: texture_2d<f32>;
+@group(0) @binding(9) var indirect_in: texture_2d<f32>;
+@group(0) @binding(10) var emission_in: texture_2d<f32>;
+@group(0) @binding(11) var<storage, read> summed: array<Brought>;
+@group(0) @binding(12) var direct_out: texture_storage_2d<rgba32float, write>;
+@group(0) @binding(13) var indirect_out: texture_storage_2d<rgba32float, write>;
+@group(0) @binding(14) var emission_out: texture_storage_2d<rgba32float, write>;
+
+struct Seen {              // a pixel that shows a mirror or glass
+    pixel: u32,
+    depth: f32,            // in clip space
+}
+
+struct Brought {           // the light that chains bring to a pixel
+    direct: vec3f,
+    pixel: u32,
+    indirect: vec3f,
+    spare0: u32,
+    emission: vec3f,
+    spare1: u32,
+}
+
+// Whether eye rays have to go on from a surface: it transmits, or is a mirror.
+fn leads_on(b: Bsdf) -> bool {
+    let shiny = max(b.f90, max(b.f0.x, max(b.f0.y, b.f0.z))) > 0.0;
+    return transmits(b) || (shiny && is_smooth(b));
+}
+
+@compute @workgroup_size(8, 8)
+fn find_chains(@builtin(global_invocation_id) thread: vec3u) {
+    let pixel = thread.xy;
+    let size = textureDimensions(ids);
+    if (any(pixel >= size)) {
+        return;
+    }
+    let word = textureLoad(ids, pixel, 0).xy;
+    let row = material_row(word.y);
+    if (word.x == 0u || (materials[row].flags & MATERIAL_UNLIT) != 0u) {
+        return;
+    }
+    let roughness = textureLoad(glow, pixel, 0).a;
+    let b = seen_bsdf(word.y, textureLoad(base, pixel, 0), roughness, materials[row]);
+    if (!leads_on(b)) {
+        return;
+    }
+    let slot = atomicAdd(&seen_count[0], 1u);
+    if (slot < arrayLength(&seen)) {
+        seen[slot] = Seen(pixel.y * size.x + pixel.x, textureLoad(depth, pixel, 0));
+    }
+}
+
+const THREADS = 16384u;    // that share the list among them
+
+fn place(number: u32, width: u32) -> vec2u {
+    return vec2u(number % width, number / width);
+}
+
+// Add what the pixels have already, in a pass of its own: no texture of this format can be read and written.
+@compute @workgroup_size(64)
+fn add_pixels(@builtin(global_invocation_id) thread: vec3u) {
+    let width = textureDimensions(direct_in).x;
+    for (var i = thread.x; i < arrayLength(&brought); i += THREADS) {
+        let pixel = place(brought[i].pixel, width);
+        brought[i].direct += textureLoad(direct_in, pixel, 0).rgb;
+        brought[i].indirect += textureLoad(indirect_in, pixel, 0).rgb;
+        brought[i].emission += textureLoad(emission_in, pixel, 0).rgb;
+    }
+}
+
+@compute @workgroup_size(64)
+fn write_pixels(@builtin(global_invocation_id) thread: vec3u) {
+    let width = textureDimensions(direct_out).x;
+    for (var i = thread.x; i < arrayLength(&summed); i += THREADS) {
+        let pixel = place(summed[i].pixel, width);
+        textureStore(direct_out, pixel, vec4f(summed[i].direct, 1.0));
+        textureStore(indirect_out, pixel, vec4f(summed[i].indirect, 1.0));
+        textureStore(emission_out, pixel, vec4f(summed[i].emission, 1.0));
+    }
+}

@@ -1,0 +1,20 @@
+// The material of a pixel as the G-buffer keeps it: in one word the row of its Material and the share of light
+// that it transmits, with the texture's part in it.
+// include optics/bsdf.wgsl
+
+fn pack_material(row: u32, transmission: f32) -> u32 {
+    return row | u32(round(clamp(transmission, 0.0, 1.0) * 255.0)) << 24u;
+}
+
+fn material_row(word: u32) -> u32 {
+    return word & 0xffffffu;
+}
+
+fn material_transmission(word: u32) -> f32 {
+    return f32(word >> 24u) / 255.0;
+}
+
+// The surface in a pixel: the word above, what the G-buffer has in `base`, and roughness.
+fn seen_bsdf(word: u32, base: vec4f, roughness: f32, material: Material) -> Bsdf {
+    return surface_bsdf(base.rgb, base.a, roughness, material_transmission(word), material, true);
+}

@@ -1,0 +1,415 @@
+"""Eye paths: from pixels that show mirrors and glass on to the surfaces that are seen in them.
+
+At the first surface both branches are followed, weighted by Fresnel's equations; after it the stronger one
+is taken for both, which is exact where both would find the same light. Rough glass is sampled instead.
+Where a path meets a surface that photons may light it leaves an end; light that comes there straight from
+the lights, and what glows, is added here.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numba import literal_unroll
+
+from ispm.optics.bsdf import has_finite, is_smooth, sample_bsdf, smooth_split, transmits
+from ispm.optics.jit import jit
+from ispm.optics.records import (
+    MATERIAL_BLEND,
+    MATERIAL_MASK,
+    MATERIAL_THIN,
+    MATERIAL_UNLIT,
+    NO_HIT,
+    RECEIVER,
+)  # fmt: skip
+from ispm.optics.rng import random4
+from ispm.optics.vector import add, dot, luminance, scale, sub
+from ispm.scene.packed import Packed
+from ispm.tracer.intersect import STACK_WORDS
+from ispm.tracer.lit import direct_light, greatest, times
+from ispm.tracer.simd import address, alloca, atomic_add
+from ispm.tracer.surface import (
+    SurfaceTable,
+    closest_surface,
+    glow,
+    hit_position,
+    surface,
+)  # fmt: skip
+from ispm.tracer.threads import run_threads
+from ispm.tracer.walk import attenuated, depart, medium, nowhere
+from ispm.tracer.world import World
+
+f32, i64, u32 = np.float32, np.int64, np.uint32
+
+EVENTS_MAX = 8  # mirrors and faces of glass that a path meets
+ROUGH_SAMPLES = 8  # paths from a pixel that shows rough glass
+_ENDS_MAX = 2  # of one path: behind a varnished floor goes on what it mirrors
+_LEAST = f32(1e-3)  # weight below which a path is not followed
+_STRONG = f32(0.02)  # and below which not from an end
+_BEFORE = f32(1e-4)  # of the distance that a ray starts before the surface that the pixel shows
+_BEHIND = f32(1e-3)  # of the distance: farther hits are not that surface
+_GLOSS_ALPHA_MIN = f32(0.25)  # as in stages/receivers.wgsl
+_BLUR_SHARE = f32(0.1)  # of a rough surface's blur, that its pixels may be averaged over
+_CHUNK = 64  # pixels a thread takes at a time; results do not depend on it or on the threads
+_BATCH = 1 << 15  # pixels whose ends lie in memory at their full number
+
+# places in a Bsdf tuple
+_F0, _F90, _ALPHA, _TINT, _ETA, _THIN = 3, 6, 7, 10, 13, 14
+
+REFLECTED, TRANSMITTED, SCATTERED = 0, 1, 2  # what the first surface did to a path
+
+END = np.dtype([
+    ("slot", "<u4"), ("lane", "<u4"), ("weight", "<f4", 3), ("diffuse", "<f4", 3), ("f0", "<f4", 3),
+    ("f90", "<f4"), ("dielectric_f0", "<f4"), ("dielectric_f90", "<f4"),
+])  # fmt: skip
+
+# What rough glass a pixel shows; blur: pixels over which its light may be averaged, 0 where it shows none.
+FROST = np.dtype([("n", "<f4", 3), ("alpha", "<f4"), ("tint", "<f4"), ("blur", "<f4"), ("instance", "<u4")])
+
+
+@dataclass(frozen=True)
+class EyeRays:
+    """Rays through the pixels whose paths are wanted.
+
+    origins, directions  (n, 3) float32, unit
+    distances  (n,) float32 m to what the pixel shows
+    keys       (n,) uint32, of the random numbers
+    width      m that a pixel covers at the origin, and more at each m of the path
+    """
+
+    origins: np.ndarray
+    directions: np.ndarray
+    distances: np.ndarray
+    keys: np.ndarray
+    width: tuple[float, float]
+
+
+@dataclass(frozen=True)
+class EyePaths:
+    """What the paths found.
+
+    direct, emission  (n, 3) float32 radiance that they bring to each ray
+    ends    (m,) END in the order of the rays; slot: the ray's row, lane: REFLECTED, TRANSMITTED or SCATTERED
+            by the first surface, or a later end of its path; weight: of the radiance that leaves the end.
+            f0 and f90 are 0 where paths go on instead
+    points  (m,) RECEIVER, the same; footprint: of a pixel
+    frost   (n,) FROST
+    rays    traced
+    """
+
+    direct: np.ndarray
+    emission: np.ndarray
+    ends: np.ndarray
+    points: np.ndarray
+    frost: np.ndarray
+    rays: int
+
+
+def trace_eye(
+    packed: Packed,
+    world: World,
+    surfaces: SurfaceTable,
+    rays: EyeRays,
+    background: tuple[float, float, float],
+    seed: int,
+    pass_index: int,
+    threads: int,
+) -> EyePaths:
+    """Follow eye paths to their ends; the same bytes for any number of threads.
+
+    surfaces    its footprint is of no account: textures are averaged over a pixel's width
+    background  radiance from where there is nothing
+    """
+    count = len(rays.origins)
+    frost = np.zeros(count, FROST)
+    direct, emission = np.zeros((count, 3), np.float32), np.zeros((count, 3), np.float32)
+    porous = bool((packed.materials["flags"] & (MATERIAL_MASK | MATERIAL_BLEND | MATERIAL_THIN)).any())
+    scene = (
+        packed.lights, porous, tuple(map(f32, background)), tuple(map(f32, rays.width)), u32(seed),
+        u32(pass_index),
+    )  # fmt: skip
+    capacity = _CHUNK * 2 * _ENDS_MAX * _samples(packed)
+    ends, points, traced = [np.zeros(0, END)], [np.zeros(0, RECEIVER)], 0
+    for first in range(0, count, _BATCH):
+        part = slice(first, min(first + _BATCH, count))
+        chunks = -(-(part.stop - first) // _CHUNK)
+        room = world.scratch(chunks * capacity, np.dtype([("end", END), ("point", RECEIVER)]))
+        counts = np.zeros((chunks, 2), np.int64)
+        counter = np.zeros(8, np.int64)
+
+        def work(_: int, part: slice = part, room: np.ndarray = room, counts: np.ndarray = counts,
+                 counter: np.ndarray = counter) -> None:  # fmt: skip
+            table, foot = surfaces.own_footprint()
+            _follow_chunks(
+                (address(world.table), table, surfaces.texels, surfaces.rows), scene, foot,
+                (rays.origins[part], rays.directions[part], rays.distances[part], rays.keys[part]),
+                i64(part.start), address(counter), (direct[part], emission[part], room, frost[part]), counts,
+            )  # fmt: skip
+
+        run_threads(work, threads)
+        for chunk, found in enumerate(counts[:, 0]):
+            kept = room[chunk * capacity : chunk * capacity + found]
+            ends.append(kept["end"].copy())
+            points.append(kept["point"].copy())
+        traced += int(counts[:, 1].sum())
+    return EyePaths(direct, emission, np.concatenate(ends), np.concatenate(points), frost, traced)
+
+
+def _samples(packed: Packed) -> int:
+    """Paths that a branch may need."""
+    materials = packed.materials
+    rough = (materials["transmission"] > 0.0) & (materials["roughness"] > 0.0)
+    return ROUGH_SAMPLES if rough.any() else 1
+
+
+@jit
+def _follow_chunks(place, scene, foot, rays, first, counter, out, counts):
+    room = out[2]
+    capacity = i64(len(room) // len(counts))
+    scratch = alloca(STACK_WORDS), alloca(2)
+    while True:
+        chunk = atomic_add(counter, i64(1))
+        if chunk >= len(counts):
+            return
+        at = chunk * capacity, i64(0)
+        for i in range(chunk * i64(_CHUNK), min((chunk + 1) * i64(_CHUNK), len(rays[0]))):
+            at = _follow_pixel(place, scene, foot, scratch, rays, i, (first + i, i), out, at)
+        counts[chunk, 0] = at[0] - chunk * capacity
+        counts[chunk, 1] = at[1]
+
+
+@jit
+def _follow_pixel(place, scene, foot, scratch, rays, i, slot, out, at):
+    """Follow all paths of ray `i`; `at`: the next free row of the ends, and the number of rays traced."""
+    world, table, texels, rows = place
+    start, d, key = _vector(rays[0], i), _vector(rays[1], i), rays[3][i]
+    near = rays[2][i] * (f32(1) - _BEFORE)
+    start = add(start, scale(near, d))
+    at = at[0], at[1] + i64(1)
+    found, hit = closest_surface(world, table, texels, rows, start, d, f32(0), scratch[0], scratch[1])
+    length = near + _distance(table, hit, start) if found else f32(np.inf)
+    if length > rays[2][i] * (f32(1) + _BEHIND):  # past the edge of what the rasteriser drew
+        white = f32(1), f32(1), f32(1)
+        path = key, u32(0), SCATTERED, start, d, white, nowhere(), f32(1), near
+        return _follow_often(place, scene, foot, scratch, path, slot, out, at)
+    foot[0] = _width(scene, length)
+    _, ng, n, b, flags, entering = surface(table, texels, rows, hit, d)
+    wo = scale(f32(-1), d)
+    if not is_smooth(b):
+        reach = f32(0)
+        for k in range(ROUGH_SAMPLES if transmits(b) else 0):
+            u1, u2, u3 = _stratified(scene, key, k)
+            alive, wi, weight = _scatter(b, n, ng, wo, u1, u2, u3)
+            if alive:
+                path = _leave(
+                    place, hit, ng, b, flags, entering, nowhere(), f32(1), length, wi,
+                    scale(f32(1.0 / ROUGH_SAMPLES), weight), key, u32((k + 1) << 8), SCATTERED,
+                )  # fmt: skip
+                at, _, end = _follow(place, scene, foot, scratch, path, slot, out, at)
+                reach += (end - length) / (end * f32(ROUGH_SAMPLES))
+        _store_frost(out[3][slot[1]], n, b, hit, reach * length / _width(scene, length))
+        return at
+    reflectance, transmittance, above, beyond_, through = smooth_split(b, n, ng, wo)
+    if greatest(reflectance) > _LEAST:
+        path = _leave(
+            place, hit, ng, b, flags, entering, nowhere(), f32(1), length, above, reflectance, key, u32(0),
+            REFLECTED,
+        )  # fmt: skip
+        at = _follow_often(place, scene, foot, scratch, path, slot, out, at)
+    if through and greatest(transmittance) > _LEAST:
+        path = _leave(
+            place, hit, ng, b, flags, entering, nowhere(), f32(1), length, beyond_, transmittance, key,
+            u32(128), TRANSMITTED,
+        )  # fmt: skip
+        at = _follow_often(place, scene, foot, scratch, path, slot, out, at)
+    return at
+
+
+@jit
+def _leave(
+    place, hit, ng, b, flags, entering, inside, focus, length, wi, weight, key, dimension, lane
+):  # fmt: skip
+    """A path that goes on from a hit along `wi`:
+
+    key, dimension  of its random numbers
+    lane            of its first end
+    start, d        of its next ray
+    weight          of the radiance that comes back along it
+    inside, focus   the hit at which it entered what it is in, see `medium`; what that makes of radiance
+    length          m from the eye to `start`
+    """
+    start, inside = depart(place[0], place[1], hit, flags, entering, inside, ng, wi)
+    if dot(wi, ng) < f32(0) and b[_THIN] == f32(0):
+        focus = f32(1) / (b[_ETA] * b[_ETA]) if entering else f32(1)
+    return key, dimension, lane, start, wi, weight, inside, focus, length
+
+
+@jit
+def _follow_often(place, scene, foot, scratch, path, slot, out, at):
+    """Follow one path, and where it meets rough glass others beside it; return `at`."""
+    first, i = at[0], slot[1]
+    direct, emission = _vector(out[0], i), _vector(out[1], i)
+    at, rough, _ = _follow(place, scene, foot, scratch, path, slot, out, at)
+    if rough:
+        share = f32(1.0 / ROUGH_SAMPLES)
+        for c in range(3):
+            out[0][i, c] = direct[c] + share * (out[0][i, c] - direct[c])
+            out[1][i, c] = emission[c] + share * (out[1][i, c] - emission[c])
+            for row in range(first, at[0]):
+                out[2][row].end.weight[c] *= share
+        key, dimension, _, start, d, weight, inside, focus, length = path
+        for k in range(1, ROUGH_SAMPLES):
+            path = (
+                key, dimension + u32(k << 8), SCATTERED, start, d, scale(share, weight), inside, focus, length
+            )  # fmt: skip
+            at, _, _ = _follow(place, scene, foot, scratch, path, slot, out, at)
+    return at
+
+
+@jit
+def _follow(place, scene, foot, scratch, path, slot, out, at):
+    """Follow one path to its end or ends; return `at`, whether it met rough glass, and its length in m."""
+    world, table, texels, rows = place
+    lights, porous, background, _, seed, pass_index = scene
+    row, traced = at
+    key, dimension, lane, start, d, weight, inside, focus, length = path
+    stored, rough = 0, False
+    for _ in range(EVENTS_MAX + 1):
+        u0, u1, u2, u3 = random4(key, dimension, pass_index, seed)
+        traced += i64(1)
+        found, hit = closest_surface(world, table, texels, rows, start, d, u0, scratch[0], scratch[1])
+        if not found:
+            _add(out[1], slot[1], background, weight)
+            length = f32(1e30)
+            break
+        length += _distance(table, hit, start)
+        foot[0] = _width(scene, length)
+        position, ng, n, b, flags, entering = surface(table, texels, rows, hit, d)
+        inside = medium(inside, hit, flags, entering)
+        if inside[0] != u32(NO_HIT):
+            weight = attenuated(table, inside, start, position, weight)
+        seen = scale(focus, weight)
+        _add(out[1], slot[1], glow(table, texels, rows, hit), seen)
+        if flags & u32(MATERIAL_UNLIT):
+            break
+        wo = scale(f32(-1), d)
+        if has_finite(b) or not is_smooth(b):
+            light, shadows = direct_light(place, lights, porous, hit, position, ng, n, b, wo, u0, scratch)
+            _add(out[0], slot[1], light, seen)
+            traced += shadows
+        if has_finite(b):
+            _store(out[2][row].end, slot[0], lane, seen, b)
+            _store_point(out[2][row].point, position, ng, n, wo, b, foot[0])
+            row, stored, lane = row + i64(1), stored + 1, SCATTERED
+        rough = rough or (transmits(b) and not is_smooth(b))
+        alive, wi, factor = _go_on(b, n, ng, wo, entering, u1, u2, u3)
+        weight = times(weight, factor)
+        if not alive or stored == _ENDS_MAX or greatest(weight) < (_STRONG if stored > 0 else _LEAST):
+            break
+        key, dimension, lane, start, d, weight, inside, focus, length = _leave(
+            place, hit, ng, b, flags, entering, inside, focus, length, wi, weight, key, dimension + u32(1),
+            lane,
+        )  # fmt: skip
+    return (row, traced), rough, length
+
+
+@jit
+def _go_on(b, n, ng, wo, entering, u1, u2, u3):
+    """Where a path goes on from a surface: (whether it does, wi, factor of its weight).
+
+    From within a solid it leaves wherever it can: reflected, it would run round under a ball's rim.
+    """
+    if not is_smooth(b):
+        return _scatter(b, n, ng, wo, u1, u2, u3)
+    reflectance, transmittance, above, beyond, through = smooth_split(b, n, ng, wo)
+    both = add(reflectance, transmittance)
+    if through and (not entering or luminance(transmittance) > luminance(reflectance)):
+        return True, beyond, both
+    return greatest(both) > f32(0), above, both
+
+
+@jit
+def _scatter(b, n, ng, wo, u1, u2, u3):
+    """`_go_on` for a rough surface, by one of its facets; an opaque one is the path's last."""
+    if not transmits(b):
+        return False, wo, wo
+    ok, wi, factor, _ = sample_bsdf((f32(0), f32(0), f32(0), *b[3:]), n, ng, wo, u1, u2, u3, False)
+    return ok, wi, factor
+
+
+@jit
+def _stratified(scene, key, k):
+    """The numbers of sample `k` of a rough pixel: a lattice even over the samples, moved at random."""
+    u1, u2, u3, _ = random4(key, u32(0), scene[5], scene[4])
+    u1 += f32(k) * f32(1.0 / ROUGH_SAMPLES)
+    u2 += f32(k) * f32(0.7548777)  # Roberts's R2 sequence
+    u3 += f32(k) * f32(0.5698403)
+    return u1 - f32(math.floor(u1)), u2 - f32(math.floor(u2)), u3 - f32(math.floor(u3))
+
+
+@jit
+def _distance(table, hit, start):
+    way = sub(hit_position(table, hit), start)
+    return f32(math.sqrt(dot(way, way)))
+
+
+@jit
+def _width(scene, length):
+    """What a pixel covers after `length` m of its path, were all mirrors flat."""
+    wide, spread = scene[3]
+    return wide + spread * length
+
+
+@jit
+def _store(end, slot, lane, weight, b):
+    """Write an END."""
+    gloss = f32(1) if b[_ALPHA] > f32(0) and not transmits(b) else f32(0)
+    end.slot = u32(slot)
+    end.lane = u32(lane)
+    for k in literal_unroll((0, 1, 2)):
+        end.weight[k] = weight[k]
+        end.diffuse[k] = b[k]
+        end.f0[k] = gloss * b[_F0 + k]
+    end.f90 = gloss * b[_F90]
+    end.dielectric_f0 = b[_F90 + 2]
+    end.dielectric_f90 = b[_F90 + 3]
+
+
+@jit
+def _store_point(point, position, ng, n, wo, b, width):
+    """Write its RECEIVER."""
+    for k in literal_unroll((0, 1, 2)):
+        point.position[k] = position[k]
+        point.ng[k] = ng[k]
+        point.n[k] = n[k]
+        point.wo[k] = wo[k]
+    glossy = b[_F90] > f32(0) or b[_F0] + b[_F0 + 1] + b[_F0 + 2] > f32(0)
+    point.alpha = max(b[_ALPHA], _GLOSS_ALPHA_MIN) if glossy else f32(0)
+    point.valid = u32(1)
+    point.footprint = width
+    point.slant = f32(1) / max(abs(dot(wo, ng)), f32(0.02))
+
+
+@jit
+def _store_frost(frost, n, b, hit, angle):
+    """Write a FROST: a facet's lobe spreads by alpha, over which neighbouring pixels see the same."""
+    for k in literal_unroll((0, 1, 2)):
+        frost.n[k] = n[k]
+    frost.alpha = b[_ALPHA]
+    frost.tint = luminance((b[_TINT], b[_TINT + 1], b[_TINT + 2]))
+    frost.blur = _BLUR_SHARE * b[_ALPHA] * angle
+    frost.instance = hit[0]
+
+
+@jit
+def _vector(rows, i):
+    return rows[i, 0], rows[i, 1], rows[i, 2]
+
+
+@jit
+def _add(sums, i, value, weight):
+    sums[i, 0] += value[0] * weight[0]
+    sums[i, 1] += value[1] * weight[1]
+    sums[i, 2] += value[2] * weight[2]
