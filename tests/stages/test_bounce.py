@@ -150,7 +150,7 @@ def test_blended_surface_stops_its_share(gpu: Gpu) -> None:
 
 def test_opacity_is_that_of_the_finest_texels(gpu: Gpu) -> None:
     """A quad with the opaque corner of a picture: seen small, the rest of the picture makes no holes in it.
-    A texel as wide as the quad would have an opacity of 0.7 by mips: 40 of them are full by a chance of 1e-6."""
+    A texel as wide as the quad would have an opacity of 0.7 by mips: 40 are full by a chance of 1e-6."""
     pixels = np.zeros((256, 256, 4), np.uint8)
     pixels[:26, :26, 3] = 255
     use = TextureUse(Texture(pixels), transform=((0.09, 0.0, 0.005), (0.0, 0.09, 0.005)))
