@@ -11,7 +11,6 @@ import numpy as np
 from ispm.gpu import Buffer, Canvas, Gpu, Group, Raster, Recording, Sampler, Texture
 from ispm.optics import records
 from ispm.optics.records import VERTEX
-from ispm.scene.atlas import ShadowAtlas
 from ispm.scene.lightmap import LightMap
 from ispm.scene.packed import Draw, Packed
 
@@ -133,7 +132,6 @@ class GBuffer:
 class ShadowMaps:
     """The shadow maps of all lights, tiles of one atlas; depth is reversed.
 
-    atlas   what lies where
     maps    SHADOW_MAP rows (ispm/stages/shadow_map.wgsl), one for each light
     tiles   SHADOW_TILE rows, six for each light
     depth   depth32float: the nearest opaque surface of each texel
@@ -142,7 +140,6 @@ class ShadowMaps:
     The last two are not drawn, and of any size, unless it `has_sheets`.
     """
 
-    atlas: ShadowAtlas
     maps: np.ndarray
     tiles: np.ndarray
     depth: Texture

@@ -16,11 +16,10 @@ if TYPE_CHECKING:
 
 Group: TypeAlias = wgpu.GPUBindGroup
 
+_FACTORS = {"add": ("one", "one"), "multiply": ("dst", "zero")}  # of what is drawn, of what is there
 _BLENDS: dict[str, dict[str, Any]] = {
-    "add": {k: {"operation": "add", "src_factor": "one", "dst_factor": "one"} for k in ("color", "alpha")},
-    "multiply": {
-        k: {"operation": "add", "src_factor": "dst", "dst_factor": "zero"} for k in ("color", "alpha")
-    },
+    name: {k: {"operation": "add", "src_factor": ours, "dst_factor": theirs} for k in ("color", "alpha")}
+    for name, (ours, theirs) in _FACTORS.items()
 }
 
 

@@ -16,7 +16,7 @@ import numpy as np
 from ispm.errors import IspmError, SceneError, SceneWarning, SettingsError
 from ispm.estimators import make_estimator
 from ispm.frame import GBuffer, GpuScene
-from ispm.gpu import Gpu, Texture, open_gpu
+from ispm.gpu import Gpu, Texture, open_gpu, within_memory
 from ispm.optics.records import MATERIAL_UNLIT, PHOTON, RECEIVER
 from ispm.optics.texture import TextureTable
 from ispm.renderer import layers as make
@@ -42,7 +42,7 @@ from ispm.stages.downsample import Downsample
 from ispm.stages.filter import filter_estimate
 from ispm.stages.gbuffer import GBufferStage
 from ispm.stages.shadow import ShadowStage
-from ispm.stages.tonemap import auto_exposure, tonemap
+from ispm.stages.tonemap import auto_exposure, tonemap, tonemap_transparent
 from ispm.stages.upload import Upload
 from ispm.stages.upsample import Upsample
 from ispm.tracer.density import measure_caustic_radii, measure_radii
@@ -59,6 +59,7 @@ from ispm.tracer.world import World
 _NEAR = 1e-4  # of the scene's diagonal; reversed depth has precision to spare
 _TEXTURE_FOOTPRINT = 0.005  # of the diagonal: over which photons see textures averaged
 _PASS = 0  # of one
+_SHARP = 3.0  # low-resolution pixels: caustic kernels of a larger radius are not drawn at full resolution
 _ROW = 0xFFFFFF  # of a material, in a word of the G-buffer
 _ESTIMATOR_KNOBS = attrgetter("estimator", "kernel", "talk_errors")
 _OWNED = (
@@ -112,6 +113,12 @@ class Renderer:
         self._settings: Settings | None = None
         self.settings = settings or Settings()
 
+    def __repr__(self) -> str:
+        if self._closed:
+            return "<Renderer, closed>"
+        width, height = self.settings.size
+        return f"<Renderer of {self.scene!r} at {width}x{height} on {self._gpu.name}>"
+
     def __enter__(self) -> Renderer:
         return self
 
@@ -163,9 +170,17 @@ class Renderer:
         self._settings = new
 
     def render(self) -> Frame:
-        """Render one picture. Raises SceneError for a scene without a surface."""
+        """Render one picture.
+
+        Raises SceneError for a scene without a surface, SettingsError for more than memory can hold.
+        """
         if self._closed:
             raise IspmError("this renderer is closed; make another one")
+        width, height = self.settings.size
+        with within_memory(f"a picture of {width}x{height} pixels and {self.settings.photons:,} photons"):
+            return self._render()
+
+    def _render(self) -> Frame:
         started = clock.perf_counter()
         self._last = None  # so that its memory can be used again
         watch = Watch()
@@ -197,8 +212,11 @@ class Renderer:
         with watch("trace"):
             path = self._trace(packed, surfaces, plan, texels, by)
         with watch("radiance"):
-            photons, smooth, sharp = self._split(path.photons, packed, view)
+            photons, smooth, wide, sharp = self._part(path.photons, packed, view)
             estimate, light = self._gather(points, smooth, packed, view)
+            if len(wide):
+                size = self._downsample.size(view)
+                light = light + self._estimator(points, wide, view.clip_from_world, size)
 
         with self._gpu.frame() as third:
             third.stage("radiance")
@@ -209,9 +227,10 @@ class Renderer:
             )
         grid = cache(lambda: PhotonGrid(smooth))
         with watch("upsample"):
-            self._light_missed(points, estimate, grid, scene, gbuffer, view, caustic)
+            self._light_missed(points, estimate, grid, wide, scene, gbuffer, view, caustic)
         with watch("eye"):
-            brought = self._follow_chains(packed, surfaces, mirrors, grid, sharp, view)
+            focused = photons[len(smooth) :]
+            brought = self._follow_chains(packed, surfaces, mirrors, grid, focused, view)
         with self._gpu.frame() as fourth:
             fourth.stage("compose")
             self._chains.patch(fourth, mirrors["pixel"], brought, direct, indirect, emission)
@@ -312,25 +331,25 @@ class Renderer:
             packed, self._world, surfaces, emitted, settings.bounces, settings.seed, _PASS, self.threads
         )
 
-    def _split(
-        self, photons: np.ndarray, packed: Packed, view: CameraView
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return the photons in a new order, and its two parts: those to be filtered, and the caustic ones,
-        ready to be drawn.
+    def _part(self, photons: np.ndarray, packed: Packed, view: CameraView) -> list[np.ndarray]:
+        """Return the photons in a new order, and its parts: those to be filtered; caustic ones whose kernels
+        are so wide that low resolution shows them as well; and those to be drawn at full resolution.
 
         The hint's kernels are as narrow as caustics need: with them all photons go the first way.
         """
-        sharp = photons["bounce"] == 0
         if self.settings.kernel == "hint":
-            sharp[:] = False
-        parted = np.concatenate([photons[~sharp], photons[sharp]])
-        smooth, caustic = np.split(parted, [len(parted) - np.count_nonzero(sharp)])
+            return [photons, photons, photons[:0], photons[:0]]
+        caustic = photons[photons["bounce"] == 0]
         pixel = view.footprint * view.clip_from_world[3]
         measure_caustic_radii(
             caustic, packed.diagonal, self.settings.smoothing, pixel, packed.widths, view.eye_or_direction,
             threads=self.threads,
         )  # fmt: skip
-        return parted, smooth, caustic
+        seen = caustic["position"] @ pixel[:3] + pixel[3]
+        wide = caustic["radius"] > _SHARP * self.settings.subsampling * seen
+        parts = [photons[photons["bounce"] > 0], caustic[wide], caustic[~wide]]
+        parted = np.concatenate(parts)
+        return [parted, *np.split(parted, np.cumsum([len(part) for part in parts[:2]]))]
 
     def _surfaces(self, packed: Packed) -> SurfaceTable:
         assert self._textures is not None
@@ -362,12 +381,16 @@ class Renderer:
         points: np.ndarray,
         estimate: np.ndarray,
         grid: Callable[[], PhotonGrid],
+        wide: np.ndarray,
         scene: GpuScene,
         gbuffer: GBuffer,
         view: CameraView,
         caustic: tuple[Texture, Texture] | None,
     ) -> None:
-        """Light the pixels that upsampling could not serve: by the filter, else by the photons near."""
+        """Light the pixels that upsampling could not serve: by the filter, else by the photons near.
+
+        wide  caustic photons at low resolution, which are not filtered
+        """
         missed, receivers = self._upsample.missed()
         if not len(missed):
             return
@@ -375,12 +398,19 @@ class Renderer:
             receivers, missed["low"], points, estimate, self._downsample.size(view),
             scene.packed.diagonal, self.settings.smoothing, grid, self.threads,
         )  # fmt: skip
+        if len(wide):
+            light += PhotonGrid(wide).estimate(receivers, self.threads)
         with self._gpu.frame() as frame:
             self._upsample.patch(frame, scene, gbuffer, view, light, caustic)
 
     def _follow_chains(
-        self, packed: Packed, surfaces: SurfaceTable, mirrors: np.ndarray, grid: Callable[[], PhotonGrid],
-        sharp: np.ndarray, view: CameraView,
+        self,
+        packed: Packed,
+        surfaces: SurfaceTable,
+        mirrors: np.ndarray,
+        grid: Callable[[], PhotonGrid],
+        focused: np.ndarray,
+        view: CameraView,
     ) -> np.ndarray:
         """Return the light that mirrors and glass bring to their pixels, (n, 9), of (n,) SEEN."""
         settings = self.settings
@@ -388,11 +418,9 @@ class Renderer:
             return np.zeros((0, 9), np.float32)
         background = (0.0, 0.0, 0.0) if isinstance(settings.background, str) else settings.background
         rays = eye_rays(mirrors, view)
-        paths = trace_eye(
-            packed, self._world, surfaces, rays, background, settings.seed, _PASS, self.threads
-        )
+        paths = trace_eye(packed, self._world, surfaces, rays, background, settings.seed, _PASS, self.threads)
         return light_ends(
-            paths, rays.keys, grid, PhotonGrid(sharp), view, settings, packed.diagonal, self.threads
+            paths, rays.keys, grid, PhotonGrid(focused), view, settings, packed.diagonal, self.threads
         )
 
     def _compose(
@@ -425,11 +453,12 @@ class Renderer:
         })  # fmt: skip
         settings = self.settings
         exposure = auto_exposure(full) if settings.exposure == "auto" else float(settings.exposure)
-        image = tonemap(full, exposure, settings.tonemap, self.threads)
         if background == "transparent":
-            image = np.dstack([image, np.rint(alpha * 255.0).astype(np.uint8)])
+            image = tonemap_transparent(full, alpha, exposure, settings.tonemap, self.threads)
+        else:
+            image = tonemap(full, exposure, settings.tonemap, self.threads)
         camera = {"pose": view.pose, "clip_from_world": view.clip_from_world}
-        return Frame(image, layers, Stats(), settings, camera, exposure)
+        return Frame(image, layers, Stats(), settings, camera, exposure, self.scene.name)
 
 
 def _glows(packed: Packed) -> bool:

@@ -37,7 +37,7 @@ class ShadowFace:
               orthographic: in m
     depth     m before and behind the origin that an orthographic view holds; 0: a perspective one
     range     m from the origin beyond which the light ends
-    weight    share of the picture's width that its light fills, 0 to 1; 0 where it lights nothing seen
+    weight    1; 0 where the light shines on nothing there that the eye sees
     """
 
     light: int
@@ -52,36 +52,42 @@ class ShadowFace:
     def holds(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return where (n, 3) world-space points lie in the window's units, (2, n), and (n,) whether that
         is in the window."""
-        right, down, ahead = self.frame @ (points - self.origin).T
-        at = np.stack([right, down])
-        if not self.depth:
-            at /= np.where(ahead > 0.0, ahead, np.nan)
-        low, high = self.window[..., None]
-        inside = (at >= low) & (at <= high)
-        return at, inside[0] & inside[1]
+        frame = self.frame.astype(np.float32)
+        local = frame @ (points - self.origin.astype(np.float32)).T
+        at = local[:2] if self.depth else local[:2] / np.maximum(local[2], np.float32(1e-30))
+        low, high = self.window.astype(np.float32)[..., None]
+        return at, ((at >= low) & (at <= high)).all(axis=0)
 
     def sees(self, boxes: np.ndarray) -> np.ndarray:
         """Return (n,) whether (n, 2, 3) world-space boxes may be in the window, within the light's range."""
         right, down, ahead = np.moveaxis((corners_of(boxes) - self.origin) @ self.frame.T, -1, 0)
         edge = np.ones_like(ahead) if self.depth else ahead
         (left, top), (far, bottom) = self.window
-        sides = (right - left * edge, far * edge - right, down - top * edge, bottom * edge - down)
+        sides = (edge, right - left * edge, far * edge - right, down - top * edge, bottom * edge - down)
         outside = np.any([(side < 0.0).all(axis=1) for side in sides], axis=0)
         nearest = np.clip(self.origin, boxes[:, 0], boxes[:, 1]) - self.origin
         return np.asarray(~outside & (np.linalg.norm(nearest, axis=1) <= self.range))
 
 
 @dataclass(frozen=True, eq=False)
-class ShadowAtlas:
-    """The faces that have a tile, largest first, and where those lie.
+class ShadowTile:
+    """Where a face lies in the atlas.
 
-    places  (F, 2) texels: the tiles' upper left corners;  sides  (F,) texels
-    size    width and height that hold them all
+    seen    rows of the boxes that it may see
+    corner  texels: its upper left;  side  texels
     """
 
-    faces: list[ShadowFace]
-    places: np.ndarray
-    sides: np.ndarray
+    face: ShadowFace
+    seen: np.ndarray
+    corner: tuple[int, int]
+    side: int
+
+
+@dataclass(frozen=True, eq=False)
+class ShadowAtlas:
+    """The tiles of all faces that see something, largest first; size: width and height that hold them."""
+
+    tiles: list[ShadowTile]
     size: tuple[int, int]
 
 
@@ -105,20 +111,25 @@ def plan_atlas(
     samples = receivers[:: max(len(receivers) // _SAMPLES, 1)]
     irradiance = brightness(lights, samples)
     weights = apparent_sizes(lights, irradiance, eye)
-    faces: list[ShadowFace] = []
-    for map in maps:
-        light = lights[map.light]
-        if light["intensity"].any():
-            lit = samples[irradiance[map.light] > 0.0]
-            found = _faces(map, light, receivers, lit, float(weights[map.light]))
-            faces += [face for face in found if face.sees(boxes).any()]
+    views: list[tuple[ShadowFace, np.ndarray]] = [
+        (face, rows)
+        for map in maps
+        if lights[map.light]["intensity"].any()
+        for face in _faces(map, lights[map.light], receivers, samples[irradiance[map.light] > 0.0])
+        if len(rows := np.flatnonzero(face.sees(boxes)))
+    ]
+    wanted = np.array([face.weight * weights[face.light] for face, _ in views])
     budget = _BUDGET * resolution**2
     while True:
-        sides = tile_sides(np.array([face.weight for face in faces]), resolution, budget)
+        sides = tile_sides(wanted, resolution, budget)
         order = np.argsort(-sides, kind="stable")
         places, size = pack_shelves(sides[order], limit)
         if max(size) <= limit:
-            return ShadowAtlas([faces[i] for i in order], places, sides[order], size)
+            tiles = [
+                ShadowTile(views[i][0], views[i][1], (int(place[0]), int(place[1])), int(sides[i]))
+                for i, place in zip(order, places, strict=True)
+            ]
+            return ShadowAtlas(tiles, size)
         if (sides == LEAST).all():
             return None
         budget = budget * 3 // 4
@@ -189,22 +200,22 @@ def pack_shelves(sides: np.ndarray, limit: int) -> tuple[np.ndarray, tuple[int, 
     return places, (width, y + height)
 
 
-def _faces(
-    map: LightMap, light: np.void, receivers: np.ndarray, lit: np.ndarray, weight: float
-) -> list[ShadowFace]:
-    """The faces of a light's map; weight 0 where none of the points `lit`, which it shines at, is seen."""
+def _faces(map: LightMap, light: np.void, receivers: np.ndarray, lit: np.ndarray) -> list[ShadowFace]:
+    """The faces of a light's map that it shines through; `lit`: receivers that it may shine on."""
+    cube = len(map.axes) == 6
+    ways = lit - map.origin
+    largest = np.abs(ways).argmax(axis=1)
+    used = set((2 * largest + (np.take_along_axis(ways, largest[:, None], 1)[:, 0] < 0.0)).tolist())
     faces = []
     for index, rows in enumerate(map.axes):
         lengths = np.linalg.norm(rows, axis=1)
         half = 1.0 / lengths[:2]
         depth = 1.0 / float(lengths[2]) if map.orthographic else 0.0
-        window = np.stack([-half, half])
-        frame = rows / lengths[:, None]
+        window, frame = np.stack([-half, half]), rows / lengths[:, None]
+        weight = float(index in used) if cube else 1.0
         face = ShadowFace(map.light, index, map.origin, frame, window, depth, map.range, weight)
-        if len(map.axes) == 1:
-            faces.append(_fitted(face, receivers))
-        elif not _is_dark(light, face.frame[2]):
-            faces.append(face if face.holds(lit)[1].any() else replace(face, weight=0.0))
+        if not (cube and _is_dark(light, frame[2])):
+            faces.append(face if cube else _fitted(face, receivers))
     return faces
 
 

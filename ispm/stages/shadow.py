@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -12,7 +11,7 @@ from ispm.errors import SceneError
 from ispm.frame import GpuScene, ShadowMaps, vertex_layout
 from ispm.gpu import Canvas, Gpu, Recording, Target, Texture
 from ispm.optics.records import MATERIAL_THIN
-from ispm.scene.atlas import GUARD, LEAST, ShadowAtlas, ShadowFace, plan_atlas
+from ispm.scene.atlas import GUARD, LEAST, ShadowAtlas, ShadowTile, plan_atlas
 from ispm.scene.lightmap import LightMap
 
 _MAP = wgsl.load("stages/shadow_map.wgsl").dtype("ShadowMap")
@@ -70,19 +69,20 @@ class ShadowStage:
                 f"the scene has {len(packed.lights)} lights, more than {self._gpu.name} can hold shadow maps "
                 f"for in a texture of {self._gpu.max_texture} texels a side; remove some"
             )
-        sheets = np.array([_is_sheet(packed.materials[draw.material]) for draw in scene.draws], bool)
+        materials = packed.materials[[draw.material for draw in scene.draws]]
+        sheets = _are_sheets(materials)
+        has_sheets = bool(sheets.any())
         self._fit(self._depth, atlas.size)
-        tiles = _tiles(atlas, scene, near, pass_index)
-        with frame.draw_into(depth=self._depth) as canvas:
-            for tile in self._each(scene, canvas, tiles):
-                self._draw(frame, scene, canvas, tile, ~sheets)
         for texture in (self._sheets, self._tints):
-            texture.sized(self._depth.size if sheets.any() else (1, 1))
-        if sheets.any():
-            self._draw_sheets(frame, scene, tiles, sheets)
+            texture.sized(self._depth.size if has_sheets else (1, 1))
+        views = [view_row(tile, near, pass_index) for tile in atlas.tiles]
+        self._draw_depth(frame, scene, atlas, views, self._depth, ~sheets)
+        if has_sheets:
+            self._draw_tints(frame, scene, atlas, views, sheets)
+            self._draw_depth(frame, scene, atlas, views, self._sheets, sheets)
         return ShadowMaps(
-            atlas, map_rows(packed.maps, near), tile_rows(atlas, len(packed.maps)),
-            self._depth, self._sheets, self._tints, bool(sheets.any()),
+            map_rows(packed.maps, near), tile_rows(atlas, len(packed.maps)),
+            self._depth, self._sheets, self._tints, has_sheets,
         )  # fmt: skip
 
     def close(self) -> None:
@@ -97,67 +97,61 @@ class ShadowStage:
         if width > old[0] or height > old[1] or 2 * width * height < old[0] * old[1]:
             texture.sized((width, height))
 
-    def _each(self, scene: GpuScene, canvas: Canvas, tiles: list[_Tile]) -> Iterator[_Tile]:
-        """Yield the tiles, each with the canvas set to it."""
-        canvas.vertices(scene.vertices)
-        canvas.indices(scene.indices)
-        for tile in tiles:
-            canvas.viewport(*tile.corner, tile.side, tile.side)
-            yield tile
-
-    def _draw(
-        self, frame: Recording, scene: GpuScene, canvas: Canvas, tile: _Tile, which: np.ndarray
+    def _draw_depth(
+        self,
+        frame: Recording,
+        scene: GpuScene,
+        atlas: ShadowAtlas,
+        views: list[np.ndarray],
+        target: Texture,
+        which: np.ndarray,
     ) -> None:
-        """Draw the depth of the draws `which` into a tile."""
-        shared = {"view": frame.uniform(tile.view), "instances": scene.instances}
-        visible = [scene.draws[row] for row in tile.draws if which[row]]
-        solid = [draw for draw in visible if not scene.is_masked(draw.material)]
-        if solid:
-            canvas.use(self._opaque, self._opaque.bind(0, **shared))
-        for draw in solid:
-            scene.draw_indexed(canvas, draw)
-        masked = (draw for draw in visible if scene.is_masked(draw.material))
-        for draw in scene.each(frame, canvas, masked, lambda _: self._masked, shared):
-            scene.draw_indexed(canvas, draw)
+        """Draw the depth of the draws `which`, (draws,) bool, into all tiles."""
+        masked = np.array([scene.is_masked(draw.material) for draw in scene.draws], bool)
+        with frame.draw_into(depth=target) as canvas:
+            for tile, view in _each(scene, canvas, atlas, views):
+                shared = {"view": frame.uniform(view), "instances": scene.instances}
+                canvas.use(self._opaque, self._opaque.bind(0, **shared))
+                for row in tile.seen[(which & ~masked)[tile.seen]]:
+                    scene.draw_indexed(canvas, scene.draws[row])
+                holed = (scene.draws[row] for row in tile.seen[(which & masked)[tile.seen]])
+                for draw in scene.each(frame, canvas, holed, lambda _: self._masked, shared):
+                    scene.draw_indexed(canvas, draw)
 
-    def _draw_sheets(self, frame: Recording, scene: GpuScene, tiles: list[_Tile], sheets: np.ndarray) -> None:
-        """Draw the tints of what stands before opaque surfaces, then how near the nearest is."""
-        with frame.draw_into(
-            self._tints, depth=self._depth, clear=(1.0, 1.0, 1.0, 1.0), clear_depth=None
-        ) as canvas:
-            for tile in self._each(scene, canvas, tiles):
-                group = self._sheet.bind(0, frame, view=tile.view, instances=scene.instances)
-                for draw in (scene.draws[row] for row in tile.draws if sheets[row]):
+    def _draw_tints(
+        self,
+        frame: Recording,
+        scene: GpuScene,
+        atlas: ShadowAtlas,
+        views: list[np.ndarray],
+        sheets: np.ndarray,
+    ) -> None:
+        """Draw what the sheets before opaque surfaces let through, one on top of the other."""
+        white = (1.0, 1.0, 1.0, 1.0)
+        with frame.draw_into(self._tints, depth=self._depth, clear=white, clear_depth=None) as canvas:
+            for tile, view in _each(scene, canvas, atlas, views):
+                group = self._sheet.bind(0, frame, view=view, instances=scene.instances)
+                for draw in (scene.draws[row] for row in tile.seen[sheets[tile.seen]]):
                     material = scene.packed.materials[draw.material]
-                    maps = scene.material_maps(draw.material, "base_color")
+                    maps = scene.material_maps(draw.material, "base_color", "transmission")
                     canvas.use(self._sheet, group, self._sheet.bind(1, frame, material=material, **maps))
                     scene.draw_indexed(canvas, draw)
-        with frame.draw_into(depth=self._sheets) as canvas:
-            for tile in self._each(scene, canvas, tiles):
-                self._draw(frame, scene, canvas, tile, sheets)
 
 
-@dataclass(frozen=True, eq=False)
-class _Tile:
-    """Where a face lies in the atlas, its VIEW record, and the rows of the draws that it sees."""
-
-    corner: tuple[int, int]
-    side: int
-    view: np.ndarray
-    draws: np.ndarray
-
-
-def _tiles(atlas: ShadowAtlas, scene: GpuScene, near: float, pass_index: int) -> list[_Tile]:
-    tiles = []
-    for face, place, side in zip(atlas.faces, atlas.places.tolist(), atlas.sides.tolist(), strict=True):
-        seen = np.flatnonzero(face.sees(scene.boxes))
-        tiles.append(_Tile((place[0], place[1]), side, view_row(face, side, near, pass_index), seen))
-    return tiles
+def _each(
+    scene: GpuScene, canvas: Canvas, atlas: ShadowAtlas, views: list[np.ndarray]
+) -> Iterator[tuple[ShadowTile, np.ndarray]]:
+    """Yield the tiles and their VIEW records, each with the canvas set to it."""
+    canvas.vertices(scene.vertices)
+    canvas.indices(scene.indices)
+    for tile, view in zip(atlas.tiles, views, strict=True):
+        canvas.viewport(*tile.corner, tile.side, tile.side)
+        yield tile, view
 
 
-def _is_sheet(material: np.void) -> bool:
-    """Whether light goes straight through: thin, and smooth."""
-    return bool(material["flags"] & MATERIAL_THIN) and float(material["roughness"]) ** 2 < _MIN_ALPHA
+def _are_sheets(materials: np.ndarray) -> np.ndarray:
+    """Whether light goes straight through: thin and smooth materials, (n,) bool."""
+    return np.asarray((materials["flags"] & MATERIAL_THIN != 0) & (materials["roughness"] ** 2 < _MIN_ALPHA))
 
 
 def map_rows(maps: Sequence[LightMap], near: float) -> np.ndarray:
@@ -175,27 +169,28 @@ def map_rows(maps: Sequence[LightMap], near: float) -> np.ndarray:
 def tile_rows(atlas: ShadowAtlas, light_count: int) -> np.ndarray:
     """Return the SHADOW_TILE rows, six for each light; zero where a light has no such face or no tile."""
     rows = np.zeros(_FACES * light_count, _TILE)
-    for face, place, side in zip(atlas.faces, atlas.places, atlas.sides, strict=True):
+    for tile in atlas.tiles:
+        face = tile.face
         row = rows[_FACES * face.light + face.index]
-        row["scale"] = (side - 2 * GUARD) / (face.window[1] - face.window[0])
-        row["shift"] = place + side / 2.0 - row["scale"] * face.window.mean(axis=0)
-        row["corner"], row["side"] = place, side
+        row["scale"] = (tile.side - 2 * GUARD) / (face.window[1] - face.window[0])
+        row["shift"] = np.array(tile.corner) + tile.side / 2.0 - row["scale"] * face.window.mean(axis=0)
+        row["corner"], row["side"] = tile.corner, tile.side
     return rows
 
 
-def view_row(face: ShadowFace, side: int, near: float, pass_index: int) -> np.ndarray:
-    """Return the VIEW record of a face drawn into a tile of `side` texels."""
-    row = np.zeros((), _VIEW)
-    row["origin"], row["pass_index"] = face.origin, pass_index
-    across = (1.0 - 2.0 * GUARD / side) * 2.0 / (face.window[1] - face.window[0])
+def view_row(tile: ShadowTile, near: float, pass_index: int) -> np.ndarray:
+    """Return the VIEW record that draws a tile."""
+    face, row = tile.face, np.zeros((), _VIEW)
+    scale = (1.0 - 2.0 * GUARD / tile.side) * 2.0 / (face.window[1] - face.window[0])
     middle = face.window.mean(axis=0)
-    right, down, forward = face.frame
-    matrix = np.zeros((4, 4))
-    w = np.array((0.0, 0.0, 0.0, 1.0)) if face.depth else np.append(forward, 0.0)
-    matrix[0] = across[0] * (np.append(right, 0.0) - middle[0] * w)
-    matrix[1] = -across[1] * (np.append(down, 0.0) - middle[1] * w)
-    matrix[2] = np.append(-0.5 / face.depth * forward, 0.5) if face.depth else (0.0, 0.0, 0.0, near)
-    matrix[3] = w
-    row["clip_from_local"] = matrix.T
-    row["light"] = np.append(-forward, 0.0) if face.depth else np.append(face.origin, 1.0)
+    right, down, forward = np.column_stack([face.frame, np.zeros(3)])
+    if face.depth:
+        w = np.array((0.0, 0.0, 0.0, 1.0))
+        z, light = 0.5 * w - 0.5 / face.depth * forward, -forward
+    else:
+        w = forward
+        z, light = np.array((0.0, 0.0, 0.0, near)), np.append(face.origin, 1.0)
+    matrix = np.stack([scale[0] * (right - middle[0] * w), scale[1] * (middle[1] * w - down), z, w])
+    row["clip_from_local"] = matrix.T  # WGSL stores columns
+    row["origin"], row["light"], row["pass_index"] = face.origin, light, pass_index
     return row

@@ -30,7 +30,6 @@ _SHIFTS = ((0.0, 0.0, 0.0), (0.381, 0.618, 0.236))  # of the cells, so that no b
 
 CAUSTIC_NEIGHBORS = 8  # photons that a caustic photon's kernel reaches to
 _CAUSTIC_RADIUS_MAX = 0.05  # of the scene's diagonal
-_CAUSTIC_PIXEL_SHARE = 1.0  # of a pixel: narrower kernels fall between the centres
 _TURN = 0.1  # of the diagonal: how far a radian between normals counts as away
 _SAGITTA = 1.5  # a kernel's height over that of the curved surface it spans
 _NEIGHBORS_MAX = 64
@@ -152,22 +151,27 @@ def _write_radii(words, widest, log_density, smoothing, low, high, least, eye):
         density = f32(math.exp(log_density[i]))
         radius = f32(math.sqrt(f32(NEIGHBORS) / (f32(math.pi) * density)))
         radius = min(min(max(radius, low), high) * smoothing, widest[i])
-        radius = max(radius, min(_seen_width(words, i, least, eye), high))
+        radius = max(radius, min(_at(least, words, i) * _slant(words, i, eye), high))
         words[i, _RADIUS] = radius
         words[i, _H] = f32(_HEIGHT) * radius
 
 
 @jit
-def _seen_width(words, i, pixel, eye):
-    """What a pixel of width `pixel` (a plane's value, m) covers of the surface at photon `i`, lengthwise."""
+def _at(plane, words, i):
+    """A plane's value at photon `i`."""
+    return plane[0] * words[i, 0] + plane[1] * words[i, 1] + plane[2] * words[i, 2] + plane[3]
+
+
+@jit
+def _slant(words, i, eye):
+    """How much longer a pixel of `eye` is on the surface at photon `i` than it is wide, to a limit."""
     x, y, z = words[i, 0], words[i, 1], words[i, 2]
-    width = pixel[0] * x + pixel[1] * y + pixel[2] * z + pixel[3]
     wo = (eye[0] - eye[3] * x, eye[1] - eye[3] * y, eye[2] - eye[3] * z)
     distance = f32(math.sqrt(dot(wo, wo)))
     if distance == f32(0):
-        return width
+        return f32(1)
     aslant = abs(dot(wo, (words[i, _NX], words[i, _NX + 1], words[i, _NX + 2])))
-    return width * min(distance / max(aslant, f32(1e-12)), f32(_SLANT_MAX))
+    return min(distance / max(aslant, f32(1e-12)), f32(_SLANT_MAX))
 
 
 def measure_caustic_radii(
@@ -184,7 +188,8 @@ def measure_caustic_radii(
 
     photons    (N,) PHOTON, caustic ones alone, changed in place
     diagonal   of the scene, metres: no radius is above 0.05 of it
-    pixel      (4,) as in `measure_radii`, but of the picture's own pixels: no radius is below it
+    pixel      (4,) as in `measure_radii`, but of the picture's own pixels: no kernel covers fewer than pi of
+               them, or much of its light would fall between their centres
     neighbors  the radius reaches to this nearest one, of those that face the same way: a turn of a radian
                is as far as 0.1 of the diagonal
     smoothing, widths, eye  as in `measure_radii`
@@ -199,7 +204,7 @@ def measure_caustic_radii(
     points, order = _points_in_order(words, f32(_TURN * diagonal))
     tree = NearestTree(points)
     limits = np.array([_CAUSTIC_RADIUS_MAX * diagonal, smoothing], np.float32)
-    least = (np.zeros(4) if pixel is None else _CAUSTIC_PIXEL_SHARE * pixel).astype(np.float32)
+    least = np.zeros(4, np.float32) if pixel is None else pixel.astype(np.float32)
     widest, eye = _reach_on_objects(photons, widths), np.asarray(eye, np.float32)
     counter = np.zeros(8, np.int64)
 
@@ -236,18 +241,18 @@ def _write_caustic_radii(
         for point in range(first, min(first + i64(_CHUNK), len(points))):
             found = find_nearest(nodes, starts, i64(point), wanted, limits[0], squares, rows, stack)
             i = order[point]
-            radius, bend = limits[0], f32(0)
-            if found > i64(0):
-                reach2 = ldf(squares, found - i64(1))
-                bend = _bend(words, i, order, rows, found) / max(reach2, f32(1e-30))
+            radius = limits[0]
             if found == wanted:
+                reach2 = ldf(squares, wanted - i64(1))
                 around = max(_flux_of(words, order, rows, found), f32(1e-30))
                 brighter = max(f32(wanted) * _flux(words, i) / around, f32(1))
                 radius = min(f32(math.sqrt(reach2 * brighter)), limits[0])
             radius = min(radius * limits[1], widest[i])
-            radius = max(radius, min(_seen_width(words, i, least, eye), limits[0]))
+            pixel = _at(least, words, i) * f32(math.sqrt(_slant(words, i, eye)))
+            radius = max(radius, min(pixel, limits[0]))
             words[i, _RADIUS] = radius
-            words[i, _H] = min(max(f32(_HEIGHT), f32(_SAGITTA) * bend * radius), f32(1)) * radius
+            sagitta = f32(_SAGITTA) * _bend(words, i, order, rows, found) * radius
+            words[i, _H] = min(max(f32(_HEIGHT), sagitta), f32(1)) * radius
 
 
 @jit
@@ -266,8 +271,9 @@ def _flux_of(words, order, rows, found):
 
 @jit
 def _bend(words, i, order, rows, found):
-    """The most that the surface falls away under a neighbour, m: half its distance times its turn."""
-    most = f32(0)
+    """Half the curvature of the surface, 1/m: the most that it falls away under a neighbour, half its
+    distance times its turn, over the square of the farthest one's distance."""
+    most, farthest = f32(0), f32(1e-30)
     for k in range(found):
         j = order[i64(ldu(rows, i64(k)))]
         away2, turn2 = f32(0), f32(0)
@@ -275,5 +281,5 @@ def _bend(words, i, order, rows, found):
             away, turn = words[j, axis] - words[i, axis], words[j, _NX + axis] - words[i, _NX + axis]
             away2 += away * away
             turn2 += turn * turn
-        most = max(most, away2 * turn2)
-    return f32(0.5) * f32(math.sqrt(most))
+        most, farthest = max(most, away2 * turn2), max(farthest, away2)
+    return f32(0.5) * f32(math.sqrt(most)) / farthest

@@ -1,11 +1,17 @@
 """The camera and the light of scenes that bring none."""
 
+import json
+
 import numpy as np
 import pytest
+from assets import assets
 from transport import box_room
 
 from ispm.errors import SceneError
-from ispm.renderer.framing import default_camera, default_light, find_camera, is_room, rigid
+from ispm.io.load import load
+from ispm.renderer.framing import default_camera, default_light, find_camera, rigid
+from ispm.renderer.room import find_heart
+from ispm.scene.builtin import BUILTINS, builtin
 from ispm.scene.camera import Camera
 from ispm.scene.packed import pack
 from ispm.scene.scene import Scene, rotation_matrix
@@ -37,7 +43,7 @@ def seen_from(camera, pose, points):
 @pytest.mark.parametrize("scale", [(1, 1, 1), (20, 1, 1), (1, 0.01, 1), (0.01, 0.01, 30)])
 def test_an_object_fills_the_picture_but_stays_within(aspect, scale):
     packed, world = ready(object_scene(scale))
-    assert not is_room(packed, world)
+    assert find_heart(packed, world) is None
     camera, pose = default_camera(packed, world, aspect)
     points = []
     for row in packed.instances:
@@ -55,7 +61,7 @@ def test_a_room_is_seen_from_within():
     low, high = (-3.0, 0.0, -1.0), (3.0, 2.5, 1.0)
     for scene in (box_room(low, high), box_room((1e3, 0, 0), (1e3 + 4, 3, 5))):
         packed, world = ready(scene)
-        assert is_room(packed, world)
+        assert find_heart(packed, world) == pytest.approx(packed.bounds.mean(axis=0))
         _, pose = default_camera(packed, world, 1.5)
         assert (pose[:3, 3] > packed.bounds[0]).all() and (pose[:3, 3] < packed.bounds[1]).all()
     # along the longer side, towards the middle
@@ -67,7 +73,43 @@ def test_a_room_is_seen_from_within():
 def test_a_box_seen_from_outside_is_no_room():
     scene = Scene()
     scene.add(box((0, 0, 0), (1, 1, 1)))
-    assert not is_room(*ready(scene))
+    assert find_heart(*ready(scene)) is None
+
+
+def test_a_room_with_an_open_side_is_seen_through_it_from_the_middle():
+    scene = box_room((-2, 0, -2), (2, 2, 2))
+    del scene.roots[1]  # the wall at +x
+    scene.add(box((-1, 0, -1), (0, 1.5, 2)))  # in the middle
+    packed, world = ready(scene)
+    _, pose = default_camera(packed, world, 1.5)
+    assert pose[0, 3] > 2.0 and pose[2, 3] == pytest.approx(0.0)
+    assert pose[0, 2] > 0.99
+
+
+ROOMS = {
+    "atrium", "integrating-sphere", "own_room.obj", "level_zdm2_lit.glb", "living_room_godot.glb",
+    "ispm_light_units.glb", "missing_material_file.obj", "no_material.obj",
+}  # fmt: skip
+HARD_TO_TELL = {"turbine.obj"}  # a level whose walls are thick, in units that are not metres
+
+
+def test_rooms_are_told_from_objects_in_all_assets():
+    folder, wrong = assets(), []
+    files = [folder / entry["file"] for entry in json.loads((folder / "manifest.json").read_text())]
+    scenes = [("", name, builtin(name)) for name in BUILTINS]
+    for path in files:
+        try:
+            scenes.append((path.parts[len(folder.parts)], path.name, load(path)))
+        except SceneError:
+            continue  # files that are refused have tests of their own
+    for kind, name, scene in scenes:
+        if not scene.triangle_count or kind == "generator" or name in HARD_TO_TELL:
+            continue
+        room = name in ROOMS or "cornell" in name.lower()
+        if (find_heart(*ready(scene)) is not None) != room:
+            wrong.append(name)
+    assert len(scenes) > 100
+    assert not wrong
 
 
 def test_the_default_light_shines_into_rooms_and_from_afar_on_objects():

@@ -210,7 +210,11 @@ def test_faults_that_leave_something_are_told(tmp_path: Path, text: str, count: 
 
 @pytest.mark.parametrize(
     ("limits", "reason"),
-    [({"elements": 3}, "elements=3"), ({"triangles": 1}, "triangles=1"), ({"file_bytes": 9}, "file_bytes=9")],
+    [
+        ({"max_elements": 3}, "max_elements=3"),
+        ({"max_triangles": 1}, "max_triangles=1"),
+        ({"max_file_bytes": 9}, "max_file_bytes=9"),
+    ],
 )
 def test_limits_are_held(tmp_path: Path, limits: dict[str, int], reason: str) -> None:
     with pytest.raises(SceneError, match=reason):

@@ -92,8 +92,9 @@ def test_ply_lists_and_elements_beside_faces_are_passed_over(tmp_path: Path, for
     head = (
         f"ply\r\nformat {form} 1.0\r\nelement note 1\r\nproperty list uint uchar text\r\nelement vertex 3\r\n"
         "property double z\r\nproperty short y\r\nproperty uchar x\r\nelement face 2\r\n"
-        "property uchar tag\r\nproperty list uchar ushort vertex_index\r\nproperty list uchar float w\r\nend_header\r\n"
-    )  # fmt: skip
+        "property uchar tag\r\nproperty list uchar ushort vertex_index\r\n"
+        "property list uchar float w\r\nend_header\r\n"
+    )
     if form == "ascii":
         body = b"2 65 66\n5 0 0\n5 0 9\n5 -7 0\n1 3 0 1 2 2 .5 .5\n1 3 0 2 1 1 .5\n"
     else:
@@ -127,7 +128,7 @@ def test_ply_texture_lies_inside_its_folder(tmp_path: Path) -> None:
         ("plz\n", "no PLY file"),
         ("ply\nformat ascii 1.0\n", "no end"),
         ("ply\nformat morse 1.0\nend_header\n", "format is none of"),
-        (header("ascii", 10**12, 1), "elements="),
+        (header("ascii", 10**12, 1), "max_elements="),
         (header("ascii", 10**8, 1), "cut short"),
         (header("binary_little_endian", 10**8, 1), "cut short"),
         (header("binary_little_endian", 0, 10**8), "cut short"),
@@ -232,12 +233,12 @@ def test_stl_without_triangles_is_told(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("data", [house("ascii"), house("binary_little_endian")])
-@pytest.mark.parametrize("limits", [{"elements": 5}, {"triangles": 3}])
+@pytest.mark.parametrize("limits", [{"max_elements": 5}, {"max_triangles": 3}])
 def test_ply_limits_are_held(tmp_path: Path, data: bytes, limits: dict[str, Any]) -> None:
     with pytest.raises(SceneError, match="allows"):
         load(write(tmp_path, data), **limits)
 
 
 def test_stl_limits_are_held(tmp_path: Path) -> None:
-    with pytest.raises(SceneError, match="triangles=1"):
-        load(write(tmp_path, binary_stl(2, 2), "a.stl"), triangles=1)
+    with pytest.raises(SceneError, match="max_triangles=1"):
+        load(write(tmp_path, binary_stl(2, 2), "a.stl"), max_triangles=1)
