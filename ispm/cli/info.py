@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
@@ -10,6 +12,8 @@ from ispm.cli.console import Console
 from ispm.cli.options import command, limits_from
 from ispm.cli.scene import open_scene
 from ispm.settings import LoadLimits
+
+ENDINGS = (".png", ".jpg", ".jpeg", ".exr", ".npz", ".npy")
 
 if TYPE_CHECKING:
     import numpy as np
@@ -27,15 +31,46 @@ def info(
     config: Annotated[str | None, Parameter(help="limits as TOML", metavar="FILE.toml")] = None,
     **given: Any,
 ) -> None:
-    """Say what a scene holds.
+    """Say what a scene holds, or how a picture was made.
 
     Example: ispm info room.glb
 
-    SCENE is a file (.glb .gltf .obj .ply .stl) or the name of a built-in scene.
+    SCENE is a file (.glb .gltf .obj .ply .stl) or the name of a built-in scene, or
+    a picture (.png .jpg .exr .npz .npy): its size, its channels and the command line that makes it again.
     """
+    if Path(scene).suffix.lower() in ENDINGS:
+        _tell_picture(console, scene)
+        return
     contents = summary(open_scene(console, scene, limits_from(given, config)))
     console.table(scene, list(contents.items()))
     console.result(contents)
+
+
+def _tell_picture(console: Console, path: str) -> None:
+    from ispm.io.about import read_about
+
+    found = read_about(path)
+    made = dict(found.made)
+    settings = _settings(made.pop("settings", ""))
+    command = made.pop("command", None)
+    about = {"size": f"{found.width}x{found.height}", "channels": found.channels, "bits": found.bits, **made}
+    console.table(path, list(about.items()))
+    if not found.made:
+        console.say("it does not say how it was made" + "; no .npy does" * path.lower().endswith(".npy"))
+    elif command is None:
+        console.table("settings", list(settings.items()))
+    else:
+        console.say(f"made by: {command}")
+    console.result({**about, "width": found.width, "height": found.height, "command": command,
+                    "settings": settings})  # fmt: skip
+
+
+def _settings(text: str) -> dict[str, Any]:
+    try:
+        settings = json.loads(text or "{}")
+    except ValueError:
+        return {}
+    return settings if isinstance(settings, dict) else {}
 
 
 def summary(scene: Scene) -> dict[str, Any]:

@@ -10,6 +10,7 @@ from typing import Annotated, Any
 from cyclopts import Parameter
 
 from ispm.cache import cache_folder
+from ispm.cli.command_line import command_line
 from ispm.cli.console import Console, to_json
 from ispm.cli.options import command, limits_from, settings_from
 from ispm.cli.scene import choose_camera, open_scene, require_not_input
@@ -44,6 +45,7 @@ def render(
     float: Annotated[
         bool, Parameter(help="32 bits a channel in an EXR, not 16", negative="", show_default=False)
     ] = False,
+    bits: Annotated[int, Parameter(help="bits a channel in a PNG: 8 or 16", metavar="N")] = 8,
     stats: Annotated[str | None, Parameter(help="write the statistics as JSON", metavar="FILE")] = None,
     adapter: Annotated[
         str | None, Parameter(help="part of a graphics adapter's name; default: the best", metavar="NAME")
@@ -69,7 +71,7 @@ def render(
     settings = settings_from(given, config)
     limits = limits_from(given, config)
     if print_config:
-        _print_config(console, settings)
+        _print_config(console, settings, limits)
         return
     if list_adapters:
         _list_adapters(console)
@@ -85,6 +87,7 @@ def render(
     _require_view(show, target)
     if float and target.suffix.lower() != ".exr":
         raise SettingsError(f"--float: is for .exr, not '{target.suffix}'")
+    _require_bits(bits, show, target)
     outputs = [Path(path) for path in (target, stats) if path is not None]
     _require_writable(outputs, scene)
 
@@ -105,10 +108,15 @@ def render(
         console.step(text),
         Renderer(world, settings, camera=view, adapter=adapter, threads=threads) as renderer,
     ):
-        frame = renderer.render()
+        frame, asked = renderer.render(), show
         if show in RENDERER_VIEWS:
             frame, show = dataclasses.replace(frame, image=renderer.view(show)), "full"
-    frame.save(target, layers=wanted, show=show, float32=float)
+    options = dict(
+        camera=camera, look_from=look_from, look_at=look_at, fov=fov, time=time, animation=animation,
+        show=asked, layers=layers, float=float, bits=bits, adapter=adapter,
+    )  # fmt: skip
+    frame.command = command_line(scene, options, settings, limits, output=str(target))
+    frame.save(target, layers=wanted, show=show, float32=float, bits=bits)
     console.written(target)
     _report(console, frame.stats, target, stats)
 
@@ -152,6 +160,15 @@ def _require_view(show: str, target: Path) -> None:
         )
 
 
+def _require_bits(bits: int, show: str, target: Path) -> None:
+    if bits not in (8, 16):
+        raise SettingsError(f"--bits: {bits} is not possible; give 8 or 16")
+    if bits == 16 and target.suffix.lower() != ".png":
+        raise SettingsError(f"--bits: 16 is for .png, not '{target.suffix}'; an .exr has more")
+    if bits == 16 and show in RENDERER_VIEWS:
+        raise SettingsError(f"--bits: the view '{show}' has 8")
+
+
 def _require_writable(outputs: list[Path], scene: str) -> None:
     """Find out before the work whether its results can be written."""
     from ispm.io.atomic import require_writable
@@ -163,8 +180,8 @@ def _require_writable(outputs: list[Path], scene: str) -> None:
         raise OutputError(f"{outputs[0]}: is both the picture and the statistics; name two files")
 
 
-def _print_config(console: Console, settings: Settings) -> None:
-    values = dataclasses.asdict(settings)
+def _print_config(console: Console, settings: Settings, limits: LoadLimits) -> None:
+    values = dataclasses.asdict(settings) | dataclasses.asdict(limits)
     if console.as_json:
         console.result(values)
         return

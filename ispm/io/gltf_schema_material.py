@@ -118,10 +118,6 @@ class Volume(Record):
     attenuation_distance: float | None = None
 
 
-class Unlit(Record):
-    """KHR_materials_unlit."""
-
-
 class MaterialExtensions(Record):
     """Extensions of a material."""
 
@@ -132,7 +128,7 @@ class MaterialExtensions(Record):
     )
     transmission: Transmission = field(name="KHR_materials_transmission", default_factory=Transmission)
     volume: Volume = field(name="KHR_materials_volume", default_factory=Volume)
-    unlit: Unlit | None = field(name="KHR_materials_unlit", default=None)
+    unlit: dict[str, Any] | None = field(name="KHR_materials_unlit", default=None)
 
 
 class Material(Record):

@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 import dataclasses
-import io
 import json
+import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
-from ispm.errors import SettingsError
+from ispm.errors import SceneWarning, SettingsError
 from ispm.io import image as files
+from ispm.io.png import encode_png
 from ispm.renderer.statistics import Stats
 from ispm.renderer.views import display
 from ispm.settings import Settings, nearest
+from ispm.stages.tonemap import tonemap, tonemap_transparent
 
 
 @dataclass(eq=False)
@@ -32,6 +34,8 @@ class Frame:
     instance, material   (h, w) int32 ids, -1 where nothing is
     camera      its pose (4, 4) camera-to-world and clip_from_world matrix
     exposure    stops that `image` was made with
+    scene       the scene's name
+    command     the command line that makes this frame, where one did
     """
 
     image: np.ndarray = field(repr=False)
@@ -40,6 +44,12 @@ class Frame:
     settings: Settings
     camera: dict[str, np.ndarray] = field(repr=False)
     exposure: float
+    scene: str = ""
+    command: str = ""
+
+    def __repr__(self) -> str:
+        height, width = self.image.shape[:2]
+        return f"<Frame {width}x{height} of '{self.scene}', {self.settings.photons:,} photons>"
 
     @property
     def radiance(self) -> np.ndarray:
@@ -58,11 +68,17 @@ class Frame:
             raise KeyError(f"there is no layer '{layer}'{nearest(layer, self.layers)}")
         return self.layers[layer]
 
-    def show(self, view: str = "full") -> np.ndarray:
-        """Return a view of this frame as uint8 sRGB. Raises SettingsError for one it does not have."""
-        if view == "full":
+    def show(self, view: str = "full", bits: int = 8) -> np.ndarray:
+        """Return a view of this frame as sRGB, uint8 or with 16 bits uint16.
+
+        Raises SettingsError for a view it does not have.
+        """
+        if view == "full" and bits == 8:
             return self.image
-        return display(self.layers, view, self.exposure, self.settings.tonemap)
+        mode = self.settings.tonemap
+        if view == "full" and self.settings.background == "transparent":
+            return tonemap_transparent(self.radiance, self["alpha"], self.exposure, mode, bits=bits)
+        return display(self.layers, view, self.exposure, mode, bits)
 
     def save(
         self,
@@ -71,46 +87,64 @@ class Frame:
         show: str = "full",
         layers: list[str] | None = None,
         float32: bool = False,
+        bits: int = 8,
     ) -> Path:
         """Write the picture; the ending picks PNG, JPEG, EXR, NPY or NPZ. Return the path.
 
         show     the view that PNG and JPEG show, and the layer of NPY
         layers   of an EXR or NPZ; None: all
         float32  EXR: full precision instead of half
-        Nothing is left half written. Raises OutputError, or SettingsError for an unknown layer.
+        bits     PNG: 8 or 16 a channel
+        All but NPY hold how they were made, which `ispm info` tells. A JPEG has black where a PNG is
+        transparent, with a SceneWarning. Nothing is left half written.
+        Raises OutputError, or SettingsError for an unknown layer or number of bits.
         """
         path = Path(path)
         ending = files.require_ending(path)
+        if bits != 8 and (bits != 16 or ending != ".png"):
+            raise SettingsError(f"bits: {bits} is not possible in a {ending}; a PNG has 8 or 16, others 8")
         if ending == ".png":
-            files.write_png(path, self.show(show), self._metadata())
+            files.write_png(path, self.show(show, bits), self._about())
         elif ending in (".jpg", ".jpeg"):
-            files.write_jpeg(path, self.show(show))
+            files.write_jpeg(path, self._opaque(show), self._about())
         elif ending == ".npy":
             files.write_npy(path, self._layer(show))
         else:
             chosen = {name: self._layer(name) for name in (layers or self.layers)}
             if ending == ".exr":
-                files.write_exr(path, chosen, {**self._metadata(), **self.camera}, float32)
+                files.write_exr(path, chosen, {**self._about(), **self.camera}, float32)
             else:
-                files.write_npz(path, chosen)
+                files.write_npz(path, chosen, self._about())
         return path
+
+    def _opaque(self, view: str) -> np.ndarray:
+        shown = self.show(view)
+        if shown.shape[2] == 3:
+            return shown
+        line = "a JPEG has no transparency: the background is black; use .png"
+        warnings.warn(line, SceneWarning, stacklevel=3)
+        return tonemap(self.radiance, self.exposure, self.settings.tonemap)
 
     def _layer(self, name: str) -> np.ndarray:
         if name not in self.layers:
             raise SettingsError(f"there is no layer '{name}'{nearest(name, self.layers)}")
         return self.layers[name]
 
-    def _metadata(self) -> dict[str, str]:
+    def _about(self) -> dict[str, str]:
+        """How this frame was made, in words that every kind of file can hold."""
         from ispm import __version__
 
-        settings = dataclasses.asdict(self.settings)
-        return {"Software": f"ispm {__version__}", "ispm:settings": json.dumps(settings),
-                "ispm:seed": str(self.settings.seed)}  # fmt: skip
+        pose = self.camera.get("pose")
+        about = {
+            "Software": f"ispm {__version__}",
+            "ispm:scene": self.scene,
+            "ispm:command": self.command,
+            "ispm:settings": json.dumps(dataclasses.asdict(self.settings)),
+            "ispm:seed": str(self.settings.seed),
+            "ispm:camera": "" if pose is None else json.dumps(np.asarray(pose).tolist()),
+        }
+        return {key: value for key, value in about.items() if value}
 
     def _repr_png_(self) -> bytes:
         """How a notebook shows the frame."""
-        from PIL import Image
-
-        out = io.BytesIO()
-        Image.fromarray(self.image).save(out, format="png")
-        return out.getvalue()
+        return encode_png(self.image)

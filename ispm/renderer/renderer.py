@@ -16,7 +16,7 @@ import numpy as np
 from ispm.errors import IspmError, SceneError, SceneWarning, SettingsError
 from ispm.estimators import make_estimator
 from ispm.frame import GBuffer, GpuScene
-from ispm.gpu import Gpu, Texture, open_gpu
+from ispm.gpu import Gpu, Texture, open_gpu, within_memory
 from ispm.optics.records import MATERIAL_UNLIT, PHOTON, RECEIVER
 from ispm.optics.texture import TextureTable
 from ispm.renderer import layers as make
@@ -42,7 +42,7 @@ from ispm.stages.downsample import Downsample
 from ispm.stages.filter import filter_estimate
 from ispm.stages.gbuffer import GBufferStage
 from ispm.stages.shadow import ShadowStage
-from ispm.stages.tonemap import auto_exposure, tonemap
+from ispm.stages.tonemap import auto_exposure, tonemap, tonemap_transparent
 from ispm.stages.upload import Upload
 from ispm.stages.upsample import Upsample
 from ispm.tracer.density import measure_caustic_radii, measure_radii
@@ -113,6 +113,12 @@ class Renderer:
         self._settings: Settings | None = None
         self.settings = settings or Settings()
 
+    def __repr__(self) -> str:
+        if self._closed:
+            return "<Renderer, closed>"
+        width, height = self.settings.size
+        return f"<Renderer of {self.scene!r} at {width}x{height} on {self._gpu.name}>"
+
     def __enter__(self) -> Renderer:
         return self
 
@@ -164,9 +170,17 @@ class Renderer:
         self._settings = new
 
     def render(self) -> Frame:
-        """Render one picture. Raises SceneError for a scene without a surface."""
+        """Render one picture.
+
+        Raises SceneError for a scene without a surface, SettingsError for more than memory can hold.
+        """
         if self._closed:
             raise IspmError("this renderer is closed; make another one")
+        width, height = self.settings.size
+        with within_memory(f"a picture of {width}x{height} pixels and {self.settings.photons:,} photons"):
+            return self._render()
+
+    def _render(self) -> Frame:
         started = clock.perf_counter()
         self._last = None  # so that its memory can be used again
         watch = Watch()
@@ -390,8 +404,13 @@ class Renderer:
             self._upsample.patch(frame, scene, gbuffer, view, light, caustic)
 
     def _follow_chains(
-        self, packed: Packed, surfaces: SurfaceTable, mirrors: np.ndarray, grid: Callable[[], PhotonGrid],
-        focused: np.ndarray, view: CameraView,
+        self,
+        packed: Packed,
+        surfaces: SurfaceTable,
+        mirrors: np.ndarray,
+        grid: Callable[[], PhotonGrid],
+        focused: np.ndarray,
+        view: CameraView,
     ) -> np.ndarray:
         """Return the light that mirrors and glass bring to their pixels, (n, 9), of (n,) SEEN."""
         settings = self.settings
@@ -399,9 +418,7 @@ class Renderer:
             return np.zeros((0, 9), np.float32)
         background = (0.0, 0.0, 0.0) if isinstance(settings.background, str) else settings.background
         rays = eye_rays(mirrors, view)
-        paths = trace_eye(
-            packed, self._world, surfaces, rays, background, settings.seed, _PASS, self.threads
-        )
+        paths = trace_eye(packed, self._world, surfaces, rays, background, settings.seed, _PASS, self.threads)
         return light_ends(
             paths, rays.keys, grid, PhotonGrid(focused), view, settings, packed.diagonal, self.threads
         )
@@ -436,11 +453,12 @@ class Renderer:
         })  # fmt: skip
         settings = self.settings
         exposure = auto_exposure(full) if settings.exposure == "auto" else float(settings.exposure)
-        image = tonemap(full, exposure, settings.tonemap, self.threads)
         if background == "transparent":
-            image = np.dstack([image, np.rint(alpha * 255.0).astype(np.uint8)])
+            image = tonemap_transparent(full, alpha, exposure, settings.tonemap, self.threads)
+        else:
+            image = tonemap(full, exposure, settings.tonemap, self.threads)
         camera = {"pose": view.pose, "clip_from_world": view.clip_from_world}
-        return Frame(image, layers, Stats(), settings, camera, exposure)
+        return Frame(image, layers, Stats(), settings, camera, exposure, self.scene.name)
 
 
 def _glows(packed: Packed) -> bool:

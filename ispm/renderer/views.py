@@ -13,37 +13,43 @@ from ispm.stages.tonemap import auto_exposure, tonemap
 _PHOTON_DIM = 0.15  # of the direct picture behind the photons
 
 
-def display(layers: Mapping[str, np.ndarray], view: str, exposure: float, mode: str) -> np.ndarray:
-    """Return a view as (h, w, 3) uint8 sRGB.
+def display(
+    layers: Mapping[str, np.ndarray], view: str, exposure: float, mode: str, bits: int = 8
+) -> np.ndarray:
+    """Return a view as (h, w, 3) sRGB, uint8 or with 16 bits uint16.
 
     Light is shown at the full picture's exposure, irradiance at its own, depth near to far as bright
     to dark, normals as color (n + 1) / 2, ids as colors of their own.
     Raises SettingsError for a view that is made elsewhere or does not exist.
     """
     if view in ("full", "direct", "indirect", "emission"):
-        return tonemap(layers[view], exposure, mode)
+        return tonemap(layers[view], exposure, mode, bits=bits)
     if view == "ambient":
-        return tonemap(_ambient(layers), exposure, mode)
+        return tonemap(_ambient(layers), exposure, mode, bits=bits)
     if view == "irradiance":
-        return tonemap(layers[view], auto_exposure(layers[view]), mode)
+        return tonemap(layers[view], auto_exposure(layers[view]), mode, bits=bits)
     if view == "albedo":
-        return tonemap(layers[view], 0.0, "none")
-    if view == "normal":
-        seen = np.isfinite(layers["depth"])[..., None]
-        return np.where(seen, np.rint((layers[view] + 1.0) * 127.5), 0.0).astype(np.uint8)
-    if view == "depth":
-        return _depth(layers[view])
-    if view in ("instance", "material"):
-        return _ids(layers[view])
+        return tonemap(layers[view], 0.0, "none", bits=bits)
     if view == "split":
         half = layers["full"].shape[1] // 2
-        picture = tonemap(layers["full"], exposure, mode)
-        picture[:, :half] = tonemap(layers["direct"], exposure, mode)[:, :half]
-        picture[:, half : half + 1] = 255
+        picture = tonemap(layers["full"], exposure, mode, bits=bits)
+        picture[:, :half] = tonemap(layers["direct"], exposure, mode, bits=bits)[:, :half]
+        picture[:, half : half + 1] = 2**bits - 1
         return picture
     if view in RENDERER_VIEWS:
         raise SettingsError(f"a frame has no view '{view}': it shows photons, so ask renderer.view('{view}')")
-    raise SettingsError(f"there is no view '{view}'{nearest(view, VIEWS)}")
+    if view not in VIEWS:
+        raise SettingsError(f"there is no view '{view}'{nearest(view, VIEWS)}")
+    picture = _drawn(layers, view)
+    return picture if bits == 8 else picture.astype(np.uint16) * np.uint16(257)
+
+
+def _drawn(layers: Mapping[str, np.ndarray], view: str) -> np.ndarray:
+    """A view of what is no light, uint8."""
+    if view == "normal":
+        seen = np.isfinite(layers["depth"])[..., None]
+        return np.where(seen, np.rint((layers[view] + 1.0) * 127.5), 0.0).astype(np.uint8)
+    return _depth(layers[view]) if view == "depth" else _ids(layers[view])
 
 
 def _ambient(layers: Mapping[str, np.ndarray]) -> np.ndarray:

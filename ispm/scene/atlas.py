@@ -63,7 +63,7 @@ class ShadowFace:
         right, down, ahead = np.moveaxis((corners_of(boxes) - self.origin) @ self.frame.T, -1, 0)
         edge = np.ones_like(ahead) if self.depth else ahead
         (left, top), (far, bottom) = self.window
-        sides = (right - left * edge, far * edge - right, down - top * edge, bottom * edge - down)
+        sides = (edge, right - left * edge, far * edge - right, down - top * edge, bottom * edge - down)
         outside = np.any([(side < 0.0).all(axis=1) for side in sides], axis=0)
         nearest = np.clip(self.origin, boxes[:, 0], boxes[:, 1]) - self.origin
         return np.asarray(~outside & (np.linalg.norm(nearest, axis=1) <= self.range))
@@ -126,7 +126,7 @@ def plan_atlas(
         places, size = pack_shelves(sides[order], limit)
         if max(size) <= limit:
             tiles = [
-                ShadowTile(*views[i], (int(place[0]), int(place[1])), int(sides[i]))
+                ShadowTile(views[i][0], views[i][1], (int(place[0]), int(place[1])), int(sides[i]))
                 for i, place in zip(order, places, strict=True)
             ]
             return ShadowAtlas(tiles, size)

@@ -91,6 +91,15 @@ class Scene:
 
         return to_scene(source)
 
+    def __repr__(self) -> str:
+        counts = (
+            (self.triangle_count, "triangle"),
+            (len(self.lights), "light"),
+            (len(self.cameras), "camera"),
+        )
+        held = ", ".join(f"{count:,} {what}{'s' * (count != 1)}" for count, what in counts)
+        return f"<Scene '{self.name}': {held}>"
+
     def placed(self) -> Iterator[tuple[Node, np.ndarray]]:
         """Yield each node with its (4, 4) node-to-world matrix, parents before children."""
         stack = [(node, np.eye(4)) for node in reversed(self.roots)]

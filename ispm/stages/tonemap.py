@@ -47,9 +47,9 @@ _OUTSET = np.linalg.inv([
     [0.11142098895748, 0.875575586156966, 0.0130034248855548],
     [0.11142098895748, 0.0871996192028349, 0.801379391839686],
 ])  # fmt: skip
-_TO_AGX = tuple(map(tuple, np.float32(_INSET @ _REC2020)))
-_DRAWN_OUT = tuple(map(tuple, np.float32(_OUTSET)))
-_FROM_REC2020 = tuple(map(tuple, np.float32(np.linalg.inv(_REC2020))))
+_TO_AGX = tuple(tuple(row) for row in (_INSET @ _REC2020).astype(np.float32))
+_DRAWN_OUT = tuple(tuple(row) for row in _OUTSET.astype(np.float32))
+_FROM_REC2020 = tuple(tuple(row) for row in np.linalg.inv(_REC2020).astype(np.float32))
 _DARKEST = np.float32(0.18 * 2.0**-_BELOW)
 
 _BRIGHTEST = np.float32(1e8)  # keeps the curve's divisions finite for infinite radiance
@@ -95,11 +95,29 @@ def tonemap(
     return out
 
 
+def tonemap_transparent(
+    radiance: np.ndarray,
+    alpha: np.ndarray,
+    exposure: float,
+    mode: str = "neutral",
+    threads: int | None = None,
+    bits: int = 8,
+) -> np.ndarray:
+    """Return (h, w, 4) sRGB as `tonemap` does, with straight alpha, as PNG has it.
+
+    radiance  of what covers a pixel times the share that it covers, `alpha` (h, w)
+    """
+    covered = radiance / np.where(alpha > 0.0, alpha, np.float32(1.0))[..., None]
+    color = tonemap(covered, exposure, mode, threads, bits)
+    opacity = np.rint(alpha * (2.0**bits - 1.0)).astype(color.dtype)
+    return np.concatenate([color, opacity[..., None]], axis=2)
+
+
 @cache
 def _srgb_table(bits: int) -> np.ndarray:
     """Return sRGB codes of linear values from 0 to 1, _TABLE_SIZE or, of 16 bits, 256 times as many."""
     linear = np.linspace(0.0, 1.0, _TABLE_SIZE << (bits - 8))
-    return np.rint(linear_to_srgb(linear) * (2**bits - 1)).astype(_CODES[bits])
+    return np.asarray(np.rint(linear_to_srgb(linear) * (2**bits - 1)), _CODES[bits])
 
 
 @jit

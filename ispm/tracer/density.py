@@ -241,11 +241,9 @@ def _write_caustic_radii(
         for point in range(first, min(first + i64(_CHUNK), len(points))):
             found = find_nearest(nodes, starts, i64(point), wanted, limits[0], squares, rows, stack)
             i = order[point]
-            radius, bend = limits[0], f32(0)
-            if found > i64(0):
-                reach2 = ldf(squares, found - i64(1))
-                bend = _bend(words, i, order, rows, found) / max(reach2, f32(1e-30))
+            radius = limits[0]
             if found == wanted:
+                reach2 = ldf(squares, wanted - i64(1))
                 around = max(_flux_of(words, order, rows, found), f32(1e-30))
                 brighter = max(f32(wanted) * _flux(words, i) / around, f32(1))
                 radius = min(f32(math.sqrt(reach2 * brighter)), limits[0])
@@ -253,7 +251,8 @@ def _write_caustic_radii(
             pixel = _at(least, words, i) * f32(math.sqrt(_slant(words, i, eye)))
             radius = max(radius, min(pixel, limits[0]))
             words[i, _RADIUS] = radius
-            words[i, _H] = min(max(f32(_HEIGHT), f32(_SAGITTA) * bend * radius), f32(1)) * radius
+            sagitta = f32(_SAGITTA) * _bend(words, i, order, rows, found) * radius
+            words[i, _H] = min(max(f32(_HEIGHT), sagitta), f32(1)) * radius
 
 
 @jit
@@ -272,8 +271,9 @@ def _flux_of(words, order, rows, found):
 
 @jit
 def _bend(words, i, order, rows, found):
-    """The most that the surface falls away under a neighbour, m: half its distance times its turn."""
-    most = f32(0)
+    """Half the curvature of the surface, 1/m: the most that it falls away under a neighbour, half its
+    distance times its turn, over the square of the farthest one's distance."""
+    most, farthest = f32(0), f32(1e-30)
     for k in range(found):
         j = order[i64(ldu(rows, i64(k)))]
         away2, turn2 = f32(0), f32(0)
@@ -281,5 +281,5 @@ def _bend(words, i, order, rows, found):
             away, turn = words[j, axis] - words[i, axis], words[j, _NX + axis] - words[i, _NX + axis]
             away2 += away * away
             turn2 += turn * turn
-        most = max(most, away2 * turn2)
-    return f32(0.5) * f32(math.sqrt(most))
+        most, farthest = max(most, away2 * turn2), max(farthest, away2)
+    return f32(0.5) * f32(math.sqrt(most)) / farthest

@@ -14,7 +14,15 @@ from dataclasses import dataclass
 import numpy as np
 from numba import literal_unroll
 
-from ispm.optics.bsdf import has_finite, is_smooth, sample_bsdf, smooth_split, transmits
+from ispm.optics.bsdf import (
+    has_finite,
+    is_smooth,
+    smith,
+    smooth_split,
+    specular_split,
+    transmits,
+    visible_normal,
+)  # fmt: skip
 from ispm.optics.jit import jit
 from ispm.optics.records import (
     MATERIAL_BLEND,
@@ -25,6 +33,7 @@ from ispm.optics.records import (
     RECEIVER,
 )  # fmt: skip
 from ispm.optics.rng import random4
+from ispm.optics.sampling import to_local, to_world
 from ispm.optics.vector import add, dot, luminance, scale, sub
 from ispm.scene.packed import Packed
 from ispm.tracer.intersect import STACK_WORDS
@@ -44,14 +53,15 @@ from ispm.tracer.world import World
 f32, i64, u32 = np.float32, np.int64, np.uint32
 
 EVENTS_MAX = 8  # mirrors and faces of glass that a path meets
-ROUGH_SAMPLES = 8  # paths from a pixel that shows rough glass
+ROUGH_SAMPLES = 8  # facets that are drawn where a pixel shows rough glass; a power of 2
+_REFLECTED_EACH = 4  # of them so many reflect once
 _ENDS_MAX = 2  # of one path: behind a varnished floor goes on what it mirrors
 _LEAST = f32(1e-3)  # weight below which a path is not followed
 _STRONG = f32(0.02)  # and below which not from an end
 _BEFORE = f32(1e-4)  # of the distance that a ray starts before the surface that the pixel shows
 _BEHIND = f32(1e-3)  # of the distance: farther hits are not that surface
 _GLOSS_ALPHA_MIN = f32(0.25)  # as in stages/receivers.wgsl
-_BLUR_SHARE = f32(0.1)  # of a rough surface's blur, that its pixels may be averaged over
+_BLUR_SHARE = f32(0.2)  # of a rough surface's blur, that its pixels may be averaged over
 _CHUNK = 64  # pixels a thread takes at a time; results do not depend on it or on the threads
 _BATCH = 1 << 15  # pixels whose ends lie in memory at their full number
 
@@ -200,15 +210,22 @@ def _follow_pixel(place, scene, foot, scratch, rays, i, slot, out, at):
     if not is_smooth(b):
         reach = f32(0)
         for k in range(ROUGH_SAMPLES if transmits(b) else 0):
-            u1, u2, u3 = _stratified(scene, key, k)
-            alive, wi, weight = _scatter(b, n, ng, wo, u1, u2, u3)
-            if alive:
+            u1, u2, _ = _numbers(scene, key, u32(k << 8))
+            reflectance, transmittance, above, beyond_, through = facet_split(b, n, ng, wo, u1, u2)
+            if through:
                 path = _leave(
-                    place, hit, ng, b, flags, entering, nowhere(), f32(1), length, wi,
-                    scale(f32(1.0 / ROUGH_SAMPLES), weight), key, u32((k + 1) << 8), SCATTERED,
+                    place, hit, ng, b, flags, entering, nowhere(), f32(1), length, beyond_,
+                    scale(f32(1.0 / ROUGH_SAMPLES), transmittance), key, u32(k << 8 | 1), SCATTERED,
                 )  # fmt: skip
                 at, _, end = _follow(place, scene, foot, scratch, path, slot, out, at)
                 reach += (end - length) / (end * f32(ROUGH_SAMPLES))
+            if k % _REFLECTED_EACH == 0 and greatest(reflectance) > _LEAST:
+                path = _leave(
+                    place, hit, ng, b, flags, entering, nowhere(), f32(1), length, above,
+                    scale(f32(_REFLECTED_EACH / ROUGH_SAMPLES), reflectance), key, u32(k << 8 | 128),
+                    SCATTERED,
+                )  # fmt: skip
+                at, _, _ = _follow(place, scene, foot, scratch, path, slot, out, at)
         _store_frost(out[3][slot[1]], n, b, hit, reach * length / _width(scene, length))
         return at
     reflectance, transmittance, above, beyond_, through = smooth_split(b, n, ng, wo)
@@ -272,12 +289,12 @@ def _follow_often(place, scene, foot, scratch, path, slot, out, at):
 def _follow(place, scene, foot, scratch, path, slot, out, at):
     """Follow one path to its end or ends; return `at`, whether it met rough glass, and its length in m."""
     world, table, texels, rows = place
-    lights, porous, background, _, seed, pass_index = scene
+    lights, porous, background, _, _, _ = scene
     row, traced = at
     key, dimension, lane, start, d, weight, inside, focus, length = path
     stored, rough = 0, False
     for _ in range(EVENTS_MAX + 1):
-        u0, u1, u2, u3 = random4(key, dimension, pass_index, seed)
+        u1, u2, u0 = _numbers(scene, key, dimension)
         traced += i64(1)
         found, hit = closest_surface(world, table, texels, rows, start, d, u0, scratch[0], scratch[1])
         if not found:
@@ -304,7 +321,7 @@ def _follow(place, scene, foot, scratch, path, slot, out, at):
             _store_point(out[2][row].point, position, ng, n, wo, b, foot[0])
             row, stored, lane = row + i64(1), stored + 1, SCATTERED
         rough = rough or (transmits(b) and not is_smooth(b))
-        alive, wi, factor = _go_on(b, n, ng, wo, entering, u1, u2, u3)
+        alive, wi, factor = _go_on(b, n, ng, wo, entering, u1, u2)
         weight = times(weight, factor)
         if not alive or stored == _ENDS_MAX or greatest(weight) < (_STRONG if stored > 0 else _LEAST):
             break
@@ -316,35 +333,59 @@ def _follow(place, scene, foot, scratch, path, slot, out, at):
 
 
 @jit
-def _go_on(b, n, ng, wo, entering, u1, u2, u3):
+def _go_on(b, n, ng, wo, entering, u1, u2):
     """Where a path goes on from a surface: (whether it does, wi, factor of its weight).
 
     From within a solid it leaves wherever it can: reflected, it would run round under a ball's rim.
     """
-    if not is_smooth(b):
-        return _scatter(b, n, ng, wo, u1, u2, u3)
-    reflectance, transmittance, above, beyond, through = smooth_split(b, n, ng, wo)
+    if not is_smooth(b) and not transmits(b):
+        return False, wo, wo
+    reflectance, transmittance, above, beyond_, through = facet_split(b, n, ng, wo, u1, u2)
     both = add(reflectance, transmittance)
     if through and (not entering or luminance(transmittance) > luminance(reflectance)):
-        return True, beyond, both
+        return True, beyond_, both
     return greatest(both) > f32(0), above, both
 
 
 @jit
-def _scatter(b, n, ng, wo, u1, u2, u3):
-    """`_go_on` for a rough surface, by one of its facets; an opaque one is the path's last."""
-    if not transmits(b):
-        return False, wo, wo
-    ok, wi, factor, _ = sample_bsdf((f32(0), f32(0), f32(0), *b[3:]), n, ng, wo, u1, u2, u3, False)
-    return ok, wi, factor
+def facet_split(b, n, ng, wo, u1, u2):
+    """Return what a surface that a path goes on from makes of light along `wo`, see `specular_split`.
+
+    Rough: by one facet, drawn by u1 and u2 as wo sees them, times the share that others do not shadow.
+    """
+    if is_smooth(b):
+        return smooth_split(b, n, ng, wo)
+    alpha, nv = b[_ALPHA], dot(n, wo)
+    h = to_world(visible_normal(alpha, to_local(wo, n), u1, u2), n)
+    reflectance, transmittance, above, beyond_, through = specular_split(b, h, wo)
+    if b[_THIN] > f32(0):
+        beyond_ = sub(above, scale(f32(2) * dot(n, above), n))
+    shown = dot(above, ng) > f32(0) and dot(above, n) > f32(0)
+    through = through and dot(beyond_, ng) < f32(0) and dot(beyond_, n) < f32(0)
+    reflected = _unshadowed(alpha, nv, dot(n, above)) if shown else f32(0)
+    passed = _unshadowed(alpha, nv, -dot(n, beyond_)) if through else f32(0)
+    return scale(reflected, reflectance), scale(passed, transmittance), above, beyond_, through
 
 
 @jit
-def _stratified(scene, key, k):
-    """The numbers of sample `k` of a rough pixel: a lattice even over the samples, moved at random."""
-    u1, u2, u3, _ = random4(key, u32(0), scene[5], scene[4])
+def _unshadowed(alpha, nv, nl):
+    """G2 / G1 of directions at these cosines."""
+    a2 = alpha * alpha
+    g1 = f32(2) * nv / (nv + math.sqrt(nv * nv * (f32(1) - a2) + a2))
+    return smith(alpha, nv, nl) * f32(4) * nv * nl / g1
+
+
+@jit
+def _numbers(scene, key, dimension):
+    """Three random numbers for an event of a path, `dimension`: 256 times the sample, and the event.
+
+    A lattice (Roberts's R2) even over the samples, in another order and elsewhere for each event.
+    """
+    event, k = dimension & u32(255), dimension >> u32(8)
+    k = k * (u32(2) * event + u32(1)) & u32(ROUGH_SAMPLES - 1)
+    u1, u2, u3, _ = random4(key, event, scene[5], scene[4])
     u1 += f32(k) * f32(1.0 / ROUGH_SAMPLES)
-    u2 += f32(k) * f32(0.7548777)  # Roberts's R2 sequence
+    u2 += f32(k) * f32(0.7548777)
     u3 += f32(k) * f32(0.5698403)
     return u1 - f32(math.floor(u1)), u2 - f32(math.floor(u2)), u3 - f32(math.floor(u3))
 
@@ -394,12 +435,16 @@ def _store_point(point, position, ng, n, wo, b, width):
 
 @jit
 def _store_frost(frost, n, b, hit, angle):
-    """Write a FROST: a facet's lobe spreads by alpha, over which neighbouring pixels see the same."""
+    """Write a FROST: what lies behind is blurred by as much as facets turned by alpha deflect light.
+
+    angle  over a pixel's width, by which neighbouring pixels look on what lies behind
+    """
+    bent = f32(1) if b[_THIN] > f32(0) else abs(f32(1) - f32(1) / b[_ETA])
     for k in literal_unroll((0, 1, 2)):
         frost.n[k] = n[k]
     frost.alpha = b[_ALPHA]
     frost.tint = luminance((b[_TINT], b[_TINT + 1], b[_TINT + 2]))
-    frost.blur = _BLUR_SHARE * b[_ALPHA] * angle
+    frost.blur = _BLUR_SHARE * f32(2) * bent * b[_ALPHA] * angle
     frost.instance = hit[0]
 
 

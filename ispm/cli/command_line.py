@@ -1,0 +1,46 @@
+"""The command line that makes a picture again."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Iterator, Mapping
+from dataclasses import fields
+from typing import Any
+
+from ispm.cli.options import as_text
+from ispm.settings import LoadLimits, Settings, resolve
+
+_DEFAULTS = {"time": 0.0, "show": "full", "bits": 8}
+
+
+def command_line(
+    scene: str, options: Mapping[str, Any], settings: Settings, limits: LoadLimits, *, output: str
+) -> str:
+    """Return `ispm render SCENE ... -o OUTPUT` with what differs from the defaults, quoted for a shell.
+
+    options  those of the command itself, by the names of its parameters
+    """
+    words = ["ispm", "render", scene]
+    for name, value in options.items():
+        if value is not None and value != _DEFAULTS.get(name, False):
+            words += _option(name, value)
+    if settings.preset != Settings.preset:
+        words += _option("preset", settings.preset)
+    words += _changed(settings, resolve({"preset": settings.preset}))
+    words += _changed(limits, LoadLimits())
+    return shlex.join([*words, "-o", output])
+
+
+def _changed(values: Any, defaults: Any) -> Iterator[str]:
+    for f in fields(values):
+        value = getattr(values, f.name)
+        if value != getattr(defaults, f.name):
+            yield from _option(f.name, value)
+
+
+def _option(name: str, value: Any) -> list[str]:
+    dashed = name.replace("_", "-")
+    if isinstance(value, bool):
+        return [f"--{dashed}" if value else f"--no-{dashed}"]
+    text = as_text(value)
+    return [f"--{dashed}={text}"] if text.startswith("-") else [f"--{dashed}", text]
