@@ -206,7 +206,14 @@ PRESETS: dict[str, dict[str, Any]] = {
     "default": {},
     "fast": {},
     # The table's row 5, NS2 (Cargo Bay): 20,356 photons, 3 bounces, one sample in 6 x 6 pixels.
-    "talk": {"photons": 20_356, "bounces": 3, "subsampling": 6, "estimator": "volumes", "kernel": "hint"},
+    "talk": {
+        "photons": 20_356,
+        "bounces": 3,
+        "subsampling": 6,
+        "estimator": "volumes",
+        "kernel": "hint",
+        "caustic_photons": 0.0,
+    },
 }
 _preset_first(Settings)
 

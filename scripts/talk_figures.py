@@ -79,9 +79,8 @@ def bound() -> None:
                 found = volumes(receivers, photon, clip, (side, side))[:, 3]
                 kept.append(float(found.sum()) * (2 * half / side) ** 2)
         whole, cut = np.array(kept).reshape(2, 5)
-        print(
-            f"  {'cut Gaussian' if talk else 'biweight':13} {(cut / whole).min():.4f} to {(cut / whole).max():.4f}"
-        )
+        left = cut / whole
+        print(f"  {'cut Gaussian' if talk else 'biweight':13} {left.min():.4f} to {left.max():.4f}")
     gpu.close()
 
 

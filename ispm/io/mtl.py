@@ -200,7 +200,7 @@ def parse(text: str) -> dict[str, Statements]:
         key, rest = key.lower(), rest.strip()
         if key == "newmtl":
             current = {"blender": ""} if blender else {}
-            found.setdefault(rest, current)
+            found.setdefault(" ".join(rest.split()), current)
         elif key and key[0] != "#":
             named = key.startswith("map_") or key == "norm"  # names of pictures may hold a #
             current[key] = rest if named else rest.partition("#")[0].strip()

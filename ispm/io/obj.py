@@ -29,7 +29,7 @@ from ispm.settings import LoadLimits
 def read_obj(path: Path, limits: LoadLimits) -> Scene:
     """Return the scene of an OBJ file and its MTL files. Raises SceneError where it cannot be used."""
     notes = Notes()
-    text = read_text(map_file(path, limits), notes, limits)
+    text = read_text(map_file(path, limits), notes)
     _check(text, notes, limits)
     triangles = {group: _triangles(text, group) for group in text.groups}
     normals = _normals(text, list(triangles.values()))
@@ -57,6 +57,9 @@ def _check(text: ObjText, notes: Notes, limits: LoadLimits) -> None:
     if missing[0].any():
         notes.add("texture coordinates that faces ask for are not there; 0, 0 is used")
         uv[missing[0]] = -1
+    for group, faces in text.groups.items():
+        rows = np.array(faces.corners)
+        normal[rows[group.smooth & (normal[rows] == FLAT)]] = FLAT - 1  # a face with normals at some corners
     if missing[1].any():
         notes.add("normals that faces ask for are not there; the mean of their faces' is used")
         normal[missing[1]] = FLAT - 1

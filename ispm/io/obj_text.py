@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
+import io
 from array import array
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from ispm.errors import SceneError
 from ispm.io.notes import Notes
-from ispm.settings import LoadLimits
 
 FLAT = -1  # the normal of a corner that has none; FLAT - g: smooth within smoothing group g
 LARGEST = 1 << 60
 CURVES = {b"curv", b"curv2", b"surf", b"cstype", b"deg", b"parm", b"vp"}
-PASSED = CURVES | {b"p", b"l", b"g", b"o", b"s", b"usemtl", b"mtllib"}
 
 
 @dataclass
@@ -68,79 +67,87 @@ class _Reader:
         self.groups: dict[Group, Faces] = {}
         self.libraries: list[str] = []
         self.rows: dict[tuple[int, int, int], int] = {}
-        self._object = self._part = self._material = ""
+        self.take: dict[bytes, Callable[[list[bytes]], None]] = {
+            b"v": self._vertex, b"f": self._face, b"vt": self._uv, b"vn": self._normal, b"s": self._smooth,
+            b"o": self._name, b"g": self._name, b"usemtl": self._wear, b"mtllib": self._library,
+            b"p": self._pass_over, b"l": self._pass_over, **dict.fromkeys(CURVES, self._pass_over),
+        }  # fmt: skip
+        self._names = {b"o": "", b"g": ""}
+        self._material = ""
         self._smoothing = 0
-        self._tokens: dict[bytes, tuple[int, bool]] = {}
+        self._tokens: dict[bytes, int] = {}
         self._faces: tuple[Faces, Faces] | None = None
 
-    def line(self, words: list[bytes], line: bytes) -> None:
-        """Take a line in. Raises ValueError or SceneError where it makes no sense."""
-        word = words[0]
-        if word == b"v":
-            self._vertex([float(w) for w in words[1:]])
-        elif word == b"f":
-            self._face(words[1:])
-        elif word == b"vt":
-            self.uvs.extend((float(words[1]), float(words[2]) if len(words) > 2 else 0.0))
-        elif word == b"vn":
-            self.normals.extend((float(words[1]), float(words[2]), float(words[3])))
-        elif word in PASSED:
-            self._state(word, line[len(word) :].strip().decode("utf-8", "replace"))
-
-    def _vertex(self, numbers: list[float]) -> None:
-        if len(numbers) < 3:
+    def _vertex(self, words: list[bytes]) -> None:
+        if len(words) < 4:
             raise SceneError("a vertex needs three numbers")
-        if len(numbers) >= 6:
-            self.colors[len(self.positions) // 3] = tuple(numbers[3:6])
-        self.positions.extend(numbers[:3])
+        if len(words) >= 7:
+            self.colors[len(self.positions) // 3] = float(words[4]), float(words[5]), float(words[6])
+        self.positions.extend((float(words[1]), float(words[2]), float(words[3])))
+
+    def _uv(self, words: list[bytes]) -> None:
+        self.uvs.extend((float(words[1]), float(words[2]) if len(words) > 2 else 0.0))
+
+    def _normal(self, words: list[bytes]) -> None:
+        self.normals.extend((float(words[1]), float(words[2]), float(words[3])))
 
     def _face(self, words: list[bytes]) -> None:
-        if len(words) < 3:
+        if len(words) < 4:
             self.notes.count("face of fewer than three corners is left out",
                              "faces of fewer than three corners are left out")  # fmt: skip
             return
-        found = [self._tokens.get(word) or self._corner(word) for word in words]
+        tokens = self._tokens
+        try:
+            rows = [tokens[word] for word in words[1:]]
+        except KeyError:
+            rows = [tokens[word] if word in tokens else self._corner(word) for word in words[1:]]
         flat, smooth = self._faces or self._open()
-        faces = smooth if all(is_smooth for _, is_smooth in found) else flat
-        faces.corners.extend([row for row, _ in found])
-        faces.sizes.append(len(found))
+        faces = smooth if self._smoothing or words[1].count(b"/") == 2 else flat
+        faces.corners.extend(rows)
+        faces.sizes.append(len(rows))
 
     def _open(self) -> tuple[Faces, Faces]:
         """The flat and the smooth faces of the object and material that hold now."""
-        name = self._object or self._part
+        name = self._names[b"o"] or self._names[b"g"]
         flat, smooth = (
             self.groups.setdefault(Group(name, self._material, way), Faces()) for way in (False, True)
         )
         self._faces = flat, smooth
         return self._faces
 
-    def _corner(self, word: bytes) -> tuple[int, bool]:
-        """The row of a corner such as 7, 7/2, 7//3 or -1/-1/-1, and whether it has a normal."""
+    def _corner(self, word: bytes) -> int:
+        """The row of a corner such as 7, 7/2, 7//3 or -1/-1/-1."""
         v, uv, normal = [*word.split(b"/"), b"", b""][:3]
         n = _index(normal, len(self.normals) // 3) if normal else FLAT - self._smoothing
         key = _index(v, len(self.positions) // 3), _index(uv, len(self.uvs) // 2) if uv else -1, n
-        result = self.rows.setdefault(key, len(self.rows)), n != FLAT
+        row = self.rows.setdefault(key, len(self.rows))
         if b"-" not in word:  # the meaning of the others changes from line to line
-            self._tokens[word] = result
-        return result
+            self._tokens[word] = row
+        return row
 
-    def _state(self, word: bytes, rest: str) -> None:
-        if word == b"usemtl":
-            self._material, self._faces = rest, None
-        elif word == b"o":
-            self._object, self._faces = rest, None
-        elif word == b"g":
-            self._part, self._faces = rest, None
-        elif word == b"s":
-            self._smoothing = int(rest) if rest.isdecimal() else 0
-            self._tokens.clear()
-        elif word == b"mtllib":
-            self.libraries.append(rest)
-        elif word in (b"p", b"l"):
+    def _name(self, words: list[bytes]) -> None:
+        self._names[words[0]], self._faces = _rest(words), None
+
+    def _wear(self, words: list[bytes]) -> None:
+        self._material, self._faces = _rest(words), None
+
+    def _smooth(self, words: list[bytes]) -> None:
+        self._smoothing = int(words[1]) if words[1:] and words[1].isdigit() else 0
+        self._tokens.clear()
+
+    def _library(self, words: list[bytes]) -> None:
+        self.libraries.append(_rest(words))
+
+    def _pass_over(self, words: list[bytes]) -> None:
+        if words[0] in CURVES:
+            self.notes.add("free-form curves and surfaces are not drawn")
+        else:
             self.notes.count("element of points or lines is not drawn",
                              "elements of points or lines are not drawn")  # fmt: skip
-        else:
-            self.notes.add("free-form curves and surfaces are not drawn")
+
+
+def _rest(words: list[bytes]) -> str:
+    return b" ".join(words[1:]).decode("utf-8", "replace")
 
 
 def _index(word: bytes, count: int) -> int:
@@ -153,24 +160,20 @@ def _index(word: bytes, count: int) -> int:
     return index - 1 if index > 0 else count + index
 
 
-def read_text(data: memoryview, notes: Notes, limits: LoadLimits) -> ObjText:
+def read_text(data: memoryview, notes: Notes) -> ObjText:
     """Return what the text of an OBJ file says. Raises SceneError, with the line, where it makes no sense."""
     reader = _Reader(notes)
     for number, line in enumerate(_lines(data), 1):
         words = line.split()
-        if not words or words[0][:1] == b"#":
+        take = reader.take.get(words[0]) if words else None
+        if take is None:
             continue
         try:
-            reader.line(words, line.strip())
-        except (SceneError, ValueError, IndexError, OverflowError) as error:
-            why = (
-                error
-                if isinstance(error, SceneError)
-                else f"'{words[0].decode()}' with numbers that make no sense"
-            )
+            take(words)
+        except (SceneError, ValueError, IndexError) as error:
+            known = isinstance(error, SceneError)
+            why = error if known else f"'{words[0].decode()}' with numbers that make no sense"
             raise SceneError(f"line {number}: {why}") from None
-        if len(reader.positions) > 3 * limits.max_elements:
-            raise SceneError(f"more vertices than max_elements={limits.max_elements} allows")
     return ObjText(
         np.array(reader.positions).reshape(-1, 3),
         _colors(reader.colors, len(reader.positions) // 3),
@@ -184,10 +187,12 @@ def read_text(data: memoryview, notes: Notes, limits: LoadLimits) -> ObjText:
 
 def _lines(data: memoryview) -> Iterator[bytes]:
     """The lines of a text, each with those that a backslash at its end adds; their number is of the last."""
-    waiting = b""
-    for line in bytes(data).splitlines():
-        if line.endswith(b"\\"):
-            waiting += line[:-1] + b" "
+    text, waiting = bytes(data), b""
+    if b"\n" not in text:
+        text = text.replace(b"\r", b"\n")
+    for line in io.BytesIO(text):
+        if line.rstrip().endswith(b"\\"):
+            waiting += line.rstrip()[:-1] + b" "
             yield b""
         else:
             yield waiting + line

@@ -19,6 +19,7 @@ TYPES = {"char": "i1", "int8": "i1", "uchar": "u1", "uint8": "u1", "short": "i2"
 ORDERS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
 LONGEST_HEADER = 1 << 20
 LONGEST_NUMBER = 64
+PIECE = 1 << 22  # bytes
 MOST_EVEN = 1024  # values of a list that are read as part of one record
 
 
@@ -106,14 +107,7 @@ def _short(element: Element) -> SceneError:
 
 
 def _text(data: memoryview, elements: list[Element]) -> dict[str, Table]:
-    words = bytes(data).split()
-    if words and max(map(len, words)) > LONGEST_NUMBER:
-        raise SceneError("the body has words that are no numbers")
-    try:
-        numbers = np.array(words, "S").astype(np.float64) if words else np.zeros(0)
-    except ValueError as error:
-        raise SceneError(f"the body has a word that is no number: {str(error)[-60:]}") from None
-    tables, at = {}, 0
+    numbers, tables, at = _numbers(data), {}, 0
     for element in elements:
         if any(p.count for p in element.properties):
             tables[element.name], at = _text_lists(numbers, at, element)
@@ -127,6 +121,26 @@ def _text(data: memoryview, elements: list[Element]) -> dict[str, Table]:
         tables[element.name] = Table(columns)
         at += element.count * width
     return tables
+
+
+def _numbers(data: memoryview) -> np.ndarray:
+    """The numbers of a text, read in pieces: words take much more memory than what they mean."""
+    found, rest = [np.zeros(0)], b""
+    for start in range(0, len(data), PIECE):
+        text = rest + bytes(data[start : start + PIECE])
+        end = (
+            len(text)
+            if start + PIECE >= len(data)
+            else max(text.rfind(b) for b in (b" ", b"\n", b"\r", b"\t")) + 1
+        )
+        words, rest = text[:end].split(), text[end:]
+        if max(map(len, words), default=0) > LONGEST_NUMBER or len(rest) > LONGEST_NUMBER:
+            raise SceneError("the body has words that are no numbers")
+        try:
+            found.append(np.array(words, "S").astype(np.float64) if words else np.zeros(0))
+        except ValueError as error:
+            raise SceneError(f"the body has a word that is no number: {str(error)[-60:]}") from None
+    return np.concatenate(found)
 
 
 def _text_lists(numbers: np.ndarray, at: int, element: Element) -> tuple[Table, int]:

@@ -126,7 +126,7 @@ def plan_atlas(
         places, size = pack_shelves(sides[order], limit)
         if max(size) <= limit:
             tiles = [
-                ShadowTile(*views[i], (int(place[0]), int(place[1])), int(sides[i]))
+                ShadowTile(views[i][0], views[i][1], (int(place[0]), int(place[1])), int(sides[i]))
                 for i, place in zip(order, places, strict=True)
             ]
             return ShadowAtlas(tiles, size)

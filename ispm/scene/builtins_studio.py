@@ -44,7 +44,7 @@ def caustic_ring() -> Scene:
     )
     pivot = Node("pivot")
     scene.roots.append(pivot)
-    lamp = SpotLight((620.0, 500.0, 350.0), inner_angle=math.radians(13.0), outer_angle=math.radians(24.0))
+    lamp = SpotLight((620.0, 500.0, 350.0), inner_angle=math.radians(18.0), outer_angle=math.radians(36.0))
     add_spot(scene, lamp, "lamp", (-0.74, 0.27, 0.52), (0.0, 0.0, 0.0), pivot)
     slide = 0.02 * np.stack([np.sin(_KEYS), 0.0 * _KEYS, 0.5 * np.sin(2.0 * _KEYS)], axis=1)
     scene.animations.append(

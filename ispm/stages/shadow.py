@@ -133,7 +133,7 @@ class ShadowStage:
                 group = self._sheet.bind(0, frame, view=view, instances=scene.instances)
                 for draw in (scene.draws[row] for row in tile.seen[sheets[tile.seen]]):
                     material = scene.packed.materials[draw.material]
-                    maps = scene.material_maps(draw.material, "base_color")
+                    maps = scene.material_maps(draw.material, "base_color", "transmission")
                     canvas.use(self._sheet, group, self._sheet.bind(1, frame, material=material, **maps))
                     scene.draw_indexed(canvas, draw)
 

@@ -11,6 +11,8 @@ struct View {
 }
 
 @group(0) @binding(0) var<uniform> view: View;
+@group(1) @binding(3) var transmission_map: texture_2d<f32>;
+@group(1) @binding(4) var transmission_sampler: sampler;
 
 struct Corner {
     @builtin(position) clip: vec4f,
@@ -61,6 +63,7 @@ fn fs_masked(c: Corner) {
 fn fs_sheet(c: Corner) -> @location(0) vec4f {
     let n = normalize(cross(dpdx(c.local), dpdy(c.local)));
     let wi = normalize(view.light.xyz - view.light.w * (c.local + view.origin));
-    let b = surface_bsdf(cover(c), material.metallic, 0.0, material.transmission, material, true);
+    let texel = textureSample(transmission_map, transmission_sampler, texture_uv(material.transmission_texture, c.uv)).r;
+    let b = surface_bsdf(cover(c), material.metallic, 0.0, material.transmission * texel, material, true);
     return vec4f(facet_transmittance(b, fresnel_weight(b, abs(dot(n, wi)))), 1.0);
 }

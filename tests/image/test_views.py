@@ -8,8 +8,7 @@ import pytest
 from ispm.errors import SettingsError
 from ispm.optics.records import PHOTON, RECEIVER
 from ispm.renderer.charts import overdraw_chart
-from ispm.renderer.last import LastFrame
-from ispm.renderer.light import texels_as_photons
+from ispm.renderer.last import LastFrame, texels_as_photons
 from ispm.renderer.renderer import Renderer
 from ispm.renderer.views import _ambient
 from ispm.scene.builtin import builtin
@@ -56,7 +55,7 @@ def test_bounce_maps_hold_what_leaves_the_first_hits(sphere):
     """In the integrating sphere: points at its radius, normals inwards, albedo times the light's flux."""
     last = sphere._last
     assert isinstance(last, LastFrame)
-    (emitted,) = texels_as_photons(last.packed, last.maps, last.texels)
+    (emitted,) = texels_as_photons(last.packed, last.plan, last.texels)
     assert emitted["flux"].sum(axis=0, dtype=float) == pytest.approx([100.0] * 3, rel=1e-5)
     found = first_hits(last.packed, last.surfaces, emitted, seed=0, pass_index=0).astype(float)
     position, n, flux, wi = (found[:, k : k + 3] for k in (0, 3, 6, 9))
