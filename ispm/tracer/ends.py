@@ -24,6 +24,7 @@ _SPREAD_MAX = 64.0  # widths that neighbours in a curved mirror lie apart, at mo
 _PLANE_REACH = f32(1.3)  # as in stages/upsample.wgsl: low-resolution pixels off the tangent plane
 _TOO_LITTLE = f32(1e-3)  # sum of weights below which an end has no neighbour
 _FROST_REACH = 5  # pixels on each side over which rough glass is averaged
+_OUTLIER = f32(3)  # times the mean of its neighbourhood, above which a pixel's light is cut
 _CHUNK = 256
 
 
@@ -168,8 +169,8 @@ def smooth_frost(light: np.ndarray, pixels: np.ndarray, width: int, frost: np.nd
     """Average the noise out of the light of pixels that show rough glass, (n, c), in place.
 
     pixels  (n,) numbers y width + x, sorted;  frost  (n,) FROST
-    Light is averaged over a tenth of what the surface blurs it, at most 11 x 11 pixels, whose paths went out
-    in different directions.
+    Light is averaged over a fifth of what the surface blurs it, at most 11 x 11 pixels, whose paths went out
+    in different directions; and single paths that found a light's image through two rough faces are cut.
     """
     if not (frost["blur"] > 0.0).any():
         return
@@ -187,18 +188,23 @@ def _smooth(given, pixels, rows, frost, counter, light):
         if first >= len(pixels):
             return
         for i in range(first, min(first + i64(_CHUNK), len(pixels))):
-            reach = i64(min(frost[i].blur + f32(0.5), f32(_FROST_REACH)))
-            if reach > 0:
+            if frost[i].blur > f32(0):
                 x, y = i64(pixels[i]) % rows.shape[1], i64(pixels[i]) // rows.shape[1]
-                _average(given, rows, frost, i, x, y, reach, light)
+                radius = min(frost[i].blur, f32(_FROST_REACH))
+                _average(given, rows, frost, i, x, y, max(radius, f32(2)), f32(np.inf), light)
+                _average(given, rows, frost, i, x, y, radius, _OUTLIER * _sum(light, i), light)
 
 
 @jit
-def _average(given, rows, frost, i, x, y, reach, light):
-    """Write the mean light of the pixels about (x, y) that show the same surface facing the same way."""
+def _average(given, rows, frost, i, x, y, radius, most, light):
+    """Write the mean light of the pixels about (x, y) that show the same surface facing the same way.
+
+    Light above `most`, which few paths found, is cut.
+    """
     for c in range(light.shape[1]):
         light[i, c] = f32(0)
-    total, inverse = f32(0), f32(1) / f32((reach + 1) * (reach + 1))
+    reach = i64(radius)
+    total, inverse = f32(0), f32(1) / ((radius + f32(1)) * (radius + f32(1)))
     for row in range(max(y - reach, 0), min(y + reach + 1, rows.shape[0])):
         for column in range(max(x - reach, 0), min(x + reach + 1, rows.shape[1])):
             k = rows[row, column]
@@ -206,12 +212,22 @@ def _average(given, rows, frost, i, x, y, reach, light):
                 continue
             away = f32((row - y) * (row - y) + (column - x) * (column - x))
             w = _same_frost(frost[i], frost[k]) * max(f32(1) - away * inverse, f32(0))
-            if w > f32(0):
-                total += w
-                for c in range(light.shape[1]):
-                    light[i, c] += w * given[k, c]
+            if w <= f32(0):
+                continue
+            total += w
+            w *= min(most / max(_sum(given, k), f32(1e-30)), f32(1))
+            for c in range(light.shape[1]):
+                light[i, c] += w * given[k, c]
     for c in range(light.shape[1]):
         light[i, c] /= total
+
+
+@jit
+def _sum(light, i):
+    total = f32(0)
+    for c in range(light.shape[1]):
+        total += light[i, c]
+    return total
 
 
 @jit

@@ -12,9 +12,13 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numba import literal_unroll
 
-from ispm.optics.bsdf import has_finite, is_smooth, sample_bsdf, smooth_split, transmits
+from ispm.optics.bsdf import (
+    has_finite,
+    is_smooth,
+    smooth_split,
+    transmits,
+)  # fmt: skip
 from ispm.optics.jit import jit
 from ispm.optics.records import (
     MATERIAL_BLEND,
@@ -25,8 +29,10 @@ from ispm.optics.records import (
     RECEIVER,
 )  # fmt: skip
 from ispm.optics.rng import random4
-from ispm.optics.vector import add, dot, luminance, scale, sub
+from ispm.optics.vector import add, dot, scale, sub
 from ispm.scene.packed import Packed
+from ispm.tracer.facet import facet_split, go_on
+from ispm.tracer.found import END, FROST, store_end, store_frost, store_point
 from ispm.tracer.intersect import STACK_WORDS
 from ispm.tracer.lit import direct_light, greatest, times
 from ispm.tracer.simd import address, alloca, atomic_add
@@ -44,30 +50,19 @@ from ispm.tracer.world import World
 f32, i64, u32 = np.float32, np.int64, np.uint32
 
 EVENTS_MAX = 8  # mirrors and faces of glass that a path meets
-ROUGH_SAMPLES = 8  # paths from a pixel that shows rough glass
+ROUGH_SAMPLES = 8  # facets that are drawn where a pixel shows rough glass; a power of 2
+_REFLECTED_EACH = 4  # of them so many reflect once
 _ENDS_MAX = 2  # of one path: behind a varnished floor goes on what it mirrors
 _LEAST = f32(1e-3)  # weight below which a path is not followed
 _STRONG = f32(0.02)  # and below which not from an end
 _BEFORE = f32(1e-4)  # of the distance that a ray starts before the surface that the pixel shows
 _BEHIND = f32(1e-3)  # of the distance: farther hits are not that surface
-_GLOSS_ALPHA_MIN = f32(0.25)  # as in stages/receivers.wgsl
-_BLUR_SHARE = f32(0.1)  # of a rough surface's blur, that its pixels may be averaged over
 _CHUNK = 64  # pixels a thread takes at a time; results do not depend on it or on the threads
 _BATCH = 1 << 15  # pixels whose ends lie in memory at their full number
 
-# places in a Bsdf tuple
-_F0, _F90, _ALPHA, _TINT, _ETA, _THIN = 3, 6, 7, 10, 13, 14
+_ETA, _THIN = 13, 14  # places in a Bsdf tuple
 
 REFLECTED, TRANSMITTED, SCATTERED = 0, 1, 2  # what the first surface did to a path
-
-END = np.dtype([
-    ("slot", "<u4"), ("lane", "<u4"), ("weight", "<f4", 3), ("diffuse", "<f4", 3), ("f0", "<f4", 3),
-    ("f90", "<f4"), ("dielectric_f0", "<f4"), ("dielectric_f90", "<f4"),
-])  # fmt: skip
-
-# What rough glass a pixel shows; blur: pixels over which its light may be averaged, 0 where it shows none.
-FROST = np.dtype([("n", "<f4", 3), ("alpha", "<f4"), ("tint", "<f4"), ("blur", "<f4"), ("instance", "<u4")])
-
 
 @dataclass(frozen=True)
 class EyeRays:
@@ -91,9 +86,8 @@ class EyePaths:
     """What the paths found.
 
     direct, emission  (n, 3) float32 radiance that they bring to each ray
-    ends    (m,) END in the order of the rays; slot: the ray's row, lane: REFLECTED, TRANSMITTED or SCATTERED
-            by the first surface, or a later end of its path; weight: of the radiance that leaves the end.
-            f0 and f90 are 0 where paths go on instead
+    ends    (m,) END in the order of the rays; lane: REFLECTED or TRANSMITTED by a smooth surface;
+            SCATTERED: by a rough one, or a path's second end
     points  (m,) RECEIVER, the same; footprint: of a pixel
     frost   (n,) FROST
     rays    traced
@@ -200,16 +194,23 @@ def _follow_pixel(place, scene, foot, scratch, rays, i, slot, out, at):
     if not is_smooth(b):
         reach = f32(0)
         for k in range(ROUGH_SAMPLES if transmits(b) else 0):
-            u1, u2, u3 = _stratified(scene, key, k)
-            alive, wi, weight = _scatter(b, n, ng, wo, u1, u2, u3)
-            if alive:
+            u1, u2, _ = _numbers(scene, key, u32(k << 8))
+            reflectance, transmittance, above, beyond_, through = facet_split(b, n, ng, wo, u1, u2)
+            if through:
                 path = _leave(
-                    place, hit, ng, b, flags, entering, nowhere(), f32(1), length, wi,
-                    scale(f32(1.0 / ROUGH_SAMPLES), weight), key, u32((k + 1) << 8), SCATTERED,
+                    place, hit, ng, b, flags, entering, nowhere(), f32(1), length, beyond_,
+                    scale(f32(1.0 / ROUGH_SAMPLES), transmittance), key, u32(k << 8 | 1), SCATTERED,
                 )  # fmt: skip
                 at, _, end = _follow(place, scene, foot, scratch, path, slot, out, at)
                 reach += (end - length) / (end * f32(ROUGH_SAMPLES))
-        _store_frost(out[3][slot[1]], n, b, hit, reach * length / _width(scene, length))
+            if k % _REFLECTED_EACH == 0 and greatest(reflectance) > _LEAST:
+                path = _leave(
+                    place, hit, ng, b, flags, entering, nowhere(), f32(1), length, above,
+                    scale(f32(_REFLECTED_EACH / ROUGH_SAMPLES), reflectance), key, u32(k << 8 | 128),
+                    SCATTERED,
+                )  # fmt: skip
+                at, _, _ = _follow(place, scene, foot, scratch, path, slot, out, at)
+        store_frost(out[3][slot[1]], n, b, hit[0], reach * length / _width(scene, length))
         return at
     reflectance, transmittance, above, beyond_, through = smooth_split(b, n, ng, wo)
     if greatest(reflectance) > _LEAST:
@@ -272,12 +273,12 @@ def _follow_often(place, scene, foot, scratch, path, slot, out, at):
 def _follow(place, scene, foot, scratch, path, slot, out, at):
     """Follow one path to its end or ends; return `at`, whether it met rough glass, and its length in m."""
     world, table, texels, rows = place
-    lights, porous, background, _, seed, pass_index = scene
+    lights, porous, background, _, _, _ = scene
     row, traced = at
     key, dimension, lane, start, d, weight, inside, focus, length = path
     stored, rough = 0, False
     for _ in range(EVENTS_MAX + 1):
-        u0, u1, u2, u3 = random4(key, dimension, pass_index, seed)
+        u1, u2, u0 = _numbers(scene, key, dimension)
         traced += i64(1)
         found, hit = closest_surface(world, table, texels, rows, start, d, u0, scratch[0], scratch[1])
         if not found:
@@ -300,11 +301,11 @@ def _follow(place, scene, foot, scratch, path, slot, out, at):
             _add(out[0], slot[1], light, seen)
             traced += shadows
         if has_finite(b):
-            _store(out[2][row].end, slot[0], lane, seen, b)
-            _store_point(out[2][row].point, position, ng, n, wo, b, foot[0])
+            store_end(out[2][row].end, slot[0], lane, seen, b)
+            store_point(out[2][row].point, position, ng, n, wo, b, foot[0])
             row, stored, lane = row + i64(1), stored + 1, SCATTERED
         rough = rough or (transmits(b) and not is_smooth(b))
-        alive, wi, factor = _go_on(b, n, ng, wo, entering, u1, u2, u3)
+        alive, wi, factor = go_on(b, n, ng, wo, entering, u1, u2)
         weight = times(weight, factor)
         if not alive or stored == _ENDS_MAX or greatest(weight) < (_STRONG if stored > 0 else _LEAST):
             break
@@ -316,35 +317,16 @@ def _follow(place, scene, foot, scratch, path, slot, out, at):
 
 
 @jit
-def _go_on(b, n, ng, wo, entering, u1, u2, u3):
-    """Where a path goes on from a surface: (whether it does, wi, factor of its weight).
+def _numbers(scene, key, dimension):
+    """Three random numbers for an event of a path, `dimension`: 256 times the sample, and the event.
 
-    From within a solid it leaves wherever it can: reflected, it would run round under a ball's rim.
+    A lattice (Roberts's R2) even over the samples, in another order and elsewhere for each event.
     """
-    if not is_smooth(b):
-        return _scatter(b, n, ng, wo, u1, u2, u3)
-    reflectance, transmittance, above, beyond, through = smooth_split(b, n, ng, wo)
-    both = add(reflectance, transmittance)
-    if through and (not entering or luminance(transmittance) > luminance(reflectance)):
-        return True, beyond, both
-    return greatest(both) > f32(0), above, both
-
-
-@jit
-def _scatter(b, n, ng, wo, u1, u2, u3):
-    """`_go_on` for a rough surface, by one of its facets; an opaque one is the path's last."""
-    if not transmits(b):
-        return False, wo, wo
-    ok, wi, factor, _ = sample_bsdf((f32(0), f32(0), f32(0), *b[3:]), n, ng, wo, u1, u2, u3, False)
-    return ok, wi, factor
-
-
-@jit
-def _stratified(scene, key, k):
-    """The numbers of sample `k` of a rough pixel: a lattice even over the samples, moved at random."""
-    u1, u2, u3, _ = random4(key, u32(0), scene[5], scene[4])
+    event, k = dimension & u32(255), dimension >> u32(8)
+    k = k * (u32(2) * event + u32(1)) & u32(ROUGH_SAMPLES - 1)
+    u1, u2, u3, _ = random4(key, event, scene[5], scene[4])
     u1 += f32(k) * f32(1.0 / ROUGH_SAMPLES)
-    u2 += f32(k) * f32(0.7548777)  # Roberts's R2 sequence
+    u2 += f32(k) * f32(0.7548777)
     u3 += f32(k) * f32(0.5698403)
     return u1 - f32(math.floor(u1)), u2 - f32(math.floor(u2)), u3 - f32(math.floor(u3))
 
@@ -360,47 +342,6 @@ def _width(scene, length):
     """What a pixel covers after `length` m of its path, were all mirrors flat."""
     wide, spread = scene[3]
     return wide + spread * length
-
-
-@jit
-def _store(end, slot, lane, weight, b):
-    """Write an END."""
-    gloss = f32(1) if b[_ALPHA] > f32(0) and not transmits(b) else f32(0)
-    end.slot = u32(slot)
-    end.lane = u32(lane)
-    for k in literal_unroll((0, 1, 2)):
-        end.weight[k] = weight[k]
-        end.diffuse[k] = b[k]
-        end.f0[k] = gloss * b[_F0 + k]
-    end.f90 = gloss * b[_F90]
-    end.dielectric_f0 = b[_F90 + 2]
-    end.dielectric_f90 = b[_F90 + 3]
-
-
-@jit
-def _store_point(point, position, ng, n, wo, b, width):
-    """Write its RECEIVER."""
-    for k in literal_unroll((0, 1, 2)):
-        point.position[k] = position[k]
-        point.ng[k] = ng[k]
-        point.n[k] = n[k]
-        point.wo[k] = wo[k]
-    glossy = b[_F90] > f32(0) or b[_F0] + b[_F0 + 1] + b[_F0 + 2] > f32(0)
-    point.alpha = max(b[_ALPHA], _GLOSS_ALPHA_MIN) if glossy else f32(0)
-    point.valid = u32(1)
-    point.footprint = width
-    point.slant = f32(1) / max(abs(dot(wo, ng)), f32(0.02))
-
-
-@jit
-def _store_frost(frost, n, b, hit, angle):
-    """Write a FROST: a facet's lobe spreads by alpha, over which neighbouring pixels see the same."""
-    for k in literal_unroll((0, 1, 2)):
-        frost.n[k] = n[k]
-    frost.alpha = b[_ALPHA]
-    frost.tint = luminance((b[_TINT], b[_TINT + 1], b[_TINT + 2]))
-    frost.blur = _BLUR_SHARE * b[_ALPHA] * angle
-    frost.instance = hit[0]
 
 
 @jit

@@ -148,6 +148,20 @@ def test_blended_surface_stops_its_share(gpu: Gpu) -> None:
     assert (got[3, ..., 0] == 0).mean() == pytest.approx(0.3, abs=0.018)
 
 
+def test_opacity_is_that_of_the_finest_texels(gpu: Gpu) -> None:
+    """A quad with the opaque corner of a picture: seen small, the rest of the picture makes no holes in it.
+    A texel as wide as the quad would have an opacity of 0.7 by mips: 40 are full by a chance of 1e-6."""
+    pixels = np.zeros((256, 256, 4), np.uint8)
+    pixels[:26, :26, 3] = 255
+    use = TextureUse(Texture(pixels), transform=((0.09, 0.0, 0.005), (0.0, 0.09, 0.005)))
+    scene = Scene()
+    scene.add(quad(1.0), material=Material(alpha_mode=AlphaMode.BLEND, base_color_texture=use))
+    scene.add(PointLight(), translation=(0.0, 1.0, 0.0))
+    packed = pack(scene)
+    got = draw(gpu, packed, 40 * [planned(packed.maps[0], 1)])
+    assert all(map[3, 0, 0, 0] == 0 for map in got)
+
+
 def test_maps_lie_side_by_side_without_touching(gpu: Gpu) -> None:
     """Each is what it would be alone, wherever its faces come to lie."""
     scene = mixed_scene()
