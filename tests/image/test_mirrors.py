@@ -72,7 +72,6 @@ def test_photons_in_a_mirror_light_as_in_the_mirrored_room(gpu):
     scene = mirror_room()
     both = half_room(half_room(Scene(), 1.0), -1.0)
 
-
     def picture(scene):
         return np.mean([render(gpu, scene, EYE, size=SIZE, seed=k)[0].radiance for k in range(3)], axis=0)
 

@@ -12,7 +12,7 @@ from ispm.gpu import Gpu
 from ispm.optics.records import NO_HIT
 from ispm.scene.aim import aimed_maps
 from ispm.scene.light import DirectionalLight, Light, PointLight, SpotLight
-from ispm.scene.lightmap import LightMap
+from ispm.scene.lightmap import LightMap, corners_of
 from ispm.scene.material import AlphaMode, Material, Texture, TextureUse
 from ispm.scene.packed import Packed, pack
 from ispm.scene.scene import Scene
@@ -93,7 +93,7 @@ def test_crop_of_a_parallel_map_sees_what_stands_before_it(gpu: Gpu) -> None:
     scene.add(DirectionalLight(), rotation=DOWN)
     packed = pack(scene)
     (map,) = packed.maps
-    part = aimed_maps(map, packed.lights[0], packed.boxes[:1], 8)[0]
+    part = aimed_maps(map, packed.lights[0], corners_of(packed.boxes[:1]), 8)[0]
     assert part.measure == pytest.approx(4.0 * 1.02**2, rel=1e-6)
     (got,) = draw(gpu, packed, [planned(part, 16)])
     assert (got[..., 0] == 1).all()
