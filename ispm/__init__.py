@@ -13,11 +13,11 @@ if TYPE_CHECKING:
     from ispm.errors import AdapterError, IspmError, OutputError, SceneError, SettingsError
     from ispm.gpu.device import list_adapters as adapters
     from ispm.io.load import load
+    from ispm.io.named import builtin
     from ispm.io.save import save
     from ispm.renderer import Renderer, render
     from ispm.renderer.picture import Frame
     from ispm.scene.animation import Animation
-    from ispm.scene.builtin import builtin
     from ispm.scene.camera import Camera
     from ispm.scene.light import DirectionalLight, PointLight, SpotLight
     from ispm.scene.material import Material, Texture, TextureUse
@@ -48,7 +48,7 @@ _HOMES = {
     "Texture": "ispm.scene.material",
     "TextureUse": "ispm.scene.material",
     "adapters": "ispm.gpu.device:list_adapters",
-    "builtin": "ispm.scene.builtin",
+    "builtin": "ispm.io.named",
     "compare": "ispm.bench.metrics",
     "load": "ispm.io.load",
     "render": "ispm.renderer",

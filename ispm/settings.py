@@ -222,11 +222,11 @@ _preset_first(Settings)
 class LoadLimits(_Checked):
     """What a scene file may ask for at most. Raises SettingsError for a value out of range."""
 
-    file_bytes: int = knob(4 << 30, "largest scene file", low=1, high=1 << 50, unit="bytes", metavar="N")
-    elements: int = knob(200_000_000, "most elements of one accessor", low=1, high=1 << 40, metavar="N")
-    nodes: int = knob(1_000_000, "most nodes", low=1, high=1 << 40, metavar="N")
-    triangles: int = knob(100_000_000, "most triangles, as placed", low=1, high=1 << 40, metavar="N")
-    image_pixels: int = knob(
+    max_file_bytes: int = knob(4 << 30, "largest scene file", low=1, high=1 << 50, unit="bytes", metavar="N")
+    max_elements: int = knob(200_000_000, "most elements of one accessor", low=1, high=1 << 40, metavar="N")
+    max_nodes: int = knob(1_000_000, "most nodes", low=1, high=1 << 40, metavar="N")
+    max_triangles: int = knob(100_000_000, "most triangles, as placed", low=1, high=1 << 40, metavar="N")
+    max_image_pixels: int = knob(
         64_000_000, "most pixels of one texture, before it is decoded", low=1, high=1 << 40, metavar="N"
     )
     max_texture: int = knob(

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Iterator, Mapping
+from dataclasses import fields
 from typing import Any
 
-from ispm.cli.options import as_text, named_knobs
+from ispm.cli.options import as_text
 from ispm.settings import LoadLimits, Settings, resolve
 
 _DEFAULTS = {"time": 0.0, "show": "full", "bits": 8}
@@ -31,10 +32,10 @@ def command_line(
 
 
 def _changed(values: Any, defaults: Any) -> Iterator[str]:
-    for f, name in named_knobs(type(values)):
+    for f in fields(values):
         value = getattr(values, f.name)
         if value != getattr(defaults, f.name):
-            yield from _option(name, value)
+            yield from _option(f.name, value)
 
 
 def _option(name: str, value: Any) -> list[str]:

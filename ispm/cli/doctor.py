@@ -13,7 +13,7 @@ from ispm.cli.console import Console
 from ispm.cli.options import command
 from ispm.errors import AdapterError
 
-_PACKAGES = ("wgpu", "numba", "numpy", "OpenEXR", "pillow", "msgspec", "cyclopts", "rich")
+_PACKAGES = ("wgpu", "numba", "numpy", "OpenEXR", "pillow", "pooch", "msgspec", "cyclopts", "rich")
 _NO_ADAPTER = 3
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import inspect
 import os
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import Field, fields
 from pathlib import Path
 from typing import Annotated, Any
@@ -25,6 +25,7 @@ app = App(
     "3 no usable graphics adapter; 130 interrupted.",
 )
 
+_OTHER_VARIABLES = ("ISPM_ADAPTER", "ISPM_ASSETS", "ISPM_CACHE", "ISPM_DOWNLOADS")
 _COMMON = {
     "quiet": "print nothing but results and errors",
     "json": "print one JSON object on stdout",
@@ -44,11 +45,13 @@ def command(*owners: type) -> Callable[[Callable[..., int | None]], Callable[...
             *args: Any, quiet: bool = False, json: bool = False, debug: bool = False, **given: Any
         ) -> Any:
             known = {name: value for name, value in given.items() if value is not None}
-            return function(Console(quiet=quiet, as_json=json), *args, **known)
+            console = Console(quiet=quiet, as_json=json)
+            _warn_of_unknown_variables(console)
+            return function(console, *args, **known)
 
         own = list(inspect.signature(function, eval_str=True).parameters.values())[1:]
         own = [p for p in own if p.kind is not inspect.Parameter.VAR_KEYWORD]
-        own += [_option(owner, f) for owner in owners for f in fields(owner)]
+        own += [_option(f) for owner in owners for f in fields(owner)]
         own += [
             _keyword(name, bool, help, default=False, negative="", show_default=False)
             for name, help in _COMMON.items()
@@ -99,21 +102,20 @@ def _layers(owner: type, given: Mapping[str, Any], config: str | None) -> list[d
 
 
 def _picked(owner: type, values: Mapping[str, Any], called: Callable[[str], str]) -> dict[str, Any]:
-    return {
-        f.name: convert(f, values[name], called(name)) for f, name in named_knobs(owner) if name in values
-    }
-
-
-def named_knobs(owner: type) -> Iterator[tuple[Field[Any], str]]:
-    """Yield the knobs of `owner` with the names users know them by."""
-    for f in fields(owner):
-        limit = owner is LoadLimits and not f.name.startswith("max_")
-        yield f, f"max_{f.name}" if limit else f.name
+    return {f.name: convert(f, values[f.name], called(f.name)) for f in fields(owner) if f.name in values}
 
 
 def _environment(owner: type) -> dict[str, str]:
-    found = {name: os.environ.get("ISPM_" + name.upper()) for _, name in named_knobs(owner)}
+    found = {f.name: os.environ.get("ISPM_" + f.name.upper()) for f in fields(owner)}
     return {name: value for name, value in found.items() if value}
+
+
+def _warn_of_unknown_variables(console: Console) -> None:
+    known = [f"ISPM_{f.name.upper()}" for owner in (Settings, LoadLimits) for f in fields(owner)]
+    known += _OTHER_VARIABLES
+    for name in os.environ:
+        if name.startswith("ISPM_") and name not in known:
+            console.warn(f"the environment has {name}, which means nothing{nearest(name, known)}")
 
 
 def _file(config: str | None) -> dict[str, Any]:
@@ -128,21 +130,20 @@ def _file(config: str | None) -> dict[str, Any]:
     except tomllib.TOMLDecodeError as error:
         raise SettingsError(f"{config}: is not TOML: {error}") from None
     values = {key.replace("-", "_"): value for key, value in table.items()}
-    known = [name for owner in (Settings, LoadLimits) for _, name in named_knobs(owner)]
+    known = [f.name for owner in (Settings, LoadLimits) for f in fields(owner)]
     for key in values:
         if key not in known:
             raise SettingsError(f"{config}: there is no setting '{key}'{nearest(key, known)}")
     return values
 
 
-def _option(owner: type, f: Field[Any]) -> inspect.Parameter:
+def _option(f: Field[Any]) -> inspect.Parameter:
     """The option of one knob; values stay text, so that all sources are converted and refused alike."""
-    name = {g.name: name for g, name in named_knobs(owner)}[f.name]
     if isinstance(f.default, bool):
-        return _keyword(name, bool | None, f.metadata["help"], show_default=lambda _: as_text(f.default))
+        return _keyword(f.name, bool | None, f.metadata["help"], show_default=lambda _: as_text(f.default))
     choices = f" ({', '.join(f.metadata['choices'])})" if f.metadata["choices"] else ""
     return _keyword(
-        name,
+        f.name,
         str | None,
         f.metadata["help"] + choices,
         metavar=f.metadata["metavar"] or "NAME",

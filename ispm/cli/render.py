@@ -71,7 +71,7 @@ def render(
     settings = settings_from(given, config)
     limits = limits_from(given, config)
     if print_config:
-        _print_config(console, settings)
+        _print_config(console, settings, limits)
         return
     if list_adapters:
         _list_adapters(console)
@@ -180,8 +180,8 @@ def _require_writable(outputs: list[Path], scene: str) -> None:
         raise OutputError(f"{outputs[0]}: is both the picture and the statistics; name two files")
 
 
-def _print_config(console: Console, settings: Settings) -> None:
-    values = dataclasses.asdict(settings)
+def _print_config(console: Console, settings: Settings, limits: LoadLimits) -> None:
+    values = dataclasses.asdict(settings) | dataclasses.asdict(limits)
     if console.as_json:
         console.result(values)
         return

@@ -11,8 +11,8 @@ from urllib.parse import quote
 
 from ispm.cli.console import Console
 from ispm.cli.options import vector
-from ispm.errors import OutputError, SceneError, SettingsError
-from ispm.settings import LoadLimits, nearest
+from ispm.errors import OutputError, SettingsError
+from ispm.settings import LoadLimits
 
 if TYPE_CHECKING:
     from ispm.scene.camera import Camera
@@ -24,17 +24,14 @@ def open_scene(console: Console, name: str, limits: LoadLimits) -> Scene:
 
     Raises SceneError where there is neither, or the file cannot be used.
     """
-    from ispm.scene.builtin import BUILTINS, builtin
+    from ispm.io.download import DOWNLOADS
+    from ispm.io.named import open_named
+    from ispm.scene.builtin import BUILTINS
 
     if name in BUILTINS:
-        return builtin(name)
-    if not Path(name).suffix and not Path(name).exists():
-        hint = nearest(name, BUILTINS) or "; `ispm scenes` lists the built-in ones"
-        raise SceneError(f"there is no file and no built-in scene '{name}'{hint}")
-    from ispm.io.load import load
-
-    with console.step(f"loading {name}"):
-        scene = load(name, **asdict(limits))
+        return open_named(name)
+    with console.step(f"{'fetching' if name in DOWNLOADS else 'loading'} {name}"):
+        scene = open_named(name, **asdict(limits))
     for warning in scene.warnings:
         console.warn(warning)
     return scene

@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-import inspect
-
 from ispm.cli.console import Console
 from ispm.cli.options import command
 
 
 @command()
 def scenes(console: Console) -> None:
-    """List the built-in scenes.
+    """List the built-in scenes, and those that are downloaded at their first use.
 
     Example: ispm scenes
     """
-    from ispm.scene.builtin import BUILTINS
+    from ispm.io.named import abouts
 
-    lines = {name: (inspect.getdoc(make) or "").partition("\n")[0] for name, make in BUILTINS.items()}
+    lines = abouts()
     console.table("built-in scenes", list(lines.items()))
     console.result({"scenes": [{"name": name, "about": about} for name, about in lines.items()]})

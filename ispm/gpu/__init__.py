@@ -2,12 +2,12 @@
 
 from ispm.gpu.buffer import Buffer
 from ispm.gpu.compute import Compute
-from ispm.gpu.device import AdapterInfo, Gpu, list_adapters, open_gpu
+from ispm.gpu.device import AdapterInfo, Gpu, list_adapters, open_gpu, within_memory
 from ispm.gpu.raster import Canvas, Group, Raster, Target
 from ispm.gpu.recording import Recording
 from ispm.gpu.texture import Sampler, Texture, View
 
 __all__ = [
     "AdapterInfo", "Buffer", "Canvas", "Compute", "Gpu", "Group", "Raster", "Recording", "Sampler", "Target",
-    "Texture", "View", "list_adapters", "open_gpu",
+    "Texture", "View", "list_adapters", "open_gpu", "within_memory",
 ]  # fmt: skip

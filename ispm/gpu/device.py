@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import os
 import tempfile
-from collections.abc import Sequence
-from contextlib import suppress
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import cache
 from typing import Any
@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import wgpu
 
-from ispm.errors import AdapterError
+from ispm.errors import AdapterError, SettingsError
 from ispm.gpu.buffer import Buffer
 from ispm.gpu.compute import Compute
 from ispm.gpu.raster import Raster, Target
@@ -28,6 +28,7 @@ _FEATURES = (
     "float32-blendable", "float32-filterable", "timestamp-query", "depth-clip-control",
     "indirect-first-instance",
 )  # fmt: skip
+_TOO_MUCH = ("not enough memory", "out of memory", "maximum buffer size", "exceeds the limit", "binding_size")
 _CURE = "on Debian and Ubuntu `apt-get install mesa-vulkan-drivers` brings one that runs on the CPU"
 
 # WebGPU specification, section 3.6.2. Asked for by name, because a device made without limits may grant
@@ -90,6 +91,23 @@ def open_gpu(adapter: str | None = None) -> Gpu:
         names = ", ".join(f"'{_info(a).name}'" for a in found)
         raise AdapterError(f"no graphics adapter is called '{wanted}'; there is {names}")
     return Gpu(matching[0])
+
+
+@contextmanager
+def within_memory(task: str) -> Iterator[None]:
+    """Turn what numpy or a driver say of too little memory into a SettingsError with the cure.
+
+    task  what was to be done, as in "a picture of 16384x16384 pixels"
+    """
+    try:
+        yield
+    except (MemoryError, RuntimeError, wgpu.GPUError) as error:
+        if not isinstance(error, MemoryError) and not any(w in str(error).lower() for w in _TOO_MUCH):
+            raise
+        cure = "take a smaller size, fewer photons or a larger subsampling, or another adapter"
+        raise SettingsError(
+            f"{task} needs more memory than there is, or than can be bound; {cure}"
+        ) from error
 
 
 @cache

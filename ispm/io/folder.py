@@ -13,9 +13,9 @@ from ispm.settings import LoadLimits
 def map_file(path: Path, limits: LoadLimits) -> memoryview:
     """Return a file's bytes without reading them yet. Raises SceneError where it is larger than allowed."""
     size = path.stat().st_size
-    if size > limits.file_bytes:
+    if size > limits.max_file_bytes:
         raise SceneError(
-            f"{path.name} has {size} bytes; file_bytes={limits.file_bytes} is the most that is read"
+            f"{path.name} has {size} bytes; max_file_bytes={limits.max_file_bytes} is the most that is read"
         )
     if size == 0:
         return memoryview(b"")

@@ -50,8 +50,8 @@ def read_gltf(path: Path, limits: LoadLimits) -> Scene:
     file = GltfFile(path, limits)
     check_version(file.gltf.asset)
     check_extensions(file)
-    if len(file.gltf.nodes) > limits.nodes:
-        raise SceneError(f"{len(file.gltf.nodes)} nodes are more than nodes={limits.nodes} allows")
+    if len(file.gltf.nodes) > limits.max_nodes:
+        raise SceneError(f"{len(file.gltf.nodes)} nodes are more than max_nodes={limits.max_nodes} allows")
     chosen = chosen_scene(file)
     nodes, roots = build_tree(file, chosen)
     scene = Scene(roots, name=chosen.name)
@@ -102,10 +102,10 @@ def _furnish(file: GltfFile, nodes: list[Node], shown: list[int]) -> None:
                 )
             instances += node.copies
             triangles += node.copies * sum(len(part.mesh.triangles) for part in node.parts)
-        if instances > file.limits.nodes:
-            raise SceneError(f"more than nodes={file.limits.nodes} instances are placed")
-        if triangles > file.limits.triangles:
-            raise SceneError(f"more than triangles={file.limits.triangles} triangles are placed")
+        if instances > file.limits.max_nodes:
+            raise SceneError(f"more than max_nodes={file.limits.max_nodes} instances are placed")
+        if triangles > file.limits.max_triangles:
+            raise SceneError(f"more than max_triangles={file.limits.max_triangles} triangles are placed")
         if record.skin is not None:
             file.notes.count("skinned node is drawn in rest pose", "skinned nodes are drawn in rest pose")
         if record.camera is not None:

@@ -75,9 +75,9 @@ class GltfFile:
     def count(self, index: int) -> int:
         """Return how many elements an accessor has. Raises SceneError where there are more than allowed."""
         count = item(self.gltf.accessors, index, "accessor").count
-        if count > self.limits.elements:
+        if count > self.limits.max_elements:
             raise SceneError(
-                f"accessor {index} has {count} elements, more than elements={self.limits.elements} allows"
+                f"accessor {index} has {count} elements; max_elements={self.limits.max_elements} is the most"
             )
         return count
 

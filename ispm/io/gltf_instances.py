@@ -27,8 +27,8 @@ def read_instances(file: GltfFile, record: schema.Instancing, where: str) -> np.
     if len(counts) != 1:
         raise SceneError(f"{where}: the attributes of its instances are missing or differ in length")
     count = counts.pop()
-    if count > file.limits.nodes:
-        raise SceneError(f"{where}: {count} instances are more than nodes={file.limits.nodes} allows")
+    if count > file.limits.max_nodes:
+        raise SceneError(f"{where}: {count} instances are more than max_nodes={file.limits.max_nodes} allows")
     translation, rotation, scale = (
         _attribute(file, record, name, count, where, *about) for name, about in PLACING.items()
     )

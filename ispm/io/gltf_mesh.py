@@ -97,8 +97,10 @@ class Meshes:
         vertex_count = len(self._file.stored(primitive.attributes["POSITION"]))
         corner_count = vertex_count if primitive.indices is None else self._file.count(primitive.indices)
         self._triangle_count += corner_count // 3 if primitive.mode == TRIANGLES else max(0, corner_count - 2)
-        if self._triangle_count > self._file.limits.triangles:
-            raise SceneError(f"{where}: more triangles than triangles={self._file.limits.triangles} allows")
+        if self._triangle_count > self._file.limits.max_triangles:
+            raise SceneError(
+                f"{where}: more triangles than max_triangles={self._file.limits.max_triangles} allows"
+            )
         if primitive.indices is None:
             corners = np.arange(vertex_count, dtype=np.uint32)
         else:

@@ -29,9 +29,9 @@ def decode(data: memoryview, limits: LoadLimits, more: tuple[str, ...] = ()) -> 
         try:
             with Image.open(io.BytesIO(data), formats=FORMATS + more) as image:
                 width, height = image.size
-                if width * height > limits.image_pixels:
+                if width * height > limits.max_image_pixels:
                     raise SceneError(
-                        f"{width} x {height} pixels are more than image_pixels={limits.image_pixels} allows"
+                        f"{width} x {height} pixels; max_image_pixels={limits.max_image_pixels} is the most"
                     )
                 return rgba(image)
         except Image.DecompressionBombError:

@@ -56,9 +56,9 @@ def read_tables(data: memoryview, limits: LoadLimits) -> tuple[dict[str, Table],
     """
     order, elements, comments, start = _header(data)
     for element in elements:
-        if element.count > limits.elements:
+        if element.count > limits.max_elements:
             raise SceneError(
-                f"{element.count} of '{element.name}' are more than elements={limits.elements} allows"
+                f"{element.count} of '{element.name}' are more than max_elements={limits.max_elements} allows"
             )
     tables = _text(data[start:], elements) if order == "" else _binary(data[start:], elements, order)
     return tables, comments

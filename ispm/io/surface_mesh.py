@@ -43,10 +43,10 @@ def make_mesh(
 
 def check_counts(limits: LoadLimits, elements: int, triangles: int) -> None:
     """Raise SceneError where a file has more than it may."""
-    if elements > limits.elements:
-        raise SceneError(f"{elements} elements are more than elements={limits.elements} allows")
-    if triangles > limits.triangles:
-        raise SceneError(f"{triangles} triangles are more than triangles={limits.triangles} allows")
+    if elements > limits.max_elements:
+        raise SceneError(f"{elements} elements are more than max_elements={limits.max_elements} allows")
+    if triangles > limits.max_triangles:
+        raise SceneError(f"{triangles} triangles are more than max_triangles={limits.max_triangles} allows")
 
 
 def check_range(rows: np.ndarray, count: int, first: int = 0) -> None:

@@ -7,10 +7,15 @@ numba by itself does not see that a function called from another file has change
 from __future__ import annotations
 
 import hashlib
+import os
 import pickle
+import shutil
+import time
 from collections.abc import Callable
+from contextlib import suppress
 from functools import cache
 from importlib.resources import files
+from pathlib import Path
 from typing import Any
 
 import numba
@@ -20,6 +25,7 @@ from ispm.cache import cache_folder
 
 # Contraction and reciprocals only: sums keep their order, NaN and infinity their meaning.
 _FASTMATH = {"contract", "nsz", "arcp"}
+_KEPT_DAYS = 30.0
 
 
 def jit(function: Callable[..., Any] | None = None, *, inline: bool = False) -> Any:
@@ -76,6 +82,16 @@ def _kernel_folder() -> str:
     folder = root / f"kernels-{digest.hexdigest()[:16]}"
     try:
         folder.mkdir(exist_ok=True)
+        os.utime(folder)  # says that this version is in use
     except OSError:
         return ""
+    _forget_old(root)
     return str(folder)
+
+
+def _forget_old(root: Path) -> None:
+    """Remove the kernels of versions that nobody has used for long."""
+    for folder in root.glob("kernels-*"):
+        with suppress(OSError):
+            if time.time() - folder.stat().st_mtime > _KEPT_DAYS * 86400.0:
+                shutil.rmtree(folder, ignore_errors=True)

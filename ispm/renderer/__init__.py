@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+from ispm.io.named import open_named
 from ispm.renderer.picture import Frame
 from ispm.renderer.renderer import Renderer
 from ispm.renderer.statistics import Stats
@@ -32,18 +33,9 @@ def render(
     Raises SceneError, SettingsError or AdapterError.
     """
     if not isinstance(scene, Scene):
-        scene = _open(scene)
+        scene = open_named(scene)
     if time is not None:
         scene = scene.at(time)
     chosen = (settings or Settings()).replace(**changes)
     with Renderer(scene, chosen, camera=camera) as renderer:
         return renderer.render()
-
-
-def _open(name: str | Path) -> Scene:
-    from ispm.io.load import load
-    from ispm.scene.builtin import BUILTINS, builtin
-
-    if isinstance(name, str) and name in BUILTINS:
-        return builtin(name)
-    return load(name)

@@ -16,7 +16,7 @@ import numpy as np
 from ispm.errors import IspmError, SceneError, SceneWarning, SettingsError
 from ispm.estimators import make_estimator
 from ispm.frame import GBuffer, GpuScene
-from ispm.gpu import Gpu, Texture, open_gpu
+from ispm.gpu import Gpu, Texture, open_gpu, within_memory
 from ispm.optics.records import MATERIAL_UNLIT, PHOTON, RECEIVER
 from ispm.optics.texture import TextureTable
 from ispm.renderer import layers as make
@@ -170,9 +170,17 @@ class Renderer:
         self._settings = new
 
     def render(self) -> Frame:
-        """Render one picture. Raises SceneError for a scene without a surface."""
+        """Render one picture.
+
+        Raises SceneError for a scene without a surface, SettingsError for more than memory can hold.
+        """
         if self._closed:
             raise IspmError("this renderer is closed; make another one")
+        width, height = self.settings.size
+        with within_memory(f"a picture of {width}x{height} pixels and {self.settings.photons:,} photons"):
+            return self._render()
+
+    def _render(self) -> Frame:
         started = clock.perf_counter()
         self._last = None  # so that its memory can be used again
         watch = Watch()

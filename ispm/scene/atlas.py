@@ -63,7 +63,7 @@ class ShadowFace:
         right, down, ahead = np.moveaxis((corners_of(boxes) - self.origin) @ self.frame.T, -1, 0)
         edge = np.ones_like(ahead) if self.depth else ahead
         (left, top), (far, bottom) = self.window
-        sides = (right - left * edge, far * edge - right, down - top * edge, bottom * edge - down)
+        sides = (edge, right - left * edge, far * edge - right, down - top * edge, bottom * edge - down)
         outside = np.any([(side < 0.0).all(axis=1) for side in sides], axis=0)
         nearest = np.clip(self.origin, boxes[:, 0], boxes[:, 1]) - self.origin
         return np.asarray(~outside & (np.linalg.norm(nearest, axis=1) <= self.range))

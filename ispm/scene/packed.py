@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
 from ispm.errors import SceneError
 from ispm.optics import records
+from ispm.scene.directions import even_directions
 from ispm.scene.light import DirectionalLight, Light, PointLight, SpotLight
 from ispm.scene.lightmap import LightMap, corners_of, light_map
 from ispm.scene.material import AlphaMode, Material, Texture, TextureUse
@@ -16,6 +18,8 @@ from ispm.scene.mesh import Mesh
 from ispm.scene.scene import Scene
 
 _SHARPEST = 1e-6  # difference of the cosines of a spot's cones, in float32
+
+_HULL_WAYS = even_directions(64)
 
 _KINDS = {
     PointLight: records.LIGHT_POINT,
@@ -34,6 +38,13 @@ class MeshRange:
     first_index: int
     triangle_count: int
     box: np.ndarray  # (2, 3) corners in object space
+
+    @cached_property
+    def hull(self) -> np.ndarray:
+        """(k, 3) vertices that lie farthest in evenly spread directions, object space: nearly its hull."""
+        used = self.mesh.positions[np.unique(self.mesh.triangles)]
+        farthest = [int((used @ way).argmax()) for way in _HULL_WAYS]
+        return np.asarray(used[farthest], np.float64)
 
 
 @dataclass
@@ -100,10 +111,15 @@ class Packed:
         return length if length > 0.0 else 1.0
 
     @property
-    def caustic_boxes(self) -> np.ndarray:
-        """(n, 2, 3) corners of the instances that cast caustics, worth aiming photons at."""
+    def caustic_hulls(self) -> np.ndarray:
+        """(n, k, 3) points round each instance that casts caustics, worth aiming photons at."""
         flags = self.materials["flags"][self.instances["material"]]
-        return np.asarray(self.boxes[(flags & records.MATERIAL_CAUSTIC) != 0])
+        found = self.instances[(flags & records.MATERIAL_CAUSTIC) != 0]
+        hulls = [self.geometry.ranges[mesh].hull for mesh in found["mesh"]]
+        if not hulls:
+            return np.zeros((0, len(_HULL_WAYS), 3))
+        world = np.stack([found["world0"], found["world1"], found["world2"]], axis=1).astype(np.float64)
+        return np.asarray(np.einsum("nij,nkj->nki", world[:, :, :3], np.stack(hulls)) + world[:, None, :, 3])
 
     @property
     def triangle_count(self) -> int:

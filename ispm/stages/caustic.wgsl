@@ -101,6 +101,7 @@ fn reflected(pixel: vec2u, light: vec3f, n: vec3f, wo: vec3f, wi: vec3f) -> vec3
     let word = textureLoad(ids, pixel, 0).y;
     let material = material_row(word);
     let b = seen_bsdf(word, textureLoad(base, pixel, 0), textureLoad(emission, pixel, 0).a, materials[material]);
-    let gloss = gloss_terms(receiver_alpha(b, materials[material].flags), n, wo, wi);
+    let alpha = receiver_alpha(b, materials[material].flags);
+    let gloss = select(vec3f(0.0), gloss_terms(max(alpha, GLOSS_ALPHA_MIN), n, wo, wi), alpha > 0.0);
     return reflect_incident(b, Incident(light, light * gloss.z, light * gloss.x, light * gloss.y));
 }

@@ -63,13 +63,15 @@ fn lookup(i: u32, position: vec3f, ng: vec3f) -> Lookup {
     let w = select(point.z, 1.0, parallel);
     let nearer = point.z - REACH * w * max(1.0 / tile.scale.x, 1.0 / tile.scale.y);
     let own = (map.near - map.slope * nearer) / select(nearer, 1.0, parallel);
-    let texel = clamp(tile.scale * (point.xy / w) + tile.shift, tile.corner + REACH, tile.corner + (tile.side - REACH));
-    let f = fract(texel - 0.5);
-    let x = vec4f(-f.x, 1.0 - f.x, 1.0 - f.x, -f.x);
-    let y = vec4f(1.0 - f.y, 1.0 - f.y, -f.y, -f.y);
+    let texel = tile.scale * (point.xy / w) + tile.shift;
+    let held = clamp(texel, tile.corner + REACH, tile.corner + (tile.side - REACH)) - 0.5;
+    let middle = floor(held) + 1.0;
+    let f = fract(held);
+    let x = middle.x - texel.x + vec4f(-0.5, 0.5, 0.5, -0.5);
+    let y = middle.y - texel.y + vec4f(0.5, 0.5, -0.5, -0.5);
     return Lookup(
-        floor(texel - 0.5) + 1.0,
-        (1.0 - abs(x)) * (1.0 - abs(y)),
+        middle,
+        vec4f(1.0 - f.x, f.x, f.x, 1.0 - f.x) * vec4f(f.y, f.y, 1.0 - f.y, 1.0 - f.y),
         own + max(slope.x * x + slope.y * y, vec4f(0.0)),
         tile.side,
     );

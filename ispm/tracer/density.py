@@ -29,7 +29,7 @@ _LEVELS = 8  # cell sizes, each twice the one before
 _SHIFTS = ((0.0, 0.0, 0.0), (0.381, 0.618, 0.236))  # of the cells, so that no border shows
 
 CAUSTIC_NEIGHBORS = 8  # photons that a caustic photon's kernel reaches to
-_CAUSTIC_RADIUS_MAX = 0.05  # of the scene's diagonal
+_CAUSTIC_RADIUS_MIN, _CAUSTIC_RADIUS_MAX = 1e-5, 0.05  # of the scene's diagonal
 _TURN = 0.1  # of the diagonal: how far a radian between normals counts as away
 _SAGITTA = 1.5  # a kernel's height over that of the curved surface it spans
 _NEIGHBORS_MAX = 64
@@ -187,7 +187,7 @@ def measure_caustic_radii(
     """Write `radius` and `height` of each caustic photon's kernel, from the photons next to it.
 
     photons    (N,) PHOTON, caustic ones alone, changed in place
-    diagonal   of the scene, metres: no radius is above 0.05 of it
+    diagonal   of the scene, metres: no radius is below 1e-5 or above 0.05 of it
     pixel      (4,) as in `measure_radii`, but of the picture's own pixels: no kernel covers fewer than pi of
                them, or much of its light would fall between their centres
     neighbors  the radius reaches to this nearest one, of those that face the same way: a turn of a radian
@@ -203,7 +203,8 @@ def measure_caustic_radii(
     words = photons.view(np.float32).reshape(-1, 16)
     points, order = _points_in_order(words, f32(_TURN * diagonal))
     tree = NearestTree(points)
-    limits = np.array([_CAUSTIC_RADIUS_MAX * diagonal, smoothing], np.float32)
+    low, high = _CAUSTIC_RADIUS_MIN * diagonal, _CAUSTIC_RADIUS_MAX * diagonal
+    limits = np.array([low, high, smoothing], np.float32)
     least = np.zeros(4, np.float32) if pixel is None else pixel.astype(np.float32)
     widest, eye = _reach_on_objects(photons, widths), np.asarray(eye, np.float32)
     counter = np.zeros(8, np.int64)
@@ -234,26 +235,25 @@ def _write_caustic_radii(
     counter, nodes, starts, points, order, wanted, words, widest, limits, least, eye
 ):  # fmt: skip
     squares, rows, stack = alloca(_ROOM), alloca(_ROOM), alloca(STACK_WORDS)
+    low, high, smoothing = limits[0], limits[1], limits[2]
     while True:
         first = atomic_add(counter, i64(_CHUNK))
         if first >= len(points):
             return
         for point in range(first, min(first + i64(_CHUNK), len(points))):
-            found = find_nearest(nodes, starts, i64(point), wanted, limits[0], squares, rows, stack)
+            found = find_nearest(nodes, starts, i64(point), wanted, high, squares, rows, stack)
             i = order[point]
-            radius, bend = limits[0], f32(0)
-            if found > i64(0):
-                reach2 = ldf(squares, found - i64(1))
-                bend = _bend(words, i, order, rows, found) / max(reach2, f32(1e-30))
+            radius = high
             if found == wanted:
                 around = max(_flux_of(words, order, rows, found), f32(1e-30))
                 brighter = max(f32(wanted) * _flux(words, i) / around, f32(1))
-                radius = min(f32(math.sqrt(reach2 * brighter)), limits[0])
-            radius = min(radius * limits[1], widest[i])
+                radius = f32(math.sqrt(ldf(squares, wanted - i64(1)) * brighter))
+            radius = min(min(max(radius, low), high) * smoothing, widest[i])
             pixel = _at(least, words, i) * f32(math.sqrt(_slant(words, i, eye)))
-            radius = max(radius, min(pixel, limits[0]))
+            radius = max(radius, min(pixel, high))
             words[i, _RADIUS] = radius
-            words[i, _H] = min(max(f32(_HEIGHT), f32(_SAGITTA) * bend * radius), f32(1)) * radius
+            sagitta = f32(_SAGITTA) * _bend(words, i, order, rows, found) * radius
+            words[i, _H] = min(max(f32(_HEIGHT), sagitta), f32(1)) * radius
 
 
 @jit
@@ -272,8 +272,9 @@ def _flux_of(words, order, rows, found):
 
 @jit
 def _bend(words, i, order, rows, found):
-    """The most that the surface falls away under a neighbour, m: half its distance times its turn."""
-    most = f32(0)
+    """Half the curvature of the surface, 1/m: the most that it falls away under a neighbour, half its
+    distance times its turn, over the square of the farthest one's distance."""
+    most, farthest = f32(0), f32(1e-30)
     for k in range(found):
         j = order[i64(ldu(rows, i64(k)))]
         away2, turn2 = f32(0), f32(0)
@@ -281,5 +282,5 @@ def _bend(words, i, order, rows, found):
             away, turn = words[j, axis] - words[i, axis], words[j, _NX + axis] - words[i, _NX + axis]
             away2 += away * away
             turn2 += turn * turn
-        most = max(most, away2 * turn2)
-    return f32(0.5) * f32(math.sqrt(most))
+        most, farthest = max(most, away2 * turn2), max(farthest, away2)
+    return f32(0.5) * f32(math.sqrt(most)) / farthest

@@ -64,6 +64,7 @@ _ETA, _THIN = 13, 14  # places in a Bsdf tuple
 
 REFLECTED, TRANSMITTED, SCATTERED = 0, 1, 2  # what the first surface did to a path
 
+
 @dataclass(frozen=True)
 class EyeRays:
     """Rays through the pixels whose paths are wanted.

@@ -192,9 +192,13 @@ def test_elements_without_bytes_are_bounded(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("limits", "reason"),
-    [({"triangles": 3}, "triangles=3"), ({"nodes": 1}, "nodes=1"), ({"elements": 3}, "elements=3"),
-     ({"file_bytes": 100}, "file_bytes=100")],
-)  # fmt: skip
+    [
+        ({"max_triangles": 3}, "max_triangles=3"),
+        ({"max_nodes": 1}, "max_nodes=1"),
+        ({"max_elements": 3}, "max_elements=3"),
+        ({"max_file_bytes": 100}, "max_file_bytes=100"),
+    ],
+)
 def test_limits_are_held(tmp_path: Path, limits: dict[str, int], reason: str) -> None:
     builder = quad()
     builder.node(mesh=0)

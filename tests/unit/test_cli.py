@@ -1,12 +1,14 @@
 """The command line: what goes where, exit codes, and one line for every mistake."""
 
 import json
+import os
 import runpy
+import shlex
 import subprocess
 import sys
 import tomllib
 import warnings
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import ClassVar
 from unittest.mock import patch
@@ -19,7 +21,7 @@ from ispm.cli.main import main
 from ispm.errors import AdapterError, SceneWarning, SettingsError
 from ispm.io.image import write_npy, write_npz
 from ispm.renderer.picture import Frame
-from ispm.settings import Settings
+from ispm.settings import LoadLimits, Settings
 
 
 @dataclass
@@ -294,13 +296,15 @@ def test_a_picture_is_never_written_over_an_input(ispm_command, place):
 
 
 def test_scenes_lists_every_built_in(ispm_command):
+    from ispm.io.download import DOWNLOADS
     from ispm.scene.builtin import BUILTINS
 
     code, out, err = ispm_command("scenes")
     assert (code, out) == (0, "")
     assert all(name in err for name in BUILTINS)
     listed = json.loads(ispm_command("scenes --json")[1])["scenes"]
-    assert {scene["name"] for scene in listed} == set(BUILTINS)
+    assert {scene["name"] for scene in listed} == {*BUILTINS, *DOWNLOADS}
+    assert all("download" in scene["about"] for scene in listed if scene["name"] in DOWNLOADS)
     assert all(len(scene["about"]) > 10 for scene in listed)
 
 
@@ -393,3 +397,109 @@ def test_python_m_ispm_is_the_command():
     with patch.object(sys, "argv", ["ispm", "--version"]), pytest.raises(SystemExit) as caught:
         runpy.run_module("ispm", run_name="__main__")
     assert caught.value.code == 0
+
+
+def made_by(capsys_run, path):
+    return json.loads(capsys_run(f"info {path} --json")[1])["command"]
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "render cornell-box --size 8x6 -o a.png",
+        "render cornell-box --size 8x6 --photons 123456 --seed 7 --no-antialias --bits 16 -o a.png",
+        "render cornell-box --size 8x6 --exposure -1.5 --background 0.1,0.25,1 --tonemap agx -o a.jpg",
+        "render cornell-box --size 8x6 --look-from -1,2,3 --look-at 0,0,0 --fov 33.3 -o a.png",
+        "render cornell-box --size 8x6 --camera camera --show direct --max-triangles 4000 -o a.png",
+        "render cornell-box --size 8x6 --layers full,depth --float -o a.exr",
+        "render cornell-box --size 8x6 --preset talk --bounces 5 --smoothing 0.123456789 -o a.npz",
+    ],
+)
+def test_the_command_in_a_picture_makes_it_again(ispm_command, place, line):
+    name = line.split("-o ")[1].split()[0]
+    assert ispm_command(line)[0] == 0
+    command = made_by(ispm_command, name)
+    first = (place / name).read_bytes()
+    (place / name).unlink()
+    words = shlex.split(command)
+    assert words[0] == "ispm"
+    assert main(words[1:]) == 0
+    one, two = FakeRenderer.made
+    assert one.settings == two.settings
+    assert (place / name).read_bytes() == first
+
+
+def test_the_command_has_only_what_is_not_default(ispm_command):
+    ispm_command("render cornell-box --size 8x6 --photons 40k --bounces 8 --time 0 --threads 2 -o a.png")
+    assert made_by(ispm_command, "a.png") == "ispm render cornell-box --size 8x6 -o a.png"
+
+
+def test_the_command_holds_what_came_from_the_environment_and_the_file(ispm_command, place, monkeypatch):
+    (place / "s.toml").write_text("seed = 3\nmax_nodes = 77")
+    monkeypatch.setenv("ISPM_PHOTONS", "2k")
+    ispm_command(SMALL + "--config s.toml -o a.png")
+    expected = "ispm render cornell-box --size 8x6 --photons 2000 --seed 3 --max-nodes 77 -o a.png"
+    assert made_by(ispm_command, "a.png") == expected
+
+
+def test_names_with_spaces_are_quoted(capsys, place):
+    from ispm.io.save import save
+    from ispm.scene.builtin import builtin
+
+    save(builtin("cornell-box"), place / "my room.glb")
+    assert main(["render", "my room.glb", "--size", "8x6", "-o", "a b.png"]) == 0
+    capsys.readouterr()
+    assert main(["info", "a b.png"]) == 0
+    assert "made by: ispm render 'my room.glb' --size 8x6 -o 'a b.png'" in capsys.readouterr().err
+
+
+def test_info_of_a_picture_prints_the_command_in_a_line_of_its_own(ispm_command):
+    ispm_command(SMALL + "-o a.png")
+    code, out, err = ispm_command("info a.png")
+    assert (code, out) == (0, "")
+    assert "8x6" in err and "R, G, B" in err
+    assert err.splitlines()[-1] == "made by: ispm render cornell-box --size 8x6 -o a.png"
+
+
+def test_info_of_an_array_says_that_it_holds_no_settings(ispm_command):
+    ispm_command(SMALL + "-o a.npy")
+    assert "no .npy does" in ispm_command("info a.npy")[2]
+
+
+@pytest.mark.parametrize(
+    ("line", "says"),
+    [
+        ("render cornell-box --bits 12", "--bits: 12 is not possible; give 8 or 16"),
+        ("render cornell-box --bits 16 -o a.exr", "--bits: 16 is for .png"),
+        ("render cornell-box --bits 16 --show photons", "--bits: the view 'photons' has 8"),
+        ("info none.png", "none.png: there is no such file"),
+    ],
+)
+def test_mistakes_about_pictures_are_one_line(ispm_command, line, says):
+    code, _, err = ispm_command(line)
+    assert code == 2 and says in err.splitlines()[-1]
+
+
+def test_a_mistyped_variable_is_told_once_with_the_nearest(ispm_command, monkeypatch):
+    monkeypatch.setenv("ISPM_PHOTNS", "3")
+    monkeypatch.setenv("ISPM_CACHE", os.environ.get("ISPM_CACHE", ""))
+    _, _, err = ispm_command(SMALL)
+    line = "ispm: warning: the environment has ISPM_PHOTNS, which means nothing; did you mean 'ISPM_PHOTONS'?"
+    assert err.splitlines().count(line) == 1
+    assert "ISPM_CACHE" not in err
+
+
+def test_print_config_holds_the_loading_limits(ispm_command):
+    _, out, _ = ispm_command("render --print-config --max-nodes 5")
+    printed = tomllib.loads(out)
+    assert printed["max_nodes"] == 5
+    assert {f.name for f in fields(LoadLimits)} <= set(printed)
+
+
+def test_limits_have_one_name_in_options_and_messages(ispm_command, place):
+    from ispm.io.save import save
+    from ispm.scene.builtin import builtin
+
+    save(builtin("cornell-box"), place / "a.glb")
+    code, _, err = ispm_command("info a.glb --max-triangles 3")
+    assert code == 2 and "max_triangles=3" in err

@@ -225,11 +225,11 @@ def test_pictures_of_too_many_pixels_are_not_decoded(tmp_path: Path, monkeypatch
         raise AssertionError("decoded")
 
     builder = textured(np.zeros((20, 20, 3), np.uint8))
-    assert base_texture(builder.load(tmp_path, image_pixels=400)).texture.pixels.shape == (20, 20, 4)
+    assert base_texture(builder.load(tmp_path, max_image_pixels=400)).texture.pixels.shape == (20, 20, 4)
     monkeypatch.setattr("PIL.ImageFile.ImageFile.load", fail)
-    scene = builder.load(tmp_path, image_pixels=399)
+    scene = builder.load(tmp_path, max_image_pixels=399)
     assert only_material(scene).base_color_texture is None
-    assert "20 x 20 pixels are more than image_pixels=399" in scene.warnings[0]
+    assert "20 x 20 pixels; max_image_pixels=399 is the most" in scene.warnings[0]
 
 
 @pytest.mark.parametrize(

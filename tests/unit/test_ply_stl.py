@@ -128,7 +128,7 @@ def test_ply_texture_lies_inside_its_folder(tmp_path: Path) -> None:
         ("plz\n", "no PLY file"),
         ("ply\nformat ascii 1.0\n", "no end"),
         ("ply\nformat morse 1.0\nend_header\n", "format is none of"),
-        (header("ascii", 10**12, 1), "elements="),
+        (header("ascii", 10**12, 1), "max_elements="),
         (header("ascii", 10**8, 1), "cut short"),
         (header("binary_little_endian", 10**8, 1), "cut short"),
         (header("binary_little_endian", 0, 10**8), "cut short"),
@@ -233,12 +233,12 @@ def test_stl_without_triangles_is_told(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("data", [house("ascii"), house("binary_little_endian")])
-@pytest.mark.parametrize("limits", [{"elements": 5}, {"triangles": 3}])
+@pytest.mark.parametrize("limits", [{"max_elements": 5}, {"max_triangles": 3}])
 def test_ply_limits_are_held(tmp_path: Path, data: bytes, limits: dict[str, Any]) -> None:
     with pytest.raises(SceneError, match="allows"):
         load(write(tmp_path, data), **limits)
 
 
 def test_stl_limits_are_held(tmp_path: Path) -> None:
-    with pytest.raises(SceneError, match="triangles=1"):
-        load(write(tmp_path, binary_stl(2, 2), "a.stl"), triangles=1)
+    with pytest.raises(SceneError, match="max_triangles=1"):
+        load(write(tmp_path, binary_stl(2, 2), "a.stl"), max_triangles=1)

@@ -1,0 +1,63 @@
+"""Scenes by name: those built in, those downloaded at their first use, and files."""
+
+from __future__ import annotations
+
+import inspect
+from dataclasses import fields
+from pathlib import Path
+from typing import Any
+
+from ispm.errors import SceneError, SettingsError
+from ispm.io.download import DOWNLOADS, fetch
+from ispm.io.load import find, load
+from ispm.scene import builtin as scenes
+from ispm.scene.scene import Scene
+from ispm.settings import LoadLimits, nearest
+
+
+def builtin(name: str, **parameters: Any) -> Scene:
+    """Return a new scene. Its cameras and lights stand on nodes of their own.
+
+    name        one of those that `ispm scenes` lists; the first use of some downloads them
+    parameters  those of the scene's function; of a downloaded one, fields of LoadLimits
+    Raises SceneError where no scene has that name, or it cannot be downloaded; SettingsError for an
+    unknown parameter.
+    """
+    known = [*scenes.BUILTINS, *DOWNLOADS]
+    if name not in known:
+        raise SceneError(
+            f"no built-in scene is called '{name}'{nearest(name, known)}; there are {', '.join(known)}"
+        )
+    if name in scenes.BUILTINS:
+        return scenes.builtin(name, **parameters)
+    takes = [f.name for f in fields(LoadLimits)]
+    for parameter in parameters:
+        if parameter not in takes:
+            raise SettingsError(f"scene '{name}' has no parameter '{parameter}'{nearest(parameter, takes)}")
+    scene = load(fetch(name).absolute(), **parameters)
+    scene.name = name
+    return scene
+
+
+def open_named(name: str | Path, **limits: Any) -> Scene:
+    """Return the built-in scene or the file called `name`.
+
+    limits  of a file, fields of LoadLimits
+    Raises SceneError where there is neither, or the file cannot be used.
+    """
+    text = str(name)
+    if text in scenes.BUILTINS:
+        return scenes.builtin(text)
+    if text in DOWNLOADS:
+        return builtin(text, **limits)
+    if not Path(name).suffix and not find(name).exists():
+        hint = nearest(text, [*scenes.BUILTINS, *DOWNLOADS]) or "; `ispm scenes` lists the built-in ones"
+        raise SceneError(f"there is no file and no built-in scene '{name}'{hint}")
+    return load(name, **limits)
+
+
+def abouts() -> dict[str, str]:
+    """Return a line about each scene that has a name."""
+    made = {name: inspect.getdoc(make) or "" for name, make in scenes.BUILTINS.items()}
+    lines = {name: text.partition("\n")[0] for name, text in made.items()}
+    return lines | {name: download.about for name, download in DOWNLOADS.items()}

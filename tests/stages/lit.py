@@ -1,0 +1,75 @@
+"""Direct light of made-up scenes as the stages draw it, and where their shadow maps' texels are."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ispm.frame import ShadowMaps
+from ispm.gpu import Gpu
+from ispm.scene.packed import Packed
+from ispm.stages.camera import CameraView
+from ispm.stages.direct import DirectStage
+from ispm.stages.gbuffer import GBufferStage
+from ispm.stages.shadow import ShadowStage
+from ispm.stages.upload import Upload
+
+
+@dataclass
+class Lit:
+    """What the stages made of a scene.
+
+    radiance  (h, w, 3);  ids  (h, w) instance rows + 1;  points  (h, w, 3) float64, nan where nothing is
+    """
+
+    radiance: np.ndarray
+    ids: np.ndarray
+    points: np.ndarray
+    shadows: ShadowMaps
+
+    def texels(self, points: np.ndarray, light: int = 0) -> np.ndarray:
+        """Width in m, at (n, 3) points, of the widest texels of a light's map."""
+        row = self.shadows.maps[light]
+        tiles = self.shadows.tiles[6 * light : 6 * light + 6]
+        p = np.abs((points - row["origin"]) @ np.stack([row["x"], row["y"], row["z"]]).T.astype(float))
+        ahead = p.max(axis=1) if row["faces"] == 6 else p[:, 2]
+        scale = tiles["scale"][tiles["side"] > 0.0].min()
+        return np.asarray((np.ones_like(ahead) if row["parallel"] else ahead) / scale)
+
+
+@dataclass
+class Lamp:
+    """The stages of direct light, kept between scenes."""
+
+    gpu: Gpu
+    stages: tuple[Upload, GBufferStage, DirectStage] = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.stages = Upload(self.gpu), GBufferStage(self.gpu), DirectStage(self.gpu)
+
+    def __call__(self, packed: Packed, view: CameraView, resolution: int = 256, near: float = 1e-3) -> Lit:
+        upload, gbuffer, direct = self.stages
+        shadow = ShadowStage(self.gpu, resolution)
+        with self.gpu.frame() as frame:
+            scene = upload(packed)
+            seen = gbuffer(frame, scene, view)
+        depth, ids = self.gpu.read_many([(seen.depth, np.float32), (seen.ids, np.uint32, 2)])
+        points = _points(view, depth)
+        receivers = points[::4, ::4].reshape(-1, 3)
+        receivers = receivers[np.isfinite(receivers[:, 0])].astype(np.float32)
+        with self.gpu.frame() as frame:
+            maps = shadow(frame, scene, receivers, view.eye_or_direction, near)
+            radiance = direct(frame, scene, seen, maps, view)
+        pixels = self.gpu.read_texture(radiance, np.float32, 4)
+        return Lit(pixels[..., :3], ids[..., 0], points, maps)
+
+
+def _points(view: CameraView, depth: np.ndarray) -> np.ndarray:
+    height, width = depth.shape
+    ndc = np.ones((height, width, 4))
+    ndc[..., 0] = 2.0 * (np.arange(width) + 0.5) / width - 1.0
+    ndc[..., 1] = 1.0 - 2.0 * (np.arange(height)[:, None] + 0.5) / height
+    ndc[..., 2] = np.where(depth > 0.0, depth, np.nan)
+    world = ndc @ view.world_from_clip.T
+    return np.asarray(world[..., :3] / world[..., 3:])
