@@ -13,12 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ispm.optics.bsdf import (
-    has_finite,
-    is_smooth,
-    smooth_split,
-    transmits,
-)  # fmt: skip
+from ispm.optics.bsdf import has_finite, is_smooth, transmits
 from ispm.optics.jit import jit
 from ispm.optics.records import (
     MATERIAL_BLEND,
@@ -36,13 +31,7 @@ from ispm.tracer.found import END, FROST, store_end, store_frost, store_point
 from ispm.tracer.intersect import STACK_WORDS
 from ispm.tracer.lit import direct_light, greatest, times
 from ispm.tracer.simd import address, alloca, atomic_add
-from ispm.tracer.surface import (
-    SurfaceTable,
-    closest_surface,
-    glow,
-    hit_position,
-    surface,
-)  # fmt: skip
+from ispm.tracer.surface import SurfaceTable, closest_surface, glow, hit_position, surface
 from ispm.tracer.threads import run_threads
 from ispm.tracer.walk import attenuated, depart, medium, nowhere
 from ispm.tracer.world import World
@@ -61,6 +50,7 @@ _CHUNK = 64  # pixels a thread takes at a time; results do not depend on it or o
 _BATCH = 1 << 15  # pixels whose ends lie in memory at their full number
 
 _ETA, _THIN = 13, 14  # places in a Bsdf tuple
+_WEIGHT = 5  # and in a path, see `_leave`
 
 REFLECTED, TRANSMITTED, SCATTERED = 0, 1, 2  # what the first surface did to a path
 
@@ -182,51 +172,57 @@ def _follow_pixel(place, scene, foot, scratch, rays, i, slot, out, at):
     start, d, key = _vector(rays[0], i), _vector(rays[1], i), rays[3][i]
     near = rays[2][i] * (f32(1) - _BEFORE)
     start = add(start, scale(near, d))
-    at = at[0], at[1] + i64(1)
+    white = f32(1), f32(1), f32(1)
     found, hit = closest_surface(world, table, texels, rows, start, d, f32(0), scratch[0], scratch[1])
-    length = near + _distance(table, hit, start) if found else f32(np.inf)
-    if length > rays[2][i] * (f32(1) + _BEHIND):  # past the edge of what the rasteriser drew
-        white = f32(1), f32(1), f32(1)
-        path = key, u32(0), SCATTERED, start, d, white, nowhere(), f32(1), near
-        return _follow_often(place, scene, foot, scratch, path, slot, out, at)
+    if not found:
+        _add(out[1], slot[1], scene[2], white)
+        return at[0], at[1] + i64(1)
+    length = near + _distance(table, hit, start)
+    past = length > rays[2][i] * (f32(1) + _BEHIND)  # the edge of what the rasteriser drew
     foot[0] = _width(scene, length)
     _, ng, n, b, flags, entering = surface(table, texels, rows, hit, d)
     wo = scale(f32(-1), d)
-    if not is_smooth(b):
-        reach = f32(0)
-        for k in range(ROUGH_SAMPLES if transmits(b) else 0):
-            u1, u2, _ = _numbers(scene, key, u32(k << 8))
-            reflectance, transmittance, above, beyond_, through = facet_split(b, n, ng, wo, u1, u2)
-            if through:
-                path = _leave(
-                    place, hit, ng, b, flags, entering, nowhere(), f32(1), length, beyond_,
-                    scale(f32(1.0 / ROUGH_SAMPLES), transmittance), key, u32(k << 8 | 1), SCATTERED,
-                )  # fmt: skip
-                at, _, end = _follow(place, scene, foot, scratch, path, slot, out, at)
-                reach += (end - length) / (end * f32(ROUGH_SAMPLES))
-            if k % _REFLECTED_EACH == 0 and greatest(reflectance) > _LEAST:
-                path = _leave(
-                    place, hit, ng, b, flags, entering, nowhere(), f32(1), length, above,
-                    scale(f32(_REFLECTED_EACH / ROUGH_SAMPLES), reflectance), key, u32(k << 8 | 128),
-                    SCATTERED,
-                )  # fmt: skip
-                at, _, _ = _follow(place, scene, foot, scratch, path, slot, out, at)
-        store_frost(out[3][slot[1]], n, b, hit[0], reach * length / _width(scene, length))
-        return at
-    reflectance, transmittance, above, beyond_, through = smooth_split(b, n, ng, wo)
-    if greatest(reflectance) > _LEAST:
-        path = _leave(
-            place, hit, ng, b, flags, entering, nowhere(), f32(1), length, above, reflectance, key, u32(0),
-            REFLECTED,
-        )  # fmt: skip
-        at = _follow_often(place, scene, foot, scratch, path, slot, out, at)
-    if through and greatest(transmittance) > _LEAST:
-        path = _leave(
-            place, hit, ng, b, flags, entering, nowhere(), f32(1), length, beyond_, transmittance, key,
-            u32(128), TRANSMITTED,
-        )  # fmt: skip
-        at = _follow_often(place, scene, foot, scratch, path, slot, out, at)
+    blurred = f32(0)
+    for k in range(1 if past else _branches(b)):
+        path = key, u32(0), SCATTERED, start, d, white, nowhere(), f32(1), near
+        if not past:
+            path = _branch(place, scene, key, k, hit, ng, n, b, wo, flags, entering, length)
+        if greatest(path[_WEIGHT]) > _LEAST * f32(1.0 / ROUGH_SAMPLES):
+            at, end = _follow_often(place, scene, foot, scratch, path, slot, out, at)
+            blurred += (end - length) / end if k < ROUGH_SAMPLES else f32(0)
+    if not past and not is_smooth(b):
+        angle = blurred * length / (f32(ROUGH_SAMPLES) * _width(scene, length))
+        store_frost(out[3][slot[1]], n, b, hit[0], angle)
     return at
+
+
+@jit
+def _branches(b):
+    """Paths that go on from a pixel's surface."""
+    if is_smooth(b):
+        return 2
+    return ROUGH_SAMPLES + ROUGH_SAMPLES // _REFLECTED_EACH if transmits(b) else 0
+
+
+@jit
+def _branch(place, scene, key, k, hit, ng, n, b, wo, flags, entering, length):
+    """Path `k` of `_branches`: transmitted, or of the rest reflected; all as `_leave` returns them."""
+    smooth = is_smooth(b)
+    passes = k == 1 if smooth else k < ROUGH_SAMPLES
+    sample = 0 if smooth else (k if passes else (k - ROUGH_SAMPLES) * _REFLECTED_EACH)
+    u1, u2, _ = _numbers(scene, key, u32(sample << 8))
+    reflectance, transmittance, above, beyond, _ = facet_split(b, n, ng, wo, u1, u2)
+    wi, weight, dimension = above, reflectance, u32(sample << 8 | 1)
+    share = f32(1) if smooth else f32(_REFLECTED_EACH / ROUGH_SAMPLES)
+    lane = REFLECTED if smooth else SCATTERED
+    if passes:
+        wi, weight, dimension = beyond, transmittance, u32(sample << 8 | 128)
+        share = f32(1) if smooth else f32(1.0 / ROUGH_SAMPLES)
+        lane = TRANSMITTED if smooth else SCATTERED
+    return _leave(
+        place, hit, ng, b, flags, entering, nowhere(), f32(1), length, wi, scale(share, weight), key,
+        dimension, lane,
+    )  # fmt: skip
 
 
 @jit
@@ -250,24 +246,29 @@ def _leave(
 
 @jit
 def _follow_often(place, scene, foot, scratch, path, slot, out, at):
-    """Follow one path, and where it meets rough glass others beside it; return `at`."""
+    """Follow one path, and where it is the first of its pixel to meet rough glass others beside it.
+
+    -> `at`, and the length of the last in m
+    """
     first, i = at[0], slot[1]
     direct, emission = _vector(out[0], i), _vector(out[1], i)
-    at, rough, _ = _follow(place, scene, foot, scratch, path, slot, out, at)
-    if rough:
-        share = f32(1.0 / ROUGH_SAMPLES)
-        for c in range(3):
-            out[0][i, c] = direct[c] + share * (out[0][i, c] - direct[c])
-            out[1][i, c] = emission[c] + share * (out[1][i, c] - emission[c])
-            for row in range(first, at[0]):
-                out[2][row].end.weight[c] *= share
-        key, dimension, _, start, d, weight, inside, focus, length = path
-        for k in range(1, ROUGH_SAMPLES):
-            path = (
-                key, dimension + u32(k << 8), SCATTERED, start, d, scale(share, weight), inside, focus, length
-            )  # fmt: skip
-            at, _, _ = _follow(place, scene, foot, scratch, path, slot, out, at)
-    return at
+    key, dimension, lane, start, d, weight, inside, focus, length = path
+    share, k, count = f32(1), 0, 1
+    end = length
+    while k < count:
+        path = (
+            key, dimension + u32(k << 8), lane, start, d, scale(share, weight), inside, focus, length
+        )  # fmt: skip
+        at, rough, end = _follow(place, scene, foot, scratch, path, slot, out, at)
+        if rough and k == 0 and lane != SCATTERED:
+            share, count, lane = f32(1.0 / ROUGH_SAMPLES), ROUGH_SAMPLES, SCATTERED
+            for c in range(3):
+                out[0][i, c] = direct[c] + share * (out[0][i, c] - direct[c])
+                out[1][i, c] = emission[c] + share * (out[1][i, c] - emission[c])
+                for row in range(first, at[0]):
+                    out[2][row].end.weight[c] *= share
+        k += 1
+    return at, end
 
 
 @jit

@@ -242,7 +242,11 @@ def mixed():
     for x, material in enumerate((MIRROR, GLASS, SHEET, frost)):
         scene.add(icosphere(0.6, 8), material=material, translation=(1.3 * x - 2.0, -0.4, 0.0))
     scene.add(PointLight((5.0,) * 3), translation=(0.0, 3.0, 2.0))
-    return scene, towards((0.2, 0.5, 5.0), grid((-2.5, 2.5), (-0.9, 0.1), 0.0, 40), np.full(1600, 3.0))
+    targets = grid((-2.5, 2.5), (-0.9, 0.1), 0.0, 40)
+    way = targets - (0.2, 0.5, 5.0)
+    way /= np.linalg.norm(way, axis=1, keepdims=True)
+    hits = Tracer(scene).world.trace(np.tile((0.2, 0.5, 5.0), (1600, 1)), way)
+    return scene, towards((0.2, 0.5, 5.0), targets, hits["t"])
 
 
 def test_paths_are_the_same_bytes_for_any_number_of_threads():
