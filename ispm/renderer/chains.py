@@ -3,17 +3,64 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
+from ispm.scene.packed import Packed
 from ispm.settings import Settings
 from ispm.stages.camera import CameraView
 from ispm.stages.filter import WEIGHT, filter_estimate, filter_points
+from ispm.tracer.edges import edge_rows
 from ispm.tracer.ends import image_of_ends, reflect_light, smooth_frost, spread_light
-from ispm.tracer.eye import REFLECTED, SCATTERED, TRANSMITTED, EyePaths, EyeRays
+from ispm.tracer.eye import REFLECTED, SCATTERED, TRANSMITTED, EyePaths, EyeRays, join_paths, trace_eye
 from ispm.tracer.grid import PhotonGrid
+from ispm.tracer.surface import SurfaceTable
+from ispm.tracer.world import World
 
 _FINER = 2  # blocks of ends are this much smaller than the picture's: curved mirrors show much in few pixels
+_SAMPLES = np.array([(-1, -3), (3, -1), (-3, 1), (1, 3)]) / 8.0  # pixels from the centre, as antialiasing's
+_FINE_SLACK = (5e-3, 2e-2)  # of the distance: a sample's first surface is known as its centre's plane
+
+
+def chain_light(
+    packed: Packed,
+    world: World,
+    surfaces: SurfaceTable,
+    seen: np.ndarray,
+    photons: Callable[[], PhotonGrid],
+    caustics: PhotonGrid,
+    view: CameraView,
+    settings: Settings,
+    pass_index: int,
+    threads: int,
+) -> np.ndarray:
+    """Return direct light, indirect light and emission that chains bring to (n,) SEEN pixels, (n, 9) float32.
+
+    photons   those that scattered before, and so light gently: a few ends are estimated and filtered
+    caustics  those that did not: every end is estimated
+    Pixels on edges of what is seen in a mirror or glass are sampled four times.
+    """
+    count = len(seen)
+    if not count:
+        return np.zeros((0, 9), np.float32)
+    background = (0.0, 0.0, 0.0) if isinstance(settings.background, str) else settings.background
+
+    def trace(rays: EyeRays) -> EyePaths:
+        return trace_eye(packed, world, surfaces, rays, background, settings.seed, pass_index, threads)
+
+    rays = eye_rays(seen, view)
+    paths, pixels = trace(rays), rays.keys
+    edges = edge_rows(paths, pixels, view.size[0]) if settings.antialias else np.zeros(0, np.int64)
+    if len(edges):
+        fine = fine_rays(rays, paths, edges, view)
+        paths = join_paths(paths, trace(fine))
+        pixels = np.concatenate([pixels, np.repeat(pixels[edges], len(_SAMPLES))])
+    light = light_ends(paths, pixels, photons, caustics, view, settings, packed.diagonal, threads)
+    brought = light[:count]
+    brought[edges] = light[count:].reshape(-1, len(_SAMPLES), 9).mean(axis=1)
+    smooth_frost(brought, rays.keys, view.size[0], paths.firsts, threads)
+    return brought
 
 
 def eye_rays(seen: np.ndarray, view: CameraView) -> EyeRays:
@@ -26,6 +73,27 @@ def eye_rays(seen: np.ndarray, view: CameraView) -> EyeRays:
     )
 
 
+def fine_rays(rays: EyeRays, paths: EyePaths, rows: np.ndarray, view: CameraView) -> EyeRays:
+    """Return the rays through the samples of some pixels, one pixel's after the other's."""
+    pixels = rays.keys[rows].astype(np.int64)[:, None]
+    x = pixels % view.size[0] + 0.5 + _SAMPLES[:, 0]
+    y = pixels // view.size[0] + 0.5 + _SAMPLES[:, 1]
+    origins, directions = (a.reshape(-1, 3) for a in view.rays_through(x, y))
+    center = rays.origins[rows] + rays.distances[rows, None] * rays.directions[rows]
+    center, ng, expected = (
+        np.repeat(a, len(_SAMPLES), axis=0) for a in (center, paths.firsts["ng"][rows], rays.distances[rows])
+    )
+    slope = np.einsum("ij,ij->i", directions, ng)
+    away = np.einsum("ij,ij->i", center - origins, ng) / np.where(np.abs(slope) > 1e-3, slope, np.inf)
+    distances = np.where(np.abs(away / expected - 1.0) < 0.2, away, expected)
+    keys = (pixels + len(_SAMPLES) * (1 + np.arange(len(_SAMPLES))) * 0x9E3779B1).astype(np.uint32)
+    f4 = np.float32
+    return replace(
+        rays, origins=origins.astype(f4), directions=directions.astype(f4), distances=distances.astype(f4),
+        keys=keys.reshape(-1), slack=_FINE_SLACK,
+    )  # fmt: skip
+
+
 def light_ends(
     paths: EyePaths,
     pixels: np.ndarray,
@@ -36,11 +104,9 @@ def light_ends(
     diagonal: float,
     threads: int,
 ) -> np.ndarray:
-    """Return direct light, indirect light and emission of the pixels, (n, 9) float32.
+    """Return direct light, indirect light and emission of the rays, (n, 9) float32.
 
-    pixels    (n,) numbers of the rays' pixels
-    photons   those that scattered before, and so light gently: a few ends are estimated and filtered
-    caustics  those that did not: every end is estimated
+    pixels  (n,) numbers of the rays' pixels;  photons, caustics  see `chain_light`
     """
     light = np.zeros((len(paths.ends), 16), np.float32)
     if len(paths.ends):
@@ -53,9 +119,7 @@ def light_ends(
             light[rows] = photons().estimate(paths.points[rows], threads)
         light += caustics.estimate(paths.points, threads)
     indirect = reflect_light(paths.ends, light, len(pixels))
-    brought = np.concatenate([paths.direct, indirect, paths.emission], axis=1)
-    smooth_frost(brought, pixels, view.size[0], paths.frost, threads)
-    return brought
+    return np.concatenate([paths.direct, indirect, paths.emission], axis=1)
 
 
 def _light_lane(

@@ -20,7 +20,7 @@ from ispm.gpu import Gpu, Texture, open_gpu, within_memory
 from ispm.optics.records import MATERIAL_UNLIT, PHOTON, RECEIVER
 from ispm.optics.texture import TextureTable
 from ispm.renderer import layers as make
-from ispm.renderer.chains import eye_rays, light_ends, light_points
+from ispm.renderer.chains import chain_light, light_points
 from ispm.renderer.framing import default_camera, default_light, find_camera
 from ispm.renderer.last import LastFrame
 from ispm.renderer.light import emission_of, map_plan
@@ -47,7 +47,6 @@ from ispm.stages.upload import Upload
 from ispm.stages.upsample import Upsample
 from ispm.tracer.density import measure_caustic_radii, measure_radii
 from ispm.tracer.emission import emit_rays, emit_texels
-from ispm.tracer.eye import trace_eye
 from ispm.tracer.grid import PhotonGrid
 from ispm.tracer.hint import hint_radii
 from ispm.tracer.plan import PlannedMap
@@ -230,7 +229,10 @@ class Renderer:
             self._light_missed(points, estimate, grid, wide, scene, gbuffer, view, caustic)
         with watch("eye"):
             focused = photons[len(smooth) :]
-            brought = self._follow_chains(packed, surfaces, mirrors, grid, focused, view)
+            brought = chain_light(
+                packed, self._world, surfaces, mirrors, grid, PhotonGrid(focused), view, self.settings, _PASS,
+                self.threads,
+            )  # fmt: skip
         with self._gpu.frame() as fourth:
             fourth.stage("compose")
             self._chains.patch(fourth, mirrors["pixel"], brought, direct, indirect, emission)
@@ -402,26 +404,6 @@ class Renderer:
             light += PhotonGrid(wide).estimate(receivers, self.threads)
         with self._gpu.frame() as frame:
             self._upsample.patch(frame, scene, gbuffer, view, light, caustic)
-
-    def _follow_chains(
-        self,
-        packed: Packed,
-        surfaces: SurfaceTable,
-        mirrors: np.ndarray,
-        grid: Callable[[], PhotonGrid],
-        focused: np.ndarray,
-        view: CameraView,
-    ) -> np.ndarray:
-        """Return the light that mirrors and glass bring to their pixels, (n, 9), of (n,) SEEN."""
-        settings = self.settings
-        if not len(mirrors):
-            return np.zeros((0, 9), np.float32)
-        background = (0.0, 0.0, 0.0) if isinstance(settings.background, str) else settings.background
-        rays = eye_rays(mirrors, view)
-        paths = trace_eye(packed, self._world, surfaces, rays, background, settings.seed, _PASS, self.threads)
-        return light_ends(
-            paths, rays.keys, grid, PhotonGrid(focused), view, settings, packed.diagonal, self.threads
-        )
 
     def _compose(
         self, gbuffer: GBuffer, light: tuple[Texture, Texture, Texture], irradiance: Texture, view: CameraView

@@ -168,7 +168,7 @@ def reflect_incident(end, light, i, c):
 def smooth_frost(light: np.ndarray, pixels: np.ndarray, width: int, frost: np.ndarray, threads: int) -> None:
     """Average the noise out of the light of pixels that show rough glass, (n, c), in place.
 
-    pixels  (n,) numbers y width + x, sorted;  frost  (n,) FROST
+    pixels  (n,) numbers y width + x, sorted;  frost  (n,) or more FIRST
     Light is averaged over a fifth of what the surface blurs it, at most 11 x 11 pixels, whose paths went out
     in different directions; and single paths that found a light's image through two rough faces are cut.
     """

@@ -27,7 +27,7 @@ from ispm.optics.rng import random4
 from ispm.optics.vector import add, dot, scale, sub
 from ispm.scene.packed import Packed
 from ispm.tracer.facet import facet_split, go_on
-from ispm.tracer.found import END, FROST, store_end, store_frost, store_point
+from ispm.tracer.found import BLACK, END, FIRST, store_end, store_first, store_point
 from ispm.tracer.intersect import STACK_WORDS
 from ispm.tracer.lit import direct_light, greatest, times
 from ispm.tracer.simd import address, alloca, atomic_add
@@ -44,8 +44,6 @@ _REFLECTED_EACH = 4  # of them so many reflect once
 _ENDS_MAX = 2  # of one path: behind a varnished floor goes on what it mirrors
 _LEAST = f32(1e-3)  # weight below which a path is not followed
 _STRONG = f32(0.02)  # and below which not from an end
-_BEFORE = f32(1e-4)  # of the distance that a ray starts before the surface that the pixel shows
-_BEHIND = f32(1e-3)  # of the distance: farther hits are not that surface
 _CHUNK = 64  # pixels a thread takes at a time; results do not depend on it or on the threads
 _BATCH = 1 << 15  # pixels whose ends lie in memory at their full number
 
@@ -63,6 +61,8 @@ class EyeRays:
     distances  (n,) float32 m to what the pixel shows
     keys       (n,) uint32, of the random numbers
     width      m that a pixel covers at the origin, and more at each m of the path
+    slack      shares of the distance: a ray starts so far before what its pixel shows, which lies not farther
+               behind than so
     """
 
     origins: np.ndarray
@@ -70,6 +70,7 @@ class EyeRays:
     distances: np.ndarray
     keys: np.ndarray
     width: tuple[float, float]
+    slack: tuple[float, float] = (1e-4, 1e-3)
 
 
 @dataclass(frozen=True)
@@ -80,7 +81,7 @@ class EyePaths:
     ends    (m,) END in the order of the rays; lane: REFLECTED or TRANSMITTED by a smooth surface;
             SCATTERED: by a rough one, or a path's second end
     points  (m,) RECEIVER, the same; footprint: of a pixel
-    frost   (n,) FROST
+    firsts  (n,) FIRST, instance NO_HIT where the ray met something else
     rays    traced
     """
 
@@ -88,7 +89,7 @@ class EyePaths:
     emission: np.ndarray
     ends: np.ndarray
     points: np.ndarray
-    frost: np.ndarray
+    firsts: np.ndarray
     rays: int
 
 
@@ -108,12 +109,12 @@ def trace_eye(
     background  radiance from where there is nothing
     """
     count = len(rays.origins)
-    frost = np.zeros(count, FROST)
+    firsts = np.zeros(count, FIRST)
     direct, emission = np.zeros((count, 3), np.float32), np.zeros((count, 3), np.float32)
     porous = bool((packed.materials["flags"] & (MATERIAL_MASK | MATERIAL_BLEND | MATERIAL_THIN)).any())
     scene = (
         packed.lights, porous, tuple(map(f32, background)), tuple(map(f32, rays.width)), u32(seed),
-        u32(pass_index),
+        u32(pass_index), tuple(map(f32, rays.slack)),
     )  # fmt: skip
     capacity = _CHUNK * 2 * _ENDS_MAX * _samples(packed)
     ends, points, traced = [np.zeros(0, END)], [np.zeros(0, RECEIVER)], 0
@@ -130,7 +131,7 @@ def trace_eye(
             _follow_chunks(
                 (address(world.table), table, surfaces.texels, surfaces.rows), scene, foot,
                 (rays.origins[part], rays.directions[part], rays.distances[part], rays.keys[part]),
-                i64(part.start), address(counter), (direct[part], emission[part], room, frost[part]), counts,
+                i64(part.start), address(counter), (direct[part], emission[part], room, firsts[part]), counts,
             )  # fmt: skip
 
         run_threads(work, threads)
@@ -139,7 +140,17 @@ def trace_eye(
             ends.append(kept["end"].copy())
             points.append(kept["point"].copy())
         traced += int(counts[:, 1].sum())
-    return EyePaths(direct, emission, np.concatenate(ends), np.concatenate(points), frost, traced)
+    return EyePaths(direct, emission, np.concatenate(ends), np.concatenate(points), firsts, traced)
+
+
+def join_paths(a: EyePaths, b: EyePaths) -> EyePaths:
+    """Return what two calls found as if the rays of the second had come after those of the first."""
+    ends = np.concatenate([a.ends, b.ends])
+    ends["slot"][len(a.ends) :] += np.uint32(len(a.direct))
+    names = ("direct", "emission", "points", "firsts")
+    rest = (np.concatenate([getattr(a, name), getattr(b, name)]) for name in names)
+    direct, emission, points, firsts = rest
+    return EyePaths(direct, emission, ends, points, firsts, a.rays + b.rays)
 
 
 def _samples(packed: Packed) -> int:
@@ -170,7 +181,7 @@ def _follow_pixel(place, scene, foot, scratch, rays, i, slot, out, at):
     """Follow all paths of ray `i`; `at`: the next free row of the ends, and the number of rays traced."""
     world, table, texels, rows = place
     start, d, key = _vector(rays[0], i), _vector(rays[1], i), rays[3][i]
-    near = rays[2][i] * (f32(1) - _BEFORE)
+    near = rays[2][i] * (f32(1) - scene[6][0])
     start = add(start, scale(near, d))
     white = f32(1), f32(1), f32(1)
     found, hit = closest_surface(world, table, texels, rows, start, d, f32(0), scratch[0], scratch[1])
@@ -178,7 +189,7 @@ def _follow_pixel(place, scene, foot, scratch, rays, i, slot, out, at):
         _add(out[1], slot[1], scene[2], white)
         return at[0], at[1] + i64(1)
     length = near + _distance(table, hit, start)
-    past = length > rays[2][i] * (f32(1) + _BEHIND)  # the edge of what the rasteriser drew
+    past = length > rays[2][i] * (f32(1) + scene[6][1])  # the edge of what the rasteriser drew
     foot[0] = _width(scene, length)
     _, ng, n, b, flags, entering = surface(table, texels, rows, hit, d)
     wo = scale(f32(-1), d)
@@ -190,9 +201,8 @@ def _follow_pixel(place, scene, foot, scratch, rays, i, slot, out, at):
         if greatest(path[_WEIGHT]) > _LEAST * f32(1.0 / ROUGH_SAMPLES):
             at, end = _follow_often(place, scene, foot, scratch, path, slot, out, at)
             blurred += (end - length) / end if k < ROUGH_SAMPLES else f32(0)
-    if not past and not is_smooth(b):
-        angle = blurred * length / (f32(ROUGH_SAMPLES) * _width(scene, length))
-        store_frost(out[3][slot[1]], n, b, hit[0], angle)
+    angle = blurred * length / (f32(ROUGH_SAMPLES) * _width(scene, length))
+    store_first(out[3][slot[1]], n, ng, b, u32(NO_HIT) if past else hit[0], angle)
     return at
 
 
@@ -275,7 +285,7 @@ def _follow_often(place, scene, foot, scratch, path, slot, out, at):
 def _follow(place, scene, foot, scratch, path, slot, out, at):
     """Follow one path to its end or ends; return `at`, whether it met rough glass, and its length in m."""
     world, table, texels, rows = place
-    lights, porous, background, _, _, _ = scene
+    lights, porous, background, _, _, _, _ = scene
     row, traced = at
     key, dimension, lane, start, d, weight, inside, focus, length = path
     stored, rough = 0, False
@@ -295,17 +305,20 @@ def _follow(place, scene, foot, scratch, path, slot, out, at):
             weight = attenuated(table, inside, start, position, weight)
         seen = scale(focus, weight)
         _add(out[1], slot[1], glow(table, texels, rows, hit), seen)
-        if flags & u32(MATERIAL_UNLIT):
-            break
+        unlit = flags & u32(MATERIAL_UNLIT) != u32(0)
         wo = scale(f32(-1), d)
-        if has_finite(b) or not is_smooth(b):
+        if not unlit and (has_finite(b) or not is_smooth(b)):
             light, shadows = direct_light(place, lights, porous, hit, position, ng, n, b, wo, u0, scratch)
             _add(out[0], slot[1], light, seen)
             traced += shadows
-        if has_finite(b):
-            store_end(out[2][row].end, slot[0], lane, seen, b)
+        if has_finite(b) or unlit:
+            if unlit:
+                b = BLACK
+            store_end(out[2][row].end, slot[0], lane, seen, b, hit[0])
             store_point(out[2][row].point, position, ng, n, wo, b, foot[0])
             row, stored, lane = row + i64(1), stored + 1, SCATTERED
+        if unlit:
+            break
         rough = rough or (transmits(b) and not is_smooth(b))
         alive, wi, factor = go_on(b, n, ng, wo, entering, u1, u2)
         weight = times(weight, factor)

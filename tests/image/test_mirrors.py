@@ -117,3 +117,23 @@ def test_a_ball_of_glass_or_silver_is_neither_black_nor_flat(gpu, material):
     # little of it is dark, and it shows more than one thing
     assert (inside < 0.1 * around.mean()).mean() < 0.1
     assert inside.std() > 0.05 * inside.mean()
+
+
+def test_edges_in_a_mirror_are_as_smooth_as_others(gpu):
+    """A slanted white square in a mirror, against the same picture with 36 samples a pixel."""
+    scene = Scene()
+    wall = np.array([(-9, -9, 0), (9, -9, 0), (9, 9, 0), (-9, 9, 0)], float)
+    scene.add(polygons([wall]), material=MIRROR)
+    square = np.array([(-0.5, -0.5, 0), (-0.4, 0.6, 0), (0.6, 0.5, 0), (0.5, -0.6, 0)]) + (0.1, 1.6, 1.5)
+    scene.add(polygons([square]), material=Material((1.0,) * 3, unlit=True))
+    scene.add(PointLight((1.0,) * 3), translation=(0, 0, 5))
+    eye = Camera.look_at((0.0, 1.0, 1.6), (0.0, 0.9, 0.0), yfov=1.0)
+    many = render(gpu, scene, eye, size=(480, 360), bounces=0, antialias=False)[0].emission[..., 0]
+    truth = many.reshape(60, 6, 80, 6).mean(axis=(1, 3))
+    errors = [
+        np.abs(render(gpu, scene, eye, size=(80, 60), bounces=0, antialias=on)[0].emission[..., 0] - truth)
+        for on in (False, True)
+    ]
+    assert 0.05 < truth.mean() < 0.9 and errors[0].max() > 0.3
+    # four samples tell shares of a quarter
+    assert errors[1].max() < 0.3 and errors[1].sum() < 0.4 * errors[0].sum()
