@@ -20,6 +20,7 @@ from ispm.gpu import Gpu, Texture, open_gpu, within_memory
 from ispm.optics.records import MATERIAL_UNLIT, PHOTON, RECEIVER
 from ispm.optics.texture import TextureTable
 from ispm.renderer import layers as make
+from ispm.renderer.caustics import part_photons
 from ispm.renderer.chains import eye_rays, light_ends, light_points
 from ispm.renderer.framing import default_camera, default_light, find_camera
 from ispm.renderer.last import LastFrame
@@ -45,7 +46,7 @@ from ispm.stages.shadow import ShadowStage
 from ispm.stages.tonemap import auto_exposure, tonemap, tonemap_transparent
 from ispm.stages.upload import Upload
 from ispm.stages.upsample import Upsample
-from ispm.tracer.density import measure_caustic_radii, measure_radii
+from ispm.tracer.density import measure_radii
 from ispm.tracer.emission import emit_rays, emit_texels
 from ispm.tracer.eye import trace_eye
 from ispm.tracer.grid import PhotonGrid
@@ -59,7 +60,6 @@ from ispm.tracer.world import World
 _NEAR = 1e-4  # of the scene's diagonal; reversed depth has precision to spare
 _TEXTURE_FOOTPRINT = 0.005  # of the diagonal: over which photons see textures averaged
 _PASS = 0  # of one
-_SHARP = 3.0  # low-resolution pixels: caustic kernels of a larger radius are not drawn at full resolution
 _ROW = 0xFFFFFF  # of a material, in a word of the G-buffer
 _ESTIMATOR_KNOBS = attrgetter("estimator", "kernel", "talk_errors")
 _OWNED = (
@@ -212,25 +212,24 @@ class Renderer:
         with watch("trace"):
             path = self._trace(packed, surfaces, plan, texels, by)
         with watch("radiance"):
-            photons, smooth, wide, sharp = self._part(path.photons, packed, view)
-            estimate, light = self._gather(points, smooth, packed, view)
-            if len(wide):
+            parts = part_photons(path.photons, path.focused, packed, view, self.settings, self.threads)
+            estimate, light = self._gather(points, parts.smooth, packed, view)
+            if len(parts.wide):
                 size = self._downsample.size(view)
-                light = light + self._estimator(points, wide, view.clip_from_world, size)
+                light = light + self._estimator(points, parts.wide, view.clip_from_world, size)
 
         with self._gpu.frame() as third:
             third.stage("radiance")
-            caustic = self._caustic(third, scene, gbuffer, view, sharp)
+            caustic = self._caustic(third, scene, gbuffer, view, parts.sharp)
             third.stage("upsample")
             indirect, irradiance, emission = self._upsample(
                 third, scene, gbuffer, view, receivers, light, caustic
             )
-        grid = cache(lambda: PhotonGrid(smooth))
+        grid = cache(lambda: PhotonGrid(parts.smooth))
         with watch("upsample"):
-            self._light_missed(points, estimate, grid, wide, scene, gbuffer, view, caustic)
+            self._light_missed(points, estimate, grid, parts.wide, scene, gbuffer, view, caustic)
         with watch("eye"):
-            focused = photons[len(smooth) :]
-            brought = self._follow_chains(packed, surfaces, mirrors, grid, focused, view)
+            brought = self._follow_chains(packed, surfaces, mirrors, grid, parts.caustic, view)
         with self._gpu.frame() as fourth:
             fourth.stage("compose")
             self._chains.patch(fourth, mirrors["pixel"], brought, direct, indirect, emission)
@@ -248,9 +247,9 @@ class Renderer:
             adapter=self._gpu.name, emission=by, timing=first.timing,
             moved=moved(packed.instances, self._instances),
         )  # fmt: skip
-        self._photons = photons
+        self._photons = parts.photons
         self._last = LastFrame(
-            frame, view, packed, surfaces, photons, points, self._downsample.size(view),
+            frame, view, packed, surfaces, parts.photons, points, self._downsample.size(view),
             plan, texels, self.threads,
         )  # fmt: skip
         self._instances = packed.instances
@@ -331,26 +330,6 @@ class Renderer:
             packed, self._world, surfaces, emitted, settings.bounces, settings.seed, _PASS, self.threads
         )
 
-    def _part(self, photons: np.ndarray, packed: Packed, view: CameraView) -> list[np.ndarray]:
-        """Return the photons in a new order, and its parts: those to be filtered; caustic ones whose kernels
-        are so wide that low resolution shows them as well; and those to be drawn at full resolution.
-
-        The hint's kernels are as narrow as caustics need: with them all photons go the first way.
-        """
-        if self.settings.kernel == "hint":
-            return [photons, photons, photons[:0], photons[:0]]
-        caustic = photons[photons["bounce"] == 0]
-        pixel = view.footprint * view.clip_from_world[3]
-        measure_caustic_radii(
-            caustic, packed.diagonal, self.settings.smoothing, pixel, packed.widths, view.eye_or_direction,
-            threads=self.threads,
-        )  # fmt: skip
-        seen = caustic["position"] @ pixel[:3] + pixel[3]
-        wide = caustic["radius"] > _SHARP * self.settings.subsampling * seen
-        parts = [photons[photons["bounce"] > 0], caustic[wide], caustic[~wide]]
-        parted = np.concatenate(parts)
-        return [parted, *np.split(parted, np.cumsum([len(part) for part in parts[:2]]))]
-
     def _surfaces(self, packed: Packed) -> SurfaceTable:
         assert self._textures is not None
         return SurfaceTable(packed, self._textures, _TEXTURE_FOOTPRINT * packed.diagonal)
@@ -409,7 +388,7 @@ class Renderer:
         surfaces: SurfaceTable,
         mirrors: np.ndarray,
         grid: Callable[[], PhotonGrid],
-        focused: np.ndarray,
+        caustic: np.ndarray,
         view: CameraView,
     ) -> np.ndarray:
         """Return the light that mirrors and glass bring to their pixels, (n, 9), of (n,) SEEN."""
@@ -420,7 +399,7 @@ class Renderer:
         rays = eye_rays(mirrors, view)
         paths = trace_eye(packed, self._world, surfaces, rays, background, settings.seed, _PASS, self.threads)
         return light_ends(
-            paths, rays.keys, grid, PhotonGrid(focused), view, settings, packed.diagonal, self.threads
+            paths, rays.keys, grid, PhotonGrid(caustic), view, settings, packed.diagonal, self.threads
         )
 
     def _compose(

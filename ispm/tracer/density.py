@@ -29,6 +29,8 @@ _LEVELS = 8  # cell sizes, each twice the one before
 _SHIFTS = ((0.0, 0.0, 0.0), (0.381, 0.618, 0.236))  # of the cells, so that no border shows
 
 CAUSTIC_NEIGHBORS = 8  # photons that a caustic photon's kernel reaches to
+FOCUSED_NEIGHBORS = 32  # likewise where light from all sides is focused, and photons are not in line
+_CROWDED = 0.5  # of the median radius: four times the density
 _CAUSTIC_RADIUS_MIN, _CAUSTIC_RADIUS_MAX = 1e-5, 0.05  # of the scene's diagonal
 _TURN = 0.1  # of the diagonal: how far a radian between normals counts as away
 _SAGITTA = 1.5  # a kernel's height over that of the curved surface it spans
@@ -80,6 +82,15 @@ def measure_radii(
         (np.zeros(4) if pixel is None else _PIXEL_SHARE * pixel).astype(np.float32),
         np.asarray(eye, np.float32),
     )  # fmt: skip
+
+
+def is_crowded(photons: np.ndarray, diagonal: float) -> np.ndarray:
+    """Return (N,) bool: photons that lie four times as dense as their median. Changes radius and height."""
+    if not len(photons):
+        return np.zeros(0, np.bool_)
+    measure_radii(photons, diagonal)
+    radius = photons["radius"]
+    return np.asarray(radius < _CROWDED * np.median(radius))
 
 
 def _reach_on_objects(photons: np.ndarray, widths: np.ndarray | None) -> np.ndarray:
