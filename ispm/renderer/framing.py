@@ -50,6 +50,20 @@ def find_camera(scene: Scene, wanted: str | int | None) -> tuple[Camera, np.ndar
     return node.camera, pose
 
 
+def place_camera(
+    scene: Scene, camera: Camera | str | int | None, packed: Packed, world: World, size: tuple[int, int]
+) -> tuple[Camera, np.ndarray]:
+    """Return the camera to look through and its (4, 4) pose: the one asked for, the scene's, or one made.
+
+    Raises SettingsError for a camera without a pose, or one that the scene does not have.
+    """
+    if isinstance(camera, Camera):
+        if camera.pose is None:
+            raise SettingsError("camera: it has no pose; give one, or add it to the scene")
+        return camera, np.asarray(camera.pose, np.float64)
+    return find_camera(scene, camera) or default_camera(packed, world, size[0] / size[1])
+
+
 def rigid(matrix: np.ndarray) -> np.ndarray:
     """Return the pose in `matrix`: its translation, and its rotation without scale (glTF 2.0, 3.10.2)."""
     pose = np.eye(4)

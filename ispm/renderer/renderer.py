@@ -17,17 +17,17 @@ from ispm.errors import IspmError, SceneError, SceneWarning, SettingsError
 from ispm.estimators import make_estimator
 from ispm.frame import GBuffer, GpuScene
 from ispm.gpu import Gpu, Texture, open_gpu, within_memory
-from ispm.optics.records import MATERIAL_UNLIT, PHOTON, RECEIVER
+from ispm.optics.records import PHOTON, RECEIVER
 from ispm.optics.texture import TextureTable
-from ispm.renderer import layers as make
 from ispm.renderer.caustics import part_photons
 from ispm.renderer.chains import eye_rays, light_ends, light_points
-from ispm.renderer.framing import default_camera, default_light, find_camera
+from ispm.renderer.compose import compose
+from ispm.renderer.framing import default_light, place_camera
 from ispm.renderer.last import LastFrame
 from ispm.renderer.light import emission_of, map_plan
 from ispm.renderer.motion import moved
 from ispm.renderer.picture import Frame
-from ispm.renderer.statistics import Stats, collect
+from ispm.renderer.statistics import collect
 from ispm.renderer.watch import Watch
 from ispm.scene.camera import Camera
 from ispm.scene.packed import Packed, pack
@@ -43,7 +43,6 @@ from ispm.stages.downsample import Downsample
 from ispm.stages.filter import filter_estimate
 from ispm.stages.gbuffer import GBufferStage
 from ispm.stages.shadow import ShadowStage
-from ispm.stages.tonemap import auto_exposure, tonemap, tonemap_transparent
 from ispm.stages.upload import Upload
 from ispm.stages.upsample import Upsample
 from ispm.tracer.density import measure_radii
@@ -60,7 +59,6 @@ from ispm.tracer.world import World
 _NEAR = 1e-4  # of the scene's diagonal; reversed depth has precision to spare
 _TEXTURE_FOOTPRINT = 0.005  # of the diagonal: over which photons see textures averaged
 _PASS = 0  # of one
-_ROW = 0xFFFFFF  # of a material, in a word of the G-buffer
 _ESTIMATOR_KNOBS = attrgetter("estimator", "kernel", "talk_errors")
 _OWNED = (
     "_upload", "_gbuffer", "_bounce", "_direct", "_caustic", "_chains", "_antialias", "_shadow",
@@ -236,7 +234,11 @@ class Renderer:
             if self.settings.antialias:
                 self._antialias(fourth, scene, gbuffer, view, direct, indirect, emission)
         with watch("readback"):
-            frame = self._compose(gbuffer, (direct, indirect, emission), irradiance, view)
+            frame = compose(
+                self._gpu, packed, gbuffer, (direct, indirect, emission), irradiance, view,
+                self.settings, self.threads,
+            )  # fmt: skip
+            frame.scene = self.scene.name
 
         for recording in (first, second, third, fourth):
             for name, spent in recording.milliseconds().items():
@@ -273,7 +275,7 @@ class Renderer:
         if not packed.triangle_count:
             raise SceneError(f"{scene.name or 'the scene'}: has no surface to render")
         self._world.update(packed)
-        camera, pose = self._find_camera(packed)
+        camera, pose = place_camera(self.scene, self.camera, packed, self._world, self.settings.size)
         if not len(packed.lights):
             node, line = default_light(packed, self._world, pose[:3, 3])
             self._say(line)
@@ -298,17 +300,6 @@ class Renderer:
             self._textures = TextureTable.pack(packed.textures)
         self._packed = packed
         return packed
-
-    def _find_camera(self, packed: Packed) -> tuple[Camera, np.ndarray]:
-        if isinstance(self.camera, Camera):
-            if self.camera.pose is None:
-                raise SettingsError("camera: it has no pose; give one, or add it to the scene")
-            return self.camera, np.asarray(self.camera.pose, np.float64)
-        found = find_camera(self.scene, self.camera)
-        if found is None:
-            width, height = self.settings.size
-            return default_camera(packed, self._world, width / height)
-        return found
 
     def _say(self, line: str) -> None:
         """Warn once in this renderer's life."""
@@ -401,46 +392,3 @@ class Renderer:
         return light_ends(
             paths, rays.keys, grid, PhotonGrid(caustic), view, settings, packed.diagonal, self.threads
         )
-
-    def _compose(
-        self, gbuffer: GBuffer, light: tuple[Texture, Texture, Texture], irradiance: Texture, view: CameraView
-    ) -> Frame:
-        """Read the picture's parts back, add them, expose and tone map."""
-        f2, f4, u4 = np.float16, np.float32, np.uint32
-        assert self._packed is not None
-        background = self.settings.background
-        shines = not isinstance(background, str) and any(background)
-        glow = [(light[2], f4, 4)] if shines or _glows(self._packed) else []
-        d, i, irr, base, normals, ids, depth, *rest = self._gpu.read_many([
-            (light[0], f4, 4), (light[1], f4, 4), (irradiance, f4, 4), (gbuffer.base, f2, 4),
-            (gbuffer.normals, f2, 4), (gbuffer.ids, u4, 2), (gbuffer.depth, f4), *glow,
-        ])  # fmt: skip
-        e = rest[0] if rest else np.zeros(d.shape, f4)  # untouched pages: zeros_like would write them
-        alpha = i[..., 3]
-        if shines:
-            e[..., :3] += (1.0 - alpha[..., None]) * np.array(background, f4)
-        nodes = np.append(np.int32(-1), self._packed.instances["node"].astype(np.int32))
-        full = make.sum_layers(d, i, e, self.threads)
-        layers = make.Layers({
-            "full": lambda: full, "direct": lambda: make.rgb(d), "indirect": lambda: make.rgb(i),
-            "emission": lambda: make.rgb(e), "alpha": lambda: np.ascontiguousarray(alpha),
-            "irradiance": lambda: make.rgb(irr),
-            "depth": lambda: make.linear_depth(depth, view),
-            "normal": lambda: make.decode_normals(normals, depth),
-            "albedo": lambda: base[..., :3].astype(f4), "instance": lambda: nodes[ids[..., 0]],
-            "material": lambda: np.where(ids[..., 0] > 0, ids[..., 1] & _ROW, -1).astype(np.int32),
-        })  # fmt: skip
-        settings = self.settings
-        exposure = auto_exposure(full) if settings.exposure == "auto" else float(settings.exposure)
-        if background == "transparent":
-            image = tonemap_transparent(full, alpha, exposure, settings.tonemap, self.threads)
-        else:
-            image = tonemap(full, exposure, settings.tonemap, self.threads)
-        camera = {"pose": view.pose, "clip_from_world": view.clip_from_world}
-        return Frame(image, layers, Stats(), settings, camera, exposure, self.scene.name)
-
-
-def _glows(packed: Packed) -> bool:
-    """Whether any material emits light or shows its color unlit."""
-    unlit = packed.materials["flags"] & MATERIAL_UNLIT
-    return bool(packed.materials["emission"].any() or unlit.any())
