@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from ispm.errors import SceneError
+from ispm.errors import SceneError, SettingsError
 from ispm.optics.records import NO_HIT
 from ispm.renderer.room import find_heart
 from ispm.scene.camera import Camera, look_at_pose
