@@ -18,4 +18,4 @@ frame.save("opencv_camera.png")
 corner = np.array([2.90, 1.65, 1.14, 1.0])  # of the short block's top
 x, y, z = K @ (np.linalg.inv(pose) @ corner)[:3]
 print(f"the corner falls on pixel {x / z:.1f}, {y / z:.1f}, {z:.3f} m deep")
-print(f"depth drawn there: {frame.depth[int(y / z) + 2, int(x / z)]:.3f} m")
+print(f"depth drawn there: {frame.depth[int(y / z) + 2, int(x / z) + 2]:.3f} m")

@@ -9,7 +9,7 @@ import numpy as np
 
 from ispm.errors import SettingsError
 from ispm.io.gltf_file import GltfFile
-from ispm.io.gltf_schema import Matrix, Vec2
+from ispm.io.gltf_record import Matrix, Vec2
 from ispm.scene.camera import Camera
 
 _NEAR, _FAR = 0.01, 1e4  # m; glTF wants them, this program finds its own

@@ -8,7 +8,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from ispm.errors import SceneError
-from ispm.io import gltf_schema as schema
+from ispm.io import gltf_schema_material as schema
 from ispm.io.gltf_file import GltfFile, item, label
 from ispm.io.picture import decode, shrunk
 from ispm.scene.material import IDENTITY_UV, Texture, TextureUse, Wrap

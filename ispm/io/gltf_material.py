@@ -7,7 +7,7 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from ispm.io import gltf_schema as schema
+from ispm.io import gltf_schema_material as schema
 from ispm.io.gltf_file import GltfFile, item, label
 from ispm.io.gltf_image import Textures
 from ispm.scene.material import AlphaMode, Material, TextureUse

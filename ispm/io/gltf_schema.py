@@ -7,21 +7,12 @@ Values that a renderer can do without are held loosely here and judged where the
 from __future__ import annotations
 
 import math
-from typing import Annotated, Any, Literal
+from typing import Any, Literal
 
-import msgspec
-from msgspec import Meta, field
+from msgspec import field
 
-Index = Annotated[int, Meta(ge=0)]
-Count = Annotated[int, Meta(ge=0)]
-Vec2 = tuple[float, float]
-Vec3 = tuple[float, float, float]
-Vec4 = tuple[float, float, float, float]
-Matrix = Annotated[list[float], Meta(min_length=16, max_length=16)]
-
-
-class Record(msgspec.Struct, rename="camel"):
-    """A JSON object; members that are not named here are passed over."""
+from ispm.io.gltf_record import Count, Index, Matrix, Record, Vec3, Vec4
+from ispm.io.gltf_schema_material import Image, Material, Sampler, Texture
 
 
 class Asset(Record):
@@ -88,142 +79,6 @@ class Accessor(Record):
     byte_offset: Count = 0
     normalized: bool = False
     sparse: Sparse | None = None
-
-
-class Image(Record):
-    """A picture: a file, a data: URI, or a buffer view."""
-
-    uri: str | None = None
-    buffer_view: Index | None = None
-    name: str = ""
-
-
-class Sampler(Record):
-    """How a texture is read; OpenGL's numbers."""
-
-    mag_filter: Any = None
-    min_filter: Any = None
-    wrap_s: Any = 10497
-    wrap_t: Any = 10497
-
-
-class Source(Record):
-    """EXT_texture_webp: the picture to show instead."""
-
-    source: Index | None = None
-
-
-class PictureExtensions(Record):
-    """Extensions of a texture."""
-
-    webp: Source | None = field(name="EXT_texture_webp", default=None)
-    basisu: Source | None = field(name="KHR_texture_basisu", default=None)
-
-
-class Texture(Record):
-    """A picture and a sampler."""
-
-    source: Index | None = None
-    sampler: Index | None = None
-    name: str = ""
-    extensions: PictureExtensions = field(default_factory=PictureExtensions)
-
-
-class TextureTransform(Record):
-    """KHR_texture_transform."""
-
-    offset: Vec2 = (0.0, 0.0)
-    rotation: float = 0.0
-    scale: Vec2 = (1.0, 1.0)
-    tex_coord: Index | None = None
-
-
-class TextureExtensions(Record):
-    """Extensions of a texture slot."""
-
-    transform: TextureTransform | None = field(name="KHR_texture_transform", default=None)
-
-
-class TextureSlot(Record):
-    """A texture where a material uses it."""
-
-    index: Index
-    tex_coord: Index = 0
-    scale: float = 1.0
-    extensions: TextureExtensions = field(default_factory=TextureExtensions)
-
-
-class Pbr(Record):
-    """Metallic-roughness factors and textures."""
-
-    base_color_factor: Vec4 = (1.0, 1.0, 1.0, 1.0)
-    base_color_texture: TextureSlot | None = None
-    metallic_factor: float = 1.0
-    roughness_factor: float = 1.0
-    metallic_roughness_texture: TextureSlot | None = None
-
-
-class Specular(Record):
-    """KHR_materials_specular."""
-
-    specular_factor: float = 1.0
-    specular_color_factor: Vec3 = (1.0, 1.0, 1.0)
-    specular_texture: TextureSlot | None = None
-    specular_color_texture: TextureSlot | None = None
-
-
-class Ior(Record):
-    """KHR_materials_ior."""
-
-    ior: float = 1.5
-
-
-class EmissiveStrength(Record):
-    """KHR_materials_emissive_strength."""
-
-    emissive_strength: float = 1.0
-
-
-class Transmission(Record):
-    """KHR_materials_transmission."""
-
-    transmission_factor: float = 0.0
-    transmission_texture: TextureSlot | None = None
-
-
-class Volume(Record):
-    """KHR_materials_volume; what its thickness texture says matters to flat pictures alone."""
-
-    thickness_factor: float = 0.0
-    attenuation_color: Vec3 = (1.0, 1.0, 1.0)
-    attenuation_distance: float | None = None
-
-
-class MaterialExtensions(Record):
-    """Extensions of a material."""
-
-    specular: Specular | None = field(name="KHR_materials_specular", default=None)
-    ior: Ior = field(name="KHR_materials_ior", default_factory=Ior)
-    emissive_strength: EmissiveStrength = field(
-        name="KHR_materials_emissive_strength", default_factory=EmissiveStrength
-    )
-    transmission: Transmission = field(name="KHR_materials_transmission", default_factory=Transmission)
-    volume: Volume = field(name="KHR_materials_volume", default_factory=Volume)
-    unlit: dict[str, Any] | None = field(name="KHR_materials_unlit", default=None)
-
-
-class Material(Record):
-    """A surface."""
-
-    name: str = ""
-    pbr: Pbr = field(name="pbrMetallicRoughness", default_factory=Pbr)
-    normal_texture: TextureSlot | None = None
-    emissive_texture: TextureSlot | None = None
-    emissive_factor: Vec3 = (0.0, 0.0, 0.0)
-    alpha_mode: str = "OPAQUE"
-    alpha_cutoff: float = 0.5
-    double_sided: bool = False
-    extensions: MaterialExtensions = field(default_factory=MaterialExtensions)
 
 
 class PrimitiveExtensions(Record):

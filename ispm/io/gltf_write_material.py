@@ -12,7 +12,7 @@ import numpy as np
 
 from ispm.errors import SceneError, SceneWarning
 from ispm.io.gltf_image import MAG_LINEAR, MIN_MIPMAPS, WRAPS, Rows, uv_rows
-from ispm.io.gltf_schema import TextureTransform
+from ispm.io.gltf_schema_material import TextureTransform
 from ispm.io.gltf_write import Document
 from ispm.io.image import linear_to_srgb, srgb_to_linear
 from ispm.scene.material import IDENTITY_UV, Material, Texture, TextureUse

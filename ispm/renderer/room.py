@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from ispm.optics.records import NO_HIT
+from ispm.scene.directions import even_directions
 from ispm.scene.packed import Packed
 from ispm.tracer.world import World
 
@@ -51,7 +52,7 @@ def _surroundings(
     """Of each of (n, 3) places: whether it is enclosed, the volume in m3 that is seen from it, and how much
     of the way to the bounds its rays go; those that meet nothing count as 0."""
     origins = np.repeat(places, _PROBES, axis=0)
-    directions = np.tile(_sphere(_PROBES), (len(places), 1))
+    directions = np.tile(even_directions(_PROBES), (len(places), 1))
     front, back, t = _facing(packed, world, origins, directions)
     met = front | back
     t = np.where(met, t, 0.0).astype(np.float64)
@@ -69,7 +70,7 @@ def _surroundings(
 def _shows_backs(packed: Packed, world: World) -> bool:
     """Whether rays from all around into the scene meet many backs of faces."""
     low, high = packed.bounds
-    outside = _sphere(512).astype(np.float64)
+    outside = even_directions(512).astype(np.float64)
     k = np.arange(len(outside))[:, None]
     targets = low + (0.5 + k * _R3) % 1.0 * (high - low)
     origins = (low + high) / 2.0 + outside * packed.diagonal
@@ -94,11 +95,3 @@ def _facing(
     front = np.zeros(len(hits), bool)
     front[hit] = np.einsum("ni,ni->n", normals, directions[hit]) < 0.0
     return front, hit & ~front, hits["t"]
-
-
-def _sphere(count: int) -> np.ndarray:
-    """(count, 3) float32 directions, evenly spread (a Fibonacci lattice)."""
-    k = np.arange(count) + 0.5
-    y = 1.0 - 2.0 * k / count
-    r, phi = np.sqrt(1.0 - y * y), k * (math.pi * (3.0 - math.sqrt(5.0)))
-    return np.stack([r * np.cos(phi), y, r * np.sin(phi)], axis=1).astype(np.float32)

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from ispm.scene.lightmap import LightMap, corners_of, cropped, square_map, view_of
+from ispm.scene.lightmap import LightMap, cropped, square_map, view_of
 
 _WIDEST = math.tan(0.6)  # of half a view's angle: wider ones gain little
 _LARGEST = 1.0 / 3.0  # of what the light's own map takes, likewise
@@ -14,29 +14,30 @@ _GAIN = 0.9  # of the size of a group, below which its two parts must be to be p
 _MARGIN = 0.02  # of a crop's half width, for sub-texel shifts
 
 
-def aimed_maps(base: LightMap, light: np.void, boxes: np.ndarray, most: int) -> list[LightMap]:
-    """Return at most `most` maps about the light of `base` that together see the boxes, near ones joined.
+def aimed_maps(base: LightMap, light: np.void, hulls: np.ndarray, most: int) -> list[LightMap]:
+    """Return at most `most` maps about the light of `base` that together see the hulls, near ones joined.
 
     base   the light's own map;  light  LIGHT
-    boxes  (n, 2, 3) world space
+    hulls  (n, k, 3) points round each object, world space
     There is none of what the light is inside of, nor of what already fills much of its own map.
     """
-    corners = corners_of(boxes) - base.origin
-    patches = _patches(base, corners)
+    points = hulls - base.origin
+    patches = _patches(base, points)
     near = ~base.orthographic & ((patches[:, 1] - patches[:, 0]) > 2.0 * math.sin(0.6)).any(axis=1)
-    inside = ~base.orthographic & ((boxes[:, 0] <= base.origin) & (base.origin <= boxes[:, 1])).all(axis=1)
+    within = (points.min(axis=1) < 0.0) & (points.max(axis=1) > 0.0)
+    inside = ~base.orthographic & within.all(axis=1)
     kept = np.flatnonzero(~near & ~inside)
-    maps = [_view(base, light, corners[kept[group]]) for group in _groups(patches[kept], most)]
+    maps = [_view(base, light, points[kept[group]]) for group in _groups(patches[kept], most)]
     return [map for map in maps if map and 0.0 < map.measure < _LARGEST * base.measure]
 
 
-def _patches(base: LightMap, corners: np.ndarray) -> np.ndarray:
-    """(n, 2, 3) bounds of the directions, or of the places across the rays, of (n, 8, 3) corners."""
+def _patches(base: LightMap, points: np.ndarray) -> np.ndarray:
+    """(n, 2, 3) bounds of the directions, or of the places across the rays, of (n, k, 3) points."""
     if base.orthographic:
         frame = base.axes[0] / np.linalg.norm(base.axes[0], axis=1, keepdims=True)
-        places = corners @ frame.T * (1.0, 1.0, 0.0)
+        places = points @ frame.T * (1.0, 1.0, 0.0)
     else:
-        places = corners / np.maximum(np.linalg.norm(corners, axis=-1, keepdims=True), 1e-30)
+        places = points / np.maximum(np.linalg.norm(points, axis=-1, keepdims=True), 1e-30)
     return np.stack([places.min(axis=1), places.max(axis=1)], axis=1)
 
 
@@ -78,12 +79,12 @@ def _size(low: np.ndarray, high: np.ndarray) -> np.ndarray:
     return np.asarray(x * y + y * z + z * x)
 
 
-def _view(base: LightMap, light: np.void, corners: np.ndarray) -> LightMap | None:
-    """The map that sees (n, 8, 3) corners, relative to the base's origin; None where it were too wide."""
+def _view(base: LightMap, light: np.void, points: np.ndarray) -> LightMap | None:
+    """The map that sees (n, k, 3) points, relative to the base's origin; None where it were too wide."""
     if base.orthographic:
-        places = corners.reshape(-1, 3) @ base.axes[0, :2].T
+        places = points.reshape(-1, 3) @ base.axes[0, :2].T
         low, high = places.min(axis=0), places.max(axis=0)
         room = np.maximum(_MARGIN * (high - low) / 2.0, 1e-6)
         return cropped(base, np.maximum(low - room, -1.0), np.minimum(high + room, 1.0))
-    frame, spread = view_of(corners.reshape(-1, 3))
+    frame, spread = view_of(points.reshape(-1, 3))
     return square_map(base.light, light, frame, spread) if spread < _WIDEST else None

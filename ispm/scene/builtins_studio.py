@@ -33,7 +33,7 @@ def caustic_ring() -> Scene:
     cusp of its caustic moves; both are back where they began after 8 s.
     """
     scene = Scene(name="caustic-ring")
-    scene.add(_backdrop(1.3, 0.55, 0.40, 20, 10, -0.02), material=lambert((0.30, 0.32, 0.36), "slate paper"))
+    scene.add(_backdrop(1.4, 0.60, 0.90, 20, 10, -0.02), material=lambert((0.30, 0.32, 0.36), "slate paper"))
     plate = box((-0.20, -0.02, -0.20), (0.24, 0.0, 0.20), "plate")
     scene.add(plate, material=lambert((0.78, 0.76, 0.72), "plaster"))
     inner, outer, height = 0.100, 0.108, 0.040
@@ -96,7 +96,7 @@ def glass_sphere() -> Scene:
         ("overhead", (6.0, 5.6, 5.0), (0.10, 1.00, 0.25)),
     ):
         scene.add(PointLight(intensity), name=name, translation=place)
-    add_camera(scene, (0.10, 0.42, 0.98), (0.02, 0.075, 0.0), math.radians(34.0))
+    add_camera(scene, (0.10, 0.42, 0.98), (0.02, 0.085, 0.0), math.radians(31.0))
     return scene
 
 

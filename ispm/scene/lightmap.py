@@ -128,13 +128,17 @@ def view_of(points: np.ndarray) -> tuple[np.ndarray, float]:
     """Rows right, up, forward of a view from the origin to the middle of points, and the tangent of half
     its angle, with a margin; infinite where a point is not ahead."""
     forward = (points.min(axis=0) + points.max(axis=0)) / 2.0
-    if not float(np.linalg.norm(forward)) > 0.0:
-        return np.eye(3), math.inf
-    frame = _frame(forward)
-    seen = points @ frame.T
-    if (seen[:, 2] <= 0.0).any():
-        return frame, math.inf
-    tangent = float((np.abs(seen[:, :2]) / seen[:, 2:]).max())
+    tangent = math.inf
+    for _ in range(2):  # the middle in space is not the middle of what is seen
+        if not float(np.linalg.norm(forward)) > 0.0:
+            return np.eye(3), math.inf
+        frame = _frame(forward)
+        seen = points @ frame.T
+        if (seen[:, 2] <= 0.0).any():
+            return frame, math.inf
+        places = seen[:, :2] / seen[:, 2:]
+        tangent = float(np.abs(places).max())
+        forward = np.append((places.min(axis=0) + places.max(axis=0)) / 2.0, 1.0) @ frame
     return frame, max(_MARGIN * tangent, _NARROWEST)
 
 

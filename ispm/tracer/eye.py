@@ -12,16 +12,12 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numba import literal_unroll
 
 from ispm.optics.bsdf import (
     has_finite,
     is_smooth,
-    smith,
     smooth_split,
-    specular_split,
     transmits,
-    visible_normal,
 )  # fmt: skip
 from ispm.optics.jit import jit
 from ispm.optics.records import (
@@ -33,9 +29,10 @@ from ispm.optics.records import (
     RECEIVER,
 )  # fmt: skip
 from ispm.optics.rng import random4
-from ispm.optics.sampling import to_local, to_world
-from ispm.optics.vector import add, dot, luminance, scale, sub
+from ispm.optics.vector import add, dot, scale, sub
 from ispm.scene.packed import Packed
+from ispm.tracer.facet import facet_split, go_on
+from ispm.tracer.found import END, FROST, store_end, store_frost, store_point
 from ispm.tracer.intersect import STACK_WORDS
 from ispm.tracer.lit import direct_light, greatest, times
 from ispm.tracer.simd import address, alloca, atomic_add
@@ -60,23 +57,12 @@ _LEAST = f32(1e-3)  # weight below which a path is not followed
 _STRONG = f32(0.02)  # and below which not from an end
 _BEFORE = f32(1e-4)  # of the distance that a ray starts before the surface that the pixel shows
 _BEHIND = f32(1e-3)  # of the distance: farther hits are not that surface
-_GLOSS_ALPHA_MIN = f32(0.25)  # as in stages/receivers.wgsl
-_BLUR_SHARE = f32(0.2)  # of a rough surface's blur, that its pixels may be averaged over
 _CHUNK = 64  # pixels a thread takes at a time; results do not depend on it or on the threads
 _BATCH = 1 << 15  # pixels whose ends lie in memory at their full number
 
-# places in a Bsdf tuple
-_F0, _F90, _ALPHA, _TINT, _ETA, _THIN = 3, 6, 7, 10, 13, 14
+_ETA, _THIN = 13, 14  # places in a Bsdf tuple
 
 REFLECTED, TRANSMITTED, SCATTERED = 0, 1, 2  # what the first surface did to a path
-
-END = np.dtype([
-    ("slot", "<u4"), ("lane", "<u4"), ("weight", "<f4", 3), ("diffuse", "<f4", 3), ("f0", "<f4", 3),
-    ("f90", "<f4"), ("dielectric_f0", "<f4"), ("dielectric_f90", "<f4"),
-])  # fmt: skip
-
-# What rough glass a pixel shows; blur: pixels over which its light may be averaged, 0 where it shows none.
-FROST = np.dtype([("n", "<f4", 3), ("alpha", "<f4"), ("tint", "<f4"), ("blur", "<f4"), ("instance", "<u4")])
 
 
 @dataclass(frozen=True)
@@ -101,9 +87,8 @@ class EyePaths:
     """What the paths found.
 
     direct, emission  (n, 3) float32 radiance that they bring to each ray
-    ends    (m,) END in the order of the rays; slot: the ray's row, lane: REFLECTED, TRANSMITTED or SCATTERED
-            by the first surface, or a later end of its path; weight: of the radiance that leaves the end.
-            f0 and f90 are 0 where paths go on instead
+    ends    (m,) END in the order of the rays; lane: REFLECTED or TRANSMITTED by a smooth surface;
+            SCATTERED: by a rough one, or a path's second end
     points  (m,) RECEIVER, the same; footprint: of a pixel
     frost   (n,) FROST
     rays    traced
@@ -226,7 +211,7 @@ def _follow_pixel(place, scene, foot, scratch, rays, i, slot, out, at):
                     SCATTERED,
                 )  # fmt: skip
                 at, _, _ = _follow(place, scene, foot, scratch, path, slot, out, at)
-        _store_frost(out[3][slot[1]], n, b, hit, reach * length / _width(scene, length))
+        store_frost(out[3][slot[1]], n, b, hit[0], reach * length / _width(scene, length))
         return at
     reflectance, transmittance, above, beyond_, through = smooth_split(b, n, ng, wo)
     if greatest(reflectance) > _LEAST:
@@ -317,11 +302,11 @@ def _follow(place, scene, foot, scratch, path, slot, out, at):
             _add(out[0], slot[1], light, seen)
             traced += shadows
         if has_finite(b):
-            _store(out[2][row].end, slot[0], lane, seen, b)
-            _store_point(out[2][row].point, position, ng, n, wo, b, foot[0])
+            store_end(out[2][row].end, slot[0], lane, seen, b)
+            store_point(out[2][row].point, position, ng, n, wo, b, foot[0])
             row, stored, lane = row + i64(1), stored + 1, SCATTERED
         rough = rough or (transmits(b) and not is_smooth(b))
-        alive, wi, factor = _go_on(b, n, ng, wo, entering, u1, u2)
+        alive, wi, factor = go_on(b, n, ng, wo, entering, u1, u2)
         weight = times(weight, factor)
         if not alive or stored == _ENDS_MAX or greatest(weight) < (_STRONG if stored > 0 else _LEAST):
             break
@@ -330,49 +315,6 @@ def _follow(place, scene, foot, scratch, path, slot, out, at):
             lane,
         )  # fmt: skip
     return (row, traced), rough, length
-
-
-@jit
-def _go_on(b, n, ng, wo, entering, u1, u2):
-    """Where a path goes on from a surface: (whether it does, wi, factor of its weight).
-
-    From within a solid it leaves wherever it can: reflected, it would run round under a ball's rim.
-    """
-    if not is_smooth(b) and not transmits(b):
-        return False, wo, wo
-    reflectance, transmittance, above, beyond_, through = facet_split(b, n, ng, wo, u1, u2)
-    both = add(reflectance, transmittance)
-    if through and (not entering or luminance(transmittance) > luminance(reflectance)):
-        return True, beyond_, both
-    return greatest(both) > f32(0), above, both
-
-
-@jit
-def facet_split(b, n, ng, wo, u1, u2):
-    """Return what a surface that a path goes on from makes of light along `wo`, see `specular_split`.
-
-    Rough: by one facet, drawn by u1 and u2 as wo sees them, times the share that others do not shadow.
-    """
-    if is_smooth(b):
-        return smooth_split(b, n, ng, wo)
-    alpha, nv = b[_ALPHA], dot(n, wo)
-    h = to_world(visible_normal(alpha, to_local(wo, n), u1, u2), n)
-    reflectance, transmittance, above, beyond_, through = specular_split(b, h, wo)
-    if b[_THIN] > f32(0):
-        beyond_ = sub(above, scale(f32(2) * dot(n, above), n))
-    shown = dot(above, ng) > f32(0) and dot(above, n) > f32(0)
-    through = through and dot(beyond_, ng) < f32(0) and dot(beyond_, n) < f32(0)
-    reflected = _unshadowed(alpha, nv, dot(n, above)) if shown else f32(0)
-    passed = _unshadowed(alpha, nv, -dot(n, beyond_)) if through else f32(0)
-    return scale(reflected, reflectance), scale(passed, transmittance), above, beyond_, through
-
-
-@jit
-def _unshadowed(alpha, nv, nl):
-    """G2 / G1 of directions at these cosines."""
-    a2 = alpha * alpha
-    g1 = f32(2) * nv / (nv + math.sqrt(nv * nv * (f32(1) - a2) + a2))
-    return smith(alpha, nv, nl) * f32(4) * nv * nl / g1
 
 
 @jit
@@ -401,51 +343,6 @@ def _width(scene, length):
     """What a pixel covers after `length` m of its path, were all mirrors flat."""
     wide, spread = scene[3]
     return wide + spread * length
-
-
-@jit
-def _store(end, slot, lane, weight, b):
-    """Write an END."""
-    gloss = f32(1) if b[_ALPHA] > f32(0) and not transmits(b) else f32(0)
-    end.slot = u32(slot)
-    end.lane = u32(lane)
-    for k in literal_unroll((0, 1, 2)):
-        end.weight[k] = weight[k]
-        end.diffuse[k] = b[k]
-        end.f0[k] = gloss * b[_F0 + k]
-    end.f90 = gloss * b[_F90]
-    end.dielectric_f0 = b[_F90 + 2]
-    end.dielectric_f90 = b[_F90 + 3]
-
-
-@jit
-def _store_point(point, position, ng, n, wo, b, width):
-    """Write its RECEIVER."""
-    for k in literal_unroll((0, 1, 2)):
-        point.position[k] = position[k]
-        point.ng[k] = ng[k]
-        point.n[k] = n[k]
-        point.wo[k] = wo[k]
-    glossy = b[_F90] > f32(0) or b[_F0] + b[_F0 + 1] + b[_F0 + 2] > f32(0)
-    point.alpha = max(b[_ALPHA], _GLOSS_ALPHA_MIN) if glossy else f32(0)
-    point.valid = u32(1)
-    point.footprint = width
-    point.slant = f32(1) / max(abs(dot(wo, ng)), f32(0.02))
-
-
-@jit
-def _store_frost(frost, n, b, hit, angle):
-    """Write a FROST: what lies behind is blurred by as much as facets turned by alpha deflect light.
-
-    angle  over a pixel's width, by which neighbouring pixels look on what lies behind
-    """
-    bent = f32(1) if b[_THIN] > f32(0) else abs(f32(1) - f32(1) / b[_ETA])
-    for k in literal_unroll((0, 1, 2)):
-        frost.n[k] = n[k]
-    frost.alpha = b[_ALPHA]
-    frost.tint = luminance((b[_TINT], b[_TINT + 1], b[_TINT + 2]))
-    frost.blur = _BLUR_SHARE * f32(2) * bent * b[_ALPHA] * angle
-    frost.instance = hit[0]
 
 
 @jit

@@ -88,10 +88,10 @@ def map_width(map: LightMap, light: np.void, photons: int) -> int:
 
 def _share(packed: Packed, index: int, count: int, caustic_share: float) -> list[tuple[LightMap, int]]:
     """A light's maps and their photons."""
-    base, boxes = packed.maps[index], packed.caustic_boxes
+    base, hulls = packed.maps[index], packed.caustic_hulls
     wanted = min(caustic_share, 1.0 - _LEAST_BASE) * count
     most = min(_AIMED_MOST, int(wanted) // _AIMED_LEAST)
-    aimed = aimed_maps(base, packed.lights[index], boxes, most) if most and len(boxes) else []
+    aimed = aimed_maps(base, packed.lights[index], hulls, most) if most and len(hulls) else []
     total = sum(map.measure for map in aimed)
     shares = [(map, round(wanted * map.measure / total)) for map in aimed]
     shares = [(map, photons) for map, photons in shares if photons]

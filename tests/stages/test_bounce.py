@@ -12,7 +12,7 @@ from ispm.gpu import Gpu
 from ispm.optics.records import NO_HIT
 from ispm.scene.aim import aimed_maps
 from ispm.scene.light import DirectionalLight, Light, PointLight, SpotLight
-from ispm.scene.lightmap import LightMap
+from ispm.scene.lightmap import LightMap, corners_of
 from ispm.scene.material import AlphaMode, Material, Texture, TextureUse
 from ispm.scene.packed import Packed, pack
 from ispm.scene.scene import Scene
@@ -93,7 +93,7 @@ def test_crop_of_a_parallel_map_sees_what_stands_before_it(gpu: Gpu) -> None:
     scene.add(DirectionalLight(), rotation=DOWN)
     packed = pack(scene)
     (map,) = packed.maps
-    part = aimed_maps(map, packed.lights[0], packed.boxes[:1], 8)[0]
+    part = aimed_maps(map, packed.lights[0], corners_of(packed.boxes[:1]), 8)[0]
     assert part.measure == pytest.approx(4.0 * 1.02**2, rel=1e-6)
     (got,) = draw(gpu, packed, [planned(part, 16)])
     assert (got[..., 0] == 1).all()
@@ -146,6 +146,20 @@ def test_blended_surface_stops_its_share(gpu: Gpu) -> None:
     (got,) = draw(gpu, packed, [planned(packed.maps[0], 128)])
     # 16 384 texels: standard deviation 0.0036; 5 of them
     assert (got[3, ..., 0] == 0).mean() == pytest.approx(0.3, abs=0.018)
+
+
+def test_opacity_is_that_of_the_finest_texels(gpu: Gpu) -> None:
+    """A quad with the opaque corner of a picture: seen small, the rest of the picture makes no holes in it.
+    A texel as wide as the quad would have an opacity of 0.7 by mips: 40 are full by a chance of 1e-6."""
+    pixels = np.zeros((256, 256, 4), np.uint8)
+    pixels[:26, :26, 3] = 255
+    use = TextureUse(Texture(pixels), transform=((0.09, 0.0, 0.005), (0.0, 0.09, 0.005)))
+    scene = Scene()
+    scene.add(quad(1.0), material=Material(alpha_mode=AlphaMode.BLEND, base_color_texture=use))
+    scene.add(PointLight(), translation=(0.0, 1.0, 0.0))
+    packed = pack(scene)
+    got = draw(gpu, packed, 40 * [planned(packed.maps[0], 1)])
+    assert all(map[3, 0, 0, 0] == 0 for map in got)
 
 
 def test_maps_lie_side_by_side_without_touching(gpu: Gpu) -> None:

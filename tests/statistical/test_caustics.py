@@ -68,7 +68,7 @@ def floor():
 @pytest.mark.parametrize(("way", "exact"), [(1.0, 1.0), (0.75, 2.0), (0.25, 3.6), (0.4, 9.545)])
 def test_ring_lights_its_axis_as_the_mirror_equation_says(floor, way, exact):
     """V14: `way` from the vertex 1 / |1 - 2 way|, and, beyond the cusp, what its two sides add.
-    N = 500,000, seed 0: 100 to 1000 photons in 3 cm square, where the exact value varies by some 3 %."""
+    N = 500,000, seed 0: 100 to 1000 photons a square of 3 cm, over which the exact value varies by 3 %."""
     half = 0.015
     x, _, z = floor["position"].T
     inside = (np.abs(x - (1.0 - way)) < half) & (np.abs(z) < half)

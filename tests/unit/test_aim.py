@@ -11,7 +11,7 @@ from ispm.scene.lightmap import LightMap, corners_of
 from ispm.scene.material import Material
 from ispm.scene.packed import Packed, pack
 from ispm.scene.scene import Scene
-from ispm.scene.shapes import box
+from ispm.scene.shapes import box, icosphere
 
 ROOM = ((-10.0, 0.0, -10.0), (10.0, 8.0, 10.0))
 
@@ -25,7 +25,7 @@ def lit_room(light: Light, position: tuple[float, ...] = (0.0, 6.0, 0.0)) -> Pac
 
 def aimed(light: Light, boxes: np.ndarray, most: int = 8, **where: tuple[float, ...]) -> list[LightMap]:
     packed = lit_room(light, **where)
-    return aimed_maps(packed.maps[0], packed.lights[0], boxes, most)
+    return aimed_maps(packed.maps[0], packed.lights[0], corners_of(boxes), most)
 
 
 def boxes_at(centers: object, half: float = 0.3) -> np.ndarray:
@@ -74,7 +74,7 @@ def test_a_box_behind_another_shares_its_map():
 def test_maps_are_narrow_and_take_little_of_their_light():
     boxes = boxes_at(grid(9, 2.2), 0.2)
     packed = lit_room(PointLight())
-    for map in aimed_maps(packed.maps[0], packed.lights[0], boxes, 8):
+    for map in aimed_maps(packed.maps[0], packed.lights[0], corners_of(boxes), 8):
         assert map.spread < math.tan(0.6) and map.measure < packed.maps[0].measure / 3
 
 
@@ -91,7 +91,7 @@ def test_no_map_where_a_spot_does_not_shine():
     ahead = packed.lights["direction"][0].astype(float)
     for way, count in ((ahead, 1), (-ahead, 0), (np.cross(ahead, (0.3, 0.9, 0.1)), 0)):
         boxes = boxes_at([packed.maps[0].origin + 5.0 * way], 0.2)
-        assert len(aimed_maps(packed.maps[0], packed.lights[0], boxes, 8)) == count
+        assert len(aimed_maps(packed.maps[0], packed.lights[0], corners_of(boxes), 8)) == count
 
 
 def test_thousands_of_boxes_are_grouped():
@@ -99,7 +99,20 @@ def test_thousands_of_boxes_are_grouped():
     assert len(aimed(DirectionalLight(), boxes)) <= 8
 
 
-def test_boxes_of_caustic_instances_are_packed():
+def test_a_ball_fills_its_view():
+    scene = Scene()
+    scene.add(box(*ROOM))
+    mirror = Material(metallic=1.0, roughness=0.0)
+    ball = scene.add(icosphere(1.0, 8), material=mirror, translation=(3, 0, 2))
+    scene.add(PointLight(), translation=(0, 4, 0))
+    packed = pack(scene)
+    far = float(np.linalg.norm(np.subtract(ball.translation, (0, 4, 0))))
+    (map,) = aimed_maps(packed.maps[0], packed.lights[0], packed.caustic_hulls, 8)
+    exact = 1.0 / math.sqrt(far * far - 1.0)  # tangent of half the angle under which a ball is seen
+    assert 0.97 * exact < map.spread < 1.06 * exact
+
+
+def test_hulls_of_caustic_instances_are_packed():
     scene = Scene()
     unit = box((-1, -1, -1), (1, 1, 1))
     scene.add(unit, material=Material())
@@ -107,4 +120,5 @@ def test_boxes_of_caustic_instances_are_packed():
     scene.add(unit, material=mirror, translation=(5, 0, 0), scale=(1, 2, 3))
     packed = pack(scene)
     assert packed.boxes.shape == (2, 2, 3)
-    assert packed.caustic_boxes == pytest.approx(np.array([[(4, -2, -3), (6, 2, 3)]]))
+    (hull,) = packed.caustic_hulls
+    assert hull.min(axis=0) == pytest.approx((4, -2, -3)) and hull.max(axis=0) == pytest.approx((6, 2, 3))

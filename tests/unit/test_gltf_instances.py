@@ -105,7 +105,7 @@ def test_a_million_copies_load_within_limits(tmp_path: Path) -> None:
     scene = load(path)
     assert time.process_time() - start < 5.0
     assert scene.triangle_count == 2_000_000
-    for limit in ("nodes", "triangles"):
+    for limit in ("max_nodes", "max_triangles"):
         with pytest.raises(SceneError, match=f"{limit}=999999"):
             load(path, **{limit: 999_999})
 

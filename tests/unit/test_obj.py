@@ -404,3 +404,29 @@ def test_notes_count_like_faults() -> None:
     assert notes.lines() == []
     notes.count("one", "many", 2)
     assert notes.lines() == ["2 many"]
+
+
+def test_random_damage_never_ends_otherwise(tmp_path: Path) -> None:
+    """600 copies of a scene, with 1 to 4 bytes of the OBJ or of the MTL overwritten; seed 1."""
+    picture(tmp_path, "wood.png", 1, 2, 3)
+    wholes = {
+        "a.obj": f"mtllib a.mtl\n{QUAD}{UVS}vn 0 0 1\ns 1\nusemtl m\nf 1/1 2/2 3/3 4/4\nf -1//1 -2//1 -3//1",
+        "a.mtl": "newmtl m\nKd 0.1 0.2 0.3\nKs 1 1 1\nNs 30\nNi 1.5\nd 0.5\nillum 7\nmap_Kd -s 2 2 wood.png",
+    }
+    random, refused = np.random.default_rng(1), 0
+    for turn in range(600):
+        for name, text in wholes.items():
+            data = np.frombuffer(text.encode(), np.uint8).copy()
+            if name == ("a.obj", "a.mtl")[turn % 2]:
+                data[random.integers(0, len(data), random.integers(1, 5))] = random.integers(0, 256)
+            (tmp_path / name).write_bytes(data.tobytes())
+        try:
+            scene = load(tmp_path / "a.obj")
+        except SceneError:
+            refused += 1
+            continue
+        for part in (part for node in scene.nodes for part in node.parts):
+            assert np.isfinite(part.mesh.positions).all()
+            values = (*part.material.base_color, part.material.roughness, part.material.ior)
+            assert all(math.isfinite(v) and v >= 0.0 for v in values)
+    assert 0 < refused < 300  # a broken MTL is told, not refused

@@ -16,7 +16,7 @@ import ispm
 from ispm.errors import OutputError, SceneError, SceneWarning
 from ispm.io.gltf_image import uv_rows
 from ispm.io.gltf_instances import PLACING, instance_attributes, rotation_matrices
-from ispm.io.gltf_schema import TextureTransform
+from ispm.io.gltf_schema_material import TextureTransform
 from ispm.io.gltf_write_material import split, transform
 from ispm.io.load import load
 from ispm.io.save import save

@@ -1,0 +1,88 @@
+"""The list of pixels that show mirrors and glass, and the light that is added to them."""
+
+import numpy as np
+import pytest
+from exact import quad, view_of
+
+from ispm.scene.material import Material, Texture
+from ispm.scene.packed import pack
+from ispm.scene.scene import Scene
+from ispm.stages.chain import ChainStage
+from ispm.stages.gbuffer import GBufferStage
+from ispm.stages.upload import Upload
+
+MATERIALS = {
+    "clay": (Material((0.5,) * 3, specular=0.0, roughness=0.0), False),  # nothing that could mirror
+    "plastic": (Material((0.5,) * 3, roughness=0.5), False),
+    "varnish": (Material((0.5,) * 3, roughness=0.0), True),
+    "metal": (Material((0.5,) * 3, metallic=1.0, roughness=0.1), False),
+    "mirror": (Material((0.5,) * 3, metallic=1.0, roughness=0.0), True),
+    "glass": (Material((1.0,) * 3, roughness=0.0, transmission=1.0, thickness=1.0), True),
+    "frost": (Material((1.0,) * 3, roughness=0.6, transmission=0.3), True),
+    "lamp": (Material((1.0,) * 3, roughness=0.0, unlit=True), False),
+}
+
+
+def drawn(gpu, materials):
+    """The G-buffer and the list of a row of squares, and what is drawn where."""
+    scene = Scene()
+    for k, material in enumerate(materials):
+        scene.add(quad(0.3), material=material, translation=(0.7 * k - 2.4, 0.7, 0.0))
+    upload, gbuffer, chains, view = Upload(gpu), GBufferStage(gpu), ChainStage(gpu), view_of((240, 80))
+    with gpu.frame() as frame:
+        packed = upload(pack(scene))
+        out = gbuffer(frame, packed, view)
+        chains(frame, packed, out)
+    ids, depth = gpu.read_many([(out.ids, np.uint32, 2), (out.depth, np.float32)])
+    return chains, view, chains.read(), ids, depth
+
+
+def test_pixels_of_mirrors_and_glass_are_listed(gpu):
+    *_, seen, ids, depth = drawn(gpu, [material for material, _ in MATERIALS.values()])
+    kinds = [kind for kind in range(1, len(MATERIALS) + 1) if list(MATERIALS.values())[kind - 1][1]]
+    shown = np.unique(ids[..., 0])
+    assert set(range(1, len(MATERIALS) + 1)) <= set(shown)
+    expected = np.flatnonzero(np.isin(ids[..., 0].reshape(-1), kinds))
+    assert (seen["pixel"] == expected).all()
+    assert (seen["depth"] == depth.reshape(-1)[expected]).all()
+
+
+def test_the_g_buffer_keeps_row_and_transmission_apart(gpu):
+    pixels = np.full((2, 2, 4), 128, np.uint8)
+    patterned = Material((1,) * 3, transmission=0.5, transmission_texture=Texture(pixels, srgb=False))
+    materials = [Material(), Material(transmission=1.0), Material(transmission=0.25), patterned]
+    *_, ids, _ = drawn(gpu, materials)
+    for k, expected in enumerate((0.0, 1.0, 0.25, 0.5 * 128 / 255)):
+        word = ids[..., 1][ids[..., 0] == k + 1]
+        assert len(word) and (word & 0xFFFFFF == k).all()
+        assert (word >> 24) / 255 == pytest.approx(expected, abs=0.5 / 255 + 1e-6)
+
+
+def test_rays_through_the_listed_pixels_meet_what_they_show(gpu):
+    """Distances from depth: 24 bits of it over the whole range."""
+    _, view, seen, *_ = drawn(gpu, [MATERIALS["mirror"][0]] * 8)
+    origins, directions, distances = view.pixel_rays(seen["pixel"], seen["depth"])
+    points = origins + distances[:, None] * directions
+    assert len(points) > 100 and np.abs(points[:, 1] - 0.7).max() < 1e-5 * distances.max()
+    every = view.rays()[1].reshape(-1, 3)
+    assert np.abs(directions - every[seen["pixel"]]).max() < 1e-12
+
+
+def test_light_is_added_to_the_listed_pixels_alone(gpu):
+    size, random = (37, 21), np.random.default_rng(1)
+    chains = ChainStage(gpu)
+    textures, before = [], []
+    for name in ("direct", "indirect", "emission"):
+        values = random.random((size[1], size[0], 4), np.float32)
+        values[..., 3] = 1.0
+        texture = gpu.texture(name, "rgba32float", usage=("storage", "sampled")).sized(size)
+        textures.append(texture.write(values))
+        before.append(values.reshape(-1, 4))
+    pixels = np.sort(random.permutation(37 * 21)[:300])
+    light = random.random((300, 9), np.float32)
+    with gpu.frame() as frame:
+        chains.patch(frame, pixels, light, *textures)
+    after = gpu.read_many([(texture, np.float32, 4) for texture in textures])
+    for k, (old, new) in enumerate(zip(before, after, strict=True)):
+        old[pixels, :3] += light[:, 3 * k : 3 * k + 3]
+        assert (new.reshape(-1, 4) == old).all()
