@@ -246,7 +246,7 @@ class Renderer:
                 watch.add(name, spent)
         total = (clock.perf_counter() - started) * 1e3
         frame.stats = collect(
-            packed, replace(path, photons=photons), view, self.settings, watch.milliseconds, total,
+            packed, replace(path, photons=parts.photons), view, self.settings, watch.milliseconds, total,
             adapter=self._gpu.name, emission=by, timing=first.timing,
             moved=moved(packed.instances, self._instances),
         )  # fmt: skip
