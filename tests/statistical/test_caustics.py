@@ -115,7 +115,7 @@ def test_lamp_in_the_ring_is_imaged_by_the_wall(s, focus):
 
 def test_kernels_find_the_cusp(floor):
     """20,000 photons, one estimate along the axis: its peak is there, no dimmer than 5 mm's mean but for
-    the noise of 8 neighbours, 35 %."""
+    the noise of some 6 photons a kernel."""
     photons = floor[:: len(floor) // 20_000].copy()
     photons["flux"] *= len(floor) / len(photons)
     measure_caustic_radii(photons, 3.0)
