@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from ispm.errors import SceneError
+from ispm.errors import SceneError, SettingsError
 from ispm.optics.records import NO_HIT
 from ispm.renderer.room import find_heart
 from ispm.scene.camera import Camera, look_at_pose
@@ -48,6 +48,20 @@ def find_camera(scene: Scene, wanted: str | int | None) -> tuple[Camera, np.ndar
     assert node.camera is not None
     pose = node.camera.pose if node.camera.pose is not None else rigid(world)
     return node.camera, pose
+
+
+def place_camera(
+    scene: Scene, camera: Camera | str | int | None, packed: Packed, world: World, size: tuple[int, int]
+) -> tuple[Camera, np.ndarray]:
+    """Return the camera to look through and its (4, 4) pose: the one asked for, the scene's, or one made.
+
+    Raises SettingsError for a camera without a pose, or one that the scene does not have.
+    """
+    if isinstance(camera, Camera):
+        if camera.pose is None:
+            raise SettingsError("camera: it has no pose; give one, or add it to the scene")
+        return camera, np.asarray(camera.pose, np.float64)
+    return find_camera(scene, camera) or default_camera(packed, world, size[0] / size[1])
 
 
 def rigid(matrix: np.ndarray) -> np.ndarray:

@@ -58,7 +58,7 @@ class LastFrame:
     def _bounce_maps(self) -> np.ndarray:
         settings = self.frame.settings
         if not self.texels:
-            why = "bounces is 0" if not settings.bounces else f"emission is '{settings.emission}'"
+            why = "photons left the lights as rays" if settings.bounces else "bounces is 0"
             raise SettingsError(f"bounce-map: there is none, {why}; use bounces 1 or more and emission 'map'")
         shown, names = [], []
         emitted = texels_as_photons(self.packed, self.plan, self.texels)

@@ -7,6 +7,7 @@ import math
 import time as clock
 import warnings
 from collections.abc import Callable
+from dataclasses import replace
 from functools import cache
 from operator import attrgetter
 from types import TracebackType
@@ -17,16 +18,17 @@ from ispm.errors import IspmError, SceneError, SceneWarning, SettingsError
 from ispm.estimators import make_estimator
 from ispm.frame import GBuffer, GpuScene
 from ispm.gpu import Gpu, Texture, open_gpu, within_memory
-from ispm.optics.records import MATERIAL_UNLIT, PHOTON, RECEIVER
+from ispm.optics.records import PHOTON, RECEIVER
 from ispm.optics.texture import TextureTable
-from ispm.renderer import layers as make
+from ispm.renderer.caustics import part_photons
 from ispm.renderer.chains import chain_light, light_points
-from ispm.renderer.framing import default_camera, default_light, find_camera
+from ispm.renderer.compose import compose
+from ispm.renderer.framing import default_light, place_camera
 from ispm.renderer.last import LastFrame
 from ispm.renderer.light import emission_of, map_plan
 from ispm.renderer.motion import moved
 from ispm.renderer.picture import Frame
-from ispm.renderer.statistics import Stats, collect
+from ispm.renderer.statistics import collect
 from ispm.renderer.watch import Watch
 from ispm.scene.camera import Camera
 from ispm.scene.packed import Packed, pack
@@ -42,10 +44,9 @@ from ispm.stages.downsample import Downsample
 from ispm.stages.filter import filter_estimate
 from ispm.stages.gbuffer import GBufferStage
 from ispm.stages.shadow import ShadowStage
-from ispm.stages.tonemap import auto_exposure, tonemap, tonemap_transparent
 from ispm.stages.upload import Upload
 from ispm.stages.upsample import Upsample
-from ispm.tracer.density import measure_caustic_radii, measure_radii
+from ispm.tracer.density import measure_radii
 from ispm.tracer.emission import emit_rays, emit_texels
 from ispm.tracer.grid import PhotonGrid
 from ispm.tracer.hint import hint_radii
@@ -58,8 +59,6 @@ from ispm.tracer.world import World
 _NEAR = 1e-4  # of the scene's diagonal; reversed depth has precision to spare
 _TEXTURE_FOOTPRINT = 0.005  # of the diagonal: over which photons see textures averaged
 _PASS = 0  # of one
-_SHARP = 3.0  # low-resolution pixels: caustic kernels of a larger radius are not drawn at full resolution
-_ROW = 0xFFFFFF  # of a material, in a word of the G-buffer
 _ESTIMATOR_KNOBS = attrgetter("estimator", "kernel", "talk_errors")
 _OWNED = (
     "_upload", "_gbuffer", "_bounce", "_direct", "_caustic", "_chains", "_antialias", "_shadow",
@@ -211,27 +210,26 @@ class Renderer:
         with watch("trace"):
             path = self._trace(packed, surfaces, plan, texels, by)
         with watch("radiance"):
-            photons, smooth, wide, sharp = self._part(path.photons, packed, view)
-            estimate, light = self._gather(points, smooth, packed, view)
-            if len(wide):
+            parts = part_photons(path.photons, path.focused, packed, view, self.settings, self.threads)
+            estimate, light = self._gather(points, parts.smooth, packed, view)
+            if len(parts.wide):
                 size = self._downsample.size(view)
-                light = light + self._estimator(points, wide, view.clip_from_world, size)
+                light = light + self._estimator(points, parts.wide, view.clip_from_world, size)
 
         with self._gpu.frame() as third:
             third.stage("radiance")
-            caustic = self._caustic(third, scene, gbuffer, view, sharp)
+            caustic = self._caustic(third, scene, gbuffer, view, parts.sharp)
             third.stage("upsample")
             indirect, irradiance, emission = self._upsample(
                 third, scene, gbuffer, view, receivers, light, caustic
             )
-        grid = cache(lambda: PhotonGrid(smooth))
+        grid = cache(lambda: PhotonGrid(parts.smooth))
         with watch("upsample"):
-            self._light_missed(points, estimate, grid, wide, scene, gbuffer, view, caustic)
+            self._light_missed(points, estimate, grid, parts.wide, scene, gbuffer, view, caustic)
         with watch("eye"):
-            focused = photons[len(smooth) :]
             brought = chain_light(
-                packed, self._world, surfaces, mirrors, grid, PhotonGrid(focused), view, self.settings, _PASS,
-                self.threads,
+                packed, self._world, surfaces, mirrors, grid, PhotonGrid(parts.caustic), view,
+                self.settings, _PASS, self.threads,
             )  # fmt: skip
         with self._gpu.frame() as fourth:
             fourth.stage("compose")
@@ -239,20 +237,24 @@ class Renderer:
             if self.settings.antialias:
                 self._antialias(fourth, scene, gbuffer, view, direct, indirect, emission)
         with watch("readback"):
-            frame = self._compose(gbuffer, (direct, indirect, emission), irradiance, view)
+            frame = compose(
+                self._gpu, packed, gbuffer, (direct, indirect, emission), irradiance, view,
+                self.settings, self.threads,
+            )  # fmt: skip
+            frame.scene = self.scene.name
 
         for recording in (first, second, third, fourth):
             for name, spent in recording.milliseconds().items():
                 watch.add(name, spent)
         total = (clock.perf_counter() - started) * 1e3
         frame.stats = collect(
-            packed, path, view, self.settings, watch.milliseconds, total,
+            packed, replace(path, photons=parts.photons), view, self.settings, watch.milliseconds, total,
             adapter=self._gpu.name, emission=by, timing=first.timing,
             moved=moved(packed.instances, self._instances),
         )  # fmt: skip
-        self._photons = photons
+        self._photons = parts.photons
         self._last = LastFrame(
-            frame, view, packed, surfaces, photons, points, self._downsample.size(view),
+            frame, view, packed, surfaces, parts.photons, points, self._downsample.size(view),
             plan, texels, self.threads,
         )  # fmt: skip
         self._instances = packed.instances
@@ -276,7 +278,7 @@ class Renderer:
         if not packed.triangle_count:
             raise SceneError(f"{scene.name or 'the scene'}: has no surface to render")
         self._world.update(packed)
-        camera, pose = self._find_camera(packed)
+        camera, pose = place_camera(self.scene, self.camera, packed, self._world, self.settings.size)
         if not len(packed.lights):
             node, line = default_light(packed, self._world, pose[:3, 3])
             self._say(line)
@@ -302,17 +304,6 @@ class Renderer:
         self._packed = packed
         return packed
 
-    def _find_camera(self, packed: Packed) -> tuple[Camera, np.ndarray]:
-        if isinstance(self.camera, Camera):
-            if self.camera.pose is None:
-                raise SettingsError("camera: it has no pose; give one, or add it to the scene")
-            return self.camera, np.asarray(self.camera.pose, np.float64)
-        found = find_camera(self.scene, self.camera)
-        if found is None:
-            width, height = self.settings.size
-            return default_camera(packed, self._world, width / height)
-        return found
-
     def _say(self, line: str) -> None:
         """Warn once in this renderer's life."""
         if line not in self._said:
@@ -332,26 +323,6 @@ class Renderer:
         return walk(
             packed, self._world, surfaces, emitted, settings.bounces, settings.seed, _PASS, self.threads
         )
-
-    def _part(self, photons: np.ndarray, packed: Packed, view: CameraView) -> list[np.ndarray]:
-        """Return the photons in a new order, and its parts: those to be filtered; caustic ones whose kernels
-        are so wide that low resolution shows them as well; and those to be drawn at full resolution.
-
-        The hint's kernels are as narrow as caustics need: with them all photons go the first way.
-        """
-        if self.settings.kernel == "hint":
-            return [photons, photons, photons[:0], photons[:0]]
-        caustic = photons[photons["bounce"] == 0]
-        pixel = view.footprint * view.clip_from_world[3]
-        measure_caustic_radii(
-            caustic, packed.diagonal, self.settings.smoothing, pixel, packed.widths, view.eye_or_direction,
-            threads=self.threads,
-        )  # fmt: skip
-        seen = caustic["position"] @ pixel[:3] + pixel[3]
-        wide = caustic["radius"] > _SHARP * self.settings.subsampling * seen
-        parts = [photons[photons["bounce"] > 0], caustic[wide], caustic[~wide]]
-        parted = np.concatenate(parts)
-        return [parted, *np.split(parted, np.cumsum([len(part) for part in parts[:2]]))]
 
     def _surfaces(self, packed: Packed) -> SurfaceTable:
         assert self._textures is not None
@@ -404,46 +375,3 @@ class Renderer:
             light += PhotonGrid(wide).estimate(receivers, self.threads)
         with self._gpu.frame() as frame:
             self._upsample.patch(frame, scene, gbuffer, view, light, caustic)
-
-    def _compose(
-        self, gbuffer: GBuffer, light: tuple[Texture, Texture, Texture], irradiance: Texture, view: CameraView
-    ) -> Frame:
-        """Read the picture's parts back, add them, expose and tone map."""
-        f2, f4, u4 = np.float16, np.float32, np.uint32
-        assert self._packed is not None
-        background = self.settings.background
-        shines = not isinstance(background, str) and any(background)
-        glow = [(light[2], f4, 4)] if shines or _glows(self._packed) else []
-        d, i, irr, base, normals, ids, depth, *rest = self._gpu.read_many([
-            (light[0], f4, 4), (light[1], f4, 4), (irradiance, f4, 4), (gbuffer.base, f2, 4),
-            (gbuffer.normals, f2, 4), (gbuffer.ids, u4, 2), (gbuffer.depth, f4), *glow,
-        ])  # fmt: skip
-        e = rest[0] if rest else np.zeros(d.shape, f4)  # untouched pages: zeros_like would write them
-        alpha = i[..., 3]
-        if shines:
-            e[..., :3] += (1.0 - alpha[..., None]) * np.array(background, f4)
-        nodes = np.append(np.int32(-1), self._packed.instances["node"].astype(np.int32))
-        full = make.sum_layers(d, i, e, self.threads)
-        layers = make.Layers({
-            "full": lambda: full, "direct": lambda: make.rgb(d), "indirect": lambda: make.rgb(i),
-            "emission": lambda: make.rgb(e), "alpha": lambda: np.ascontiguousarray(alpha),
-            "irradiance": lambda: make.rgb(irr),
-            "depth": lambda: make.linear_depth(depth, view),
-            "normal": lambda: make.decode_normals(normals, depth),
-            "albedo": lambda: base[..., :3].astype(f4), "instance": lambda: nodes[ids[..., 0]],
-            "material": lambda: np.where(ids[..., 0] > 0, ids[..., 1] & _ROW, -1).astype(np.int32),
-        })  # fmt: skip
-        settings = self.settings
-        exposure = auto_exposure(full) if settings.exposure == "auto" else float(settings.exposure)
-        if background == "transparent":
-            image = tonemap_transparent(full, alpha, exposure, settings.tonemap, self.threads)
-        else:
-            image = tonemap(full, exposure, settings.tonemap, self.threads)
-        camera = {"pose": view.pose, "clip_from_world": view.clip_from_world}
-        return Frame(image, layers, Stats(), settings, camera, exposure, self.scene.name)
-
-
-def _glows(packed: Packed) -> bool:
-    """Whether any material emits light or shows its color unlit."""
-    unlit = packed.materials["flags"] & MATERIAL_UNLIT
-    return bool(packed.materials["emission"].any() or unlit.any())

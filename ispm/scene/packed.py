@@ -13,8 +13,9 @@ from ispm.optics import records
 from ispm.scene.directions import even_directions
 from ispm.scene.light import DirectionalLight, Light, PointLight, SpotLight
 from ispm.scene.lightmap import LightMap, corners_of, light_map
-from ispm.scene.material import AlphaMode, Material, Texture, TextureUse
+from ispm.scene.material import Material, Texture
 from ispm.scene.mesh import Mesh
+from ispm.scene.packed_material import material_record
 from ispm.scene.scene import Scene
 
 _SHARPEST = 1e-6  # difference of the cosines of a spot's cones, in float32
@@ -163,7 +164,7 @@ def pack(scene: Scene, geometry: Geometry | None = None) -> Packed:
     textures: list[Texture] = []
     material_rows = np.zeros(len(material_list), records.MATERIAL)
     for i, item in enumerate(material_list):
-        material_rows[i] = _material_record(item, textures)
+        material_rows[i] = material_record(item, textures)
     instances, draws, widths, boxes = _instances(rows, geometry)
     bounds = np.stack([boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)]) if len(boxes) else np.zeros((2, 3))
     maps = [light_map(i, row, bounds) for i, row in enumerate(lights)]
@@ -287,65 +288,6 @@ def _cone(light: SpotLight) -> tuple[float, float]:
         )
     scale = 1.0 / max(math.cos(inner) - math.cos(outer), _SHARPEST)
     return scale, -math.cos(outer) * scale
-
-
-def _material_record(material: Material, textures: list[Texture]) -> np.ndarray:
-    row = np.zeros((), records.MATERIAL)
-    color = tuple(material.base_color)
-    row["base_color"] = color if len(color) == 4 else (*color, 1.0)
-    row["emission"] = material.emission
-    row["metallic"] = material.metallic
-    row["specular_color"] = material.specular_color
-    row["specular"] = material.specular
-    row["roughness"] = material.roughness
-    row["f0"] = ((material.ior - 1.0) / (material.ior + 1.0)) ** 2 if material.ior > 0.0 else 1.0
-    row["ior"] = material.ior if material.ior > 0.0 else 1.5
-    row["transmission"] = material.transmission
-    row["attenuation"] = _attenuation(material)
-    row["alpha_cutoff"] = material.alpha_cutoff
-    row["normal_scale"] = material.normal_scale
-    row["flags"] = (
-        records.MATERIAL_MASK * (material.alpha_mode == AlphaMode.MASK)
-        | records.MATERIAL_BLEND * (material.alpha_mode == AlphaMode.BLEND)
-        | records.MATERIAL_DOUBLE_SIDED * material.double_sided
-        | records.MATERIAL_UNLIT * material.unlit
-        | records.MATERIAL_TRANSMITS * (material.transmission > 0.0)
-        | records.MATERIAL_THIN * (material.transmission > 0.0 and material.thickness <= 0.0)
-        | records.MATERIAL_CAUSTIC * material.casts_caustics
-    )
-    for name in ("base_color", "emission", "metallic", "roughness", "specular", "specular_color", "f0",
-                 "transmission", "attenuation"):  # fmt: skip
-        if not (np.isfinite(row[name]).all() and (row[name] >= 0.0).all()):
-            raise SceneError(f"material '{material.name}': {name} must be finite and not negative")
-    for slot in ("base_color", "metallic_roughness", "normal", "emission", "transmission"):
-        row[f"{slot}_texture"] = _texture_use(getattr(material, f"{slot}_texture"), textures)
-    return row
-
-
-def _attenuation(material: Material) -> np.ndarray:
-    """(3,) 1/m; KHR_materials_volume, attenuation."""
-    if material.thickness <= 0.0 or not np.isfinite(material.attenuation_distance):
-        return np.zeros(3)
-    if not material.attenuation_distance > 0.0:
-        raise SceneError(f"material '{material.name}': attenuation_distance must be positive")
-    color = np.clip(np.asarray(material.attenuation_color, np.float64), 1e-6, 1.0)
-    return np.asarray(-np.log(color) / material.attenuation_distance)
-
-
-def _texture_use(use: TextureUse | Texture | None, textures: list[Texture]) -> np.ndarray:
-    row = np.zeros((), records.TEXTURE_USE)
-    row["texture"] = -1
-    if isinstance(use, Texture):
-        use = TextureUse(use)
-    if use is not None:
-        known = next((i for i, t in enumerate(textures) if t is use.texture), None)
-        if known is None:
-            known = len(textures)
-            textures.append(use.texture)
-        row["texture"] = known
-        row["uv_set"] = use.uv_set
-        row["row0"], row["row1"] = use.transform
-    return row
 
 
 def _instances(

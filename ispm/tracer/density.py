@@ -28,7 +28,10 @@ _HEIGHT = 0.25  # of a kernel over its radius: thin, so that it does not reach o
 _LEVELS = 8  # cell sizes, each twice the one before
 _SHIFTS = ((0.0, 0.0, 0.0), (0.381, 0.618, 0.236))  # of the cells, so that no border shows
 
-CAUSTIC_NEIGHBORS = 8  # photons that a caustic photon's kernel reaches to
+CAUSTIC_NEIGHBORS = 12  # photons from which a caustic photon's kernel is measured
+FOCUSED_NEIGHBORS = 48  # likewise where light from all sides is focused, and photons are not in line
+_COVERED = 0.5  # of the disc that holds them: over all of it, the radii's own noise would be larger
+_CROWDED = 0.5  # of the median radius: four times the density
 _CAUSTIC_RADIUS_MIN, _CAUSTIC_RADIUS_MAX = 1e-5, 0.05  # of the scene's diagonal
 _TURN = 0.1  # of the diagonal: how far a radian between normals counts as away
 _SAGITTA = 1.5  # a kernel's height over that of the curved surface it spans
@@ -80,6 +83,15 @@ def measure_radii(
         (np.zeros(4) if pixel is None else _PIXEL_SHARE * pixel).astype(np.float32),
         np.asarray(eye, np.float32),
     )  # fmt: skip
+
+
+def is_crowded(photons: np.ndarray, diagonal: float) -> np.ndarray:
+    """Return (N,) bool: photons that lie four times as dense as their median. Changes radius and height."""
+    if not len(photons):
+        return np.zeros(0, np.bool_)
+    measure_radii(photons, diagonal)
+    radius = photons["radius"]
+    return np.asarray(radius < _CROWDED * np.median(radius))
 
 
 def _reach_on_objects(photons: np.ndarray, widths: np.ndarray | None) -> np.ndarray:
@@ -190,8 +202,8 @@ def measure_caustic_radii(
     diagonal   of the scene, metres: no radius is below 1e-5 or above 0.05 of it
     pixel      (4,) as in `measure_radii`, but of the picture's own pixels: no kernel covers fewer than pi of
                them, or much of its light would fall between their centres
-    neighbors  the radius reaches to this nearest one, of those that face the same way: a turn of a radian
-               is as far as 0.1 of the diagonal
+    neighbors  a kernel covers half the disc that holds so many, of those that face the same way: a turn of a
+               radian is as far as 0.1 of the diagonal
     smoothing, widths, eye  as in `measure_radii`
     A photon of more flux than its neighbours spreads over as much more area, so that it stands out as
     little. Where the surface bends, kernels are high enough to reach down to it. The same bytes for any
@@ -236,18 +248,19 @@ def _write_caustic_radii(
 ):  # fmt: skip
     squares, rows, stack = alloca(_ROOM), alloca(_ROOM), alloca(STACK_WORDS)
     low, high, smoothing = limits[0], limits[1], limits[2]
+    reach = f32(math.sqrt(f32(1.0 / _COVERED))) * high
     while True:
         first = atomic_add(counter, i64(_CHUNK))
         if first >= len(points):
             return
         for point in range(first, min(first + i64(_CHUNK), len(points))):
-            found = find_nearest(nodes, starts, i64(point), wanted, high, squares, rows, stack)
+            found = find_nearest(nodes, starts, i64(point), wanted, reach, squares, rows, stack)
             i = order[point]
             radius = high
             if found == wanted:
                 around = max(_flux_of(words, order, rows, found), f32(1e-30))
                 brighter = max(f32(wanted) * _flux(words, i) / around, f32(1))
-                radius = f32(math.sqrt(ldf(squares, wanted - i64(1)) * brighter))
+                radius = f32(math.sqrt(f32(_COVERED) * ldf(squares, wanted - i64(1)) * brighter))
             radius = min(min(max(radius, low), high) * smoothing, widest[i])
             pixel = _at(least, words, i) * f32(math.sqrt(_slant(words, i, eye)))
             radius = max(radius, min(pixel, high))

@@ -7,8 +7,9 @@ import math
 
 import numpy as np
 
-from ispm.optics.bsdf import is_smooth, smith, smooth_split, specular_split, transmits, visible_normal
+from ispm.optics.bsdf import is_smooth, smooth_split, specular_split, transmits
 from ispm.optics.jit import jit
+from ispm.optics.microfacet import smith, visible_normal
 from ispm.optics.sampling import to_local, to_world
 from ispm.optics.vector import add, dot, luminance, scale, sub
 from ispm.tracer.lit import greatest

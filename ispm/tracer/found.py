@@ -20,8 +20,8 @@ _F0, _F90, _ALPHA, _DIELECTRIC_F0, _DIELECTRIC_F90, _TINT, _ETA, _THIN = 3, 6, 7
 BLACK = (f32(0),) * 15  # the Bsdf of what is unlit
 
 # A surface that photons may light, or that is unlit, seen by way of mirrors and glass. slot: the ray's row;
-# lane: what the first surface did to its path; weight: of the radiance that leaves it, in the ray's. f0 and f90
-# are 0 where the path goes on instead.
+# lane: what the first surface did to its path; weight: of the radiance that leaves it, in the ray's. f0
+# and f90 are 0 where the path goes on instead.
 END = np.dtype([
     ("slot", "<u4"), ("lane", "<u4"), ("weight", "<f4", 3), ("diffuse", "<f4", 3), ("f0", "<f4", 3),
     ("f90", "<f4"), ("dielectric_f0", "<f4"), ("dielectric_f90", "<f4"), ("instance", "<u4"),

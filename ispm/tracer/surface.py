@@ -35,6 +35,7 @@ from ispm.tracer.intersect import (
     instance_scale,
     leave_triangle,
 )  # fmt: skip
+from ispm.tracer.normals import bend, unit
 from ispm.tracer.simd import address, ldf, ldu
 
 f32, i64, u32 = np.float32, np.int64, np.uint32
@@ -121,23 +122,10 @@ def surface(table, texels, rows, hit, d):
     side = f32(-1) if dot(n, ng) < f32(0) else f32(1)
     if _texture(table, material, _NORMAL_MAP) >= i64(0):
         n = _mapped_normal(table, texels, rows, instance, material, corners, u, v, n, texel_area)
-    n = _bend(_bend(scale(side, n), ng), scale(f32(-1), d))
+    n = bend(bend(scale(side, n), ng), scale(f32(-1), d))
     flags = ldu(table[_MATERIALS], material + _FLAGS)
     bsdf = _bsdf(table, texels, rows, material, flags, corners, u, v, texel_area, entering)
     return position, ng, n, bsdf, flags, entering
-
-
-@jit
-def _bend(n, toward):
-    """`n`, or the unit vector next to it that is just on the side of `toward`.
-
-    For shading normals that a map or coarse triangles turned past the surface or away from where light
-    goes: nothing would leave there. Twin of gbuffer.wgsl's.
-    """
-    beyond = dot(n, toward)
-    if beyond >= f32(0):
-        return n
-    return _unit(sub(n, scale(beyond - f32(1e-3), toward)))
 
 
 @jit
@@ -281,17 +269,7 @@ def _point(instances, instance, x):
 @jit
 def _world_normal(instances, instance, x):
     """A normal from object to world space, unit."""
-    return _unit(_rows_times(instances, instance + _COFACTORS, x))
-
-
-@jit
-def _unit(x):
-    """Scale to unit length without overflow; +Y where there is no length."""
-    largest = max(abs(x[0]), max(abs(x[1]), abs(x[2])))
-    if not largest > f32(0):
-        return f32(0), f32(1), f32(0)
-    x = scale(f32(1) / largest, x)
-    return scale(f32(1) / math.sqrt(dot(x, x)), x)
+    return unit(_rows_times(instances, instance + _COFACTORS, x))
 
 
 @jit
@@ -405,9 +383,9 @@ def _mapped_normal(table, texels, rows, instance, material, corners, u, v, n, uv
     if ldu(table[_INSTANCES], instance + _INSTANCE_FLAGS) & u32(INSTANCE_MIRRORED):
         side = -side
     t = _rows_times(table[_INSTANCES], instance + _TO_WORLD, tangent)
-    t = _unit(sub(t, scale(dot(t, n), n)))
+    t = unit(sub(t, scale(dot(t, n), n)))
     b = scale(side, cross(n, t))
     r, g, blue, _ = _sample(table, texels, rows, material, _NORMAL_MAP, corners, u, v, uv_area)
     s = ldf(table[_MATERIALS], material + _NORMAL_SCALE)
     x, y, z = (f32(2) * r - f32(1)) * s, (f32(2) * g - f32(1)) * s, f32(2) * blue - f32(1)
-    return _unit(add(add(scale(x, t), scale(y, b)), scale(z, n)))
+    return unit(add(add(scale(x, t), scale(y, b)), scale(z, n)))

@@ -51,12 +51,15 @@ class Walk:
     """What became of the photons.
 
     photons    (M,) PHOTON in the order of the emitted ones; radius and height not yet set
+    focused    (M,) bool, whether it met a mirror or glass since it last scattered, if ever; thin sheets that
+               it passed do not count
     emitted, absorbed, escaped, dropped   (3,) float64 lumen; the first is the sum of the others
     stored     (3,) float64 lumen, each photon counted at each hit
     rays       traced
     """
 
     photons: np.ndarray
+    focused: np.ndarray
     emitted: np.ndarray
     absorbed: np.ndarray
     escaped: np.ndarray
@@ -89,6 +92,7 @@ def walk(
     chunk_count = -(-len(emitted) // _CHUNK)
     capacity = int(chunk_capacity(bounces))
     stored = world.scratch(chunk_count * capacity, PHOTON)  # mostly pages that are never touched
+    focused = np.zeros(len(stored), np.bool_)
     counts = np.zeros((chunk_count, 2), np.int64)
     sums = np.zeros((chunk_count, 5, 3))
     counter = np.zeros(8, np.int64)
@@ -96,15 +100,16 @@ def walk(
     def work(_: int) -> None:
         _walk_chunks(
             address(world.table), surfaces.addresses, surfaces.texels, surfaces.rows, packed.lights, emitted,
-            i64(bounces), u32(seed), u32(pass_index), address(counter), stored, counts, sums,
+            i64(bounces), u32(seed), u32(pass_index), address(counter), stored, focused,
+            counts, sums,
         )  # fmt: skip
 
     run_threads(work, threads)
-    kept = [stored[c * capacity : c * capacity + n] for c, n in enumerate(counts[:, 0])]
-    photons = np.concatenate(kept) if kept else np.zeros(0, PHOTON)
+    kept = [slice(c * capacity, c * capacity + n) for c, n in enumerate(counts[:, 0])] or [slice(0)]
+    photons, focused = (np.concatenate([rows[each] for each in kept]) for rows in (stored, focused))
     total = sums.sum(axis=0)
     return Walk(
-        photons, total[_EMITTED], total[_ABSORBED], total[_ESCAPED], total[_DROPPED], total[_STORED],
+        photons, focused, total[_EMITTED], total[_ABSORBED], total[_ESCAPED], total[_DROPPED], total[_STORED],
         len(emitted), int(counts[:, 1].sum()),
     )  # fmt: skip
 
@@ -120,7 +125,8 @@ def chunk_capacity(bounces):
 
 @jit
 def _walk_chunks(
-    world, table, texels, rows, lights, emitted, bounces, seed, pass_index, counter, stored, counts, sums
+    world, table, texels, rows, lights, emitted, bounces, seed, pass_index, counter, stored, focused, counts,
+    sums,
 ):  # fmt: skip
     capacity = chunk_capacity(bounces)
     stack, words = alloca(STACK_WORDS), alloca(2)
@@ -133,7 +139,7 @@ def _walk_chunks(
         for i in range(chunk * i64(_CHUNK), min((chunk + 1) * i64(_CHUNK), len(emitted))):
             row, traced = _walk_one(
                 world, table, texels, rows, lights, emitted, i, bounces, seed, pass_index, stack, words,
-                stored, row, sums, chunk,
+                stored, focused, row, sums, chunk,
             )  # fmt: skip
             rays += traced
         counts[chunk, 0] = row - chunk * capacity
@@ -143,7 +149,7 @@ def _walk_chunks(
 @jit
 def _walk_one(
     world, table, texels, rows, lights, emitted, i, bounces, seed, pass_index, stack, words,
-    stored, row, sums, chunk,
+    stored, focused, row, sums, chunk,
 ):  # fmt: skip
     """Follow photon `i`; return the next free row of `stored` and the number of rays traced."""
     photon = emitted[i]
@@ -158,7 +164,7 @@ def _walk_one(
     _add_difference(sums, chunk, _ESCAPED, flux, kept)
     flux = kept
     end = (chunk + i64(1)) * chunk_capacity(bounces)
-    direct = True  # straight from the light, but for thin sheets
+    direct, mirrored = True, False  # but for thin sheets: straight from the light; focused
     inside = nowhere()
     scatters, speculars, rays = i64(0), i64(0), i64(0)
     while True:
@@ -171,6 +177,7 @@ def _walk_one(
         room = row < end
         if not direct and room and has_finite(bsdf):
             _store(stored, row, position, ng, flux, d, hit[0], scatters)
+            focused[row] = mirrored
             _add(sums, chunk, _STORED, flux)
             row += 1
         last = scatters == bounces
@@ -191,7 +198,9 @@ def _walk_one(
         u = flight_number(photon.key, pass_index, seed, scatters + speculars)
         speculars += i64(specular)
         scatters += i64(not specular)
-        direct = direct and specular and passed_sheet(flags, ng, d)
+        straight = specular and passed_sheet(flags, ng, d)
+        direct = direct and straight
+        mirrored = mirrored if straight else specular
         start, inside = depart(world, table, hit, flags, entering, inside, ng, d)
         rays += i64(1)
         found, hit = closest_surface(world, table, texels, rows, start, d, u, stack, words)

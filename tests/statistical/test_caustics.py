@@ -68,7 +68,7 @@ def floor():
 @pytest.mark.parametrize(("way", "exact"), [(1.0, 1.0), (0.75, 2.0), (0.25, 3.6), (0.4, 9.545)])
 def test_ring_lights_its_axis_as_the_mirror_equation_says(floor, way, exact):
     """V14: `way` from the vertex 1 / |1 - 2 way|, and, beyond the cusp, what its two sides add.
-    N = 500,000, seed 0: 100 to 1000 photons a square of 3 cm, over which the exact value varies by some 3 %."""
+    N = 500,000, seed 0: 100 to 1000 photons a square of 3 cm, over which the exact value varies by 3 %."""
     half = 0.015
     x, _, z = floor["position"].T
     inside = (np.abs(x - (1.0 - way)) < half) & (np.abs(z) < half)
@@ -115,7 +115,7 @@ def test_lamp_in_the_ring_is_imaged_by_the_wall(s, focus):
 
 def test_kernels_find_the_cusp(floor):
     """20,000 photons, one estimate along the axis: its peak is there, no dimmer than 5 mm's mean but for
-    the noise of 8 neighbours, 35 %."""
+    the noise of some 6 photons a kernel."""
     photons = floor[:: len(floor) // 20_000].copy()
     photons["flux"] *= len(floor) / len(photons)
     measure_caustic_radii(photons, 3.0)

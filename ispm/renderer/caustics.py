@@ -1,0 +1,78 @@
+"""Which photons take which way to the picture: filtered, at low resolution, or drawn sharp."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ispm.scene.packed import Packed
+from ispm.settings import Settings
+from ispm.stages.camera import CameraView
+from ispm.tracer.density import CAUSTIC_NEIGHBORS, FOCUSED_NEIGHBORS, is_crowded, measure_caustic_radii
+
+_SHARP = 3.0  # low-resolution pixels: kernels of a larger radius lose nothing at low resolution
+
+
+@dataclass(frozen=True, eq=False)
+class PhotonParts:
+    """The photons, and views of their parts.
+
+    photons  (M,) PHOTON, smooth ones first, then the rest
+    smooth   to be estimated and filtered at low resolution; their kernels are not measured yet
+    wide     of caustics, to be estimated at low resolution, but not filtered
+    sharp    of caustics, to be drawn at full resolution
+    """
+
+    photons: np.ndarray
+    smooth: np.ndarray
+    wide: np.ndarray
+    sharp: np.ndarray
+
+    @property
+    def caustic(self) -> np.ndarray:
+        """The wide and the sharp ones."""
+        return self.photons[len(self.smooth) :]
+
+
+def part_photons(
+    photons: np.ndarray,
+    focused: np.ndarray,
+    packed: Packed,
+    view: CameraView,
+    settings: Settings,
+    threads: int,
+) -> PhotonParts:
+    """Find the caustics among photons, and measure their kernels.
+
+    focused  (M,) as in a Walk
+    Light that has scattered before it was focused makes a caustic where its photons crowd; elsewhere, as in
+    a plane mirror's reflection of a room, it is as smooth as before.
+    The hint's kernels are as narrow as caustics need: with them all photons are smooth.
+    """
+    if settings.kernel == "hint":
+        return PhotonParts(photons, photons, photons[:0], photons[:0])
+    first = photons["bounce"] == 0
+    later = np.flatnonzero(focused & ~first)
+    later = later[is_crowded(photons[later], packed.diagonal)]
+    pixel = view.footprint * view.clip_from_world[3]
+
+    def measured(part: np.ndarray, neighbors: int) -> np.ndarray:
+        measure_caustic_radii(
+            part, packed.diagonal, settings.smoothing, pixel, packed.widths, view.eye_or_direction,
+            neighbors, threads,
+        )  # fmt: skip
+        return part
+
+    caustic = np.concatenate(
+        [measured(photons[first], CAUSTIC_NEIGHBORS), measured(photons[later], FOCUSED_NEIGHBORS)]
+    )
+    wide = caustic["radius"] > _SHARP * settings.subsampling * (caustic["position"] @ pixel[:3] + pixel[3])
+    smooth = ~first
+    smooth[later] = False
+    return _joined(photons[smooth], caustic[wide], caustic[~wide])
+
+
+def _joined(smooth: np.ndarray, wide: np.ndarray, sharp: np.ndarray) -> PhotonParts:
+    photons = np.concatenate([smooth, wide, sharp])
+    return PhotonParts(photons, *np.split(photons, [len(smooth), len(smooth) + len(wide)]))

@@ -1,0 +1,64 @@
+"""The last step of a frame: from what the GPU gave to arrays and a picture."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ispm.frame import GBuffer
+from ispm.gpu import Gpu, Texture
+from ispm.optics.records import MATERIAL_UNLIT
+from ispm.renderer import layers as make
+from ispm.renderer.picture import Frame
+from ispm.renderer.statistics import Stats
+from ispm.scene.packed import Packed
+from ispm.settings import Settings
+from ispm.stages.camera import CameraView
+from ispm.stages.tonemap import auto_exposure, tonemap, tonemap_transparent
+
+_ROW = 0xFFFFFF  # of a material, in a word of the G-buffer
+
+
+def compose(
+    gpu: Gpu, packed: Packed, gbuffer: GBuffer, light: tuple[Texture, Texture, Texture], irradiance: Texture,
+    view: CameraView, settings: Settings, threads: int,
+) -> Frame:  # fmt: skip
+    """Read a picture's parts back, add them, expose and tone map; its statistics are still empty.
+
+    light  direct, indirect and emission
+    """
+    f2, f4, u4 = np.float16, np.float32, np.uint32
+    background = settings.background
+    shines = not isinstance(background, str) and any(background)
+    glow = [(light[2], f4, 4)] if shines or _glows(packed) else []
+    d, i, irr, base, normals, ids, depth, *rest = gpu.read_many([
+        (light[0], f4, 4), (light[1], f4, 4), (irradiance, f4, 4), (gbuffer.base, f2, 4),
+        (gbuffer.normals, f2, 4), (gbuffer.ids, u4, 2), (gbuffer.depth, f4), *glow,
+    ])  # fmt: skip
+    e = rest[0] if rest else np.zeros(d.shape, f4)  # untouched pages: zeros_like would write them
+    alpha = i[..., 3]
+    if shines:
+        e[..., :3] += (1.0 - alpha[..., None]) * np.array(background, f4)
+    nodes = np.append(np.int32(-1), packed.instances["node"].astype(np.int32))
+    full = make.sum_layers(d, i, e, threads)
+    layers = make.Layers({
+        "full": lambda: full, "direct": lambda: make.rgb(d), "indirect": lambda: make.rgb(i),
+        "emission": lambda: make.rgb(e), "alpha": lambda: np.ascontiguousarray(alpha),
+        "irradiance": lambda: make.rgb(irr),
+        "depth": lambda: make.linear_depth(depth, view),
+        "normal": lambda: make.decode_normals(normals, depth),
+        "albedo": lambda: base[..., :3].astype(f4), "instance": lambda: nodes[ids[..., 0]],
+        "material": lambda: np.where(ids[..., 0] > 0, ids[..., 1] & _ROW, -1).astype(np.int32),
+    })  # fmt: skip
+    exposure = auto_exposure(full) if settings.exposure == "auto" else float(settings.exposure)
+    if background == "transparent":
+        image = tonemap_transparent(full, alpha, exposure, settings.tonemap, threads)
+    else:
+        image = tonemap(full, exposure, settings.tonemap, threads)
+    camera = {"pose": view.pose, "clip_from_world": view.clip_from_world}
+    return Frame(image, layers, Stats(), settings, camera, exposure)
+
+
+def _glows(packed: Packed) -> bool:
+    """Whether any material emits light or shows its color unlit."""
+    unlit = packed.materials["flags"] & MATERIAL_UNLIT
+    return bool(packed.materials["emission"].any() or unlit.any())
