@@ -124,7 +124,7 @@ def test_edges_in_a_mirror_are_as_smooth_as_others(gpu):
     scene = Scene()
     wall = np.array([(-9, -9, 0), (9, -9, 0), (9, 9, 0), (-9, 9, 0)], float)
     scene.add(polygons([wall]), material=MIRROR)
-    square = np.array([(-0.5, -0.5, 0), (-0.4, 0.6, 0), (0.6, 0.5, 0), (0.5, -0.6, 0)]) + (0.1, 1.6, 1.5)
+    square = np.array([(-0.4, 1.1, 1.5), (-0.3, 2.2, 1.5), (0.7, 2.1, 1.5), (0.6, 1.0, 1.5)])
     scene.add(polygons([square]), material=Material((1.0,) * 3, unlit=True))
     scene.add(PointLight((1.0,) * 3), translation=(0, 0, 5))
     eye = Camera.look_at((0.0, 1.0, 1.6), (0.0, 0.9, 0.0), yfov=1.0)
