@@ -203,8 +203,7 @@ class Renderer:
             mirrors = self._chains.read()
         with self._gpu.frame() as second:
             second.stage("direct")
-            seen = points["position"][points["valid"] > 0]
-            shadows = self._shadow(second, scene, seen, view.eye_or_direction, _NEAR * packed.diagonal, _PASS)
+            shadows = self._shadow(second, scene, points[points["valid"] > 0], view, _NEAR * packed.diagonal)
             direct = self._direct(second, scene, gbuffer, shadows, view)
 
         with watch("trace"):

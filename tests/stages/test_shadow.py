@@ -141,11 +141,11 @@ def test_tiles_hold_the_nearest_depth(gpu: Gpu, lamp: Lamp, kind: str) -> None:
     row = lit.shadows.maps[0]
     turn = np.stack([row["x"], row["y"], row["z"]]).astype(float)
     triangles, off, count = triangles_of(packed), 0, 0
-    for index in np.flatnonzero(lit.shadows.tiles["side"] > 0.0):
+    for index in np.flatnonzero(lit.shadows.tiles["size"][:, 0] > 0.0):
         tile = lit.shadows.tiles[index]
-        side = int(tile["side"])
+        width, height = (int(side) for side in tile["size"])
         x0, y0 = (int(c) for c in tile["corner"])
-        y, x = np.mgrid[:side, :side] + 0.5
+        y, x = np.mgrid[:height, :width] + 0.5
         uv = (np.stack([x + x0, y + y0], -1).reshape(-1, 2) - tile["shift"]) / tile["scale"]
         axes = CUBE[index] if row["faces"] == 6 else CUBE[4]
         right, down, ahead = axes @ turn
@@ -158,9 +158,9 @@ def test_tiles_hold_the_nearest_depth(gpu: Gpu, lamp: Lamp, kind: str) -> None:
         with np.errstate(divide="ignore"):
             depth = row["near"] - row["slope"] * (t - 100.0) if row["parallel"] else near / t
         expected = np.where(hit >= 0, depth, 0.0)
-        got = stored[y0 : y0 + side, x0 : x0 + side].ravel()
+        got = stored[y0 : y0 + height, x0 : x0 + width].ravel()
         off += int((np.abs(got - expected) > 1e-5 * max(expected.max(), 1e-30)).sum())
-        count += side * side
+        count += width * height
     assert count >= 32 * 32 and off < 0.012 * count  # silhouettes snap to the sub-pixel grid
 
 
