@@ -23,6 +23,7 @@ _BUDGET = 12  # squares of the asked resolution that all lights share: two cubes
 _FINEST = 4.0  # texels across a pixel, in the mean over a window, beyond which more would not be seen
 _MARGIN = 0.02  # of a window, for pixels between the points it is fitted to
 _GRID = 1.0 / 8.0  # windows of cubes end at multiples of it, and mostly stay while the eye moves
+_NEAREST = np.float32(1e-6)  # m from a light that its brightness is judged at
 _PAIRS = 1 << 17  # of a light and a receiver that are looked at
 
 
@@ -181,7 +182,7 @@ def plan_atlas(
 def shares(lights: np.ndarray, seen: Seen) -> np.ndarray:
     """Return (L, n) what part of the light that arrives at each point may be each light's, shadows aside."""
     way = lights["position"].astype(np.float32)[:, None] - seen.points.astype(np.float32)
-    square = np.maximum(np.einsum("lnk,lnk->ln", way, way), np.float32(1e-30))
+    square = np.maximum(np.einsum("lnk,lnk->ln", way, way), _NEAREST**2)
     distance = np.sqrt(square)
     ahead = -np.einsum("lnk,lk->ln", way, lights["direction"]) / distance
     facing = np.einsum("lnk,nk->ln", way, seen.normals.astype(np.float32)) / distance

@@ -17,6 +17,7 @@ from ispm.scene.packed import Packed, pack
 from ispm.scene.scene import Scene
 from ispm.scene.shapes import box
 from ispm.stages.camera import CameraView
+from ispm.stages.shadow import shared_indices
 from ispm.tracer.world import World
 
 LAMPS: dict[str, tuple[Light, tuple[float, float, float]]] = {
@@ -267,3 +268,16 @@ def test_blend_casts_a_partial_shadow(lamp: Lamp) -> None:
     free = lamp(pack(scene), view).radiance
     # the view covers about 50 x 50 texels of the shadow: standard deviation 0.009; 5 of them
     assert float((part / free).mean()) == pytest.approx(0.75, abs=0.045)
+
+
+def test_shared_corners_are_where_they_were() -> None:
+    """And flat meshes need as many vertices as they have places, smooth ones what they had."""
+    scene = mixed_scene()
+    scene.roots[1].parts[0].mesh.normals = None
+    geometry = pack(scene).geometry
+    shared = shared_indices(geometry)
+    for field in ("position", "uv0", "color"):
+        assert (geometry.vertices[field][shared] == geometry.vertices[field][geometry.indices]).all()
+    for kept in geometry.ranges:
+        corners = slice(kept.first_index, kept.first_index + 3 * kept.triangle_count)
+        assert len(np.unique(shared[corners])) == len(np.unique(kept.mesh.triangles))
