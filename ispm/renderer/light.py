@@ -19,13 +19,9 @@ def emission_of(plan: list[PlannedMap], packed: Packed, settings: Settings, soft
     """Return how photons leave the lights, 'map' or 'rays'.
 
     software  the adapter is a program on the CPU, which is slow to draw a large scene into many faces
-    Where photons are aimed at mirrors and glass, rays: a map's rows of texels would come out as rings in
-    the caustics.
     """
     if settings.emission != "auto":
         return settings.emission
-    if len(plan) > len({each.map.light for each in plan}):
-        return "rays"
     drawn = packed.triangle_count * sum(len(each.map.axes) for each in plan)
     traced = sum(each.photons for each in plan)
     return "rays" if software and drawn > _RAY * traced else "map"
