@@ -9,6 +9,7 @@ import numpy as np
 
 from ispm.optics.records import LIGHT_SPOT
 from ispm.optics.rng import random4
+from ispm.optics.vector import LUMINANCE
 from ispm.scene.aim import aimed_maps
 from ispm.scene.lightmap import LightMap
 from ispm.scene.packed import Packed
@@ -46,7 +47,7 @@ def share_photons(packed: Packed, photon_count: int) -> np.ndarray:
     But each light that shines gets a tenth of an equal share, and one.
     """
     measures = np.array([map.measure for map in packed.maps])
-    power = packed.lights["intensity"].astype(np.float64) @ (0.2126, 0.7152, 0.0722) * measures
+    power = packed.lights["intensity"].astype(np.float64) @ LUMINANCE * measures
     if photon_count == 0 or not power.any():
         return np.zeros(len(power), np.int64)
     shares = np.where(power > 0.0, np.maximum(power / power.sum(), _FLOOR / np.count_nonzero(power)), 0.0)
