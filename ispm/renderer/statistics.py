@@ -27,6 +27,7 @@ class Stats:
     """Numbers of one frame. Times in ms, flux in lumen (sum of RGB), memory in bytes.
 
     direct_only_ms  the frame without what indirect light adds
+    passes, error   whose mean the frame is; the relative error that their noise leaves, see Progress.error
     overdraw        kernels that cover a pixel of the full picture, in the mean
     """
 
@@ -66,6 +67,7 @@ class Stats:
     emission: str = ""
     kernel: str = ""
     passes: int = 1
+    error: float = math.nan
     seed: int = 0
     timing: str = ""
 
