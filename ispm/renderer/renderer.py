@@ -20,7 +20,7 @@ from ispm.frame import GBuffer, GpuScene
 from ispm.gpu import Gpu, Texture, open_gpu, within_memory
 from ispm.optics.records import PHOTON
 from ispm.optics.texture import TextureTable
-from ispm.renderer.caustics import part_photons
+from ispm.renderer.caustics import part_photons, sample_width
 from ispm.renderer.chains import chain_light, light_points
 from ispm.renderer.compose import compose
 from ispm.renderer.converge import converge, of_pass, place_in_pixel
@@ -361,7 +361,7 @@ class Renderer:
             hint_radii(photons, packed.diagonal, settings.photons, settings.smoothing)
             estimate = self._estimator(points, photons, view.clip_from_world, size)
             return estimate, estimate
-        pixel = settings.subsampling * view.footprint * view.clip_from_world[3]
+        pixel = settings.subsampling * sample_width(view)
         measure_radii(
             photons, packed.diagonal, settings.smoothing, pixel, packed.widths, view.eye_or_direction
         )
