@@ -153,7 +153,7 @@ def write_blocks(positions, triangles, refs, leaves, start, stop, blocks):
         for i in range(-(-size // BLOCK) * BLOCK):
             word, lane = (block + i // BLOCK) * BLOCK_WORDS, i % BLOCK
             if i >= size:
-                stu(blocks, word + IDS + lane, u32(NO_REF ^ NEEDLE))
+                stu(blocks, word + IDS + lane, u32(NO_REF))
                 continue
             triangle = i64(f2u(ldf(refs, 8 * (first + i) + 3)))
             flag = u32(NEEDLE) if is_needle(positions, triangles, triangle) else u32(0)

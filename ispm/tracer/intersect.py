@@ -301,16 +301,19 @@ def meet_mesh(nodes, blocks, root, reach, ox, oy, oz, dx, dy, dz, t, any_hit, st
                     word += BLOCK_WORDS
                     continue
                 inverse = vdiv(splat4(f32(1)), size)
+                distances = vmul(scaled, inverse)
                 while met != 0:
                     k = i64(count_trailing_zeros(u32(met)))
                     met &= met - 1
-                    share, primitive = vget(inverse, k), ldu(blocks, word + IDS + k)
-                    distance, u, v = vget(scaled, k) * share, vget(b, k) * share, vget(c, k) * share
-                    if distance < near and primitive & u32(NEEDLE):  # in this order: seldom
+                    distance, primitive = vget(distances, k), ldu(blocks, word + IDS + k)
+                    u = v = f32(0)
+                    needle = distance < near and primitive & u32(NEEDLE) != u32(0)  # near is the rarer
+                    if needle:
                         distance, u, v = meet_needle(blocks, word + k, ox, oy, oz, dx, dy, dz)
-                    primitive &= _NOT_NEEDLE
-                    if is_between(order, t, distance, primitive):
+                    if is_between(order, t, distance, primitive & _NOT_NEEDLE):
                         t = distance
+                        if not needle:
+                            u, v = vget(vmul(b, inverse), k), vget(vmul(c, inverse), k)
                         stf(hit, HIT_U, u)
                         stf(hit, HIT_V, v)
                         if any_hit:
