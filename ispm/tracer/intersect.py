@@ -435,17 +435,10 @@ def leave_triangle(corner, e1, e2, u, v, n, scale):
     """
     h = _OFFSET * scale
     e3, area = sub(e2, e1), cross(e1, e2)
-    a, b, c = math.sqrt(dot(e3, e3)), math.sqrt(dot(e2, e2)), math.sqrt(dot(e1, e1))
-    around, twice_area = a + b + c, math.sqrt(dot(area, area))
-    # As weights: those of the circle's center are a, b and c over their sum, and its radius is 1.
-    margin = f32(0.5)
-    if f32(4) * h * around < margin * twice_area:
-        margin = f32(4) * h * around / twice_area
-    if around > f32(0):
-        a, b, c = a / around, b / around, c / around
-    inward = max(_inward(f32(1) - u - v, a, margin), max(_inward(u, b, margin), _inward(v, c, margin)))
-    u += inward * (b - u)
-    v += inward * (c - v)
+    longest = max(dot(e1, e1), max(dot(e2, e2), dot(e3, e3)))
+    least = min(u, min(v, f32(1) - u - v))
+    if least * least * dot(area, area) < f32(16) * h * h * longest:  # may be nearer than 4 h to an edge
+        u, v = _inwards(e1, e2, e3, u, v, f32(4) * h)
     return (
         corner[0] + (u * e1[0] + v * e2[0]) + h * n[0],
         corner[1] + (u * e1[1] + v * e2[1]) + h * n[1],
@@ -453,8 +446,22 @@ def leave_triangle(corner, e1, e2, u, v, n, scale):
     )
 
 
+@jit
+def _inwards(e1, e2, e3, u, v, margin):
+    """Move a point towards the center of the circle within until it is `margin` from all edges."""
+    area = cross(e1, e2)
+    a, b, c = math.sqrt(dot(e3, e3)), math.sqrt(dot(e2, e2)), math.sqrt(dot(e1, e1))
+    around, twice_area = a + b + c, math.sqrt(dot(area, area))
+    if around > f32(0):  # the weights of the center
+        a, b, c = a / around, b / around, c / around
+    share = f32(0.5)  # of the circle's radius
+    if margin * around < share * twice_area:
+        share = margin * around / twice_area
+    way = max(_way_to(share * a, f32(1) - u - v, a), max(_way_to(share * b, u, b), _way_to(share * c, v, c)))
+    return u + way * (b - u), v + way * (c - v)
+
+
 @jit(inline=True)
-def _inward(weight, center, margin):
-    """The share of the way to the center's weight on which `weight` becomes `margin` of it."""
-    low = margin * center
+def _way_to(low, weight, center):
+    """The share of the way from `weight` to the center's on which `low` is reached."""
     return (low - weight) / (center - weight) if weight < low else f32(0)
