@@ -78,7 +78,7 @@ def part_photons(
 def sample_width(view: CameraView) -> np.ndarray:
     """Return the (4,) plane whose value at (x, y, z, 1) is how far apart the picture's samples are there, in m.
 
-    One pass: a pixel; those of n passes lie sqrt(n) times as close. Light of narrower kernels would fall between.
+    One pass: a pixel; those of n passes lie sqrt(n) times as close. Light of narrower kernels falls between.
     """
     return np.asarray(view.footprint * view.clip_from_world[3] / math.sqrt(1 + view.pass_index))
 
