@@ -76,7 +76,7 @@ def part_photons(
 
 
 def sample_width(view: CameraView) -> np.ndarray:
-    """Return the (4,) plane whose value at (x, y, z, 1) is how far apart the picture's samples are there, in m.
+    """Return the (4,) plane whose value at (x, y, z, 1) is how far apart in m the samples of a picture are.
 
     One pass: a pixel; those of n passes lie sqrt(n) times as close. Light of narrower kernels falls between.
     """
