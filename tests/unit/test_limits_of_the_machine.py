@@ -35,7 +35,7 @@ def test_other_errors_stay_what_they_are(error):
 
 
 def test_a_renderer_without_memory_names_size_and_photons(gpu: Gpu, monkeypatch):
-    def fail(self):
+    def fail(self, index):
         raise MemoryError("Unable to allocate 9 TiB")
 
     monkeypatch.setattr(Renderer, "_draw", fail)
