@@ -8,6 +8,7 @@ from __future__ import annotations
 import dataclasses
 import difflib
 import functools
+import math
 import numbers
 import re
 from collections.abc import Iterable, Mapping
@@ -78,6 +79,29 @@ class Settings(_Checked):
         low=0,
         high=100,
         metavar="N",
+    )
+    passes: int = knob(
+        1,
+        "pictures whose mean is taken, each with its own photons and smaller kernels; more: closer to the "
+        "truth, and as many times slower",
+        low=1,
+        high=1_000_000,
+        metavar="N",
+    )
+    time_limit: float = knob(
+        0.0,
+        "passes stop before this time, but one is always made; 0: no limit",
+        low=0.0,
+        high=1e9,
+        unit="seconds",
+        metavar="SECONDS",
+    )
+    target_error: float = knob(
+        0.0,
+        "passes stop where the relative error that noise leaves is estimated to be less",
+        low=0.0,
+        high=1e3,
+        metavar="E",
     )
     caustic_photons: float = knob(
         0.5,
@@ -173,6 +197,11 @@ class Settings(_Checked):
             raise SettingsError(
                 f"talk_errors: kernel '{self.kernel}' has none of them; use kernel 'hint' or preset 'talk'"
             )
+
+    @property
+    def most_passes(self) -> float:
+        """Passes at most: a limit of time or error stands for itself where passes were not asked for."""
+        return math.inf if self.passes == 1 and (self.time_limit or self.target_error) else self.passes
 
     def replace(self, **changes: Any) -> Settings:
         """Return these settings with some changed; a preset changes what it holds and is not given here.

@@ -9,6 +9,7 @@ import numpy as np
 from ispm.bench.flip import flip
 from ispm.errors import OutputError
 from ispm.io.image import srgb_to_linear
+from ispm.optics.vector import LUMINANCE
 from ispm.stages.tonemap import auto_exposure, tonemap
 
 _REGULARISER = 1e-3  # eps over the squared mean of the reference
@@ -69,7 +70,7 @@ def difference_picture(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
     Full color is a relative error of 1 (of luminance, with the regulariser of relMSE).
     """
-    weights = (0.2126, 0.7152, 0.0722)
+    weights = LUMINANCE
     luminance_a, luminance_b = (np.asarray(x, np.float64) @ weights for x in (a, b))
     scale = np.sqrt(luminance_b**2 + _REGULARISER * np.nanmean(luminance_b) ** 2)
     error = np.nan_to_num((luminance_a - luminance_b) / np.maximum(scale, 1e-30), nan=1.0)

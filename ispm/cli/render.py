@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
@@ -16,6 +16,9 @@ from ispm.cli.options import command, limits_from, settings_from
 from ispm.cli.scene import choose_camera, open_scene, require_not_input
 from ispm.errors import OutputError, SettingsError
 from ispm.settings import LAYERS, RENDERER_VIEWS, VIEWS, LoadLimits, Settings, nearest
+
+if TYPE_CHECKING:
+    from ispm.renderer import Frame, Renderer
 
 _ARRAYS = [(".npy", layer) for layer in LAYERS]
 _Point = Parameter(metavar="X,Y,Z", allow_leading_hyphen=True)
@@ -54,6 +57,10 @@ def render(
         bool, Parameter(help="list the adapters and stop", negative="", show_default=False)
     ] = False,
     threads: Annotated[int | None, Parameter(help="CPU threads; default: all cores", metavar="N")] = None,
+    resume: Annotated[
+        str | None,
+        Parameter(help="passes are kept in FILE.npz, and continued where it exists", metavar="FILE.npz"),
+    ] = None,
     config: Annotated[str | None, Parameter(help="settings as TOML", metavar="FILE.toml")] = None,
     print_config: Annotated[
         bool,
@@ -88,7 +95,9 @@ def render(
     if float and target.suffix.lower() != ".exr":
         raise SettingsError(f"--float: is for .exr, not '{target.suffix}'")
     _require_bits(bits, show, target)
-    outputs = [Path(path) for path in (target, stats) if path is not None]
+    if resume is not None and Path(resume).suffix.lower() != ".npz":
+        raise OutputError(f"--resume: {resume} would be an .npz; name it so")
+    outputs = [Path(path) for path in (target, stats, resume) if path is not None]
     _require_writable(outputs, scene)
 
     world = open_scene(console, scene, limits)
@@ -102,13 +111,12 @@ def render(
         console.say(
             "the first picture compiles the kernels, which takes a minute; the next ones start at once"
         )
-    width, height = settings.size
-    text = f"rendering {width}x{height}, {settings.photons:,} photons"
     with (
-        console.step(text),
+        console.step(f"rendering {settings.size[0]}x{settings.size[1]}, {settings.photons:,} photons"),
         Renderer(world, settings, camera=view, adapter=adapter, threads=threads) as renderer,
     ):
-        frame, asked = renderer.render(), show
+        frame, interrupted = _passes(console, renderer, resume)
+        asked = show
         if show in RENDERER_VIEWS:
             frame, show = dataclasses.replace(frame, image=renderer.view(show)), "full"
     options = dict(
@@ -119,6 +127,32 @@ def render(
     frame.save(target, layers=wanted, show=show, float32=float, bits=bits)
     console.written(target)
     _report(console, frame.stats, target, stats)
+    if interrupted:
+        console.say(f"interrupted: {target} is the mean of {frame.stats.passes} passes")
+        raise KeyboardInterrupt
+
+
+def _passes(console: Console, renderer: Renderer, resume: str | None) -> tuple[Frame, bool]:
+    """Render the settings' passes; an interrupt keeps those that were done. Return whether there was one."""
+    settings, frame, interrupted = renderer.settings, None, False
+    if settings.most_passes == 1 and resume is None:
+        return renderer.render(), False
+    continued = resume if resume is not None and Path(resume).exists() else None
+    try:
+        for frame in renderer.converge(resume=continued):
+            done, error = frame.stats.passes, frame.stats.error
+            if done & (done - 1) == 0 or done % 64 == 0:
+                console.say(
+                    f"  {done} pass{'es' * (done > 1)}" + f", error about {error:.2%}" * (error > 0.0)
+                )
+    except KeyboardInterrupt:
+        if frame is None:
+            raise
+        interrupted = True
+    assert frame is not None
+    if resume is not None:
+        console.written(renderer.save_progress(resume))
+    return frame, interrupted
 
 
 def _compiled() -> bool:

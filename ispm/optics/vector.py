@@ -11,6 +11,8 @@ from ispm.optics.jit import jit
 
 f32 = np.float32
 
+LUMINANCE = (0.2126, 0.7152, 0.0722)  # of linear sRGB (BT.709)
+
 
 @jit
 def dot(a, b):
@@ -55,4 +57,4 @@ def normalize(a):
 @jit
 def luminance(c):
     """Return the Rec. 709 luminance of a linear RGB triple."""
-    return f32(0.2126) * c[0] + f32(0.7152) * c[1] + f32(0.0722) * c[2]
+    return f32(LUMINANCE[0]) * c[0] + f32(LUMINANCE[1]) * c[1] + f32(LUMINANCE[2]) * c[2]

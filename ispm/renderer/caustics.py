@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -55,7 +56,7 @@ def part_photons(
     first = photons["bounce"] == 0
     later = np.flatnonzero(focused & ~first)
     later = later[is_crowded(photons[later], packed.diagonal)]
-    pixel = view.footprint * view.clip_from_world[3]
+    pixel = sample_width(view)
 
     def measured(part: np.ndarray, neighbors: int) -> np.ndarray:
         measure_caustic_radii(
@@ -67,10 +68,19 @@ def part_photons(
     caustic = np.concatenate(
         [measured(photons[first], CAUSTIC_NEIGHBORS), measured(photons[later], FOCUSED_NEIGHBORS)]
     )
-    wide = caustic["radius"] > _SHARP * settings.subsampling * (caustic["position"] @ pixel[:3] + pixel[3])
+    least = _SHARP * settings.subsampling * view.footprint * view.clip_from_world[3]
+    wide = caustic["radius"] > caustic["position"] @ least[:3] + least[3]
     smooth = ~first
     smooth[later] = False
     return _joined(photons[smooth], caustic[wide], caustic[~wide])
+
+
+def sample_width(view: CameraView) -> np.ndarray:
+    """Return the (4,) plane whose value at (x, y, z, 1) is how far apart in m the samples of a picture are.
+
+    One pass: a pixel; those of n passes lie sqrt(n) times as close. Light of narrower kernels falls between.
+    """
+    return np.asarray(view.footprint * view.clip_from_world[3] / math.sqrt(1 + view.pass_index))
 
 
 def _joined(smooth: np.ndarray, wide: np.ndarray, sharp: np.ndarray) -> PhotonParts:

@@ -49,13 +49,19 @@ def compose(
         "albedo": lambda: base[..., :3].astype(f4), "instance": lambda: nodes[ids[..., 0]],
         "material": lambda: np.where(ids[..., 0] > 0, ids[..., 1] & _ROW, -1).astype(np.int32),
     })  # fmt: skip
-    exposure = auto_exposure(full) if settings.exposure == "auto" else float(settings.exposure)
-    if background == "transparent":
-        image = tonemap_transparent(full, alpha, exposure, settings.tonemap, threads)
-    else:
-        image = tonemap(full, exposure, settings.tonemap, threads)
+    image, exposure = develop(full, alpha, settings, threads)
     camera = {"pose": view.pose, "clip_from_world": view.clip_from_world}
     return Frame(image, layers, Stats(), settings, camera, exposure)
+
+
+def develop(
+    radiance: np.ndarray, alpha: np.ndarray, settings: Settings, threads: int
+) -> tuple[np.ndarray, float]:
+    """Return the picture of (h, w, 3) cd/m2 as uint8 sRGB, and the exposure in stops."""
+    exposure = auto_exposure(radiance) if settings.exposure == "auto" else float(settings.exposure)
+    if settings.background == "transparent":
+        return tonemap_transparent(radiance, alpha, exposure, settings.tonemap, threads), exposure
+    return tonemap(radiance, exposure, settings.tonemap, threads), exposure
 
 
 def _glows(packed: Packed) -> bool:

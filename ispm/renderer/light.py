@@ -1,10 +1,18 @@
-"""What the lights' maps do in a frame, as its settings ask."""
+"""What the lights' photons do in a pass, as its settings ask."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
+import numpy as np
+
 from ispm.scene.packed import Packed
 from ispm.settings import Settings
+from ispm.tracer.emission import emit_rays, emit_texels
 from ispm.tracer.plan import PlannedMap, plan_maps, share_photons
+from ispm.tracer.surface import SurfaceTable
+from ispm.tracer.walk import Walk, walk
+from ispm.tracer.world import World
 
 _RAY = 5  # triangles that a software adapter draws into a face in the time of a ray
 
@@ -19,13 +27,22 @@ def emission_of(plan: list[PlannedMap], packed: Packed, settings: Settings, soft
     """Return how photons leave the lights, 'map' or 'rays'.
 
     software  the adapter is a program on the CPU, which is slow to draw a large scene into many faces
-    Where photons are aimed at mirrors and glass, rays: a map's rows of texels would come out as rings in
-    the caustics.
     """
     if settings.emission != "auto":
         return settings.emission
-    if len(plan) > len({each.map.light for each in plan}):
-        return "rays"
     drawn = packed.triangle_count * sum(len(each.map.axes) for each in plan)
     traced = sum(each.photons for each in plan)
     return "rays" if software and drawn > _RAY * traced else "map"
+
+
+def trace_photons(
+    packed: Packed, world: World, surfaces: SurfaceTable, plan: Sequence[PlannedMap],
+    texels: Sequence[np.ndarray] | None, settings: Settings, pass_index: int, threads: int,
+) -> Walk:  # fmt: skip
+    """Emit the photons and follow them; texels: what the bounce maps hold, None: by rays."""
+    seed = settings.seed
+    if texels is None:
+        emitted = emit_rays(packed, world, surfaces, plan, seed, pass_index, threads)
+    else:
+        emitted = emit_texels(packed, plan, texels)
+    return walk(packed, world, surfaces, emitted, settings.bounces, seed, pass_index, threads)

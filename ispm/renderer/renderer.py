@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import gc
-import math
 import time as clock
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import cache
 from operator import attrgetter
+from pathlib import Path
 from types import TracebackType
 
 import numpy as np
@@ -18,16 +18,19 @@ from ispm.errors import IspmError, SceneError, SceneWarning, SettingsError
 from ispm.estimators import make_estimator
 from ispm.frame import GBuffer, GpuScene
 from ispm.gpu import Gpu, Texture, open_gpu, within_memory
-from ispm.optics.records import PHOTON, RECEIVER
+from ispm.optics.records import PHOTON
 from ispm.optics.texture import TextureTable
-from ispm.renderer.caustics import part_photons
+from ispm.renderer.caustics import part_photons, sample_width
 from ispm.renderer.chains import chain_light, light_points
 from ispm.renderer.compose import compose
+from ispm.renderer.converge import converge, of_pass, place_in_pixel
 from ispm.renderer.framing import default_light, place_camera
 from ispm.renderer.last import LastFrame
-from ispm.renderer.light import emission_of, map_plan
+from ispm.renderer.light import emission_of, map_plan, trace_photons
+from ispm.renderer.limits import require_drawable
 from ispm.renderer.motion import moved
 from ispm.renderer.picture import Frame
+from ispm.renderer.progress import Progress, fingerprint
 from ispm.renderer.statistics import collect
 from ispm.renderer.watch import Watch
 from ispm.scene.camera import Camera
@@ -47,18 +50,14 @@ from ispm.stages.shadow import ShadowStage
 from ispm.stages.upload import Upload
 from ispm.stages.upsample import Upsample
 from ispm.tracer.density import measure_radii
-from ispm.tracer.emission import emit_rays, emit_texels
 from ispm.tracer.grid import PhotonGrid
 from ispm.tracer.hint import hint_radii
-from ispm.tracer.plan import PlannedMap
 from ispm.tracer.surface import SurfaceTable
 from ispm.tracer.threads import thread_count
-from ispm.tracer.walk import Walk, walk
 from ispm.tracer.world import World
 
 _NEAR = 1e-4  # of the scene's diagonal; reversed depth has precision to spare
 _TEXTURE_FOOTPRINT = 0.005  # of the diagonal: over which photons see textures averaged
-_PASS = 0  # of one
 _ESTIMATOR_KNOBS = attrgetter("estimator", "kernel", "talk_errors")
 _OWNED = (
     "_upload", "_gbuffer", "_bounce", "_direct", "_caustic", "_chains", "_antialias", "_shadow",
@@ -107,6 +106,7 @@ class Renderer:
         self._photons = np.zeros(0, PHOTON)
         self._instances: np.ndarray | None = None  # of the last frame
         self._last: LastFrame | None = None
+        self.progress: Progress | None = None
         self._said: set[str] = set()
         self._settings: Settings | None = None
         self.settings = settings or Settings()
@@ -146,18 +146,8 @@ class Renderer:
     def settings(self, new: Settings) -> None:
         if not isinstance(new, Settings):
             raise SettingsError(f"settings must be ispm.Settings, not a {type(new).__name__}")
-        old, limit = self._settings, self._gpu.max_texture
-        if max(new.size) > limit:
-            raise SettingsError(
-                f"size: {new.size[0]}x{new.size[1]} is larger than {self._gpu.name} can draw, "
-                f"{limit} pixels a side"
-            )
-        receivers = math.prod(-(-side // new.subsampling) for side in new.size)
-        if receivers * RECEIVER.itemsize > self._gpu.max_binding:
-            raise SettingsError(
-                f"size: {new.size[0]}x{new.size[1]} at subsampling {new.subsampling} needs more memory at "
-                f"once than {self._gpu.name} can bind; use a larger subsampling or a smaller size"
-            )
+        require_drawable(new, self._gpu)
+        old = self._settings
         if old is None or old.subsampling != new.subsampling:
             self._downsample = Downsample(self._gpu, new.subsampling)
             self._upsample = Upsample(self._gpu, new.subsampling)
@@ -168,24 +158,62 @@ class Renderer:
         self._settings = new
 
     def render(self) -> Frame:
-        """Render one picture.
+        """Render one picture, of as many passes as the settings say.
 
         Raises SceneError for a scene without a surface, SettingsError for more than memory can hold.
         """
+        if self.settings.most_passes == 1:
+            return self.render_pass(0)
+        *_, last = self.converge()
+        return last
+
+    def converge(
+        self,
+        passes: int | None = None,
+        *,
+        time_limit: float | None = None,
+        target_error: float | None = None,
+        resume: str | Path | None = None,
+    ) -> Iterator[Frame]:
+        """Render passes with ever smaller kernels, and yield the mean of all so far after each.
+
+        passes, time_limit, target_error  None: what the settings say
+        resume  a file of `save_progress`, which is continued as if it had never been left: the same bytes
+        Each pass has photons and places in the pixels of its own. Memory does not grow with their number.
+        The scene must stand still. Errors as of `render`, and SettingsError for a file that is of another
+        scene, camera or settings.
+        """
+        wanted = dict(passes=passes, time_limit=time_limit, target_error=target_error)
+        goal = self.settings.replace(**{name: value for name, value in wanted.items() if value is not None})
+        self.progress = Progress.load(resume) if resume is not None else None
+        return converge(self, goal)
+
+    def save_progress(self, path: str | Path) -> Path:
+        """Write what `converge` has summed up so far, to be continued with `resume`.
+
+        Raises IspmError where there is none, OutputError where it cannot be written.
+        """
+        if self.progress is None:
+            raise IspmError("no passes were rendered; call converge first")
+        return self.progress.save(path)
+
+    def render_pass(self, index: int) -> Frame:
+        """Render pass `index` alone; what `converge` takes the mean of."""
         if self._closed:
             raise IspmError("this renderer is closed; make another one")
         width, height = self.settings.size
         with within_memory(f"a picture of {width}x{height} pixels and {self.settings.photons:,} photons"):
-            return self._render()
+            return self._draw(index)
 
-    def _render(self) -> Frame:
+    def _draw(self, index: int) -> Frame:
+        settings = of_pass(self.settings, index)
         started = clock.perf_counter()
         self._last = None  # so that its memory can be used again
         watch = Watch()
-        packed, view = self._prepare()
-        plan = map_plan(packed, self.settings, _PASS)
+        packed, view = self._prepare(index)
+        plan = map_plan(packed, settings, index)
         surfaces = self._surfaces(packed)
-        by = emission_of(plan, packed, self.settings, self._gpu.is_software)
+        by = emission_of(plan, packed, settings, self._gpu.is_software)
 
         with self._gpu.frame() as first:
             scene = self._upload(packed)
@@ -196,22 +224,24 @@ class Renderer:
             self._chains(first, scene, gbuffer)
             first.stage("bounce_map")
             drawn = plan if by == "map" else []
-            maps = self._bounce(first, scene, drawn, _NEAR * packed.diagonal, _PASS)
+            maps = self._bounce(first, scene, drawn, _NEAR * packed.diagonal, index)
         with watch("copy"):
             points = self._downsample.read(self._gpu, view)
             texels = maps.read(self._gpu)
             mirrors = self._chains.read()
         with self._gpu.frame() as second:
             second.stage("direct")
-            seen = points["position"][points["valid"] > 0]
-            shadows = self._shadow(second, scene, seen, view.eye_or_direction, _NEAR * packed.diagonal, _PASS)
+            shadows = self._shadow(second, scene, points[points["valid"] > 0], view, _NEAR * packed.diagonal)
             direct = self._direct(second, scene, gbuffer, shadows, view)
 
         with watch("trace"):
-            path = self._trace(packed, surfaces, plan, texels, by)
+            path = trace_photons(
+                packed, self._world, surfaces, plan, texels if by == "map" else None, settings, index,
+                self.threads,
+            )  # fmt: skip
         with watch("radiance"):
-            parts = part_photons(path.photons, path.focused, packed, view, self.settings, self.threads)
-            estimate, light = self._gather(points, parts.smooth, packed, view)
+            parts = part_photons(path.photons, path.focused, packed, view, settings, self.threads)
+            estimate, light = self._gather(points, parts.smooth, packed, view, settings)
             if len(parts.wide):
                 size = self._downsample.size(view)
                 light = light + self._estimator(points, parts.wide, view.clip_from_world, size)
@@ -225,21 +255,21 @@ class Renderer:
             )
         grid = cache(lambda: PhotonGrid(parts.smooth))
         with watch("upsample"):
-            self._light_missed(points, estimate, grid, parts.wide, scene, gbuffer, view, caustic)
+            self._light_missed(points, estimate, grid, parts.wide, scene, gbuffer, view, caustic, settings)
         with watch("eye"):
             brought = chain_light(
                 packed, self._world, surfaces, mirrors, grid, PhotonGrid(parts.caustic), view,
-                self.settings, _PASS, self.threads,
+                settings, index, self.threads,
             )  # fmt: skip
         with self._gpu.frame() as fourth:
             fourth.stage("compose")
             self._chains.patch(fourth, mirrors["pixel"], brought, direct, indirect, emission)
-            if self.settings.antialias:
+            if settings.antialias:
                 self._antialias(fourth, scene, gbuffer, view, direct, indirect, emission)
         with watch("readback"):
             frame = compose(
                 self._gpu, packed, gbuffer, (direct, indirect, emission), irradiance, view,
-                self.settings, self.threads,
+                settings, self.threads,
             )  # fmt: skip
             frame.scene = self.scene.name
 
@@ -248,7 +278,7 @@ class Renderer:
                 watch.add(name, spent)
         total = (clock.perf_counter() - started) * 1e3
         frame.stats = collect(
-            packed, replace(path, photons=parts.photons), view, self.settings, watch.milliseconds, total,
+            packed, replace(path, photons=parts.photons), view, settings, watch.milliseconds, total,
             adapter=self._gpu.name, emission=by, timing=first.timing,
             moved=moved(packed.instances, self._instances),
         )  # fmt: skip
@@ -259,6 +289,11 @@ class Renderer:
         )  # fmt: skip
         self._instances = packed.instances
         return frame
+
+    def fingerprint(self) -> str:
+        """Return what tells this scene, camera and settings, as they are now, from others."""
+        packed, view = self._prepare(0)
+        return fingerprint(packed, view, self.settings)
 
     def photons(self) -> np.ndarray:
         """Return the last frame's photon map, (N,) PHOTON: a structured array, world space, lumen."""
@@ -271,7 +306,7 @@ class Renderer:
         assert self._last is not None
         return self._last.show(name)
 
-    def _prepare(self) -> tuple[Packed, CameraView]:
+    def _prepare(self, index: int) -> tuple[Packed, CameraView]:
         """Pack the scene, place it in the tracer, and find its camera and lights."""
         scene = self.scene
         packed = self._pack(scene)
@@ -291,7 +326,7 @@ class Renderer:
         near = _NEAR * diagonal if camera.ymag is None else 0.0
         view = CameraView(
             size, pose, camera.yfov, camera.ymag, near, reach,
-            pass_index=_PASS, aspect=camera.aspect, principal=camera.principal,
+            jitter=place_in_pixel(index), pass_index=index, aspect=camera.aspect, principal=camera.principal,
         )  # fmt: skip
         return packed, view
 
@@ -310,37 +345,23 @@ class Renderer:
             self._said.add(line)
             warnings.warn(line, SceneWarning, stacklevel=4)
 
-    def _trace(
-        self, packed: Packed, surfaces: SurfaceTable, plan: list[PlannedMap], texels: list[np.ndarray],
-        by: str,
-    ) -> Walk:  # fmt: skip
-        """Emit the photons, by 'map' or by 'rays', and follow them."""
-        settings = self.settings
-        if by == "rays":
-            emitted = emit_rays(packed, self._world, surfaces, plan, settings.seed, _PASS, self.threads)
-        else:
-            emitted = emit_texels(packed, plan, texels)
-        return walk(
-            packed, self._world, surfaces, emitted, settings.bounces, settings.seed, _PASS, self.threads
-        )
-
     def _surfaces(self, packed: Packed) -> SurfaceTable:
         assert self._textures is not None
         return SurfaceTable(packed, self._textures, _TEXTURE_FOOTPRINT * packed.diagonal)
 
     def _gather(
-        self, points: np.ndarray, photons: np.ndarray, packed: Packed, view: CameraView
+        self, points: np.ndarray, photons: np.ndarray, packed: Packed, view: CameraView, settings: Settings
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return the light that photons bring to the receivers, (n, 16), as estimated and as filtered."""
         if not len(photons):
             dark = np.zeros((len(points), 16), np.float32)
             return dark, dark
-        settings, size = self.settings, self._downsample.size(view)
+        size = self._downsample.size(view)
         if settings.kernel == "hint":
             hint_radii(photons, packed.diagonal, settings.photons, settings.smoothing)
             estimate = self._estimator(points, photons, view.clip_from_world, size)
             return estimate, estimate
-        pixel = settings.subsampling * view.footprint * view.clip_from_world[3]
+        pixel = settings.subsampling * sample_width(view)
         measure_radii(
             photons, packed.diagonal, settings.smoothing, pixel, packed.widths, view.eye_or_direction
         )
@@ -359,6 +380,7 @@ class Renderer:
         gbuffer: GBuffer,
         view: CameraView,
         caustic: tuple[Texture, Texture] | None,
+        settings: Settings,
     ) -> None:
         """Light the pixels that upsampling could not serve: by the filter, else by the photons near.
 
@@ -369,7 +391,7 @@ class Renderer:
             return
         light = light_points(
             receivers, missed["low"], points, estimate, self._downsample.size(view),
-            scene.packed.diagonal, self.settings.smoothing, grid, self.threads,
+            scene.packed.diagonal, settings.smoothing, grid, self.threads,
         )  # fmt: skip
         if len(wide):
             light += PhotonGrid(wide).estimate(receivers, self.threads)

@@ -18,6 +18,7 @@ from ispm.stages.camera import CameraView
 from ispm.tracer.walk import Walk
 
 _STAGES = ("direct", "bounce_map", "copy", "trace", "radiance", "upsample", "compose")
+_COUNTED = 16384  # photons at most that overdraw is taken from
 _INDIRECT = ("bounce_map", "copy", "trace", "radiance", "upsample")  # what direct light does without
 
 
@@ -26,6 +27,7 @@ class Stats:
     """Numbers of one frame. Times in ms, flux in lumen (sum of RGB), memory in bytes.
 
     direct_only_ms  the frame without what indirect light adds
+    passes, error   whose mean the frame is; the relative error that their noise leaves, see Progress.error
     overdraw        kernels that cover a pixel of the full picture, in the mean
     """
 
@@ -65,6 +67,7 @@ class Stats:
     emission: str = ""
     kernel: str = ""
     passes: int = 1
+    error: float = math.nan
     seed: int = 0
     timing: str = ""
 
@@ -120,6 +123,8 @@ def overdraw(photons: np.ndarray, view: CameraView) -> float:
     """
     if not len(photons):
         return 0.0
+    step = -(-len(photons) // _COUNTED)
+    photons = photons[::step]
     position = photons["position"].astype(np.float64)
     clip = position @ view.clip_from_world[:, :3].T + view.clip_from_world[:, 3]
     seen = (np.abs(clip[:, :2]) <= np.abs(clip[:, 3:])).all(axis=1) & (clip[:, 3] > 0.0)
@@ -129,4 +134,4 @@ def overdraw(photons: np.ndarray, view: CameraView) -> float:
     cosine = np.abs(np.einsum("ij,ij->i", wo, photons["normal"][seen]))
     depth = clip[seen, 3] if view.ymag is None else 1.0
     area = math.pi * (photons["radius"][seen] / (depth * view.footprint)) ** 2 * cosine
-    return float(area.sum() / (view.size[0] * view.size[1]))
+    return step * float(area.sum() / (view.size[0] * view.size[1]))

@@ -20,6 +20,7 @@ from ispm.scene.scene import Scene
 
 _SHARPEST = 1e-6  # difference of the cosines of a spot's cones, in float32
 
+PIECE = 64  # triangles of a mesh; neighbours in its list mostly lie close together
 _HULL_WAYS = even_directions(64)
 
 _KINDS = {
@@ -39,6 +40,14 @@ class MeshRange:
     first_index: int
     triangle_count: int
     box: np.ndarray  # (2, 3) corners in object space
+
+    @cached_property
+    def piece_boxes(self) -> np.ndarray:
+        """(n, 2, 3) float64 bounds of each PIECE of the triangles, object space."""
+        points = self.mesh.positions[self.mesh.triangles.ravel()]
+        begins = np.arange(0, len(points), 3 * PIECE)
+        bounds = [extreme.reduceat(points, begins, axis=0) for extreme in (np.minimum, np.maximum)]
+        return np.stack(bounds, axis=1).astype(np.float64)
 
     @cached_property
     def hull(self) -> np.ndarray:

@@ -88,7 +88,7 @@ def _arrange(plan: Sequence[PlannedMap], limit: int) -> tuple[list[BounceMap], t
     widths = np.repeat([each.width for each in plan], [len(each.map.axes) for each in plan])
     order = np.argsort(-widths, kind="stable")
     places = np.empty((len(widths), 2), np.int64)
-    places[order], size = pack_shelves(widths[order], limit)
+    places[order], size = pack_shelves(np.stack([widths, widths], axis=1)[order], limit)
     ends = np.cumsum([len(each.map.axes) for each in plan])[:-1]
     parts = np.split(places, ends) if plan else []
     return [BounceMap(each.map, part, each.width) for each, part in zip(plan, parts, strict=True)], size

@@ -39,7 +39,7 @@ struct Lookup {
     middle: vec2f,      // where they meet, in texels of the atlas
     share: vec4f,       // of each in the point's light
     depth: vec4f,       // surfaces that are nearer shade
-    side: f32,          // of the tile; 0: nothing shades
+    shades: bool,       // whether anything may
 }
 
 // Where a point is looked up in the map of light `i`; ng: its surface's normal on the light's side.
@@ -64,7 +64,7 @@ fn lookup(i: u32, position: vec3f, ng: vec3f) -> Lookup {
     let nearer = point.z - REACH * w * max(1.0 / tile.scale.x, 1.0 / tile.scale.y);
     let own = (map.near - map.slope * nearer) / select(nearer, 1.0, parallel);
     let texel = tile.scale * (point.xy / w) + tile.shift;
-    let held = clamp(texel, tile.corner + REACH, tile.corner + (tile.side - REACH)) - 0.5;
+    let held = clamp(texel, tile.corner + REACH, tile.corner + tile.size - REACH) - 0.5;
     let middle = floor(held) + 1.0;
     let f = fract(held);
     let x = middle.x - texel.x + vec4f(-0.5, 0.5, 0.5, -0.5);
@@ -73,7 +73,7 @@ fn lookup(i: u32, position: vec3f, ng: vec3f) -> Lookup {
         middle,
         vec4f(1.0 - f.x, f.x, f.x, 1.0 - f.x) * vec4f(f.y, f.y, 1.0 - f.y, 1.0 - f.y),
         own + max(slope.x * x + slope.y * y, vec4f(0.0)),
-        tile.side,
+        tile.size.x > 0.0,
     );
 }
 
@@ -112,6 +112,24 @@ fn fs(@builtin(position) position: vec4f) -> @location(0) vec4f {
     return vec4f(sum, 1.0);
 }
 
+// The next light, from row `first` on, that may light a surface. Where branches are masked, as on llvmpipe, the
+// lanes of a pixel's group so meet at the lights that they need, and wait only for the one that needs most.
+fn next_light(first: u32, position: vec3f, n: vec3f, ng: vec3f, thin: bool) -> u32 {
+    var i = first;
+    while (i < lamps.count) {
+        let light = lamps.lights[i];
+        let far = light.kind == LIGHT_DIRECTIONAL;
+        let way = select(light.position - position, -light.direction, far);
+        let above = dot(way, ng) > 0.0;
+        let faces = above && dot(way, n) > 0.0 || thin && !above;
+        if (faces && (far || light.range <= 0.0 || dot(way, way) < light.range * light.range)) {
+            break;
+        }
+        i++;
+    }
+    return i;
+}
+
 // Radiance towards the eye, cd/m2, of the surface in a pixel.
 fn lit(pixel: vec2u, word: u32) -> vec3f {
     let packed = textureLoad(normals, pixel, 0);
@@ -124,17 +142,14 @@ fn lit(pixel: vec2u, word: u32) -> vec3f {
     if (!TRANSMITS) {
         bsdf.tint = vec3f(0.0);  // so that the compiler leaves the lobe out
     }
+    let thin = TRANSMITS && bsdf.thin > 0.0;
     var sum = vec3f(0.0);
-    for (var i = 0u; i < lamps.count; i++) {
+    for (var i = next_light(0u, position, n, ng, thin); i < lamps.count; i = next_light(i + 1u, position, n, ng, thin)) {
         let light = light_arriving(lamps.lights[i], position);
-        let above = dot(light.wi, ng) > 0.0;
-        let crosses = TRANSMITS && bsdf.thin > 0.0 && !above;
-        if (!any(light.irradiance > vec3f(0.0)) || !(above && dot(light.wi, n) > 0.0 || crosses)) {
-            continue;
-        }
+        let crosses = thin && dot(light.wi, ng) <= 0.0;
         let at = lookup(i, position, select(ng, -ng, crosses));
         var arriving = light.irradiance * abs(dot(light.wi, n));
-        if (at.side > 0.0) {
+        if (at.shades) {
             arriving *= visibility(at);
             if (SHEETS) {
                 arriving *= tint(at);

@@ -10,15 +10,19 @@ from ispm import wgsl
 from ispm.errors import SceneError
 from ispm.frame import GpuScene, ShadowMaps, vertex_layout
 from ispm.gpu import Canvas, Gpu, Recording, Target, Texture
-from ispm.optics.records import MATERIAL_THIN
-from ispm.scene.atlas import GUARD, LEAST, ShadowAtlas, ShadowTile, plan_atlas
+from ispm.optics.records import MATERIAL_THIN, MATERIAL_TRANSMITS
+from ispm.scene.atlas import GUARD, LEAST, Seen, ShadowAtlas, ShadowTile, plan_atlas
 from ispm.scene.lightmap import LightMap
+from ispm.scene.packed import Draw, Geometry, Packed
+from ispm.scene.pieces import Pieces
+from ispm.stages.camera import CameraView
 
 _MAP = wgsl.load("stages/shadow_map.wgsl").dtype("ShadowMap")
 _TILE = wgsl.load("stages/shadow_map.wgsl").dtype("ShadowTile")
 _VIEW = wgsl.load("stages/shadow.wgsl").dtype("View")
 _FACES = 6  # rows of a light
 _MIN_ALPHA = 1e-3  # MIN_ALPHA of optics/bsdf.wgsl
+_SLANTED = np.float32(8.0)  # at most, of receivers seen aslant: how much longer than wide they are
 _ROUND = 256  # texels that the atlas grows by
 
 
@@ -41,6 +45,8 @@ class ShadowStage:
             path, [Target("rgba8unorm", "multiply")], depth_write=False, vertex="vs_masked",
             fragment="fs_sheet", vertex_layout=layout,
         )  # fmt: skip
+        self._geometry: Geometry | None = None
+        self._indices = gpu.buffer("shared indices", "index")
         self._depth = gpu.texture("shadow atlas", "depth32float")
         self._sheets = gpu.texture("sheet atlas", "depth32float")
         self._tints = gpu.texture("tint atlas", "rgba8unorm")
@@ -50,20 +56,20 @@ class ShadowStage:
         frame: Recording,
         scene: GpuScene,
         receivers: np.ndarray,
-        eye: np.ndarray,
+        view: CameraView,
         near: float,
-        pass_index: int = 0,
     ) -> ShadowMaps:
         """Record the draws and return where their result will be.
 
-        receivers  (n, 3) points that the eye sees, world space
-        eye        (4,) `CameraView.eye_or_direction`
+        receivers  (n,) RECEIVER, points that the eye sees
+        view       the eye's
         near       m, a tiny part of the scene's diagonal
         """
-        packed = scene.packed
-        atlas = plan_atlas(
-            packed.lights, packed.maps, scene.boxes, receivers, eye, self.resolution, self._gpu.max_texture
-        )
+        packed, pieces = scene.packed, Pieces.of(scene.packed, scene.boxes)
+        self._share(packed.geometry)
+        seen = _seen(packed, receivers, view)
+        limit = self._gpu.max_texture
+        atlas = plan_atlas(packed.lights, packed.maps, pieces.boxes, seen, self.resolution, limit)
         if atlas is None:
             raise SceneError(
                 f"the scene has {len(packed.lights)} lights, more than {self._gpu.name} can hold shadow maps "
@@ -75,11 +81,11 @@ class ShadowStage:
         self._fit(self._depth, atlas.size)
         for texture in (self._sheets, self._tints):
             texture.sized(self._depth.size if has_sheets else (1, 1))
-        views = [view_row(tile, near, pass_index) for tile in atlas.tiles]
-        self._draw_depth(frame, scene, atlas, views, self._depth, ~sheets)
+        views = [view_row(tile, near, view.pass_index) for tile in atlas.tiles]
+        self._draw_depth(frame, scene, pieces, atlas, views, self._depth, ~sheets)
         if has_sheets:
-            self._draw_tints(frame, scene, atlas, views, sheets)
-            self._draw_depth(frame, scene, atlas, views, self._sheets, sheets)
+            self._draw_tints(frame, scene, pieces, atlas, views, sheets)
+            self._draw_depth(frame, scene, pieces, atlas, views, self._sheets, sheets)
         return ShadowMaps(
             map_rows(packed.maps, near), tile_rows(atlas, len(packed.maps)),
             self._depth, self._sheets, self._tints, has_sheets,
@@ -87,6 +93,7 @@ class ShadowStage:
 
     def close(self) -> None:
         """Free the maps."""
+        self._indices.close()
         for texture in (self._depth, self._sheets, self._tints):
             texture.close()
 
@@ -97,56 +104,92 @@ class ShadowStage:
         if width > old[0] or height > old[1] or 2 * width * height < old[0] * old[1]:
             texture.sized((width, height))
 
+    def _share(self, geometry: Geometry) -> None:
+        """Keep the indices of a geometry, with corners shared."""
+        if geometry is not self._geometry:
+            self._geometry = geometry
+            self._indices.write(shared_indices(geometry))
+
     def _draw_depth(
         self,
         frame: Recording,
         scene: GpuScene,
+        pieces: Pieces,
         atlas: ShadowAtlas,
         views: list[np.ndarray],
         target: Texture,
         which: np.ndarray,
     ) -> None:
         """Draw the depth of the draws `which`, (draws,) bool, into all tiles."""
-        masked = np.array([scene.is_masked(draw.material) for draw in scene.draws], bool)
+        holes = np.array([scene.is_masked(draw.material) for draw in scene.draws], bool)
+        opaque, masked = (which & ~holes)[pieces.row], (which & holes)[pieces.row]
         with frame.draw_into(depth=target) as canvas:
-            for tile, view in _each(scene, canvas, atlas, views):
+            for tile, view in self._each(scene, canvas, atlas, views):
                 shared = {"view": frame.uniform(view), "instances": scene.instances}
                 canvas.use(self._opaque, self._opaque.bind(0, **shared))
-                for row in tile.seen[(which & ~masked)[tile.seen]]:
-                    scene.draw_indexed(canvas, scene.draws[row])
-                holed = (scene.draws[row] for row in tile.seen[(which & masked)[tile.seen]])
-                for draw in scene.each(frame, canvas, holed, lambda _: self._masked, shared):
-                    scene.draw_indexed(canvas, draw)
+                for run in pieces.runs(tile.seen[opaque[tile.seen]]):
+                    _draw_run(canvas, *run)
+                holed = list(pieces.runs(tile.seen[masked[tile.seen]]))
+                draws = scene.each(frame, canvas, (run[0] for run in holed), lambda _: self._masked, shared)
+                for _, run in zip(draws, holed, strict=True):
+                    _draw_run(canvas, *run)
 
     def _draw_tints(
         self,
         frame: Recording,
         scene: GpuScene,
+        pieces: Pieces,
         atlas: ShadowAtlas,
         views: list[np.ndarray],
         sheets: np.ndarray,
     ) -> None:
         """Draw what the sheets before opaque surfaces let through, one on top of the other."""
-        white = (1.0, 1.0, 1.0, 1.0)
+        white, thin = (1.0, 1.0, 1.0, 1.0), sheets[pieces.row]
         with frame.draw_into(self._tints, depth=self._depth, clear=white, clear_depth=None) as canvas:
-            for tile, view in _each(scene, canvas, atlas, views):
+            for tile, view in self._each(scene, canvas, atlas, views):
                 group = self._sheet.bind(0, frame, view=view, instances=scene.instances)
-                for draw in (scene.draws[row] for row in tile.seen[sheets[tile.seen]]):
+                for draw, first, count in pieces.runs(tile.seen[thin[tile.seen]]):
                     material = scene.packed.materials[draw.material]
                     maps = scene.material_maps(draw.material, "base_color", "transmission")
                     canvas.use(self._sheet, group, self._sheet.bind(1, frame, material=material, **maps))
-                    scene.draw_indexed(canvas, draw)
+                    _draw_run(canvas, draw, first, count)
+
+    def _each(
+        self, scene: GpuScene, canvas: Canvas, atlas: ShadowAtlas, views: list[np.ndarray]
+    ) -> Iterator[tuple[ShadowTile, np.ndarray]]:
+        """Yield the tiles and their VIEW records, each with the canvas set to it."""
+        canvas.vertices(scene.vertices)
+        canvas.indices(self._indices)
+        for tile, view in zip(atlas.tiles, views, strict=True):
+            canvas.viewport(*tile.corner, *tile.size)
+            yield tile, view
 
 
-def _each(
-    scene: GpuScene, canvas: Canvas, atlas: ShadowAtlas, views: list[np.ndarray]
-) -> Iterator[tuple[ShadowTile, np.ndarray]]:
-    """Yield the tiles and their VIEW records, each with the canvas set to it."""
-    canvas.vertices(scene.vertices)
-    canvas.indices(scene.indices)
-    for tile, view in zip(atlas.tiles, views, strict=True):
-        canvas.viewport(*tile.corner, tile.side, tile.side)
-        yield tile, view
+def shared_indices(geometry: Geometry) -> np.ndarray:
+    """Return (3 T,) uint32, the geometry's indices, where corners of a flat mesh share vertices again.
+
+    They differ in their normals alone, which shadows need not; a third of the vertices are left to place.
+    """
+    indices = geometry.indices.copy()
+    for kept in geometry.ranges:
+        if kept.mesh.normals is None:
+            _, first, row = np.unique(kept.mesh.triangles.ravel(), return_index=True, return_inverse=True)
+            corners = slice(kept.first_index, kept.first_index + 3 * kept.triangle_count)
+            indices[corners] = kept.first_vertex + first[row]
+    return indices
+
+
+def _draw_run(canvas: Canvas, draw: Draw, first: int, count: int) -> None:
+    canvas.draw_indexed(count, draw.instance_count, first_index=first, first_instance=draw.first_instance)
+
+
+def _seen(packed: Packed, receivers: np.ndarray, view: CameraView) -> Seen:
+    """The RECEIVER rows as lights see them."""
+    points, ahead = receivers["position"], view.clip_from_world[3]
+    widths = view.footprint * (points @ ahead[:3].astype(np.float32) + np.float32(ahead[3]))
+    reaches = receivers["footprint"] * np.minimum(receivers["slant"], _SLANTED)
+    through = bool((packed.materials["flags"] & MATERIAL_TRANSMITS).any())
+    return Seen(points, receivers["ng"], np.maximum(widths, np.float32(1e-30)), reaches, through)
 
 
 def _are_sheets(materials: np.ndarray) -> np.ndarray:
@@ -172,16 +215,17 @@ def tile_rows(atlas: ShadowAtlas, light_count: int) -> np.ndarray:
     for tile in atlas.tiles:
         face = tile.face
         row = rows[_FACES * face.light + face.index]
-        row["scale"] = (tile.side - 2 * GUARD) / (face.window[1] - face.window[0])
-        row["shift"] = np.array(tile.corner) + tile.side / 2.0 - row["scale"] * face.window.mean(axis=0)
-        row["corner"], row["side"] = tile.corner, tile.side
+        size = np.array(tile.size)
+        row["scale"] = (size - 2 * GUARD) / face.extent
+        row["shift"] = np.array(tile.corner) + size / 2.0 - row["scale"] * face.window.mean(axis=0)
+        row["corner"], row["size"] = tile.corner, size
     return rows
 
 
 def view_row(tile: ShadowTile, near: float, pass_index: int) -> np.ndarray:
     """Return the VIEW record that draws a tile."""
     face, row = tile.face, np.zeros((), _VIEW)
-    scale = (1.0 - 2.0 * GUARD / tile.side) * 2.0 / (face.window[1] - face.window[0])
+    scale = (1.0 - 2.0 * GUARD / np.array(tile.size)) * 2.0 / face.extent
     middle = face.window.mean(axis=0)
     right, down, forward = np.column_stack([face.frame, np.zeros(3)])
     if face.depth:

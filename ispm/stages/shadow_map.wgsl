@@ -16,8 +16,7 @@ struct ShadowTile {    // six for each map
     scale: vec2f,      // texels of the atlas per unit right and down, at 1 m ahead; parallel: at any
     shift: vec2f,      // texels where those are 0
     corner: vec2f,     // texels: the tile's upper left
-    side: f32,         // texels; 0: nothing there casts a shadow
-    spare: f32,
+    size: vec2f,       // texels; 0: nothing there casts a shadow
 }
 
 struct CubeFace {

@@ -9,6 +9,7 @@ import numpy as np
 
 from ispm.io.image import linear_to_srgb
 from ispm.optics.jit import jit
+from ispm.optics.vector import LUMINANCE
 from ispm.tracer.threads import run_threads, thread_count
 
 MIDDLE_GREY = 0.18
@@ -66,7 +67,7 @@ def auto_exposure(radiance: np.ndarray) -> float:
     Source: the log-average of Reinhard et al. 2002, eq. 1, trimmed.
     """
     step = max(1, math.isqrt(radiance.shape[0] * radiance.shape[1] // _ENOUGH))
-    luminance = radiance[::step, ::step].astype(np.float64) @ (0.2126, 0.7152, 0.0722)
+    luminance = radiance[::step, ::step].astype(np.float64) @ LUMINANCE
     lit = luminance[np.isfinite(luminance) & (luminance > 0.0)]
     if not len(lit):
         return 0.0

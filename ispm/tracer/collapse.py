@@ -6,7 +6,8 @@ over instances: the instance's row). Empty: ref NO_REF and a box turned inside o
 Children lie behind their parents.
 
 Block, 40 words (160 bytes): x[4] y[4] z[4] of the first corners, the same of the second and third, id[4].
-Lanes without a triangle have three equal corners, which no ray hits.
+Ids of needles, triangles thinner than 1:4, have the bit NEEDLE. Lanes without a triangle have three equal
+corners, which no ray hits.
 
 Source: Wald, Benthin & Boulos, "Getting rid of packets", 2008.
 """
@@ -16,11 +17,12 @@ from __future__ import annotations
 import numpy as np
 
 from ispm.optics.jit import jit
+from ispm.optics.vector import cross, dot, sub
 from ispm.tracer.build import LEAF, MAX_DEPTH, BinaryTree, area
 from ispm.tracer.simd import address, aligned, f2u, ldf, ldu, stf, stu, vload8
 from ispm.tracer.threads import run_threads
 
-f32, i64, u32 = np.float32, np.int64, np.uint32
+f32, f64, i64, u32 = np.float32, np.float64, np.int64, np.uint32
 
 WIDTH = 8
 NODE_WORDS = 64
@@ -30,6 +32,7 @@ BLOCK_WORDS = 40
 IDS = 36  # word of a block's first id
 LEAF_SIZE = 8
 NO_REF = 0xFFFFFFFF
+NEEDLE = 0x80000000
 _FAR = np.float32(1e30)
 # A node adds at most 8 waiting children and takes one; wide paths are no longer than binary ones.
 _STACK_ROWS = 7 * MAX_DEPTH + 8
@@ -153,11 +156,28 @@ def write_blocks(positions, triangles, refs, leaves, start, stop, blocks):
                 stu(blocks, word + IDS + lane, u32(NO_REF))
                 continue
             triangle = i64(f2u(ldf(refs, 8 * (first + i) + 3)))
-            stu(blocks, word + IDS + lane, u32(triangle))
+            flag = u32(NEEDLE) if is_needle(positions, triangles, triangle) else u32(0)
+            stu(blocks, word + IDS + lane, u32(triangle) | flag)
             for corner in range(3):
                 vertex = triangles[triangle, corner]
                 for axis in range(3):
                     stf(blocks, word + 12 * corner + 4 * axis + lane, positions[vertex, axis])
+
+
+@jit
+def is_needle(positions, triangles, triangle):
+    """Whether a triangle's least height is less than a quarter of its longest edge."""
+    p, q, s = triangles[triangle, 0], triangles[triangle, 1], triangles[triangle, 2]
+    e1 = sub(_vertex(positions, q), _vertex(positions, p))
+    e2 = sub(_vertex(positions, s), _vertex(positions, p))
+    e3, normal = sub(e2, e1), cross(e1, e2)
+    longest = max(dot(e1, e1), max(dot(e2, e2), dot(e3, e3)))
+    return longest * longest > f64(16) * dot(normal, normal)
+
+
+@jit
+def _vertex(positions, vertex):
+    return f64(positions[vertex, 0]), f64(positions[vertex, 1]), f64(positions[vertex, 2])
 
 
 @jit

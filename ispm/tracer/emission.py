@@ -33,6 +33,7 @@ from ispm.tracer.world import World
 f32, f64, i64, u32 = np.float32, np.float64, np.int64, np.uint32
 
 _DIMENSION = (1 << 20) - 1  # of the random numbers of a ray
+_STEPS = 0.7548776662466927, 0.5698402909980532  # 1 / p and 1 / p^2 of the plastic number p^3 = p + 1
 
 # What a map sees: all that its light sends, a square or a parallel view.
 _WHOLE, _SQUARE, _PARALLEL = range(3)
@@ -85,11 +86,10 @@ def emit_rays(
     pass_index: int,
     threads: int,
 ) -> np.ndarray:
-    """Draw photons by tracing rays from the lights, one in each cell of a square that is mapped to the
-    directions or places that a map sees.
+    """Draw photons by tracing rays from the lights, at the points of a lattice (the plastic number's, Roberts
+    2018) that is shifted at random in a square, which is mapped to the directions or places that a map sees.
 
-    ->  (N,) EMITTED, in order of map and cell; of each map the next square number from its `photons`, less
-        those outside a spot's cone
+    ->  (N,) EMITTED, in order of map and ray; of each map its `photons`, less those outside a spot's cone
 
     All that a point light or a spot sends is met with photons of equal flux; a square view with the density
     of its texels before they are thinned.
@@ -98,17 +98,16 @@ def emit_rays(
     first_key = 0
     for index, maps in _by_light(plan):
         light = packed.lights[index : index + 1]
-        sides = [math.ceil(math.sqrt(each.photons)) for each in maps]
-        pairs = zip(maps, sides, strict=True)
-        views = _views(light[0], maps, [_density_of_rays(light[0], each, side) for each, side in pairs])
-        for own, side in enumerate(sides):
-            rows = np.zeros(side * side, EMITTED)
+        views = _views(light[0], maps, [_density_of_rays(light[0], each) for each in maps])
+        for own, each in enumerate(maps):
+            rows = np.zeros(each.photons, EMITTED)
             rows["light"] = index
             rows["key"] = np.arange(first_key, first_key + len(rows), dtype=np.uint32)
             first_key += len(rows)
             kernel = partial(
                 _emit_rays, address(world.table), surfaces.addresses, surfaces.texels, surfaces.rows,
-                light, maps[0].map.origin, views, i64(own), i64(side), u32(seed), u32(pass_index),
+                light, maps[0].map.origin, views, i64(own), f64(each.shift[0]), f64(each.shift[1]),
+                u32(seed), u32(pass_index),
             )  # fmt: skip
             _fill(kernel, rows, threads)
             batches.append(rows[rows["flux"].any(axis=1)])
@@ -150,10 +149,10 @@ def _is_whole(light: np.void, each: PlannedMap) -> bool:
     )
 
 
-def _density_of_rays(light: np.void, each: PlannedMap, side: int) -> float:
+def _density_of_rays(light: np.void, each: PlannedMap) -> float:
     if each.map.orthographic or _is_whole(light, each):
-        return side * side / each.map.measure
-    return side * side / (4.0 * each.map.spread**2)
+        return each.photons / each.map.measure
+    return each.photons / (4.0 * each.map.spread**2)
 
 
 @jit
@@ -167,7 +166,7 @@ def _thin(
         for y in range(width):
             t = f64(2) * (y + 0.5 + shift_y) / width - f64(1)
             for x in range(width):
-                lattice = offset + x * 0.7548776662466927 + (y + face * width) * 0.5698402909980532
+                lattice = offset + x * _STEPS[0] + (y + face * width) * _STEPS[1]
                 threshold = lattice - math.floor(lattice)
                 if threshold >= expected[face, y, x]:
                     continue
@@ -193,26 +192,32 @@ def _thin(
 
 @jit
 def _emit_rays(
-    world, table, texels, texture_rows, lights, origin, views, own, side, seed, pass_index, rows, first
+    world, table, texels, texture_rows, lights, origin, views, own, shift_x, shift_y, seed,
+    pass_index, rows, first,
 ):  # fmt: skip
     light = lights[0]
     stack, words = alloca(STACK_WORDS), alloca(2)
     for i in range(len(rows)):
-        r0, r1, r2, _ = random4(rows[i].key, u32(_DIMENSION), pass_index, seed)
-        cell = first + i
-        x = (f64(cell % side) + f64(r0)) / f64(side)
-        y = (f64(cell // side) + f64(r1)) / f64(side)
+        x, y = _lattice(first + i, shift_x, shift_y)
         start, d, place = _ray(light, views[own], origin, x, y)
         density = _ray_density(light, views, own, d, place)
         for c in range(3):
             rows[i].flux[c] = f32(f64(light.intensity[c]) / density)
         if density == f64(np.inf):
             continue  # outside a spot's cone
-        found, hit = closest_surface(world, table, texels, texture_rows, start, d, r2, stack, words)
+        u, _, _, _ = random4(rows[i].key, u32(_DIMENSION), pass_index, seed)
+        found, hit = closest_surface(world, table, texels, texture_rows, start, d, u, stack, words)
         rows[i].instance = hit[0] if found else u32(NO_HIT)
         rows[i].primitive = hit[1]
         rows[i].u = hit[2]
         rows[i].v = hit[3]
+
+
+@jit
+def _lattice(k, shift_x, shift_y):
+    """Point `k` of the lattice in [0, 1)^2."""
+    x, y = shift_x + f64(k) * _STEPS[0], shift_y + f64(k) * _STEPS[1]
+    return x - math.floor(x), y - math.floor(y)
 
 
 @jit

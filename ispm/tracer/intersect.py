@@ -1,7 +1,8 @@
 """Rays against the two-level tree, for other kernels to call.
 
 Boxes are met conservatively and triangles with their edges: what a ray does at an edge depends on the
-edge alone, so it never passes between two triangles that share it.
+edge alone, so it never passes between two triangles that share it. Hits come in order of distance, and at
+the same distance in order of instance and triangle.
 
 Sources: Woop, Benthin & Wald, "Watertight ray/triangle intersection", 2013 (triangles); Ize, "Robust BVH
 ray traversal", 2013 (boxes); Wächter & Binder, "A fast and robust method for avoiding self-intersection",
@@ -17,7 +18,7 @@ import numpy as np
 from ispm.optics.jit import jit
 from ispm.optics.vector import cross, dot, sub
 from ispm.tracer.build import LEAF, MAX_DEPTH
-from ispm.tracer.collapse import BLOCK_WORDS, IDS, NODE_WORDS, REFS
+from ispm.tracer.collapse import BLOCK_WORDS, IDS, NEEDLE, NODE_WORDS, REFS
 from ispm.tracer.simd import (
     alloca,
     count_trailing_zeros,
@@ -37,6 +38,7 @@ from ispm.tracer.simd import (
     vdiv,
     vfma,
     vget,
+    vkeep,
     vload4,
     vload8,
     vmax,
@@ -48,7 +50,7 @@ from ispm.tracer.simd import (
     vxor,
 )  # fmt: skip
 
-f32, i64, u32, u64 = np.float32, np.int64, np.uint32, np.uint64
+f32, f64, i64, u32, u64 = np.float32, np.float64, np.int64, np.uint32, np.uint64
 
 # Slots of a world's table.
 # The last: largest coordinate of all instances' boxes, as the bits of a float32.
@@ -63,12 +65,20 @@ ROW_SCALE = 14  # m: rounding errors of its points and rays, in units of 2^-24
 # Words of a hit.
 HIT_PRIMITIVE, HIT_U, HIT_V, HIT_INSTANCE = range(4)
 
+# What a mesh's hits come between: the hit before (distance, float32; key) and the nearest so far, its key.
+# A key is instance << 32 | primitive.
+ORDER_KEY, ORDER_FIRST_KEY = range(2)
+ORDER_FIRST, ORDER_INSTANCE = 4, 5  # words of 4 bytes; the instance whose mesh is met
+
 # uint64 words of a stack: each level of a path leaves at most 7 children waiting, in either tree, and one
 # node pushes 8 before it takes the nearest back.
 STACK_WORDS = 2 * (7 * MAX_DEPTH + 8)
 
 _NOWHERE = -1
 _LOW = 0xFFFFFFFF
+_NOT_NEEDLE = np.uint32(NEEDLE ^ 0xFFFFFFFF)
+# After all keys: a hit at distance 0 does not come after it.
+_NO_KEY = np.uint64(0xFFFFFFFFFFFFFFFF)
 # Never 0, so that no sign of zero gets into the integer keys on the stack.
 _NEAREST = np.float32(1e-30)
 _SMALLEST = np.float32(1e-18)
@@ -77,6 +87,10 @@ _SMALLEST = np.float32(1e-18)
 _SLACK = np.float32(2.0**-21)
 # m; with d = 0 (1/d = 1e18) it lets a ray through that lies in the plane of a box's face.
 _SLACK_AT_ZERO = np.float32(1e-12)
+# Covers the roundings between a distance and its product with a size.
+_A_LITTLE_MORE = np.float32(1 + 2.0**-21)
+# The share of a mesh's reach within which needles are met in float64, see `meet_needle`.
+_NEAR = np.float32(1 / 256)
 # How far a ray starts from its surface, in units of the scale of rounding errors.
 _OFFSET = np.float32(4 * 2.0**-24)
 
@@ -154,13 +168,13 @@ def descend(
 
 @jit(inline=True)
 def next_waiting(stack, bottom, waiting, t):
-    """Take refs off the stack down to one nearer than t; (_NOWHERE, bottom) where there is none."""
+    """Take refs off the stack down to one no farther than t; (_NOWHERE, bottom) where there is none."""
     bits = u64(f2u(t))
     found = i64(_NOWHERE)
     while waiting > bottom:
         waiting -= 1
         key = ldq(stack, waiting)
-        if (key >> u64(32)) < bits:
+        if (key >> u64(32)) <= bits:
             found = i64(key & u64(_LOW))
             break
     return found, waiting
@@ -195,12 +209,48 @@ def meet_block(blocks, word, wx, wy, wz, kx, ky, kz, minus_x, minus_y, rate):
     return b, c, vxor(whole, sign), vmin(a, vmin(b, c)), scaled
 
 
-@jit
-def meet_mesh(nodes, blocks, root, reach, ox, oy, oz, dx, dy, dz, t, any_hit, stack, bottom, hit):
-    """Nearest hit of one mesh, in its object space; the direction need not be unit.
+@jit(inline=True)
+def meet_needle(blocks, word, ox, oy, oz, dx, dy, dz):
+    """Return (distance, u, v) of the triangle whose first word is `word`; NaN where it is seen from its edge.
 
-    bottom  words of the stack that are in use
-    ->      its distance, t where there is none nearer; primitive, u, v go to `hit`
+    In float64. Products of coordinates are as large as the square of a needle's length, their sum is its
+    area: in float32 one of 1:20 is off its plane by up to 20 roundings, more than rays start from it, and
+    they meet it again. Weights below 0 are taken for 0: the hit is within the triangle.
+    """
+    o, d = (f64(ox), f64(oy), f64(oz)), (f64(dx), f64(dy), f64(dz))
+    p, q = sub(_corner(blocks, word), o), sub(_corner(blocks, word + 12), o)
+    s = sub(_corner(blocks, word + 24), o)
+    a, b, c = dot(d, cross(s, q)), dot(d, cross(p, s)), dot(d, cross(q, p))
+    sign = f64(1) if a + b + c > f64(0) else f64(-1)
+    a, b, c = max(sign * a, f64(0)), max(sign * b, f64(0)), max(sign * c, f64(0))
+    inverse = f64(1) / (a + b + c)
+    along = (a * dot(d, p) + b * dot(d, q) + c * dot(d, s)) * inverse
+    return f32(along / dot(d, d)), f32(b * inverse), f32(c * inverse)
+
+
+@jit(inline=True)
+def _corner(blocks, word):
+    return f64(ldf(blocks, word)), f64(ldf(blocks, word + 4)), f64(ldf(blocks, word + 8))
+
+
+@jit(inline=True)
+def is_between(order, t, distance, primitive):
+    """Whether a hit comes before the one at t and after the one in `order`; it is then the one at t."""
+    key = (u64(ldu(order, ORDER_INSTANCE)) << u64(32)) | u64(primitive)
+    first = ldf(order, ORDER_FIRST)
+    before = distance < t or (distance == t and key < ldq(order, ORDER_KEY))
+    between = before and (distance > first or (distance == first and key > ldq(order, ORDER_FIRST_KEY)))
+    if between:
+        stq(order, ORDER_KEY, key)
+    return between
+
+
+@jit
+def meet_mesh(nodes, blocks, root, reach, ox, oy, oz, dx, dy, dz, t, any_hit, stack, bottom, order, hit):
+    """First hit of one mesh, in its object space; the direction need not be unit.
+
+    bottom  words of the stack that are in use;  order  what hits come between, see ORDER_KEY
+    ->      its distance, t where there is none before; the rest goes to `hit` and `order`
     """
     rx, nx, ax, bx = slab(ox, dx, reach, 0)
     ry, ny, ay, by = slab(oy, dy, reach, 16)
@@ -211,7 +261,7 @@ def meet_mesh(nodes, blocks, root, reach, ox, oy, oz, dx, dy, dz, t, any_hit, st
     vrx, vry, vrz = splat8(rx), splat8(ry), splat8(rz)
     vax, vay, vaz = splat8(ax), splat8(ay), splat8(az)
     vbx, vby, vbz = splat8(bx), splat8(by), splat8(bz)
-    limit, nearest = splat8(t), splat8(_NEAREST)
+    limit, nearest = splat8(t), splat8(ldf(order, ORDER_FIRST))
     keys = alloca(4)
 
     # Shear space: the axis the ray runs along most becomes its z.
@@ -226,6 +276,8 @@ def meet_mesh(nodes, blocks, root, reach, ox, oy, oz, dx, dy, dz, t, any_hit, st
         kx, ky, kz, slope_x, slope_y, rate = ox, oy, oz, dx * rz, dy * rz, rz
     vkx, vky, vkz = splat4(kx), splat4(ky), splat4(kz)
     minus_x, minus_y, vrate = splat4(-slope_x), splat4(-slope_y), splat4(rate)
+    near = abs(rate) * reach * _NEAR
+    back, farthest = splat4(-near), splat4(t * _A_LITTLE_MORE)
 
     waiting = bottom
     ref = i64(root)
@@ -243,21 +295,30 @@ def meet_mesh(nodes, blocks, root, reach, ox, oy, oz, dx, dy, dz, t, any_hit, st
                 b, c, size, inside, scaled = meet_block(
                     blocks, word, wx, wy, wz, vkx, vky, vkz, minus_x, minus_y, vrate
                 )
-                met = i64(mask_inside(inside, scaled, vmul(splat4(t), size)))
-                if met != 0:
-                    inverse = vdiv(splat4(f32(1)), size)
-                    distance = vmul(scaled, inverse)
-                    while met != 0:
-                        k = i64(count_trailing_zeros(u32(met)))
-                        met &= met - 1
-                        if vget(distance, k) < t:
-                            t = vget(distance, k)
-                            stu(hit, HIT_PRIMITIVE, ldu(blocks, word + IDS + k))
-                            stf(hit, HIT_U, vget(vmul(b, inverse), k))
-                            stf(hit, HIT_V, vget(vmul(c, inverse), k))
-                    if any_hit:
-                        return t
-                    limit = splat8(t)
+                lowest = vmul(vkeep(vload4(blocks, word + IDS), back), size)
+                met = i64(mask_inside(inside, scaled, lowest, vmul(farthest, size)))
+                if met == 0:
+                    word += BLOCK_WORDS
+                    continue
+                inverse = vdiv(splat4(f32(1)), size)
+                distances = vmul(scaled, inverse)
+                while met != 0:
+                    k = i64(count_trailing_zeros(u32(met)))
+                    met &= met - 1
+                    distance, primitive = vget(distances, k), ldu(blocks, word + IDS + k)
+                    u = v = f32(0)
+                    needle = distance < near and primitive & u32(NEEDLE) != u32(0)  # near is the rarer
+                    if needle:
+                        distance, u, v = meet_needle(blocks, word + k, ox, oy, oz, dx, dy, dz)
+                    if is_between(order, t, distance, primitive & _NOT_NEEDLE):
+                        t = distance
+                        if not needle:
+                            u, v = vget(vmul(b, inverse), k), vget(vmul(c, inverse), k)
+                        stf(hit, HIT_U, u)
+                        stf(hit, HIT_V, v)
+                        if any_hit:
+                            return t
+                        limit, farthest = splat8(t), splat4(t * _A_LITTLE_MORE)
                 word += BLOCK_WORDS
         ref, waiting = next_waiting(stack, bottom, waiting, t)
         if ref < 0:
@@ -265,8 +326,8 @@ def meet_mesh(nodes, blocks, root, reach, ox, oy, oz, dx, dy, dz, t, any_hit, st
 
 
 @jit
-def meet_world(table, ox, oy, oz, dx, dy, dz, t_max, any_hit, stack, hit):
-    """Nearest hit over all instances, or the first one found; its distance, t_max without one."""
+def meet_world(table, ox, oy, oz, dx, dy, dz, first, first_key, t_max, any_hit, stack, hit):
+    """First hit over all instances after the one at `first`, or any; its distance, t_max without one."""
     nodes, rows = ldq(table, TOP_NODES), ldq(table, ROWS)
     mesh_nodes, blocks = ldq(table, NODES), ldq(table, BLOCKS)
     reach = u2f(u32(ldq(table, TOP_REACH)))
@@ -279,8 +340,12 @@ def meet_world(table, ox, oy, oz, dx, dy, dz, t_max, any_hit, stack, hit):
     vrx, vry, vrz = splat8(rx), splat8(ry), splat8(rz)
     vax, vay, vaz = splat8(ax), splat8(ay), splat8(az)
     vbx, vby, vbz = splat8(bx), splat8(by), splat8(bz)
+    order = alloca(3)
+    stq(order, ORDER_KEY, u64(0))  # which no key is below: hits are nearer than t_max
+    stq(order, ORDER_FIRST_KEY, first_key)
+    stf(order, ORDER_FIRST, max(first, _NEAREST))
     t = t_max
-    limit, nearest = splat8(t), splat8(_NEAREST)
+    limit, nearest = splat8(t), splat8(max(first, _NEAREST))
     keys = alloca(4)
     waiting = i64(0)
     ref = i64(0)
@@ -295,7 +360,8 @@ def meet_world(table, ox, oy, oz, dx, dy, dz, t_max, any_hit, stack, hit):
         else:
             instance = ref & i64(0x7FFFFFF)
             m = rows + u64(4 * ROW_WORDS) * u64(instance)
-            distance = meet_mesh(
+            stu(order, ORDER_INSTANCE, u32(instance))
+            t = meet_mesh(
                 mesh_nodes, blocks, ldu(m, ROW_ROOT), ldf(m, ROW_REACH),
                 ldf(m, 0) * ox + ldf(m, 1) * oy + ldf(m, 2) * oz + ldf(m, 3),
                 ldf(m, 4) * ox + ldf(m, 5) * oy + ldf(m, 6) * oz + ldf(m, 7),
@@ -303,17 +369,19 @@ def meet_world(table, ox, oy, oz, dx, dy, dz, t_max, any_hit, stack, hit):
                 ldf(m, 0) * dx + ldf(m, 1) * dy + ldf(m, 2) * dz,
                 ldf(m, 4) * dx + ldf(m, 5) * dy + ldf(m, 6) * dz,
                 ldf(m, 8) * dx + ldf(m, 9) * dy + ldf(m, 10) * dz,
-                t, any_hit, stack, waiting, hit,
+                t, any_hit, stack, waiting, order, hit,
             )  # fmt: skip
-            if distance < t:
-                t = distance
-                stu(hit, HIT_INSTANCE, u32(instance))
-                if any_hit:
-                    return t
-                limit = splat8(t)
+            if any_hit and t < t_max:
+                return t
+            limit = splat8(t)
         ref, waiting = next_waiting(stack, i64(0), waiting, t)
         if ref < 0:
-            return t
+            break
+    if t < t_max:
+        key = ldq(order, ORDER_KEY)
+        stu(hit, HIT_INSTANCE, u32(key >> u64(32)))
+        stu(hit, HIT_PRIMITIVE, u32(key))
+    return t
 
 
 @jit
@@ -324,13 +392,24 @@ def closest(table, ox, oy, oz, dx, dy, dz, t_max, stack, hit):
     hit    of 4 words, written only where something is hit: primitive, u, v (barycentric coordinates of
            the second and third corner), instance
     """
-    return meet_world(table, ox, oy, oz, dx, dy, dz, t_max, False, stack, hit)
+    return meet_world(table, ox, oy, oz, dx, dy, dz, f32(0), _NO_KEY, t_max, False, stack, hit)
+
+
+@jit
+def closest_after(table, ox, oy, oz, dx, dy, dz, first, stack, hit):
+    """Return the distance of the next hit after the one in `hit`, infinity where nothing follows.
+
+    first  distance of that one; 0, and in `hit` NO_HIT for instance and primitive, for the nearest
+    Every triangle along the ray comes once, those that coincide too. Arguments as of `closest`.
+    """
+    key = (u64(ldu(hit, HIT_INSTANCE)) << u64(32)) | u64(ldu(hit, HIT_PRIMITIVE))
+    return meet_world(table, ox, oy, oz, dx, dy, dz, first, key, f32(np.inf), False, stack, hit)
 
 
 @jit
 def any_hit(table, ox, oy, oz, dx, dy, dz, t_max, stack):
     """Return whether anything lies nearer than t_max along a ray."""
-    return meet_world(table, ox, oy, oz, dx, dy, dz, t_max, True, stack, alloca(2)) < t_max
+    return meet_world(table, ox, oy, oz, dx, dy, dz, f32(0), _NO_KEY, t_max, True, stack, alloca(2)) < t_max
 
 
 @jit
@@ -350,21 +429,39 @@ def leave_triangle(corner, e1, e2, u, v, n, scale):
     object space coordinates, its translation, or what they give, whichever is largest, not what they sum
     to. Rays take the way back, where an uneven matrix makes the error grow. An instance's scale is the
     product of both; the point moves by 4 of its 2^-24 along n. A point this close to an edge may also lie
-    behind the wall that begins there, so it first moves towards the triangle's center, to four times as far
-    from the nearest edge: the wall may lean over this triangle, down to an angle of 15 degrees.
+    behind the wall that begins there, so it first moves towards the center of the circle within the
+    triangle until it is four times as far from all edges, or half of the circle's radius: the wall may lean
+    over this triangle, down to an angle of 15 degrees. Others stay: the center of a needle is far away.
     """
     h = _OFFSET * scale
-    inside = f32(4) * h
-    x, y, z = cross(e1, e2)
-    e3 = sub(e2, e1)
+    e3, area = sub(e2, e1), cross(e1, e2)
     longest = max(dot(e1, e1), max(dot(e2, e2), dot(e3, e3)))
-    # The center lies a third of the height above each edge; the least height is above the longest one.
-    depth = math.sqrt((x * x + y * y + z * z) / longest) * f32(1 / 3) if longest > f32(0) else f32(0)
-    inward = inside / depth if depth > inside else f32(1)
-    u += inward * (f32(1 / 3) - u)
-    v += inward * (f32(1 / 3) - v)
+    least = min(u, min(v, f32(1) - u - v))
+    if least * least * dot(area, area) < f32(16) * h * h * longest:  # may be nearer than 4 h to an edge
+        u, v = _inwards(e1, e2, e3, u, v, f32(4) * h)
     return (
         corner[0] + (u * e1[0] + v * e2[0]) + h * n[0],
         corner[1] + (u * e1[1] + v * e2[1]) + h * n[1],
         corner[2] + (u * e1[2] + v * e2[2]) + h * n[2],
     )
+
+
+@jit
+def _inwards(e1, e2, e3, u, v, margin):
+    """Move a point towards the center of the circle within until it is `margin` from all edges."""
+    area = cross(e1, e2)
+    a, b, c = math.sqrt(dot(e3, e3)), math.sqrt(dot(e2, e2)), math.sqrt(dot(e1, e1))
+    around, twice_area = a + b + c, math.sqrt(dot(area, area))
+    if around > f32(0):  # the weights of the center
+        a, b, c = a / around, b / around, c / around
+    share = f32(0.5)  # of the circle's radius
+    if margin * around < share * twice_area:
+        share = margin * around / twice_area
+    way = max(_way_to(share * a, f32(1) - u - v, a), max(_way_to(share * b, u, b), _way_to(share * c, v, c)))
+    return u + way * (b - u), v + way * (c - v)
+
+
+@jit(inline=True)
+def _way_to(low, weight, center):
+    """The share of the way from `weight` to the center's on which `low` is reached."""
+    return (low - weight) / (center - weight) if weight < low else f32(0)

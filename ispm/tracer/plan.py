@@ -9,6 +9,7 @@ import numpy as np
 
 from ispm.optics.records import LIGHT_SPOT
 from ispm.optics.rng import random4
+from ispm.optics.vector import LUMINANCE
 from ispm.scene.aim import aimed_maps
 from ispm.scene.lightmap import LightMap
 from ispm.scene.packed import Packed
@@ -19,6 +20,7 @@ _LEAST_BASE = 0.05  # of a light's photons, which its own map keeps
 _AIMED_MOST = 8  # maps of a light
 _AIMED_LEAST = 128  # photons that a map which is aimed is worth drawing for, on average
 _SPOT_WIDTH = 8  # texels that see a cone's fade well enough
+_SPARE = 2.0  # texels of an edge that could emit a photon for each that does
 _FINEST = 2.0  # texels of an edge over the root of the photons; a texel may emit several
 
 
@@ -45,7 +47,7 @@ def share_photons(packed: Packed, photon_count: int) -> np.ndarray:
     But each light that shines gets a tenth of an equal share, and one.
     """
     measures = np.array([map.measure for map in packed.maps])
-    power = packed.lights["intensity"].astype(np.float64) @ (0.2126, 0.7152, 0.0722) * measures
+    power = packed.lights["intensity"].astype(np.float64) @ LUMINANCE * measures
     if photon_count == 0 or not power.any():
         return np.zeros(len(power), np.int64)
     shares = np.where(power > 0.0, np.maximum(power / power.sum(), _FLOOR / np.count_nonzero(power)), 0.0)
@@ -78,10 +80,13 @@ def map_width(map: LightMap, light: np.void, photons: int) -> int:
     """Return the width of a map's face so that its texels emit at most one photon each.
 
     A texel covers at most 4 k^2 / W^2 sr, k the spread, and must not carry more than the part 1 / N of the
-    map's measure. For a cube W^2 >= N / pi, and about 52 % of the texels survive.
+    map's measure. For a cube W^2 >= N / pi, and about 52 % of the texels survive. Of a single face nearly all
+    would: a grid, which mirrors fold into rings. So it has four texels a photon.
     """
     largest = map.measure if map.orthographic else 4.0 * map.spread**2
     needed = math.sqrt(photons * largest / map.measure)
+    if len(map.axes) == 1:
+        needed *= _SPARE
     least = _SPOT_WIDTH if light["kind"] == LIGHT_SPOT else 1
     return max(least, math.ceil(min(needed, _FINEST * math.sqrt(photons))))
 

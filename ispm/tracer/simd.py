@@ -184,6 +184,19 @@ def vxor(typingctx, a, b):
     return a(a, b), code
 
 
+@intrinsic
+def vkeep(typingctx, signs, a):
+    """The lanes of a where the first bit of those of `signs` is set, else 0."""
+
+    def code(context, builder, signature, args):
+        integers = ir.VectorType(_I32, a.lanes)
+        zero = ir.Constant(integers, [0] * a.lanes)
+        kept = builder.icmp_signed("<", builder.bitcast(args[0], integers), zero)
+        return builder.select(kept, args[1], ir.Constant(_vector(a.lanes), [0.0] * a.lanes))
+
+    return a(signs, a), code
+
+
 def _mask(compare: str) -> Any:
     @intrinsic
     def mask(typingctx, a, b):
@@ -200,17 +213,17 @@ mask_le = _mask("<=")  # bit k: whether lane k of a <= that of b; false for NaN
 
 
 @intrinsic
-def mask_inside(typingctx, least, t, limit):
-    """Bit k: whether least >= 0 and 0 < t < limit in lane k; false for NaN."""
+def mask_inside(typingctx, least, t, low, high):
+    """Bit k: whether least >= 0 and low < t <= high in lane k; false for NaN."""
 
     def code(context, builder, signature, args):
         zero = ir.Constant(_vector(least.lanes), [0.0] * least.lanes)
         lanes = builder.fcmp_ordered(">=", args[0], zero, flags=_EXACT)
-        lanes = builder.and_(lanes, builder.fcmp_ordered(">", args[1], zero, flags=_EXACT))
-        lanes = builder.and_(lanes, builder.fcmp_ordered("<", args[1], args[2], flags=_EXACT))
+        lanes = builder.and_(lanes, builder.fcmp_ordered(">", args[1], args[2], flags=_EXACT))
+        lanes = builder.and_(lanes, builder.fcmp_ordered("<=", args[1], args[3], flags=_EXACT))
         return builder.zext(builder.bitcast(lanes, ir.IntType(least.lanes)), _I32)
 
-    return types.uint32(least, t, limit), code
+    return types.uint32(least, t, low, high), code
 
 
 @intrinsic

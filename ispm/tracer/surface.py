@@ -20,6 +20,7 @@ from ispm.optics.records import (
     MATERIAL_THIN,
     MATERIAL_TRANSMITS,
     MATERIAL_UNLIT,
+    NO_HIT,
     TEXTURE_USE,
     VERTEX,
 )  # fmt: skip
@@ -31,12 +32,12 @@ from ispm.tracer.intersect import (
     HIT_PRIMITIVE,
     HIT_U,
     HIT_V,
-    closest,
+    closest_after,
     instance_scale,
     leave_triangle,
 )  # fmt: skip
 from ispm.tracer.normals import bend, unit
-from ispm.tracer.simd import address, ldf, ldu
+from ispm.tracer.simd import address, ldf, ldu, stu
 
 f32, i64, u32 = np.float32, np.int64, np.uint32
 
@@ -191,19 +192,22 @@ def closest_surface(world, table, texels, rows, origin, d, u, stack, words):
 
     u  random in [0, 1): a blended surface is met where u is below its opacity
     """
-    reach = f32(0)
+    t, edge = f32(0), False
+    stu(words, HIT_INSTANCE, u32(NO_HIT))
+    stu(words, HIT_PRIMITIVE, u32(NO_HIT))
     for _ in range(_HOLES_MAX):
-        t = closest(world, origin[0], origin[1], origin[2], d[0], d[1], d[2], f32(np.inf), stack, words)
+        before = t
+        t = closest_after(world, origin[0], origin[1], origin[2], d[0], d[1], d[2], before, stack, words)
         hit = (ldu(words, HIT_INSTANCE), ldu(words, HIT_PRIMITIVE), ldf(words, HIT_U), ldf(words, HIT_V))
         if t == f32(np.inf):
             return False, hit
+        edge = (edge and t == before) or min(hit[2], min(hit[3], f32(1) - hit[2] - hit[3])) <= f32(0)
+        if edge and t == before:  # two triangles of one surface, met at the edge they share
+            continue
         opacity = _opacity(table, texels, rows, hit)
         if u < opacity:
             return True, hit
         u = (u - opacity) / (f32(1) - opacity)  # uniform again, whatever lies behind
-        largest = max(max(abs(origin[0]), abs(origin[1])), max(abs(origin[2]), t))
-        reach = t + f32(1e-5) * largest
-        origin = add(origin, scale(reach, d))
     return False, (u32(0), u32(0), f32(0), f32(0))
 
 

@@ -2,6 +2,7 @@
 
 import os
 import pickle
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -12,7 +13,9 @@ from transport import box_room, lit, render
 
 from ispm.cli.main import main
 from ispm.errors import IspmError, SceneError, SettingsError
+from ispm.io.image import read_picture
 from ispm.renderer import Renderer
+from ispm.renderer.progress import Progress
 from ispm.scene.builtin import builtin
 from ispm.scene.camera import Camera
 from ispm.scene.light import PointLight
@@ -149,3 +152,26 @@ def test_frames_own_their_arrays_whatever_is_rendered_next(gpu):
         assert (first.direct == kept[0]).all() and (first.radiance == kept[1]).all()
         assert all((direct == other.direct).all() for other in others)
         assert not (direct == kept[0]).all()
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="signals of another kind")
+def test_an_interrupt_keeps_the_passes_that_were_done(tmp_path):
+    picture, kept = tmp_path / "a.png", tmp_path / "a.npz"
+    words = ["render", "cornell-box", "--size", "64x36", "--photons", "1000", "--passes", "100k"]
+    words += ["-o", str(picture), "--resume", str(kept)]
+    with subprocess.Popen(
+        [sys.executable, "-m", "ispm", *words], stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    ) as process:
+        said = []
+        for line in process.stderr:
+            said.append(line)
+            if line.startswith("2 passes"):
+                process.send_signal(signal.SIGINT)
+                break
+        out, rest = process.communicate(timeout=120)
+    assert process.returncode == 130
+    assert out.split() == [str(kept), str(picture)]
+    assert "interrupted" in rest and "Traceback" not in rest
+    done = Progress.load(kept).passes
+    assert done >= 2 and read_picture(picture).shape == (36, 64, 3)
+    assert f"mean of {done} passes" in rest

@@ -11,6 +11,7 @@ from ispm.gpu import Gpu
 from ispm.scene.packed import Packed
 from ispm.stages.camera import CameraView
 from ispm.stages.direct import DirectStage
+from ispm.stages.downsample import Downsample
 from ispm.stages.gbuffer import GBufferStage
 from ispm.stages.shadow import ShadowStage
 from ispm.stages.upload import Upload
@@ -34,7 +35,7 @@ class Lit:
         tiles = self.shadows.tiles[6 * light : 6 * light + 6]
         p = np.abs((points - row["origin"]) @ np.stack([row["x"], row["y"], row["z"]]).T.astype(float))
         ahead = p.max(axis=1) if row["faces"] == 6 else p[:, 2]
-        scale = tiles["scale"][tiles["side"] > 0.0].min()
+        scale = tiles["scale"][tiles["size"][:, 0] > 0.0].min()
         return np.asarray((np.ones_like(ahead) if row["parallel"] else ahead) / scale)
 
 
@@ -44,9 +45,11 @@ class Lamp:
 
     gpu: Gpu
     stages: tuple[Upload, GBufferStage, DirectStage] = field(init=False)
+    downsample: Downsample = field(init=False)
 
     def __post_init__(self) -> None:
         self.stages = Upload(self.gpu), GBufferStage(self.gpu), DirectStage(self.gpu)
+        self.downsample = Downsample(self.gpu, 4)
 
     def __call__(self, packed: Packed, view: CameraView, resolution: int = 256, near: float = 1e-3) -> Lit:
         upload, gbuffer, direct = self.stages
@@ -56,10 +59,11 @@ class Lamp:
             seen = gbuffer(frame, scene, view)
         depth, ids = self.gpu.read_many([(seen.depth, np.float32), (seen.ids, np.uint32, 2)])
         points = _points(view, depth)
-        receivers = points[::4, ::4].reshape(-1, 3)
-        receivers = receivers[np.isfinite(receivers[:, 0])].astype(np.float32)
         with self.gpu.frame() as frame:
-            maps = shadow(frame, scene, receivers, view.eye_or_direction, near)
+            self.downsample(frame, scene, seen, view)
+        receivers = self.downsample.read(self.gpu, view)
+        with self.gpu.frame() as frame:
+            maps = shadow(frame, scene, receivers[receivers["valid"] > 0], view, near)
             radiance = direct(frame, scene, seen, maps, view)
         pixels = self.gpu.read_texture(radiance, np.float32, 4)
         return Lit(pixels[..., :3], ids[..., 0], points, maps)

@@ -17,6 +17,7 @@ from ispm.scene.packed import Packed, pack
 from ispm.scene.scene import Scene
 from ispm.scene.shapes import box
 from ispm.stages.camera import CameraView
+from ispm.stages.shadow import shared_indices
 from ispm.tracer.world import World
 
 LAMPS: dict[str, tuple[Light, tuple[float, float, float]]] = {
@@ -141,11 +142,11 @@ def test_tiles_hold_the_nearest_depth(gpu: Gpu, lamp: Lamp, kind: str) -> None:
     row = lit.shadows.maps[0]
     turn = np.stack([row["x"], row["y"], row["z"]]).astype(float)
     triangles, off, count = triangles_of(packed), 0, 0
-    for index in np.flatnonzero(lit.shadows.tiles["side"] > 0.0):
+    for index in np.flatnonzero(lit.shadows.tiles["size"][:, 0] > 0.0):
         tile = lit.shadows.tiles[index]
-        side = int(tile["side"])
+        width, height = (int(side) for side in tile["size"])
         x0, y0 = (int(c) for c in tile["corner"])
-        y, x = np.mgrid[:side, :side] + 0.5
+        y, x = np.mgrid[:height, :width] + 0.5
         uv = (np.stack([x + x0, y + y0], -1).reshape(-1, 2) - tile["shift"]) / tile["scale"]
         axes = CUBE[index] if row["faces"] == 6 else CUBE[4]
         right, down, ahead = axes @ turn
@@ -158,9 +159,9 @@ def test_tiles_hold_the_nearest_depth(gpu: Gpu, lamp: Lamp, kind: str) -> None:
         with np.errstate(divide="ignore"):
             depth = row["near"] - row["slope"] * (t - 100.0) if row["parallel"] else near / t
         expected = np.where(hit >= 0, depth, 0.0)
-        got = stored[y0 : y0 + side, x0 : x0 + side].ravel()
+        got = stored[y0 : y0 + height, x0 : x0 + width].ravel()
         off += int((np.abs(got - expected) > 1e-5 * max(expected.max(), 1e-30)).sum())
-        count += side * side
+        count += width * height
     assert count >= 32 * 32 and off < 0.012 * count  # silhouettes snap to the sub-pixel grid
 
 
@@ -267,3 +268,16 @@ def test_blend_casts_a_partial_shadow(lamp: Lamp) -> None:
     free = lamp(pack(scene), view).radiance
     # the view covers about 50 x 50 texels of the shadow: standard deviation 0.009; 5 of them
     assert float((part / free).mean()) == pytest.approx(0.75, abs=0.045)
+
+
+def test_shared_corners_are_where_they_were() -> None:
+    """And flat meshes need as many vertices as they have places, smooth ones what they had."""
+    scene = mixed_scene()
+    scene.roots[1].parts[0].mesh.normals = None
+    geometry = pack(scene).geometry
+    shared = shared_indices(geometry)
+    for field in ("position", "uv0", "color"):
+        assert (geometry.vertices[field][shared] == geometry.vertices[field][geometry.indices]).all()
+    for kept in geometry.ranges:
+        corners = slice(kept.first_index, kept.first_index + 3 * kept.triangle_count)
+        assert len(np.unique(shared[corners])) == len(np.unique(kept.mesh.triangles))

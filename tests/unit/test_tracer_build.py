@@ -53,7 +53,7 @@ def leaves(bvh):
             corners = corners[ids != collapse.NO_REF].reshape(-1, 3)
             assert (corners.min(axis=0) == planes[node, k:48:16]).all()
             assert (corners.max(axis=0) == planes[node, k + 8 : 48 : 16]).all()
-            found += ids[ids != collapse.NO_REF].tolist()
+            found += (ids[ids != collapse.NO_REF] & ~np.uint32(collapse.NEEDLE)).tolist()
     return found, deepest
 
 

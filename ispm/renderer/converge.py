@@ -1,0 +1,76 @@
+"""Progressive passes: their mean converges to the truth.
+
+Each pass is a picture with photons of its own and kernels smaller than those of the one before, so that noise
+and bias of the mean vanish together (Knaus and Zwicker 2011, "Progressive photon mapping: a probabilistic
+approach", section 4: the kernels' area falls as r_{i+1}^2 / r_i^2 = (i + alpha) / (i + 1)).
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+from ispm.renderer.picture import Frame
+from ispm.renderer.progress import Progress
+from ispm.settings import Settings
+
+if TYPE_CHECKING:
+    from ispm.renderer.renderer import Renderer
+
+_ALPHA = 2.0 / 3.0  # noise and bias of the mean fall alike, with the cube root of the passes
+_STEPS = 0.7548776662466927, 0.5698402909980532  # of a lattice that covers a square evenly (Roberts 2018)
+_SURE = 4  # passes from which the estimated error may stop
+
+
+def of_pass(settings: Settings, index: int) -> Settings:
+    """Return the settings of pass `index`: kernels shrink, and samples move about the pixel instead of being
+    several, but in the first."""
+    if index == 0:
+        return settings
+    return settings.replace(antialias=False, smoothing=settings.smoothing * shrunk(index))
+
+
+def shrunk(index: int) -> float:
+    """Return the radius of pass `index` over that of pass 0."""
+    # the product of (k + alpha) / (k + 1) over k = 1 to index
+    log = math.lgamma(index + 1 + _ALPHA) - math.lgamma(1 + _ALPHA) - math.lgamma(index + 2)
+    return math.exp(0.5 * log)
+
+
+def place_in_pixel(index: int) -> tuple[float, float]:
+    """Return where pass `index` samples the pixels, right of and below their centres; of pass 0: there."""
+    x, y = ((0.5 + index * step) % 1.0 - 0.5 for step in _STEPS)
+    return x, y
+
+
+def converge(renderer: Renderer, goal: Settings) -> Iterator[Frame]:
+    """Render passes until one of the goal's ends is reached; yield the mean of all after each.
+
+    Continues `renderer.progress` where there is one; where that is at its end already, yields it once.
+    Raises SettingsError where it is of another scene.
+    """
+    started = time.perf_counter()
+    progress, settings, threads = renderer.progress, renderer.settings, renderer.threads
+    made_of, longest = renderer.fingerprint(), 0.0
+    if progress:
+        progress.require(made_of)
+        if progress.passes >= goal.most_passes:
+            yield progress.frame(settings, threads)
+            return
+    while True:
+        begun = time.perf_counter()
+        frame = renderer.render_pass(progress.passes if progress else 0)
+        if progress is None:
+            progress = renderer.progress = Progress.start(frame, made_of)
+        else:
+            progress.add(frame)
+        yield progress.frame(settings, threads)
+        longest = max(longest, time.perf_counter() - begun)
+        if (
+            progress.passes >= goal.most_passes
+            or (goal.time_limit and time.perf_counter() - started + longest > goal.time_limit)
+            or (progress.passes >= _SURE and progress.error() <= goal.target_error)
+        ):
+            return

@@ -1,0 +1,151 @@
+"""What progressive passes have summed up: their mean, its estimated error, and its file."""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import json
+import math
+import zipfile
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from ispm.errors import OutputError, SettingsError
+from ispm.io.image import ABOUT, write_npz
+from ispm.optics.vector import LUMINANCE
+from ispm.renderer.compose import develop
+from ispm.renderer.layers import Layers, sum_layers
+from ispm.renderer.picture import Frame
+from ispm.renderer.statistics import Stats
+from ispm.scene.packed import Packed
+from ispm.settings import Settings
+from ispm.stages.camera import CameraView
+
+_SUMMED = ("direct", "indirect", "emission", "irradiance", "alpha")
+_KEPT = ("depth", "normal", "albedo", "instance", "material")  # of the first pass
+_FREE = ("passes", "time_limit", "target_error", "exposure", "tonemap", "preset")  # may differ when resumed
+_DARK = 1e-3  # of the square of the picture's mean: below it errors count as in relMSE
+
+
+@dataclass
+class Progress:
+    """The passes so far.
+
+    sums     direct, indirect, emission, irradiance (h, w, 3), alpha (h, w), float32
+    moments  (2, h, w) float64: sums of luminance and of its square
+    first    layers and camera of the first pass
+    made_of  fingerprint of scene, camera and settings
+    stats    of the last pass
+    """
+
+    passes: int
+    sums: dict[str, np.ndarray] = field(repr=False)
+    moments: np.ndarray = field(repr=False)
+    first: Mapping[str, np.ndarray] = field(repr=False)
+    camera: dict[str, np.ndarray] = field(repr=False)
+    scene: str
+    made_of: str
+    stats: Stats = field(repr=False)
+
+    @classmethod
+    def start(cls, frame: Frame, made_of: str) -> Progress:
+        """Begin with the frame of pass 0."""
+        sums = {name: np.zeros_like(frame[name]) for name in _SUMMED}
+        moments = np.zeros((2, *frame["depth"].shape))
+        progress = cls(0, sums, moments, frame.layers, frame.camera, frame.scene, made_of, frame.stats)
+        progress.add(frame)
+        return progress
+
+    def add(self, frame: Frame) -> None:
+        """Add the frame of the next pass."""
+        for name, total in self.sums.items():
+            total += frame[name]
+        luminance = frame.radiance @ np.array(LUMINANCE)
+        self.moments[0] += luminance
+        self.moments[1] += luminance * luminance
+        self.passes += 1
+        self.stats = frame.stats
+
+    def error(self) -> float:
+        """Return the estimated relative error of the mean that is left: noise, as the passes differ.
+
+        The root of the mean over the pixels of sigma^2 / (L^2 + 0.001 mean(L)^2), sigma the standard error
+        of the luminance L. What all passes have in common, the bias of their kernels, does not show in it.
+        Not a number after one pass.
+        """
+        n = self.passes
+        if n < 2:
+            return math.nan
+        mean = self.moments[0] / n
+        variance = np.maximum(self.moments[1] / n - mean * mean, 0.0) / (n - 1)
+        floor = max(_DARK * float(mean.mean()) ** 2, 1e-300)
+        return math.sqrt(float((variance / (mean * mean + floor)).mean()))
+
+    def frame(self, settings: Settings, threads: int) -> Frame:
+        """Return the mean of the passes as a frame."""
+        share = np.float32(1.0 / self.passes)
+        mean = {name: total * share for name, total in self.sums.items()}
+        mean["full"] = sum_layers(mean["direct"], mean["indirect"], mean["emission"], threads)
+        image, exposure = develop(mean["full"], mean["alpha"], settings, threads)
+        makers = {name: (lambda a=array: a) for name, array in mean.items()}
+        makers |= {name: (lambda n=name: self.first[n]) for name in _KEPT}
+        stats = dataclasses.replace(self.stats, passes=self.passes, error=self.error())
+        return Frame(image, Layers(makers), stats, settings, self.camera, exposure, self.scene)
+
+    def save(self, path: str | Path) -> Path:
+        """Write a file that `load` reads. Raises OutputError."""
+        arrays = {f"sum.{name}": total for name, total in self.sums.items()}
+        arrays |= {f"first.{name}": self.first[name] for name in _KEPT}
+        arrays |= {f"camera.{name}": array for name, array in self.camera.items()}
+        about = {name: getattr(self, name) for name in ("passes", "scene", "made_of")}
+        about["stats"] = dataclasses.asdict(self.stats)
+        write_npz(path, {**arrays, "moments": self.moments}, {"ispm:progress": json.dumps(about)})
+        return Path(path)
+
+    @classmethod
+    def load(cls, path: str | Path) -> Progress:
+        """Read what `save` wrote. Raises OutputError for a file that is none of these."""
+        try:
+            with np.load(path, allow_pickle=False) as file:
+                arrays = dict(file)
+            about = json.loads(json.loads(str(arrays.pop(ABOUT)))["ispm:progress"])
+            parts = {prefix: _part(arrays, prefix) for prefix in ("sum.", "first.", "camera.")}
+            sums, first, camera = parts.values()
+            return cls(
+                int(about["passes"]), {name: sums[name] for name in _SUMMED}, arrays["moments"],
+                {name: first[name] for name in _KEPT}, camera, about["scene"], about["made_of"],
+                Stats(**about["stats"]),
+            )  # fmt: skip
+        except OSError as error:
+            raise OutputError(f"{path}: cannot be read: {error.strerror or error}") from None
+        except (KeyError, ValueError, TypeError, EOFError, zipfile.BadZipFile):
+            raise OutputError(f"{path}: does not hold passes to continue; name another file") from None
+
+    def require(self, made_of: str) -> None:
+        """Raise SettingsError where these are passes of something else."""
+        if self.made_of != made_of:
+            raise SettingsError(
+                f"resume: holds {self.passes} passes of another scene, camera or settings; continue with the "
+                "same ones, or name another file"
+            )
+
+
+def _part(arrays: Mapping[str, np.ndarray], prefix: str) -> dict[str, np.ndarray]:
+    return {name.removeprefix(prefix): a for name, a in arrays.items() if name.startswith(prefix)}
+
+
+def fingerprint(packed: Packed, view: CameraView, settings: Settings) -> str:
+    """Return what tells one picture from another: scene, camera and all settings that passes share."""
+    from ispm import __version__
+
+    knobs = {name: value for name, value in dataclasses.asdict(settings).items() if name not in _FREE}
+    eye = (view.size, view.pose.tolist(), view.yfov, view.ymag, view.aspect, view.principal)
+    digest = hashlib.sha256(json.dumps([__version__, knobs, eye]).encode())
+    geometry = packed.geometry
+    tables = (geometry.vertices, geometry.indices, packed.instances, packed.materials, packed.lights)
+    for table in (*tables, *(texture.pixels for texture in packed.textures)):
+        digest.update(table.tobytes())
+    return digest.hexdigest()

@@ -1,0 +1,111 @@
+"""Progressive passes: their mean, its error, its end, and going on with it."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+
+from ispm.errors import IspmError, OutputError, SettingsError
+from ispm.io.named import builtin
+from ispm.renderer import Renderer
+from ispm.renderer.converge import place_in_pixel, shrunk
+from ispm.settings import Settings
+
+SETTINGS = Settings(size=(160, 90), photons=4000)
+
+
+@pytest.fixture(scope="module")
+def scene():
+    return builtin("cornell-box")
+
+
+def renderer(gpu, scene, **changes):
+    return Renderer(scene, SETTINGS.replace(**changes), gpu=gpu)
+
+
+def test_kernels_shrink_as_knaus_and_zwicker_say():
+    areas = np.array([shrunk(k) for k in range(200)]) ** 2
+    assert areas[0] == 1.0
+    k = np.arange(1, 200)
+    np.testing.assert_allclose(areas[1:] / areas[:-1], (k + 2 / 3) / (k + 1), rtol=1e-12)
+
+
+def test_samples_cover_the_pixel_evenly():
+    places = np.array([place_in_pixel(k) for k in range(256)])
+    assert (places[0] == 0.0).all() and (np.abs(places) <= 0.5).all()
+    # each of 8 x 8 parts holds 4 of 256, by a lattice of discrepancy of order log(n) / n: none is empty
+    counts = np.histogram2d(*places.T, bins=8, range=[[-0.5, 0.5]] * 2)[0]
+    assert counts.min() >= 2 and counts.max() <= 6
+
+
+def test_the_mean_of_passes_nears_the_truth(gpu, scene):
+    """Noise falls with the passes: of 16, what is left is under half of one pass's, and errors are told."""
+    with renderer(gpu, scene, size=(64, 36)) as one:
+        frames = [(frame.stats.passes, frame.radiance, frame.stats.error) for frame in one.converge(16)]
+    with renderer(gpu, scene, size=(64, 36), seed=9) as other:
+        *_, truth = other.converge(64)
+    passes, pictures, errors = zip(*frames, strict=True)
+    assert passes == tuple(range(1, 17)) and math.isnan(errors[0])
+    floor = 1e-3 * truth.radiance.mean() ** 2
+    left = [((p - truth.radiance) ** 2 / (truth.radiance**2 + floor)).mean() for p in pictures]
+    assert left[15] < 0.25 * left[0]
+    # 16 passes against 64 others: their noise adds, 1 + 1/4; kernels' bias and the estimate itself: a half
+    assert 0.5 < errors[15] / math.sqrt(left[15] / 1.25) < 1.5
+
+
+def test_passes_repeat_and_continue_to_the_bit(gpu, scene, tmp_path):
+    kept = tmp_path / "passes.npz"
+    with renderer(gpu, scene) as whole:
+        *_, expected = whole.converge(5)
+    with renderer(gpu, scene) as first:
+        for _ in first.converge(2):
+            pass
+        assert first.save_progress(kept) == kept
+    with renderer(gpu, scene, passes=5, exposure=1.0) as second:
+        *_, got = second.converge(resume=kept)
+    assert got.stats.passes == 5
+    for layer in expected.layers:
+        np.testing.assert_array_equal(got[layer], expected[layer], err_msg=layer)
+    with renderer(gpu, scene) as third:  # at its end already
+        (frame,) = third.converge(2, resume=kept)
+        assert frame.stats.passes == 2 and frame.stats.stored_photons > 0
+
+
+def test_passes_of_something_else_are_not_continued(gpu, scene, tmp_path):
+    kept = tmp_path / "passes.npz"
+    with renderer(gpu, scene) as first:
+        with pytest.raises(IspmError, match="no passes"):
+            first.save_progress(kept)
+        next(first.converge(2))
+        first.save_progress(kept)
+    for passes in (1, 2):  # at its end already, or not
+        with renderer(gpu, scene, seed=1) as other, pytest.raises(SettingsError, match="another scene"):
+            next(other.converge(passes, resume=kept))
+    moved = builtin("cornell-box")
+    moved.lights[0].translation = (0.1, 0.1, 0.1)
+    with renderer(gpu, moved) as other, pytest.raises(SettingsError, match="another scene"):
+        next(other.converge(2, resume=kept))
+    (tmp_path / "broken.npz").write_bytes(kept.read_bytes()[:1000])
+    with renderer(gpu, scene) as other, pytest.raises(OutputError, match="broken"):
+        next(other.converge(2, resume=tmp_path / "broken.npz"))
+
+
+def test_limits_end_the_passes(gpu, scene):
+    with renderer(gpu, scene, target_error=0.5) as coarse:
+        frame = coarse.render()
+        assert frame.stats.error <= 0.5 and 4 <= frame.stats.passes < 64
+    with renderer(gpu, scene, time_limit=1e-6) as hasty:
+        assert hasty.render().stats.passes == 1
+
+
+def test_frames_of_passes_add_up_and_keep_their_settings(gpu, scene):
+    with renderer(gpu, scene, passes=3) as some:
+        frame = some.render()
+    assert frame.settings == SETTINGS.replace(passes=3)
+    np.testing.assert_array_equal(frame.radiance, (frame.direct + frame.indirect) + frame.emission)
+    with renderer(gpu, scene) as one:
+        single = one.render()
+    for layer in ("depth", "normal", "instance", "material"):
+        np.testing.assert_array_equal(frame[layer], single[layer])
+    assert dataclasses.asdict(frame.stats)["passes"] == 3
