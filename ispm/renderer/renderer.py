@@ -25,6 +25,7 @@ from ispm.renderer.chains import chain_light, light_points
 from ispm.renderer.compose import compose
 from ispm.renderer.framing import default_light, place_camera
 from ispm.renderer.last import LastFrame
+from ispm.renderer.gather import bright_limit, gather_light
 from ispm.renderer.light import emission_of, map_plan
 from ispm.renderer.motion import moved
 from ispm.renderer.picture import Frame
@@ -210,8 +211,15 @@ class Renderer:
         with watch("trace"):
             path = self._trace(packed, surfaces, plan, texels, by)
         with watch("radiance"):
-            parts = part_photons(path.photons, path.focused, packed, view, self.settings, self.threads)
+            parts = part_photons(
+                path.photons, path.focused, path.straight, packed, view, self.settings, self.threads
+            )
             estimate, light = self._gather(points, parts.smooth, packed, view)
+            if self.settings.gather_rays:
+                light = gather_light(
+                    packed, self._world, surfaces, points, parts, estimate, self._estimator, view,
+                    self._downsample.size(view), self.settings, _PASS, self.threads,
+                )  # fmt: skip
             if len(parts.wide):
                 size = self._downsample.size(view)
                 light = light + self._estimator(points, parts.wide, view.clip_from_world, size)
@@ -321,8 +329,9 @@ class Renderer:
         else:
             emitted = emit_texels(packed, plan, texels)
         return walk(
-            packed, self._world, surfaces, emitted, settings.bounces, settings.seed, _PASS, self.threads
-        )
+            packed, self._world, surfaces, emitted, settings.bounces, settings.seed, _PASS, self.threads,
+            bright_limit(packed, settings),
+        )  # fmt: skip
 
     def _surfaces(self, packed: Packed) -> SurfaceTable:
         assert self._textures is not None
