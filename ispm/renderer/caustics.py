@@ -83,4 +83,5 @@ def part_photons(
 
 def _joined(smooth: np.ndarray, wide: np.ndarray, sharp: np.ndarray, straight: np.ndarray) -> PhotonParts:
     photons = np.concatenate([smooth, wide, sharp])
-    return PhotonParts(photons, *np.split(photons, [len(smooth), len(smooth) + len(wide)]), straight)
+    smooth, wide, sharp = np.split(photons, [len(smooth), len(smooth) + len(wide)])
+    return PhotonParts(photons, smooth, wide, sharp, straight)

@@ -24,8 +24,8 @@ from ispm.renderer.caustics import part_photons
 from ispm.renderer.chains import chain_light, light_points
 from ispm.renderer.compose import compose
 from ispm.renderer.framing import default_light, place_camera
-from ispm.renderer.last import LastFrame
 from ispm.renderer.gather import bright_limit, gather_light
+from ispm.renderer.last import LastFrame
 from ispm.renderer.light import emission_of, map_plan
 from ispm.renderer.motion import moved
 from ispm.renderer.picture import Frame

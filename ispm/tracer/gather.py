@@ -24,7 +24,7 @@ from ispm.optics.jit import jit
 from ispm.optics.records import MATERIAL_BLEND, MATERIAL_MASK, MATERIAL_THIN, MATERIAL_UNLIT, RECEIVER
 from ispm.optics.rng import random4
 from ispm.optics.sampling import cosine_hemisphere, to_world
-from ispm.optics.vector import add, dot, scale
+from ispm.optics.vector import add, dot, scale, sub
 from ispm.scene.packed import Packed
 from ispm.tracer.found import END, store_end, store_point
 from ispm.tracer.intersect import STACK_WORDS
@@ -49,12 +49,14 @@ class Gathered:
 
     radiance  (m, 3) float32, made along each ray by light straight from the lights
     fresnel   (m,) float32, Fc of the ray's direction at a glossy receiver, else 0
+    nearness  (m,) float32 1/m, 1 over the ray's length, 0 where it met nothing
     ends      (m,) END; slot: the ray's row
     points    (m,) RECEIVER; invalid where the ray met nothing that photons light
     """
 
     radiance: np.ndarray
     fresnel: np.ndarray
+    nearness: np.ndarray
     ends: np.ndarray
     points: np.ndarray
 
@@ -64,7 +66,7 @@ def gather_rays(
     world: World,
     surfaces: SurfaceTable,
     receivers: np.ndarray,
-    numbers: tuple[np.ndarray, np.ndarray],
+    numbers: tuple[np.ndarray, np.ndarray, np.ndarray],
     side: int,
     limit: float,
     seed: int,
@@ -74,19 +76,20 @@ def gather_rays(
     """Trace rays from receivers; the same bytes for any number of threads.
 
     receivers  (n,) RECEIVER
-    numbers    (n,) uint32, keys of the random numbers; (n,) float32 m, by which rays start above the surface
+    numbers    (n,) float32 m, by which rays start above the surface; (n,) uint32, keys of the random numbers;
+               (n, 2) float32 in [0, 1), places of a receiver's rays in their parts of the hemisphere
     side       m = n side^2 rays: one through each of side x side equal parts of the hemisphere by cosine
     limit      of bright spots, see `lit.is_bright`
     """
     count = len(receivers) * side * side
     found = Gathered(
-        np.zeros((count, 3), np.float32), np.zeros(count, np.float32), np.zeros(count, END),
+        np.zeros((count, 3), np.float32), *np.zeros((2, count), np.float32), np.zeros(count, END),
         np.zeros(count, RECEIVER),
     )  # fmt: skip
     porous = bool((packed.materials["flags"] & (MATERIAL_MASK | MATERIAL_BLEND | MATERIAL_THIN)).any())
     place = address(world.table), surfaces.addresses, surfaces.texels, surfaces.rows
     scene = packed.lights, porous, f32(limit), u32(pass_index), u32(seed)
-    out = found.radiance, found.fresnel, found.ends, found.points
+    out = found.radiance, found.fresnel, found.nearness, found.ends, found.points
     counter = np.zeros(8, np.int64)
     run_threads(
         lambda _: _gather_chunks(place, scene, receivers, numbers, i64(side), address(counter), out), threads
@@ -110,10 +113,10 @@ def _gather_chunks(place, scene, receivers, numbers, side, counter, out):
 @jit
 def _gather_one(place, scene, receiver, numbers, r, k, side, scratch, out):
     """Trace ray `k` of receiver `r`."""
-    row, key, dimension = r * side * side + k, numbers[0][r], u32(_DIMENSION + 16 * k)
-    u1, u2, u3, u4 = random4(key, dimension, scene[3], scene[4])
+    row, key, dimension = r * side * side + k, numbers[1][r], u32(_DIMENSION + 16 * k)
+    u3, u4, _, _ = random4(key, dimension, scene[3], scene[4])
     share = f32(1) / f32(side)
-    u1, u2 = (f32(k // side) + u1) * share, (f32(k % side) + u2) * share
+    u1, u2 = (f32(k // side) + numbers[2][r, 0]) * share, (f32(k % side) + numbers[2][r, 1]) * share
     n = (receiver.n[0], receiver.n[1], receiver.n[2])
     ng = (receiver.ng[0], receiver.ng[1], receiver.ng[2])
     d = to_world(cosine_hemisphere(u1, u2), n)
@@ -122,21 +125,22 @@ def _gather_one(place, scene, receiver, numbers, r, k, side, scratch, out):
     if receiver.alpha > f32(0):
         wo = (receiver.wo[0], receiver.wo[1], receiver.wo[2])
         out[1][row] = gloss_terms(receiver.alpha, n, wo, d)[2]
-    start = add((receiver.position[0], receiver.position[1], receiver.position[2]), scale(numbers[1][r], ng))
+    start = add((receiver.position[0], receiver.position[1], receiver.position[2]), scale(numbers[0][r], ng))
     _look(place, scene, start, d, u3, u4, (key, dimension), scratch, row, out)
 
 
 @jit
 def _look(place, scene, start, d, u, u_shadow, numbers, scratch, row, out):
-    """Write what a ray finds; u: random, for holes that it meets, u_shadow: for those that its light meets."""
+    """Write what a ray finds; u: random, for holes that it meets; u_shadow: for those that light meets."""
     world, table, texels, rows = place
     lights, porous, limit, pass_index, seed = scene
-    weight, wo = (f32(1), f32(1), f32(1)), scale(f32(-1), d)
+    weight, wo, origin = (f32(1), f32(1), f32(1)), scale(f32(-1), d), start
     for sheet in range(_SHEETS_MAX):
         found, hit = closest_surface(world, table, texels, rows, start, d, u, scratch[0], scratch[1])
         if not found:
             return
         position, ng, n, b, flags, _ = surface(table, texels, rows, hit, d)
+        out[2][row] = f32(1) / max(dot(sub(position, origin), d), f32(1e-30))
         if is_gathered(b):
             break
         if b[_THIN] == f32(0) or not is_smooth(b) or not transmits(b):
@@ -150,5 +154,5 @@ def _look(place, scene, start, d, u, u_shadow, numbers, scratch, row, out):
     light = times(weight, light)
     for c in range(3):
         out[0][row, c] = light[c]
-    store_end(out[2][row], u32(row), u32(0), weight, b, hit[0])
-    store_point(out[3][row], position, ng, n, wo, b, f32(0))
+    store_end(out[3][row], u32(row), u32(0), weight, b, hit[0])
+    store_point(out[4][row], position, ng, n, wo, b, f32(0))

@@ -55,7 +55,7 @@ class Walk:
     focused    (M,) bool, whether it met a mirror or glass since it last scattered, if ever; thin sheets that
                it passed do not count
     straight   (M,) bool, whether gather rays do not find the light that it brings: it is focused, or comes
-               from where it last scattered as caustic light, off a bright spot, or off what lets light through
+               from where it last scattered as caustic light, in a bright spot, or on what lets light through
     emitted, absorbed, escaped, dropped   (3,) float64 lumen; the first is the sum of the others
     stored     (3,) float64 lumen, each photon counted at each hit
     rays       traced
