@@ -20,7 +20,7 @@ from ispm.frame import GBuffer, GpuScene
 from ispm.gpu import Gpu, Texture, open_gpu, within_memory
 from ispm.optics.records import PHOTON, RECEIVER
 from ispm.optics.texture import TextureTable
-from ispm.renderer.caustics import part_photons
+from ispm.renderer.caustics import PhotonParts, part_photons
 from ispm.renderer.chains import chain_light, light_points
 from ispm.renderer.compose import compose
 from ispm.renderer.framing import default_light, place_camera
@@ -214,12 +214,7 @@ class Renderer:
             parts = part_photons(
                 path.photons, path.focused, path.straight, packed, view, self.settings, self.threads
             )
-            estimate, light = self._gather(points, parts.smooth, packed, view)
-            if self.settings.gather_rays:
-                light = gather_light(
-                    packed, self._world, surfaces, points, parts, estimate, self._estimator, view,
-                    self._downsample.size(view), self.settings, _PASS, self.threads,
-                )  # fmt: skip
+            estimate, light = self._gather(points, parts, packed, surfaces, view)
             if len(parts.wide):
                 size = self._downsample.size(view)
                 light = light + self._estimator(points, parts.wide, view.clip_from_world, size)
@@ -338,9 +333,10 @@ class Renderer:
         return SurfaceTable(packed, self._textures, _TEXTURE_FOOTPRINT * packed.diagonal)
 
     def _gather(
-        self, points: np.ndarray, photons: np.ndarray, packed: Packed, view: CameraView
+        self, points: np.ndarray, parts: PhotonParts, packed: Packed, surfaces: SurfaceTable, view: CameraView
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return the light that photons bring to the receivers, (n, 16), as estimated and as filtered."""
+        """Return the light at the receivers, (n, 16): as estimated of photons, and for the picture."""
+        photons = parts.smooth
         if not len(photons):
             dark = np.zeros((len(points), 16), np.float32)
             return dark, dark
@@ -353,7 +349,16 @@ class Renderer:
         measure_radii(
             photons, packed.diagonal, settings.smoothing, pixel, packed.widths, view.eye_or_direction
         )
-        estimate = self._estimator(points, photons, view.clip_from_world, size)
+
+        def estimator(photons: np.ndarray) -> np.ndarray:
+            return self._estimator(points, photons, view.clip_from_world, size)
+
+        estimate = estimator(photons)
+        if settings.gather_rays:
+            return estimate, gather_light(
+                packed, self._world, surfaces, points, parts, estimate, estimator, view, size, settings,
+                _PASS, self.threads,
+            )  # fmt: skip
         return estimate, filter_estimate(
             points, estimate, size, packed.diagonal, settings.smoothing, self.threads
         )

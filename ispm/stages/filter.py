@@ -60,6 +60,13 @@ def filter_estimate(
     return _run(_finish, words, words, smooth, size, diagonal, smoothing, threads)
 
 
+def set_reach(estimate: np.ndarray, reach: np.ndarray, diagonal: float) -> None:
+    """Let the filter's radius at each receiver be `reach`, (n,) m, but `REACH` of the diagonal at most; in
+    place, by a density of as many photons as the filter wants."""
+    reach = np.minimum(reach, REACH * diagonal)
+    estimate[:, DENSITY] = _PHOTONS / math.pi / (reach * reach)
+
+
 def filter_points(
     points: np.ndarray,
     pixels: np.ndarray,

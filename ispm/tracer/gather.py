@@ -66,7 +66,7 @@ def gather_rays(
     world: World,
     surfaces: SurfaceTable,
     receivers: np.ndarray,
-    numbers: tuple[np.ndarray, np.ndarray, np.ndarray],
+    numbers: tuple[np.ndarray, ...],
     side: int,
     limit: float,
     seed: int,
@@ -82,10 +82,10 @@ def gather_rays(
     limit      of bright spots, see `lit.is_bright`
     """
     count = len(receivers) * side * side
+    fresnel, nearness = np.zeros((2, count), np.float32)
     found = Gathered(
-        np.zeros((count, 3), np.float32), *np.zeros((2, count), np.float32), np.zeros(count, END),
-        np.zeros(count, RECEIVER),
-    )  # fmt: skip
+        np.zeros((count, 3), np.float32), fresnel, nearness, np.zeros(count, END), np.zeros(count, RECEIVER)
+    )
     porous = bool((packed.materials["flags"] & (MATERIAL_MASK | MATERIAL_BLEND | MATERIAL_THIN)).any())
     place = address(world.table), surfaces.addresses, surfaces.texels, surfaces.rows
     scene = packed.lights, porous, f32(limit), u32(pass_index), u32(seed)
