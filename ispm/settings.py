@@ -30,7 +30,8 @@ LAYERS = (
     "depth", "normal", "albedo", "instance", "material", "alpha",
 )  # fmt: skip
 
-_GATHER_AUTO = 4  # rays
+_RAYS = 20_000  # gather rays of a picture: as smooth as larger pictures need small ones more of each pixel
+_SIDE_LEAST, _SIDE_MOST = 2, 8  # their square roots
 
 
 def knob(
@@ -101,7 +102,7 @@ class Settings(_Checked):
         "auto",
         "rays from each low-resolution pixel that look for the light around it, a square number; more: less "
         "noise and finer contact shadows, slower; 0: photons light the pixels themselves; "
-        "auto: 4, with kernel hint 0",
+        "auto: 4, in small pictures up to 64, with kernel hint 0",
         low=0,
         high=1024,
         words={"auto": "auto"},
@@ -187,7 +188,7 @@ class Settings(_Checked):
                 f"gather: {self.gather} is not a square number; use {side**2} or {(side + 1) ** 2}"
             )
         if self.kernel == "hint" and self.gather not in ("auto", 0):
-            raise SettingsError("gather: kernel 'hint' lights the pixels themselves; use 0 or auto")
+            raise SettingsError("gather: kernel 'hint' lights the pixels itself; use 0 or auto")
         if self.kernel == "hint" and self.estimator not in ("auto", "volumes"):
             raise SettingsError(
                 f"estimator: '{self.estimator}' does not have the talk's kernel, which kernel 'hint' is; "
@@ -203,7 +204,10 @@ class Settings(_Checked):
         """How many rays each low-resolution pixel sends out, 0 where there is nothing to find."""
         if self.kernel == "hint" or not self.photons or not self.bounces:
             return 0
-        return _GATHER_AUTO if self.gather == "auto" else int(self.gather)
+        if self.gather != "auto":
+            return int(self.gather)
+        pixels = math.prod(-(-side // self.subsampling) for side in self.size)
+        return min(max(math.ceil(math.sqrt(_RAYS / pixels)), _SIDE_LEAST), _SIDE_MOST) ** 2
 
     def replace(self, **changes: Any) -> Settings:
         """Return these settings with some changed; a preset changes what it holds and is not given here.
