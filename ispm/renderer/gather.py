@@ -30,6 +30,7 @@ _ROUNDED = 1e-6  # and of the coordinates
 _REACH = (
     0.4  # of the harmonic mean of rays' lengths: the filter's radius, as light changes over such distances
 )
+_RAYS_WITHIN = 800.0  # that radius, at least: fewer leave specks in corners
 _NEAREST = 0.01  # of the scene's diagonal, for which shorter rays count there
 _AROUND = 2  # low-resolution pixels on each side, over which that mean is taken
 _SAME_WAY = 0.9  # cosine of normals, above which they belong together
@@ -95,7 +96,9 @@ def gather_light(
         brought = estimator(straight)
         light[:, 0:3] += brought[:, 0:3]
         light[:, 4:7] += brought[:, 4:7]
-    set_reach(light, _REACH / _mean_around(points, nearness, size), packed.diagonal)
+    least = points["footprint"] * np.sqrt(points["slant"] * np.float32(_RAYS_WITHIN / (math.pi * rays)))
+    reach = np.maximum(_REACH / _mean_around(points, nearness, size), least)
+    set_reach(light, reach, packed.diagonal)
     return filter_estimate(points, light, size, packed.diagonal, settings.smoothing, threads)
 
 
