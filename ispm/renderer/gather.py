@@ -98,7 +98,7 @@ def gather_light(
         light[:, 4:7] += brought[:, 4:7]
     least = points["footprint"] * np.sqrt(points["slant"] * np.float32(_RAYS_WITHIN / (math.pi * rays)))
     reach = np.maximum(_REACH / _mean_around(points, nearness, size), least)
-    set_reach(light, reach, packed.diagonal)
+    set_reach(light, points, reach, packed.diagonal)
     return filter_estimate(points, light, size, packed.diagonal, settings.smoothing, threads)
 
 
