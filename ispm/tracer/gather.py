@@ -28,7 +28,7 @@ from ispm.optics.vector import add, dot, scale, sub
 from ispm.scene.packed import Packed
 from ispm.tracer.found import END, store_end, store_point
 from ispm.tracer.intersect import STACK_WORDS
-from ispm.tracer.lit import direct_light, is_gathered, times
+from ispm.tracer.lit import is_gathered, light_from_one, times
 from ispm.tracer.simd import address, alloca, atomic_add
 from ispm.tracer.surface import SurfaceTable, closest_surface, leave_surface, surface
 from ispm.tracer.threads import run_threads
@@ -150,7 +150,10 @@ def _look(place, scene, start, d, u, u_shadow, numbers, scratch, row, out):
         u, u_shadow, _, _ = random4(numbers[0], numbers[1] + u32(1 + sheet), pass_index, seed)
     if flags & u32(MATERIAL_UNLIT) != u32(0) or not is_gathered(b):
         return
-    light, _ = direct_light(place, lights, porous, hit, position, ng, n, b, wo, u_shadow, scratch, limit)
+    pick, _, _, _ = random4(numbers[0], numbers[1] + u32(_SHEETS_MAX + 1), pass_index, seed)
+    light = light_from_one(
+        place, lights, porous, hit, position, ng, n, b, wo, u_shadow, pick, scratch, limit
+    )  # fmt: skip
     light = times(weight, light)
     for c in range(3):
         out[0][row, c] = light[c]

@@ -32,19 +32,50 @@ def direct_light(place, lights, porous, hit, position, ng, n, b, wo, u, scratch,
     """
     total, traced = (f32(0), f32(0), f32(0)), i64(0)
     for k in range(len(lights)):
-        irradiance, distance, wi = light_arriving(lights[k], position)
-        if greatest(irradiance) <= f32(0):
-            continue
-        f = eval_bsdf(b, n, ng, wo, wi)
-        if greatest(f) <= f32(0) or is_bright(b, ng, wo, irradiance, wi, limit):
-            continue
-        if dot(wi, ng) < f32(0) and b[_THIN] == f32(0):  # refracted radiance
-            f = scale(f32(1) / (b[_ETA] * b[_ETA]), f)
-        start = leave_surface(place[0], place[1], hit, side_of(ng, wi))
-        traced += 1
-        passed = let_through(place, porous, start, wi, distance, u, scratch)
-        total = add(total, scale(abs(dot(n, wi)), times(times(f, irradiance), passed)))
+        radiance, distance, wi = _unshadowed(lights[k], position, ng, n, b, wo, limit)
+        if greatest(radiance) > f32(0):
+            start = leave_surface(place[0], place[1], hit, side_of(ng, wi))
+            passed = let_through(place, porous, start, wi, distance, u, scratch)
+            total, traced = add(total, times(radiance, passed)), traced + i64(1)
     return total, traced
+
+
+@jit
+def light_from_one(place, lights, porous, hit, position, ng, n, b, wo, u, pick, scratch, limit):
+    """Return what `direct_light` does in the mean, by one ray: to a light that `pick`, of [0, 1), draws in
+    proportion to the radiance that each makes without shadows."""
+    total, none = f32(0), (f32(0), f32(0), f32(0))
+    drawn, weight, farthest, toward = none, f32(1), f32(0), wo
+    for k in range(len(lights)):
+        radiance, distance, wi = _unshadowed(lights[k], position, ng, n, b, wo, limit)
+        value = radiance[0] + radiance[1] + radiance[2]
+        if value > f32(0):
+            total += value
+            if pick * total < value:
+                drawn, weight, farthest, toward = radiance, value, distance, wi
+                pick *= total / value
+            else:
+                pick = (pick * total - value) / (total - value)
+    if total <= f32(0):
+        return none
+    start = leave_surface(place[0], place[1], hit, side_of(ng, toward))
+    passed = let_through(place, porous, start, toward, farthest, u, scratch)
+    return scale(total / weight, times(drawn, passed))
+
+
+@jit
+def _unshadowed(light, position, ng, n, b, wo, limit):
+    """(radiance along wo of a light without shadows, its distance, wi); 0 where it makes a bright spot."""
+    irradiance, distance, wi = light_arriving(light, position)
+    none = f32(0), f32(0), f32(0)
+    if greatest(irradiance) <= f32(0):
+        return none, distance, wi
+    f = eval_bsdf(b, n, ng, wo, wi)
+    if greatest(f) <= f32(0) or is_bright(b, ng, wo, irradiance, wi, limit):
+        return none, distance, wi
+    if dot(wi, ng) < f32(0) and b[_THIN] == f32(0):  # refracted radiance
+        f = scale(f32(1) / (b[_ETA] * b[_ETA]), f)
+    return scale(abs(dot(n, wi)), times(f, irradiance)), distance, wi
 
 
 @jit
