@@ -9,6 +9,9 @@
 Where something is left to draw, the library warns instead, with `SceneWarning`.
 """
 
+import inspect
+import warnings
+
 
 class IspmError(Exception):
     """Any error that `ispm` raises on purpose."""
@@ -32,3 +35,11 @@ class AdapterError(IspmError, RuntimeError):
 
 class SceneWarning(UserWarning):
     """A fault or an unsupported feature in a scene that still leaves something to draw."""
+
+
+def warn_caller(line: str) -> None:
+    """Warn with a SceneWarning that points to the line outside this package that called it."""
+    level, frame = 1, inspect.currentframe()
+    while frame is not None and frame.f_globals.get("__name__", "").split(".")[0] == __package__:
+        level, frame = level + 1, frame.f_back
+    warnings.warn(line, SceneWarning, stacklevel=level)

@@ -46,7 +46,7 @@ def choose_camera(
     Raises SettingsError, and SceneError where the scene has no such camera.
     """
     if fov is not None and not 0.0 < fov < 180.0:
-        raise SettingsError(f"--fov: {fov:g} is outside 0 to 180 degrees")
+        raise SettingsError(f"--fov: {fov:g} is not between 0 and 180 degrees")
     if (look_from is None) != (look_at is None):
         raise SettingsError("--look-from and --look-at go together; give both")
     if look_from is None or look_at is None:

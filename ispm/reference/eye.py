@@ -59,6 +59,7 @@ def eye_light(
     scene = packed.lights, tuple(map(f32, background)), u32(seed)
     table, foot = surfaces.own_footprint()
     place = address(world.table), table, surfaces.texels, surfaces.rows
+    tree = _tree(photons)
     for sample in range(samples):
         direct, ends = np.zeros((count, 3)), np.zeros(count * _EVENTS_MAX // 8, _END)
         used = _follow(
@@ -68,13 +69,12 @@ def eye_light(
         light += direct
         if len(photons) and used:
             found = ends[:used]
-            np.add.at(light, found["slot"], _reflected(found, photons, neighbors))
+            np.add.at(light, found["slot"], _reflected(found, photons, tree, neighbors))
     return light / samples
 
 
-def _reflected(ends: np.ndarray, photons: np.ndarray, neighbors: int) -> np.ndarray:
+def _reflected(ends: np.ndarray, photons: np.ndarray, tree: Any, neighbors: int) -> np.ndarray:
     """(m, 3) float64: weight times the radiance that the nearest photons of its surface bring to each end."""
-    tree = _tree(photons)
     x, n, ng, wo = (ends[k].astype(float) for k in ("position", "n", "ng", "wo"))
     most = min(4 * neighbors, len(photons))  # some lie on other surfaces
     distance, near = tree.query(x, most)

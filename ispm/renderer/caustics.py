@@ -55,13 +55,13 @@ def part_photons(
         return PhotonParts(photons, photons, photons[:0], photons[:0])
     first = photons["bounce"] == 0
     later = np.flatnonzero(focused & ~first)
-    later = later[is_crowded(photons[later], packed.diagonal)]
+    later = later[is_crowded(photons[later], packed.diagonal)]  # of copies: radii stay as they are
     pixel = sample_width(view)
 
     def measured(part: np.ndarray, neighbors: int) -> np.ndarray:
         measure_caustic_radii(
             part, packed.diagonal, settings.smoothing, pixel, packed.widths, view.eye_or_direction,
-            neighbors, threads,
+            neighbors, threads, part["radius"].copy(),
         )  # fmt: skip
         return part
 
@@ -76,7 +76,7 @@ def part_photons(
 
 
 def sample_width(view: CameraView) -> np.ndarray:
-    """Return the (4,) plane whose value at (x, y, z, 1) is how far apart the picture's samples are there, in m.
+    """Return the (4,) plane whose value at (x, y, z, 1) is how far apart in m the samples of a picture are.
 
     One pass: a pixel; those of n passes lie sqrt(n) times as close. Light of narrower kernels falls between.
     """

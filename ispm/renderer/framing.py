@@ -40,8 +40,8 @@ def find_camera(scene: Scene, wanted: str | int | None) -> tuple[Camera, np.ndar
         if not chosen and text.isdigit() and int(text) < len(placed):
             chosen = [placed[int(text)]]
         if not chosen:
-            names = ", ".join(f"{i}: '{node.name}'" for i, (node, _) in enumerate(placed)) or "none"
-            raise SceneError(f"there is no camera '{wanted}'; the scene has {names}")
+            names = ", ".join(f"{i} '{node.name}'" for i, (node, _) in enumerate(placed)) or "none"
+            raise SceneError(f"there is no camera '{wanted}'; those of the scene are: {names}")
     if not chosen:
         return None
     node, world = chosen[0]
@@ -151,7 +151,7 @@ def default_light(packed: Packed, world: World, eye: np.ndarray) -> tuple[Node, 
     else:
         distance = 20.0 * packed.diagonal
         position = center + distance * _SUN / np.linalg.norm(_SUN)
-        kind = "a lamp far away, like the sun"
+        kind = "a lamp far away, like the sun,"
     intensity = math.pi * distance * distance
     node = Node("default light", translation=position, light=PointLight((intensity,) * 3))
     return node, f"the scene has no light; {kind} lights it"

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import gc
 import time as clock
-import warnings
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import cache
@@ -14,7 +13,7 @@ from types import TracebackType
 
 import numpy as np
 
-from ispm.errors import IspmError, SceneError, SceneWarning, SettingsError
+from ispm.errors import IspmError, SceneError, SettingsError, warn_caller
 from ispm.estimators import make_estimator
 from ispm.frame import GBuffer, GpuScene
 from ispm.gpu import Gpu, Texture, open_gpu, within_memory
@@ -343,7 +342,7 @@ class Renderer:
         """Warn once in this renderer's life."""
         if line not in self._said:
             self._said.add(line)
-            warnings.warn(line, SceneWarning, stacklevel=4)
+            warn_caller(line)
 
     def _surfaces(self, packed: Packed) -> SurfaceTable:
         assert self._textures is not None

@@ -34,6 +34,7 @@ _COVERED = 0.5  # of the disc that holds them: over all of it, the radii's own n
 _CROWDED = 0.5  # of the median radius: four times the density
 _CAUSTIC_RADIUS_MIN, _CAUSTIC_RADIUS_MAX = 1e-5, 0.05  # of the scene's diagonal
 _TURN = 0.1  # of the diagonal: how far a radian between normals counts as away
+_CLOSE = 0.5  # of a radius: what a wall close by leaves of it, or few photons would outshine the rest
 _SAGITTA = 1.5  # a kernel's height over that of the curved surface it spans
 _NEIGHBORS_MAX = 64
 _ROOM = _NEIGHBORS_MAX // 2  # uint64
@@ -195,6 +196,7 @@ def measure_caustic_radii(
     eye: tuple[float, ...] | np.ndarray = (0.0, 0.0, 0.0, 0.0),
     neighbors: int = CAUSTIC_NEIGHBORS,
     threads: int = 1,
+    clear: np.ndarray | None = None,
 ) -> None:
     """Write `radius` and `height` of each caustic photon's kernel, from the photons next to it.
 
@@ -204,6 +206,8 @@ def measure_caustic_radii(
                them, or much of its light would fall between their centres
     neighbors  a kernel covers half the disc that holds so many, of those that face the same way: a turn of a
                radian is as far as 0.1 of the diagonal
+    clear      (N,) float32 m that a kernel should not exceed, to half its radius at least: how far away the
+               mirror or glass is that the photon comes from, behind which its light would show
     smoothing, widths, eye  as in `measure_radii`
     A photon of more flux than its neighbours spreads over as much more area, so that it stands out as
     little. Where the surface bends, kernels are high enough to reach down to it. The same bytes for any
@@ -220,11 +224,12 @@ def measure_caustic_radii(
     least = np.zeros(4, np.float32) if pixel is None else pixel.astype(np.float32)
     widest, eye = _reach_on_objects(photons, widths), np.asarray(eye, np.float32)
     counter = np.zeros(8, np.int64)
+    free = np.full(len(photons), np.inf, np.float32) if clear is None else clear
 
     def work(_: int) -> None:
         _write_caustic_radii(
             address(counter), address(tree.nodes), tree.starts, points, order, i64(neighbors), words, widest,
-            limits, least, eye,
+            free, limits, least, eye,
         )  # fmt: skip
 
     run_threads(work, threads)
@@ -244,7 +249,7 @@ def _points_in_order(words: np.ndarray, turn: np.float32) -> tuple[np.ndarray, n
 
 @jit
 def _write_caustic_radii(
-    counter, nodes, starts, points, order, wanted, words, widest, limits, least, eye
+    counter, nodes, starts, points, order, wanted, words, widest, clear, limits, least, eye
 ):  # fmt: skip
     squares, rows, stack = alloca(_ROOM), alloca(_ROOM), alloca(STACK_WORDS)
     low, high, smoothing = limits[0], limits[1], limits[2]
@@ -264,6 +269,7 @@ def _write_caustic_radii(
             radius = min(min(max(radius, low), high) * smoothing, widest[i])
             pixel = _at(least, words, i) * f32(math.sqrt(_slant(words, i, eye)))
             radius = max(radius, min(pixel, high))
+            radius = min(radius, max(clear[i], f32(_CLOSE) * radius))
             words[i, _RADIUS] = radius
             sagitta = f32(_SAGITTA) * _bend(words, i, order, rows, found) * radius
             words[i, _H] = min(max(f32(_HEIGHT), sagitta), f32(1)) * radius

@@ -1,7 +1,8 @@
 """Eye paths: from pixels that show mirrors and glass on to the surfaces that are seen in them.
 
-At the first surface both branches are followed, weighted by Fresnel's equations; after it the stronger one
-is taken for both, which is exact where both would find the same light. Rough glass is sampled instead.
+At the first surface both branches are followed, weighted by Fresnel's equations, and so they are where
+light leaves the solid that it entered there; after that the stronger one is taken for both, which is exact
+where both would find the same light. Rough glass is sampled instead.
 Where a path meets a surface that photons may light it leaves an end; light that comes there straight from
 the lights, and what glows, is added here.
 """
@@ -41,9 +42,11 @@ f32, i64, u32 = np.float32, np.int64, np.uint32
 EVENTS_MAX = 8  # mirrors and faces of glass that a path meets
 ROUGH_SAMPLES = 8  # facets that are drawn where a pixel shows rough glass; a power of 2
 _REFLECTED_EACH = 4  # of them so many reflect once
+_PATHS_MAX = 3  # of a pixel that shows no rough glass: reflected, let through, and reflected within
 _ENDS_MAX = 2  # of one path: behind a varnished floor goes on what it mirrors
 _LEAST = f32(1e-3)  # weight below which a path is not followed
 _STRONG = f32(0.02)  # and below which not from an end
+_EVENTS_APART = 32  # numbers of the events of two paths that part
 _CHUNK = 64  # pixels a thread takes at a time; results do not depend on it or on the threads
 _BATCH = 1 << 15  # pixels whose ends lie in memory at their full number
 
@@ -116,7 +119,7 @@ def trace_eye(
         packed.lights, porous, tuple(map(f32, background)), tuple(map(f32, rays.width)), u32(seed),
         u32(pass_index), tuple(map(f32, rays.slack)),
     )  # fmt: skip
-    capacity = _CHUNK * 2 * _ENDS_MAX * _samples(packed)
+    capacity = _CHUNK * _PATHS_MAX * _ENDS_MAX * _samples(packed)
     ends, points, traced = [np.zeros(0, END)], [np.zeros(0, RECEIVER)], 0
     for first in range(0, count, _BATCH):
         part = slice(first, min(first + _BATCH, count))
@@ -229,17 +232,13 @@ def _branch(place, scene, key, k, hit, ng, n, b, wo, flags, entering, length):
         wi, weight, dimension = beyond, transmittance, u32(sample << 8 | 128)
         share = f32(1) if smooth else f32(1.0 / ROUGH_SAMPLES)
         lane = TRANSMITTED if smooth else SCATTERED
-    return _leave(
-        place, hit, ng, b, flags, entering, nowhere(), f32(1), length, wi, scale(share, weight), key,
-        dimension, lane,
-    )  # fmt: skip
+    way = key, dimension, lane, wi, scale(share, weight)
+    return _leave(place, hit, ng, b, flags, entering, nowhere(), f32(1), length, way)
 
 
 @jit
-def _leave(
-    place, hit, ng, b, flags, entering, inside, focus, length, wi, weight, key, dimension, lane
-):  # fmt: skip
-    """A path that goes on from a hit along `wi`:
+def _leave(place, hit, ng, b, flags, entering, inside, focus, length, way):
+    """A path that goes on from a hit; way: its key, dimension, lane, direction and weight.
 
     key, dimension  of its random numbers
     lane            of its first end
@@ -248,6 +247,7 @@ def _leave(
     inside, focus   the hit at which it entered what it is in, see `medium`; what that makes of radiance
     length          m from the eye to `start`
     """
+    key, dimension, lane, wi, weight = way
     start, inside = depart(place[0], place[1], hit, flags, entering, inside, ng, wi)
     if dot(wi, ng) < f32(0) and b[_THIN] == f32(0):
         focus = f32(1) / (b[_ETA] * b[_ETA]) if entering else f32(1)
@@ -256,20 +256,21 @@ def _leave(
 
 @jit
 def _follow_often(place, scene, foot, scratch, path, slot, out, at):
-    """Follow one path, and where it is the first of its pixel to meet rough glass others beside it.
+    """Follow one path and the other where it parts; where it is its pixel's first to meet rough glass, others
+    beside it.
 
     -> `at`, and the length of the last in m
     """
     first, i = at[0], slot[1]
     direct, emission = _vector(out[0], i), _vector(out[1], i)
     key, dimension, lane, start, d, weight, inside, focus, length = path
-    share, k, count = f32(1), 0, 1
+    share, k, count, rough = f32(1), 0, 1, False
     end = length
     while k < count:
-        path = (
-            key, dimension + u32(k << 8), lane, start, d, scale(share, weight), inside, focus, length
-        )  # fmt: skip
-        at, rough, end = _follow(place, scene, foot, scratch, path, slot, out, at)
+        at, met, end, parted, path = _follow(place, scene, foot, scratch, path, slot, out, at)
+        rough = rough or met
+        if parted:
+            continue
         if rough and k == 0 and lane != SCATTERED:
             share, count, lane = f32(1.0 / ROUGH_SAMPLES), ROUGH_SAMPLES, SCATTERED
             for c in range(3):
@@ -278,17 +279,23 @@ def _follow_often(place, scene, foot, scratch, path, slot, out, at):
                 for row in range(first, at[0]):
                     out[2][row].end.weight[c] *= share
         k += 1
+        path = (
+            key, u32(dimension + u32(k << 8)), lane, start, d, scale(share, weight), inside, focus, length
+        )  # fmt: skip
     return at, end
 
 
 @jit
 def _follow(place, scene, foot, scratch, path, slot, out, at):
-    """Follow one path to its end or ends; return `at`, whether it met rough glass, and its length in m."""
+    """Follow one path to its end or ends.
+
+    -> `at`, whether it met rough glass, its length in m, whether it parted, and if so the other path
+    """
     world, table, texels, rows = place
     lights, porous, background, _, _, _, _ = scene
     row, traced = at
     key, dimension, lane, start, d, weight, inside, focus, length = path
-    stored, rough = 0, False
+    stored, rough, parted, other = 0, False, False, path
     for _ in range(EVENTS_MAX + 1):
         u1, u2, u0 = _numbers(scene, key, dimension)
         traced += i64(1)
@@ -320,15 +327,21 @@ def _follow(place, scene, foot, scratch, path, slot, out, at):
         if unlit:
             break
         rough = rough or (transmits(b) and not is_smooth(b))
-        alive, wi, factor = go_on(b, n, ng, wo, entering, u1, u2)
-        weight = times(weight, factor)
+        may_part = lane == TRANSMITTED and not parted
+        alive, wi, factor, parts, above, kept = go_on(b, n, ng, wo, entering, u1, u2, may_part)
+        for turn in range(2 if parts else 1):  # the last is the one to go on with
+            if turn < parts:
+                path = key, u32(dimension + u32(_EVENTS_APART)), SCATTERED, above, times(weight, kept)
+            else:
+                path = key, u32(dimension + u32(1)), lane, wi, times(weight, factor)
+            left = _leave(place, hit, ng, b, flags, entering, inside, focus, length, path)
+            if turn < parts:
+                parted, other = True, left
+        weight = left[_WEIGHT]
         if not alive or stored == _ENDS_MAX or greatest(weight) < (_STRONG if stored > 0 else _LEAST):
             break
-        key, dimension, lane, start, d, weight, inside, focus, length = _leave(
-            place, hit, ng, b, flags, entering, inside, focus, length, wi, weight, key, dimension + u32(1),
-            lane,
-        )  # fmt: skip
-    return (row, traced), rough, length
+        key, dimension, lane, start, d, weight, inside, focus, length = left
+    return (row, traced), rough, length, parted, other
 
 
 @jit

@@ -20,18 +20,22 @@ _ALPHA, _THIN = 7, 14  # places in a Bsdf tuple
 
 
 @jit
-def go_on(b, n, ng, wo, entering, u1, u2):
-    """Where a path goes on from a surface: (whether it does, wi, factor of its weight).
+def go_on(b, n, ng, wo, entering, u1, u2, may_part):
+    """Where a path goes on from a surface: (whether it does, wi, factor of its weight; whether another goes
+    beside it, that one's wi and factor).
 
-    From within a solid it leaves wherever it can: reflected, it would run round under a ball's rim.
+    From within a solid it leaves wherever it can: reflected, it would run round under a ball's rim. If it may
+    part where the face is smooth, the other is reflected; else one stands for both.
     """
     if not is_smooth(b) and not transmits(b):
-        return False, wo, wo
+        return False, wo, wo, False, wo, wo
     reflectance, transmittance, above, beyond_, through = facet_split(b, n, ng, wo, u1, u2)
     both = add(reflectance, transmittance)
     if through and (not entering or luminance(transmittance) > luminance(reflectance)):
-        return True, beyond_, both
-    return greatest(both) > f32(0), above, both
+        if may_part and not entering and is_smooth(b) and greatest(reflectance) > f32(0):
+            return True, beyond_, transmittance, True, above, reflectance
+        return True, beyond_, both, False, wo, wo
+    return greatest(both) > f32(0), above, both, False, wo, wo
 
 
 @jit

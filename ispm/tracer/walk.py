@@ -165,7 +165,7 @@ def _walk_one(
     flux = kept
     end = (chunk + i64(1)) * chunk_capacity(bounces)
     direct, mirrored = True, False  # but for thin sheets: straight from the light; focused
-    inside = nowhere()
+    inside, plane = nowhere(), d  # of the surface that the photon comes from
     scatters, speculars, rays = i64(0), i64(0), i64(0)
     while True:
         position, ng, n, bsdf, flags, entering = surface(table, texels, rows, hit, d)
@@ -176,7 +176,8 @@ def _walk_one(
             flux = kept
         room = row < end
         if not direct and room and has_finite(bsdf):
-            _store(stored, row, position, ng, flux, d, hit[0], scatters)
+            clear = abs(dot(sub(position, origin), plane))
+            _store(stored, row, position, ng, flux, d, clear, hit[0], scatters)
             focused[row] = mirrored
             _add(sums, chunk, _STORED, flux)
             row += 1
@@ -194,7 +195,7 @@ def _walk_one(
             _add(sums, chunk, _ABSORBED, flux)
             break
         _add_difference(sums, chunk, _ABSORBED, flux, scattered)
-        flux, d, origin = scattered, wi, position
+        flux, d, origin, plane = scattered, wi, position, ng
         u = flight_number(photon.key, pass_index, seed, scatters + speculars)
         speculars += i64(specular)
         scatters += i64(not specular)
@@ -302,15 +303,16 @@ def scatter(ng, n, bsdf, flags, d, flux, u0, u1, u2):
 
 
 @jit
-def _store(stored, row, position, ng, flux, d, instance, scatters):
-    """Write a PHOTON record; its kernel's size comes later."""
+def _store(stored, row, position, ng, flux, d, clear, instance, scatters):
+    """Write a PHOTON record. Its kernel is measured later; until then `radius` is how far away, in m, the
+    plane of the surface is that the photon comes from."""
     photon = stored[row]
     for k in literal_unroll((0, 1, 2)):
         photon.position[k] = position[k]
         photon.normal[k] = ng[k]
         photon.flux[k] = flux[k]
         photon.wi[k] = -d[k]
-    photon.radius = f32(0)
+    photon.radius = clear
     photon.height = f32(0)
     photon.bounce = u32(scatters)
     photon.instance = instance

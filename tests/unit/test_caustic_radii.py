@@ -159,3 +159,12 @@ def test_a_tree_has_all_points_in_its_boxes():
     top = tree.nodes[tree.starts[-1] :].reshape(2, 6, 8)[:, :, :2]
     assert (top[0].min(axis=1) == points.min(axis=0)).all()
     assert (top[1].max(axis=1) == points.max(axis=0)).all()
+
+
+def test_kernels_keep_clear_of_the_wall_behind_which_they_would_show():
+    free, near = crowded(500), crowded(500)
+    measure_caustic_radii(free, 10.0)
+    clear = (free["radius"] * np.linspace(0, 2, 500)).astype(np.float32)
+    measure_caustic_radii(near, 10.0, clear=clear)
+    expected = np.clip(clear, 0.5 * free["radius"], free["radius"])
+    np.testing.assert_array_equal(near["radius"], expected)

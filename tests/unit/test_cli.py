@@ -177,7 +177,7 @@ def test_print_config_can_be_read_back(ispm_command, place):
         ("render cornell-box --float", "--float: is for .exr"),
         ("render cornell-box --threads 0", "--threads: 0 is less than 1"),
         ("render cornell-box --time nan", "--time: nan"),
-        ("render cornell-box --fov 180", "--fov: 180 is outside"),
+        ("render cornell-box --fov 180", "--fov: 180 is not between"),
         ("render cornell-box --look-from 1,2,3", "give both"),
         ("render cornell-box --look-from 1,2 --look-at 0,0,0", "--look-from: '1,2' is not X,Y,Z"),
         ("render cornell-box --look-from 1,1,1 --look-at 1,1,1", "are the same"),

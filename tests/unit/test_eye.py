@@ -8,7 +8,7 @@ from ispm.scene.light import PointLight
 from ispm.scene.material import Material
 from ispm.scene.scene import Scene
 from ispm.scene.shapes import box, icosphere, polygons
-from ispm.tracer.eye import REFLECTED, TRANSMITTED, EyeRays, trace_eye
+from ispm.tracer.eye import REFLECTED, SCATTERED, TRANSMITTED, EyeRays, trace_eye
 
 MIRROR = Material((0.9, 0.8, 0.7), metallic=1.0, roughness=0.0)
 GLASS = Material((1, 1, 1), roughness=0.0, transmission=1.0, thickness=1.0)
@@ -120,10 +120,30 @@ def test_a_slab_moves_what_lies_behind_by_snell_s_law(ior):
     reflected = 0.5 * (((c - ior * e) / (c + ior * e)) ** 2 + ((ior * c - e) / (ior * c + e)) ** 2)
     kept = np.array([0.8, 0.5, 0.3]) ** (0.7 / e[:, None] / 0.5)
     tint = np.array([0.9, 0.7, 0.5])
-    # the last face reflects back what it does not let through: one path is taken for both
-    last = tint * (1 - reflected[:, None]) + reflected[:, None]
-    expected = tint * (1 - reflected[:, None]) * kept * last
+    let_in = tint * (1 - reflected[:, None]) * kept
+    expected = let_in * tint * (1 - reflected[:, None])
     assert paths.ends["weight"][through] == pytest.approx(expected, rel=1e-4)
+
+
+def test_what_a_slab_reflects_within_leaves_it_above():
+    """A second path: in, back from the lower face, and out to what hangs above, 2 d / cos of glass later."""
+    glass = Material((1, 1, 1), roughness=0.0, transmission=1.0, thickness=1.0, ior=1.5)
+    scene = Scene()
+    scene.add(floor(4.0), material=CLAY)
+    scene.add(box((-9, 1, -9), (9, 1.7, 9)), material=glass)
+    rays = towards((0.0, 3.0, 0.0), grid((-2, 2), 1.7, (-2, 2)))
+    paths = follow(scene, rays)
+    within = paths.ends["lane"] == SCATTERED
+    assert within.sum() == len(rays.keys)
+    d = rays.directions.astype(float)
+    inner = np.stack([d[:, 0] / 1.5, -np.sqrt(1 - (d[:, 0] ** 2 + d[:, 2] ** 2) / 2.25), d[:, 2] / 1.5], 1)
+    leave = rays.origins + (-1.3 / d[:, 1])[:, None] * d + (-1.4 / inner[:, 1])[:, None] * inner * (1, 0, 1)
+    expected = leave + (-2.3 / d[:, 1])[:, None] * d * (1, -1, 1)
+    assert np.abs(paths.points["position"][within] - expected).max() < 1e-4
+    c, e = -d[:, 1], -inner[:, 1]
+    reflected = 0.5 * (((c - 1.5 * e) / (c + 1.5 * e)) ** 2 + ((1.5 * c - e) / (1.5 * c + e)) ** 2)
+    # at the face where it leaves it stands for what is reflected once more as well
+    assert paths.ends["weight"][within][:, 0] == pytest.approx((1 - reflected) * reflected, rel=1e-4)
 
 
 def test_a_sheet_tints_what_lies_behind_and_reflects_the_rest():

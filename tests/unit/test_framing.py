@@ -135,7 +135,7 @@ def test_cameras_are_found_by_name_index_or_as_the_first():
         assert found is not None and found[0].yfov == yfov
     assert find_camera(scene, "left")[1][:3, 3].tolist() == [1.0, 2.0, 3.0]
     for wanted in ("middle", 2, -1):
-        with pytest.raises(SceneError, match="0: 'left', 1: 'right'"):
+        with pytest.raises(SceneError, match="are: 0 'left', 1 'right'"):
             find_camera(scene, wanted)
 
 

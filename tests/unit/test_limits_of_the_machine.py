@@ -35,10 +35,10 @@ def test_other_errors_stay_what_they_are(error):
 
 
 def test_a_renderer_without_memory_names_size_and_photons(gpu: Gpu, monkeypatch):
-    def fail(self):
+    def fail(self, index):
         raise MemoryError("Unable to allocate 9 TiB")
 
-    monkeypatch.setattr(Renderer, "_render", fail)
+    monkeypatch.setattr(Renderer, "_draw", fail)
     renderer = Renderer(builtin("cornell-box"), Settings(size=(640, 48), photons=12_000), gpu=gpu)
     with pytest.raises(
         SettingsError, match="a picture of 640x48 pixels and 12,000 photons needs more memory"
