@@ -107,16 +107,19 @@ def _mean(parts: Parts, samples: int) -> tuple[Estimates, dict[str, np.ndarray]]
 def _store(
     name: str, mean: tuple[np.ndarray, int], error: np.ndarray, masks: dict[str, np.ndarray], samples: int
 ) -> None:
-    (radiance, bounces), whole = mean, masks["whole"]
-    eps = 1e-3 * radiance[whole].mean() ** 2
-    own_error = float((error[whole] ** 2 / (radiance[whole] ** 2 + eps)).mean())
+    radiance, bounces = mean
+    own_errors = {f"own_error_{key}": _own_error(radiance, error, mask) for key, mask in masks.items()}
     np.savez_compressed(
-        FOLDER / f"{name}.npz", radiance=radiance.astype(np.float16), own_error=own_error, samples=samples,
-        standard_error=error.mean(axis=-1).astype(np.float16), bounces=bounces, **masks,
+        FOLDER / f"{name}.npz", radiance=radiance.astype(np.float16), samples=samples, bounces=bounces,
+        standard_error=error.mean(axis=-1).astype(np.float16), **masks, **own_errors,
     )  # fmt: skip
-    print(
-        f"  {name}: mean {radiance[whole].mean():.4f}, own relMSE {own_error:.1e}, {whole.mean():.2f} whole"
-    )
+    print(f"  {name}: {own_errors}, {masks['whole'].mean():.0%} compared", flush=True)
+
+
+def _own_error(radiance: np.ndarray, error: np.ndarray, mask: np.ndarray) -> float:
+    """relMSE of noise alone over the pixels of a mask."""
+    eps = 1e-3 * radiance[mask].mean() ** 2
+    return float((error[mask] ** 2 / (radiance[mask] ** 2 + eps)).mean())
 
 
 def _caustic_pixels(means: dict[str, np.ndarray]) -> np.ndarray:
