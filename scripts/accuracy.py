@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import argparse
 import re
+import statistics
 import sys
 import time
 import warnings
@@ -34,6 +35,8 @@ from references.scenes import pictured  # noqa: E402
 
 _PAGE, _CHART = ROOT / "docs" / "accuracy.md", ROOT / "docs" / "pictures" / "accuracy.svg"
 _PASSES = 4, 16, 64
+_SPLITS = "-direct", "-one-bounce", "-caustic"
+_REPEATS = 3
 _LARGER = {"A": "A, box", "B": "B, glass ball", "C": "C, mirror ring"}
 _HEADINGS = ("scene", "setting", "seconds", "over", "bias", "relMSE", "FLIP")
 
@@ -101,23 +104,26 @@ def measure(name: str, gpu: Gpu, most: int) -> Iterator[Row]:
             settings = Settings(preset=preset, size=reference.size, **limit)
             frame, seconds = _timed(scene, settings, gpu)
             yield from _compared(title, preset, seconds, frame, reference, factor)
+    wanted = [] if name.endswith(_SPLITS) else [n for n in _PASSES if n <= most]
     settings = Settings(size=reference.size, **limit)
-    for passes, frame, seconds in _converging(scene, settings, gpu, [n for n in _PASSES if n <= most]):
+    for passes, frame, seconds in _converging(scene, settings, gpu, wanted):
         yield from _compared(title, f"{passes} passes", seconds, frame, reference, factor)
 
 
 def _timed(scene: Scene, settings: Settings, gpu: Gpu) -> tuple[Frame, float]:
     with Renderer(scene, settings, gpu=gpu) as renderer:
-        renderer.render()  # compiles, builds trees
-        started = time.perf_counter()
-        frame = renderer.render()
-        return frame, time.perf_counter() - started
+        seconds = []
+        for _ in range(_REPEATS + 1):  # the first compiles, builds trees
+            started = time.perf_counter()
+            frame = renderer.render()
+            seconds.append(time.perf_counter() - started)
+        return frame, statistics.median(seconds[1:])
 
 
 def _converging(
     scene: Scene, settings: Settings, gpu: Gpu, wanted: list[int]
 ) -> Iterator[tuple[int, Frame, float]]:
-    if not wanted or not settings.bounces:  # without photons the first pass is exact
+    if not wanted:
         return
     with Renderer(scene, settings, gpu=gpu) as renderer:
         renderer.render()
@@ -173,8 +179,8 @@ def chart(rows: list[Row]) -> str:
     """Return an SVG: relMSE against seconds, one line per scene from the default to the most passes."""
     lines: dict[str, list[tuple[float, float]]] = {}
     for row in rows:
-        split = row.scene.endswith(("-direct", "-one-bounce", "-caustic"))
-        if row.over == "whole" and not split and (row.setting == "default" or "passes" in row.setting):
+        measured = row.setting == "default" or "passes" in row.setting
+        if row.over == "whole" and measured and not row.scene.endswith(_SPLITS):
             lines.setdefault(row.scene, []).append((row.seconds, max(row.relmse, 1e-5)))
     x = _Axis([p[0] for line in lines.values() for p in line], _LEFT, _RIGHT)
     y = _Axis([p[1] for line in lines.values() for p in line], _BOTTOM, _TOP)

@@ -19,7 +19,8 @@ def error(gpu, name, over="whole", **settings) -> Comparison:
     )
 
 
-def test_references_know_their_noise():
+def test_references_are_there_and_know_their_noise():
+    assert len(names()) == 15
     for name in names():
         reference = stored(name)
         assert reference.samples >= 4096
@@ -27,10 +28,51 @@ def test_references_know_their_noise():
         assert np.isfinite(reference.radiance).all() and np.isfinite(reference.standard_error).all()
 
 
-@pytest.mark.parametrize("name", [name for name in names() if name.endswith("-direct")])
+@pytest.mark.parametrize("name", ["cornell-box", "glass-ball", "mirror-ring"])
 def test_direct_light_is_exact(gpu, name):
     """Against the mean over each pixel: half floats are off by 2^-12 at most on average, and light is not
     quite linear within a pixel."""
-    found = error(gpu, name)
+    found = error(gpu, f"{name}-direct")
     assert abs(found.bias) < 1e-3
     assert found.relmse < 1e-4
+
+
+# The worst of six seeds had a bias of -3.0, -0.7, -2.5, -2.7, -2.9 and -2.5 %, and a relMSE of .0045, .0050,
+# .0153, .0029, .0112 and .0264. Bias spreads by 0.9 % (one sigma) at most from seed to seed.
+@pytest.mark.parametrize(
+    ("name", "most"),
+    [
+        ("ggx-floor", 0.007),
+        ("spot", 0.008),
+        ("sun", 0.025),
+        ("textured", 0.005),
+        ("cornell-box", 0.02),
+        ("cornell-box-one-bounce", 0.04),
+    ],
+)
+def test_one_pass_is_near_the_reference(gpu, name, most):
+    found = error(gpu, name)
+    assert abs(found.bias) < 0.04
+    assert found.relmse < most
+
+
+@pytest.mark.parametrize("name", ["mirror-ring", "mirror-ring-caustic"])
+def test_a_mirrors_caustic_is_near_the_reference(gpu, name):
+    """The worst of six seeds: bias -1.7 %, relMSE .0086 over the caustic."""
+    found = error(gpu, name, "caustic")
+    assert abs(found.bias) < 0.03
+    assert found.relmse < 0.02
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["ggx-floor", "spot", "textured"])
+def test_passes_converge_to_the_reference(gpu, name):
+    found = error(gpu, name, passes=64)
+    assert abs(found.bias) < 0.01
+    assert found.relmse < 0.005
+
+
+@pytest.mark.slow
+def test_passes_converge_to_the_reference_in_the_sun(gpu):
+    """Its bias is in docs/accuracy.md."""
+    assert error(gpu, "sun", passes=64).relmse < 0.005
