@@ -1,4 +1,4 @@
-"""A mesh made by trimesh, in a scene built from nothing."""
+"""A mesh made by trimesh, in a scene built from nothing. Needs `pip install trimesh`."""
 
 import trimesh
 

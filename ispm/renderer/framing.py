@@ -79,7 +79,7 @@ def default_camera(packed: Packed, world: World, aspect: float) -> tuple[Camera,
     """Return a camera that frames the scene from outside, or from within where it is a room."""
     heart = find_heart(packed, world)
     if heart is not None:
-        return Camera(yfov=_ROOM_YFOV), _pose_within(packed, world, heart)
+        return _camera_of_room(packed, world, heart, aspect)
     low, high = packed.bounds
     center = (low + high) / 2.0
     back = _FROM / np.linalg.norm(_FROM)
@@ -96,8 +96,11 @@ def default_camera(packed: Packed, world: World, aspect: float) -> tuple[Camera,
     return Camera(yfov=_YFOV), pose
 
 
-def _pose_within(packed: Packed, world: World, heart: np.ndarray) -> np.ndarray:
-    """A pose that looks through a room along the way that is longest, at an eye's height."""
+def _camera_of_room(
+    packed: Packed, world: World, heart: np.ndarray, aspect: float
+) -> tuple[Camera, np.ndarray]:
+    """A camera that looks through a room along the way that is longest, at an eye's height; or that sees its
+    open side whole, from before it."""
     low, high = packed.bounds
     size = high - low
     up, down = np.minimum(_free(world, heart, np.array([[0.0, 1.0, 0.0], [0.0, -1.0, 0.0]])), size[1])
@@ -106,10 +109,13 @@ def _pose_within(packed: Packed, world: World, heart: np.ndarray) -> np.ndarray:
     way = int((free + 0.5 * np.roll(free, 2)).argmax())  # an open side is one to look in by
     back, aside = _WAYS[way], np.abs(_WAYS[way - 1])
     eye = eye + 0.9 * free[way] * back
-    if (eye < low).any() or (eye > high).any():  # and from its middle
-        eye = eye + aside * ((low + high) / 2.0 - eye)
-    length = float(size @ np.abs(back)) / 2.0
-    return look_at_pose(eye, eye - length * back - np.array([0.0, 0.05 * (up + down), 0.0]))
+    depth = float(size @ np.abs(back))
+    if (eye < low).any() or (eye > high).any():
+        distance = _MARGIN * max(size[1], float(size @ aside) / aspect) / 2.0 / math.tan(_YFOV / 2.0)
+        center = (low + high) / 2.0
+        return Camera(yfov=_YFOV), look_at_pose(center + (0.5 * depth + distance) * back, center)
+    target = eye - 0.5 * depth * back - np.array([0.0, 0.05 * (up + down), 0.0])
+    return Camera(yfov=_ROOM_YFOV), look_at_pose(eye, target)
 
 
 def _free(world: World, origin: np.ndarray, directions: np.ndarray) -> np.ndarray:

@@ -4,19 +4,14 @@ Boxes are met conservatively and triangles with their edges: what a ray does at 
 edge alone, so it never passes between two triangles that share it. Hits come in order of distance, and at
 the same distance in order of instance and triangle.
 
-Sources: Woop, Benthin & Wald, "Watertight ray/triangle intersection", 2013 (triangles); Ize, "Robust BVH
-ray traversal", 2013 (boxes); Wächter & Binder, "A fast and robust method for avoiding self-intersection",
-Ray Tracing Gems, chapter 6 (leaving a surface).
+Source of the boxes: Ize, "Robust BVH ray traversal", 2013.
 """
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
 from ispm.optics.jit import jit
-from ispm.optics.vector import cross, dot, sub
 from ispm.tracer.build import LEAF, MAX_DEPTH
 from ispm.tracer.collapse import BLOCK_WORDS, IDS, NEEDLE, NODE_WORDS, REFS
 from ispm.tracer.simd import (
@@ -34,7 +29,6 @@ from ispm.tracer.simd import (
     stq,
     stu,
     u2f,
-    vadd,
     vdiv,
     vfma,
     vget,
@@ -44,11 +38,9 @@ from ispm.tracer.simd import (
     vmax,
     vmin,
     vmul,
-    vsign,
     vstore8,
-    vsub,
-    vxor,
 )  # fmt: skip
+from ispm.tracer.triangle import meet_block, meet_needle
 
 f32, f64, i64, u32, u64 = np.float32, np.float64, np.int64, np.uint32, np.uint64
 
@@ -91,8 +83,6 @@ _SLACK_AT_ZERO = np.float32(1e-12)
 _A_LITTLE_MORE = np.float32(1 + 2.0**-21)
 # The share of a mesh's reach within which needles are met in float64, see `meet_needle`.
 _NEAR = np.float32(1 / 256)
-# How far a ray starts from its surface, in units of the scale of rounding errors.
-_OFFSET = np.float32(4 * 2.0**-24)
 
 
 @jit(inline=True)
@@ -178,59 +168,6 @@ def next_waiting(stack, bottom, waiting, t):
             found = i64(key & u64(_LOW))
             break
     return found, waiting
-
-
-@jit(inline=True)
-def meet_block(blocks, word, wx, wy, wz, kx, ky, kz, minus_x, minus_y, rate):
-    """Meet 4 triangles, in the space where the ray starts at 0 and runs along z.
-
-    wx ..  words of the coordinates that become x, y and z;  kx ..  the ray's origin in them
-    ->     (b, c, size, inside, scaled): weights of the second and third corner and distance, all times
-           size > 0; inside is not negative where all three weights are not
-    A weight depends on the two corners of an edge alone, and is the exact negative in the triangle beyond
-    it: no ray misses both, and one on the edge hits both.
-    """
-    pz = vsub(vload4(blocks, word + wz), kz)
-    qz = vsub(vload4(blocks, word + 12 + wz), kz)
-    sz = vsub(vload4(blocks, word + 24 + wz), kz)
-    px = vfma(minus_x, pz, vsub(vload4(blocks, word + wx), kx))
-    py = vfma(minus_y, pz, vsub(vload4(blocks, word + wy), ky))
-    qx = vfma(minus_x, qz, vsub(vload4(blocks, word + 12 + wx), kx))
-    qy = vfma(minus_y, qz, vsub(vload4(blocks, word + 12 + wy), ky))
-    sx = vfma(minus_x, sz, vsub(vload4(blocks, word + 24 + wx), kx))
-    sy = vfma(minus_y, sz, vsub(vload4(blocks, word + 24 + wy), ky))
-    a = vsub(vmul(sx, qy), vmul(sy, qx))
-    b = vsub(vmul(px, sy), vmul(py, sx))
-    c = vsub(vmul(qx, py), vmul(qy, px))
-    whole = vadd(a, vadd(b, c))
-    sign = vsign(whole)
-    a, b, c = vxor(a, sign), vxor(b, sign), vxor(c, sign)
-    scaled = vmul(rate, vfma(a, pz, vfma(b, qz, vmul(c, sz))))
-    return b, c, vxor(whole, sign), vmin(a, vmin(b, c)), scaled
-
-
-@jit(inline=True)
-def meet_needle(blocks, word, ox, oy, oz, dx, dy, dz):
-    """Return (distance, u, v) of the triangle whose first word is `word`; NaN where it is seen from its edge.
-
-    In float64. Products of coordinates are as large as the square of a needle's length, their sum is its
-    area: in float32 one of 1:20 is off its plane by up to 20 roundings, more than rays start from it, and
-    they meet it again. Weights below 0 are taken for 0: the hit is within the triangle.
-    """
-    o, d = (f64(ox), f64(oy), f64(oz)), (f64(dx), f64(dy), f64(dz))
-    p, q = sub(_corner(blocks, word), o), sub(_corner(blocks, word + 12), o)
-    s = sub(_corner(blocks, word + 24), o)
-    a, b, c = dot(d, cross(s, q)), dot(d, cross(p, s)), dot(d, cross(q, p))
-    sign = f64(1) if a + b + c > f64(0) else f64(-1)
-    a, b, c = max(sign * a, f64(0)), max(sign * b, f64(0)), max(sign * c, f64(0))
-    inverse = f64(1) / (a + b + c)
-    along = (a * dot(d, p) + b * dot(d, q) + c * dot(d, s)) * inverse
-    return f32(along / dot(d, d)), f32(b * inverse), f32(c * inverse)
-
-
-@jit(inline=True)
-def _corner(blocks, word):
-    return f64(ldf(blocks, word)), f64(ldf(blocks, word + 4)), f64(ldf(blocks, word + 8))
 
 
 @jit(inline=True)
@@ -416,52 +353,3 @@ def any_hit(table, ox, oy, oz, dx, dy, dz, t_max, stack):
 def instance_scale(table, instance):
     """Return the scale of an instance's rounding errors in metres, see `leave_triangle`."""
     return ldf(ldq(table, ROWS), i64(instance) * i64(ROW_WORDS) + i64(ROW_SCALE))
-
-
-@jit
-def leave_triangle(corner, e1, e2, u, v, n, scale):
-    """Return where a ray starts that leaves a hit: on the side of n and inside all walls at its edges.
-
-    corner, e1, e2  first corner and edges to the second and third, world space; vectors as tuples
-    u, v            barycentric coordinates of the hit;  n  unit geometric normal of the side to leave
-    scale           m, `instance_scale`
-    A point from barycentrics is off by a few 2^-24 of the largest number on its way to the world: its
-    object space coordinates, its translation, or what they give, whichever is largest, not what they sum
-    to. Rays take the way back, where an uneven matrix makes the error grow. An instance's scale is the
-    product of both; the point moves by 4 of its 2^-24 along n. A point this close to an edge may also lie
-    behind the wall that begins there, so it first moves towards the center of the circle within the
-    triangle until it is four times as far from all edges, or half of the circle's radius: the wall may lean
-    over this triangle, down to an angle of 15 degrees. Others stay: the center of a needle is far away.
-    """
-    h = _OFFSET * scale
-    e3, area = sub(e2, e1), cross(e1, e2)
-    longest = max(dot(e1, e1), max(dot(e2, e2), dot(e3, e3)))
-    least = min(u, min(v, f32(1) - u - v))
-    if least * least * dot(area, area) < f32(16) * h * h * longest:  # may be nearer than 4 h to an edge
-        u, v = _inwards(e1, e2, e3, u, v, f32(4) * h)
-    return (
-        corner[0] + (u * e1[0] + v * e2[0]) + h * n[0],
-        corner[1] + (u * e1[1] + v * e2[1]) + h * n[1],
-        corner[2] + (u * e1[2] + v * e2[2]) + h * n[2],
-    )
-
-
-@jit
-def _inwards(e1, e2, e3, u, v, margin):
-    """Move a point towards the center of the circle within until it is `margin` from all edges."""
-    area = cross(e1, e2)
-    a, b, c = math.sqrt(dot(e3, e3)), math.sqrt(dot(e2, e2)), math.sqrt(dot(e1, e1))
-    around, twice_area = a + b + c, math.sqrt(dot(area, area))
-    if around > f32(0):  # the weights of the center
-        a, b, c = a / around, b / around, c / around
-    share = f32(0.5)  # of the circle's radius
-    if margin * around < share * twice_area:
-        share = margin * around / twice_area
-    way = max(_way_to(share * a, f32(1) - u - v, a), max(_way_to(share * b, u, b), _way_to(share * c, v, c)))
-    return u + way * (b - u), v + way * (c - v)
-
-
-@jit(inline=True)
-def _way_to(low, weight, center):
-    """The share of the way from `weight` to the center's on which `low` is reached."""
-    return (low - weight) / (center - weight) if weight < low else f32(0)

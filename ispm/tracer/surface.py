@@ -34,8 +34,8 @@ from ispm.tracer.intersect import (
     HIT_V,
     closest_after,
     instance_scale,
-    leave_triangle,
 )  # fmt: skip
+from ispm.tracer.leave import leave_triangle
 from ispm.tracer.normals import bend, unit
 from ispm.tracer.simd import address, ldf, ldu, stu
 

@@ -11,7 +11,8 @@ from ispm.optics.rng import random4
 from ispm.optics.vector import cross, dot, scale
 from ispm.scene.packed import pack
 from ispm.scene.scene import Scene, rotation_matrix
-from ispm.tracer.intersect import STACK_WORDS, closest, instance_scale, leave_triangle
+from ispm.tracer.intersect import STACK_WORDS, closest, instance_scale
+from ispm.tracer.leave import leave_triangle
 from ispm.tracer.simd import address, alloca, ldf, ldu
 from ispm.tracer.threads import run_threads
 from ispm.tracer.world import World

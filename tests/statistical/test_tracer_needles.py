@@ -11,7 +11,8 @@ from ispm.optics.vector import add, cross, dot, scale, sub
 from ispm.scene.mesh import Mesh
 from ispm.scene.packed import pack
 from ispm.scene.scene import Scene
-from ispm.tracer.intersect import STACK_WORDS, closest, instance_scale, leave_triangle
+from ispm.tracer.intersect import STACK_WORDS, closest, instance_scale
+from ispm.tracer.leave import leave_triangle
 from ispm.tracer.simd import address, alloca, ldf, ldu
 from ispm.tracer.world import World
 

@@ -76,14 +76,18 @@ def test_a_box_seen_from_outside_is_no_room():
     assert find_heart(*ready(scene)) is None
 
 
-def test_a_room_with_an_open_side_is_seen_through_it_from_the_middle():
+@pytest.mark.parametrize("aspect", [0.5, 1.0, 1.5])
+def test_a_room_with_an_open_side_is_seen_whole_from_the_middle_before_it(aspect):
     scene = box_room((-2, 0, -2), (2, 2, 2))
     del scene.roots[1]  # the wall at +x
     scene.add(box((-1, 0, -1), (0, 1.5, 2)))  # in the middle
     packed, world = ready(scene)
-    _, pose = default_camera(packed, world, 1.5)
+    camera, pose = default_camera(packed, world, aspect)
     assert pose[0, 3] > 2.0 and pose[2, 3] == pytest.approx(0.0)
     assert pose[0, 2] > 0.99
+    corners = np.array([(x, y, z) for x in (-2, 2) for y in (0, 2) for z in (-2, 2)])
+    seen = np.abs(seen_from(camera, pose, corners)) / (aspect, 1.0)
+    assert seen.max() == pytest.approx(1 / 1.08)
 
 
 ROOMS = {

@@ -8,7 +8,8 @@ from ispm.optics.records import NO_HIT
 from ispm.scene.mesh import Mesh
 from ispm.scene.packed import pack
 from ispm.scene.scene import Scene
-from ispm.tracer.intersect import any_hit, closest, instance_scale, leave_triangle
+from ispm.tracer.intersect import any_hit, closest, instance_scale
+from ispm.tracer.leave import leave_triangle
 from ispm.tracer.world import World
 
 SQUARE = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], np.float32)

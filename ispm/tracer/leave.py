@@ -1,0 +1,67 @@
+"""Where a ray starts that leaves a hit.
+
+Source: Wächter & Binder, "A fast and robust method for avoiding self-intersection", Ray Tracing Gems, ch. 6.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ispm.optics.jit import jit
+from ispm.optics.vector import cross, dot, sub
+
+f32 = np.float32
+
+# How far a ray starts from its surface, in units of the scale of rounding errors.
+_OFFSET = np.float32(4 * 2.0**-24)
+
+
+@jit
+def leave_triangle(corner, e1, e2, u, v, n, scale):
+    """Return where a ray starts that leaves a hit: on the side of n and inside all walls at its edges.
+
+    corner, e1, e2  first corner and edges to the second and third, world space; vectors as tuples
+    u, v            barycentric coordinates of the hit;  n  unit geometric normal of the side to leave
+    scale           m, `instance_scale`
+    A point from barycentrics is off by a few 2^-24 of the largest number on its way to the world: its
+    object space coordinates, its translation, or what they give, whichever is largest, not what they sum
+    to. Rays take the way back, where an uneven matrix makes the error grow. An instance's scale is the
+    product of both; the point moves by 4 of its 2^-24 along n. A point this close to an edge may also lie
+    behind the wall that begins there, so it first moves towards the center of the circle within the
+    triangle until it is four times as far from all edges, or half of the circle's radius: the wall may lean
+    over this triangle, down to an angle of 15 degrees. Others stay: the center of a needle is far away.
+    """
+    h = _OFFSET * scale
+    e3, area = sub(e2, e1), cross(e1, e2)
+    longest = max(dot(e1, e1), max(dot(e2, e2), dot(e3, e3)))
+    least = min(u, min(v, f32(1) - u - v))
+    if least * least * dot(area, area) < f32(16) * h * h * longest:  # may be nearer than 4 h to an edge
+        u, v = _inwards(e1, e2, e3, u, v, f32(4) * h)
+    return (
+        corner[0] + (u * e1[0] + v * e2[0]) + h * n[0],
+        corner[1] + (u * e1[1] + v * e2[1]) + h * n[1],
+        corner[2] + (u * e1[2] + v * e2[2]) + h * n[2],
+    )
+
+
+@jit
+def _inwards(e1, e2, e3, u, v, margin):
+    """Move a point towards the center of the circle within until it is `margin` from all edges."""
+    area = cross(e1, e2)
+    a, b, c = math.sqrt(dot(e3, e3)), math.sqrt(dot(e2, e2)), math.sqrt(dot(e1, e1))
+    around, twice_area = a + b + c, math.sqrt(dot(area, area))
+    if around > f32(0):  # the weights of the center
+        a, b, c = a / around, b / around, c / around
+    share = f32(0.5)  # of the circle's radius
+    if margin * around < share * twice_area:
+        share = margin * around / twice_area
+    way = max(_way_to(share * a, f32(1) - u - v, a), max(_way_to(share * b, u, b), _way_to(share * c, v, c)))
+    return u + way * (b - u), v + way * (c - v)
+
+
+@jit(inline=True)
+def _way_to(low, weight, center):
+    """The share of the way from `weight` to the center's on which `low` is reached."""
+    return (low - weight) / (center - weight) if weight < low else f32(0)
