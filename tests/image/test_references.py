@@ -56,6 +56,17 @@ def test_one_pass_is_near_the_reference(gpu, name, most):
     assert found.relmse < most
 
 
+@pytest.mark.parametrize(("name", "most"), [("door", 0.03), ("colonnade", 0.01)])
+def test_as_many_estimates_as_a_larger_picture_has(gpu, name, most):
+    """One for each of 160x90 pixels, as one in 16 of 640x360: light stays in its room and round thin columns.
+
+    The worst of six seeds: bias -2.5 and -0.8 %, relMSE .011 and .0017.
+    """
+    found = error(gpu, name, subsampling=1)
+    assert abs(found.bias) < 0.03
+    assert found.relmse < most
+
+
 @pytest.mark.parametrize("name", ["mirror-ring", "mirror-ring-caustic"])
 def test_a_mirrors_caustic_is_near_the_reference(gpu, name):
     """The worst of six seeds: bias -1.7 %, relMSE .0086 over the caustic."""
@@ -73,6 +84,7 @@ def test_passes_converge_to_the_reference(gpu, name):
 
 
 @pytest.mark.slow
-def test_passes_converge_to_the_reference_in_the_sun(gpu):
-    """Its bias is in docs/accuracy.md."""
-    assert error(gpu, "sun", passes=64).relmse < 0.005
+@pytest.mark.parametrize(("name", "most"), [("sun", 0.005), ("colonnade", 0.007)])
+def test_noise_of_passes_vanishes(gpu, name, most):
+    """What is left is bias, which docs/accuracy.md tells."""
+    assert error(gpu, name, passes=64).relmse < most
