@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -45,9 +46,9 @@ class Tracer:
         plan = plan_maps(self.packed, counts, 0.0, seed, 0)
         return emit_rays(self.packed, self.world, self.surfaces, plan, seed, 0, self.threads)
 
-    def walk(self, emitted: np.ndarray, bounces: int, seed: int = 0) -> Walk:
-        """Follow photons from their first hits."""
-        return walk(self.packed, self.world, self.surfaces, emitted, bounces, seed, 0, self.threads)
+    def walk(self, emitted: np.ndarray, bounces: int, seed: int = 0, limit: float = math.inf) -> Walk:
+        """Follow photons from their first hits; limit: of bright spots."""
+        return walk(self.packed, self.world, self.surfaces, emitted, bounces, seed, 0, self.threads, limit)
 
 
 def trace(scene: Scene, count: int, bounces: int, seed: int = 0, threads: int = 2) -> Walk:

@@ -155,7 +155,9 @@ def _path(place, scene, foot, start, d, length, spread, i, sample, stack, words,
             _add(light, i, glow(table, texels, rows, hit), weight, focus)
             if flags & u32(MATERIAL_UNLIT):
                 return row
-            lit, _ = direct_light(place, lights, True, hit, position, ng, n, b, wo, u4, (stack, words))
+            lit, _ = direct_light(
+                place, lights, True, hit, position, ng, n, b, wo, u4, (stack, words), f32(np.inf)
+            )  # fmt: skip
             _add(light, i, lit, weight, focus)
             if has_finite(b):
                 _write(ends[row], i, position, n, ng, wo, scale(focus, weight), b)

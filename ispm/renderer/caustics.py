@@ -23,12 +23,19 @@ class PhotonParts:
     smooth   to be estimated and filtered at low resolution; their kernels are not measured yet
     wide     of caustics, to be estimated at low resolution, but not filtered
     sharp    of caustics, to be drawn at full resolution
+    straight  (len(smooth),) bool, whether gather rays do not find their light
     """
 
     photons: np.ndarray
     smooth: np.ndarray
     wide: np.ndarray
     sharp: np.ndarray
+    straight: np.ndarray
+
+    def scattered(self, bounces: int) -> np.ndarray:
+        """Return copies of those that have scattered, but less than `bounces` times."""
+        count = self.photons["bounce"]
+        return self.photons[(count > 0) & (count < bounces)]
 
     @property
     def caustic(self) -> np.ndarray:
@@ -39,6 +46,7 @@ class PhotonParts:
 def part_photons(
     photons: np.ndarray,
     focused: np.ndarray,
+    straight: np.ndarray,
     packed: Packed,
     view: CameraView,
     settings: Settings,
@@ -46,13 +54,13 @@ def part_photons(
 ) -> PhotonParts:
     """Find the caustics among photons, and measure their kernels.
 
-    focused  (M,) as in a Walk
+    focused, straight  (M,) as in a Walk
     Light that has scattered before it was focused makes a caustic where its photons crowd; elsewhere, as in
     a plane mirror's reflection of a room, it is as smooth as before.
     The hint's kernels are as narrow as caustics need: with them all photons are smooth.
     """
     if settings.kernel == "hint":
-        return PhotonParts(photons, photons, photons[:0], photons[:0])
+        return PhotonParts(photons, photons, photons[:0], photons[:0], straight)
     first = photons["bounce"] == 0
     later = np.flatnonzero(focused & ~first)
     later = later[is_crowded(photons[later], packed.diagonal)]  # of copies: radii stay as they are
@@ -72,7 +80,7 @@ def part_photons(
     wide = caustic["radius"] > caustic["position"] @ least[:3] + least[3]
     smooth = ~first
     smooth[later] = False
-    return _joined(photons[smooth], caustic[wide], caustic[~wide])
+    return _joined(photons[smooth], caustic[wide], caustic[~wide], straight[smooth])
 
 
 def sample_width(view: CameraView) -> np.ndarray:
@@ -83,6 +91,7 @@ def sample_width(view: CameraView) -> np.ndarray:
     return np.asarray(view.footprint * view.clip_from_world[3] / math.sqrt(1 + view.pass_index))
 
 
-def _joined(smooth: np.ndarray, wide: np.ndarray, sharp: np.ndarray) -> PhotonParts:
+def _joined(smooth: np.ndarray, wide: np.ndarray, sharp: np.ndarray, straight: np.ndarray) -> PhotonParts:
     photons = np.concatenate([smooth, wide, sharp])
-    return PhotonParts(photons, *np.split(photons, [len(smooth), len(smooth) + len(wide)]))
+    smooth, wide, sharp = np.split(photons, [len(smooth), len(smooth) + len(wide)])
+    return PhotonParts(photons, smooth, wide, sharp, straight)

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from ispm.renderer.gather import bright_limit
 from ispm.scene.packed import Packed
 from ispm.settings import Settings
 from ispm.tracer.emission import emit_rays, emit_texels
@@ -45,4 +46,7 @@ def trace_photons(
         emitted = emit_rays(packed, world, surfaces, plan, seed, pass_index, threads)
     else:
         emitted = emit_texels(packed, plan, texels)
-    return walk(packed, world, surfaces, emitted, settings.bounces, seed, pass_index, threads)
+    return walk(
+        packed, world, surfaces, emitted, settings.bounces, seed, pass_index, threads,
+        bright_limit(packed, settings),
+    )  # fmt: skip

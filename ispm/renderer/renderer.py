@@ -6,7 +6,7 @@ import gc
 import time as clock
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 from operator import attrgetter
 from pathlib import Path
 from types import TracebackType
@@ -19,11 +19,12 @@ from ispm.frame import GBuffer, GpuScene
 from ispm.gpu import Gpu, Texture, open_gpu, within_memory
 from ispm.optics.records import PHOTON
 from ispm.optics.texture import TextureTable
-from ispm.renderer.caustics import part_photons, sample_width
+from ispm.renderer.caustics import part_photons
 from ispm.renderer.chains import chain_light, light_points
 from ispm.renderer.compose import compose
 from ispm.renderer.converge import converge, of_pass, place_in_pixel
 from ispm.renderer.framing import default_light, place_camera
+from ispm.renderer.gather import light_receivers
 from ispm.renderer.last import LastFrame
 from ispm.renderer.light import emission_of, map_plan, trace_photons
 from ispm.renderer.limits import require_drawable
@@ -43,14 +44,11 @@ from ispm.stages.caustic import CausticStage
 from ispm.stages.chain import ChainStage
 from ispm.stages.direct import DirectStage
 from ispm.stages.downsample import Downsample
-from ispm.stages.filter import filter_estimate
 from ispm.stages.gbuffer import GBufferStage
 from ispm.stages.shadow import ShadowStage
 from ispm.stages.upload import Upload
 from ispm.stages.upsample import Upsample
-from ispm.tracer.density import measure_radii
 from ispm.tracer.grid import PhotonGrid
-from ispm.tracer.hint import hint_radii
 from ispm.tracer.surface import SurfaceTable
 from ispm.tracer.threads import thread_count
 from ispm.tracer.world import World
@@ -239,11 +237,16 @@ class Renderer:
                 self.threads,
             )  # fmt: skip
         with watch("radiance"):
-            parts = part_photons(path.photons, path.focused, packed, view, settings, self.threads)
-            estimate, light = self._gather(points, parts.smooth, packed, view, settings)
+            parts = part_photons(
+                path.photons, path.focused, path.straight, packed, view, settings, self.threads
+            )
+            size = self._downsample.size(view)
+            estimator = partial(self._estimator, points, clip_from_world=view.clip_from_world, size=size)
+            estimate, light = light_receivers(
+                packed, self._world, surfaces, points, parts, estimator, view, size, settings, self.threads
+            )
             if len(parts.wide):
-                size = self._downsample.size(view)
-                light = light + self._estimator(points, parts.wide, view.clip_from_world, size)
+                light = light + estimator(parts.wide)
 
         with self._gpu.frame() as third:
             third.stage("radiance")
@@ -347,27 +350,6 @@ class Renderer:
     def _surfaces(self, packed: Packed) -> SurfaceTable:
         assert self._textures is not None
         return SurfaceTable(packed, self._textures, _TEXTURE_FOOTPRINT * packed.diagonal)
-
-    def _gather(
-        self, points: np.ndarray, photons: np.ndarray, packed: Packed, view: CameraView, settings: Settings
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Return the light that photons bring to the receivers, (n, 16), as estimated and as filtered."""
-        if not len(photons):
-            dark = np.zeros((len(points), 16), np.float32)
-            return dark, dark
-        size = self._downsample.size(view)
-        if settings.kernel == "hint":
-            hint_radii(photons, packed.diagonal, settings.photons, settings.smoothing)
-            estimate = self._estimator(points, photons, view.clip_from_world, size)
-            return estimate, estimate
-        pixel = settings.subsampling * sample_width(view)
-        measure_radii(
-            photons, packed.diagonal, settings.smoothing, pixel, packed.widths, view.eye_or_direction
-        )
-        estimate = self._estimator(points, photons, view.clip_from_world, size)
-        return estimate, filter_estimate(
-            points, estimate, size, packed.diagonal, settings.smoothing, self.threads
-        )
 
     def _light_missed(
         self,

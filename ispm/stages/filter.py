@@ -60,6 +60,16 @@ def filter_estimate(
     return _run(_finish, words, words, smooth, size, diagonal, smoothing, threads)
 
 
+def set_reach(estimate: np.ndarray, receivers: np.ndarray, reach: np.ndarray, diagonal: float) -> None:
+    """Let the filter's radius at each receiver be `reach`, (n,) m, as far as its bounds allow.
+
+    In place, by a density of as many photons within as the filter wants.
+    """
+    reach = np.minimum(np.minimum(reach, REACH * diagonal), f32(_MAX_PIXELS) * receivers["footprint"])
+    reach = np.maximum(reach, f32(1e-12))
+    estimate[:, DENSITY] = _PHOTONS / math.pi / (reach * reach)
+
+
 def filter_points(
     points: np.ndarray,
     pixels: np.ndarray,

@@ -315,7 +315,9 @@ def _follow(place, scene, foot, scratch, path, slot, out, at):
         unlit = flags & u32(MATERIAL_UNLIT) != u32(0)
         wo = scale(f32(-1), d)
         if not unlit and (has_finite(b) or not is_smooth(b)):
-            light, shadows = direct_light(place, lights, porous, hit, position, ng, n, b, wo, u0, scratch)
+            light, shadows = direct_light(
+                place, lights, porous, hit, position, ng, n, b, wo, u0, scratch, f32(np.inf)
+            )  # fmt: skip
             _add(out[0], slot[1], light, seen)
             traced += shadows
         if has_finite(b) or unlit:

@@ -1,4 +1,4 @@
-"""Light that comes to a point straight from the lights, its shadows found by rays."""
+"""Light that comes to a point straight from the lights, its shadows found by rays, and bright spots."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from ispm.optics.bsdf import eval_bsdf, smooth_split, transmits
+from ispm.optics.bsdf import eval_bsdf, has_finite, smooth_split, transmits
 from ispm.optics.jit import jit
 from ispm.optics.light import light_arriving
 from ispm.optics.vector import add, dot, scale, sub
@@ -22,12 +22,13 @@ _ALPHA, _ETA, _THIN = 7, 13, 14  # places in a Bsdf tuple
 
 
 @jit
-def direct_light(place, lights, porous, hit, position, ng, n, b, wo, u, scratch):
+def direct_light(place, lights, porous, hit, position, ng, n, b, wo, u, scratch, limit):
     """Return (radiance along wo, rays traced) of the lobes at a hit that spread.
 
     place    the world's and the surfaces' arrays: world, table, texels, rows
     porous   whether any material may let shadow rays pass
     scratch  a stack and a hit's words, for rays
+    limit    lights of which a bright spot is seen here are left out, see `is_bright`; infinite: none
     """
     total, traced = (f32(0), f32(0), f32(0)), i64(0)
     for k in range(len(lights)):
@@ -35,7 +36,7 @@ def direct_light(place, lights, porous, hit, position, ng, n, b, wo, u, scratch)
         if greatest(irradiance) <= f32(0):
             continue
         f = eval_bsdf(b, n, ng, wo, wi)
-        if greatest(f) <= f32(0):
+        if greatest(f) <= f32(0) or is_bright(b, ng, wo, irradiance, wi, limit):
             continue
         if dot(wi, ng) < f32(0) and b[_THIN] == f32(0):  # refracted radiance
             f = scale(f32(1) / (b[_ETA] * b[_ETA]), f)
@@ -44,6 +45,27 @@ def direct_light(place, lights, porous, hit, position, ng, n, b, wo, u, scratch)
         passed = let_through(place, porous, start, wi, distance, u, scratch)
         total = add(total, scale(abs(dot(n, wi)), times(times(f, irradiance), passed)))
     return total, traced
+
+
+@jit
+def is_bright(b, ng, wo, irradiance, wi, limit):
+    """Return whether a light makes a bright spot of a point that is seen along wo.
+
+    irradiance, wi  as `light_arriving` has them
+    limit           of pi times the radiance that the light would make there without shadows
+    The same for the eye and for photons: it takes the geometric normal, as the shading normal is bent towards
+    who looks, and is symmetric in wo and wi.
+    """
+    if limit == f32(np.inf):
+        return False
+    seen = times(eval_bsdf(b, ng, ng, wo, wi), irradiance)
+    return f32(math.pi) * abs(dot(ng, wi)) * greatest(seen) > limit
+
+
+@jit
+def is_gathered(b):
+    """Return whether gather rays end at a surface: it is opaque, and scatters."""
+    return has_finite(b) and not transmits(b)
 
 
 @jit

@@ -10,7 +10,7 @@ from numba import literal_unroll
 
 from ispm.optics.bsdf import adjoint_factor, has_finite, is_smooth, sample_bsdf
 from ispm.optics.jit import jit
-from ispm.optics.light import range_window
+from ispm.optics.light import light_arriving, range_window
 from ispm.optics.records import (
     LIGHT_DIRECTIONAL,
     MATERIAL_THIN,
@@ -23,6 +23,7 @@ from ispm.optics.rng import random4
 from ispm.optics.vector import dot, scale, sub
 from ispm.scene.packed import Packed
 from ispm.tracer.intersect import STACK_WORDS
+from ispm.tracer.lit import is_bright, is_gathered
 from ispm.tracer.simd import address, alloca, atomic_add
 from ispm.tracer.surface import (
     SurfaceTable,
@@ -53,6 +54,8 @@ class Walk:
     photons    (M,) PHOTON in the order of the emitted ones; radius and height not yet set
     focused    (M,) bool, whether it met a mirror or glass since it last scattered, if ever; thin sheets that
                it passed do not count
+    straight   (M,) bool, whether gather rays do not find the light that it brings: it is focused, or comes
+               from where it last scattered as caustic light, in a bright spot, or on what lets light through
     emitted, absorbed, escaped, dropped   (3,) float64 lumen; the first is the sum of the others
     stored     (3,) float64 lumen, each photon counted at each hit
     rays       traced
@@ -60,6 +63,7 @@ class Walk:
 
     photons: np.ndarray
     focused: np.ndarray
+    straight: np.ndarray
     emitted: np.ndarray
     absorbed: np.ndarray
     escaped: np.ndarray
@@ -78,12 +82,14 @@ def walk(
     seed: int,
     pass_index: int,
     threads: int,
+    limit: float = math.inf,
 ) -> Walk:
     """Trace photons from their first hits, storing one at each later hit.
 
     emitted  (N,) EMITTED
     bounces  scatters at most, the one at the first hit included; events at smooth surfaces, where light
              goes one way, do not count
+    limit    of bright spots, see `lit.is_bright`
     The first hit is direct light, which shadow maps show, also behind thin sheets, so it is not stored. Flux
     changes by f cos / pdf, and between hits by what is in between; after `ROULETTE_AFTER` scatters and
     `SPECULAR_MAX` specular events roulette keeps the expectation (method, 1.3).
@@ -92,7 +98,7 @@ def walk(
     chunk_count = -(-len(emitted) // _CHUNK)
     capacity = int(chunk_capacity(bounces))
     stored = world.scratch(chunk_count * capacity, PHOTON)  # mostly pages that are never touched
-    focused = np.zeros(len(stored), np.bool_)
+    focused, straight = np.zeros((2, len(stored)), np.bool_)
     counts = np.zeros((chunk_count, 2), np.int64)
     sums = np.zeros((chunk_count, 5, 3))
     counter = np.zeros(8, np.int64)
@@ -100,17 +106,19 @@ def walk(
     def work(_: int) -> None:
         _walk_chunks(
             address(world.table), surfaces.addresses, surfaces.texels, surfaces.rows, packed.lights, emitted,
-            i64(bounces), u32(seed), u32(pass_index), address(counter), stored, focused,
-            counts, sums,
+            i64(bounces), u32(seed), u32(pass_index), f32(limit), address(counter), stored,
+            (focused, straight), counts, sums,
         )  # fmt: skip
 
     run_threads(work, threads)
     kept = [slice(c * capacity, c * capacity + n) for c, n in enumerate(counts[:, 0])] or [slice(0)]
-    photons, focused = (np.concatenate([rows[each] for each in kept]) for rows in (stored, focused))
+    photons, focused, straight = (
+        np.concatenate([rows[each] for each in kept]) for rows in (stored, focused, straight)
+    )
     total = sums.sum(axis=0)
     return Walk(
-        photons, focused, total[_EMITTED], total[_ABSORBED], total[_ESCAPED], total[_DROPPED], total[_STORED],
-        len(emitted), int(counts[:, 1].sum()),
+        photons, focused, straight, total[_EMITTED], total[_ABSORBED], total[_ESCAPED], total[_DROPPED],
+        total[_STORED], len(emitted), int(counts[:, 1].sum()),
     )  # fmt: skip
 
 
@@ -125,8 +133,8 @@ def chunk_capacity(bounces):
 
 @jit
 def _walk_chunks(
-    world, table, texels, rows, lights, emitted, bounces, seed, pass_index, counter, stored, focused, counts,
-    sums,
+    world, table, texels, rows, lights, emitted, bounces, seed, pass_index, limit, counter, stored, ways,
+    counts, sums,
 ):  # fmt: skip
     capacity = chunk_capacity(bounces)
     stack, words = alloca(STACK_WORDS), alloca(2)
@@ -138,8 +146,8 @@ def _walk_chunks(
         rays = i64(0)
         for i in range(chunk * i64(_CHUNK), min((chunk + 1) * i64(_CHUNK), len(emitted))):
             row, traced = _walk_one(
-                world, table, texels, rows, lights, emitted, i, bounces, seed, pass_index, stack, words,
-                stored, focused, row, sums, chunk,
+                world, table, texels, rows, lights, emitted, i, bounces, seed, pass_index, limit, stack,
+                words, stored, ways, row, sums, chunk,
             )  # fmt: skip
             rays += traced
         counts[chunk, 0] = row - chunk * capacity
@@ -148,8 +156,8 @@ def _walk_chunks(
 
 @jit
 def _walk_one(
-    world, table, texels, rows, lights, emitted, i, bounces, seed, pass_index, stack, words,
-    stored, focused, row, sums, chunk,
+    world, table, texels, rows, lights, emitted, i, bounces, seed, pass_index, limit, stack, words,
+    stored, ways, row, sums, chunk,
 ):  # fmt: skip
     """Follow photon `i`; return the next free row of `stored` and the number of rays traced."""
     photon = emitted[i]
@@ -165,6 +173,7 @@ def _walk_one(
     flux = kept
     end = (chunk + i64(1)) * chunk_capacity(bounces)
     direct, mirrored = True, False  # but for thin sheets: straight from the light; focused
+    hidden = False  # from gather rays, where it last scattered
     inside, plane = nowhere(), d  # of the surface that the photon comes from
     scatters, speculars, rays = i64(0), i64(0), i64(0)
     while True:
@@ -178,7 +187,7 @@ def _walk_one(
         if not direct and room and has_finite(bsdf):
             clear = abs(dot(sub(position, origin), plane))
             _store(stored, row, position, ng, flux, d, clear, hit[0], scatters)
-            focused[row] = mirrored
+            ways[0][row], ways[1][row] = mirrored, mirrored or hidden
             _add(sums, chunk, _STORED, flux)
             row += 1
         last = scatters == bounces
@@ -195,6 +204,11 @@ def _walk_one(
             _add(sums, chunk, _ABSORBED, flux)
             break
         _add_difference(sums, chunk, _ABSORBED, flux, scattered)
+        if not specular:
+            hidden = not is_gathered(bsdf)
+            if scatters == i64(0):
+                light = lights[i64(photon.light)]
+                hidden = hidden or not direct or is_spot(light, position, ng, bsdf, wi, limit)
         flux, d, origin, plane = scattered, wi, position, ng
         u = flight_number(photon.key, pass_index, seed, scatters + speculars)
         speculars += i64(specular)
@@ -209,6 +223,13 @@ def _walk_one(
             _add(sums, chunk, _ESCAPED, flux)
             break
     return row, rays
+
+
+@jit
+def is_spot(light, position, ng, bsdf, wo, limit):
+    """Return whether a light makes a bright spot of a point that is seen along wo."""
+    irradiance, _, wi = light_arriving(light, position)
+    return is_bright(bsdf, ng, wo, irradiance, wi, limit)
 
 
 @jit

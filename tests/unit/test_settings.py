@@ -55,6 +55,9 @@ def test_setting_converts_to_what_the_renderer_uses(name, given_value, held):
         ("exposure", "atuo", "is not a number or auto; did you mean 'auto'?"),
         ("background", "balck", "did you mean 'black'?"),
         ("antialias", 3, "3 is not true or false"),
+        ("gather", 5, "5 is not a square number; use 4 or 9"),
+        ("gather", 4.5, "4.5 is not a whole number"),
+        ("gather", "atuo", "did you mean 'auto'?"),
     ],
 )
 def test_setting_refuses_what_it_cannot_hold_in_one_line(name, value, says):
@@ -107,6 +110,23 @@ def test_the_talks_kernel_belongs_to_volumes():
     with pytest.raises(SettingsError, match="talk_errors: kernel 'auto' has none of them"):
         Settings(talk_errors=True)
     assert Settings(kernel="hint").estimator == "auto"
+
+
+def test_gather_rays_are_few_in_large_pictures_and_none_where_there_is_nothing_to_find():
+    rays = {size: Settings(size=size).gather_rays for size in ((1280, 720), (640, 360), (160, 90), (8, 8))}
+    assert rays == {(1280, 720): 4, (640, 360): 4, (160, 90): 25, (8, 8): 64}
+    none = (
+        {"kernel": "hint"},
+        {"preset": "talk"},
+        {"preset": "fast"},
+        {"photons": 0},
+        {"bounces": 0},
+        {"gather": 0},
+    )
+    assert [Settings(**given).gather_rays for given in none] == [0] * 6
+    assert Settings(preset="best").gather_rays == Settings(gather="16").gather_rays == 16
+    with pytest.raises(SettingsError, match="gather: kernel 'hint' lights the pixels itself; use 0 or auto"):
+        Settings(kernel="hint", gather=4)
 
 
 def test_every_knob_says_what_it_does():
