@@ -14,7 +14,7 @@ import numpy as np
 
 SMALL = 160, 90  # width and height
 FOLDER = Path(__file__).parent
-_BESIDE = FOLDER.parents[1] / "shared" / "refs"
+_BESIDE = FOLDER.parents[2] / "shared" / "refs"
 
 
 @dataclass(frozen=True)
