@@ -2,7 +2,7 @@
 SCENE ?=
 run = .venv/bin
 
-.PHONY: help demo test check bench clean
+.PHONY: help demo test check bench accuracy clean
 
 help:
 	@echo 'make demo               render a few built-in scenes to out/'
@@ -10,6 +10,7 @@ help:
 	@echo 'make test               all checks and tests'
 	@echo 'make check              format, lint, types, imports'
 	@echo 'make bench              the benchmark'
+	@echo 'make accuracy           errors against a path tracer, to docs/accuracy.md'
 	@echo 'make clean              remove what was made, .venv too'
 
 demo:
@@ -29,6 +30,10 @@ check:
 bench:
 	@scripts/setup.sh all
 	$(run)/ispm bench
+
+accuracy:
+	@scripts/setup.sh all
+	$(run)/python scripts/accuracy.py
 
 clean:
 	rm -rf .venv .uv out dist .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache

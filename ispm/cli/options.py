@@ -25,7 +25,7 @@ app = App(
     "3 no usable graphics adapter; 130 interrupted.",
 )
 
-_OTHER_VARIABLES = ("ISPM_ADAPTER", "ISPM_ASSETS", "ISPM_CACHE", "ISPM_DOWNLOADS")
+_OTHER_VARIABLES = ("ISPM_ADAPTER", "ISPM_ASSETS", "ISPM_CACHE", "ISPM_DOWNLOADS", "ISPM_REFS")
 _COMMON = {
     "quiet": "print nothing but results and errors",
     "json": "print one JSON object on stdout",
