@@ -59,7 +59,7 @@ def light_receivers(
     settings: Settings,
     threads: int,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the light at receivers, (n, 16): as estimated of the smooth photons, and for the picture.
+    """Return the light at receivers, (n, 16): as estimated or gathered, and filtered for the picture.
 
     points     (n,) RECEIVER, row by row, of `size`
     estimator  of light at the points from (m,) PHOTON
@@ -81,7 +81,7 @@ def light_receivers(
         packed, world, surfaces, points, parts, estimate, estimator, view, size, settings, view.pass_index,
         threads,
     )  # fmt: skip
-    return estimate, light
+    return light, filter_estimate(points, light, size, packed.diagonal, settings.smoothing, threads)
 
 
 def _measure(photons: np.ndarray, packed: Packed, view: CameraView, settings: Settings) -> None:
@@ -104,7 +104,7 @@ def gather_light(
     pass_index: int,
     threads: int,
 ) -> np.ndarray:
-    """Return the filtered light at receivers, (n, 16): gloss as photons have it, the rest gathered.
+    """Return the light at receivers, (n, 16), to be filtered: gloss as photons have it, the rest gathered.
 
     points     (n,) RECEIVER, row by row, of `size`
     estimate   (n, 16) of all smooth photons, whose kernels are measured
@@ -138,7 +138,7 @@ def gather_light(
     least = points["footprint"] * np.sqrt(points["slant"] * np.float32(_RAYS_WITHIN / (math.pi * rays)))
     reach = np.maximum(_REACH / _mean_around(points, nearness, size), least)
     set_reach(light, points, reach, packed.diagonal)
-    return filter_estimate(points, light, size, packed.diagonal, settings.smoothing, threads)
+    return light
 
 
 def even_numbers(size: tuple[int, int], seed: int, pass_index: int) -> np.ndarray:
