@@ -18,6 +18,9 @@ from ispm.tracer.grid import PhotonGrid
 from ispm.tracer.surface import SurfaceTable
 from ispm.tracer.world import World
 
+LightOf = Callable[[np.ndarray, tuple[int, int]], np.ndarray]
+"""What finds the light, (n, 16), of (n,) RECEIVER that lie row by row in a picture of a size."""
+
 _FINER = 2  # blocks of ends are this much smaller than the picture's: curved mirrors show much in few pixels
 _SAMPLES = np.array([(-1, -3), (3, -1), (-3, 1), (1, 3)]) / 8.0  # pixels from the centre, as antialiasing's
 _FINE_SLACK = (5e-3, 2e-2)  # of the distance: a sample's first surface is known as its centre's plane
@@ -30,6 +33,7 @@ def chain_light(
     seen: np.ndarray,
     photons: Callable[[], PhotonGrid],
     caustics: PhotonGrid,
+    elsewhere: LightOf,
     view: CameraView,
     settings: Settings,
     pass_index: int,
@@ -39,6 +43,7 @@ def chain_light(
 
     photons   those that scattered before, and so light gently: a few ends are estimated and filtered
     caustics  those that did not: every end is estimated
+    elsewhere finds the light of (n,) RECEIVER, row by row, of a size
     Pixels on edges of what is seen in a mirror or glass are sampled four times.
     """
     count = len(seen)
@@ -56,7 +61,7 @@ def chain_light(
         fine = fine_rays(rays, paths, edges, view)
         paths = join_paths(paths, trace(fine))
         pixels = np.concatenate([pixels, np.repeat(pixels[edges], len(_SAMPLES))])
-    light = light_ends(paths, pixels, photons, caustics, view, settings, packed.diagonal, threads)
+    light = light_ends(paths, pixels, photons, caustics, elsewhere, view, settings, packed.diagonal, threads)
     brought = light[:count]
     brought[edges] = light[count:].reshape(-1, len(_SAMPLES), 9).mean(axis=1)
     smooth_frost(brought, rays.keys, view.size[0], paths.firsts, threads)
@@ -99,6 +104,7 @@ def light_ends(
     pixels: np.ndarray,
     photons: Callable[[], PhotonGrid],
     caustics: PhotonGrid,
+    elsewhere: LightOf,
     view: CameraView,
     settings: Settings,
     diagonal: float,
@@ -113,7 +119,7 @@ def light_ends(
         for lane in (REFLECTED, TRANSMITTED):
             rows = np.flatnonzero(paths.ends["lane"] == lane)
             shown = pixels[paths.ends["slot"][rows]]
-            light[rows] = _light_lane(paths.points[rows], shown, photons, view, settings, diagonal, threads)
+            light[rows] = _light_lane(paths.points[rows], shown, elsewhere, view, settings, diagonal, threads)
         rows = np.flatnonzero(paths.ends["lane"] == SCATTERED)
         if len(rows):
             light[rows] = photons().estimate(paths.points[rows], threads)
@@ -123,8 +129,8 @@ def light_ends(
 
 
 def _light_lane(
-    points: np.ndarray, pixels: np.ndarray, photons: Callable[[], PhotonGrid], view: CameraView,
-    settings: Settings, diagonal: float, threads: int,
+    points: np.ndarray, pixels: np.ndarray, elsewhere: LightOf, view: CameraView, settings: Settings,
+    diagonal: float, threads: int,
 ) -> np.ndarray:  # fmt: skip
     """Light at ends that one kind of path found, (m, 16): from an image of few of them."""
     if not len(points):
@@ -134,28 +140,28 @@ def _light_lane(
     x, y = pixels % view.size[0], pixels // view.size[0]
     cells = (y // block).astype(np.int64) * size[0] + x // block
     image = image_of_ends(points, cells, size, block)
-    raw = photons().estimate(image, threads)
+    raw = elsewhere(image, size)
     filtered = filter_estimate(image, raw, size, diagonal, settings.smoothing, threads)
     places = np.stack([(x + 0.5) / block - 0.5, (y + 0.5) / block - 0.5], axis=1).astype(np.float32)
     light, found = spread_light(points, places, image, filtered, size, threads)
     lost = np.flatnonzero(~found)
     if len(lost):
         light[lost] = light_points(
-            points[lost], cells[lost], image, raw, size, diagonal, settings.smoothing, photons, threads
+            points[lost], cells[lost], image, raw, size, diagonal, settings.smoothing, elsewhere, threads
         )
     return light
 
 
 def light_points(
     points: np.ndarray, cells: np.ndarray, receivers: np.ndarray, estimate: np.ndarray,
-    size: tuple[int, int], diagonal: float, smoothing: float, photons: Callable[[], PhotonGrid], threads: int,
+    size: tuple[int, int], diagonal: float, smoothing: float, elsewhere: LightOf, threads: int,
 ) -> np.ndarray:  # fmt: skip
-    """Return light at (n,) RECEIVER points, (n, 16): by the filter of the image, else by the photons near.
+    """Return light at (n,) RECEIVER points, (n, 16): by the filter of the image, else found for them alone.
 
     cells  (n,) the receiver of the image in whose place each point lies
     """
     light = filter_points(points, cells, receivers, estimate, size, diagonal, smoothing, threads)
     alone = light[:, WEIGHT] == 0.0
     if alone.any():
-        light[alone] = photons().estimate(points[alone], threads)
+        light[alone] = elsewhere(points[alone], (int(alone.sum()), 1))
     return light

@@ -84,6 +84,33 @@ def light_receivers(
     return light, filter_estimate(points, light, size, packed.diagonal, settings.smoothing, threads)
 
 
+def light_elsewhere(
+    packed: Packed,
+    world: World,
+    surfaces: SurfaceTable,
+    points: np.ndarray,
+    size: tuple[int, int],
+    parts: PhotonParts,
+    photons: PhotonGrid,
+    view: CameraView,
+    settings: Settings,
+    threads: int,
+) -> np.ndarray:
+    """Return the light at points that are not the picture's receivers, (n, 16), to be filtered.
+
+    points   (n,) RECEIVER, row by row, of `size`
+    photons  the smooth ones, whose kernels are measured
+    """
+    estimate = photons.estimate(points, threads)
+    if not settings.gather_rays:
+        return estimate
+    return gather_light(
+        packed, world, surfaces, points, parts, estimate,
+        lambda photons: PhotonGrid(photons).estimate(points, threads), view, size, settings,
+        view.pass_index, threads,
+    )  # fmt: skip
+
+
 def _measure(photons: np.ndarray, packed: Packed, view: CameraView, settings: Settings) -> None:
     """Give kernels of the low resolution their size."""
     pixel = settings.subsampling * sample_width(view)

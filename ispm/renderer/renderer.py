@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import gc
 import time as clock
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
 from functools import cache, partial
 from operator import attrgetter
@@ -20,11 +20,11 @@ from ispm.gpu import Gpu, Texture, open_gpu, within_memory
 from ispm.optics.records import PHOTON
 from ispm.optics.texture import TextureTable
 from ispm.renderer.caustics import part_photons
-from ispm.renderer.chains import chain_light, light_points
+from ispm.renderer.chains import LightOf, chain_light, light_points
 from ispm.renderer.compose import compose
 from ispm.renderer.converge import converge, of_pass, place_in_pixel
 from ispm.renderer.framing import default_light, place_camera
-from ispm.renderer.gather import light_receivers
+from ispm.renderer.gather import light_elsewhere, light_receivers
 from ispm.renderer.last import LastFrame
 from ispm.renderer.light import emission_of, map_plan, trace_photons
 from ispm.renderer.limits import require_drawable
@@ -256,11 +256,19 @@ class Renderer:
                 third, scene, gbuffer, view, receivers, light, caustic
             )
         grid = cache(lambda: PhotonGrid(parts.smooth))
+
+        def elsewhere(points: np.ndarray, size: tuple[int, int]) -> np.ndarray:
+            return light_elsewhere(
+                packed, self._world, surfaces, points, size, parts, grid(), view, settings, self.threads
+            )
+
         with watch("upsample"):
-            self._light_missed(points, estimate, grid, parts.wide, scene, gbuffer, view, caustic, settings)
+            self._light_missed(
+                points, estimate, elsewhere, parts.wide, scene, gbuffer, view, caustic, settings
+            )
         with watch("eye"):
             brought = chain_light(
-                packed, self._world, surfaces, mirrors, grid, PhotonGrid(parts.caustic), view,
+                packed, self._world, surfaces, mirrors, grid, PhotonGrid(parts.caustic), elsewhere, view,
                 settings, index, self.threads,
             )  # fmt: skip
         with self._gpu.frame() as fourth:
@@ -355,7 +363,7 @@ class Renderer:
         self,
         points: np.ndarray,
         estimate: np.ndarray,
-        grid: Callable[[], PhotonGrid],
+        elsewhere: LightOf,
         wide: np.ndarray,
         scene: GpuScene,
         gbuffer: GBuffer,
@@ -363,7 +371,7 @@ class Renderer:
         caustic: tuple[Texture, Texture] | None,
         settings: Settings,
     ) -> None:
-        """Light the pixels that upsampling could not serve: by the filter, else by the photons near.
+        """Light the pixels that upsampling could not serve: by the filter, else alone.
 
         wide  caustic photons at low resolution, which are not filtered
         """
@@ -372,7 +380,7 @@ class Renderer:
             return
         light = light_points(
             receivers, missed["low"], points, estimate, self._downsample.size(view),
-            scene.packed.diagonal, settings.smoothing, grid, self.threads,
+            scene.packed.diagonal, settings.smoothing, elsewhere, self.threads,
         )  # fmt: skip
         if len(wide):
             light += PhotonGrid(wide).estimate(receivers, self.threads)
