@@ -12,6 +12,7 @@ from cyclopts import Parameter
 from ispm.cache import cache_folder
 from ispm.cli.command_line import command_line
 from ispm.cli.console import Console, to_json
+from ispm.cli.interrupts import interrupts
 from ispm.cli.options import command, limits_from, settings_from
 from ispm.cli.scene import choose_camera, open_scene, require_not_input
 from ispm.errors import OutputError, SettingsError
@@ -133,22 +134,20 @@ def render(
 
 
 def _passes(console: Console, renderer: Renderer, resume: str | None) -> tuple[Frame, bool]:
-    """Render the settings' passes; an interrupt keeps those that were done. Return whether there was one."""
+    """Render the settings' passes; an interrupt ends them after the one begun. Return whether one came."""
     settings, frame, interrupted = renderer.settings, None, False
     if settings.most_passes == 1 and resume is None:
         return renderer.render(), False
     continued = resume if resume is not None and Path(resume).exists() else None
-    try:
+    with interrupts() as interrupt:
         for frame in renderer.converge(resume=continued):
             done, error = frame.stats.passes, frame.stats.error
             if done & (done - 1) == 0 or done % 64 == 0:
-                console.say(
-                    f"  {done} pass{'es' * (done > 1)}" + f", error about {error:.2%}" * (error > 0.0)
-                )
-    except KeyboardInterrupt:
-        if frame is None:
-            raise
-        interrupted = True
+                known = f", error about {error:.2%}" if error > 0.0 else ""
+                console.say(f"  {done} pass{'es' * (done > 1)}{known}")
+            interrupted = interrupt()
+            if interrupted:
+                break
     assert frame is not None
     if resume is not None:
         console.written(renderer.save_progress(resume))

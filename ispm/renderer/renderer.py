@@ -378,11 +378,14 @@ class Renderer:
         missed, receivers = self._upsample.missed()
         if not len(missed):
             return
+        order = np.argsort(missed["pixel"])  # the GPU lists them as they come
+        receivers = receivers[order]
         light = light_points(
-            receivers, missed["low"], points, estimate, self._downsample.size(view),
+            receivers, missed["low"][order], points, estimate, self._downsample.size(view),
             scene.packed.diagonal, settings.smoothing, elsewhere, self.threads,
         )  # fmt: skip
         if len(wide):
             light += PhotonGrid(wide).estimate(receivers, self.threads)
+        light[order] = light.copy()
         with self._gpu.frame() as frame:
             self._upsample.patch(frame, scene, gbuffer, view, light, caustic)
