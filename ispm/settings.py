@@ -162,8 +162,8 @@ class Settings(_Checked):
     )
     emission: str = knob(
         "auto",
-        "how photons leave the lights: rasterised bounce maps, or rays; auto: maps, but rays where photons "
-        "are aimed at mirrors and glass, or a software adapter has much to draw",
+        "how photons leave the lights: rasterised bounce maps, or rays; auto: maps, but rays where a "
+        "software adapter has much to draw",
         choices=("auto", "map", "rays"),
     )
     shadow_resolution: int = knob(

@@ -15,8 +15,6 @@ from ispm.tracer.surface import SurfaceTable
 from ispm.tracer.walk import Walk, walk
 from ispm.tracer.world import World
 
-_RAY = 5  # triangles that a software adapter draws into a face in the time of a ray
-
 
 def map_plan(packed: Packed, settings: Settings, pass_index: int) -> list[PlannedMap]:
     """Return the maps that emit photons, light by light; none where nothing is to be traced."""
@@ -27,13 +25,14 @@ def map_plan(packed: Packed, settings: Settings, pass_index: int) -> list[Planne
 def emission_of(plan: list[PlannedMap], packed: Packed, settings: Settings, software: bool) -> str:
     """Return how photons leave the lights, 'map' or 'rays'.
 
-    software  the adapter is a program on the CPU, which is slow to draw a large scene into many faces
+    software  the adapter is a program on the CPU, which takes about as long to draw a triangle into a face,
+              its texels included, as a ray takes
     """
     if settings.emission != "auto":
         return settings.emission
     drawn = packed.triangle_count * sum(len(each.map.axes) for each in plan)
     traced = sum(each.photons for each in plan)
-    return "rays" if software and drawn > _RAY * traced else "map"
+    return "rays" if software and drawn > traced else "map"
 
 
 def trace_photons(
