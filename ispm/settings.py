@@ -55,11 +55,12 @@ def knob(
     return field(default=default, metadata={**about, "metavar": metavar})
 
 
+@dataclass(frozen=True)
 class _Checked:
     """A frozen dataclass of knobs whose values are converted and checked as it is made."""
 
     def __post_init__(self) -> None:
-        for f in fields(self):  # type: ignore[arg-type]  # only dataclasses have this base
+        for f in fields(self):
             object.__setattr__(self, f.name, convert(f, getattr(self, f.name)))
 
 

@@ -8,6 +8,7 @@ import re
 from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
+from typing import Any
 
 import numpy as np
 
@@ -110,7 +111,7 @@ def _round_up(value: int, step: int) -> int:
 def _struct_dtype(structs: dict[str, str], name: str) -> tuple[np.dtype, int]:
     """The dtype of struct `name` and its alignment."""
     names: list[str] = []
-    formats: list[object] = []
+    formats: list[Any] = []
     offsets: list[int] = []
     end, alignment = 0, 4
     for field, kind in _FIELD.findall(structs[name]):
@@ -122,8 +123,8 @@ def _struct_dtype(structs: dict[str, str], name: str) -> tuple[np.dtype, int]:
         end += size
         alignment = max(alignment, align)
     size = _round_up(end, alignment)
-    spec = {"names": names, "formats": formats, "offsets": offsets, "itemsize": size}
-    return np.dtype(spec), alignment  # type: ignore[call-overload]  # numpy's stub lacks this dict form
+    layout = np.dtype({"names": names, "formats": formats, "offsets": offsets, "itemsize": size})
+    return layout, alignment
 
 
 def _layout(structs: dict[str, str], kind: str) -> tuple[object, int, int]:

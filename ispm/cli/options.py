@@ -56,7 +56,7 @@ def command(*owners: type) -> Callable[[Callable[..., int | None]], Callable[...
             _keyword(name, bool, help, default=False, negative="", show_default=False)
             for name, help in _COMMON.items()
         ]
-        run.__signature__ = inspect.Signature(own)  # type: ignore[attr-defined]  # cyclopts reads it
+        vars(run)["__signature__"] = inspect.Signature(own)  # cyclopts reads it
         run.__annotations__ = {p.name: p.annotation for p in own}
         run.__name__, run.__doc__ = function.__name__, function.__doc__
         app.command(run)

@@ -53,4 +53,5 @@ def _workgroup_size(text: str, entry: str, path: str) -> tuple[int, int, int]:
     named = dict(re.findall(r"^const (\w+)[^=]*= (\d+)u?;", text, re.M))
     values = [v.strip() for v in match[1].split(",") if v.strip()]
     size = [int(named.get(v, v).rstrip("ui")) for v in values]
-    return tuple(size + [1] * (3 - len(size)))  # type: ignore[return-value]  # of length 3 by construction
+    x, y, z = [*size, 1, 1][:3]
+    return x, y, z

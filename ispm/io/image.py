@@ -98,7 +98,7 @@ def write_npz(
     """Write arrays by name, and `text` as JSON in the array ABOUT. Raises OutputError."""
     about = {ABOUT: np.array(json.dumps(text))} if text else {}
     with replacing(path) as beside, open(beside, "wb") as file:
-        np.savez(file, **layers, **about)  # type: ignore[arg-type]  # the stub takes them for flags
+        np.savez(file, allow_pickle=False, **layers, **about)
 
 
 def read_picture(path: str | Path, key: str | None = None) -> np.ndarray:

@@ -9,6 +9,9 @@ from ispm.optics.vector import normalize
 
 f32 = np.float32
 
+LATTICE = (0.7548776662466927, 0.5698402909980532)
+"""Steps 1 / p and 1 / p^2, p^3 = p + 1, whose multiples modulo 1 lie evenly in a square (Roberts 2018)."""
+
 
 @jit
 def orthonormal_basis(n):

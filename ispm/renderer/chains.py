@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 
+from ispm.renderer.gather import PhotonLight
 from ispm.scene.packed import Packed
 from ispm.settings import Settings
 from ispm.stages.camera import CameraView
@@ -18,9 +18,6 @@ from ispm.tracer.grid import PhotonGrid
 from ispm.tracer.surface import SurfaceTable
 from ispm.tracer.world import World
 
-LightOf = Callable[[np.ndarray, tuple[int, int]], np.ndarray]
-"""What finds the light, (n, 16), of (n,) RECEIVER that lie row by row in a picture of a size."""
-
 _FINER = 2  # blocks of ends are this much smaller than the picture's: curved mirrors show much in few pixels
 _SAMPLES = np.array([(-1, -3), (3, -1), (-3, 1), (1, 3)]) / 8.0  # pixels from the centre, as antialiasing's
 _FINE_SLACK = (5e-3, 2e-2)  # of the distance: a sample's first surface is known as its centre's plane
@@ -31,9 +28,8 @@ def chain_light(
     world: World,
     surfaces: SurfaceTable,
     seen: np.ndarray,
-    photons: Callable[[], PhotonGrid],
+    photon_light: PhotonLight,
     caustics: PhotonGrid,
-    elsewhere: LightOf,
     view: CameraView,
     settings: Settings,
     pass_index: int,
@@ -41,9 +37,8 @@ def chain_light(
 ) -> np.ndarray:
     """Return direct light, indirect light and emission that chains bring to (n,) SEEN pixels, (n, 9) float32.
 
-    photons   those that scattered before, and so light gently: a few ends are estimated and filtered
-    caustics  those that did not: every end is estimated
-    elsewhere finds the light of (n,) RECEIVER, row by row, of a size
+    photon_light  of photons that scattered before, and so light gently: a few ends are lit and filtered
+    caustics      those that did not: every end is estimated
     Pixels on edges of what is seen in a mirror or glass are sampled four times.
     """
     count = len(seen)
@@ -61,7 +56,7 @@ def chain_light(
         fine = fine_rays(rays, paths, edges, view)
         paths = join_paths(paths, trace(fine))
         pixels = np.concatenate([pixels, np.repeat(pixels[edges], len(_SAMPLES))])
-    light = light_ends(paths, pixels, photons, caustics, elsewhere, view, settings, packed.diagonal, threads)
+    light = light_ends(paths, pixels, photon_light, caustics, view, settings, packed.diagonal, threads)
     brought = light[:count]
     brought[edges] = light[count:].reshape(-1, len(_SAMPLES), 9).mean(axis=1)
     smooth_frost(brought, rays.keys, view.size[0], paths.firsts, threads)
@@ -102,9 +97,8 @@ def fine_rays(rays: EyeRays, paths: EyePaths, rows: np.ndarray, view: CameraView
 def light_ends(
     paths: EyePaths,
     pixels: np.ndarray,
-    photons: Callable[[], PhotonGrid],
+    photon_light: PhotonLight,
     caustics: PhotonGrid,
-    elsewhere: LightOf,
     view: CameraView,
     settings: Settings,
     diagonal: float,
@@ -112,24 +106,26 @@ def light_ends(
 ) -> np.ndarray:
     """Return direct light, indirect light and emission of the rays, (n, 9) float32.
 
-    pixels  (n,) numbers of the rays' pixels;  photons, caustics  see `chain_light`
+    pixels  (n,) numbers of the rays' pixels;  photon_light, caustics  see `chain_light`
     """
     light = np.zeros((len(paths.ends), 16), np.float32)
     if len(paths.ends):
         for lane in (REFLECTED, TRANSMITTED):
             rows = np.flatnonzero(paths.ends["lane"] == lane)
             shown = pixels[paths.ends["slot"][rows]]
-            light[rows] = _light_lane(paths.points[rows], shown, elsewhere, view, settings, diagonal, threads)
+            light[rows] = _light_lane(
+                paths.points[rows], shown, photon_light, view, settings, diagonal, threads
+            )
         rows = np.flatnonzero(paths.ends["lane"] == SCATTERED)
         if len(rows):
-            light[rows] = photons().estimate(paths.points[rows], threads)
+            light[rows] = photon_light.photons.estimate(paths.points[rows], threads)
         light += caustics.estimate(paths.points, threads)
     indirect = reflect_light(paths.ends, light, len(pixels))
     return np.concatenate([paths.direct, indirect, paths.emission], axis=1)
 
 
 def _light_lane(
-    points: np.ndarray, pixels: np.ndarray, elsewhere: LightOf, view: CameraView, settings: Settings,
+    points: np.ndarray, pixels: np.ndarray, photon_light: PhotonLight, view: CameraView, settings: Settings,
     diagonal: float, threads: int,
 ) -> np.ndarray:  # fmt: skip
     """Light at ends that one kind of path found, (m, 16): from an image of few of them."""
@@ -140,21 +136,21 @@ def _light_lane(
     x, y = pixels % view.size[0], pixels // view.size[0]
     cells = (y // block).astype(np.int64) * size[0] + x // block
     image = image_of_ends(points, cells, size, block)
-    raw = elsewhere(image, size)
+    raw = photon_light.at(image, size)
     filtered = filter_estimate(image, raw, size, diagonal, settings.smoothing, threads)
     places = np.stack([(x + 0.5) / block - 0.5, (y + 0.5) / block - 0.5], axis=1).astype(np.float32)
     light, found = spread_light(points, places, image, filtered, size, threads)
     lost = np.flatnonzero(~found)
     if len(lost):
         light[lost] = light_points(
-            points[lost], cells[lost], image, raw, size, diagonal, settings.smoothing, elsewhere, threads
+            points[lost], cells[lost], image, raw, size, diagonal, settings.smoothing, photon_light, threads
         )
     return light
 
 
 def light_points(
     points: np.ndarray, cells: np.ndarray, receivers: np.ndarray, estimate: np.ndarray,
-    size: tuple[int, int], diagonal: float, smoothing: float, elsewhere: LightOf, threads: int,
+    size: tuple[int, int], diagonal: float, smoothing: float, photon_light: PhotonLight, threads: int,
 ) -> np.ndarray:  # fmt: skip
     """Return light at (n,) RECEIVER points, (n, 16): by the filter of the image, else found for them alone.
 
@@ -163,5 +159,5 @@ def light_points(
     light = filter_points(points, cells, receivers, estimate, size, diagonal, smoothing, threads)
     alone = light[:, WEIGHT] == 0.0
     if alone.any():
-        light[alone] = elsewhere(points[alone], (int(alone.sum()), 1))
+        light[alone] = photon_light.at(points[alone], (int(alone.sum()), 1))
     return light

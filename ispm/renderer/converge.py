@@ -12,6 +12,7 @@ import time
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
+from ispm.optics.sampling import LATTICE
 from ispm.renderer.picture import Frame
 from ispm.renderer.progress import Progress
 from ispm.settings import Settings
@@ -20,7 +21,6 @@ if TYPE_CHECKING:
     from ispm.renderer.renderer import Renderer
 
 _ALPHA = 2.0 / 3.0  # noise and bias of the mean fall alike, with the cube root of the passes
-_STEPS = 0.7548776662466927, 0.5698402909980532  # of a lattice that covers a square evenly (Roberts 2018)
 _SURE = 4  # passes from which the estimated error may stop
 
 
@@ -41,7 +41,7 @@ def shrunk(index: int) -> float:
 
 def place_in_pixel(index: int) -> tuple[float, float]:
     """Return where pass `index` samples the pixels, right of and below their centres; of pass 0: there."""
-    x, y = ((0.5 + index * step) % 1.0 - 0.5 for step in _STEPS)
+    x, y = ((0.5 + index * step) % 1.0 - 0.5 for step in LATTICE)
     return x, y
 
 

@@ -7,10 +7,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import cached_property
 
 import numpy as np
 
 from ispm.optics.rng import random4
+from ispm.optics.sampling import LATTICE
 from ispm.renderer.caustics import PhotonParts, sample_width
 from ispm.scene.packed import Packed
 from ispm.settings import Settings
@@ -35,7 +37,6 @@ _AROUND = 2  # low-resolution pixels on each side, over which that mean is taken
 _SAME_WAY = 0.9  # cosine of normals, above which they belong together
 _BATCH = 1 << 17  # rays whose ends lie in memory at once
 _DIMENSION = 1 << 21  # of the random numbers that shift whole pictures of rays
-_R2 = np.array([0.7548776662466927, 0.5698402909980532])  # Roberts 2018: evenly spread points
 
 
 def bright_limit(packed: Packed, settings: Settings) -> float:
@@ -47,125 +48,120 @@ def bright_limit(packed: Packed, settings: Settings) -> float:
     return float(_BRIGHT * power / max(2.0 * (x * y + y * z + z * x), 1e-30))
 
 
-def light_receivers(
-    packed: Packed,
-    world: World,
-    surfaces: SurfaceTable,
-    points: np.ndarray,
-    parts: PhotonParts,
-    estimator: Callable[[np.ndarray], np.ndarray],
-    view: CameraView,
-    size: tuple[int, int],
-    settings: Settings,
-    threads: int,
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return the light at receivers, (n, 16): as estimated or gathered, and filtered for the picture.
+class PhotonLight:
+    """The light that the photons of a pass bring to points, by gather rays where the settings have them.
 
-    points     (n,) RECEIVER, row by row, of `size`
-    estimator  of light at the points from (m,) PHOTON
+    Measures the kernels of the smooth photons, in place.
     """
-    photons = parts.smooth
-    if not len(photons):
-        dark = np.zeros((len(points), 16), np.float32)
-        return dark, dark
-    if settings.kernel == "hint":
-        hint_radii(photons, packed.diagonal, settings.photons, settings.smoothing)
-        estimate = estimator(photons)
-        return estimate, estimate
-    _measure(photons, packed, view, settings)
-    estimate = estimator(photons)
-    if not settings.gather_rays:
-        light = filter_estimate(points, estimate, size, packed.diagonal, settings.smoothing, threads)
-        return estimate, light
-    light = gather_light(
-        packed, world, surfaces, points, parts, estimate, estimator, view, size, settings, view.pass_index,
-        threads,
-    )  # fmt: skip
-    return light, filter_estimate(points, light, size, packed.diagonal, settings.smoothing, threads)
 
+    def __init__(
+        self,
+        packed: Packed,
+        world: World,
+        surfaces: SurfaceTable,
+        parts: PhotonParts,
+        view: CameraView,
+        settings: Settings,
+        threads: int,
+    ) -> None:
+        self._packed, self._world, self._surfaces, self._parts = packed, world, surfaces, parts
+        self._view, self._settings, self._threads = view, settings, threads
+        if settings.kernel == "hint":
+            hint_radii(parts.smooth, packed.diagonal, settings.photons, settings.smoothing)
+        else:
+            self._measure(parts.smooth)
 
-def light_elsewhere(
-    packed: Packed,
-    world: World,
-    surfaces: SurfaceTable,
-    points: np.ndarray,
-    size: tuple[int, int],
-    parts: PhotonParts,
-    photons: PhotonGrid,
-    view: CameraView,
-    settings: Settings,
-    threads: int,
-) -> np.ndarray:
-    """Return the light at points that are not the picture's receivers, (n, 16), to be filtered.
+    def at_receivers(
+        self, points: np.ndarray, size: tuple[int, int], estimator: Callable[[np.ndarray], np.ndarray]
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return the light at receivers, (n, 16): as estimated or gathered, and filtered for the picture.
 
-    points   (n,) RECEIVER, row by row, of `size`
-    photons  the smooth ones, whose kernels are measured
-    """
-    estimate = photons.estimate(points, threads)
-    if not settings.gather_rays:
-        return estimate
-    return gather_light(
-        packed, world, surfaces, points, parts, estimate,
-        lambda photons: PhotonGrid(photons).estimate(points, threads), view, size, settings,
-        view.pass_index, threads,
-    )  # fmt: skip
+        points     (n,) RECEIVER, row by row, of `size`
+        estimator  of light at the points from (m,) PHOTON
+        """
+        if not len(self._parts.smooth):
+            dark = np.zeros((len(points), 16), np.float32)
+            return dark, dark
+        light = estimator(self._parts.smooth)
+        if self._settings.kernel == "hint":
+            return light, light
+        if self._settings.gather_rays:
+            light = self._gathered(points, size, light, estimator(self._straight))
+        diagonal, smoothing = self._packed.diagonal, self._settings.smoothing
+        return light, filter_estimate(points, light, size, diagonal, smoothing, self._threads)
 
+    def at(self, points: np.ndarray, size: tuple[int, int]) -> np.ndarray:
+        """Return the light at points that are not the picture's receivers, (n, 16), to be filtered.
 
-def _measure(photons: np.ndarray, packed: Packed, view: CameraView, settings: Settings) -> None:
-    """Give kernels of the low resolution their size."""
-    pixel = settings.subsampling * sample_width(view)
-    measure_radii(photons, packed.diagonal, settings.smoothing, pixel, packed.widths, view.eye_or_direction)
+        points  (n,) RECEIVER, row by row, of `size`
+        """
+        light = self.photons.estimate(points, self._threads)
+        if not self._settings.gather_rays:
+            return light
+        return self._gathered(points, size, light, self._straight_grid.estimate(points, self._threads))
 
+    @cached_property
+    def photons(self) -> PhotonGrid:
+        """The smooth photons, as points that are on no screen find them."""
+        return PhotonGrid(self._parts.smooth)
 
-def gather_light(
-    packed: Packed,
-    world: World,
-    surfaces: SurfaceTable,
-    points: np.ndarray,
-    parts: PhotonParts,
-    estimate: np.ndarray,
-    estimator: Callable[[np.ndarray], np.ndarray],
-    view: CameraView,
-    size: tuple[int, int],
-    settings: Settings,
-    pass_index: int,
-    threads: int,
-) -> np.ndarray:
-    """Return the light at receivers, (n, 16), to be filtered: gloss as photons have it, the rest gathered.
+    @cached_property
+    def _scattered(self) -> PhotonGrid:
+        """What lights the ends of gather rays."""
+        scattered = self._parts.scattered(self._settings.bounces)
+        scattered["radius"] *= _NARROW
+        scattered["height"] *= _NARROW
+        return PhotonGrid(scattered)
 
-    points     (n,) RECEIVER, row by row, of `size`
-    estimate   (n, 16) of all smooth photons, whose kernels are measured
-    estimator  of light at the points from (m,) PHOTON
-    """
-    light, nearness = estimate.copy(), np.empty(len(points), np.float32)
-    rays, grid = settings.gather_rays, PhotonGrid(_narrowed(parts.scattered(settings.bounces)))
-    numbers = (
-        _clearance(points["position"], view.eye),
-        np.arange(len(points), dtype=np.uint32),
-        even_numbers(size, settings.seed, pass_index),
-    )
-    limit, most = bright_limit(packed, settings), np.float32(1.0 / (_NEAREST * packed.diagonal))
-    for first in range(0, len(points), _BATCH // rays):
-        part = slice(first, first + _BATCH // rays)
-        found = gather_rays(
-            packed, world, surfaces, points[part], tuple(each[part] for each in numbers), math.isqrt(rays),
-            limit, settings.seed, pass_index, threads,
-        )  # fmt: skip
-        radiance = reflect_light(found.ends, grid.estimate(found.points, threads), len(found.ends))
-        radiance += found.radiance
-        light[part, 0:3] = math.pi * _mean(radiance, rays)
-        light[part, 4:7] = math.pi * _mean(found.fresnel[:, None] * radiance, rays)
-        nearness[part] = _mean(np.minimum(found.nearness, most), rays)
-    straight = parts.smooth[parts.straight]
-    if len(straight):
-        _measure(straight, packed, view, settings)
-        brought = estimator(straight)
-        light[:, 0:3] += brought[:, 0:3]
-        light[:, 4:7] += brought[:, 4:7]
-    least = points["footprint"] * np.sqrt(points["slant"] * np.float32(_RAYS_WITHIN / (math.pi * rays)))
-    reach = np.maximum(_REACH / _mean_around(points, nearness, size), least)
-    set_reach(light, points, reach, packed.diagonal)
-    return light
+    @cached_property
+    def _straight(self) -> np.ndarray:
+        """(m,) PHOTON whose light gather rays leave out, their kernels measured among them alone."""
+        straight: np.ndarray = self._parts.smooth[self._parts.straight]
+        self._measure(straight)
+        return straight
+
+    @cached_property
+    def _straight_grid(self) -> PhotonGrid:
+        return PhotonGrid(self._straight)
+
+    def _measure(self, photons: np.ndarray) -> None:
+        """Give kernels of the low resolution their size."""
+        packed, view, settings = self._packed, self._view, self._settings
+        pixel = settings.subsampling * sample_width(view)
+        measure_radii(
+            photons, packed.diagonal, settings.smoothing, pixel, packed.widths, view.eye_or_direction
+        )
+
+    def _gathered(
+        self, points: np.ndarray, size: tuple[int, int], estimate: np.ndarray, straight: np.ndarray
+    ) -> np.ndarray:
+        """Light at points, (n, 16): gloss as in `estimate`, the rest by rays and of the straight photons."""
+        packed, view, settings = self._packed, self._view, self._settings
+        light, nearness = estimate.copy(), np.empty(len(points), np.float32)
+        rays, limit = settings.gather_rays, bright_limit(packed, settings)
+        numbers = (
+            _clearance(points["position"], view.eye),
+            np.arange(len(points), dtype=np.uint32),
+            even_numbers(size, settings.seed, view.pass_index),
+        )
+        most = np.float32(1.0 / (_NEAREST * packed.diagonal))
+        for first in range(0, len(points), _BATCH // rays):
+            part = slice(first, first + _BATCH // rays)
+            found = gather_rays(
+                packed, self._world, self._surfaces, points[part], tuple(each[part] for each in numbers),
+                math.isqrt(rays), limit, settings.seed, view.pass_index, self._threads,
+            )  # fmt: skip
+            ends = self._scattered.estimate(found.points, self._threads)
+            radiance = found.radiance + reflect_light(found.ends, ends, len(found.ends))
+            light[part, 0:3] = math.pi * _mean(radiance, rays)
+            light[part, 4:7] = math.pi * _mean(found.fresnel[:, None] * radiance, rays)
+            nearness[part] = _mean(np.minimum(found.nearness, most), rays)
+        light[:, 0:3] += straight[:, 0:3]
+        light[:, 4:7] += straight[:, 4:7]
+        least = points["footprint"] * np.sqrt(points["slant"] * np.float32(_RAYS_WITHIN / (math.pi * rays)))
+        reach = np.maximum(_REACH / _mean_around(points, nearness, size), least)
+        set_reach(light, points, reach, packed.diagonal)
+        return light
 
 
 def even_numbers(size: tuple[int, int], seed: int, pass_index: int) -> np.ndarray:
@@ -177,7 +173,7 @@ def even_numbers(size: tuple[int, int], seed: int, pass_index: int) -> np.ndarra
     bits = range(max(size).bit_length())
     along = sum(((x >> bit & 1) << 2 * bit | (y >> bit & 1) << 2 * bit + 1 for bit in bits), np.int64(0))
     start = random4(np.uint32(0), np.uint32(_DIMENSION), np.uint32(pass_index), np.uint32(seed))[:2]
-    numbers = (np.reshape(along, (-1, 1)) * _R2 + start) % 1.0
+    numbers = (np.reshape(along, (-1, 1)) * LATTICE + start) % 1.0
     return np.asarray(np.minimum(numbers, 1.0 - 2.0**-24), np.float32)
 
 
@@ -185,12 +181,6 @@ def _clearance(position: np.ndarray, eye: np.ndarray) -> np.ndarray:
     """(n,) float32 m by which rays from (n, 3) places start above their surfaces."""
     away = _CLEAR * np.linalg.norm(position - eye, axis=1)
     return np.asarray(away + _ROUNDED * np.abs(position).max(axis=1), np.float32)
-
-
-def _narrowed(photons: np.ndarray) -> np.ndarray:
-    photons["radius"] *= _NARROW
-    photons["height"] *= _NARROW
-    return photons
 
 
 def _mean(values: np.ndarray, rays: int) -> np.ndarray:

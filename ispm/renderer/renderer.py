@@ -6,7 +6,7 @@ import gc
 import time as clock
 from collections.abc import Iterator
 from dataclasses import replace
-from functools import cache, partial
+from functools import partial
 from operator import attrgetter
 from pathlib import Path
 from types import TracebackType
@@ -20,11 +20,11 @@ from ispm.gpu import Gpu, Texture, open_gpu, within_memory
 from ispm.optics.records import PHOTON
 from ispm.optics.texture import TextureTable
 from ispm.renderer.caustics import part_photons
-from ispm.renderer.chains import LightOf, chain_light, light_points
+from ispm.renderer.chains import chain_light, light_points
 from ispm.renderer.compose import compose
 from ispm.renderer.converge import converge, of_pass, place_in_pixel
 from ispm.renderer.framing import default_light, place_camera
-from ispm.renderer.gather import light_elsewhere, light_receivers
+from ispm.renderer.gather import PhotonLight
 from ispm.renderer.last import LastFrame
 from ispm.renderer.light import emission_of, map_plan, trace_photons
 from ispm.renderer.limits import require_drawable
@@ -242,33 +242,23 @@ class Renderer:
             )
             size = self._downsample.size(view)
             estimator = partial(self._estimator, points, clip_from_world=view.clip_from_world, size=size)
-            estimate, light = light_receivers(
-                packed, self._world, surfaces, points, parts, estimator, view, size, settings, self.threads
-            )
+            light = PhotonLight(packed, self._world, surfaces, parts, view, settings, self.threads)
+            raw, filtered = light.at_receivers(points, size, estimator)
             if len(parts.wide):
-                light = light + estimator(parts.wide)
+                filtered = filtered + estimator(parts.wide)
 
         with self._gpu.frame() as third:
             third.stage("radiance")
             caustic = self._caustic(third, scene, gbuffer, view, parts.sharp)
             third.stage("upsample")
             indirect, irradiance, emission = self._upsample(
-                third, scene, gbuffer, view, receivers, light, caustic
+                third, scene, gbuffer, view, receivers, filtered, caustic
             )
-        grid = cache(lambda: PhotonGrid(parts.smooth))
-
-        def elsewhere(points: np.ndarray, size: tuple[int, int]) -> np.ndarray:
-            return light_elsewhere(
-                packed, self._world, surfaces, points, size, parts, grid(), view, settings, self.threads
-            )
-
         with watch("upsample"):
-            self._light_missed(
-                points, estimate, elsewhere, parts.wide, scene, gbuffer, view, caustic, settings
-            )
-        with watch("eye"):
+            self._light_missed(points, raw, light, parts.wide, scene, gbuffer, view, caustic, settings)
+        with watch("direct"):
             brought = chain_light(
-                packed, self._world, surfaces, mirrors, grid, PhotonGrid(parts.caustic), elsewhere, view,
+                packed, self._world, surfaces, mirrors, light, PhotonGrid(parts.caustic), view,
                 settings, index, self.threads,
             )  # fmt: skip
         with self._gpu.frame() as fourth:
@@ -362,8 +352,8 @@ class Renderer:
     def _light_missed(
         self,
         points: np.ndarray,
-        estimate: np.ndarray,
-        elsewhere: LightOf,
+        raw: np.ndarray,
+        light: PhotonLight,
         wide: np.ndarray,
         scene: GpuScene,
         gbuffer: GBuffer,
@@ -380,12 +370,12 @@ class Renderer:
             return
         order = np.argsort(missed["pixel"])  # the GPU lists them as they come
         receivers = receivers[order]
-        light = light_points(
-            receivers, missed["low"][order], points, estimate, self._downsample.size(view),
-            scene.packed.diagonal, settings.smoothing, elsewhere, self.threads,
+        found = light_points(
+            receivers, missed["low"][order], points, raw, self._downsample.size(view),
+            scene.packed.diagonal, settings.smoothing, light, self.threads,
         )  # fmt: skip
         if len(wide):
-            light += PhotonGrid(wide).estimate(receivers, self.threads)
-        light[order] = light.copy()
+            found += PhotonGrid(wide).estimate(receivers, self.threads)
+        found[order] = found.copy()
         with self._gpu.frame() as frame:
-            self._upsample.patch(frame, scene, gbuffer, view, light, caustic)
+            self._upsample.patch(frame, scene, gbuffer, view, found, caustic)

@@ -20,7 +20,7 @@ from ispm.optics.jit import jit
 from ispm.optics.light import cone_falloff
 from ispm.optics.records import EMITTED, LIGHT_SPOT, NO_HIT
 from ispm.optics.rng import random4
-from ispm.optics.sampling import equal_area_octahedral, to_world
+from ispm.optics.sampling import LATTICE, equal_area_octahedral, to_world
 from ispm.scene.lightmap import LightMap, cone_measure, texel_measures
 from ispm.scene.packed import Packed
 from ispm.tracer.intersect import STACK_WORDS
@@ -33,7 +33,6 @@ from ispm.tracer.world import World
 f32, f64, i64, u32 = np.float32, np.float64, np.int64, np.uint32
 
 _DIMENSION = (1 << 20) - 1  # of the random numbers of a ray
-_STEPS = 0.7548776662466927, 0.5698402909980532  # 1 / p and 1 / p^2 of the plastic number p^3 = p + 1
 
 # What a map sees: all that its light sends, a square or a parallel view.
 _WHOLE, _SQUARE, _PARALLEL = range(3)
@@ -166,7 +165,7 @@ def _thin(
         for y in range(width):
             t = f64(2) * (y + 0.5 + shift_y) / width - f64(1)
             for x in range(width):
-                lattice = offset + x * _STEPS[0] + (y + face * width) * _STEPS[1]
+                lattice = offset + x * LATTICE[0] + (y + face * width) * LATTICE[1]
                 threshold = lattice - math.floor(lattice)
                 if threshold >= expected[face, y, x]:
                     continue
@@ -216,7 +215,7 @@ def _emit_rays(
 @jit
 def _lattice(k, shift_x, shift_y):
     """Point `k` of the lattice in [0, 1)^2."""
-    x, y = shift_x + f64(k) * _STEPS[0], shift_y + f64(k) * _STEPS[1]
+    x, y = shift_x + f64(k) * LATTICE[0], shift_y + f64(k) * LATTICE[1]
     return x - math.floor(x), y - math.floor(y)
 
 

@@ -25,6 +25,7 @@ from ispm.optics.records import (
     RECEIVER,
 )  # fmt: skip
 from ispm.optics.rng import random4
+from ispm.optics.sampling import LATTICE
 from ispm.optics.vector import add, dot, scale, sub
 from ispm.scene.packed import Packed
 from ispm.tracer.facet import facet_split, go_on
@@ -356,8 +357,8 @@ def _numbers(scene, key, dimension):
     k = k * (u32(2) * event + u32(1)) & u32(ROUGH_SAMPLES - 1)
     u1, u2, u3, _ = random4(key, event, scene[5], scene[4])
     u1 += f32(k) * f32(1.0 / ROUGH_SAMPLES)
-    u2 += f32(k) * f32(0.7548777)
-    u3 += f32(k) * f32(0.5698403)
+    u2 += f32(k) * f32(LATTICE[0])
+    u3 += f32(k) * f32(LATTICE[1])
     return u1 - f32(math.floor(u1)), u2 - f32(math.floor(u2)), u3 - f32(math.floor(u3))
 
 
