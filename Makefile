@@ -33,7 +33,7 @@ bench:
 
 accuracy:
 	@scripts/setup.sh all
-	$(run)/python scripts/accuracy.py
+	cd tests && ../$(run)/python -m references.accuracy
 
 clean:
 	rm -rf .venv .uv out dist .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache

@@ -1,6 +1,8 @@
 """A camera whose axis is not in the middle of the picture shows what a wider one shows there."""
 
 import numpy as np
+import pytest
+from scipy.ndimage import maximum_filter, minimum_filter
 
 from ispm.gpu import Gpu
 from ispm.renderer import Renderer
@@ -32,6 +34,9 @@ def test_a_part_of_a_picture_is_an_off_axis_picture(gpu: Gpu) -> None:
     # The two views round their samples apart; on edges one may see another surface.
     near = np.isclose(cut.depth, wide.depth[window], rtol=1e-5)
     assert near.mean() > 0.99
-    # Shadow maps are fitted to what each view sees; on a shadow's edge they may differ as well.
-    same = np.isclose(cut.direct[near], wide.direct[window][near], rtol=0.05, atol=1e-3).all(axis=-1)
-    assert same.mean() > 0.998
+    # Shadow maps are fitted to what each view sees: they may part on a shadow's edge, and there alone.
+    light = wide.direct.max(axis=-1)
+    edge = (maximum_filter(light, 3) > 1.2 * minimum_filter(light, 3) + 1e-3)[window]
+    assert edge.mean() < 0.2
+    same = near & ~edge
+    assert cut.direct[same] == pytest.approx(wide.direct[window][same], rel=0.05, abs=1e-3)

@@ -1,86 +1,23 @@
-"""The command line: what goes where, exit codes, and one line for every mistake."""
+"""The command line: what goes where, and what is said."""
 
 import json
-import os
 import runpy
 import shlex
 import subprocess
 import sys
 import tomllib
-import warnings
-from dataclasses import dataclass, fields
+from dataclasses import fields
 from pathlib import Path
-from typing import ClassVar
 from unittest.mock import patch
 
 import numpy as np
 import pytest
+from fake import SMALL, FakeRenderer
 
 import ispm.renderer
 from ispm.cli.main import main
-from ispm.errors import AdapterError, SceneWarning, SettingsError
 from ispm.io.image import write_npy, write_npz
-from ispm.renderer.picture import Frame
 from ispm.settings import LoadLimits, Settings
-
-
-@dataclass
-class FakeStats:
-    stored_photons: int = 123_456
-    total_ms: float = 12.5
-    flux: float = float("nan")
-
-
-class FakeRenderer:
-    """Stands for the renderer: keeps what it was given and gives a grey frame."""
-
-    made: ClassVar[list] = []
-    error: ClassVar[BaseException | None] = None
-
-    def __init__(self, scene, settings, **options):
-        if FakeRenderer.error:
-            raise FakeRenderer.error
-        self.scene, self.settings, self.options = scene, settings, options
-        FakeRenderer.made.append(self)
-
-    def __enter__(self):
-        return self
-
-    def __exit__(self, *_):
-        pass
-
-    def render(self):
-        width, height = self.settings.size
-        light = np.full((height, width, 3), 0.25, np.float32)
-        layers = {"full": light, "direct": light, "depth": light[..., 0]}
-        return Frame(np.full((height, width, 3), 99, np.uint8), layers, FakeStats(), self.settings, {}, 0.0)
-
-
-@pytest.fixture(autouse=True)
-def place(tmp_path, monkeypatch):
-    """Each test in a folder of its own, with the renderer replaced."""
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(ispm.renderer, "Renderer", FakeRenderer, raising=False)
-    monkeypatch.setattr(FakeRenderer, "made", [])
-    monkeypatch.setattr(FakeRenderer, "error", None)
-    for name in ("PHOTONS", "SIZE", "PRESET", "MAX_TEXTURE"):
-        monkeypatch.delenv("ISPM_" + name, raising=False)
-    return tmp_path
-
-
-@pytest.fixture
-def ispm_command(capsys):
-    """Return a function that runs a command line and returns (exit code, stdout, stderr)."""
-
-    def run(line):
-        code = main(line.split())
-        out, err = capsys.readouterr()
-        return code, out, err
-
-    return run
-
-
-SMALL = "render cornell-box --size 8x6 "
 
 
 def test_render_writes_the_path_alone_to_stdout_and_the_table_to_stderr(ispm_command, place):
@@ -157,119 +94,6 @@ def test_print_config_can_be_read_back(ispm_command, place):
     (place / "s.toml").write_text(out)
     assert ispm_command("render --config s.toml --print-config")[1] == out
     assert json.loads(ispm_command("render --config s.toml --print-config --json")[1])["size"] == [64, 48]
-
-
-@pytest.mark.parametrize(
-    ("line", "says"),
-    [
-        ("rendr", 'Did you mean "render"'),
-        ("render cornell-box --photnos 3", "Did you mean --photons"),
-        ("render cornell-box --photons", "--photons requires an argument"),
-        ("render cornell-box extra", "extra"),
-        ("render cornell-box --photons 4x", "--photons: '4x' is not a number"),
-        ("render cornell-box --photons -3", "--photons: -3 is outside 0 to 16000000"),
-        ("render cornell-box --estimator volums", "did you mean 'volumes'?"),
-        ("render cornell-box --size 640", "--size: needs 2 numbers, not 1"),
-        ("render cornell-box --show ful", "--show: 'ful' is not one of"),
-        ("render cornell-box --show depth -o a.exr", "--layers"),
-        ("render cornell-box --layers depth", "--layers: a .png holds one picture"),
-        ("render cornell-box --layers deph -o a.exr", "did you mean 'depth'?"),
-        ("render cornell-box --float", "--float: is for .exr"),
-        ("render cornell-box --threads 0", "--threads: 0 is less than 1"),
-        ("render cornell-box --time nan", "--time: nan"),
-        ("render cornell-box --fov 180", "--fov: 180 is not between"),
-        ("render cornell-box --look-from 1,2,3", "give both"),
-        ("render cornell-box --look-from 1,2 --look-at 0,0,0", "--look-from: '1,2' is not X,Y,Z"),
-        ("render cornell-box --look-from 1,1,1 --look-at 1,1,1", "are the same"),
-        ("render cornell-box --camera 9 --fov 3", "there is no camera '9'"),
-        ("render cornell-box --animation walk", "no animation is called 'walk'"),
-        ("render cornell-box --max-texture 0", "--max-texture: 0 is outside"),
-        ("render cornell-box --config none.toml", "none.toml: cannot be read"),
-        ("render cornell-box -o a.tif", "use one of .png"),
-        ("render cornell-box -o /dev/null/a.png", "/dev/null/a.png: cannot be written"),
-        ("render cornell-box -o a.png --stats a.png", "name two files"),
-        ("render cornel-box", "did you mean 'cornell-box'?"),
-        ("render none.glb", "none.glb: there is no such file"),
-        ("render", "no scene was named"),
-        ("info", "SCENE"),
-        ("compare a.npy", "B"),
-        ("compare a.npy b.npy", "a.npy: there is no such file"),
-        ("compare a.npy b.npy --max-relmse -1", "--max-relmse: -1.0 is not a bound"),
-    ],
-)
-def test_a_mistake_is_one_line_and_exit_code_2(ispm_command, place, line, says):
-    code, out, err = ispm_command(line)
-    last = err.splitlines()[-1]
-    assert (code, out) == (2, "")
-    assert last.startswith("ispm: ")
-    assert says in last
-    assert "Traceback" not in err
-    assert not FakeRenderer.made
-    assert list(place.iterdir()) == []
-
-
-@pytest.mark.parametrize(
-    ("text", "says"),
-    [
-        ("photnos = 3", "s.toml: there is no setting 'photnos'; did you mean 'photons'?"),
-        ("photons = 1.5", "s.toml: photons: 1.5 is not a whole number"),
-        ("photons = ", "s.toml: is not TOML"),
-    ],
-)
-def test_a_mistake_in_the_file_names_the_file(ispm_command, place, text, says):
-    (place / "s.toml").write_text(text)
-    code, _, err = ispm_command("render cornell-box --config s.toml")
-    assert code == 2
-    assert says in err
-
-
-def test_a_mistake_in_the_environment_names_the_variable(ispm_command, monkeypatch):
-    monkeypatch.setenv("ISPM_PHOTONS", "many")
-    assert ispm_command("render cornell-box")[2] == "ispm: ISPM_PHOTONS: 'many' is not a number\n"
-
-
-@pytest.mark.parametrize(
-    ("error", "code", "line"),
-    [
-        (SettingsError("size: too large"), 2, "ispm: size: too large\n"),
-        (AdapterError("no graphics adapter"), 3, "ispm: no graphics adapter\n"),
-        (KeyboardInterrupt(), 130, "ispm: interrupted\n"),
-        (
-            ZeroDivisionError("by\nzero"),
-            2,
-            "ispm: unexpected ZeroDivisionError: by zero; run again with --debug",
-        ),
-    ],
-)
-def test_errors_become_exit_codes(ispm_command, monkeypatch, error, code, line, place):
-    monkeypatch.setattr(FakeRenderer, "error", error)
-    result, out, err = ispm_command(SMALL + "--quiet")
-    assert (result, out) == (code, "")
-    assert err.startswith(line)
-    assert err.count("\n") == 1
-    assert list(place.iterdir()) == []
-
-
-def test_debug_adds_the_traceback(ispm_command, monkeypatch):
-    monkeypatch.setattr(FakeRenderer, "error", SettingsError("size: too large"))
-    code, _, err = ispm_command(SMALL + "--debug")
-    assert code == 2
-    assert "Traceback" in err
-    assert err.endswith("ispm: size: too large\n")
-
-
-def test_warnings_are_a_line_each_and_said_once(ispm_command, monkeypatch):
-    def render(self):
-        for _ in range(2):
-            warnings.warn("no light;\none was added", SceneWarning, stacklevel=1)
-            warnings.warn("of a library", RuntimeWarning, stacklevel=1)
-        return original(self)
-
-    original = FakeRenderer.render
-    monkeypatch.setattr(FakeRenderer, "render", render)
-    _, _, err = ispm_command(SMALL)
-    assert err.count("ispm: warning: no light; one was added\n") == 1
-    assert "library" not in err
 
 
 @pytest.mark.parametrize("command", ["", "render ", "compare ", "info ", "scenes ", "doctor ", "bench "])
@@ -466,40 +290,8 @@ def test_info_of_an_array_says_that_it_holds_no_settings(ispm_command):
     assert "no .npy does" in ispm_command("info a.npy")[2]
 
 
-@pytest.mark.parametrize(
-    ("line", "says"),
-    [
-        ("render cornell-box --bits 12", "--bits: 12 is not possible; give 8 or 16"),
-        ("render cornell-box --bits 16 -o a.exr", "--bits: 16 is for .png"),
-        ("render cornell-box --bits 16 --show photons", "--bits: the view 'photons' has 8"),
-        ("info none.png", "none.png: there is no such file"),
-    ],
-)
-def test_mistakes_about_pictures_are_one_line(ispm_command, line, says):
-    code, _, err = ispm_command(line)
-    assert code == 2 and says in err.splitlines()[-1]
-
-
-def test_a_mistyped_variable_is_told_once_with_the_nearest(ispm_command, monkeypatch):
-    monkeypatch.setenv("ISPM_PHOTNS", "3")
-    monkeypatch.setenv("ISPM_CACHE", os.environ.get("ISPM_CACHE", ""))
-    _, _, err = ispm_command(SMALL)
-    line = "ispm: warning: the environment has ISPM_PHOTNS, which means nothing; did you mean 'ISPM_PHOTONS'?"
-    assert err.splitlines().count(line) == 1
-    assert "ISPM_CACHE" not in err
-
-
 def test_print_config_holds_the_loading_limits(ispm_command):
     _, out, _ = ispm_command("render --print-config --max-nodes 5")
     printed = tomllib.loads(out)
     assert printed["max_nodes"] == 5
     assert {f.name for f in fields(LoadLimits)} <= set(printed)
-
-
-def test_limits_have_one_name_in_options_and_messages(ispm_command, place):
-    from ispm.io.save import save
-    from ispm.scene.builtin import builtin
-
-    save(builtin("cornell-box"), place / "a.glb")
-    code, _, err = ispm_command("info a.glb --max-triangles 3")
-    assert code == 2 and "max_triangles=3" in err

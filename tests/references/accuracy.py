@@ -1,8 +1,8 @@
 """Measure how far pictures are from those of a path tracer, and write docs/accuracy.md with its chart.
 
-python scripts/accuracy.py              # all references: a quarter of an hour on two cores
-python scripts/accuracy.py NAME...      # those alone; nothing is written
-python scripts/accuracy.py --passes 4   # as far as 4 passes; nothing is written
+python -m references.accuracy              # in tests/; all references, some minutes on two cores
+python -m references.accuracy NAME...      # those alone; nothing is written
+python -m references.accuracy --passes 4   # as far as 4 passes; nothing is written
 
 ISPM_REFS says where the larger references are, ../shared/refs by default; without them they are left out.
 """
@@ -27,14 +27,11 @@ from ispm.bench.metrics import compare
 from ispm.gpu import Gpu, open_gpu
 from ispm.renderer.picture import Frame
 from ispm.settings import PRESETS
+from references import Reference, larger, names, outside, stored
+from references.scenes import pictured
 
-ROOT = Path(__file__).parents[1]
-sys.path.insert(0, str(ROOT / "tests"))
-
-from references import Reference, larger, names, outside, stored  # noqa: E402
-from references.scenes import pictured  # noqa: E402
-
-_PAGE, _CHART = ROOT / "docs" / "accuracy.md", ROOT / "docs" / "pictures" / "accuracy.svg"
+_DOCS = Path(__file__).parents[2] / "docs"
+_PAGE, _CHART = _DOCS / "accuracy.md", _DOCS / "pictures" / "accuracy.svg"
 _SETTINGS: dict[str, dict[str, Any]] = {
     "default": {},
     "fast": {"preset": "fast"},
