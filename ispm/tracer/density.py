@@ -31,7 +31,7 @@ _SHIFTS = ((0.0, 0.0, 0.0), (0.381, 0.618, 0.236))  # of the cells, so that no b
 CAUSTIC_NEIGHBORS = 12  # photons from which a caustic photon's kernel is measured
 FOCUSED_NEIGHBORS = 48  # likewise where light from all sides is focused, and photons are not in line
 _COVERED = 0.5  # of the disc that holds them: over all of it, the radii's own noise would be larger
-_CROWDED = 0.5  # of the median radius: four times the density
+_CROWDED = 0.5  # of the mean radius: four times the density
 _CAUSTIC_RADIUS_MIN, _CAUSTIC_RADIUS_MAX = 1e-5, 0.05  # of the scene's diagonal
 _TURN = 0.1  # of the diagonal: how far a radian between normals counts as away
 _CLOSE = 0.5  # of a radius: what a wall close by leaves of it, or few photons would outshine the rest
@@ -87,12 +87,15 @@ def measure_radii(
 
 
 def is_crowded(photons: np.ndarray, diagonal: float) -> np.ndarray:
-    """Return (N,) bool: photons that lie four times as dense as their median. Changes radius and height."""
+    """Return (N,) bool: photons that lie four times as dense as the mean over the surfaces that they light.
+
+    Changes radius and height. The mean, not the median: most photons may be in the caustics.
+    """
     if not len(photons):
         return np.zeros(0, np.bool_)
     measure_radii(photons, diagonal)
     radius = photons["radius"]
-    return np.asarray(radius < _CROWDED * np.median(radius))
+    return np.asarray(radius < _CROWDED * math.sqrt(np.square(radius, dtype=np.float64).mean()))
 
 
 def _reach_on_objects(photons: np.ndarray, widths: np.ndarray | None) -> np.ndarray:
