@@ -52,7 +52,7 @@ def _record(world, table, texels, rows, lights, emitted, bounces, seed, rays):
         if photon.instance == u32(NO_HIT):
             continue
         hit = (photon.instance, photon.primitive, photon.u, photon.v)
-        origin, d, within = first_segment(table, lights, i64(photon.light), hit)
+        origin, d, within = first_segment(table, lights[i64(photon.light)], hit)
         flux = scale(within, (photon.flux[0], photon.flux[1], photon.flux[2]))
         inside = nowhere()
         scatters, speculars = i64(0), i64(0)

@@ -108,6 +108,12 @@ def is_smooth(b):
 
 
 @jit
+def eta_of(b):
+    """Return the index of refraction on the side that wi goes through to, over that on wo's side."""
+    return b[_ETA]
+
+
+@jit
 def has_finite(b):
     """Return whether photons that arrive here can be seen: a lobe of more than one direction, and opaque.
 

@@ -14,6 +14,15 @@ fn density_kernel(offset: vec3f, normal: vec3f, radius: f32, height: f32) -> f32
     return KERNEL_NORMALISATION / (radius * radius) * m * m;
 }
 
+// Likewise of an ellipse with the semi-axes u and v and the unit normal n.
+fn ellipse_kernel(offset: vec3f, u: vec3f, v: vec3f, n: vec3f, height: f32) -> f32 {
+    let uu = dot(u, u);
+    let vv = dot(v, v);
+    let at = vec3f(dot(offset, u) / uu, dot(offset, v) / vv, dot(offset, n) / height);
+    let m = max(1.0 - dot(at, at), 0.0);
+    return KERNEL_NORMALISATION / sqrt(uu * vv) * m * m;
+}
+
 // Whether a photon lights a point: it came from the point's side, onto the same surface.
 fn photon_counts(wi_ng: f32, normal_ng: f32) -> bool {
     return wi_ng > 0.0 && normal_ng > SAME_SURFACE;

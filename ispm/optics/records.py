@@ -13,6 +13,7 @@ MATERIAL = _SOURCE.dtype("Material")
 LIGHT = _SOURCE.dtype("Light")
 EMITTED = _SOURCE.dtype("Emitted")
 PHOTON = _SOURCE.dtype("Photon")
+CAUSTIC = _SOURCE.dtype("Caustic")
 RECEIVER = _SOURCE.dtype("Receiver")
 
 _CONSTANTS = {

@@ -107,6 +107,21 @@ struct Photon {            // a photon as it is stored, one for each hit after t
     height: f32,           // of its kernel along the normal
 }
 
+struct Caustic {           // a photon of a caustic, with a kernel of its own: an ellipse, cut by a plane
+    position: vec3f,
+    height: f32,           // of the kernel across the ellipse, m
+    flux: vec3f,           // lm, of the uncut kernel whose rest holds what the photon brings
+    reach: f32,            // how far behind the photon the plane is, m
+    wi: vec3f,
+    spare0: u32,
+    u: vec3f,              // semi-axes of the ellipse, m; u x v is on the side that was hit
+    spare1: u32,
+    v: vec3f,
+    spare2: u32,
+    front: vec3f,          // the plane's normal; nothing behind the plane is lit. 0: uncut
+    spare3: u32,
+}
+
 struct Receiver {          // a point whose incident light is estimated: a low-resolution pixel's surface
     position: vec3f,
     alpha: f32,            // of the glossy lobe, 0: none

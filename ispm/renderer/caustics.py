@@ -7,10 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ispm.optics.records import CAUSTIC
 from ispm.scene.packed import Packed
 from ispm.settings import Settings
 from ispm.stages.camera import CameraView
 from ispm.tracer.density import CAUSTIC_NEIGHBORS, FOCUSED_NEIGHBORS, is_crowded, measure_caustic_radii
+from ispm.tracer.footprint import shape_kernels
+from ispm.tracer.walk import Walk
 
 _SHARP = 3.0  # low-resolution pixels: kernels of a larger radius lose nothing at low resolution
 
@@ -23,6 +26,7 @@ class PhotonParts:
     smooth   to be estimated and filtered at low resolution; their kernels are not measured yet
     wide     of caustics, to be estimated at low resolution, but not filtered
     sharp    of caustics, to be drawn at full resolution
+    kernels   (len(sharp),) CAUSTIC, the sharp ones as they are drawn
     straight  (len(smooth),) bool, whether gather rays do not find their light
     """
 
@@ -30,6 +34,7 @@ class PhotonParts:
     smooth: np.ndarray
     wide: np.ndarray
     sharp: np.ndarray
+    kernels: np.ndarray
     straight: np.ndarray
 
     def scattered(self, bounces: int) -> np.ndarray:
@@ -44,25 +49,20 @@ class PhotonParts:
 
 
 def part_photons(
-    photons: np.ndarray,
-    focused: np.ndarray,
-    straight: np.ndarray,
-    packed: Packed,
-    view: CameraView,
-    settings: Settings,
-    threads: int,
+    path: Walk, packed: Packed, view: CameraView, settings: Settings, threads: int
 ) -> PhotonParts:
-    """Find the caustics among photons, and measure their kernels.
+    """Find the caustics among a walk's photons, and measure their kernels.
 
-    focused, straight  (M,) as in a Walk
     Light that has scattered before it was focused makes a caustic where its photons crowd; elsewhere, as in
     a plane mirror's reflection of a room, it is as smooth as before.
     The hint's kernels are as narrow as caustics need: with them all photons are smooth.
     """
+    photons, straight = path.photons, path.straight
     if settings.kernel == "hint":
-        return PhotonParts(photons, photons, photons[:0], photons[:0], straight)
+        none = photons[:0]
+        return PhotonParts(photons, photons, none, none, np.zeros(0, CAUSTIC), straight)
     first = photons["bounce"] == 0
-    later = np.flatnonzero(focused & ~first)
+    later = np.flatnonzero(path.focused & ~first)
     later = later[is_crowded(photons[later], packed.diagonal)]  # of copies: radii stay as they are
     pixel = sample_width(view)
 
@@ -80,7 +80,14 @@ def part_photons(
     wide = caustic["radius"] > caustic["position"] @ least[:3] + least[3]
     smooth = ~first
     smooth[later] = False
-    return _joined(photons[smooth], caustic[wide], caustic[~wide], straight[smooth])
+    sharp = np.flatnonzero(~wide)
+    beams, clear = path.beams, photons["radius"][first]
+    shaped = sharp[sharp < len(beams)]
+    kernels = shape_kernels(
+        caustic[sharp], beams[shaped], clear[shaped], packed.diagonal, settings.smoothing, pixel,
+        view.eye_or_direction,
+    )  # fmt: skip
+    return _joined(photons[smooth], caustic[wide], caustic[sharp], kernels, straight[smooth])
 
 
 def sample_width(view: CameraView) -> np.ndarray:
@@ -91,7 +98,9 @@ def sample_width(view: CameraView) -> np.ndarray:
     return np.asarray(view.footprint * view.clip_from_world[3] / math.sqrt(1 + view.pass_index))
 
 
-def _joined(smooth: np.ndarray, wide: np.ndarray, sharp: np.ndarray, straight: np.ndarray) -> PhotonParts:
+def _joined(
+    smooth: np.ndarray, wide: np.ndarray, sharp: np.ndarray, kernels: np.ndarray, straight: np.ndarray
+) -> PhotonParts:
     photons = np.concatenate([smooth, wide, sharp])
     smooth, wide, sharp = np.split(photons, [len(smooth), len(smooth) + len(wide)])
-    return PhotonParts(photons, smooth, wide, sharp, straight)
+    return PhotonParts(photons, smooth, wide, sharp, kernels, straight)

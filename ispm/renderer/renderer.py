@@ -237,9 +237,7 @@ class Renderer:
                 self.threads,
             )  # fmt: skip
         with watch("radiance"):
-            parts = part_photons(
-                path.photons, path.focused, path.straight, packed, view, settings, self.threads
-            )
+            parts = part_photons(path, packed, view, settings, self.threads)
             size = self._downsample.size(view)
             estimator = partial(self._estimator, points, clip_from_world=view.clip_from_world, size=size)
             light = PhotonLight(packed, self._world, surfaces, parts, view, settings, self.threads)
@@ -249,7 +247,7 @@ class Renderer:
 
         with self._gpu.frame() as third:
             third.stage("radiance")
-            caustic = self._caustic(third, scene, gbuffer, view, parts.sharp)
+            caustic = self._caustic(third, scene, gbuffer, view, parts.kernels)
             third.stage("upsample")
             indirect, irradiance, emission = self._upsample(
                 third, scene, gbuffer, view, receivers, filtered, caustic

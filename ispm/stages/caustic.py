@@ -14,7 +14,7 @@ _PATH = "stages/caustic.wgsl"
 class CausticStage:
     """Draws each caustic photon's kernel over the G-buffer and adds up its light by blending.
 
-    In   scene, gbuffer, the view it was drawn with, and (N,) PHOTON with radius and height set
+    In   scene, gbuffer, the view it was drawn with, and (N,) CAUSTIC
     Out  reflected radiance and irradiance, of the G-buffer's size; None where there are no photons
     Sums are 32-bit floats; where the adapter cannot blend those they are 16-bit ones, which lose light
     where many dim photons meet.

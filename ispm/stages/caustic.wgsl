@@ -5,7 +5,7 @@
 // include optics/density.wgsl
 
 @group(0) @binding(0) var<uniform> camera: Camera;
-@group(0) @binding(1) var<storage, read> photons: array<Photon>;
+@group(0) @binding(1) var<storage, read> photons: array<Caustic>;
 @group(0) @binding(2) var<storage, read> materials: array<Material>;
 @group(0) @binding(3) var ids: texture_2d<u32>;
 @group(0) @binding(4) var normals: texture_2d<f32>;
@@ -19,10 +19,7 @@ const TRIANGLE = array(vec2f(-sqrt(3.0), -1.0), vec2f(sqrt(3.0), -1.0), vec2f(0.
 
 struct Splat {
     @builtin(position) clip: vec4f,
-    @location(0) @interpolate(flat) position_radius: vec4f,
-    @location(1) @interpolate(flat) normal_height: vec4f,
-    @location(2) @interpolate(flat) wi: vec3f,
-    @location(3) @interpolate(flat) flux: vec3f,
+    @location(0) @interpolate(flat) photon: u32,
 }
 
 struct Arrived {
@@ -34,11 +31,8 @@ struct Arrived {
 // some drivers pay for each.
 @vertex
 fn vs(@builtin(vertex_index) index: u32) -> Splat {
-    let photon = photons[index / 3u];
-    return Splat(
-        vec4f(on_screen(photon, BOUND_SCALE * TRIANGLE[index % 3u]), 0.5, 1.0),
-        vec4f(photon.position, photon.radius), vec4f(photon.normal, photon.height), photon.wi, photon.flux,
-    );
+    let place = on_screen(photons[index / 3u], BOUND_SCALE * TRIANGLE[index % 3u]);
+    return Splat(vec4f(place, 0.5, 1.0), index / 3u);
 }
 
 // Where a point of the plane is, in normalised device coordinates, when the unit disc is mapped to the
@@ -48,7 +42,7 @@ fn vs(@builtin(vertex_index) index: u32) -> Splat {
 // squared, is the ellipsoid's form of it. With x counted from the center's place on the screen that is
 // d s^2 + 2 b s - a = 0, in which nothing cancels; likewise for any other direction than x. So the
 // ellipse has the center -b / d and the covariance a / d + b b^T / d^2. Exact for any projection.
-fn on_screen(photon: Photon, place: vec2f) -> vec2f {
+fn on_screen(photon: Caustic, place: vec2f) -> vec2f {
     let rows = transpose(camera.clip_from_world);
     let center = vec4f(photon.position, 1.0);
     let w = dot(rows[3], center);
@@ -71,29 +65,34 @@ fn on_screen(photon: Photon, place: vec2f) -> vec2f {
     return at - b + vec2f(width * place.x, shear * place.x + height * place.y);
 }
 
-// The ellipsoid's quadratic form: a^T (r^2 (1 - n n^T) + h^2 n n^T) b.
-fn form(photon: Photon, a: vec3f, b: vec3f) -> f32 {
-    let along = dot(a, photon.normal) * dot(b, photon.normal);
-    return photon.radius * photon.radius * (dot(a, b) - along) + photon.height * photon.height * along;
+// The ellipsoid's quadratic form: a^T (u u^T + v v^T + h^2 n n^T) b.
+fn form(photon: Caustic, a: vec3f, b: vec3f) -> f32 {
+    let n = photon.height * normal_of(photon);
+    return dot(a, photon.u) * dot(b, photon.u) + dot(a, photon.v) * dot(b, photon.v) + dot(a, n) * dot(b, n);
+}
+
+fn normal_of(photon: Caustic) -> vec3f {
+    return normalize(cross(photon.u, photon.v));
 }
 
 @fragment
 fn fs(splat: Splat) -> Arrived {
+    let photon = photons[splat.photon];
     let pixel = vec2u(splat.clip.xy);
     let packed = textureLoad(normals, pixel, 0);
     let n = octahedral_decode(packed.xy);
     let ng = octahedral_decode(packed.zw);
     let seen = textureLoad(depth, pixel, 0);
     let position = world_position(vec2f(pixel) + 0.5, seen);
-    let normal = splat.normal_height.xyz;
-    let wi_ng = dot(splat.wi, ng);
-    let kappa = density_kernel(
-        position - splat.position_radius.xyz, normal, splat.position_radius.w, splat.normal_height.w
-    );
-    let counts = seen > 0.0 && photon_counts(wi_ng, dot(normal, ng));
-    let arriving = select(0.0, kappa * cosine_ratio(dot(splat.wi, n), wi_ng), counts);
-    let light = arriving * splat.flux;
-    return Arrived(vec4f(reflected(pixel, light, n, view_direction(position), splat.wi), 0.0), vec4f(light, 0.0));
+    let offset = position - photon.position;
+    let normal = normal_of(photon);
+    let wi_ng = dot(photon.wi, ng);
+    let kappa = ellipse_kernel(offset, photon.u, photon.v, normal, photon.height);
+    let before = dot(offset, photon.front) >= -photon.reach;
+    let counts = seen > 0.0 && before && photon_counts(wi_ng, dot(normal, ng));
+    let arriving = select(0.0, kappa * cosine_ratio(dot(photon.wi, n), wi_ng), counts);
+    let light = arriving * photon.flux;
+    return Arrived(vec4f(reflected(pixel, light, n, view_direction(position), photon.wi), 0.0), vec4f(light, 0.0));
 }
 
 // Radiance towards the eye of light along wi, as if it came from the estimators.

@@ -29,14 +29,14 @@ _LEVELS = 8  # cell sizes, each twice the one before
 _SHIFTS = ((0.0, 0.0, 0.0), (0.381, 0.618, 0.236))  # of the cells, so that no border shows
 
 CAUSTIC_NEIGHBORS = 12  # photons from which a caustic photon's kernel is measured
-FOCUSED_NEIGHBORS = 48  # likewise where light from all sides is focused, and photons are not in line
+FOCUSED_NEIGHBORS = 96  # likewise where light from all sides is focused, and photons are not in line
 _COVERED = 0.5  # of the disc that holds them: over all of it, the radii's own noise would be larger
 _CROWDED = 0.5  # of the mean radius: four times the density
 _CAUSTIC_RADIUS_MIN, _CAUSTIC_RADIUS_MAX = 1e-5, 0.05  # of the scene's diagonal
 _TURN = 0.1  # of the diagonal: how far a radian between normals counts as away
 _CLOSE = 0.5  # of a radius: what a wall close by leaves of it, or few photons would outshine the rest
 _SAGITTA = 1.5  # a kernel's height over that of the curved surface it spans
-_NEIGHBORS_MAX = 64
+_NEIGHBORS_MAX = 128
 _ROOM = _NEIGHBORS_MAX // 2  # uint64
 _CHUNK = 256  # photons a thread takes at a time
 
@@ -270,12 +270,17 @@ def _write_caustic_radii(
                 brighter = max(f32(wanted) * _flux(words, i) / around, f32(1))
                 radius = f32(math.sqrt(f32(_COVERED) * ldf(squares, wanted - i64(1)) * brighter))
             radius = min(min(max(radius, low), high) * smoothing, widest[i])
-            pixel = _at(least, words, i) * f32(math.sqrt(_slant(words, i, eye)))
-            radius = max(radius, min(pixel, high))
+            radius = max(radius, min(least_radius(words, i, least, eye), high))
             radius = min(radius, max(clear[i], f32(_CLOSE) * radius))
             words[i, _RADIUS] = radius
             sagitta = f32(_SAGITTA) * _bend(words, i, order, rows, found) * radius
             words[i, _H] = min(max(f32(_HEIGHT), sagitta), f32(1)) * radius
+
+
+@jit
+def least_radius(words, i, pixel, eye):
+    """Return the radius of a disc at photon `i` that covers pi pixels."""
+    return _at(pixel, words, i) * f32(math.sqrt(_slant(words, i, eye)))
 
 
 @jit

@@ -39,7 +39,7 @@ def _first_hits(table, texels, rows, lights, emitted, seed, pass_index, out):
         if photon.instance == u32(NO_HIT):
             continue
         hit = (photon.instance, photon.primitive, photon.u, photon.v)
-        _, d, within = first_segment(table, lights, i64(photon.light), hit)
+        _, d, within = first_segment(table, lights[i64(photon.light)], hit)
         flux = (within * photon.flux[0], within * photon.flux[1], within * photon.flux[2])
         position, ng, n, bsdf, flags, _ = surface(table, texels, rows, hit, d)
         alive, wi, scattered, _ = next_flight(

@@ -36,38 +36,42 @@ from ispm.tracer.intersect import (
     instance_scale,
 )  # fmt: skip
 from ispm.tracer.leave import leave_triangle
+from ispm.tracer.mesh import (
+    FOOTPRINT,
+    INSTANCES,
+    MATERIALS,
+    NORMAL,
+    TO_WORLD,
+    VERTICES,
+    edges_at,
+    interpolated,
+    rows_times,
+    triangle_at,
+    vector_at,
+    word_of,
+    world_normal,
+    world_point,
+)  # fmt: skip
 from ispm.tracer.normals import bend, unit
 from ispm.tracer.simd import address, ldf, ldu, stu
 
 f32, i64, u32 = np.float32, np.int64, np.uint32
 
 
-def _word(dtype: np.dtype, name: str) -> np.int64:
-    """The place of a field in its record, in words of four bytes."""
-    assert dtype.fields is not None
-    return i64(dtype.fields[name][1] // 4)
-
-
-_VERTEX, _INSTANCE, _MATERIAL = (i64(d.itemsize // 4) for d in (VERTEX, INSTANCE, MATERIAL))
-_COLOR, _NORMAL, _TANGENT = (_word(VERTEX, n) for n in ("color", "normal", "tangent"))
-_UV0, _UV1 = _word(VERTEX, "uv0"), _word(VERTEX, "uv1")
-_TO_WORLD, _COFACTORS = _word(INSTANCE, "world0"), _word(INSTANCE, "normal0")
-_FIRST_INDEX, _INSTANCE_MATERIAL = _word(INSTANCE, "first_index"), _word(INSTANCE, "material")
-_INSTANCE_FLAGS = _word(INSTANCE, "flags")
-_METALLIC, _ROUGHNESS = _word(MATERIAL, "metallic"), _word(MATERIAL, "roughness")
-_SPECULAR, _SPECULAR_COLOR = _word(MATERIAL, "specular"), _word(MATERIAL, "specular_color")
-_F0, _CUTOFF, _FLAGS = (_word(MATERIAL, n) for n in ("f0", "alpha_cutoff", "flags"))
-_NORMAL_SCALE = _word(MATERIAL, "normal_scale")
-_TRANSMISSION, _IOR, _ATTENUATION = (_word(MATERIAL, n) for n in ("transmission", "ior", "attenuation"))
-_BASE_MAP = _word(MATERIAL, "base_color_texture")
-_ROUGHNESS_MAP = _word(MATERIAL, "metallic_roughness_texture")
-_NORMAL_MAP = _word(MATERIAL, "normal_texture")
-_EMISSION, _EMISSION_MAP = _word(MATERIAL, "emission"), _word(MATERIAL, "emission_texture")
-_TRANSMISSION_MAP = _word(MATERIAL, "transmission_texture")
-_TEXTURE, _UV_SET, _ROW1 = (_word(TEXTURE_USE, n) for n in ("texture", "uv_set", "row1"))
-
-# slots of the addresses in a SurfaceTable
-_VERTICES, _INDICES, _INSTANCES, _MATERIALS, _FOOTPRINT = range(5)
+_COLOR, _TANGENT = word_of(VERTEX, "color"), word_of(VERTEX, "tangent")
+_UV0, _UV1 = word_of(VERTEX, "uv0"), word_of(VERTEX, "uv1")
+_INSTANCE_FLAGS = word_of(INSTANCE, "flags")
+_METALLIC, _ROUGHNESS = word_of(MATERIAL, "metallic"), word_of(MATERIAL, "roughness")
+_SPECULAR, _SPECULAR_COLOR = word_of(MATERIAL, "specular"), word_of(MATERIAL, "specular_color")
+_F0, _CUTOFF, _FLAGS = (word_of(MATERIAL, n) for n in ("f0", "alpha_cutoff", "flags"))
+_NORMAL_SCALE = word_of(MATERIAL, "normal_scale")
+_TRANSMISSION, _IOR, _ATTENUATION = (word_of(MATERIAL, n) for n in ("transmission", "ior", "attenuation"))
+_BASE_MAP = word_of(MATERIAL, "base_color_texture")
+_ROUGHNESS_MAP = word_of(MATERIAL, "metallic_roughness_texture")
+_NORMAL_MAP = word_of(MATERIAL, "normal_texture")
+_EMISSION, _EMISSION_MAP = word_of(MATERIAL, "emission"), word_of(MATERIAL, "emission_texture")
+_TRANSMISSION_MAP = word_of(MATERIAL, "transmission_texture")
+_TEXTURE, _UV_SET, _ROW1 = (word_of(TEXTURE_USE, n) for n in ("texture", "uv_set", "row1"))
 
 _HOLES_MAX = 64  # layers of a masked material that one ray passes
 
@@ -92,9 +96,9 @@ class SurfaceTable:
 
     def own_footprint(self) -> tuple[np.ndarray, np.ndarray]:
         """Return addresses whose footprint is the caller's to set, and the (1,) float32 that holds it."""
-        footprint = np.array(self._kept[_FOOTPRINT])
+        footprint = np.array(self._kept[FOOTPRINT])
         addresses = self.addresses.copy()
-        addresses[_FOOTPRINT] = address(footprint)
+        addresses[FOOTPRINT] = address(footprint)
         return addresses, footprint
 
 
@@ -106,14 +110,12 @@ def surface(table, texels, rows, hit, d):
     d    direction of the ray that hit; both normals are turned against it
     entering: it met the front, the outside of a solid
     """
-    instance, material, corners = _place(table, hit)
+    instance, material, corners = triangle_at(table, hit)
     u, v = hit[2], hit[3]
-    p0 = _vector(table[_VERTICES], corners[0])
-    e1 = sub(_vector(table[_VERTICES], corners[1]), p0)
-    e2 = sub(_vector(table[_VERTICES], corners[2]), p0)
-    position = _point(table[_INSTANCES], instance, add(p0, add(scale(u, e1), scale(v, e2))))
-    ng = _world_normal(table[_INSTANCES], instance, cross(e1, e2))
-    n = _world_normal(table[_INSTANCES], instance, _interpolate(table, corners, _NORMAL, u, v))
+    p0, e1, e2 = edges_at(table, corners)
+    position = world_point(table[INSTANCES], instance, add(p0, add(scale(u, e1), scale(v, e2))))
+    ng = world_normal(table[INSTANCES], instance, cross(e1, e2))
+    n = world_normal(table[INSTANCES], instance, interpolated(table, corners, NORMAL, u, v))
     texel_area = f32(0)
     if _has_texture(table, material):
         texel_area = _footprint(table, instance, corners, e1, e2)
@@ -124,7 +126,7 @@ def surface(table, texels, rows, hit, d):
     if _texture(table, material, _NORMAL_MAP) >= i64(0):
         n = _mapped_normal(table, texels, rows, instance, material, corners, u, v, n, texel_area)
     n = bend(bend(scale(side, n), ng), scale(f32(-1), d))
-    flags = ldu(table[_MATERIALS], material + _FLAGS)
+    flags = ldu(table[MATERIALS], material + _FLAGS)
     bsdf = _bsdf(table, texels, rows, material, flags, corners, u, v, texel_area, entering)
     return position, ng, n, bsdf, flags, entering
 
@@ -135,24 +137,22 @@ def attenuation(table, hit, distance):
 
     Source: KHR_materials_volume, attenuation.
     """
-    _, material, _ = _place(table, hit)
-    rate = _vector(table[_MATERIALS], material + _ATTENUATION)
+    _, material, _ = triangle_at(table, hit)
+    rate = vector_at(table[MATERIALS], material + _ATTENUATION)
     return math.exp(-distance * rate[0]), math.exp(-distance * rate[1]), math.exp(-distance * rate[2])
 
 
 @jit
 def glow(table, texels, rows, hit):
     """Return the radiance that a hit sends everywhere: emission, or the base color of unlit materials."""
-    instance, material, corners = _place(table, hit)
-    materials = table[_MATERIALS]
+    instance, material, corners = triangle_at(table, hit)
+    materials = table[MATERIALS]
     unlit = ldu(materials, material + _FLAGS) & u32(MATERIAL_UNLIT) != u32(0)
-    emission = _vector(materials, material + _EMISSION)
+    emission = vector_at(materials, material + _EMISSION)
     texture = _texture(table, material, _EMISSION_MAP)
     if not unlit and (texture < i64(0) or emission[0] + emission[1] + emission[2] == f32(0)):
         return emission
-    p0 = _vector(table[_VERTICES], corners[0])
-    e1 = sub(_vector(table[_VERTICES], corners[1]), p0)
-    e2 = sub(_vector(table[_VERTICES], corners[2]), p0)
+    _, e1, e2 = edges_at(table, corners)
     area = _footprint(table, instance, corners, e1, e2)
     if unlit:
         color, _ = _base_color(table, texels, rows, material, corners, hit[2], hit[3], area)
@@ -164,25 +164,21 @@ def glow(table, texels, rows, hit):
 @jit
 def hit_position(table, hit):
     """Return the position of a hit in world space."""
-    instance, _, corners = _place(table, hit)
-    p0 = _vector(table[_VERTICES], corners[0])
-    e1 = sub(_vector(table[_VERTICES], corners[1]), p0)
-    e2 = sub(_vector(table[_VERTICES], corners[2]), p0)
+    instance, _, corners = triangle_at(table, hit)
+    p0, e1, e2 = edges_at(table, corners)
     offset = add(scale(hit[2], e1), scale(hit[3], e2))
-    return _point(table[_INSTANCES], instance, add(p0, offset))
+    return world_point(table[INSTANCES], instance, add(p0, offset))
 
 
 @jit
 def leave_surface(world, table, hit, ng):
     """Return where a ray starts that leaves a hit on the side of the geometric normal `ng`."""
-    instance, _, corners = _place(table, hit)
-    p0 = _vector(table[_VERTICES], corners[0])
-    e1 = sub(_vector(table[_VERTICES], corners[1]), p0)
-    e2 = sub(_vector(table[_VERTICES], corners[2]), p0)
-    matrix = instance + _TO_WORLD
+    instance, _, corners = triangle_at(table, hit)
+    p0, e1, e2 = edges_at(table, corners)
+    matrix = instance + TO_WORLD
     return leave_triangle(
-        _point(table[_INSTANCES], instance, p0), _rows_times(table[_INSTANCES], matrix, e1),
-        _rows_times(table[_INSTANCES], matrix, e2), hit[2], hit[3], ng, instance_scale(world, hit[0]),
+        world_point(table[INSTANCES], instance, p0), rows_times(table[INSTANCES], matrix, e1),
+        rows_times(table[INSTANCES], matrix, e2), hit[2], hit[3], ng, instance_scale(world, hit[0]),
     )  # fmt: skip
 
 
@@ -214,72 +210,21 @@ def closest_surface(world, table, texels, rows, origin, d, u, stack, words):
 @jit
 def _opacity(table, texels, rows, hit):
     """Opacity at a hit as a probability; cheap where the material is opaque."""
-    _, material, corners = _place(table, hit)
-    flags = ldu(table[_MATERIALS], material + _FLAGS)
+    _, material, corners = triangle_at(table, hit)
+    flags = ldu(table[MATERIALS], material + _FLAGS)
     if flags & u32(MATERIAL_MASK | MATERIAL_BLEND) == u32(0):
         return f32(1)
     _, alpha = _base_color(table, texels, rows, material, corners, hit[2], hit[3], f32(0))
     if flags & u32(MATERIAL_MASK):
-        cutoff = ldf(table[_MATERIALS], material + _CUTOFF)
+        cutoff = ldf(table[MATERIALS], material + _CUTOFF)
         return f32(1) if alpha >= cutoff else f32(0)
     return alpha
 
 
 @jit
-def _place(table, hit):
-    """Where a hit's instance, material and three vertices lie, in words."""
-    instance = i64(hit[0]) * _INSTANCE
-    material = i64(ldu(table[_INSTANCES], instance + _INSTANCE_MATERIAL)) * _MATERIAL
-    first = i64(ldu(table[_INSTANCES], instance + _FIRST_INDEX)) + i64(3) * i64(hit[1])
-    corners = (
-        i64(ldu(table[_INDICES], first)) * _VERTEX,
-        i64(ldu(table[_INDICES], first + i64(1))) * _VERTEX,
-        i64(ldu(table[_INDICES], first + i64(2))) * _VERTEX,
-    )
-    return instance, material, corners
-
-
-@jit
-def _vector(base, place):
-    return ldf(base, place), ldf(base, place + i64(1)), ldf(base, place + i64(2))
-
-
-@jit
-def _interpolate(table, corners, field, u, v):
-    """A vector attribute at barycentrics u, v."""
-    a = scale(f32(1) - u - v, _vector(table[_VERTICES], corners[0] + field))
-    b = scale(u, _vector(table[_VERTICES], corners[1] + field))
-    return add(a, add(b, scale(v, _vector(table[_VERTICES], corners[2] + field))))
-
-
-@jit
-def _rows_times(instances, matrix, x):
-    """A 3x4 matrix's left three columns times a vector."""
-    return (
-        dot(_vector(instances, matrix), x),
-        dot(_vector(instances, matrix + i64(4)), x),
-        dot(_vector(instances, matrix + i64(8)), x),
-    )
-
-
-@jit
-def _point(instances, instance, x):
-    """A point from object to world space."""
-    m = instance + _TO_WORLD
-    moved = (ldf(instances, m + i64(3)), ldf(instances, m + i64(7)), ldf(instances, m + i64(11)))
-    return add(_rows_times(instances, m, x), moved)
-
-
-@jit
-def _world_normal(instances, instance, x):
-    """A normal from object to world space, unit."""
-    return unit(_rows_times(instances, instance + _COFACTORS, x))
-
-
-@jit
 def _texture(table, material, use):
     """The texture in one slot of a material, -1: none."""
-    return i64(np.int32(ldu(table[_MATERIALS], material + use + _TEXTURE)))
+    return i64(np.int32(ldu(table[MATERIALS], material + use + _TEXTURE)))
 
 
 @jit
@@ -292,26 +237,26 @@ def _has_texture(table, material):
 @jit
 def _uv(table, corners, field, k):
     return (
-        ldf(table[_VERTICES], corners[k] + field),
-        ldf(table[_VERTICES], corners[k] + field + i64(1)),
+        ldf(table[VERTICES], corners[k] + field),
+        ldf(table[VERTICES], corners[k] + field + i64(1)),
     )
 
 
 @jit
 def _footprint(table, instance, corners, e1, e2):
     """The photon's footprint in units of uv area: that of the triangle's first uv set."""
-    m = instance + _TO_WORLD
-    area = cross(_rows_times(table[_INSTANCES], m, e1), _rows_times(table[_INSTANCES], m, e2))
+    m = instance + TO_WORLD
+    area = cross(rows_times(table[INSTANCES], m, e1), rows_times(table[INSTANCES], m, e2))
     a, b, c = _uv(table, corners, _UV0, 0), _uv(table, corners, _UV0, 1), _uv(table, corners, _UV0, 2)
     uv_area = abs((b[0] - a[0]) * (c[1] - a[1]) - (c[0] - a[0]) * (b[1] - a[1]))
-    footprint = ldf(table[_FOOTPRINT], i64(0))
+    footprint = ldf(table[FOOTPRINT], i64(0))
     return uv_area / max(math.sqrt(dot(area, area)), f32(1e-30)) * footprint * footprint
 
 
 @jit
 def _sample(table, texels, rows, material, use, corners, u, v, uv_area):
     """RGBA of the texture in slot `use`, averaged over `uv_area` of texture space."""
-    materials = table[_MATERIALS]
+    materials = table[MATERIALS]
     slot = material + use
     field = _UV1 if ldu(materials, slot + _UV_SET) == u32(1) else _UV0
     a, b, c = _uv(table, corners, field, 0), _uv(table, corners, field, 1), _uv(table, corners, field, 2)
@@ -322,21 +267,21 @@ def _sample(table, texels, rows, material, use, corners, u, v, uv_area):
     level = f32(0.5) * math.log2(texel_count) if texel_count > f32(1) else f32(0)
     return sample_texture(
         texels, rows, texture,
-        dot(_vector(materials, slot), place), dot(_vector(materials, slot + _ROW1), place), level,
+        dot(vector_at(materials, slot), place), dot(vector_at(materials, slot + _ROW1), place), level,
     )  # fmt: skip
 
 
 @jit
 def _base_color(table, texels, rows, material, corners, u, v, uv_area):
     """Base color and opacity: factor, texture and vertex color multiplied."""
-    color = _vector(table[_MATERIALS], material)
-    alpha = ldf(table[_MATERIALS], material + i64(3))
+    color = vector_at(table[MATERIALS], material)
+    alpha = ldf(table[MATERIALS], material + i64(3))
     if _texture(table, material, _BASE_MAP) >= i64(0):
         r, g, b, a = _sample(table, texels, rows, material, _BASE_MAP, corners, u, v, uv_area)
         color, alpha = (color[0] * r, color[1] * g, color[2] * b), alpha * a
-    c0 = ldu(table[_VERTICES], corners[0] + _COLOR)
-    c1 = ldu(table[_VERTICES], corners[1] + _COLOR)
-    c2 = ldu(table[_VERTICES], corners[2] + _COLOR)
+    c0 = ldu(table[VERTICES], corners[0] + _COLOR)
+    c1 = ldu(table[VERTICES], corners[1] + _COLOR)
+    c2 = ldu(table[VERTICES], corners[2] + _COLOR)
     if c0 & c1 & c2 != u32(0xFFFFFFFF):
         color = (
             color[0] * _mix_channel(c0, c1, c2, u32(0), u, v),
@@ -357,7 +302,7 @@ def _mix_channel(c0, c1, c2, shift, u, v):
 @jit
 def _bsdf(table, texels, rows, material, flags, corners, u, v, uv_area, entering):
     """The Bsdf at a point of a material."""
-    materials = table[_MATERIALS]
+    materials = table[MATERIALS]
     color, _ = _base_color(table, texels, rows, material, corners, u, v, uv_area)
     metallic = ldf(materials, material + _METALLIC)
     roughness = ldf(materials, material + _ROUGHNESS)
@@ -372,7 +317,7 @@ def _bsdf(table, texels, rows, material, flags, corners, u, v, uv_area, entering
             transmission *= r
     return surface_bsdf(
         color, metallic, roughness, ldf(materials, material + _F0),
-        _vector(materials, material + _SPECULAR_COLOR), ldf(materials, material + _SPECULAR), transmission,
+        vector_at(materials, material + _SPECULAR_COLOR), ldf(materials, material + _SPECULAR), transmission,
         ldf(materials, material + _IOR), flags & u32(MATERIAL_THIN) != u32(0), entering,
     )  # fmt: skip
 
@@ -380,16 +325,16 @@ def _bsdf(table, texels, rows, material, flags, corners, u, v, uv_area, entering
 @jit
 def _mapped_normal(table, texels, rows, instance, material, corners, u, v, n, uv_area):
     """The normal map's normal in world space; `n` where the mesh has no tangents there."""
-    side = ldf(table[_VERTICES], corners[0] + _TANGENT + i64(3))
-    tangent = _interpolate(table, corners, _TANGENT, u, v)
+    side = ldf(table[VERTICES], corners[0] + _TANGENT + i64(3))
+    tangent = interpolated(table, corners, _TANGENT, u, v)
     if side == f32(0) or dot(tangent, tangent) < f32(1e-12):
         return n
-    if ldu(table[_INSTANCES], instance + _INSTANCE_FLAGS) & u32(INSTANCE_MIRRORED):
+    if ldu(table[INSTANCES], instance + _INSTANCE_FLAGS) & u32(INSTANCE_MIRRORED):
         side = -side
-    t = _rows_times(table[_INSTANCES], instance + _TO_WORLD, tangent)
+    t = rows_times(table[INSTANCES], instance + TO_WORLD, tangent)
     t = unit(sub(t, scale(dot(t, n), n)))
     b = scale(side, cross(n, t))
     r, g, blue, _ = _sample(table, texels, rows, material, _NORMAL_MAP, corners, u, v, uv_area)
-    s = ldf(table[_MATERIALS], material + _NORMAL_SCALE)
+    s = ldf(table[MATERIALS], material + _NORMAL_SCALE)
     x, y, z = (f32(2) * r - f32(1)) * s, (f32(2) * g - f32(1)) * s, f32(2) * blue - f32(1)
     return unit(add(add(scale(x, t), scale(y, b)), scale(z, n)))

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numba import literal_unroll
 
-from ispm.optics.bsdf import adjoint_factor, has_finite, is_smooth, sample_bsdf
+from ispm.optics.bsdf import adjoint_factor, eta_of, has_finite, is_smooth, sample_bsdf
 from ispm.optics.jit import jit
 from ispm.optics.light import light_arriving, range_window
 from ispm.optics.records import (
@@ -22,6 +22,7 @@ from ispm.optics.records import (
 from ispm.optics.rng import random4
 from ispm.optics.vector import dot, scale, sub
 from ispm.scene.packed import Packed
+from ispm.tracer.beam import beam_at, emitted_beam, redirected_beam
 from ispm.tracer.intersect import STACK_WORDS
 from ispm.tracer.lit import is_bright, is_gathered
 from ispm.tracer.simd import address, alloca, atomic_add
@@ -41,6 +42,7 @@ f32, i64, u32 = np.float32, np.int64, np.uint32
 ROULETTE_AFTER = 4  # scatters; living photons lower the error more than they cost before that
 SPECULAR_MAX = 8  # events at smooth surfaces without roulette
 _SPECULAR_SURVIVAL = 0.9  # chance at each later one: ends paths between lossless surfaces without fireflies
+BEAM = 9  # floats that describe what a photon alone lights
 _CHUNK = 256  # photons a thread takes at a time; results do not depend on it or on the threads
 
 # rows of a chunk's sums
@@ -54,6 +56,8 @@ class Walk:
     photons    (M,) PHOTON in the order of the emitted ones; radius and height not yet set
     focused    (M,) bool, whether it met a mirror or glass since it last scattered, if ever; thin sheets that
                it passed do not count
+    beams      (C, 9) float32 of the photons that have not scattered: the two vectors in m that span what the
+               photon lights there, and the normal of the surface that it comes from
     straight   (M,) bool, whether gather rays do not find the light that it brings: it is focused, or comes
                from where it last scattered as caustic light, in a bright spot, or on what lets light through
     emitted, absorbed, escaped, dropped   (3,) float64 lumen; the first is the sum of the others
@@ -64,6 +68,7 @@ class Walk:
     photons: np.ndarray
     focused: np.ndarray
     straight: np.ndarray
+    beams: np.ndarray
     emitted: np.ndarray
     absorbed: np.ndarray
     escaped: np.ndarray
@@ -99,6 +104,7 @@ def walk(
     capacity = int(chunk_capacity(bounces))
     stored = world.scratch(chunk_count * capacity, PHOTON)  # mostly pages that are never touched
     focused, straight = np.zeros((2, len(stored)), np.bool_)
+    beams = np.empty((len(stored), BEAM), np.float32)
     counts = np.zeros((chunk_count, 2), np.int64)
     sums = np.zeros((chunk_count, 5, 3))
     counter = np.zeros(8, np.int64)
@@ -107,18 +113,19 @@ def walk(
         _walk_chunks(
             address(world.table), surfaces.addresses, surfaces.texels, surfaces.rows, packed.lights, emitted,
             i64(bounces), u32(seed), u32(pass_index), f32(limit), address(counter), stored,
-            (focused, straight), counts, sums,
+            (focused, straight, beams), counts, sums,
         )  # fmt: skip
 
     run_threads(work, threads)
     kept = [slice(c * capacity, c * capacity + n) for c, n in enumerate(counts[:, 0])] or [slice(0)]
+    beams = np.concatenate([beams[each][stored["bounce"][each] == 0] for each in kept])
     photons, focused, straight = (
         np.concatenate([rows[each] for each in kept]) for rows in (stored, focused, straight)
     )
     total = sums.sum(axis=0)
     return Walk(
-        photons, focused, straight, total[_EMITTED], total[_ABSORBED], total[_ESCAPED], total[_DROPPED],
-        total[_STORED], len(emitted), int(counts[:, 1].sum()),
+        photons, focused, straight, beams, total[_EMITTED], total[_ABSORBED], total[_ESCAPED],
+        total[_DROPPED], total[_STORED], len(emitted), int(counts[:, 1].sum()),
     )  # fmt: skip
 
 
@@ -167,7 +174,9 @@ def _walk_one(
         _add(sums, chunk, _ESCAPED, flux)
         return row, i64(0)
     hit = (photon.instance, photon.primitive, photon.u, photon.v)
-    origin, d, within = first_segment(table, lights, i64(photon.light), hit)
+    light = lights[i64(photon.light)]
+    origin, d, within = first_segment(table, light, hit)
+    beam = emitted_beam(light, flux, d)
     kept = scale(within, flux)
     _add_difference(sums, chunk, _ESCAPED, flux, kept)
     flux = kept
@@ -184,10 +193,15 @@ def _walk_one(
             _add_difference(sums, chunk, _ABSORBED, flux, kept)
             flux = kept
         room = row < end
+        if scatters == i64(0):
+            way = sub(position, origin)
+            beam = beam_at(beam, f32(math.sqrt(dot(way, way))), d, ng)
         if not direct and room and has_finite(bsdf):
             clear = abs(dot(sub(position, origin), plane))
             _store(stored, row, position, ng, flux, d, clear, hit[0], scatters)
             ways[0][row], ways[1][row] = mirrored, mirrored or hidden
+            if scatters == i64(0):
+                _store_beam(ways[2], row, beam, plane)
             _add(sums, chunk, _STORED, flux)
             row += 1
         last = scatters == bounces
@@ -207,8 +221,10 @@ def _walk_one(
         if not specular:
             hidden = not is_gathered(bsdf)
             if scatters == i64(0):
-                light = lights[i64(photon.light)]
                 hidden = hidden or not direct or is_spot(light, position, ng, bsdf, wi, limit)
+        elif scatters == i64(0):
+            eta = f32(1) if flags & u32(MATERIAL_THIN) else eta_of(bsdf)
+            beam = redirected_beam(table, hit, beam, d, wi, ng, n, eta)
         flux, d, origin, plane = scattered, wi, position, ng
         u = flight_number(photon.key, pass_index, seed, scatters + speculars)
         speculars += i64(specular)
@@ -233,19 +249,18 @@ def is_spot(light, position, ng, bsdf, wo, limit):
 
 
 @jit
-def first_segment(table, lights, light, hit):
-    """Return where the flight from the light to the first hit begins, its direction, and the share of the
+def first_segment(table, light, hit):
+    """Return where the flight from a light to the first hit begins, its direction, and the share of the
     flux within the light's range. A directional light's begins at the hit: it is not in what it shines on.
     """
-    row = lights[light]
     position = hit_position(table, hit)
-    if row.kind == u32(LIGHT_DIRECTIONAL):
-        return position, (row.direction[0], row.direction[1], row.direction[2]), f32(1)
-    origin = (row.position[0], row.position[1], row.position[2])
+    if light.kind == u32(LIGHT_DIRECTIONAL):
+        return position, (light.direction[0], light.direction[1], light.direction[2]), f32(1)
+    origin = (light.position[0], light.position[1], light.position[2])
     way = sub(position, origin)
     square = dot(way, way)
     distance = f32(math.sqrt(square if square > f32(0) else f32(1e-30)))
-    return origin, scale(f32(1) / distance, way), range_window(distance, row.range)
+    return origin, scale(f32(1) / distance, way), range_window(distance, light.range)
 
 
 @jit
@@ -337,6 +352,14 @@ def _store(stored, row, position, ng, flux, d, clear, instance, scatters):
     photon.height = f32(0)
     photon.bounce = u32(scatters)
     photon.instance = instance
+
+
+@jit
+def _store_beam(beams, row, beam, plane):
+    for k in literal_unroll((0, 1, 2)):
+        beams[row, k] = beam[0][k]
+        beams[row, k + 3] = beam[1][k]
+        beams[row, k + 6] = plane[k]
 
 
 @jit

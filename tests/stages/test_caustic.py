@@ -7,7 +7,7 @@ import pytest
 from exact import mixed_scene, quad, view_of
 
 from ispm.gpu import Target
-from ispm.optics.records import PHOTON
+from ispm.optics.records import CAUSTIC, PHOTON
 from ispm.reference.gather import gather
 from ispm.scene.builtins_common import lambert
 from ispm.scene.camera import look_at_pose
@@ -21,6 +21,9 @@ from ispm.stages.filter import WEIGHT
 from ispm.stages.gbuffer import GBufferStage
 from ispm.stages.upload import Upload
 from ispm.stages.upsample import Upsample
+from ispm.tracer.footprint import shape_kernels
+
+NO_BEAMS = np.zeros((0, 9), np.float32)
 
 
 class Picture:
@@ -36,8 +39,11 @@ class Picture:
             downsample(frame, self.scene, self.gbuffer, view)
         self.receivers = downsample.read(gpu, view)
 
-    def draw(self, photons):
+    def draw(self, photons, beams=NO_BEAMS, clear=0.0):
         """Radiance and irradiance, (H, W, 3)."""
+        photons = shape_kernels(
+            photons, beams, np.full(len(beams), clear, np.float32), 100.0, 1.0, np.zeros(4), np.zeros(4)
+        )
         with self.gpu.frame() as frame:
             targets = self.stage(frame, self.scene, self.gbuffer, self.view, photons)
         return [found[..., :3] for found in self.gpu.read_many([(t, np.float32, 4) for t in targets])]
@@ -47,6 +53,11 @@ class Picture:
         wanted = [(self.gbuffer.base, np.float16, 4), (self.gbuffer.ids, np.uint32, 2)]
         base, ids = self.gpu.read_many(wanted)
         return base.reshape(-1, 4).astype(float), self.packed.materials[ids[..., 1].ravel() & 0xFFFFFF]
+
+
+def discs(photons):
+    """Photons with the kernels that they have."""
+    return shape_kernels(photons, NO_BEAMS, NO_BEAMS[:, 0], 1.0, 1.0, np.zeros(4), np.zeros(4))
 
 
 def unit(vectors):
@@ -129,6 +140,35 @@ def test_a_photon_brings_all_its_flux(gpu, kind):
     assert radiance == pytest.approx(irradiance * np.array([0.5, 0.25, 1.0]) / np.pi, rel=1e-3, abs=1e-6)
 
 
+@pytest.mark.parametrize("clear", [0.0, 0.04, 0.12, 1.0])
+@pytest.mark.parametrize("long", [1.0, 3.0, 50.0], ids=["round", "long", "longest"])
+def test_a_kernel_of_a_beam_is_its_ellipse_and_ends_at_the_mirror(gpu, long, clear):
+    """All the flux is in front of the plane that the photon comes from."""
+    scene = Scene()
+    scene.add(quad(4.0), material=lambert((1.0,) * 3))
+    view = plane_view("from above", (320, 180))
+    picture = Picture(gpu, scene, view)
+    photon = np.zeros(1, PHOTON)
+    photon["position"], photon["normal"], photon["wi"] = (0.1, 0, 0.05), (0, 1, 0), unit(np.ones(3))
+    photon["flux"], photon["radius"], photon["height"] = 1.0, 0.01, 0.005
+    beam = np.zeros((1, 9), np.float32)
+    beam[0, [0, 5, 6]] = 0.15, 0.15 / long, 1.0  # along x and z; the mirror faces x
+    irradiance = picture.draw(photon, beam, clear)[1][..., 0]
+    areas = pixel_areas(view)
+    # A cut that is half a pixel off adds at most that times 16 / (5 pi a), the kernel's profile where it is
+    # highest, over the half that is left; else the midpoint rule, as above.
+    a = 0.15 * 2 / math.sqrt(math.pi)  # four times the beam's area
+    off = 0.5 * math.sqrt(areas.max()) * 16 / (5 * math.pi * a) / 0.5
+    assert (irradiance * areas).sum() == pytest.approx(1.0, rel=3e-3 + off)
+    origin, direction = view.rays()
+    place = origin - direction * (origin[..., 1:2] / direction[..., 1:2]) - photon["position"][0]
+    assert not irradiance[place[..., 0] < -clear - 1e-5].any()
+    b = a / min(long, 8.0)  # no narrower than an eighth
+    inside = (place[..., 0] / a) ** 2 + (place[..., 2] / b) ** 2
+    assert not irradiance[inside > 1.001].any()
+    assert (irradiance > 0)[(inside < 0.98) & (place[..., 0] > 1e-5 - clear)].all()
+
+
 def test_near_plane_does_not_matter(gpu):
     """V25, with the eye inside some kernels."""
     found = []
@@ -170,7 +210,7 @@ def test_photons_that_cannot_be_seen_bring_nothing(gpu):
 def test_no_photons_make_no_texture(gpu):
     picture = Picture(gpu, mixed_scene(), view_of((16, 9)))
     with gpu.frame() as frame:
-        found = picture.stage(frame, picture.scene, picture.gbuffer, picture.view, np.zeros(0, PHOTON))
+        found = picture.stage(frame, picture.scene, picture.gbuffer, picture.view, np.zeros(0, CAUSTIC))
     assert found is None
 
 
@@ -224,7 +264,7 @@ def test_upsampling_adds_caustics_to_every_pixel(gpu, missing):
         points["valid"] = 0
         receivers.write(points)
     with gpu.frame() as frame:
-        caustic = picture.stage(frame, scene, gbuffer, view, photons)
+        caustic = picture.stage(frame, scene, gbuffer, view, discs(photons))
         upsample(frame, scene, gbuffer, view, receivers, light, caustic)
     count = len(upsample.missed()[0])
     assert (count > 500) == missing
