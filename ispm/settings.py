@@ -126,7 +126,7 @@ class Settings(_Checked):
         "auto",
         "rays from each low-resolution pixel that look for the light around it, a square number; more: less "
         "noise and finer contact shadows, slower; 0: photons light the pixels themselves; "
-        "auto: 4, in small pictures up to 64, with kernel hint 0",
+        "auto: 4, in small pictures up to 64, with kernel class or hint 0",
         low=0,
         high=1024,
         words={"auto": "auto"},
@@ -145,9 +145,10 @@ class Settings(_Checked):
     )
     kernel: str = knob(
         "auto",
-        "how a photon's kernel is sized; measured (auto): by the density of photons around it; "
-        "hint: by its path alone, as in the talk of 2009, without a filter afterwards",
-        choices=("auto", "measured", "hint"),
+        "how a photon's kernel is sized; footprint (auto): in caustics by the beam that it stands for; "
+        "measured: by the photons around it; for comparison, without gather rays and filter: class: by its "
+        "bounce, hint: as in the talk of 2009",
+        choices=("auto", "footprint", "measured", "class", "hint"),
     )
     subsampling: int = knob(
         4,
@@ -211,8 +212,8 @@ class Settings(_Checked):
             raise SettingsError(
                 f"gather: {self.gather} is not a square number; use {side**2} or {(side + 1) ** 2}"
             )
-        if self.kernel == "hint" and self.gather not in ("auto", 0):
-            raise SettingsError("gather: kernel 'hint' lights the pixels itself; use 0 or auto")
+        if self.is_plain and self.gather not in ("auto", 0):
+            raise SettingsError(f"gather: kernel '{self.kernel}' lights the pixels itself; use 0 or auto")
         if self.kernel == "hint" and self.estimator not in ("auto", "volumes"):
             raise SettingsError(
                 f"estimator: '{self.estimator}' does not have the talk's kernel, which kernel 'hint' is; "
@@ -229,9 +230,14 @@ class Settings(_Checked):
         return math.inf if self.passes == 1 and (self.time_limit or self.target_error) else self.passes
 
     @property
+    def is_plain(self) -> bool:
+        """Whether photons alone light the pixels, by wide kernels, without a filter."""
+        return self.kernel in ("class", "hint")
+
+    @property
     def gather_rays(self) -> int:
         """How many rays each low-resolution pixel sends out, 0 where there is nothing to find."""
-        if self.kernel == "hint" or not self.photons or not self.bounces:
+        if self.is_plain or not self.photons or not self.bounces:
             return 0
         if self.gather != "auto":
             return int(self.gather)
@@ -343,16 +349,8 @@ def _choice(f: Field[Any], value: Any) -> str:
 
 
 def _switch(value: Any) -> bool:
-    words = {
-        "1": True,
-        "true": True,
-        "yes": True,
-        "on": True,
-        "0": False,
-        "false": False,
-        "no": False,
-        "off": False,
-    }
+    yes, no = ("1", "true", "yes", "on"), ("0", "false", "no", "off")
+    words = dict.fromkeys(yes, True) | dict.fromkeys(no, False)
     if isinstance(value, bool):
         return value
     if isinstance(value, str) and value.lower() in words:

@@ -11,6 +11,7 @@ from ispm.optics.records import CAUSTIC
 from ispm.scene.packed import Packed
 from ispm.settings import Settings
 from ispm.stages.camera import CameraView
+from ispm.tracer.apriori import class_radii, hint_radii
 from ispm.tracer.density import CAUSTIC_NEIGHBORS, FOCUSED_NEIGHBORS, is_crowded, measure_caustic_radii
 from ispm.tracer.footprint import shape_kernels
 from ispm.tracer.walk import Walk
@@ -55,10 +56,11 @@ def part_photons(
 
     Light that has scattered before it was focused makes a caustic where its photons crowd; elsewhere, as in
     a plane mirror's reflection of a room, it is as smooth as before.
-    The hint's kernels are as narrow as caustics need: with them all photons are smooth.
+    Plain kernels are as narrow as caustics need: with them all photons are smooth.
     """
     photons, straight = path.photons, path.straight
-    if settings.kernel == "hint":
+    if settings.is_plain:
+        _measure_plain(path, packed, settings)
         none = photons[:0]
         return PhotonParts(photons, photons, none, none, np.zeros(0, CAUSTIC), straight)
     first = photons["bounce"] == 0
@@ -82,12 +84,22 @@ def part_photons(
     smooth[later] = False
     sharp = np.flatnonzero(~wide)
     beams, clear = path.beams, photons["radius"][first]
+    if settings.kernel == "measured":
+        beams, clear = beams[:0], clear[:0]
     shaped = sharp[sharp < len(beams)]
     kernels = shape_kernels(
         caustic[sharp], beams[shaped], clear[shaped], packed.diagonal, settings.smoothing, pixel,
         view.eye_or_direction,
     )  # fmt: skip
     return _joined(photons[smooth], caustic[wide], caustic[sharp], kernels, straight[smooth])
+
+
+def _measure_plain(path: Walk, packed: Packed, settings: Settings) -> None:
+    """Write the kernels that paths alone tell."""
+    if settings.kernel == "hint":
+        hint_radii(path.photons, packed.diagonal, settings.photons, settings.smoothing)
+    else:
+        class_radii(path.photons, path.beams, packed.surface_area(), packed.diagonal, settings.smoothing)
 
 
 def sample_width(view: CameraView) -> np.ndarray:

@@ -22,7 +22,6 @@ from ispm.tracer.density import measure_radii
 from ispm.tracer.ends import reflect_light
 from ispm.tracer.gather import gather_rays
 from ispm.tracer.grid import PhotonGrid
-from ispm.tracer.hint import hint_radii
 from ispm.tracer.surface import SurfaceTable
 from ispm.tracer.world import World
 
@@ -66,9 +65,7 @@ class PhotonLight:
     ) -> None:
         self._packed, self._world, self._surfaces, self._parts = packed, world, surfaces, parts
         self._view, self._settings, self._threads = view, settings, threads
-        if settings.kernel == "hint":
-            hint_radii(parts.smooth, packed.diagonal, settings.photons, settings.smoothing)
-        else:
+        if not settings.is_plain:
             self._measure(parts.smooth)
 
     def at_receivers(
@@ -83,7 +80,7 @@ class PhotonLight:
             dark = np.zeros((len(points), 16), np.float32)
             return dark, dark
         light = estimator(self._parts.smooth)
-        if self._settings.kernel == "hint":
+        if self._settings.is_plain:
             return light, light
         if self._settings.gather_rays:
             light = self._gathered(points, size, light, estimator(self._straight))

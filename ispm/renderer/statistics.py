@@ -110,8 +110,9 @@ def collect(
         flux_absorbed=float(path.absorbed.sum()), flux_escaped=float(path.escaped.sum()),
         flux_dropped=float(path.dropped.sum()), flux_stored=float(path.stored.sum()),
         overdraw=overdraw(path.photons, view), peak_memory=peak_memory(), adapter=adapter,
-        estimator=estimator_name(settings), kernel="hint" if settings.kernel == "hint" else "measured",
-        emission=emission, seed=settings.seed, timing=timing,
+        estimator=estimator_name(settings), emission=emission,
+        kernel="footprint" if settings.kernel == "auto" else settings.kernel, seed=settings.seed,
+        timing=timing,
     )  # fmt: skip
 
 

@@ -120,6 +120,17 @@ class Packed:
         length = float(np.linalg.norm(self.bounds[1] - self.bounds[0]))
         return length if length > 0.0 else 1.0
 
+    def surface_area(self) -> float:
+        """Return the area of all triangles, m2, world space."""
+        total = 0.0
+        for row in self.instances:
+            mesh = self.geometry.ranges[row["mesh"]].mesh
+            to_world = np.array([row["world0"], row["world1"], row["world2"]], np.float64)[:, :3]
+            corners = (mesh.positions @ to_world.T)[mesh.triangles]
+            edges = corners[:, 1:] - corners[:, :1]
+            total += 0.5 * float(np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1).sum())
+        return total
+
     @property
     def caustic_hulls(self) -> np.ndarray:
         """(n, k, 3) points round each instance that casts caustics, worth aiming photons at."""

@@ -12,7 +12,7 @@ import math
 import numpy as np
 
 from ispm.optics.jit import jit
-from ispm.optics.records import CAUSTIC
+from ispm.optics.records import CAUSTIC, PHOTON
 from ispm.optics.sampling import orthonormal_basis
 from ispm.optics.vector import add, dot, scale
 from ispm.tracer.density import least_radius
@@ -51,8 +51,9 @@ def shape_kernels(
         out[name] = photons[name]
     limits = np.array([diagonal, smoothing], np.float32)
     _shape(
-        photons.view(np.float32).reshape(len(photons), -1), beams, clear, limits, pixel.astype(np.float32),
-        np.asarray(eye, np.float32), out.view(np.float32).reshape(len(photons), -1),
+        photons.view(np.float32).reshape(-1, PHOTON.itemsize // 4), beams, clear, limits,
+        pixel.astype(np.float32), np.asarray(eye, np.float32),
+        out.view(np.float32).reshape(-1, CAUSTIC.itemsize // 4),
     )  # fmt: skip
     return out
 
