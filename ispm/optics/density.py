@@ -35,6 +35,15 @@ def density_kernel(offset, normal, radius, height):
 
 
 @jit
+def ellipse_kernel(offset, u, v, n, height):
+    """Return kappa in 1/m2 of an ellipse with the semi-axes u and v, m, and the unit normal n."""
+    uu, vv = dot(u, u), dot(v, v)
+    x, y, z = dot(offset, u) / uu, dot(offset, v) / vv, dot(offset, n) / height
+    m = max(f32(1) - (x * x + y * y + z * z), f32(0))
+    return _NORMALISATION / math.sqrt(uu * vv) * m * m
+
+
+@jit
 def photon_counts(wi_ng, normal_ng):
     """Return whether a photon lights a point: it came from the point's side, onto the same surface.
 

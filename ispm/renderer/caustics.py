@@ -14,7 +14,10 @@ from ispm.stages.camera import CameraView
 from ispm.tracer.apriori import class_radii, hint_radii
 from ispm.tracer.density import CAUSTIC_NEIGHBORS, FOCUSED_NEIGHBORS, is_crowded, measure_caustic_radii
 from ispm.tracer.footprint import shape_kernels
+from ispm.tracer.surface import SurfaceTable
 from ispm.tracer.walk import Walk
+from ispm.tracer.walls import end_at_walls
+from ispm.tracer.world import World
 
 _SHARP = 3.0  # low-resolution pixels: kernels of a larger radius lose nothing at low resolution
 
@@ -27,7 +30,7 @@ class PhotonParts:
     smooth   to be estimated and filtered at low resolution; their kernels are not measured yet
     wide     of caustics, to be estimated at low resolution, but not filtered
     sharp    of caustics, to be drawn at full resolution
-    kernels   (len(sharp),) CAUSTIC, the sharp ones as they are drawn
+    kernels   CAUSTIC, of the wide and the sharp ones
     straight  (len(smooth),) bool, whether gather rays do not find their light
     """
 
@@ -50,7 +53,13 @@ class PhotonParts:
 
 
 def part_photons(
-    path: Walk, packed: Packed, view: CameraView, settings: Settings, threads: int
+    path: Walk,
+    packed: Packed,
+    world: World,
+    surfaces: SurfaceTable,
+    view: CameraView,
+    settings: Settings,
+    threads: int,
 ) -> PhotonParts:
     """Find the caustics among a walk's photons, and measure their kernels.
 
@@ -82,16 +91,15 @@ def part_photons(
     wide = caustic["radius"] > caustic["position"] @ least[:3] + least[3]
     smooth = ~first
     smooth[later] = False
-    sharp = np.flatnonzero(~wide)
     beams, clear = path.beams, photons["radius"][first]
     if settings.kernel == "measured":
         beams, clear = beams[:0], clear[:0]
-    shaped = sharp[sharp < len(beams)]
     kernels = shape_kernels(
-        caustic[sharp], beams[shaped], clear[shaped], packed.diagonal, settings.smoothing, pixel,
-        view.eye_or_direction,
-    )  # fmt: skip
-    return _joined(photons[smooth], caustic[wide], caustic[sharp], kernels, straight[smooth])
+        caustic, beams, clear, packed.diagonal, settings.smoothing, pixel, view.eye_or_direction
+    )
+    end_at_walls(kernels, world, surfaces, threads)
+    kernels = np.concatenate([kernels[wide], kernels[~wide]])
+    return _joined(photons[smooth], caustic[wide], caustic[~wide], kernels, straight[smooth])
 
 
 def _measure_plain(path: Walk, packed: Packed, settings: Settings) -> None:

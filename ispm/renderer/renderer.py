@@ -237,7 +237,7 @@ class Renderer:
                 self.threads,
             )  # fmt: skip
         with watch("radiance"):
-            parts = part_photons(path, packed, view, settings, self.threads)
+            parts = part_photons(path, packed, self._world, surfaces, view, settings, self.threads)
             size = self._downsample.size(view)
             estimator = partial(self._estimator, points, clip_from_world=view.clip_from_world, size=size)
             light = PhotonLight(packed, self._world, surfaces, parts, view, settings, self.threads)
@@ -247,7 +247,7 @@ class Renderer:
 
         with self._gpu.frame() as third:
             third.stage("radiance")
-            caustic = self._caustic(third, scene, gbuffer, view, parts.kernels)
+            caustic = self._caustic(third, scene, gbuffer, view, parts.kernels[len(parts.wide) :])
             third.stage("upsample")
             indirect, irradiance, emission = self._upsample(
                 third, scene, gbuffer, view, receivers, filtered, caustic
@@ -256,7 +256,7 @@ class Renderer:
             self._light_missed(points, raw, light, parts.wide, scene, gbuffer, view, caustic, settings)
         with watch("direct"):
             brought = chain_light(
-                packed, self._world, surfaces, mirrors, light, PhotonGrid(parts.caustic), view,
+                packed, self._world, surfaces, mirrors, light, PhotonGrid(parts.caustic, parts.kernels), view,
                 settings, index, self.threads,
             )  # fmt: skip
         with self._gpu.frame() as fourth:

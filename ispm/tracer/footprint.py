@@ -19,7 +19,7 @@ from ispm.tracer.density import least_radius
 
 f32 = np.float32
 
-_OVERLAP = f32(4)  # beams' areas under a kernel: 3 leave grain (a fifth more error), 6 blur
+OVERLAP = f32(5)  # beams' areas under a kernel: 3 leave grain (a third more error), 6 blur
 _ASPECT_MAX = f32(8)  # of a kernel's length over its width
 _LENGTH_MAX = f32(0.05)  # of the scene's diagonal
 _TRUST = f32(0.35)  # least mean radius over the measured one: normal maps spread light as no beam tells
@@ -27,7 +27,8 @@ _HEIGHT = f32(0.25)  # of a kernel over its width
 
 # columns of PHOTON and CAUSTIC records seen as words
 _RADIUS, _NORMAL, _PHOTON_HEIGHT = 3, 12, 15
-_CAUSTIC_HEIGHT, _FLUX, _REACH, _U, _V, _FRONT = 3, 4, 7, 12, 16, 20
+_CAUSTIC_HEIGHT, _FLUX, _REACH, _FRONT = 3, 4, 7, 20
+U, V = 12, 16
 
 
 def shape_kernels(
@@ -65,12 +66,13 @@ def _shape(words, beams, clear, limits, pixel, eye, out):
         u, v = scale(words[i, _RADIUS], t), scale(words[i, _RADIUS], b)
         if i < len(beams):
             u, v = _ellipse(beams, i, t, b, words[i, _RADIUS], least_radius(words, i, pixel, eye), limits)
-            _cut(beams, i, clear[i], u, v, out)
             slender = words[i, _PHOTON_HEIGHT] / words[i, _RADIUS]
             out[i, _CAUSTIC_HEIGHT] = max(slender, _HEIGHT) * math.sqrt(dot(u, u))
         for k in range(3):
-            out[i, _U + k] = u[k]
-            out[i, _V + k] = v[k]
+            out[i, U + k] = u[k]
+            out[i, V + k] = v[k]
+        if i < len(beams):
+            end_kernel(out, i, (beams[i, 6], beams[i, 7], beams[i, 8]), clear[i])
 
 
 @jit
@@ -82,7 +84,7 @@ def _ellipse(beams, i, t, b, measured, least, limits):
     tt, tb, bb = tu * tu + tv * tv, tu * bu + tv * bv, bu * bu + bv * bv
     middle, half = f32(0.5) * (tt + bb), f32(0.5) * (tt - bb)
     apart = math.sqrt(half * half + tb * tb)
-    k = limits[1] * math.sqrt(_OVERLAP / f32(math.pi))
+    k = limits[1] * math.sqrt(OVERLAP / f32(math.pi))
     long, wide = k * math.sqrt(middle + apart), k * math.sqrt(max(middle - apart, f32(0)))
     short_of = _TRUST * measured / max(math.sqrt(long * wide), f32(1e-30))
     if short_of > f32(1):
@@ -95,18 +97,37 @@ def _ellipse(beams, i, t, b, measured, least, limits):
 
 
 @jit
-def _cut(beams, i, clear, u, v, out):
-    """End a kernel at the plane of the surface its photon comes from, and give what is behind to the rest."""
-    front = (beams[i, 6], beams[i, 7], beams[i, 8])
-    x, y = dot(u, front), dot(v, front)
-    extent = math.sqrt(x * x + y * y)
-    if extent <= clear:
+def end_kernel(out, i, front, clear):
+    """End kernel `i` at a plane, where it is cut by none that leaves less; what is behind goes to the rest.
+
+    front  the plane's unit normal, towards the photon;  clear  m, how far behind the photon it is
+    """
+    x = f32(clear) / max(_extent(out, i, front), f32(1e-30))
+    old = (out[i, _FRONT], out[i, _FRONT + 1], out[i, _FRONT + 2])
+    x_old = f32(1)
+    if dot(old, old) > f32(0):
+        x_old = out[i, _REACH] / max(_extent(out, i, old), f32(1e-30))
+    if x >= x_old:
         return
-    rest = _part_before(clear / extent)
+    brighter = _part_before(x_old) / _part_before(x)
     for k in range(3):
         out[i, _FRONT + k] = front[k]
-        out[i, _FLUX + k] /= rest
+        out[i, _FLUX + k] *= brighter
     out[i, _REACH] = clear
+
+
+@jit
+def _extent(out, i, direction):
+    """How far kernel `i` reaches along a direction."""
+    x = dot(axis_of(out, i, U), direction)
+    y = dot(axis_of(out, i, V), direction)
+    return math.sqrt(x * x + y * y)
+
+
+@jit
+def axis_of(out, i, which):
+    """Return a semi-axis of kernel `i`, the one at word `which`."""
+    return out[i, which], out[i, which + 1], out[i, which + 2]
 
 
 @jit

@@ -8,9 +8,11 @@ from __future__ import annotations
 import numpy as np
 
 from ispm.optics.bsdf import gloss_terms
-from ispm.optics.density import cosine_ratio, density_kernel, photon_counts
+from ispm.optics.density import cosine_ratio, density_kernel, ellipse_kernel, photon_counts
 from ispm.optics.jit import jit
-from ispm.optics.vector import dot, sub
+from ispm.optics.records import CAUSTIC
+from ispm.optics.vector import cross, dot, sub
+from ispm.tracer.normals import unit
 from ispm.tracer.simd import address, atomic_add
 from ispm.tracer.threads import run_threads
 
@@ -25,9 +27,15 @@ class PhotonGrid:
     """Lists of photons by cell. The lists are in photon order, so results repeat to the bit.
 
     photons  (N,) PHOTON with radius and height set
+    kernels  (N,) CAUSTIC, the same photons with kernels of their own; None: they have none
     """
 
-    def __init__(self, photons: np.ndarray) -> None:
+    def __init__(self, photons: np.ndarray, kernels: np.ndarray | None = None) -> None:
+        self._kernels = np.zeros(0, CAUSTIC) if kernels is None else kernels
+        if kernels is not None:  # balls round the kernels
+            photons = photons.copy()
+            reach = np.maximum(np.linalg.norm(kernels["u"], axis=1), kernels["height"])
+            photons["radius"] = photons["height"] = reach
         self._photons = photons
         if not len(photons):
             return
@@ -57,8 +65,8 @@ class PhotonGrid:
 
         def work(_: int) -> None:
             _gather(
-                receivers, order, self._photons, self._low, self._cell, self._shape, self._starts, self._ids,
-                address(counter), out,
+                receivers, order, self._photons, self._kernels, self._low, self._cell, self._shape,
+                self._starts, self._ids, address(counter), out,
             )  # fmt: skip
 
         run_threads(work, threads)
@@ -136,7 +144,7 @@ def _find_cells(receivers, low, cell, shape, cells):
 
 
 @jit
-def _gather(receivers, order, photons, low, cell, shape, starts, ids, counter, out):
+def _gather(receivers, order, photons, kernels, low, cell, shape, starts, ids, counter, out):
     while True:
         first = atomic_add(counter, i64(_CHUNK))
         if first >= len(receivers):
@@ -149,7 +157,10 @@ def _gather(receivers, order, photons, low, cell, shape, starts, ids, counter, o
             c = _cell_at(receiver.position, low, cell, shape)
             if c >= i64(0):
                 for k in range(starts[c], starts[c + 1]):
-                    add_photon(receiver, photons[ids[k]], out, r)
+                    if len(kernels):
+                        _add_caustic(receiver, kernels[ids[k]], out, r)
+                    else:
+                        add_photon(receiver, photons[ids[k]], out, r)
 
 
 @jit
@@ -183,16 +194,37 @@ def _cell_at(position, low, cell, shape):
 @jit
 def add_photon(receiver, photon, out, r):
     """Add what one photon brings to receiver `r` to its channels."""
+    normal = (photon.normal[0], photon.normal[1], photon.normal[2])
+    kappa = density_kernel(_offset(receiver, photon), normal, photon.radius, photon.height)
+    if kappa > f32(0):
+        _add_light(receiver, photon, normal, kappa, out, r)
+
+
+@jit
+def _add_caustic(receiver, photon, out, r):
+    """Likewise of one with a kernel of its own. Twin of caustic.wgsl."""
+    u, v = (photon.u[0], photon.u[1], photon.u[2]), (photon.v[0], photon.v[1], photon.v[2])
+    offset, normal = _offset(receiver, photon), unit(cross(u, v))
+    if dot(offset, (photon.front[0], photon.front[1], photon.front[2])) < -photon.reach:
+        return
+    kappa = ellipse_kernel(offset, u, v, normal, photon.height)
+    if kappa > f32(0):
+        _add_light(receiver, photon, normal, kappa, out, r)
+
+
+@jit
+def _offset(receiver, photon):
+    position = (receiver.position[0], receiver.position[1], receiver.position[2])
+    return sub(position, (photon.position[0], photon.position[1], photon.position[2]))
+
+
+@jit
+def _add_light(receiver, photon, normal, kappa, out, r):
+    """Add a photon's light of the density kappa, if it lies on the receiver's surface."""
     ng = (receiver.ng[0], receiver.ng[1], receiver.ng[2])
     wi = (photon.wi[0], photon.wi[1], photon.wi[2])
-    normal = (photon.normal[0], photon.normal[1], photon.normal[2])
     wi_ng = dot(wi, ng)
     if not photon_counts(wi_ng, dot(normal, ng)):
-        return
-    position = (receiver.position[0], receiver.position[1], receiver.position[2])
-    offset = sub(position, (photon.position[0], photon.position[1], photon.position[2]))
-    kappa = density_kernel(offset, normal, photon.radius, photon.height)
-    if kappa <= f32(0):
         return
     n = (receiver.n[0], receiver.n[1], receiver.n[2])
     arriving = kappa * cosine_ratio(dot(wi, n), wi_ng)

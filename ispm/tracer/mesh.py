@@ -93,6 +93,16 @@ def edges_at(table, corners):
 
 
 @jit
+def hit_plane(table, hit):
+    """Return a hit's position and its triangle's normal, on the front, unit; world space."""
+    instance, _, corners = triangle_at(table, hit)
+    p0, e1, e2 = edges_at(table, corners)
+    offset = add(scale(hit[2], e1), scale(hit[3], e2))
+    position = world_point(table[INSTANCES], instance, add(p0, offset))
+    return position, world_normal(table[INSTANCES], instance, cross(e1, e2))
+
+
+@jit
 def normal_change(table, hit, n, dx):
     """Return how much the interpolated normal changes along dx, a small step in a hit's triangle.
 

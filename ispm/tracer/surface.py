@@ -44,6 +44,7 @@ from ispm.tracer.mesh import (
     TO_WORLD,
     VERTICES,
     edges_at,
+    hit_plane,
     interpolated,
     rows_times,
     triangle_at,
@@ -164,10 +165,7 @@ def glow(table, texels, rows, hit):
 @jit
 def hit_position(table, hit):
     """Return the position of a hit in world space."""
-    instance, _, corners = triangle_at(table, hit)
-    p0, e1, e2 = edges_at(table, corners)
-    offset = add(scale(hit[2], e1), scale(hit[3], e2))
-    return world_point(table[INSTANCES], instance, add(p0, offset))
+    return hit_plane(table, hit)[0]
 
 
 @jit

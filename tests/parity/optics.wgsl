@@ -72,5 +72,6 @@ fn density(@builtin(global_invocation_id) id: vec3u) {
         adjoint_factor(row[2].x, row[2].y, row[2].z, row[1].z),
     );
     result[id.x][1] = vec4f(octahedral_encode(row[3].xyz), octahedral_encode(row[4].xyz));
-    result[id.x][2] = vec4f(octahedral_decode(octahedral_encode(row[4].xyz)), 0.0);
+    let ellipse = ellipse_kernel(row[0].xyz, row[4].xyz, cross(row[3].xyz, row[4].xyz), row[3].xyz, row[1].y);
+    result[id.x][2] = vec4f(octahedral_decode(octahedral_encode(row[4].xyz)), ellipse);
 }

@@ -6,6 +6,7 @@ import numba
 import numpy as np
 
 from ispm.optics import bsdf, density, rng, sampling
+from ispm.optics.vector import cross
 
 SHADER = str(Path(__file__).with_name("optics.wgsl"))
 N = 4096
@@ -108,6 +109,7 @@ def density_rows(rows, out):
         x, y = sampling.octahedral_encode(m)
         out[i, 1, 2], out[i, 1, 3] = x, y
         out[i, 2, :3] = sampling.octahedral_decode(x, y)
+        out[i, 2, 3] = density.ellipse_kernel((r[0, 0], r[0, 1], r[0, 2]), m, cross(n, m), n, r[1, 1])
 
 
 def test_rng_is_bit_equal(gpu):

@@ -21,7 +21,8 @@ from ispm.stages.filter import WEIGHT
 from ispm.stages.gbuffer import GBufferStage
 from ispm.stages.upload import Upload
 from ispm.stages.upsample import Upsample
-from ispm.tracer.footprint import shape_kernels
+from ispm.tracer.footprint import OVERLAP, shape_kernels
+from ispm.tracer.grid import PhotonGrid
 
 NO_BEAMS = np.zeros((0, 9), np.float32)
 
@@ -44,6 +45,9 @@ class Picture:
         photons = shape_kernels(
             photons, beams, np.full(len(beams), clear, np.float32), 100.0, 1.0, np.zeros(4), np.zeros(4)
         )
+        return self.draw_kernels(photons)
+
+    def draw_kernels(self, photons):
         with self.gpu.frame() as frame:
             targets = self.stage(frame, self.scene, self.gbuffer, self.view, photons)
         return [found[..., :3] for found in self.gpu.read_many([(t, np.float32, 4) for t in targets])]
@@ -157,7 +161,7 @@ def test_a_kernel_of_a_beam_is_its_ellipse_and_ends_at_the_mirror(gpu, long, cle
     areas = pixel_areas(view)
     # A cut that is half a pixel off adds at most that times 16 / (5 pi a), the kernel's profile where it is
     # highest, over the half that is left; else the midpoint rule, as above.
-    a = 0.15 * 2 / math.sqrt(math.pi)  # four times the beam's area
+    a = 0.15 * math.sqrt(OVERLAP / math.pi)
     off = 0.5 * math.sqrt(areas.max()) * 16 / (5 * math.pi * a) / 0.5
     assert (irradiance * areas).sum() == pytest.approx(1.0, rel=3e-3 + off)
     origin, direction = view.rays()
@@ -167,6 +171,23 @@ def test_a_kernel_of_a_beam_is_its_ellipse_and_ends_at_the_mirror(gpu, long, cle
     inside = (place[..., 0] / a) ** 2 + (place[..., 2] / b) ** 2
     assert not irradiance[inside > 1.001].any()
     assert (irradiance > 0)[(inside < 0.98) & (place[..., 0] > 1e-5 - clear)].all()
+
+
+def test_mirrors_show_the_kernels_that_pixels_do(gpu):
+    """The grid that lights what eye paths end on is the twin of the stage, cuts and all."""
+    picture = Picture(gpu, mixed_scene(), view_of((80, 45)))
+    photons = photons_on(picture.receivers, 200, (0.05, 0.5), seed=8)
+    random = np.random.default_rng(9)
+    beams = (0.1 * random.normal(size=(150, 9))).astype(np.float32)
+    beams[:, 6:] = unit(beams[:, 6:])
+    clear = random.uniform(0.0, 0.1, 150).astype(np.float32)
+    kernels = shape_kernels(photons, beams, clear, 10.0, 1.0, np.zeros(4), np.zeros(4))
+    assert 30 < (kernels["front"] != 0).any(axis=1).sum() < 150
+    drawn = picture.draw_kernels(kernels)[1].reshape(-1, 3)
+    found = PhotonGrid(photons, kernels).estimate(picture.receivers, 2)[:, :3]
+    # float32, as above; and a pixel whose center lies on a cut may fall on either side
+    close = np.abs(found - drawn).max(axis=1) < 1e-4 * drawn.max()
+    assert drawn.max() > 0 and close.mean() > 0.999
 
 
 def test_near_plane_does_not_matter(gpu):
