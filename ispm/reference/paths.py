@@ -1,0 +1,108 @@
+"""What pixels see, slowly and without bias: paths from the eye, lit by shadow rays where they scatter.
+
+For scenes without caustics: light that mirrors or glass bring from a light to a surface is not found by such
+paths, for the lights are points.
+Source: Kajiya, The Rendering Equation, SIGGRAPH 1986; next-event estimation.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ispm.optics.bsdf import sample_bsdf
+from ispm.optics.jit import jit
+from ispm.optics.records import MATERIAL_UNLIT, NO_HIT
+from ispm.optics.rng import random4
+from ispm.optics.vector import add, scale
+from ispm.scene.packed import Packed
+from ispm.tracer.intersect import STACK_WORDS
+from ispm.tracer.lit import direct_light, times
+from ispm.tracer.simd import address, alloca, atomic_add
+from ispm.tracer.surface import SurfaceTable, closest_surface, glow, surface
+from ispm.tracer.threads import run_threads
+from ispm.tracer.walk import attenuated, depart, medium, nowhere
+from ispm.tracer.world import World
+
+f32, i64, u32 = np.float32, np.int64, np.uint32
+
+_EVENTS_MAX = 256
+_CHUNK = 256  # rays a thread takes at a time
+
+
+def path_light(
+    packed: Packed,
+    world: World,
+    surfaces: SurfaceTable,
+    origins: np.ndarray,
+    directions: np.ndarray,
+    *,
+    samples: int,
+    bounces: int,
+    background: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    first_sample: int = 0,
+    seed: int = 0,
+    threads: int = 1,
+) -> np.ndarray:
+    """Return the mean radiance along rays, (n, 3) float64 cd/m2; the same for any number of threads.
+
+    origins, directions  (n, 3), world space, unit
+    samples              paths of each ray, numbered from `first_sample`: other numbers are independent
+    bounces              scatters of light at most before what the eye sees, as of photons; mirrors and clear
+                         glass do not count
+    """
+    light, counter = np.zeros((len(origins), 3)), np.zeros(8, np.int64)
+    place = address(world.table), surfaces.addresses, surfaces.texels, surfaces.rows
+    scene = packed.lights, tuple(map(f32, background)), i64(bounces), u32(seed)
+    rays = np.ascontiguousarray(origins, np.float32), np.ascontiguousarray(directions, np.float32)
+    numbers = i64(first_sample), i64(first_sample + samples)
+    run_threads(lambda _: _trace(place, scene, rays, numbers, address(counter), light), threads)
+    return light / samples
+
+
+@jit
+def _trace(place, scene, rays, numbers, counter, light):
+    scratch = alloca(STACK_WORDS), alloca(2)
+    while True:
+        first = atomic_add(counter, i64(_CHUNK))
+        if first >= len(light):
+            return
+        for i in range(first, min(first + i64(_CHUNK), len(light))):
+            start = rays[0][i, 0], rays[0][i, 1], rays[0][i, 2]
+            d = rays[1][i, 0], rays[1][i, 1], rays[1][i, 2]
+            for sample in range(numbers[0], numbers[1]):
+                found = _path(place, scene, start, d, u32(i), u32(sample), scratch)
+                for c in range(3):
+                    light[i, c] += np.float64(found[c])
+
+
+@jit
+def _path(place, scene, start, d, key, sample, scratch):
+    """The radiance that one path brings."""
+    world, table, texels, rows = place
+    lights, background, bounces, seed = scene
+    total, weight, inside = (f32(0), f32(0), f32(0)), (f32(1), f32(1), f32(1)), nowhere()
+    scatters = i64(0)
+    for event in range(_EVENTS_MAX):
+        u1, u2, u3, u4 = random4(key, u32(event), sample, seed)
+        found, hit = closest_surface(world, table, texels, rows, start, d, u4, scratch[0], scratch[1])
+        if not found:
+            return add(total, times(weight, background)) if scatters == i64(0) else total
+        position, ng, n, b, flags, entering = surface(table, texels, rows, hit, d)
+        inside = medium(inside, hit, flags, entering)
+        if inside[0] != u32(NO_HIT):
+            weight = attenuated(table, inside, start, position, weight)
+        if scatters == i64(0):  # what glows does not light
+            total = add(total, times(weight, glow(table, texels, rows, hit)))
+        if flags & u32(MATERIAL_UNLIT):
+            return total
+        wo = scale(f32(-1), d)
+        lit, _ = direct_light(place, lights, True, hit, position, ng, n, b, wo, u4, scratch, f32(np.inf))
+        total = add(total, times(weight, lit))
+        alive, wi, factor, specular = sample_bsdf(b, n, ng, wo, u1, u2, u3, True)
+        scatters += i64(not specular)
+        if not alive or scatters > bounces:
+            return total
+        weight = times(weight, factor)
+        start, inside = depart(world, table, hit, flags, entering, inside, ng, wi)
+        d = wi
+    return total

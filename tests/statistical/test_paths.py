@@ -1,0 +1,100 @@
+"""The slow truth: paths from the eye, against a path tracer that is not ours and against exact answers."""
+
+import math
+
+import numpy as np
+import pytest
+from references import stored
+from references.scenes import pictured
+from test_specular_paths import glass, rectangle
+from transport import Tracer, box_room, lit
+
+from ispm.reference.paths import path_light
+from ispm.renderer.framing import place_camera
+from ispm.scene.builtins_common import lambert
+from ispm.scene.scene import Scene
+from ispm.scene.shapes import icosphere
+from ispm.stages.camera import CameraView
+
+
+def seen(scene, size, samples, bounces):
+    """(samples, h, w, 3): pictures of one path a pixel, through places in the pixels drawn at random."""
+    tracer, random = Tracer(scene), np.random.default_rng(3)
+    camera, pose = place_camera(scene, None, tracer.packed, tracer.world, size)
+    view = CameraView(size, pose, camera.yfov, camera.ymag, 1e-3, 100.0)
+    pictures = []
+    for k in range(samples):
+        x, y = random.random((2, size[1], size[0]))
+        origins, directions = view.rays_through(np.arange(size[0]) + x, np.arange(size[1])[:, None] + y)
+        found = path_light(
+            tracer.packed, tracer.world, tracer.surfaces, origins.reshape(-1, 3), directions.reshape(-1, 3),
+            samples=1, bounces=bounces, first_sample=k, threads=2,
+        )  # fmt: skip
+        pictures.append(found.reshape(size[1], size[0], 3))
+    return np.array(pictures)
+
+
+@pytest.mark.parametrize("name", ["cornell-box", "ggx-floor", "spot", "sun", "textured", "door"])
+def test_paths_find_the_light_that_mitsuba_finds(name):
+    """24 pictures of a path a pixel; means of 10 x 10 pixels are off by their standard errors, and no part is
+    by more than 4.5 of them, which happens once in 1000 runs; nor is the whole by more than 3.5."""
+    reference = stored(name)
+    scene, factor = pictured(name)
+    pictures = seen(scene, reference.size, 24, reference.bounces) / factor
+    mask = reference.masks["whole"]
+    light = np.where(mask, pictures.mean(axis=-1), 0.0)
+    truth = np.where(mask, reference.radiance.mean(axis=-1), 0.0)
+    own = np.where(mask, reference.standard_error, 0.0) ** 2
+
+    def parts(a):
+        return a.reshape(*a.shape[:-2], 9, 10, 16, 10).sum(axis=(-3, -1))
+
+    # fireflies: the spread of 24 values is itself known to a fifth, so take that of the whole as the least
+    sums = parts(light)
+    spread = sums.std(axis=0, ddof=1) / math.sqrt(len(sums))
+    spread = np.maximum(spread, np.median(spread))
+    score = (sums.mean(axis=0) - parts(truth)) / np.sqrt(spread**2 + parts(own))
+    assert np.abs(score).max() < 4.5
+    whole = light.sum(axis=(1, 2))
+    error = math.sqrt(whole.var(ddof=1) / len(whole) + own.sum())
+    assert abs(whole.mean() - truth.sum()) < 3.5 * error
+
+
+def test_a_sphere_of_albedo_a_half_doubles_its_light():
+    """V1: radiance everywhere is albedo / (1 - albedo) Phi / (pi A) with the light in the middle; 4 bounces
+    are 15/16 of what comes after direct light. 20,000 paths: each is exact but for facets, a thousandth."""
+    scene = Scene()
+    scene.add(icosphere(1.0, 24), material=lambert((0.5,) * 3))
+    scene.nodes[0].parts[0].material.double_sided = True
+    tracer = Tracer(lit(scene))
+    directions = np.random.default_rng(1).normal(size=(20_000, 3))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    for bounces, exact in ((0, 1.0), (4, 1.9375), (40, 2.0)):
+        found = path_light(
+            tracer.packed, tracer.world, tracer.surfaces, np.zeros((20_000, 3)), directions, samples=1,
+            bounces=bounces, threads=2,
+        )  # fmt: skip
+        assert found.mean() == pytest.approx(0.5 / math.pi * exact, rel=3e-3)
+
+
+def test_paths_go_through_glass_and_stay_the_same_for_any_threads():
+    scene = lit(box_room(albedo=0.5))
+    scene.add(rectangle((-0.5, -0.5, 0.2), (1, 0, 0), (0, 1, 0)), material=glass(thickness=0.0))
+    tracer = Tracer(scene)
+    directions = np.random.default_rng(2).normal(size=(2000, 3))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    found = [
+        path_light(
+            tracer.packed,
+            tracer.world,
+            tracer.surfaces,
+            np.zeros((2000, 3)),
+            directions,
+            samples=2,
+            bounces=3,
+            threads=threads,
+        )
+        for threads in (1, 2)
+    ]
+    assert (found[0] == found[1]).all() and np.isfinite(found[0]).all()
+    assert (found[0].mean(axis=1) > 0).mean() > 0.99
