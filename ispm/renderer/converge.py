@@ -71,6 +71,6 @@ def converge(renderer: Renderer, goal: Settings) -> Iterator[Frame]:
         if (
             progress.passes >= goal.most_passes
             or (goal.time_limit and time.perf_counter() - started + longest > goal.time_limit)
-            or (progress.passes >= _SURE and progress.error() <= goal.target_error)
+            or (goal.target_error and progress.passes >= _SURE and progress.error() <= goal.target_error)
         ):
             return

@@ -63,9 +63,9 @@ class Progress:
         """Add the frame of the next pass."""
         for name, total in self.sums.items():
             total += frame[name]
-        luminance = frame.radiance @ np.array(LUMINANCE)
+        luminance = frame.radiance @ np.array(LUMINANCE, np.float32)
         self.moments[0] += luminance
-        self.moments[1] += luminance * luminance
+        self.moments[1] += np.square(luminance, dtype=np.float64)
         self.passes += 1
         self.stats = frame.stats
 
