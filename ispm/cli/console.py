@@ -45,13 +45,21 @@ class Console:
         if self.as_json:
             print(to_json(value), flush=True)
 
+    @property
+    def is_live(self) -> bool:
+        """Whether stderr is a terminal, on which things may move."""
+        return not self.quiet and sys.stderr.isatty()
+
     @contextmanager
-    def step(self, text: str) -> Iterator[None]:
-        """Show that `text` is going on, by a spinner on a terminal, else a line; then the time it took."""
+    def step(self, text: str, *, spin: bool = True) -> Iterator[None]:
+        """Show that `text` is going on, by a spinner on a terminal, else a line; then the time it took.
+
+        spin  False: a line on a terminal, too, below which other things will move
+        """
         start = time.perf_counter()
         if self.quiet:
             yield
-        elif sys.stderr.isatty():
+        elif spin and self.is_live:
             from rich.console import Console as Rich
 
             with Rich(stderr=True, highlight=False).status(one_line(text)):

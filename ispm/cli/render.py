@@ -5,21 +5,18 @@ from __future__ import annotations
 import dataclasses
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 from cyclopts import Parameter
 
 from ispm.cache import cache_folder
 from ispm.cli.command_line import command_line
 from ispm.cli.console import Console, to_json
-from ispm.cli.interrupts import interrupts
 from ispm.cli.options import command, limits_from, settings_from
+from ispm.cli.passes import render_passes
 from ispm.cli.scene import choose_camera, open_scene, require_not_input
 from ispm.errors import OutputError, SettingsError
 from ispm.settings import LAYERS, RENDERER_VIEWS, VIEWS, LoadLimits, Settings, nearest
-
-if TYPE_CHECKING:
-    from ispm.renderer import Frame, Renderer
 
 _ARRAYS = [(".npy", layer) for layer in LAYERS]
 _Point = Parameter(metavar="X,Y,Z", allow_leading_hyphen=True)
@@ -113,10 +110,13 @@ def render(
             "the first picture compiles the kernels, which takes a minute; the next ones start at once"
         )
     with (
-        console.step(f"rendering {settings.size[0]}x{settings.size[1]}, {settings.photons:,} photons"),
+        console.step(
+            f"rendering {settings.size[0]}x{settings.size[1]}, {settings.photons:,} photons",
+            spin=settings.most_passes == 1,
+        ),
         Renderer(world, settings, camera=view, adapter=adapter, threads=threads) as renderer,
     ):
-        frame, interrupted = _passes(console, renderer, resume)
+        frame, interrupted = render_passes(console, renderer, resume)
         asked = show
         if show in RENDERER_VIEWS:
             frame, show = dataclasses.replace(frame, image=renderer.view(show)), "full"
@@ -131,27 +131,6 @@ def render(
     if interrupted:
         console.say(f"interrupted: {target} is the mean of {frame.stats.passes} passes")
         raise KeyboardInterrupt
-
-
-def _passes(console: Console, renderer: Renderer, resume: str | None) -> tuple[Frame, bool]:
-    """Render the settings' passes; an interrupt ends them after the one begun. Return whether one came."""
-    settings, frame, interrupted = renderer.settings, None, False
-    if settings.most_passes == 1 and resume is None:
-        return renderer.render(), False
-    continued = resume if resume is not None and Path(resume).exists() else None
-    with interrupts() as interrupt:
-        for frame in renderer.converge(resume=continued):
-            done, error = frame.stats.passes, frame.stats.error
-            if done & (done - 1) == 0 or done % 64 == 0:
-                known = f", error about {error:.2%}" if error > 0.0 else ""
-                console.say(f"  {done} pass{'es' * (done > 1)}{known}")
-            interrupted = interrupt()
-            if interrupted:
-                break
-    assert frame is not None
-    if resume is not None:
-        console.written(renderer.save_progress(resume))
-    return frame, interrupted
 
 
 def _compiled() -> bool:

@@ -135,7 +135,7 @@ def _light_lane(
     size = (-(-view.size[0] // block), -(-view.size[1] // block))
     x, y = pixels % view.size[0], pixels // view.size[0]
     cells = (y // block).astype(np.int64) * size[0] + x // block
-    image = image_of_ends(points, cells, size, block)
+    image = image_of_ends(points, cells, size, block, view.pass_index)
     raw = photon_light.at(image, size)
     filtered = filter_estimate(image, raw, size, diagonal, settings.smoothing, threads)
     places = np.stack([(x + 0.5) / block - 0.5, (y + 0.5) / block - 0.5], axis=1).astype(np.float32)

@@ -53,9 +53,9 @@ def converge(renderer: Renderer, goal: Settings) -> Iterator[Frame]:
     """
     started = time.perf_counter()
     progress, settings, threads = renderer.progress, renderer.settings, renderer.threads
-    made_of, longest = renderer.fingerprint(), 0.0
+    longest = 0.0
     if progress:
-        progress.require(made_of)
+        progress.require(renderer.fingerprint())
         if progress.passes >= goal.most_passes:
             yield progress.frame(settings, threads)
             return
@@ -63,7 +63,7 @@ def converge(renderer: Renderer, goal: Settings) -> Iterator[Frame]:
         begun = time.perf_counter()
         frame = renderer.render_pass(progress.passes if progress else 0)
         if progress is None:
-            progress = renderer.progress = Progress.start(frame, made_of)
+            progress = renderer.progress = Progress.start(frame)
         else:
             progress.add(frame)
         yield progress.frame(settings, threads)
@@ -71,6 +71,6 @@ def converge(renderer: Renderer, goal: Settings) -> Iterator[Frame]:
         if (
             progress.passes >= goal.most_passes
             or (goal.time_limit and time.perf_counter() - started + longest > goal.time_limit)
-            or (progress.passes >= _SURE and progress.error() <= goal.target_error)
+            or (goal.target_error and progress.passes >= _SURE and progress.error() <= goal.target_error)
         ):
             return

@@ -30,7 +30,8 @@ _NARROW = np.float32(0.7)  # of their own size, kernels at the rays' ends: rays 
 _CLEAR = 2e-5  # of the distance to the eye, by which rays start above the surface: so far depth may err,
 _ROUNDED = 1e-6  # and of the coordinates
 _REACH = 0.4  # of the harmonic mean of rays' lengths: the filter's radius, as light changes over such lengths
-_RAYS_WITHIN = 800.0  # that radius, at least: fewer leave specks in corners
+_NARROWER = -0.25  # power of the passes, with which this falls faster than other kernels: it blurs most
+_RAYS_WITHIN = 800.0  # that radius, at least, of all passes: fewer leave specks in corners
 _NEAREST = 0.01  # of the scene's diagonal, for which shorter rays count there
 _AROUND = 2  # low-resolution pixels on each side, over which that mean is taken
 _SAME_WAY = 0.9  # cosine of normals, above which they belong together
@@ -155,8 +156,11 @@ class PhotonLight:
             nearness[part] = _mean(np.minimum(found.nearness, most), rays)
         light[:, 0:3] += straight[:, 0:3]
         light[:, 4:7] += straight[:, 4:7]
-        least = points["footprint"] * np.sqrt(points["slant"] * np.float32(_RAYS_WITHIN / (math.pi * rays)))
-        reach = np.maximum(_REACH / _mean_around(points, nearness, size), least)
+        passes = 1 + view.pass_index
+        within = np.float32(_RAYS_WITHIN / (math.pi * rays * passes))
+        least = points["footprint"] * np.sqrt(points["slant"] * within)
+        widest = _REACH * passes**_NARROWER
+        reach = np.maximum(widest / _mean_around(points, nearness, size), least)
         set_reach(light, points, reach, packed.diagonal)
         return light
 

@@ -37,8 +37,8 @@ class Progress:
     sums     direct, indirect, emission, irradiance (h, w, 3), alpha (h, w), float32
     moments  (2, h, w) float64: sums of luminance and of its square
     first    layers and camera of the first pass
-    made_of  fingerprint of scene, camera and settings
     stats    of the last pass
+    made_of  fingerprint of scene, camera and settings, in a file; empty where it was not read from one
     """
 
     passes: int
@@ -47,15 +47,15 @@ class Progress:
     first: Mapping[str, np.ndarray] = field(repr=False)
     camera: dict[str, np.ndarray] = field(repr=False)
     scene: str
-    made_of: str
     stats: Stats = field(repr=False)
+    made_of: str = ""
 
     @classmethod
-    def start(cls, frame: Frame, made_of: str) -> Progress:
+    def start(cls, frame: Frame) -> Progress:
         """Begin with the frame of pass 0."""
         sums = {name: np.zeros_like(frame[name]) for name in _SUMMED}
         moments = np.zeros((2, *frame["depth"].shape))
-        progress = cls(0, sums, moments, frame.layers, frame.camera, frame.scene, made_of, frame.stats)
+        progress = cls(0, sums, moments, frame.layers, frame.camera, frame.scene, frame.stats)
         progress.add(frame)
         return progress
 
@@ -63,9 +63,9 @@ class Progress:
         """Add the frame of the next pass."""
         for name, total in self.sums.items():
             total += frame[name]
-        luminance = frame.radiance @ np.array(LUMINANCE)
+        luminance = frame.radiance @ np.array(LUMINANCE, np.float32)
         self.moments[0] += luminance
-        self.moments[1] += luminance * luminance
+        self.moments[1] += np.square(luminance, dtype=np.float64)
         self.passes += 1
         self.stats = frame.stats
 
@@ -95,13 +95,14 @@ class Progress:
         stats = dataclasses.replace(self.stats, passes=self.passes, error=self.error())
         return Frame(image, Layers(makers), stats, settings, self.camera, exposure, self.scene)
 
-    def save(self, path: str | Path) -> Path:
+    def save(self, path: str | Path, made_of: str) -> Path:
         """Write a file that `load` reads. Raises OutputError."""
         arrays = {f"sum.{name}": total for name, total in self.sums.items()}
         arrays |= {f"first.{name}": self.first[name] for name in _KEPT}
         arrays |= {f"camera.{name}": array for name, array in self.camera.items()}
-        about = {name: getattr(self, name) for name in ("passes", "scene", "made_of")}
-        about["stats"] = dataclasses.asdict(self.stats)
+        about = dict(
+            passes=self.passes, scene=self.scene, made_of=made_of, stats=dataclasses.asdict(self.stats)
+        )
         write_npz(path, {**arrays, "moments": self.moments}, {"ispm:progress": json.dumps(about)})
         return Path(path)
 
@@ -116,8 +117,8 @@ class Progress:
             sums, first, camera = parts.values()
             return cls(
                 int(about["passes"]), {name: sums[name] for name in _SUMMED}, arrays["moments"],
-                {name: first[name] for name in _KEPT}, camera, about["scene"], about["made_of"],
-                Stats(**about["stats"]),
+                {name: first[name] for name in _KEPT}, camera, about["scene"], Stats(**about["stats"]),
+                about["made_of"],
             )  # fmt: skip
         except OSError as error:
             raise OutputError(f"{path}: cannot be read: {error.strerror or error}") from None

@@ -1,9 +1,9 @@
-// One receiver for each block of BLOCK x BLOCK pixels: its pixel of median depth, which is a real
-// surface point, where a mean would lie between two surfaces.
+// One receiver for each block of BLOCK x BLOCK pixels: a pixel's surface point, where a mean would lie between
+// two surfaces. The first pass takes the pixel of median depth, later ones each pixel in turn.
 // include stages/camera.wgsl
 // include stages/receivers.wgsl
+// include stages/blocks.wgsl
 
-override BLOCK: u32 = 4u;
 const SIDE_MAX = 4u;       // of larger blocks a 4 x 4 subset is looked at
 const COUNT_MAX = 16u;
 
@@ -42,6 +42,16 @@ fn median_pixel(block: vec2u) -> vec2i {
     return vec2i(-1);
 }
 
+// This pass's pixel of a block, where it sees anything; else that of median depth.
+fn receiver_pixel(block: vec2u) -> vec2i {
+    let pixel = block * BLOCK + vec2u(receiver_place());
+    let seen = all(pixel < vec2u(camera.size)) && textureLoad(depth, pixel, 0) > 0.0;
+    if (camera.pass_index == 0u || !seen) {
+        return median_pixel(block);
+    }
+    return vec2i(pixel);
+}
+
 fn block_pixel(block: vec2u, side: u32, k: u32) -> vec2u {
     return block * BLOCK + (vec2u(k % side, k / side) * BLOCK + BLOCK / 2u) / side;
 }
@@ -53,7 +63,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
         return;
     }
     var r: Receiver;
-    let pixel = median_pixel(id.xy);
+    let pixel = receiver_pixel(id.xy);
     if (pixel.x >= 0) {
         let d = textureLoad(depth, pixel, 0);
         let packed = textureLoad(normals, pixel, 0);

@@ -3,8 +3,8 @@
 // that oblique floors find their neighbours. Pixels that find none are listed for the world-space estimate.
 // include stages/camera.wgsl
 // include stages/receivers.wgsl
+// include stages/blocks.wgsl
 
-override BLOCK: u32 = 4u;
 const PLANE_REACH = 1.3;    // low-resolution pixels: a biweight as wide as a Gaussian of 0.5
 const FEW = 0.02;          // sum of weights below which farther neighbours are asked too
 const TOO_LITTLE = 1e-3;   // and below which a pixel has found none
@@ -146,7 +146,8 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     let b = load_tap(corner + vec2i(1, 0), low);
     let c = load_tap(corner + vec2i(0, 1), low);
     let d = load_tap(corner + vec2i(1, 1), low);
-    let first = corner * block + block / 2;
+    let place = receiver_place();
+    let first = corner * block + vec2i(ceil(place));
     for (var k = 0; k < block * block; k++) {
         let pixel = first + vec2i(k % block, k / block);
         if (any(pixel < vec2i(0)) || any(pixel >= size)) {
@@ -161,7 +162,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
         }
         let s = surface_at(vec2u(pixel), depth_here);
         textureStore(glow, pixel, vec4f(textureLoad(emission, pixel, 0).rgb, 1.0));
-        let f = (vec2f(pixel) + 0.5) / f32(block) - 0.5 - vec2f(corner);
+        let f = (vec2f(pixel) - place) / f32(block) - vec2f(corner);
         var taps = Taps();    // without a value, some compilers keep that of the turn before
         add_tap(&taps, s, a, (1.0 - f.x) * (1.0 - f.y) + 1e-3);
         add_tap(&taps, s, b, f.x * (1.0 - f.y) + 1e-3);

@@ -28,18 +28,21 @@ _OUTLIER = f32(3)  # times the mean of its neighbourhood, above which a pixel's 
 _CHUNK = 256
 
 
-def image_of_ends(points: np.ndarray, cells: np.ndarray, size: tuple[int, int], block: int) -> np.ndarray:
+def image_of_ends(
+    points: np.ndarray, cells: np.ndarray, size: tuple[int, int], block: int, pass_index: int
+) -> np.ndarray:
     """Return one end of each cell as an image, (h w,) RECEIVER; invalid where a cell has none.
 
     points  (m,) RECEIVER, whose footprint is that of a pixel;  cells  (m,) int: w y + x
     block   pixels of a cell's side
+    Passes take the ends of a cell in turn.
     A receiver's footprint is the distance to its nearest neighbour on its surface, which in a curved mirror
     is farther than the rays' width.
     """
     order = np.argsort(cells, kind="stable")
     used, first, count = np.unique(cells[order], return_index=True, return_counts=True)
     image = np.zeros(size[0] * size[1], RECEIVER)
-    image[used] = points[order[first + count // 2]]
+    image[used] = points[order[first + (count // 2 + pass_index) % count]]
     image["footprint"] *= f32(block)
     apart = _nearest_neighbour(image.reshape(size[1], size[0])).reshape(-1)
     widest = image["footprint"] * f32(_SPREAD_MAX)

@@ -2,9 +2,12 @@
 
 import numpy as np
 import pytest
-from exact import mixed_scene, view_of
+from exact import mixed_scene, quad, view_of
 
+from ispm.scene.camera import look_at_pose
 from ispm.scene.packed import pack
+from ispm.scene.scene import Scene
+from ispm.stages.camera import CameraView
 from ispm.stages.downsample import Downsample
 from ispm.stages.gbuffer import GBufferStage
 from ispm.stages.upload import Upload
@@ -12,17 +15,22 @@ from ispm.stages.upload import Upload
 SIZE = (61, 43)
 
 
-def receivers_and_depth(gpu, block, **options):
+def receivers_of(gpu, scene, block, view):
     """Receivers (h, w) and the reversed depth (H, W) that they were chosen from."""
-    view = view_of(SIZE, **options)
     upload, gbuffer, downsample = Upload(gpu), GBufferStage(gpu), Downsample(gpu, block)
     with gpu.frame() as frame:
-        scene = upload(pack(mixed_scene()))
-        drawn = gbuffer(frame, scene, view)
-        downsample(frame, scene, drawn, view)
+        packed = upload(pack(scene))
+        drawn = gbuffer(frame, packed, view)
+        downsample(frame, packed, drawn, view)
     width, height = downsample.size(view)
     depth = gpu.read_many([(drawn.depth, np.float32)])[0]
-    return downsample.read(gpu, view).reshape(height, width), depth, view
+    return downsample.read(gpu, view).reshape(height, width), depth
+
+
+def receivers_and_depth(gpu, block, **options):
+    """Those of the mixed scene, and the view."""
+    view = view_of(SIZE, **options)
+    return *receivers_of(gpu, mixed_scene(), block, view), view
 
 
 @pytest.mark.parametrize("block", [1, 2, 4, 7, 16])
@@ -45,6 +53,31 @@ def test_each_receiver_is_the_pixel_of_median_depth(gpu, block, options):
         seen = np.sort(part[part > 0.0])
         if block <= 4:
             assert ndc[2] == pytest.approx(seen[::-1][len(seen) // 2], rel=1e-4)
+
+
+@pytest.mark.parametrize("block", [2, 4, 7])
+def test_passes_visit_every_pixel_of_a_block(gpu, block):
+    """Any K^2 passes in a row but the first, each at the same place in all blocks of a floor."""
+    scene, places = Scene(), []
+    scene.add(quad(4.0))
+    pose = look_at_pose(np.array([0.0, 3.0, 0.0]), np.zeros(3))
+    for index in range(3, 3 + block * block):
+        view = CameraView((28, 28), pose, ymag=2.0, near=0.1, far=10.0, pass_index=index)
+        points = receivers_of(gpu, scene, block, view)[0]["position"]
+        pixels = points[..., [0, 2]] * 7.0 + 13.5  # 28 pixels to 4 m, centres at .5
+        inside = pixels - block * np.stack(np.meshgrid(*[np.arange(28 // block)] * 2), axis=-1)
+        assert inside == pytest.approx(np.broadcast_to(inside[0, 0], inside.shape), abs=1e-3)
+        places.append(tuple(np.rint(inside[0, 0]).astype(int)))
+    assert sorted(places) == [(x, y) for x in range(block) for y in range(block)]
+
+
+def test_where_a_pass_sees_nothing_the_median_serves(gpu):
+    """No block loses its receiver, whichever of its pixels see the sky or lie outside the picture."""
+    first, depth, _ = receivers_and_depth(gpu, 4)
+    assert (depth == 0.0).any()
+    for index in range(1, 17):
+        later, *_ = receivers_and_depth(gpu, 4, pass_index=index)
+        np.testing.assert_array_equal(later["valid"], first["valid"])
 
 
 @pytest.mark.parametrize("block", [1, 4])

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from exact import mixed_scene, view_of
+from exact import mixed_scene, quad, view_of
 
 from ispm.scene.builtins_common import lambert
 from ispm.scene.camera import look_at_pose
@@ -101,6 +101,30 @@ def test_a_ramp_is_interpolated(gpu, block):
         error = np.abs(irradiance[..., 0] - 10.0 - x)[seen == number]
         pixel = receivers["footprint"].max()
         assert error.max() < 1.5 * pixel and error.mean() < 0.5 * pixel
+
+
+@pytest.mark.parametrize("block", [2, 4, 5])
+@pytest.mark.parametrize("index", [1, 2, 7])
+def test_a_ramp_is_exact_wherever_a_pass_has_its_receivers(gpu, block, index):
+    """Bilinear weights are of the receivers' places, not of the blocks' middles, which are half a block off.
+
+    The 1e-3 that each weight has at least draws a value to its neighbours' mean, 0.004 blocks at most.
+    """
+    scene = Scene()
+    scene.add(quad(4.0))
+    pose = look_at_pose(np.array([0.0, 3.0, 0.0]), np.zeros(3))
+    view = CameraView((40, 40), pose, ymag=2.0, near=0.1, far=10.0, pass_index=index)
+
+    def ramp(receivers):
+        out = even(0.0)(receivers)
+        out[:, :3] = 100.0 + 10.0 * receivers["position"][:, :1]  # 1 a pixel
+        return out
+
+    irradiance, *_ = upsampled(gpu, scene, view, block, ramp)
+    expected = 100.0 + np.arange(40) + 0.5 - 20.0
+    inner = slice(block, -block)  # outermost pixels have receivers on one side alone
+    error = (irradiance[..., 0] - expected)[inner, inner]
+    assert np.abs(error).max() < 0.005 * block
 
 
 def test_pixels_without_neighbours_are_listed_and_patched(gpu):
