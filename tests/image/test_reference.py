@@ -49,3 +49,29 @@ def test_caustics_are_near_the_reference(gpu, name, most):
     found = compare(frame.radiance, reference, caustic, reference_error=own_error)
     assert abs(found.bias) < 0.05
     assert found.relmse < most
+
+
+def test_the_cusp_is_sharp_and_nothing_shines_through_the_ring(gpu):
+    """The ridge of a mirror ring's caustic lies where the reference has it, and is no more than two pixels
+    wider at half its height; where the reference is black, in the ring's shadow, so is the picture."""
+    folder = references()
+    with np.load(folder / "ref_C.npz") as stored:
+        reference, everywhere = stored["R"].astype(np.float64).mean(axis=-1), stored["metric_mask"] != 0
+    frame, _ = render(gpu, load(folder / "scene_C.glb"), size=(640, 360))
+    picture = frame.radiance.mean(axis=-1, dtype=np.float64)
+
+    def ridge(row):
+        """The column of the brightest pixel, and how many in a row about it exceed half of its height."""
+        top = int(row.argmax())
+        below = np.flatnonzero(row < 0.5 * (row[top] + np.median(row)))
+        return top, below[below > top].min(initial=len(row)) - below[below < top].max(initial=-1) - 1
+
+    rows = [*range(130, 168), *range(182, 220)]  # the cusp's two arms
+    found = np.array([[ridge(image[y, 360:430]) for y in rows] for image in (picture, reference)])
+    shift, wider = np.median(np.abs(found[0] - found[1])[:, 0]), np.median((found[0] - found[1])[:, 1])
+    assert shift <= 1 and wider <= 2
+    mean = reference[everywhere].mean()
+    black = everywhere & (reference < 1e-3 * mean)
+    assert black.sum() > 40_000
+    # a pixel or two may touch a kernel that passed over a wall's edge
+    assert picture[black].mean() < 1e-4 * mean and (picture[black] > 0.02 * mean).sum() == 0
