@@ -148,6 +148,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     let d = load_tap(corner + vec2i(1, 1), low);
     let place = receiver_place();
     let first = corner * block + vec2i(ceil(place));
+    let least = select(1e-3, 0.0, BLOCK == 1u);  // any of the four may have to serve; at K = 1 its own does
     for (var k = 0; k < block * block; k++) {
         let pixel = first + vec2i(k % block, k / block);
         if (any(pixel < vec2i(0)) || any(pixel >= size)) {
@@ -164,10 +165,10 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
         textureStore(glow, pixel, vec4f(textureLoad(emission, pixel, 0).rgb, 1.0));
         let f = (vec2f(pixel) - place) / f32(block) - vec2f(corner);
         var taps = Taps();    // without a value, some compilers keep that of the turn before
-        add_tap(&taps, s, a, (1.0 - f.x) * (1.0 - f.y) + 1e-3);
-        add_tap(&taps, s, b, f.x * (1.0 - f.y) + 1e-3);
-        add_tap(&taps, s, c, (1.0 - f.x) * f.y + 1e-3);
-        add_tap(&taps, s, d, f.x * f.y + 1e-3);
+        add_tap(&taps, s, a, (1.0 - f.x) * (1.0 - f.y) + least);
+        add_tap(&taps, s, b, f.x * (1.0 - f.y) + least);
+        add_tap(&taps, s, c, (1.0 - f.x) * f.y + least);
+        add_tap(&taps, s, d, f.x * f.y + least);
         if (taps.weight < FEW) {
             add_ring(&taps, s, corner, f, low);
         }

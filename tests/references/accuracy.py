@@ -3,6 +3,7 @@
 python -m references.accuracy              # in tests/; all references, some minutes on two cores
 python -m references.accuracy NAME...      # those alone; nothing is written
 python -m references.accuracy --passes 4   # as far as 4 passes; nothing is written
+python -m references.accuracy --flicker NAME...  # how much those flicker; nothing is written
 
 ISPM_REFS says where the larger references are, ../shared/refs by default; without them they are left out.
 """
@@ -18,16 +19,19 @@ import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
 from ispm import Renderer, Scene, Settings, load
-from ispm.bench.metrics import compare
+from ispm.bench.metrics import Comparison, compare
 from ispm.gpu import Gpu, open_gpu
 from ispm.renderer.picture import Frame
+from ispm.scene.builtin import builtin
 from ispm.settings import PRESETS
 from references import Reference, larger, names, outside, stored
+from references.flicker import HEADINGS as FLICKER_HEADINGS
+from references.flicker import Flicker, measure_flicker
 from references.scenes import pictured
 
 _DOCS = Path(__file__).parents[2] / "docs"
@@ -38,12 +42,19 @@ _SETTINGS: dict[str, dict[str, Any]] = {
     "best": {"preset": "best"},
 }
 _SIZE = 640, 360  # of pictures; small references are compared with the mean over each of their pixels
-_PASSES = 4, 16, 64
+_PASSES = 4, 16, 64, 256
 _SMALL_MOST = 16  # passes
 _SPLITS = "-direct", "-one-bounce", "-caustic"
 _REPEATS = 3
 _LARGER = {"A": "A, box", "B": "B, glass ball", "C": "C, mirror ring"}
+_FLICKERING = "A", "B", "C", "door", "atrium"
+_FINER = 2  # pixels of exact direct light to the side of one of the reference's
+_FINE_SHADOWS = 4096
+_LEAST_SHARE = 0.1  # of the light, from which indirect light is compared
 _HEADINGS = ("scene", "setting", "seconds", "over", "bias", "relMSE", "FLIP")
+
+
+AnyRow = TypeVar("AnyRow", "Row", Flicker)
 
 
 @dataclass(frozen=True)
@@ -70,24 +81,57 @@ class Row:
         return [self.scene, self.setting, *numbers]
 
 
+@dataclass(frozen=True)
+class Subject:
+    """What is rendered, and what it is compared with.
+
+    title      the scene's in the table
+    limit      of bounces, as settings
+    factor     what a picture of it is to be divided by
+    direct     (h, w, 3) exact direct light, for the indirect light to be compared alone; None: it is not
+    """
+
+    title: str
+    scene: Scene
+    reference: Reference
+    limit: dict[str, Any]
+    factor: float = 1.0
+    direct: np.ndarray | None = None
+
+
 def main() -> int:
     """Measure, print and write; return the exit code."""
     parser = argparse.ArgumentParser(description="Measure pictures against a path tracer's.")
     parser.add_argument("names", nargs="*", metavar="NAME", help="references; default: all")
     parser.add_argument("--passes", type=int, default=_PASSES[-1], metavar="N", help="at most")
+    parser.add_argument("--flicker", action="store_true", help="measure nothing else")
     given = parser.parse_args()
     warnings.simplefilter("ignore")
-    rows, gpu = [], open_gpu()
-    print(*_HEADINGS, sep="\t")
+    gpu, larger_names = open_gpu(), _larger_names()
     small = [name for name in names() if not name.endswith("-caustic")]  # roulette spoils dimmed scenes
-    for name in given.names or [*small, *_larger_names()]:
-        for row in measure(name, gpu, given.passes):
-            print(*row.cells(), sep="\t", flush=True)
-            rows.append(row)
-    if not given.names and given.passes == _PASSES[-1]:
-        write_page(rows)
+    rows, flickers = [], []
+    if not given.flicker:
+        print(*_HEADINGS, sep="\t")
+        for name in given.names or [*small, *larger_names]:
+            rows += _printed(measure(name, gpu, given.passes))
+    if given.flicker or not given.names:
+        print(*FLICKER_HEADINGS, sep="\t")
+        known = [name for name in _FLICKERING if name in larger_names or name not in _LARGER]
+        for name in given.names or known:
+            settings = {key: Settings(**knobs, size=_SIZE) for key, knobs in _presets().items()}
+            flickers += _printed(measure_flicker(_LARGER.get(name, name), _scene(name), settings, gpu))
+    if rows and flickers and given.passes == _PASSES[-1]:
+        write_page(rows, flickers)
         _CHART.write_text(chart(rows), "utf-8")
     return 0
+
+
+def _printed(rows: Iterator[AnyRow]) -> list[AnyRow]:
+    found = []
+    for row in rows:
+        print(*row.cells(), sep="\t", flush=True)
+        found.append(row)
+    return found
 
 
 def _larger_names() -> list[str]:
@@ -99,22 +143,47 @@ def _larger_names() -> list[str]:
     return list(_LARGER)
 
 
+def _presets() -> dict[str, dict[str, Any]]:
+    return {name: knobs for name, knobs in _SETTINGS.items() if knobs.get("preset", "default") in PRESETS}
+
+
+def _scene(name: str) -> Scene:
+    if name in _LARGER:
+        return load(outside() / f"scene_{name}.glb")
+    return pictured(name)[0] if name in names() else builtin(name)
+
+
+def subject(name: str, gpu: Gpu) -> Subject:
+    """Return what the reference `name` is about."""
+    reference = larger(name) if name in _LARGER else stored(name)
+    limit = {} if reference.bounces is None else {"bounces": reference.bounces}
+    if name not in _LARGER:
+        scene, factor = pictured(name)
+        return Subject(name, scene, reference, limit, factor)
+    scene = _scene(name)
+    return Subject(_LARGER[name], scene, reference, limit, direct=exact_direct(scene, gpu))
+
+
+def exact_direct(scene: Scene, gpu: Gpu) -> np.ndarray:
+    """Return direct light, (h, w, 3), the mean over finer pixels on whose edges there are samples too."""
+    size = _FINER * _SIZE[0], _FINER * _SIZE[1]
+    settings = Settings(size=size, bounces=0, shadow_resolution=_FINE_SHADOWS)
+    with Renderer(scene, settings, gpu=gpu) as renderer:
+        return _block_means(renderer.render().direct, _SIZE)
+
+
 def measure(name: str, gpu: Gpu, most: int) -> Iterator[Row]:
     """Yield the rows of one reference: the presets, then means of up to `most` passes."""
-    reference = larger(name) if name in _LARGER else stored(name)
-    scene, factor = (load(outside() / f"scene_{name}.glb"), 1.0) if name in _LARGER else pictured(name)
-    title = _LARGER.get(name, name)
-    limit = {} if reference.bounces is None else {"bounces": reference.bounces}
-    for setting, knobs in _SETTINGS.items():
-        if knobs.get("preset", "default") in PRESETS:
-            settings = Settings(**knobs, **limit, size=_SIZE)
-            frame, seconds = _timed(scene, settings, gpu)
-            yield from _compared(title, setting, seconds, frame, reference, factor)
+    shown = subject(name, gpu)
+    for setting, knobs in _presets().items():
+        settings = Settings(**knobs, **shown.limit, size=_SIZE)
+        frame, seconds = _timed(shown.scene, settings, gpu)
+        yield from _compared(shown, setting, seconds, frame)
     most = min(most, 1 if name.endswith(_SPLITS) else most if name in _LARGER else _SMALL_MOST)
     wanted = [n for n in _PASSES if n <= most]
-    settings = Settings(size=_SIZE, **limit)
-    for passes, frame, seconds in _converging(scene, settings, gpu, wanted):
-        yield from _compared(title, f"{passes} passes", seconds, frame, reference, factor)
+    settings = Settings(size=_SIZE, **shown.limit)
+    for passes, frame, seconds in _converging(shown.scene, settings, gpu, wanted):
+        yield from _compared(shown, f"{passes} passes", seconds, frame)
 
 
 def _timed(scene: Scene, settings: Settings, gpu: Gpu) -> tuple[Frame, float]:
@@ -140,18 +209,40 @@ def _converging(
                 yield passes, frame, time.perf_counter() - started
 
 
-def _compared(
-    scene: str, setting: str, seconds: float, frame: Frame, reference: Reference, factor: float
-) -> Iterator[Row]:
-    width, height = reference.size
-    blocks = frame.radiance.reshape(height, _SIZE[1] // height, width, _SIZE[0] // width, 3)
-    radiance = blocks.mean(axis=(1, 3)) / np.float32(factor)
+def _compared(shown: Subject, setting: str, seconds: float, frame: Frame) -> Iterator[Row]:
+    reference = shown.reference
+    radiance = _block_means(frame.radiance, reference.size) / np.float32(shown.factor)
     for over, mask in reference.masks.items():
         found = compare(radiance, reference.radiance, mask, reference_error=reference.own_errors[over])
-        yield Row(scene, setting, seconds, over, found.bias, found.relmse, found.flip)
+        yield Row(shown.title, setting, seconds, over, found.bias, found.relmse, found.flip)
+    if shown.direct is not None:
+        found = compare_indirect(frame.indirect, reference, shown.direct)
+        yield Row(shown.title, setting, seconds, "indirect", found.bias, found.relmse, found.flip)
 
 
-def write_page(rows: list[Row]) -> None:
+def compare_indirect(indirect: np.ndarray, reference: Reference, direct: np.ndarray) -> Comparison:
+    """Compare indirect light alone with what the reference has beside direct light.
+
+    Where that is a tenth of its light or more: of less, the reference's roundings would be told as errors.
+    Its own error is all the indirect light's, and taken to be in proportion to it.
+    """
+    radiance = reference.radiance.astype(np.float64)
+    rest = radiance - direct
+    mask = reference.masks["whole"] & (rest.sum(axis=-1) > _LEAST_SHARE * radiance.sum(axis=-1))
+    whole = radiance[reference.masks["whole"]]
+    share = (rest[mask] ** 2 / (radiance[mask] ** 2 + 1e-3 * whole.mean() ** 2)).mean()
+    expected = np.where(mask[..., None], rest, indirect)  # what is left out shall not show in FLIP
+    return compare(indirect, expected, mask, reference_error=reference.own_errors["whole"] / share)
+
+
+def _block_means(picture: np.ndarray, size: tuple[int, int]) -> np.ndarray:
+    """Means of a picture, (h, w, 3), over blocks: a smaller picture of that size."""
+    width, height = size
+    tall, wide = picture.shape[0] // height, picture.shape[1] // width
+    return np.asarray(picture.reshape(height, tall, width, wide, 3).mean(axis=(1, 3)))
+
+
+def write_page(rows: list[Row], flickers: list[Flicker]) -> None:
     """Replace the tables of the page."""
     kept = []
     for name in names():
@@ -164,6 +255,7 @@ def write_page(rows: list[Row]) -> None:
     for title, table in (
         ("references", _table(headings, kept, "lrrrr")),
         ("accuracy", _table(list(_HEADINGS), [row.cells() for row in rows], "llrlrrr")),
+        ("flicker", _table(list(FLICKER_HEADINGS), [row.cells() for row in flickers], "llrr")),
     ):
         pattern = rf"(<!-- {title}: .*? -->\n).*?(<!-- /{title} -->)"
         text = re.sub(pattern, lambda m, table=table: m[1] + table + "\n" + m[2], text, flags=re.DOTALL)

@@ -239,6 +239,47 @@ def test_single_photon_keeps_its_flux(estimators, name):
 
 
 @pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("tilt", [0.3, 0.9])
+def test_a_tilted_plane_gets_the_share_of_the_ellipse_it_cuts(estimators, name, tilt):
+    """An ellipse with the half axes r and b, 1 / b^2 = cos^2 / r^2 + sin^2 / h^2: b / r of the flux."""
+    side, radius, height = 96, 0.7, 0.3
+    receivers, clip = floor((side, side), 1.0)
+    normal = np.array([math.sin(tilt), 0.0, math.cos(tilt)])
+    receivers["position"][:, 2] = -math.tan(tilt) * receivers["position"][:, 0]
+    receivers["ng"] = receivers["n"] = normal
+    photon = lattice(0.1, 0.05, radius, 5.0)
+    photon["height"] = height
+    found = estimators[name](receivers, photon, clip, (side, side))
+    area = (2 / side) ** 2 / math.cos(tilt)  # of a pixel on the plane
+    share = 1 / math.hypot(math.cos(tilt), math.sin(tilt) * radius / height)
+    # the ratio of the cosines of wi, which a normal that is the geometric one leaves at 1;
+    # midpoint rule: 13 pixels or more across half the ellipse, error 1 / 13^2 at most
+    assert found[:, 3].sum() * area == pytest.approx(share, rel=6e-3)
+    assert found[:, 0].sum() * area == pytest.approx(5.0 * share, rel=6e-3)
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("radius", [0.3, 0.9])
+def test_a_sphere_gets_all_flux_of_a_round_kernel(estimators, name, radius):
+    """The similar-distance fact (method, 1.7): a cap of chord c has the area pi c^2 on any sphere."""
+    side = 96
+    receivers, clip = floor((side, side), 1.0)
+    x, y = receivers["position"][:, 0].astype(float), receivers["position"][:, 1].astype(float)
+    within = x * x + y * y < 0.99
+    z = np.sqrt(np.where(within, 1 - x * x - y * y, 1))
+    receivers["position"][:, 2] = 1 - z  # a bowl of radius 1, its lowest point in the middle
+    receivers["ng"] = receivers["n"] = np.stack([-x, -y, z], axis=1)
+    receivers["valid"] = within
+    photon = lattice(0.1, 0.05, radius, 5.0)
+    photon["height"] = radius
+    found = estimators[name](receivers, photon, clip, (side, side))
+    area = (2 / side) ** 2 / z
+    # midpoint rule: 14 pixels or more across half the kernel
+    assert (found[:, 3] * area).sum() == pytest.approx(1.0, rel=5e-3)
+    assert (found[:, 0] * area).sum() == pytest.approx(5.0, rel=5e-3)
+
+
+@pytest.mark.parametrize("name", NAMES)
 def test_thin_wall_keeps_the_dark_side_dark(estimators, name):
     receivers, clip = floor((16, 16), 1.0, height=-0.01)
     photons = lattice(0.1, 1.0, 0.5, 10.0)

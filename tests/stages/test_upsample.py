@@ -58,6 +58,23 @@ def test_even_light_stays_even(gpu, block):
     assert not irradiance[seen == 0].any()
 
 
+def test_without_subsampling_each_pixel_keeps_its_own_light(gpu):
+    """K = 1 is the identity: white noise comes back as it was, but for rounding."""
+    size = (61, 43)
+    noise = np.random.default_rng(4).uniform(0.1, 10.0, (size[0] * size[1], 3)).astype(np.float32)
+
+    def light(receivers):
+        out = even(0.0)(receivers)
+        out[:, :3] = noise
+        return out
+
+    irradiance, seen, _, missed = upsampled(gpu, mixed_scene(), view_of(size), 1, light)
+    on = seen.ravel() > 0
+    assert missed == 0 and on.mean() > 0.5
+    # 2.5 ulp for WGSL's quotient, and 1 for each of two products
+    assert irradiance.reshape(-1, 3)[on] == pytest.approx(noise[on], rel=5 * 2.0**-23)
+
+
 def two_floors():
     """Two floors one above the other; a camera that sees the edge of the upper one."""
     scene = Scene()

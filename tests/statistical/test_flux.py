@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 from scipy import integrate
-from transport import Tracer, box_room, lit, on_instance, total, trace
+from transport import Tracer, aim, box_room, lit, on_instance, total, trace
 
 from ispm.scene.builtins_common import lambert
 from ispm.scene.material import Material
@@ -104,6 +104,63 @@ def test_photons_from_one_wall_reach_the_others_by_their_view_factors():
     share = np.bincount(path.photons["instance"], minlength=6) / count
     expected = np.array([0.0, 0.1998249, *[0.2000438] * 4])
     assert np.abs(share - expected).max() < 4.5 * math.sqrt(0.16 / count)
+
+
+def test_half_the_light_of_a_floor_reaches_the_wall_it_meets():
+    """Method, V7: the wall takes half the hemisphere of any point of the floor, but for its edges, 0.1 %."""
+    scene, reach = Scene(), 1000.0
+    floor = np.array([(-reach, 0, 0), (-reach, 0, reach), (reach, 0, reach), (reach, 0, 0)])
+    wall = np.array([(-reach, 0, 0), (reach, 0, 0), (reach, reach, 0), (-reach, reach, 0)])
+    for name, corners in (("floor", floor), ("wall", wall)):
+        scene.add(polygons([corners], name), material=lambert((1.0,) * 3))
+    tracer, count = Tracer(lit(scene, (0.0, 1.0, 1.0))), 100_000
+    for away in (0.1, 1.0):
+        down = np.array([0.0, -1.0, away - 1.0])
+        rays = np.tile(down / np.linalg.norm(down), (count, 1))
+        path = tracer.walk(aim(tracer, np.tile((0.0, 1.0, 1.0), (count, 1)), rays), 1)
+        share = total(path.photons[path.photons["instance"] == 1])[0]
+        assert share == pytest.approx(0.5, abs=4 * 0.5 / math.sqrt(count) + 1e-3)
+
+
+def furnace():
+    """A room with a block in it: (Tracer, per instance its area and the lamp that all of it sees)."""
+    scene = box_room((0, 0, 0), (2, 1, 3), albedo=0.7)
+    for node in box_room((0.4, 0.3, 0.8), (0.9, 0.6, 1.9), albedo=0.7).roots:
+        scene.roots.append(node)
+    lit(lit(scene, (0.1, 0.1, 0.1)), (1.95, 0.95, 2.95))
+    faces = [
+        np.prod([side for axis, side in enumerate(size) if axis != k // 2])
+        for size in ((2, 1, 3), (0.5, 0.3, 1.1))
+        for k in range(6)
+    ]
+    lamps = [0] * 6 + [0, 1] * 3  # the block's low faces see the low lamp
+    return Tracer(scene), np.array(faces), lamps
+
+
+def test_an_evenly_lit_furnace_stays_evenly_lit():
+    """Method, V3: where every wall gives off the same radiance, each gets pi times that from all sides.
+
+    N = 20,000 from each of 12 faces, none lost before the roulette; each bounce's irradiance on each face
+    within 4.5 sigma, and so the mean cosine of its light, 2/3, of a standard deviation sqrt(1/18).
+    """
+    tracer, areas, lamps = furnace()
+    emitted = np.concatenate([
+        on_instance(tracer.packed, k, 20_000, seed=k, flux=area) for k, area in enumerate(areas)
+    ])  # fmt: skip
+    emitted["light"] = np.repeat(lamps, 20_000)
+    emitted["key"] = np.arange(len(emitted))
+    photons = tracer.walk(emitted, ROULETTE_AFTER).photons
+    ng = np.einsum("ij,ij->i", photons["wi"], photons["normal"]).astype(float)
+    for bounce in range(1, ROULETTE_AFTER + 1):
+        for face, area in enumerate(areas):
+            here = (photons["bounce"] == bounce) & (photons["instance"] == face)
+            count, flux = here.sum(), photons["flux"][here, 0].astype(float)
+            sigma = math.sqrt((flux**2).sum())  # Poisson at most
+            assert flux.sum() == pytest.approx(0.7**bounce * area, abs=4.5 * sigma)
+            # those from small faces weigh less: so few of equal flux are they worth
+            worth = flux.sum() ** 2 / (flux**2).sum()
+            mean = np.average(ng[here], weights=flux)
+            assert count > 500 and mean == pytest.approx(2 / 3, abs=4.5 * math.sqrt(1 / 18 / worth))
 
 
 def plate(x, y, name):

@@ -154,6 +154,18 @@ def test_rough_glass_is_reciprocal_but_for_the_square_of_its_index():
     assert lit > 200
 
 
+@pytest.mark.parametrize("lobe", LOBES)
+def test_reflection_is_reciprocal(lobe):
+    """f(wo, wi) = f(wi, wo) above the surface, whatever goes through it."""
+    b, random = LOBES[lobe], np.random.default_rng(31)
+    for _ in range(200):
+        wo, wi = random.normal(size=(2, 3))
+        wo[2], wi[2] = abs(wo[2]) + 0.05, abs(wi[2]) + 0.05
+        wo, wi = (tuple((v / np.linalg.norm(v)).astype(f32)) for v in (wo, wi))
+        # the order of rounding; alpha is 0.36 at least, and Fresnel within is steep near total reflection
+        assert bsdf.eval_bsdf(b, N, N, wo, wi) == pytest.approx(bsdf.eval_bsdf(b, N, N, wi, wo), rel=2e-4)
+
+
 @pytest.mark.parametrize("entering", [True, False])
 def test_radiance_is_compressed_by_the_square_of_the_index(entering):
     """The same random numbers lead the eye and photons alike; refracted radiance is 1 / eta^2 of it."""
