@@ -11,6 +11,7 @@ import numpy as np
 from ispm.errors import SceneError
 from ispm.optics import records
 from ispm.scene.directions import even_directions
+from ispm.scene.extent import enclosing_diameter
 from ispm.scene.light import DirectionalLight, Light, PointLight, SpotLight
 from ispm.scene.lightmap import LightMap, corners_of, light_map
 from ispm.scene.material import Material, Texture
@@ -98,6 +99,8 @@ class Packed:
     lights     (L,) LIGHT
     maps       of each light, the one that holds all its light
     bounds     (2, 3) float64 corners of all instances, world space
+    diagonal   m, of the smallest sphere about all of them: the scene's size, however it is turned; 1 where
+               there is nothing
     widths     (I,) float32 m: the second largest extent of each instance, what a kernel should fit into
     boxes      (I, 2, 3) float64 corners of each instance, world space
     """
@@ -110,15 +113,10 @@ class Packed:
     maps: list[LightMap]
     draws: list[Draw]
     bounds: np.ndarray
+    diagonal: float
     widths: np.ndarray
     boxes: np.ndarray
     material_names: list[str] = field(default_factory=list)
-
-    @property
-    def diagonal(self) -> float:
-        """Length of the bounds' diagonal in metres; 1 for an empty scene."""
-        length = float(np.linalg.norm(self.bounds[1] - self.bounds[0]))
-        return length if length > 0.0 else 1.0
 
     def surface_area(self) -> float:
         """Return the area of all triangles, m2, world space."""
@@ -185,12 +183,14 @@ def pack(scene: Scene, geometry: Geometry | None = None) -> Packed:
     material_rows = np.zeros(len(material_list), records.MATERIAL)
     for i, item in enumerate(material_list):
         material_rows[i] = material_record(item, textures)
-    instances, draws, widths, boxes = _instances(rows, geometry)
+    instances, draws, widths, corners = _instances(rows, geometry)
+    boxes = np.stack([corners.min(axis=1), corners.max(axis=1)], axis=1)
     bounds = np.stack([boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)]) if len(boxes) else np.zeros((2, 3))
+    diagonal = enclosing_diameter(corners.reshape(-1, 3)) or 1.0
     maps = [light_map(i, row, bounds) for i, row in enumerate(lights)]
     return Packed(
-        geometry, instances, material_rows, textures, lights, maps, draws, bounds, widths, boxes,
-        [material.name for material in material_list],
+        geometry, instances, material_rows, textures, lights, maps, draws, bounds, diagonal, widths,
+        boxes,        [material.name for material in material_list],
     )  # fmt: skip
 
 
@@ -313,12 +313,13 @@ def _cone(light: SpotLight) -> tuple[float, float]:
 def _instances(
     rows: list[tuple[int, int, int, np.ndarray]], geometry: Geometry
 ) -> tuple[np.ndarray, list[Draw], np.ndarray, np.ndarray]:
-    """INSTANCE rows, the draws that show them, their widths, and their boxes in world space.
+    """INSTANCE rows, the draws that show them, their widths, and (n, 8, 3) corners of their own boxes, turned
+    with them, in world space.
 
     rows  mesh, material, node, and the (n, 4, 4) places of n instances
     """
     if not rows:
-        return np.zeros(0, records.INSTANCE), [], np.zeros(0, np.float32), np.zeros((0, 2, 3))
+        return np.zeros(0, records.INSTANCE), [], np.zeros(0, np.float32), np.zeros((0, 8, 3))
     copies = [len(row[3]) for row in rows]
     mesh, material, node = (np.repeat([row[k] for row in rows], copies) for k in range(3))
     world = np.concatenate([row[3] for row in rows])
@@ -340,7 +341,7 @@ def _instances(
     extents = (boxes[:, 1] - boxes[:, 0]) * np.linalg.norm(world[:, :3, :3], axis=1)
     widths = np.sort(extents, axis=1)[:, 1].astype(np.float32)
     draws = _draws(mesh, material, mirrored)
-    return instances, draws, widths, np.stack([corners.min(axis=1), corners.max(axis=1)], axis=1)
+    return instances, draws, widths, corners
 
 
 def _draws(mesh: np.ndarray, material: np.ndarray, mirrored: np.ndarray) -> list[Draw]:
