@@ -19,7 +19,7 @@ from ispm.tracer.density import least_radius
 
 f32 = np.float32
 
-OVERLAP = f32(5)  # beams' areas under a kernel: 3 leave grain (a third more error), 6 blur
+OVERLAP = f32(8)  # beams' areas under a kernel: 4 leave grain (a fifth more error), more blur
 _ASPECT_MAX = f32(8)  # of a kernel's length over its width
 _LENGTH_MAX = f32(0.05)  # of the scene's diagonal
 _TRUST = f32(0.35)  # least mean radius over the measured one: normal maps spread light as no beam tells
