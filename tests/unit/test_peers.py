@@ -1,6 +1,6 @@
 """How renderers are measured beside each other: seconds to an error, and peers that are not there."""
 
-import sys
+import os
 
 import numpy as np
 import pytest
@@ -54,18 +54,28 @@ def test_pictures_are_kept_at_growing_distances_and_at_the_end(tmp_path):
     assert recorder.due(10.0)
 
 
+@pytest.mark.skipif(os.name == "nt", reason="interpreters are shell scripts")
 @pytest.mark.parametrize(
-    ("module", "python", "said"),
+    ("does", "said"),
     [
-        ("no_such_renderer", sys.executable, "No module named"),
-        ("luxcore", "/nowhere/python", "no interpreter /nowhere/python"),
+        (
+            "echo \"Traceback\nModuleNotFoundError: No module named 'lux'\" >&2; exit 1",
+            "not installed: No module",
+        ),
+        ("kill -ABRT $$", "exit code -6"),
+        ("exit 0", "no picture"),
+        (None, "no interpreter"),
     ],
 )
-def test_a_peer_that_is_not_there_is_one_line(monkeypatch, tmp_path, module, python, said):
+def test_a_peer_that_is_missing_or_crashes_is_one_line(monkeypatch, tmp_path, does, said):
     monkeypatch.setattr("references.peers.__main__.outside", lambda: tmp_path)
     monkeypatch.setattr("references.peers.__main__.load", lambda path: None)
     monkeypatch.setattr("references.peers.__main__.describe", lambda scene: {})
-    run, remark = measured(Peer("one", module), "A", 1.0, python)
+    python = tmp_path / "python"
+    if does is not None:
+        python.write_text(f"#!/bin/sh\n{does}\n")
+        python.chmod(0o755)
+    run, remark = measured(Peer("one", "luxcore"), "A", 1.0, str(python))
     assert run is None
     assert remark.startswith("left out: ")
     assert said in remark

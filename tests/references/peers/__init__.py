@@ -51,9 +51,6 @@ class Recorder:
 
 
 def work(render: Callable[[str, Recorder], None]) -> None:
-    """Render as the command line says; exit with one line where something is not installed."""
+    """Render as the command line says."""
     name, folder, limit = sys.argv[1:4]
-    try:
-        render(name, Recorder(Path(folder), float(limit)))
-    except ImportError as error:
-        sys.exit(f"not installed: {error}")
+    render(name, Recorder(Path(folder), float(limit)))

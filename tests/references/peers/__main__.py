@@ -113,12 +113,15 @@ def _started(peer: Peer, arguments: list[str], seconds: float, python: str) -> s
         return f"no interpreter {python}"
     command = [os.path.abspath(program), "-m", f"references.peers.{peer.module}", *arguments]
     folder = Path(__file__).parents[2]  # that of `references`
+    paths = (str(folder.parent), os.environ.get("PYTHONPATH"))  # the same ispm for all interpreters
+    known = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, paths))}
+    limit = seconds + _GRACE
     try:
-        done = subprocess.run(command, cwd=folder, capture_output=True, timeout=seconds + _GRACE)
+        done = subprocess.run(command, cwd=folder, env=known, capture_output=True, timeout=limit)
     except subprocess.TimeoutExpired:
-        return f"stopped after {seconds + _GRACE:.0f} s"
+        return f"stopped after {limit:.0f} s"
     lines = done.stderr.decode(errors="replace").strip().splitlines() or [f"exit code {done.returncode}"]
-    return lines[-1] if done.returncode else ""
+    return lines[-1].replace("ModuleNotFoundError", "not installed") if done.returncode else ""
 
 
 def cells(name: str, run: Run) -> Iterator[list[str]]:

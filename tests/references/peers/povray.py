@@ -36,7 +36,7 @@ def render(name: str, recorder: Recorder) -> None:
     """Keep a picture of each setting, until one takes too long; each is a process of its own."""
     program = shutil.which("povray")
     if program is None:
-        raise ImportError("no povray on the path")
+        sys.exit("not installed: no povray on the path")
     parts = _parts(recorder.scene())
     for quality, photons in _SETTINGS[name]:
         source = recorder.folder / "scene.pov"
