@@ -40,8 +40,10 @@ def test_what_a_renderer_leaves_is_compared(tmp_path):
     recorder.ready("one", start_up=2.5)
     truth = np.ones((2, 3, 3), np.float32)
     recorder.add(1.5, 2.0 * truth)
+    recorder.add(0.5, truth)
     run = scored(tmp_path, Reference(truth, {"whole": truth[..., 0] > 0.0}, {"whole": 0.1}), launched=0.0)
-    (point,) = run.points["whole"]
+    first, point = run.points["whole"]
+    assert (first.seconds, first.bias) == (0.5, 0.0)
     assert (run.title, run.start_up, point.seconds) == ("one", 2.5, 1.5)
     assert point.bias == pytest.approx(1.0)
     assert point.relmse == pytest.approx(1.0 / 1.001 - 0.1)
