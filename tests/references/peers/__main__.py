@@ -98,7 +98,7 @@ def measured(peer: Peer, name: str, seconds: float, python: str) -> tuple[Run | 
         launched = time.time()
         failed = _started(peer, [name, str(folder), str(seconds), *peer.told], seconds, python)
         if not any(folder.glob("*.npz")):
-            return None, f"left out: {failed or 'no picture'}"
+            return None, f"left out: {failed or 'no picture in time'}"
         run = scored(folder, larger(name), launched)
     bias = run.points["whole"][-1].bias
     if peer.unbiased and abs(bias) > _TRUE:
