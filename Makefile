@@ -1,8 +1,10 @@
 # The first run makes .venv and, where no graphics adapter is found, installs Mesa's software one.
 SCENE ?=
+LUXCORE ?=
+MITSUBA ?=
 run = .venv/bin
 
-.PHONY: help demo test check bench accuracy clean
+.PHONY: help demo test check bench accuracy peers clean
 
 help:
 	@echo 'make demo               render a few built-in scenes to out/'
@@ -11,6 +13,8 @@ help:
 	@echo 'make check              format, lint, types, imports'
 	@echo 'make bench              the benchmark'
 	@echo 'make accuracy           errors against a path tracer, to docs/accuracy.md'
+	@echo 'make peers              seconds for the same error, beside other renderers, to docs/accuracy.md'
+	@echo '                        LUXCORE=, MITSUBA=: interpreters that have them, if not this one'
 	@echo 'make clean              remove what was made, .venv too'
 
 demo:
@@ -34,6 +38,10 @@ bench:
 accuracy:
 	@scripts/setup.sh all
 	cd tests && ../$(run)/python -m references.accuracy
+
+peers:
+	@scripts/setup.sh all
+	cd tests && ../$(run)/python -m references.peers $(if $(LUXCORE),--luxcore $(LUXCORE)) $(if $(MITSUBA),--mitsuba $(MITSUBA))
 
 clean:
 	rm -rf .venv .uv out dist .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 
 import numpy as np
 
@@ -16,21 +16,26 @@ _REGULARISER = 1e-3  # eps over the squared mean of the reference
 
 
 @dataclass(frozen=True)
-class Comparison:
-    """Errors of a picture against a reference, over the pixels compared and their channels.
+class LightErrors:
+    """Errors of a picture's light against a reference, over the pixels compared and their channels.
 
     bias                 mean(A) / mean(B) - 1: the light there is too much
     relmse               mean of (A - B)^2 / (B^2 + eps), eps = 1e-3 mean(B)^2, less the reference's own
     mean_relative_error  mean of |A - B| / sqrt(B^2 + eps)
-    flip                 mean FLIP of both as a screen shows them, tone mapped at the exposure that suits B
     pixels               how many were compared
     """
 
     bias: float
     relmse: float
     mean_relative_error: float
-    flip: float
     pixels: int
+
+
+@dataclass(frozen=True)
+class Comparison(LightErrors):
+    """And on a screen: mean FLIP, both tone mapped at the exposure that suits the reference."""
+
+    flip: float
 
 
 def compare(
@@ -49,18 +54,25 @@ def compare(
     displayed        the pictures are tone mapped already: FLIP takes them as they are
     Raises OutputError where the shapes differ, the mask is empty, or a value compared is not finite.
     """
+    light = compare_light(a, b, mask, reference_error=reference_error)
+    on_screen = flip(*_on_screen(a, b, displayed))[_chosen(a, b, mask)]
+    return Comparison(**asdict(light), flip=float(on_screen.mean()))
+
+
+def compare_light(
+    a: np.ndarray, b: np.ndarray, mask: np.ndarray | None = None, *, reference_error: float = 0.0
+) -> LightErrors:
+    """Compare as `compare` does, without FLIP, which takes most of the time."""
     chosen = _chosen(a, b, mask)
     picked_a, picked_b = _picked(a, chosen, "picture"), _picked(b, chosen, "reference")
-    eps = _REGULARISER * picked_b.mean() ** 2
     if not picked_b.any():
         raise OutputError("the reference is black wherever it is compared; relative errors have no meaning")
     difference = picked_a - picked_b
-    scale = picked_b**2 + eps
-    return Comparison(
+    scale = picked_b**2 + _REGULARISER * picked_b.mean() ** 2
+    return LightErrors(
         bias=float(picked_a.mean() / picked_b.mean() - 1.0),
         relmse=float((difference**2 / scale).mean() - reference_error),
         mean_relative_error=float((np.abs(difference) / np.sqrt(scale)).mean()),
-        flip=float(flip(*_on_screen(a, b, displayed))[chosen].mean()),
         pixels=len(picked_b),
     )
 

@@ -11,14 +11,12 @@ ISPM_REFS says where the larger references are, ../shared/refs by default; witho
 from __future__ import annotations
 
 import argparse
-import re
 import statistics
 import sys
 import time
 import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
@@ -32,10 +30,10 @@ from ispm.settings import PRESETS
 from references import Reference, larger, names, outside, stored
 from references.flicker import HEADINGS as FLICKER_HEADINGS
 from references.flicker import Flicker, measure_flicker
+from references.page import PAGE, table, write_between
 from references.scenes import pictured
 
-_DOCS = Path(__file__).parents[2] / "docs"
-_PAGE, _CHART = _DOCS / "accuracy.md", _DOCS / "pictures" / "accuracy.svg"
+_CHART = PAGE.parent / "pictures" / "accuracy.svg"
 _SETTINGS: dict[str, dict[str, Any]] = {
     "default": {},
     "fast": {"preset": "fast"},
@@ -250,22 +248,11 @@ def write_page(rows: list[Row], flickers: list[Flicker]) -> None:
         share, own = reference.masks["whole"].mean(), reference.own_errors["whole"]
         cells = name, f"{reference.samples:,}", reference.bounces, f"{own:.1e}", f"{share:.0%}"
         kept.append([str(cell) for cell in cells])
-    text = _PAGE.read_text("utf-8")
     headings = ["reference", "paths per pixel", "bounces", "own relMSE", "compared"]
-    for title, table in (
-        ("references", _table(headings, kept, "lrrrr")),
-        ("accuracy", _table(list(_HEADINGS), [row.cells() for row in rows], "llrlrrr")),
-        ("flicker", _table(list(FLICKER_HEADINGS), [row.cells() for row in flickers], "llrr")),
-    ):
-        pattern = rf"(<!-- {title}: .*? -->\n).*?(<!-- /{title} -->)"
-        text = re.sub(pattern, lambda m, table=table: m[1] + table + "\n" + m[2], text, flags=re.DOTALL)
-    _PAGE.write_text(text, "utf-8")
-
-
-def _table(headings: list[str], rows: list[list[str]], sides: str) -> str:
-    rules = ["---:" if side == "r" else "---" for side in sides]
-    lines = [" | ".join(cells) for cells in (headings, rules, *rows)]
-    return "\n".join(f"| {line} |" for line in lines)
+    write_between("references", table(headings, kept, "lrrrr"))
+    write_between("accuracy", table(list(_HEADINGS), [row.cells() for row in rows], "llrlrrr"))
+    flicker = [row.cells() for row in flickers]
+    write_between("flicker", table(list(FLICKER_HEADINGS), flicker, "llrr"))
 
 
 _WIDTH, _HEIGHT = 760, 440

@@ -18,16 +18,20 @@ from ispm.scene.light import DirectionalLight, PointLight, SpotLight
 from ispm.scene.material import Material, Texture, TextureUse
 from ispm.scene.packed import Packed, pack
 from ispm.scene.scene import Node, Scene
+from references.triangles import world_triangles
 
 _CONE_TEXELS = 512  # a side, of the picture that a spot's soft edge is
 _FLIP = np.diag([-1.0, 1.0, -1.0, 1.0])  # ours look along -Z, theirs along +Z
 
 
-def to_mitsuba(scene: Scene, size: tuple[int, int], integrator: dict[str, Any]) -> Any:
+def to_mitsuba(
+    scene: Scene, size: tuple[int, int], integrator: dict[str, Any], *, plain_mirrors: bool = False
+) -> Any:
     """Return the mi.Scene of a scene as its first camera sees it, the mean over each pixel's square.
 
-    size        width and height
-    integrator  as mi.load_dict takes it
+    size           width and height
+    integrator     as mi.load_dict takes it
+    plain_mirrors  take colored ones too, the same at all angles where ours whiten towards grazing ones
     Raises ValueError for a material, light or camera that Mitsuba would show otherwise.
     """
     _register()
@@ -38,7 +42,7 @@ def to_mitsuba(scene: Scene, size: tuple[int, int], integrator: dict[str, Any]) 
     described["sensor"] = _sensor(*_first_camera(scene), size)
     lights = [(node, world) for node, world in scene.placed() if node.light is not None]
     described |= {f"light_{k}": _light(node, world) for k, (node, world) in enumerate(lights)}
-    bsdfs = [mi.load_dict(_bsdf(material)) for material in scene.materials]
+    bsdfs = [mi.load_dict(_bsdf(material, plain_mirrors)) for material in scene.materials]
     for k, instance in enumerate(packed.instances):
         described[f"mesh_{k}"] = _mesh(packed, instance, bsdfs[instance["material"]])
     return mi.load_dict(described)
@@ -94,36 +98,27 @@ def _cone_picture(light: SpotLight) -> np.ndarray:
 
 def _mesh(packed: Packed, instance: np.void, bsdf: Any) -> Any:
     """The triangles of an INSTANCE in world space; texture coordinates with v upwards."""
-    first, count = int(instance["first_index"]), 3 * int(instance["triangle_count"])
-    used, triangles = np.unique(packed.geometry.indices[first : first + count], return_inverse=True)
-    rows = packed.geometry.vertices[used]
-    place = np.stack([instance[f"world{k}"] for k in range(3)]).astype(np.float64)
-    turn = np.stack([instance[f"normal{k}"][:3] for k in range(3)]).astype(np.float64)
-    if np.linalg.det(place[:, :3]) < 0.0:
-        raise ValueError("a mesh is mirrored")
-    normals = rows["normal"] @ turn.T
-    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    if (rows["color"] != 0xFFFFFFFF).any():
-        raise ValueError("a mesh has colors of its own")
+    positions, normals, uv, corners = world_triangles(packed, instance)
     properties = mi.Properties()
     properties["bsdf"] = bsdf
-    mesh = mi.Mesh("mesh", len(rows), count // 3, properties, True, True)
+    mesh = mi.Mesh("mesh", len(positions), len(corners), properties, True, True)
     arrays = mi.traverse(mesh)
-    arrays["vertex_positions"] = (rows["position"] @ place[:, :3].T + place[:, 3]).astype(np.float32).ravel()
+    arrays["vertex_positions"] = positions.astype(np.float32).ravel()
     arrays["vertex_normals"] = normals.astype(np.float32).ravel()
-    arrays["vertex_texcoords"] = (rows["uv0"] * (1.0, -1.0) + (0.0, 1.0)).astype(np.float32).ravel()
-    arrays["faces"] = triangles.astype(np.uint32).ravel()
+    arrays["vertex_texcoords"] = (uv * (1.0, -1.0) + (0.0, 1.0)).astype(np.float32).ravel()
+    arrays["faces"] = corners.ravel()
     arrays.update()
     return mesh
 
 
-def _bsdf(material: Material) -> dict[str, Any]:
-    """Lambert, white metal, or clear glass."""
+def _bsdf(material: Material, plain_mirrors: bool) -> dict[str, Any]:
+    """Lambert, white metal, clear glass, or a plain mirror."""
     color, white = tuple(material.base_color[:3]), (1.0, 1.0, 1.0)
     textures = (material.metallic_roughness_texture, material.emission_texture, material.transmission_texture)
     if any(textures) or material.emissive or material.alpha_mode or material.unlit:
         raise ValueError(f"material '{material.name}' has more than a base color and normals")
-    bare = material.base_color_texture is None and material.normal_texture is None and color == white
+    plain = material.base_color_texture is None and material.normal_texture is None
+    bare = plain and color == white
     if material.transmission == 1.0 and not material.metallic and bare and material.roughness == 0.0:
         if material.thickness > 0.0 and material.specular == 1.0 and material.attenuation_distance == np.inf:
             return {"type": "dielectric", "int_ior": material.ior, "ext_ior": 1.0}
@@ -131,6 +126,9 @@ def _bsdf(material: Material) -> dict[str, Any]:
         mirror = {"type": "conductor", "material": "none"}
         rough = {"type": "glossy_metal", "alpha": material.roughness**2}
         return {"type": "twosided", "bsdf": rough if material.roughness else mirror}
+    elif material.metallic == 1.0 and plain and plain_mirrors and material.roughness == 0.0:
+        mirror = {"type": "conductor", "material": "none", "specular_reflectance": _rgb(color)}
+        return {"type": "twosided", "bsdf": mirror}
     elif material.metallic == 0.0 and material.transmission == 0.0 and material.specular == 0.0:
         bsdf = {"type": "diffuse", "reflectance": _reflectance(material)}
         if material.normal_texture is not None:
