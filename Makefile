@@ -2,7 +2,7 @@
 SCENE ?=
 run = .venv/bin
 
-.PHONY: help demo test check bench accuracy clean
+.PHONY: help demo test check bench accuracy biases clean
 
 help:
 	@echo 'make demo               render a few built-in scenes to out/'
@@ -11,6 +11,7 @@ help:
 	@echo 'make check              format, lint, types, imports'
 	@echo 'make bench              the benchmark'
 	@echo 'make accuracy           errors against a path tracer, to docs/accuracy.md'
+	@echo 'make biases             each bias of the estimate by itself, to docs/accuracy.md'
 	@echo 'make clean              remove what was made, .venv too'
 
 demo:
@@ -34,6 +35,10 @@ bench:
 accuracy:
 	@scripts/setup.sh all
 	cd tests && ../$(run)/python -m references.accuracy
+
+biases:
+	@scripts/setup.sh all
+	cd tests && ../$(run)/python -m references.biases
 
 clean:
 	rm -rf .venv .uv out dist .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache
