@@ -208,17 +208,16 @@ def _gather(points, p, x, y, reach, stride, taps, few, words, estimate, size, gl
             d2 = (dx * dx + dy * dy + dz * dz) * inv_reach2
             z = dx * nx + dy * ny + dz * nz
             z2 = z * z * inv_thick2
-            facing = nx * words[q, _NG] + ny * words[q, _NG + 1] + nz * words[q, _NG + 2]
-            if d2 >= f32(1) or ((z2 >= f32(1) or facing <= f32(0.5)) and not (few and facing > f32(0))):
+            alike = sx * words[q, _N] + sy * words[q, _N + 1] + sz * words[q, _N + 2]
+            if d2 >= f32(1) or ((z2 >= f32(1) or alike <= f32(0.5)) and not (few and alike > f32(0))):
                 continue
-            turned = max(sx * words[q, _N] + sy * words[q, _N + 1] + sz * words[q, _N + 2], f32(0))
-            turned *= turned
-            turned *= turned
+            alike *= alike
+            alike *= alike
             if not few:
-                turned *= turned
-                turned *= turned
+                alike *= alike
+                alike *= alike
             flat = max(f32(1) - z2, f32(0))
-            likeness = flat * flat * turned
+            likeness = flat * flat * alike
             if few:
                 likeness = max(likeness, f32(_STRANGER))
             near = f32(1) - d2

@@ -135,5 +135,5 @@ def test_points_between_receivers_are_lit_alike():
     points["position"][:, 0] += 0.05
     light = filter_points(points, pixels, receivers, estimate, SIZE, 10.0, 1.0, 2)
     assert light[:, 0] == pytest.approx(points["position"][:, 0], rel=0.02)
-    points["ng"] = (1, 0, 0)
+    points["ng"] = points["n"] = (1, 0, 0)
     assert not filter_points(points, pixels, receivers, estimate, SIZE, 10.0, 1.0, 2)[:, WEIGHT].any()
