@@ -4,7 +4,7 @@ LUXCORE ?=
 MITSUBA ?=
 run = .venv/bin
 
-.PHONY: help demo test check bench accuracy peers clean
+.PHONY: help demo test check bench accuracy biases peers clean
 
 help:
 	@echo 'make demo               render a few built-in scenes to out/'
@@ -15,6 +15,7 @@ help:
 	@echo 'make accuracy           errors against a path tracer, to docs/accuracy.md'
 	@echo 'make peers              seconds for the same error, beside other renderers, to docs/accuracy.md'
 	@echo '                        LUXCORE=, MITSUBA=: interpreters that have them, if not this one'
+	@echo 'make biases             each bias of the estimate by itself, to docs/accuracy.md'
 	@echo 'make clean              remove what was made, .venv too'
 
 demo:
@@ -42,6 +43,10 @@ accuracy:
 peers:
 	@scripts/setup.sh all
 	cd tests && ../$(run)/python -m references.peers $(if $(LUXCORE),--luxcore $(LUXCORE)) $(if $(MITSUBA),--mitsuba $(MITSUBA))
+
+biases:
+	@scripts/setup.sh all
+	cd tests && ../$(run)/python -m references.biases
 
 clean:
 	rm -rf .venv .uv out dist .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache

@@ -28,7 +28,7 @@ _STRANGER = 0.01  # least weight of receivers of another orientation where photo
 _SPARSE = 200.0  # photons within the radius, below which they are few
 
 # words of a RECEIVER
-_ALPHA, _NG, _VALID, _FOOTPRINT, _SLANT = 3, 4, 7, 11, 15
+_ALPHA, _NG, _VALID, _N, _FOOTPRINT, _SLANT = 3, 4, 7, 8, 11, 15
 DENSITY, WEIGHT = 3, 7  # channels of an estimate: photons per m2; the sum of the filter's weights
 
 
@@ -50,9 +50,10 @@ def filter_estimate(
     Three passes: the first reaches h, with strided taps where that is many pixels; the others, each as
     wide as the stride before, remove the comb that strided taps leave.
     Weights: (1 - d^2/h^2)^2 (n.n')^16 (1 - z^2/b^2)^2 dA; d and z are the distances from the point and
-    from its tangent plane, dA the area that a receiver stands for. Where even h holds few photons, as on
-    small round things, (n.n')^4 and twice the b, and never quite 0: noise hides what the normals would
-    tell there, and a thin rim that no photon met is better lit as what is around it than black.
+    from its tangent plane, dA the area that a receiver stands for, n the shading normals, or bumps would
+    be averaged away. Where even h holds few photons, as on small round things, (n.n')^4 and twice the b,
+    and never quite 0: noise hides what the normals would tell there, and a thin rim that no photon met is
+    better lit as what is around it than black.
     """
     words = _words(receivers)
     spread = _run(_spread, words, words, estimate, size, diagonal, smoothing, threads)
@@ -188,6 +189,7 @@ def _gather(points, p, x, y, reach, stride, taps, few, words, estimate, size, gl
     base = np.uint64(estimate.ctypes.data)
     px, py, pz = points[p, 0], points[p, 1], points[p, 2]
     nx, ny, nz = points[p, _NG], points[p, _NG + 1], points[p, _NG + 2]
+    sx, sy, sz = points[p, _N], points[p, _N + 1], points[p, _N + 2]
     alpha = points[p, _ALPHA]
     inv_reach2 = f32(1) / (reach * reach)
     inv_thick2 = inv_reach2 * f32(1.0 / (_FLATNESS * _FLATNESS))
@@ -206,16 +208,16 @@ def _gather(points, p, x, y, reach, stride, taps, few, words, estimate, size, gl
             d2 = (dx * dx + dy * dy + dz * dz) * inv_reach2
             z = dx * nx + dy * ny + dz * nz
             z2 = z * z * inv_thick2
-            facing = nx * words[q, _NG] + ny * words[q, _NG + 1] + nz * words[q, _NG + 2]
-            if d2 >= f32(1) or ((z2 >= f32(1) or facing <= f32(0.5)) and not (few and facing > f32(0))):
+            alike = sx * words[q, _N] + sy * words[q, _N + 1] + sz * words[q, _N + 2]
+            if d2 >= f32(1) or ((z2 >= f32(1) or alike <= f32(0.5)) and not (few and alike > f32(0))):
                 continue
-            facing *= facing
-            facing *= facing
+            alike *= alike
+            alike *= alike
             if not few:
-                facing *= facing
-                facing *= facing
+                alike *= alike
+                alike *= alike
             flat = max(f32(1) - z2, f32(0))
-            likeness = flat * flat * facing
+            likeness = flat * flat * alike
             if few:
                 likeness = max(likeness, f32(_STRANGER))
             near = f32(1) - d2

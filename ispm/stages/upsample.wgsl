@@ -8,6 +8,7 @@
 const PLANE_REACH = 1.3;    // low-resolution pixels: a biweight as wide as a Gaussian of 0.5
 const FEW = 0.02;          // sum of weights below which farther neighbours are asked too
 const TOO_LITTLE = 1e-3;   // and below which a pixel has found none
+const TURNED = 0.01;       // least share of its weight that a receiver keeps whose bump faces elsewhere
 
 struct Missed {
     pixel: u32,
@@ -72,6 +73,7 @@ struct Tap {               // a receiver and its light
     alpha: f32,
     ng: vec3f,
     valid: f32,
+    n: vec3f,
     light: Incident,
 }
 
@@ -90,6 +92,7 @@ fn load_tap(at: vec2i, low: vec2i) -> Tap {
     tap.valid = f32(receivers[k].valid);
     tap.position = receivers[k].position;
     tap.ng = receivers[k].ng;
+    tap.n = receivers[k].n;
     tap.alpha = receivers[k].alpha;
     tap.light.irradiance = light[4u * k].rgb;
     if (tap.alpha > 0.0) {
@@ -107,8 +110,12 @@ fn add_tap(taps: ptr<function, Taps>, s: Surface, tap: Tap, near: f32) {
     facing *= facing;
     facing *= facing;
     facing *= facing;
+    var bump = max(dot(s.n, tap.n), 0.0);
+    bump *= bump;
+    bump *= bump;
+    bump *= bump;
     let close = max(1.0 - z * z * s.plane_scale, 0.0);
-    let w = near * tap.valid * facing * close * close;
+    let w = near * tap.valid * facing * max(bump, TURNED) * close * close;
     (*taps).sums.irradiance += w * tap.light.irradiance;
     (*taps).weight += w;
     if (s.alpha > 0.0 && tap.alpha > 0.0) {

@@ -80,6 +80,19 @@ def test_surfaces_keep_their_light_apart():
         assert filtered(receivers, estimate)[left, 0].mean() < 0.02 * out[~left, 0].mean()
 
 
+def test_bumps_keep_their_light_apart():
+    """A normal map turns each second column by 50 degrees left, the others right: they share a surface, but
+    weigh each other by cos(100 degrees), none, and noise still falls among those turned alike."""
+    receivers, light = floor(), estimates(1200)
+    left = np.arange(1200) % 2 == 0
+    for columns, side in ((left, -1), (~left, 1)):
+        receivers["n"][columns] = side * np.sin(np.radians(50)), np.cos(np.radians(50)), 0
+    light[:, DENSITY] = 1e3  # enough photons that strangers have no say
+    light[left, :3] += 10.0
+    out = filtered(receivers, light)[:, 0]
+    assert out[left] == pytest.approx(11.25, abs=0.25) and out[~left] == pytest.approx(1.25, abs=0.25)
+
+
 def test_gloss_is_mixed_among_surfaces_of_like_roughness_only():
     left = np.arange(1200) % 40 < 20
     receivers = floor()
@@ -122,5 +135,5 @@ def test_points_between_receivers_are_lit_alike():
     points["position"][:, 0] += 0.05
     light = filter_points(points, pixels, receivers, estimate, SIZE, 10.0, 1.0, 2)
     assert light[:, 0] == pytest.approx(points["position"][:, 0], rel=0.02)
-    points["ng"] = (1, 0, 0)
+    points["ng"] = points["n"] = (1, 0, 0)
     assert not filter_points(points, pixels, receivers, estimate, SIZE, 10.0, 1.0, 2)[:, WEIGHT].any()

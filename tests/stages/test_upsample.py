@@ -1,11 +1,14 @@
 """Upsampling gives every pixel the light of its own surface."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from exact import mixed_scene, quad, view_of
 
 from ispm.scene.builtins_common import lambert
 from ispm.scene.camera import look_at_pose
+from ispm.scene.material import Texture
 from ispm.scene.packed import pack
 from ispm.scene.scene import Scene
 from ispm.scene.shapes import polygons
@@ -73,6 +76,33 @@ def test_without_subsampling_each_pixel_keeps_its_own_light(gpu):
     assert missed == 0 and on.mean() > 0.5
     # 2.5 ulp for WGSL's quotient, and 1 for each of two products
     assert irradiance.reshape(-1, 3)[on] == pytest.approx(noise[on], rel=5 * 2.0**-23)
+
+
+def test_bumps_take_the_light_of_receivers_turned_alike(gpu):
+    """Columns of 2 pixels, turned left and right by 40 degrees: receivers know their own side's light alone.
+    A pixel has a receiver of its side in the same or the next block; 1 % of the other's weight is left,
+    of which up to 16 may stand against one: what is farthest off keeps half of the difference."""
+    bumps = np.zeros((1, 2, 4), np.uint8)
+    bumps[0, :, :3] = [(128 - 82, 128, 225), (128 + 82, 128, 225)]
+    corners = np.array([(-2, -2, 0), (2, -2, 0), (2, 2, 0), (-2, 2, 0)], float)
+    floor = polygons([corners])
+    floor.uv0 = np.array([(0, 0), (8, 0), (8, 1), (0, 1)], np.float32)
+    normals = Texture(bumps, srgb=False, linear=False, mipmaps=False)
+    scene = Scene()
+    scene.add(floor, material=replace(lambert((0.5,) * 3), normal_texture=normals))
+    view = CameraView((64, 48), look_at_pose(np.array([0.0, 0.0, 4.0]), np.zeros(3)), near=0.01)
+
+    def by_side(receivers):
+        out = even(1.0)(receivers)
+        out[receivers["n"][:, 0] > 0.0, :3] = 9.0
+        return out
+
+    irradiance, *_ = upsampled(gpu, scene, view, 3, by_side, by_side)
+    x = view.rays()[1][..., 0] / -view.rays()[1][..., 2] * 4.0
+    right = np.floor((x + 2.0) * 4.0) % 2 == 1
+    inside = abs(x) < 1.9
+    assert irradiance[inside & right].mean() == pytest.approx(9.0, abs=0.4)
+    assert irradiance[inside & ~right].mean() == pytest.approx(1.0, abs=0.4)
 
 
 def two_floors():
