@@ -7,20 +7,30 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
+_HELD = signal.SIGINT, signal.SIGTERM
+
 
 @contextmanager
 def interrupts() -> Iterator[Callable[[], bool]]:
-    """Hold the first interrupt back, and yield what tells whether there was one; the second is as always."""
-    before: Any = signal.getsignal(signal.SIGINT)
+    """Hold the first interrupt back, and yield what tells whether there was one; the second is as always.
+
+    A request to end, as from `timeout` or a batch queue, counts as one.
+    """
+    before: dict[signal.Signals, Any] = {each: signal.getsignal(each) for each in _HELD}
     asked = False
+
+    def restore() -> None:
+        for each, handler in before.items():
+            signal.signal(each, handler)
 
     def note(*_: Any) -> None:
         nonlocal asked
         asked = True
-        signal.signal(signal.SIGINT, before)
+        restore()
 
-    signal.signal(signal.SIGINT, note)
+    for each in _HELD:
+        signal.signal(each, note)
     try:
         yield lambda: asked
     finally:
-        signal.signal(signal.SIGINT, before)
+        restore()

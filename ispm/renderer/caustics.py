@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from ispm.optics.records import CAUSTIC
-from ispm.renderer.converge import shrunk
 from ispm.scene.packed import Packed
 from ispm.settings import Settings
 from ispm.stages.camera import CameraView
@@ -20,7 +19,6 @@ from ispm.tracer.walk import Walk
 from ispm.tracer.walls import end_at_walls
 from ispm.tracer.world import World
 
-_BEAM_ALPHA = 1.0 / 3.0  # of passes: beams tile what they light, so that little but edges is left to converge
 _SHARP = 3.0  # low-resolution pixels: kernels of a larger radius lose nothing at low resolution
 
 
@@ -96,9 +94,8 @@ def part_photons(
     beams, clear = path.beams, photons["radius"][first]
     if settings.kernel == "measured":
         beams, clear = beams[:0], clear[:0]
-    faster = shrunk(view.pass_index, _BEAM_ALPHA) / shrunk(view.pass_index)
     kernels = shape_kernels(
-        caustic, beams, clear, packed.diagonal, settings.smoothing * faster, pixel, view.eye_or_direction
+        caustic, beams, clear, packed.diagonal, settings.smoothing, pixel, view.eye_or_direction
     )
     end_at_walls(kernels, world, surfaces, threads)
     kernels = np.concatenate([kernels[wide], kernels[~wide]])

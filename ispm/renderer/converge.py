@@ -20,7 +20,7 @@ from ispm.settings import Settings
 if TYPE_CHECKING:
     from ispm.renderer.renderer import Renderer
 
-ALPHA = 2.0 / 3.0  # noise and bias of the mean fall alike, with the cube root of the passes
+_ALPHA = 2.0 / 3.0  # noise and bias of the mean fall alike, with the cube root of the passes
 _SURE = 4  # passes from which the estimated error may stop
 
 
@@ -32,10 +32,10 @@ def of_pass(settings: Settings, index: int) -> Settings:
     return settings.replace(antialias=False, smoothing=settings.smoothing * shrunk(index))
 
 
-def shrunk(index: int, alpha: float = ALPHA) -> float:
+def shrunk(index: int) -> float:
     """Return the radius of pass `index` over that of pass 0."""
     # the product of (k + alpha) / (k + 1) over k = 1 to index
-    log = math.lgamma(index + 1 + alpha) - math.lgamma(1 + alpha) - math.lgamma(index + 2)
+    log = math.lgamma(index + 1 + _ALPHA) - math.lgamma(1 + _ALPHA) - math.lgamma(index + 2)
     return math.exp(0.5 * log)
 
 

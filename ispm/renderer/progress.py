@@ -115,15 +115,27 @@ class Progress:
             about = json.loads(json.loads(str(arrays.pop(ABOUT)))["ispm:progress"])
             parts = {prefix: _part(arrays, prefix) for prefix in ("sum.", "first.", "camera.")}
             sums, first, camera = parts.values()
-            return cls(
-                int(about["passes"]), {name: sums[name] for name in _SUMMED}, arrays["moments"],
+            progress = cls(
+                about["passes"], {name: sums[name] for name in _SUMMED}, arrays["moments"],
                 {name: first[name] for name in _KEPT}, camera, about["scene"], Stats(**about["stats"]),
                 about["made_of"],
             )  # fmt: skip
+            progress._check()
+            return progress
         except OSError as error:
             raise OutputError(f"{path}: cannot be read: {error.strerror or error}") from None
         except (KeyError, ValueError, TypeError, EOFError, zipfile.BadZipFile):
             raise OutputError(f"{path}: does not hold passes to continue; name another file") from None
+
+    def _check(self) -> None:
+        """Raise ValueError where these cannot be passes."""
+        size = self.moments.shape[1:]
+        if type(self.passes) is not int or self.passes < 1 or self.moments.shape != (2, *size):
+            raise ValueError
+        summed = (*self.sums.values(), self.moments)
+        shapes = {array.shape[:2] for array in (*self.sums.values(), *self.first.values())}
+        if shapes != {size} or not all(np.isfinite(array).all() for array in summed):
+            raise ValueError
 
     def require(self, made_of: str) -> None:
         """Raise SettingsError where these are passes of something else."""

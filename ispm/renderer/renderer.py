@@ -54,6 +54,8 @@ from ispm.tracer.threads import thread_count
 from ispm.tracer.world import World
 
 _NEAR = 1e-4  # of the scene's diagonal; reversed depth has precision to spare
+_EYE_NEAR = 1e-9  # likewise for the eye, which may stand low over a wide plain
+_SMALLEST, _LARGEST = 1e-6, 1e9  # m that a scene may be across: beyond, its squares' squares leave float32
 _TEXTURE_FOOTPRINT = 0.005  # of the diagonal: over which photons see textures averaged
 _ESTIMATOR_KNOBS = attrgetter("estimator", "kernel", "talk_errors")
 _OWNED = (
@@ -311,6 +313,11 @@ class Renderer:
         packed = self._pack(scene)
         if not packed.triangle_count:
             raise SceneError(f"{scene.name or 'the scene'}: has no surface to render")
+        if not _SMALLEST < packed.diagonal < _LARGEST:
+            raise SceneError(
+                f"{scene.name or 'the scene'}: is {packed.diagonal:.3g} m across; scale it to between "
+                f"{_SMALLEST:g} and {_LARGEST:g} m, and its lights' intensity by the square"
+            )
         self._world.update(packed)
         camera, pose = place_camera(self.scene, self.camera, packed, self._world, self.settings.size)
         if not len(packed.lights):
@@ -322,7 +329,7 @@ class Renderer:
             self._say("emissive materials glow, but do not light the scene yet")
         size, diagonal = self.settings.size, packed.diagonal
         reach = float(np.abs(packed.bounds - pose[:3, 3]).max()) + diagonal
-        near = _NEAR * diagonal if camera.ymag is None else 0.0
+        near = _EYE_NEAR * diagonal if camera.ymag is None else 0.0
         view = CameraView(
             size, pose, camera.yfov, camera.ymag, near, reach,
             jitter=place_in_pixel(index), pass_index=index, aspect=camera.aspect, principal=camera.principal,

@@ -19,7 +19,7 @@ from ispm.tracer.density import least_radius
 
 f32 = np.float32
 
-OVERLAP = f32(8)  # beams' areas under a kernel: 4 leave grain (a fifth more error), more blur
+OVERLAP = f32(5)  # beams' areas under a kernel: 3 leave grain (a third more error), more blur
 _ASPECT_MAX = f32(8)  # of a kernel's length over its width
 _LENGTH_MAX = f32(0.05)  # of the scene's diagonal
 _TRUST = f32(0.35)  # least mean radius over the measured one: normal maps spread light as no beam tells
@@ -84,6 +84,8 @@ def _ellipse(beams, i, t, b, measured, least, limits):
     tt, tb, bb = tu * tu + tv * tv, tu * bu + tv * bv, bu * bu + bv * bv
     middle, half = f32(0.5) * (tt + bb), f32(0.5) * (tt - bb)
     apart = math.sqrt(half * half + tb * tb)
+    if not apart < f32(np.inf):  # of a scene too large for squares in float32
+        return scale(measured, t), scale(measured, b)
     k = limits[1] * math.sqrt(OVERLAP / f32(math.pi))
     long, wide = k * math.sqrt(middle + apart), k * math.sqrt(max(middle - apart, f32(0)))
     short_of = _TRUST * measured / max(math.sqrt(long * wide), f32(1e-30))

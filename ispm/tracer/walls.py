@@ -66,7 +66,7 @@ def _look(world, table, words, i, way, scratch):
     start = add(at, scale(_LIFT * length, n))
     d = scale(f32(1) / length, way)
     t = closest(world, start[0], start[1], start[2], d[0], d[1], d[2], length, scratch[0], scratch[1])
-    if t >= length:
+    if not t < length:
         return
     found = scratch[1]
     hit = (ldu(found, HIT_INSTANCE), ldu(found, HIT_PRIMITIVE), ldf(found, HIT_U), ldf(found, HIT_V))

@@ -155,7 +155,8 @@ def test_frames_own_their_arrays_whatever_is_rendered_next(gpu):
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="signals of another kind")
-def test_an_interrupt_keeps_the_passes_that_were_done(tmp_path):
+@pytest.mark.parametrize("request_to_end", [signal.SIGINT, signal.SIGTERM])
+def test_an_interrupt_keeps_the_passes_that_were_done(tmp_path, request_to_end):
     picture, kept = tmp_path / "a.png", tmp_path / "a.npz"
     words = ["render", "cornell-box", "--size", "64x36", "--photons", "1000", "--passes", "100k"]
     words += ["-o", str(picture), "--resume", str(kept)]
@@ -166,7 +167,7 @@ def test_an_interrupt_keeps_the_passes_that_were_done(tmp_path):
         for line in process.stderr:
             said.append(line)
             if line.startswith("2 passes"):
-                process.send_signal(signal.SIGINT)
+                process.send_signal(request_to_end)
                 break
         out, rest = process.communicate(timeout=120)
     assert process.returncode == 130

@@ -10,6 +10,7 @@ from ispm.errors import IspmError, OutputError, SettingsError
 from ispm.io.named import builtin
 from ispm.renderer import Renderer
 from ispm.renderer.converge import place_in_pixel, shrunk
+from ispm.renderer.progress import Progress
 from ispm.settings import Settings
 
 SETTINGS = Settings(size=(160, 90), photons=4000)
@@ -89,6 +90,33 @@ def test_passes_of_something_else_are_not_continued(gpu, scene, tmp_path):
     (tmp_path / "broken.npz").write_bytes(kept.read_bytes()[:1000])
     with renderer(gpu, scene) as other, pytest.raises(OutputError, match="broken"):
         next(other.converge(2, resume=tmp_path / "broken.npz"))
+
+
+@pytest.mark.parametrize(
+    ("name", "spoil"),
+    [
+        ("sum.direct", lambda a: a * np.nan),
+        ("moments", lambda a: a[:1]),
+        ("moments", lambda a: a * np.inf),
+        ("sum.direct", lambda a: a[:-1]),
+        ("passes", lambda n: 0),
+        ("passes", lambda n: 2.5),
+    ],
+)
+def test_a_file_of_spoiled_passes_is_refused(gpu, scene, tmp_path, name, spoil):
+    with renderer(gpu, scene) as other:
+        next(other.converge(2))
+        kept = other.save_progress(tmp_path / "kept.npz")
+    progress = Progress.load(kept)
+    if name == "passes":
+        progress.passes = spoil(progress.passes)
+    elif name == "moments":
+        progress.moments = spoil(progress.moments)
+    else:
+        progress.sums["direct"] = spoil(progress.sums["direct"])
+    progress.save(kept, "")
+    with pytest.raises(OutputError, match="does not hold passes"):
+        Progress.load(kept)
 
 
 def test_limits_end_the_passes(gpu, scene):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from transport import box_room, lit, render
 
-from ispm.errors import SceneWarning
+from ispm.errors import SceneError, SceneWarning
 from ispm.scene.builtin import builtin
 from ispm.scene.camera import Camera, look_at_pose
 from ispm.scene.light import PointLight
@@ -226,3 +226,28 @@ def test_grass_repeats_to_the_bit(gpu, count, width):
     frames = [sound(render(gpu, scene, EYE, subsampling=8, photons=20_000)[0]) for _ in range(4)]
     for layer in ("irradiance", "full"):
         assert all(frame[layer].tobytes() == frames[0][layer].tobytes() for frame in frames), layer
+
+
+@pytest.mark.parametrize("half", [10.0, 1e4, 1e5])
+def test_a_plain_however_wide_hides_nothing_in_the_foreground(gpu, half):
+    """What is near stays where it was; corners that far away are rounded to 2^-24 of themselves, 0.006 m."""
+    frames = []
+    for wide in (5.0, half):
+        scene = Scene()
+        corners = np.array([(-wide, 0, -wide), (-wide, 0, wide), (wide, 0, wide), (wide, 0, -wide)])
+        scene.add(polygons([corners]), material=Material((0.5,) * 3))
+        scene.add(icosphere(0.3, 8), material=Material((0.5,) * 3), translation=(0, 0.3, 0))
+        scene.add(PointLight((9.0,) * 3), translation=(1, 3, 1))
+        eye = Camera.look_at((0.2, 0.6, 1.5), (0.0, 0.1, 0.0), yfov=0.8)
+        frames.append(sound(render(gpu, scene, eye, bounces=0, antialias=False)[0]))
+    near = frames[0]["depth"] < 3.0
+    assert near.mean() > 0.5
+    assert frames[1]["depth"][near] == pytest.approx(frames[0]["depth"][near], rel=1e-3)
+
+
+@pytest.mark.parametrize("size", [1e-8, 1e11])
+def test_a_scene_too_small_or_large_for_its_numbers_is_refused(gpu, size):
+    scene = lit(box_room((-size,) * 3, (size,) * 3))
+    scene.add(icosphere(0.3 * size, 4), material=Material(transmission=1.0, roughness=0.0, thickness=1.0))
+    with pytest.raises(SceneError, match="m across; scale it to between"):
+        render(gpu, scene)
