@@ -228,9 +228,9 @@ def test_grass_repeats_to_the_bit(gpu, count, width):
         assert all(frame[layer].tobytes() == frames[0][layer].tobytes() for frame in frames), layer
 
 
-@pytest.mark.parametrize("half", [10.0, 1e4, 1e5])
+@pytest.mark.parametrize("half", [10.0, 1e4])
 def test_a_plain_however_wide_hides_nothing_in_the_foreground(gpu, half):
-    """What is near stays where it was; corners that far away are rounded to 2^-24 of themselves, 0.006 m."""
+    """What is near stays where it was; corners that far away are rounded to 2^-24 of themselves, .6 mm."""
     frames = []
     for wide in (5.0, half):
         scene = Scene()
