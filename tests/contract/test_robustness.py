@@ -154,7 +154,7 @@ def test_frames_own_their_arrays_whatever_is_rendered_next(gpu):
         assert not (direct == kept[0]).all()
 
 
-@pytest.mark.skipif(sys.platform == "win32", reason="signals of another kind")
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows cannot send a process SIGINT")
 @pytest.mark.parametrize("request_to_end", [signal.SIGINT, signal.SIGTERM])
 def test_an_interrupt_keeps_the_passes_that_were_done(tmp_path, request_to_end):
     picture, kept = tmp_path / "a.png", tmp_path / "a.npz"

@@ -172,7 +172,7 @@ def _register() -> None:
     Mitsuba's own takes them as independent, G1 G1, which is darker at grazing angles.
     """
 
-    class GlossyMetal(mi.BSDF):  # type: ignore[misc]  # Mitsuba has no types
+    class GlossyMetal(mi.BSDF):
         def __init__(self, properties: Any) -> None:
             mi.BSDF.__init__(self, properties)
             self._alpha = float(properties.get("alpha"))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -55,10 +56,10 @@ def mixed_scene() -> Scene:
     return scene
 
 
-def view_of(size: tuple[int, int] = (160, 90), **options: object) -> CameraView:
+def view_of(size: tuple[int, int] = (160, 90), **options: Any) -> CameraView:
     """A camera that sees all of `mixed_scene`."""
     pose = look_at_pose(np.array([0.4, 1.6, 5.0]), np.array([0.0, 0.8, 0.0]))
-    return CameraView(size, pose, **{"near": 0.01, **options})  # type: ignore[arg-type]
+    return CameraView(size, pose, **{"near": 0.01, **options})
 
 
 @dataclass

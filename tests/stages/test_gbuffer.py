@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 from exact import cast, interior, mixed_scene, packed_mixed, quad, triangles_of, view_of
@@ -184,9 +186,9 @@ def test_normal_map_is_mirrored_with_its_instance(gpu: Gpu) -> None:
 
 
 def test_mask_cuts_holes_and_blend_thins(gpu: Gpu) -> None:
-    def share(**material: object) -> float:
+    def share(**material: Any) -> float:
         scene = Scene()
-        scene.add(quad(5.0), material=Material(**material))  # type: ignore[arg-type]
+        scene.add(quad(5.0), material=Material(**material))
         return float((draw(gpu, pack(scene), from_above((320, 180)))["ids"][..., 0] == 1).mean())
 
     assert share(base_color=(1, 1, 1, 0.4), alpha_mode=AlphaMode.MASK, alpha_cutoff=0.41) == 0.0

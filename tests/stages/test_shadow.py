@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from exact import cast, mixed_scene, quad, triangles_of, view_of
+from exact import Triangles, cast, mixed_scene, quad, triangles_of, view_of
 from lit import Lamp, Lit
 
 from ispm.gpu import Gpu
@@ -120,17 +120,19 @@ def exact_beside(
     return np.asarray(~(t < length - 1.5 * texels))
 
 
-def seen_surfaces(lit: Lit, triangles: object, eye: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def seen_surfaces(
+    lit: Lit, triangles: Triangles, eye: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Points, geometric normals on the eye's side and brightness of the pixels whose triangle is certain."""
     points, ids = lit.points.reshape(-1, 3), lit.ids.ravel()
     some = np.flatnonzero(ids)
     ways = points[some] - eye
     distance = np.linalg.norm(ways, axis=1)
     d = ways / distance[:, None]
-    same = triangles.instance[None] + 1 == ids[some][:, None]  # type: ignore[attr-defined]
-    row, t, _ = cast(triangles, np.broadcast_to(eye, d.shape), d, same)  # type: ignore[arg-type]
+    same = triangles.instance[None] + 1 == ids[some][:, None]
+    row, t, _ = cast(triangles, np.broadcast_to(eye, d.shape), d, same)
     certain = (row >= 0) & (np.abs(t - distance) < 1e-3 * distance)
-    normals = triangles.front[row] * -np.sign(np.einsum("nk,nk->n", triangles.front[row], d))[:, None]  # type: ignore[attr-defined]
+    normals = triangles.front[row] * -np.sign(np.einsum("nk,nk->n", triangles.front[row], d))[:, None]
     return points[some][certain], normals[certain], lit.radiance.reshape(-1, 3)[some][certain].sum(-1)
 
 
@@ -219,7 +221,7 @@ def exact_radiance(packed: Packed, points: np.ndarray, normal: np.ndarray) -> np
 def set_rotation(node: object, pose: np.ndarray) -> None:
     from scipy.spatial.transform import Rotation
 
-    node.rotation = tuple(Rotation.from_matrix(pose[:3, :3]).as_quat())  # type: ignore[attr-defined]
+    node.rotation = tuple(Rotation.from_matrix(pose[:3, :3]).as_quat())
 
 
 @pytest.mark.parametrize("thickness", [1.0, 0.02])

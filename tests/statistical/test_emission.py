@@ -306,8 +306,10 @@ def test_spots_light_discs_by_their_falloff(gpu, emission, inner, outer):
     flux = photons["flux"][:, 0].astype(float) / 16
     low, high = math.cos(math.radians(outer)), math.cos(math.radians(inner))
 
+    def fade(cosine):
+        return (min(max(cosine, low), high) - low) ** 3 / (3 * (high - low) ** 2)
+
     def within(cosine):
-        fade = lambda c: (min(max(c, low), high) - low) ** 3 / (3 * (high - low) ** 2)  # noqa: E731
         return 2 * math.pi * 3.0 * (fade(high) - fade(cosine) + 1 - max(high, cosine))
 
     for degrees in (0.3 * outer, 0.6 * outer, 0.9 * outer, 0.97 * outer):
