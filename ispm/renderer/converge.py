@@ -53,9 +53,9 @@ def converge(renderer: Renderer, goal: Settings) -> Iterator[Frame]:
     """
     started = time.perf_counter()
     progress, settings, threads = renderer.progress, renderer.settings, renderer.threads
-    longest = 0.0
+    made_of, longest = renderer.fingerprint(), 0.0
     if progress:
-        progress.require(renderer.fingerprint())
+        progress.require(made_of)
         if progress.passes >= goal.most_passes:
             yield progress.frame(settings, threads)
             return
@@ -63,7 +63,7 @@ def converge(renderer: Renderer, goal: Settings) -> Iterator[Frame]:
         begun = time.perf_counter()
         frame = renderer.render_pass(progress.passes if progress else 0)
         if progress is None:
-            progress = renderer.progress = Progress.start(frame)
+            progress = renderer.progress = Progress.start(frame, made_of)
         else:
             progress.add(frame)
         yield progress.frame(settings, threads)

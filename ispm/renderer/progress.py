@@ -38,7 +38,7 @@ class Progress:
     moments  (2, h, w) float64: sums of luminance and of its square
     first    layers and camera of the first pass
     stats    of the last pass
-    made_of  fingerprint of scene, camera and settings, in a file; empty where it was not read from one
+    made_of  fingerprint of scene, camera and settings as passes began
     """
 
     passes: int
@@ -48,14 +48,14 @@ class Progress:
     camera: dict[str, np.ndarray] = field(repr=False)
     scene: str
     stats: Stats = field(repr=False)
-    made_of: str = ""
+    made_of: str
 
     @classmethod
-    def start(cls, frame: Frame) -> Progress:
+    def start(cls, frame: Frame, made_of: str) -> Progress:
         """Begin with the frame of pass 0."""
         sums = {name: np.zeros_like(frame[name]) for name in _SUMMED}
         moments = np.zeros((2, *frame["depth"].shape))
-        progress = cls(0, sums, moments, frame.layers, frame.camera, frame.scene, frame.stats)
+        progress = cls(0, sums, moments, frame.layers, frame.camera, frame.scene, frame.stats, made_of)
         progress.add(frame)
         return progress
 
@@ -95,14 +95,13 @@ class Progress:
         stats = dataclasses.replace(self.stats, passes=self.passes, error=self.error())
         return Frame(image, Layers(makers), stats, settings, self.camera, exposure, self.scene)
 
-    def save(self, path: str | Path, made_of: str) -> Path:
+    def save(self, path: str | Path) -> Path:
         """Write a file that `load` reads. Raises OutputError."""
         arrays = {f"sum.{name}": total for name, total in self.sums.items()}
         arrays |= {f"first.{name}": self.first[name] for name in _KEPT}
         arrays |= {f"camera.{name}": array for name, array in self.camera.items()}
-        about = dict(
-            passes=self.passes, scene=self.scene, made_of=made_of, stats=dataclasses.asdict(self.stats)
-        )
+        about = {name: getattr(self, name) for name in ("passes", "scene", "made_of")}
+        about["stats"] = dataclasses.asdict(self.stats)
         write_npz(path, {**arrays, "moments": self.moments}, {"ispm:progress": json.dumps(about)})
         return Path(path)
 

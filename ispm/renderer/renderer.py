@@ -190,12 +190,11 @@ class Renderer:
     def save_progress(self, path: str | Path) -> Path:
         """Write what `converge` has summed up so far, to be continued with `resume`.
 
-        To be called before scene, camera or settings change: the file says of which it is as they are now.
         Raises IspmError where there is none, OutputError where it cannot be written.
         """
         if self.progress is None:
             raise IspmError("no passes were rendered; call converge first")
-        return self.progress.save(path, self.fingerprint())
+        return self.progress.save(path)
 
     def render_pass(self, index: int) -> Frame:
         """Render pass `index` alone; what `converge` takes the mean of."""

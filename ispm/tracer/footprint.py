@@ -23,7 +23,6 @@ OVERLAP = f32(5)  # beams' areas under a kernel: 3 leave grain (a third more err
 _ASPECT_MAX = f32(8)  # of a kernel's length over its width
 _LENGTH_MAX = f32(0.05)  # of the scene's diagonal
 _TRUST = f32(0.35)  # least mean radius over the measured one: normal maps spread light as no beam tells
-_HEIGHT = f32(0.25)  # of a kernel over its width
 
 # columns of PHOTON and CAUSTIC records seen as words
 _RADIUS, _NORMAL, _PHOTON_HEIGHT = 3, 12, 15
@@ -66,8 +65,8 @@ def _shape(words, beams, clear, limits, pixel, eye, out):
         u, v = scale(words[i, _RADIUS], t), scale(words[i, _RADIUS], b)
         if i < len(beams):
             u, v = _ellipse(beams, i, t, b, words[i, _RADIUS], least_radius(words, i, pixel, eye), limits)
-            slender = words[i, _PHOTON_HEIGHT] / words[i, _RADIUS]
-            out[i, _CAUSTIC_HEIGHT] = max(slender, _HEIGHT) * math.sqrt(dot(u, u))
+            slenderness = words[i, _PHOTON_HEIGHT] / words[i, _RADIUS]
+            out[i, _CAUSTIC_HEIGHT] = slenderness * math.sqrt(dot(u, u))
         for k in range(3):
             out[i, U + k] = u[k]
             out[i, V + k] = v[k]

@@ -114,7 +114,7 @@ def test_a_file_of_spoiled_passes_is_refused(gpu, scene, tmp_path, name, spoil):
         progress.moments = spoil(progress.moments)
     else:
         progress.sums["direct"] = spoil(progress.sums["direct"])
-    progress.save(kept, "")
+    progress.save(kept)
     with pytest.raises(OutputError, match="does not hold passes"):
         Progress.load(kept)
 

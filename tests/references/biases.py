@@ -8,11 +8,9 @@ from __future__ import annotations
 
 import argparse
 import math
-import re
 import warnings
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 from transport import Tracer
@@ -26,8 +24,12 @@ from ispm.renderer.picture import Frame
 from ispm.stages.camera import CameraView
 from ispm.tracer.surface import SurfaceTable
 from references.bias_scenes import BOUNCES, Case, Seen, cases
+from references.page import table, write_between
 
-_PAGE = Path(__file__).parents[2] / "docs" / "accuracy.md"
+_TABLES = {
+    "biases": (("bias", "case", "over", "default", "fast", "16 passes", "±", "treated by"), "lllrrrrl"),
+    "boiling": (("bias", "case", "default, median", "95 %", "fast, median", "95 %"), "llrrrr"),
+}
 _SIZE = 640, 360
 _SEEDS, _FLICKER_SEEDS, _PASSES = 4, 16, 16
 _PATHS = 250_000  # of a region
@@ -48,17 +50,17 @@ def main() -> int:
     everything = cases()
     parser = argparse.ArgumentParser(description="Measure each bias by itself.")
     parser.add_argument("names", nargs="*", choices=[*everything, []], metavar="NAME", help="default: all")
-    names = parser.parse_args().names or list(everything)
+    names = parser.parse_args().names
     warnings.simplefilter("ignore")
-    gpu = open_gpu()
-    for name in names:
-        rows, boiling = [], []
+    gpu, rows = open_gpu(), {title: [] for title in _TABLES}
+    for name in names or everything:
         for case in everything[name]:
-            for table, row in measure(name, case, gpu):
+            for title, row in measure(name, case, gpu):
                 print(*row, sep="\t", flush=True)
-                (boiling if table == "boiling" else rows).append(row)
-        write_rows("biases", rows, list(everything))
-        write_rows("boiling", boiling, list(everything))
+                rows[title].append(row)
+    if not names:
+        for title, (headings, sides) in _TABLES.items():
+            write_between(title, table(list(headings), rows[title], sides))
     return 0
 
 
@@ -164,20 +166,6 @@ def _flicker(pictures: np.ndarray) -> tuple[float, float]:
     mean = pictures.mean(axis=0)
     share = (pictures.std(axis=0, ddof=1)[mean > 0.0]) / mean[mean > 0.0]
     return float(np.median(share)), float(np.quantile(share, 0.95))
-
-
-def write_rows(table: str, rows: list[list[str]], order: list[str]) -> None:
-    """Put rows into a table of the page in place of those of the same bias; biases stay in order."""
-    page = _PAGE.read_text("utf-8")
-    pattern = re.compile(rf"(<!-- {table}: .*? -->\n.*?\n.*?\n)(.*?)(<!-- /{table} -->)", re.DOTALL)
-    found = pattern.search(page)
-    assert found is not None
-    named = {row[0] for row in rows}
-    lines = [line for line in found[2].splitlines() if line.split(" | ")[0][2:] not in named]
-    lines += [f"| {' | '.join(row)} |" for row in rows]
-    lines.sort(key=lambda line: order.index(line.split(" | ")[0][2:]))
-    body = "".join(line + "\n" for line in lines)
-    _PAGE.write_text(page[: found.start(2)] + body + page[found.end(2) :], "utf-8")
 
 
 if __name__ == "__main__":
