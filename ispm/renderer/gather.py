@@ -81,11 +81,14 @@ class PhotonLight:
         if not len(self._parts.smooth):
             dark = np.zeros((len(points), 16), np.float32)
             return dark, dark
-        light = estimator(self._parts.smooth)
+        if self._settings.gather_rays:
+            glossy = (points["alpha"] > 0).any()
+            light = estimator(self._parts.smooth) if glossy else np.zeros((len(points), 16), np.float32)
+            light = self._gathered(points, size, light, estimator(self._straight))
+        else:
+            light = estimator(self._parts.smooth)
         if self._settings.is_plain:
             return light, light
-        if self._settings.gather_rays:
-            light = self._gathered(points, size, light, estimator(self._straight))
         diagonal, smoothing = self._packed.diagonal, self._settings.smoothing
         return light, filter_estimate(points, light, size, diagonal, smoothing, self._threads)
 

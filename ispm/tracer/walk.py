@@ -42,6 +42,8 @@ f32, i64, u32 = np.float32, np.int64, np.uint32
 ROULETTE_AFTER = 4  # scatters; living photons lower the error more than they cost before that
 SPECULAR_MAX = 8  # events at smooth surfaces without roulette
 _SPECULAR_SURVIVAL = 0.9  # chance at each later one: ends paths between lossless surfaces without fireflies
+_SPOT_COPIES = 4
+_HEIR = 1 << 23
 BEAM = 9  # floats that describe what a photon alone lights
 _CHUNK = 256  # photons a thread takes at a time; results do not depend on it or on the threads
 
@@ -135,7 +137,7 @@ def chunk_capacity(bounces):
 
     Surfaces both smooth and diffuse store without end; where a chunk is full its photons are dropped.
     """
-    return i64(_CHUNK) * (max(i64(bounces), i64(1)) + i64(SPECULAR_MAX))
+    return i64(_CHUNK * _SPOT_COPIES) * (max(i64(bounces), i64(1)) + i64(SPECULAR_MAX))
 
 
 @jit
@@ -152,23 +154,29 @@ def _walk_chunks(
         row = chunk * capacity
         rays = i64(0)
         for i in range(chunk * i64(_CHUNK), min((chunk + 1) * i64(_CHUNK), len(emitted))):
-            row, traced = _walk_one(
-                world, table, texels, rows, lights, emitted, i, bounces, seed, pass_index, limit, stack,
-                words, stored, ways, row, sums, chunk,
-            )  # fmt: skip
-            rays += traced
+            copies = _copies(table, texels, rows, lights, emitted[i], limit)
+            u, _, _, _ = random4(emitted[i].key, u32(_HEIR), pass_index, seed)
+            heir = i64(u * f32(copies))
+            for copy in range(copies):
+                row, traced = _walk_one(
+                    world, table, texels, rows, lights, emitted, i, copy, copies, copy == heir, bounces, seed, pass_index,
+                    limit, stack, words, stored, ways, row, sums, chunk,
+                )  # fmt: skip
+                rays += traced
         counts[chunk, 0] = row - chunk * capacity
         counts[chunk, 1] = rays
 
 
 @jit
 def _walk_one(
-    world, table, texels, rows, lights, emitted, i, bounces, seed, pass_index, limit, stack, words,
-    stored, ways, row, sums, chunk,
+    world, table, texels, rows, lights, emitted, i, copy, copies, is_heir, bounces, seed, pass_index, limit, stack,
+    words, stored, ways, row, sums, chunk,
 ):  # fmt: skip
-    """Follow photon `i`; return the next free row of `stored` and the number of rays traced."""
+    """Follow one copy of photon `i`; return the next free row of `stored` and the number of rays traced."""
     photon = emitted[i]
-    flux = (photon.flux[0], photon.flux[1], photon.flux[2])
+    key = photon.key ^ u32(copy << i64(28))
+    whole = (photon.flux[0], photon.flux[1], photon.flux[2])
+    flux = scale(f32(1) / f32(copies), whole)
     _add(sums, chunk, _EMITTED, flux)
     if photon.instance == u32(NO_HIT):
         _add(sums, chunk, _ESCAPED, flux)
@@ -176,7 +184,7 @@ def _walk_one(
     hit = (photon.instance, photon.primitive, photon.u, photon.v)
     light = lights[i64(photon.light)]
     origin, d, within = first_segment(table, light, hit)
-    beam = emitted_beam(light, flux, d)
+    beam = emitted_beam(light, whole, d)
     kept = scale(within, flux)
     _add_difference(sums, chunk, _ESCAPED, flux, kept)
     flux = kept
@@ -209,11 +217,14 @@ def _walk_one(
             _add(sums, chunk, _DROPPED, flux)
             break
         alive, wi, scattered, specular = next_flight(
-            photon.key, pass_index, seed, scatters, speculars, ng, n, bsdf, flags, d, flux
+            key, pass_index, seed, scatters, speculars, ng, n, bsdf, flags, d, flux
         )
         if alive and last and not specular:
             _add(sums, chunk, _DROPPED, flux)
             break
+        if alive and not specular and scatters == i64(1) and copies > i64(1):
+            alive = is_heir
+            scattered = scale(f32(copies), scattered)
         if not alive:
             _add(sums, chunk, _ABSORBED, flux)
             break
@@ -226,7 +237,7 @@ def _walk_one(
             eta = f32(1) if flags & u32(MATERIAL_THIN) else eta_of(bsdf)
             beam = redirected_beam(table, hit, beam, d, wi, ng, n, eta)
         flux, d, origin, plane = scattered, wi, position, ng
-        u = flight_number(photon.key, pass_index, seed, scatters + speculars)
+        u = flight_number(key, pass_index, seed, scatters + speculars)
         speculars += i64(specular)
         scatters += i64(not specular)
         straight = specular and passed_sheet(flags, ng, d)
@@ -239,6 +250,22 @@ def _walk_one(
             _add(sums, chunk, _ESCAPED, flux)
             break
     return row, rays
+
+
+@jit
+def _copies(table, texels, rows, lights, photon, limit):
+    """Return in how many parts a photon goes on from its first hit.
+
+    Light from bright spots reaches the picture by photons alone, and would else be most of its noise.
+    """
+    if limit == f32(np.inf) or photon.instance == u32(NO_HIT):
+        return i64(1)
+    light, hit = lights[i64(photon.light)], (photon.instance, photon.primitive, photon.u, photon.v)
+    irradiance, _, wi = light_arriving(light, hit_position(table, hit))
+    if max(irradiance[0], max(irradiance[1], irradiance[2])) <= limit:
+        return i64(1)
+    position, ng, n, bsdf, flags, _ = surface(table, texels, rows, hit, scale(f32(-1), wi))
+    return i64(_SPOT_COPIES) if is_bright(bsdf, ng, ng, irradiance, wi, limit) else i64(1)
 
 
 @jit
