@@ -2,6 +2,8 @@
 
 import re
 
+import numpy as np
+
 from ispm import wgsl
 
 _SOURCE = wgsl.load("optics/records.wgsl")
@@ -31,3 +33,8 @@ MATERIAL_CAUSTIC = _CONSTANTS["MATERIAL_CAUSTIC"]
 LIGHT_POINT = _CONSTANTS["LIGHT_POINT"]
 LIGHT_SPOT = _CONSTANTS["LIGHT_SPOT"]
 LIGHT_DIRECTIONAL = _CONSTANTS["LIGHT_DIRECTIONAL"]
+
+
+def take(records: np.ndarray, rows: np.ndarray) -> np.ndarray:
+    """Return records[rows]; numpy copies that field by field, which takes eight times as long."""
+    return np.take(records.view(f"V{records.itemsize}"), rows).view(records.dtype)

@@ -7,11 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ispm.optics.records import CAUSTIC
+from ispm.optics.records import CAUSTIC, take
 from ispm.scene.packed import Packed
 from ispm.settings import Settings
 from ispm.stages.camera import CameraView
 from ispm.tracer.apriori import class_radii, hint_radii
+from ispm.tracer.cells import SMALLEST, sort_by_cell
 from ispm.tracer.density import CAUSTIC_NEIGHBORS, FOCUSED_NEIGHBORS, is_crowded, measure_caustic_radii
 from ispm.tracer.footprint import shape_kernels
 from ispm.tracer.surface import SurfaceTable
@@ -99,7 +100,9 @@ def part_photons(
     )
     end_at_walls(kernels, world, surfaces, threads)
     kernels = np.concatenate([kernels[wide], kernels[~wide]])
-    return _joined(photons[smooth], caustic[wide], caustic[~wide], kernels, straight[smooth])
+    _, order = sort_by_cell(photons, packed.bounds[0], SMALLEST * packed.diagonal)
+    order = order[smooth[order]]
+    return _joined(take(photons, order), caustic[wide], caustic[~wide], kernels, straight[order])
 
 
 def _measure_plain(path: Walk, packed: Packed, settings: Settings) -> None:

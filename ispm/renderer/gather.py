@@ -21,6 +21,7 @@ from ispm.stages.filter import filter_estimate, set_reach
 from ispm.tracer.density import measure_radii
 from ispm.tracer.ends import reflect_light
 from ispm.tracer.gather import gather_rays
+from ispm.tracer.guide import Guide
 from ispm.tracer.grid import PhotonGrid
 from ispm.tracer.surface import SurfaceTable
 from ispm.tracer.world import World
@@ -67,6 +68,8 @@ class PhotonLight:
     ) -> None:
         self._packed, self._world, self._surfaces, self._parts = packed, world, surfaces, parts
         self._view, self._settings, self._threads = view, settings, threads
+        if settings.gather_rays:
+            self._guide = Guide(parts.smooth[~parts.straight], packed.bounds[0], packed.diagonal)
         if not settings.is_plain:
             self._measure(parts.smooth)
 
@@ -147,10 +150,11 @@ class PhotonLight:
             even_numbers(size, settings.seed, view.pass_index),
         )
         most = np.float32(1.0 / (_NEAREST * packed.diagonal))
+        guide = self._guide.densities(points, size, self._threads)
         for first in range(0, len(points), _BATCH // rays):
             part = slice(first, first + _BATCH // rays)
             found = gather_rays(
-                packed, self._world, self._surfaces, points[part], tuple(each[part] for each in numbers),
+                packed, self._world, self._surfaces, points[part], (guide[0], guide[1][part]), tuple(each[part] for each in numbers),
                 math.isqrt(rays), limit, settings.seed, view.pass_index, self._threads,
             )  # fmt: skip
             ends = self._scattered.estimate(found.points, self._threads)

@@ -12,6 +12,7 @@ import numpy as np
 
 from ispm.optics.jit import jit
 from ispm.optics.vector import dot
+from ispm.tracer.cells import SMALLEST, sort_by_cell
 from ispm.tracer.nearest import DIMENSIONS, STACK_WORDS, NearestTree, find_nearest
 from ispm.tracer.simd import address, alloca, atomic_add, ldf, ldu
 from ispm.tracer.threads import run_threads
@@ -70,14 +71,12 @@ def measure_radii(
     if not len(photons):
         return
     words = photons.view(np.float32).reshape(-1, 16)
-    cell = f32(diagonal * 0.004)
+    cell = f32(diagonal * SMALLEST)
     log_density = np.zeros(len(photons), np.float32)
     low = words[:, :3].min(axis=0) - f32(2.0) * cell
     for shift in _SHIFTS:
-        keys = np.empty(len(photons), np.uint64)
-        _cell_keys(words, low - np.array(shift, np.float32) * cell * f32(0.9), cell, keys)
-        order = np.argsort(keys, kind="stable")
-        _add_log_density(words, keys[order], order, cell, log_density)
+        keys, order = sort_by_cell(photons, low - np.array(shift, np.float32) * cell * f32(0.9), cell)
+        _add_log_density(words, keys, order, cell, log_density)
     _write_radii(
         words, _reach_on_objects(photons, widths), log_density / f32(len(_SHIFTS)), f32(smoothing),
         f32(diagonal * _RADIUS_MIN), f32(diagonal * _RADIUS_MAX),
@@ -106,47 +105,13 @@ def _reach_on_objects(photons: np.ndarray, widths: np.ndarray | None) -> np.ndar
 
 
 @jit
-def _spread(x):
-    """Put two zero bits behind each of the low 20 bits of x (Morton order)."""
-    x = np.uint64(x) & np.uint64(0xFFFFF)
-    x = (x | (x << np.uint64(32))) & np.uint64(0x1F00000000FFFF)
-    x = (x | (x << np.uint64(16))) & np.uint64(0x1F0000FF0000FF)
-    x = (x | (x << np.uint64(8))) & np.uint64(0x100F00F00F00F00F)
-    x = (x | (x << np.uint64(4))) & np.uint64(0x10C30C30C30C30C3)
-    return (x | (x << np.uint64(2))) & np.uint64(0x1249249249249249)
-
-
-@jit
-def _facing(x, y, z):
-    """Which of the six sides of a cube the normal points to, 0 to 5."""
-    ax, ay, az = abs(x), abs(y), abs(z)
-    if ax >= ay and ax >= az:
-        return i64(0) if x > f32(0) else i64(1)
-    if ay >= az:
-        return i64(2) if y > f32(0) else i64(3)
-    return i64(4) if z > f32(0) else i64(5)
-
-
-@jit
-def _cell_keys(words, low, cell, keys):
-    """The facing above the Morton code of the finest cell, so that shifting by 3 bits gives its parent."""
-    for i in range(len(words)):
-        code = np.uint64(0)
-        for axis in range(3):
-            place = i64(max((words[i, axis] - low[axis]) / cell, f32(0)))
-            code |= _spread(np.uint64(min(place, i64(0xFFFFF)))) << np.uint64(axis)
-        facing = _facing(words[i, _NX], words[i, _NX + 1], words[i, _NX + 2])
-        keys[i] = code | (np.uint64(facing) << np.uint64(60))
-
-
-@jit
 def _add_log_density(words, keys, order, cell, log_density):
     """Add the logarithm of each photon's density (1/m^2), from the smallest cell with enough photons."""
     n = len(keys)
     count = np.zeros(n, np.float32)
     side = np.zeros(n, np.float32)
     for level in range(_LEVELS - 1, -1, -1):
-        shift = np.uint64(3 * level)
+        shift = u32(3 * level)
         first = 0
         for i in range(1, n + 1):
             if i == n or keys[i] >> shift != keys[first] >> shift:

@@ -26,6 +26,7 @@ from ispm.optics.rng import random4
 from ispm.optics.sampling import cosine_hemisphere, to_world
 from ispm.optics.vector import add, dot, scale, sub
 from ispm.scene.packed import Packed
+from ispm.tracer.guide import guided
 from ispm.tracer.found import END, store_end, store_point
 from ispm.tracer.intersect import STACK_WORDS
 from ispm.tracer.lit import is_gathered, light_from_one, times
@@ -66,6 +67,7 @@ def gather_rays(
     world: World,
     surfaces: SurfaceTable,
     receivers: np.ndarray,
+    guide: tuple[np.ndarray, np.ndarray],
     numbers: tuple[np.ndarray, ...],
     side: int,
     limit: float,
@@ -76,6 +78,7 @@ def gather_rays(
     """Trace rays from receivers; the same bytes for any number of threads.
 
     receivers  (n,) RECEIVER
+    guide      (m, ...) densities of rays, and (n,) int32, the row of each receiver: as `Guide.densities`
     numbers    (n,) float32 m, by which rays start above the surface; (n,) uint32, keys of the random numbers;
                (n, 2) float32 in [0, 1), places of a receiver's rays in their parts of the hemisphere
     side       m = n side^2 rays: one through each of side x side equal parts of the hemisphere by cosine
@@ -92,13 +95,13 @@ def gather_rays(
     out = found.radiance, found.fresnel, found.nearness, found.ends, found.points
     counter = np.zeros(8, np.int64)
     run_threads(
-        lambda _: _gather_chunks(place, scene, receivers, numbers, i64(side), address(counter), out), threads
+        lambda _: _gather_chunks(place, scene, receivers, guide, numbers, i64(side), address(counter), out), threads
     )
     return found
 
 
 @jit
-def _gather_chunks(place, scene, receivers, numbers, side, counter, out):
+def _gather_chunks(place, scene, receivers, guide, numbers, side, counter, out):
     scratch = alloca(STACK_WORDS), alloca(2)
     while True:
         first = atomic_add(counter, i64(_CHUNK))
@@ -107,16 +110,17 @@ def _gather_chunks(place, scene, receivers, numbers, side, counter, out):
         for r in range(first, min(first + i64(_CHUNK), len(receivers))):
             if receivers[r].valid != u32(0):
                 for k in range(side * side):
-                    _gather_one(place, scene, receivers[r], numbers, r, k, side, scratch, out)
+                    _gather_one(place, scene, receivers[r], guide, numbers, r, k, side, scratch, out)
 
 
 @jit
-def _gather_one(place, scene, receiver, numbers, r, k, side, scratch, out):
+def _gather_one(place, scene, receiver, guide, numbers, r, k, side, scratch, out):
     """Trace ray `k` of receiver `r`."""
     row, key, dimension = r * side * side + k, numbers[1][r], u32(_DIMENSION + 16 * k)
     u3, u4, _, _ = random4(key, dimension, scene[3], scene[4])
     share = f32(1) / f32(side)
     u1, u2 = (f32(k // side) + numbers[2][r, 0]) * share, (f32(k % side) + numbers[2][r, 1]) * share
+    u1, u2, density = guided(guide[0], guide[1][r], u1, u2)
     n = (receiver.n[0], receiver.n[1], receiver.n[2])
     ng = (receiver.ng[0], receiver.ng[1], receiver.ng[2])
     d = to_world(cosine_hemisphere(u1, u2), n)
@@ -126,21 +130,21 @@ def _gather_one(place, scene, receiver, numbers, r, k, side, scratch, out):
         wo = (receiver.wo[0], receiver.wo[1], receiver.wo[2])
         out[1][row] = gloss_terms(receiver.alpha, n, wo, d)[2]
     start = add((receiver.position[0], receiver.position[1], receiver.position[2]), scale(numbers[0][r], ng))
-    _look(place, scene, start, d, u3, u4, (key, dimension), scratch, row, out)
+    _look(place, scene, start, d, f32(1) / density, u3, u4, (key, dimension), scratch, row, out)
 
 
 @jit
-def _look(place, scene, start, d, u, u_shadow, numbers, scratch, row, out):
+def _look(place, scene, start, d, share, u, u_shadow, numbers, scratch, row, out):
     """Write what a ray finds; u: random, for holes that it meets; u_shadow: for those that light meets."""
     world, table, texels, rows = place
     lights, porous, limit, pass_index, seed = scene
-    weight, wo, origin = (f32(1), f32(1), f32(1)), scale(f32(-1), d), start
+    weight, wo, origin = (share, share, share), scale(f32(-1), d), start
     for sheet in range(_SHEETS_MAX):
         found, hit = closest_surface(world, table, texels, rows, start, d, u, scratch[0], scratch[1])
         if not found:
             return
         position, ng, n, b, flags, _ = surface(table, texels, rows, hit, d)
-        out[2][row] = f32(1) / max(dot(sub(position, origin), d), f32(1e-30))
+        out[2][row] = share / max(dot(sub(position, origin), d), f32(1e-30))
         if is_gathered(b):
             break
         if b[_THIN] == f32(0) or not is_smooth(b) or not transmits(b):

@@ -201,12 +201,12 @@ def _walk_one(
             _add_difference(sums, chunk, _ABSORBED, flux, kept)
             flux = kept
         room = row < end
+        way = sub(position, origin)
+        flown = f32(math.sqrt(dot(way, way)))
         if scatters == i64(0):
-            way = sub(position, origin)
-            beam = beam_at(beam, f32(math.sqrt(dot(way, way))), d, ng)
+            beam = beam_at(beam, flown, d, ng)
         if not direct and room and has_finite(bsdf):
-            clear = abs(dot(sub(position, origin), plane))
-            _store(stored, row, position, ng, flux, d, clear, hit[0], scatters)
+            _store(stored, row, position, ng, flux, d, abs(dot(way, plane)), flown, hit[0], scatters)
             ways[0][row], ways[1][row] = mirrored, mirrored or hidden
             if scatters == i64(0):
                 _store_beam(ways[2], row, beam, plane)
@@ -366,9 +366,9 @@ def scatter(ng, n, bsdf, flags, d, flux, u0, u1, u2):
 
 
 @jit
-def _store(stored, row, position, ng, flux, d, clear, instance, scatters):
+def _store(stored, row, position, ng, flux, d, clear, flown, instance, scatters):
     """Write a PHOTON record. Its kernel is measured later; until then `radius` is how far away, in m, the
-    plane of the surface is that the photon comes from."""
+    plane of the surface is that the photon comes from, and `height` how far that surface is along its way."""
     photon = stored[row]
     for k in literal_unroll((0, 1, 2)):
         photon.position[k] = position[k]
@@ -376,7 +376,7 @@ def _store(stored, row, position, ng, flux, d, clear, instance, scatters):
         photon.flux[k] = flux[k]
         photon.wi[k] = -d[k]
     photon.radius = clear
-    photon.height = f32(0)
+    photon.height = flown
     photon.bounce = u32(scatters)
     photon.instance = instance
 

@@ -1,0 +1,70 @@
+"""The cells of an octree that points on surfaces lie in, one tree for each way in which a surface may face.
+
+A key is one of six facings above the Morton code of the smallest cell, so that keys without their last 3 n bits
+are those of cells 2^n times as wide, and points sorted by key lie cell by cell at all sizes. (Morton, A Computer
+Oriented Geodetic Data Base, IBM 1966.)
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ispm.optics.jit import jit
+
+f32, i64, u32 = np.float32, np.int64, np.uint32
+
+BITS = 9  # of a cell's number along each axis
+SMALLEST = 0.004  # of the scene's diagonal: a cell's width, so that the scene has half as many as bits allow
+
+
+def sort_by_cell(points: np.ndarray, low: np.ndarray, cell: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return the keys of (N,) PHOTON in ascending order, (N,) uint32, and (N,) uint32, whose they are.
+
+    low   (3,) m, below all points;  cell  width of the smallest cells, m
+    """
+    keys = np.empty(len(points), np.uint64)
+    _pack_keys(points.view(np.float32).reshape(-1, 16), low.astype(np.float32), f32(1.0 / cell), keys)
+    keys.sort()
+    return (keys >> np.uint64(32)).astype(np.uint32), keys.astype(np.uint32)
+
+
+@jit
+def cell_key(position, normal, low, per_metre):
+    """Return the key of a point.
+
+    per_metre  one over the width of the smallest cells
+    """
+    key = facing(normal) << u32(3 * BITS)
+    for axis in range(3):
+        place = min(max((position[axis] - low[axis]) * per_metre, f32(0)), f32((1 << BITS) - 1))
+        key |= _spread(u32(place)) << u32(axis)
+    return key
+
+
+@jit
+def facing(normal):
+    """Return which side of a cube a normal points to, 0 to 5."""
+    x, y, z = abs(normal[0]), abs(normal[1]), abs(normal[2])
+    if x >= y and x >= z:
+        return u32(normal[0] <= f32(0))
+    if y >= z:
+        return u32(2) + u32(normal[1] <= f32(0))
+    return u32(4) + u32(normal[2] <= f32(0))
+
+
+@jit
+def _pack_keys(words, low, per_metre, keys):
+    """Write keys above the points' numbers: sorted as they are, equal keys keep their order."""
+    for i in range(len(words)):
+        position, normal = (words[i, 0], words[i, 1], words[i, 2]), (words[i, 12], words[i, 13], words[i, 14])
+        key = cell_key(position, normal, low, per_metre)
+        keys[i] = np.uint64(key) << np.uint64(32) | np.uint64(i)
+
+
+@jit
+def _spread(x):
+    """Put two zero bits behind each of the low 10 bits of x."""
+    x = (x | (x << u32(16))) & u32(0x030000FF)
+    x = (x | (x << u32(8))) & u32(0x0300F00F)
+    x = (x | (x << u32(4))) & u32(0x030C30C3)
+    return (x | (x << u32(2))) & u32(0x09249249)
