@@ -8,45 +8,20 @@ from typing import Any
 
 import numpy as np
 
-from ispm.optics.bsdf import gloss
-from ispm.optics.density import cosine_ratio, density_kernel, photon_counts
 from ispm.optics.jit import jit
 from ispm.optics.records import PHOTON, RECEIVER
-from ispm.optics.vector import add, dot, sub
-from ispm.tracer.simd import address, alloca, atomic_add, ldf, ldu, stf
+from ispm.tracer.blocks import (
+    BLOCKS, BOX, CHANNELS, HEIGHT, LANES, NORMAL, RADIUS, TILE, WORDS, WORK, add_to_tile, clear, empty_box,
+    extend_box, is_valid, meets, put, take_out, vector,
+)  # fmt: skip
+from ispm.tracer.simd import address, alloca, atomic_add, ldf
 from ispm.tracer.threads import run_threads, thread_count
 
-f32, f64, i32, i64, u32, uint64 = np.float32, np.float64, np.int32, np.int64, np.uint32, np.uint64
+f32, f64, i32, i64, uint64 = np.float32, np.float64, np.int32, np.int64, np.uint64
 
-CHANNELS = 16
 _SIDE = 8  # receivers along a tile's edge
-_TILE = _SIDE * _SIDE
-_LANES = 8  # receivers of a block, 4 x 2 of the tile's: what one vector instruction works on
-_BLOCKS = _TILE // _LANES
+assert _SIDE * _SIDE == TILE
 _CHUNKS = 16  # of photons, for binning; any number gives the same lists
-_FAR = f32(1e15)  # m; its square is a float too
-
-
-def _word(record: np.dtype, name: str) -> int:
-    """Place of a field in its record, in 4 bytes."""
-    assert record.fields is not None
-    return int(record.fields[name][1]) // 4
-
-
-_ALPHA, _NG, _VALID, _N, _WO = (_word(RECEIVER, name) for name in ("alpha", "ng", "valid", "n", "wo"))
-_RADIUS, _FLUX, _WI, _NORMAL, _HEIGHT = (
-    _word(PHOTON, name) for name in ("radius", "flux", "wi", "normal", "height")
-)
-_WORDS = PHOTON.itemsize // 4
-assert RECEIVER.itemsize == PHOTON.itemsize and _word(RECEIVER, "position") == _word(PHOTON, "position") == 0
-
-# A tile's receivers as it works on them: rows of 64 floats, sums behind.
-_ROW_NG, _ROW_N, _ROW_WO, _ROW_ALPHA, _ROW_SUMS = 3, 6, 9, 12, 13
-_ROWS = _ROW_SUMS + CHANNELS
-_WORK_SIZE = _ROWS * _TILE // 2  # in 8 bytes
-# Bounds of a tile and of its blocks: low and high corners.
-_BOX = 6
-_BOXES_SIZE = _BOX * _BLOCKS // 2
 
 
 class TiledCpu:
@@ -70,7 +45,7 @@ class TiledCpu:
             return out
         receivers, photons = np.ascontiguousarray(receivers), np.ascontiguousarray(photons)
         tiles = -(-size[0] // _SIDE), -(-size[1] // _SIDE)
-        boxes = np.empty((tiles[0] * tiles[1], _BOX), f32)
+        boxes = np.empty((tiles[0] * tiles[1], BOX), f32)
         self._run(_bound, address(receivers), size, tiles, len(boxes), address(boxes))
         starts, members = self._bin(photons, np.asarray(clip_from_world, f64), size, tiles, boxes)
         self._run(
@@ -108,15 +83,9 @@ class TiledCpu:
 
 
 @jit
-def _vector(base, first):
-    """Three floats in a row."""
-    return ldf(base, first), ldf(base, first + 1), ldf(base, first + 2)
-
-
-@jit
 def _row_of(k, size, tile, tiles_x):
     """Place of a tile's receiver k among all, -1 off the screen; 4 x 2 neighbors make a block."""
-    block, lane = k // _LANES, k % _LANES
+    block, lane = k // LANES, k % LANES
     x = (tile % tiles_x) * _SIDE + (block % 2) * 4 + lane % 4
     y = (tile // tiles_x) * _SIDE + (block // 2) * 2 + lane // 4
     return y * size[0] + x if x < size[0] and y < size[1] else i64(-1)
@@ -129,26 +98,11 @@ def _bound(counter, receivers, size, tiles, tile_count, boxes):
         tile = atomic_add(counter, i64(1))
         if tile >= tile_count:
             return
-        _empty_box(boxes, tile)
-        for k in range(_TILE):
+        empty_box(boxes, tile)
+        for k in range(TILE):
             i = _row_of(k, size, tile, tiles[0])
-            if i >= 0 and ldu(receivers, i * _WORDS + _VALID):
-                _extend_box(boxes, tile, _vector(receivers, i * _WORDS))
-
-
-@jit
-def _empty_box(boxes, box):
-    for axis in range(3):
-        stf(boxes, box * _BOX + axis, _FAR)
-        stf(boxes, box * _BOX + 3 + axis, -_FAR)
-
-
-@jit
-def _extend_box(boxes, box, point):
-    for axis in range(3):
-        low, high = box * _BOX + axis, box * _BOX + 3 + axis
-        stf(boxes, low, min(ldf(boxes, low), point[axis]))
-        stf(boxes, high, max(ldf(boxes, high), point[axis]))
+            if i >= 0 and is_valid(receivers, i):
+                extend_box(boxes, tile, vector(receivers, i * WORDS))
 
 
 @jit
@@ -166,7 +120,7 @@ def _project(counter, photons, clip, size, tiles, spans):
             return
         first, end = _chunk(chunk, len(spans))
         for p in range(first, end):
-            photon = photons + uint64(p * _WORDS * 4)
+            photon = photons + uint64(p * WORDS * 4)
             x0, x1 = _extent(photon, clip, 0, size[0], tiles[0])
             y0, y1 = _extent(photon, clip, 1, size[1], tiles[1])
             spans[p, 0], spans[p, 1], spans[p, 2], spans[p, 3] = x0, x1, y0, y1
@@ -199,15 +153,15 @@ def _extent(photon, clip, axis, pixels, tile_count):
 @jit
 def _plane_at(photon, clip, row):
     """A row of the matrix applied to the photon's center."""
-    x, y, z = _vector(photon, 0)
+    x, y, z = vector(photon, 0)
     return clip[row, 0] * f64(x) + clip[row, 1] * f64(y) + clip[row, 2] * f64(z) + clip[row, 3]
 
 
 @jit
 def _form(photon, clip, i, j):
     """The ellipsoid's quadratic form of two rows: a^T (r^2 (1 - n n^T) + h^2 n n^T) b."""
-    x, y, z = _vector(photon, _NORMAL)
-    r, h = f64(ldf(photon, _RADIUS)), f64(ldf(photon, _HEIGHT))
+    x, y, z = vector(photon, NORMAL)
+    r, h = f64(ldf(photon, RADIUS)), f64(ldf(photon, HEIGHT))
     an = clip[i, 0] * f64(x) + clip[i, 1] * f64(y) + clip[i, 2] * f64(z)
     bn = clip[j, 0] * f64(x) + clip[j, 1] * f64(y) + clip[j, 2] * f64(z)
     ab = clip[i, 0] * clip[j, 0] + clip[i, 1] * clip[j, 1] + clip[i, 2] * clip[j, 2]
@@ -223,156 +177,34 @@ def _visit(counter, photons, tiles_x, boxes, spans, members, cursors):
             return
         first, end = _chunk(chunk, len(spans))
         for p in range(first, end):
-            photon = photons + uint64(p * _WORDS * 4)
+            photon = photons + uint64(p * WORDS * 4)
             for y in range(spans[p, 2], spans[p, 3] + 1):
                 for x in range(spans[p, 0], spans[p, 1] + 1):
                     tile = y * tiles_x + x
-                    if _meets(photon, boxes + uint64(tile * _BOX * 4)):
+                    if meets(photon, boxes + uint64(tile * BOX * 4)):
                         if len(members):
                             members[cursors[chunk, tile]] = p
                         cursors[chunk, tile] += 1
 
 
 @jit
-def _meets(photon, box):
-    """Whether a photon's ellipsoid may reach into a box: its sphere does, and its slab does."""
-    x, n = _vector(photon, 0), _vector(photon, _NORMAL)
-    low, high = _vector(box, 0), _vector(box, 3)
-    d2 = (
-        _outside2(x[0], low[0], high[0]) + _outside2(x[1], low[1], high[1]) + _outside2(x[2], low[2], high[2])
-    )
-    half = (high[0] - low[0]) * abs(n[0]) + (high[1] - low[1]) * abs(n[1]) + (high[2] - low[2]) * abs(n[2])
-    along = dot(add(low, high), n) - f32(2) * dot(x, n)
-    # a little more than reach, for the rounding of the sums
-    radius, height = ldf(photon, _RADIUS) * f32(1.0001), ldf(photon, _HEIGHT) * f32(1.0001)
-    reach = max(radius, height)
-    return (d2 < reach * reach) & (abs(along) - half * f32(1.0001) < f32(2) * height)
-
-
-@jit
-def _outside2(x, low, high):
-    """Squared distance of x from an interval."""
-    d = max(max(low - x, x - high), f32(0))
-    return d * d
-
-
-@jit
 def _gather(counter, receivers, photons, size, tiles_x, starts, members, out):
     """Sum each tile's photons at its receivers."""
-    work, boxes = alloca(_WORK_SIZE), alloca(_BOXES_SIZE)
+    work = alloca(WORK)
     while True:
         tile = atomic_add(counter, i64(1))
         if tile >= len(starts) - 1:
             return
         if starts[tile] == starts[tile + 1]:
             continue
-        glossy = _load(receivers, size, tile, tiles_x, work, boxes)
+        clear(work)
+        glossy = False
+        for k in range(TILE):
+            i = _row_of(k, size, tile, tiles_x)
+            glossy |= i >= 0 and put(work, k, receivers, i)
         for m in range(starts[tile], starts[tile + 1]):
-            photon = photons + uint64(i64(members[m]) * _WORDS * 4)
-            for block in range(_BLOCKS):
-                if _meets(photon, boxes + uint64(block * _BOX * 4)):
-                    if glossy:
-                        _add_glossy(photon, work + uint64(block * _LANES * 4))
-                    else:
-                        _add_diffuse(photon, work + uint64(block * _LANES * 4))
-        _store(size, tile, tiles_x, work, out)
-
-
-@jit
-def _load(receivers, size, tile, tiles_x, work, boxes):
-    """Spread a tile's receivers over the rows of `work`, empty the sums and find the blocks' boxes.
-
-    -> whether any receiver has a glossy lobe
-    """
-    for word in range(_ROWS * _TILE):
-        stf(work, word, f32(0))
-    glossy = False
-    for block in range(_BLOCKS):
-        _empty_box(boxes, block)
-    for k in range(_TILE):
-        i = _row_of(k, size, tile, tiles_x)
-        if i < 0 or ldu(receivers, i * _WORDS + _VALID) == u32(0):
-            stf(work, k, _FAR)  # beyond the reach of any photon
-            continue
-        _extend_box(boxes, k // _LANES, _vector(receivers, i * _WORDS))
-        for axis in range(3):
-            stf(work, axis * _TILE + k, ldf(receivers, i * _WORDS + axis))
-            stf(work, (_ROW_NG + axis) * _TILE + k, ldf(receivers, i * _WORDS + _NG + axis))
-            stf(work, (_ROW_N + axis) * _TILE + k, ldf(receivers, i * _WORDS + _N + axis))
-            stf(work, (_ROW_WO + axis) * _TILE + k, ldf(receivers, i * _WORDS + _WO + axis))
-        alpha = ldf(receivers, i * _WORDS + _ALPHA)
-        stf(work, _ROW_ALPHA * _TILE + k, alpha)
-        glossy = glossy or alpha > f32(0)
-    return glossy
-
-
-@jit
-def _row(work, row, k):
-    """A vector of one receiver, from three rows."""
-    return ldf(work, row * _TILE + k), ldf(work, (row + 1) * _TILE + k), ldf(work, (row + 2) * _TILE + k)
-
-
-@jit
-def _add_diffuse(photon, work):
-    """Add a photon to the sums of a block whose receivers have no glossy lobe."""
-    position, normal, wi = _vector(photon, 0), _vector(photon, _NORMAL), _vector(photon, _WI)
-    flux, radius, height = _vector(photon, _FLUX), ldf(photon, _RADIUS), ldf(photon, _HEIGHT)
-    for k in range(_LANES):
-        kappa, light = _arrival(work, k, position, normal, wi, radius, height)
-        _add(work, 0, k, light, flux)
-        _add_one(work, 3, k, kappa)
-
-
-@jit
-def _add_glossy(photon, work):
-    """Add a photon to the sums of a block."""
-    position, normal, wi = _vector(photon, 0), _vector(photon, _NORMAL), _vector(photon, _WI)
-    flux, radius, height = _vector(photon, _FLUX), ldf(photon, _RADIUS), ldf(photon, _HEIGHT)
-    for k in range(_LANES):
-        kappa, light = _arrival(work, k, position, normal, wi, radius, height)
-        alpha, n, wo = ldf(work, _ROW_ALPHA * _TILE + k), _row(work, _ROW_N, k), _row(work, _ROW_WO, k)
-        # gloss() without its gate: a branch would keep the loop from becoming vectors
-        dv, fc = gloss(alpha, n, wo, wi)
-        visible = (alpha > f32(0)) & (dot(n, wo) > f32(0)) & (dot(n, wi) > f32(0))
-        dv = dv if visible else f32(0)
-        fc = fc if visible else f32(0)
-        _add(work, 0, k, light, flux)
-        _add_one(work, 3, k, kappa)
-        _add(work, 4, k, light * fc, flux)
-        _add(work, 8, k, light * dv * (f32(1) - fc), flux)
-        _add(work, 12, k, light * dv * fc, flux)
-
-
-@jit
-def _arrival(work, k, position, normal, wi, radius, height):
-    """Density kernel and its product with the cosine ratio at receiver k; zero where the photon is gated."""
-    ng = _row(work, _ROW_NG, k)
-    wi_ng = dot(wi, ng)
-    kappa = density_kernel(sub(_row(work, 0, k), position), normal, radius, height)
-    kappa = kappa if photon_counts(wi_ng, dot(normal, ng)) else f32(0)
-    ratio = cosine_ratio(dot(wi, _row(work, _ROW_N, k)), wi_ng)
-    return kappa, (kappa * ratio if kappa > f32(0) else f32(0))
-
-
-@jit
-def _add(work, channel, k, weight, flux):
-    """Add weight times flux to three sums of receiver k."""
-    _add_one(work, channel, k, weight * flux[0])
-    _add_one(work, channel + 1, k, weight * flux[1])
-    _add_one(work, channel + 2, k, weight * flux[2])
-
-
-@jit
-def _add_one(work, channel, k, value):
-    place = (_ROW_SUMS + channel) * _TILE + k
-    stf(work, place, ldf(work, place) + value)
-
-
-@jit
-def _store(size, tile, tiles_x, work, out):
-    """Write a tile's sums to its receivers' rows."""
-    for k in range(_TILE):
-        i = _row_of(k, size, tile, tiles_x)
-        if i >= 0:
-            for channel in range(CHANNELS):
-                stf(out, i * CHANNELS + channel, ldf(work, (_ROW_SUMS + channel) * _TILE + k))
+            add_to_tile(work, photons + uint64(i64(members[m]) * WORDS * 4), BLOCKS, glossy)
+        for k in range(TILE):
+            i = _row_of(k, size, tile, tiles_x)
+            if i >= 0:
+                take_out(work, k, out, i)

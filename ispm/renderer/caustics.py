@@ -45,7 +45,7 @@ class PhotonParts:
     def scattered(self, bounces: int) -> np.ndarray:
         """Return copies of those that have scattered, but less than `bounces` times."""
         count = self.photons["bounce"]
-        return self.photons[(count > 0) & (count < bounces)]
+        return take(self.photons, np.flatnonzero((count > 0) & (count < bounces)))
 
     @property
     def caustic(self) -> np.ndarray:

@@ -7,10 +7,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
+from ispm.optics.records import take
 from ispm.optics.rng import random4
 from ispm.optics.sampling import LATTICE
 from ispm.renderer.caustics import PhotonParts, sample_width
@@ -21,8 +22,8 @@ from ispm.stages.filter import filter_estimate, set_reach
 from ispm.tracer.density import measure_radii
 from ispm.tracer.ends import reflect_light
 from ispm.tracer.gather import gather_rays
-from ispm.tracer.guide import Guide
 from ispm.tracer.grid import PhotonGrid
+from ispm.tracer.guide import Guide
 from ispm.tracer.surface import SurfaceTable
 from ispm.tracer.world import World
 
@@ -69,7 +70,7 @@ class PhotonLight:
         self._packed, self._world, self._surfaces, self._parts = packed, world, surfaces, parts
         self._view, self._settings, self._threads = view, settings, threads
         if settings.gather_rays:
-            self._guide = Guide(parts.smooth[~parts.straight], packed.bounds[0], packed.diagonal)
+            self._guide = Guide(parts.smooth, ~parts.straight, packed.bounds[0], packed.diagonal)
         if not settings.is_plain:
             self._measure(parts.smooth)
 
@@ -85,9 +86,7 @@ class PhotonLight:
             dark = np.zeros((len(points), 16), np.float32)
             return dark, dark
         if self._settings.gather_rays:
-            glossy = (points["alpha"] > 0).any()
-            light = estimator(self._parts.smooth) if glossy else np.zeros((len(points), 16), np.float32)
-            light = self._gathered(points, size, light, estimator(self._straight))
+            light = self._gathered(points, size, estimator)
         else:
             light = estimator(self._parts.smooth)
         if self._settings.is_plain:
@@ -100,10 +99,9 @@ class PhotonLight:
 
         points  (n,) RECEIVER, row by row, of `size`
         """
-        light = self.photons.estimate(points, self._threads)
-        if not self._settings.gather_rays:
-            return light
-        return self._gathered(points, size, light, self._straight_grid.estimate(points, self._threads))
+        if self._settings.gather_rays:
+            return self._gathered(points, size, partial(self._from_grid, points))
+        return self.photons.estimate(points, self._threads)
 
     @cached_property
     def photons(self) -> PhotonGrid:
@@ -121,13 +119,18 @@ class PhotonLight:
     @cached_property
     def _straight(self) -> np.ndarray:
         """(m,) PHOTON whose light gather rays leave out, their kernels measured among them alone."""
-        straight: np.ndarray = self._parts.smooth[self._parts.straight]
+        straight: np.ndarray = take(self._parts.smooth, np.flatnonzero(self._parts.straight))
         self._measure(straight)
         return straight
 
     @cached_property
     def _straight_grid(self) -> PhotonGrid:
         return PhotonGrid(self._straight)
+
+    def _from_grid(self, points: np.ndarray, photons: np.ndarray) -> np.ndarray:
+        """Estimate the light of the smooth or of the straight photons at points."""
+        grid = self._straight_grid if photons is self._straight else self.photons
+        return grid.estimate(points, self._threads)
 
     def _measure(self, photons: np.ndarray) -> None:
         """Give kernels of the low resolution their size."""
@@ -138,11 +141,13 @@ class PhotonLight:
         )
 
     def _gathered(
-        self, points: np.ndarray, size: tuple[int, int], estimate: np.ndarray, straight: np.ndarray
+        self, points: np.ndarray, size: tuple[int, int], estimator: Callable[[np.ndarray], np.ndarray]
     ) -> np.ndarray:
-        """Light at points, (n, 16): gloss as in `estimate`, the rest by rays and of the straight photons."""
+        """Light at points, (n, 16): gloss of all photons, the rest by rays and of the straight photons."""
         packed, view, settings = self._packed, self._view, self._settings
-        light, nearness = estimate.copy(), np.empty(len(points), np.float32)
+        glossy = (points["alpha"] > 0.0).any()
+        light = estimator(self._parts.smooth) if glossy else np.zeros((len(points), 16), np.float32)
+        straight, nearness = estimator(self._straight), np.empty(len(points), np.float32)
         rays, limit = settings.gather_rays, bright_limit(packed, settings)
         numbers = (
             _clearance(points["position"], view.eye),
@@ -150,12 +155,13 @@ class PhotonLight:
             even_numbers(size, settings.seed, view.pass_index),
         )
         most = np.float32(1.0 / (_NEAREST * packed.diagonal))
-        guide = self._guide.densities(points, size, self._threads)
+        densities, rows = self._guide.densities(points, size, self._threads)
         for first in range(0, len(points), _BATCH // rays):
             part = slice(first, first + _BATCH // rays)
             found = gather_rays(
-                packed, self._world, self._surfaces, points[part], (guide[0], guide[1][part]), tuple(each[part] for each in numbers),
-                math.isqrt(rays), limit, settings.seed, view.pass_index, self._threads,
+                packed, self._world, self._surfaces, points[part], (densities, rows[part]),
+                tuple(each[part] for each in numbers), math.isqrt(rays), limit, settings.seed, view.pass_index,
+                self._threads,
             )  # fmt: skip
             ends = self._scattered.estimate(found.points, self._threads)
             radiance = found.radiance + reflect_light(found.ends, ends, len(found.ends))

@@ -1,8 +1,7 @@
 """The cells of an octree that points on surfaces lie in, one tree for each way in which a surface may face.
 
-A key is one of six facings above the Morton code of the smallest cell, so that keys without their last 3 n bits
-are those of cells 2^n times as wide, and points sorted by key lie cell by cell at all sizes. (Morton, A Computer
-Oriented Geodetic Data Base, IBM 1966.)
+A key is one of six facings above the Morton code of the smallest cell (Morton 1966). Without their last 3 n bits
+keys are those of cells 2^n times as wide, so points sorted by key lie cell by cell at all sizes.
 """
 
 from __future__ import annotations

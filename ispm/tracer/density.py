@@ -12,7 +12,7 @@ import numpy as np
 
 from ispm.optics.jit import jit
 from ispm.optics.vector import dot
-from ispm.tracer.cells import SMALLEST, sort_by_cell
+from ispm.tracer.cells import BITS, SMALLEST, sort_by_cell
 from ispm.tracer.nearest import DIMENSIONS, STACK_WORDS, NearestTree, find_nearest
 from ispm.tracer.simd import address, alloca, atomic_add, ldf, ldu
 from ispm.tracer.threads import run_threads
@@ -185,7 +185,7 @@ def measure_caustic_radii(
         return
     assert 0 < neighbors <= _NEIGHBORS_MAX
     words = photons.view(np.float32).reshape(-1, 16)
-    points, order = _points_in_order(words, f32(_TURN * diagonal))
+    points, order = _points_in_order(photons, f32(_TURN * diagonal))
     tree = NearestTree(points)
     low, high = _CAUSTIC_RADIUS_MIN * diagonal, _CAUSTIC_RADIUS_MAX * diagonal
     limits = np.array([low, high, smoothing], np.float32)
@@ -203,12 +203,11 @@ def measure_caustic_radii(
     run_threads(work, threads)
 
 
-def _points_in_order(words: np.ndarray, turn: np.float32) -> tuple[np.ndarray, np.ndarray]:
+def _points_in_order(photons: np.ndarray, turn: np.float32) -> tuple[np.ndarray, np.ndarray]:
     """Return (N, 6) positions and normals times `turn`, along a curve through space, and (N,) photons."""
+    words = photons.view(np.float32).reshape(-1, 16)
     low, high = words[:, :3].min(axis=0), words[:, :3].max(axis=0)
-    keys = np.empty(len(words), np.uint64)
-    _cell_keys(words, low, max(f32((high - low).max() / 0xFFFFF), f32(1e-30)), keys)
-    order = np.argsort(keys, kind="stable")
+    _, order = sort_by_cell(photons, low, max(float((high - low).max()) / (1 << BITS), 1e-30))
     points = np.empty((len(words), DIMENSIONS), np.float32)
     points[:, :3] = words[order, :3]
     points[:, 3:] = words[order, _NX : _NX + 3] * turn

@@ -26,8 +26,8 @@ from ispm.optics.rng import random4
 from ispm.optics.sampling import cosine_hemisphere, to_world
 from ispm.optics.vector import add, dot, scale, sub
 from ispm.scene.packed import Packed
-from ispm.tracer.guide import guided
 from ispm.tracer.found import END, store_end, store_point
+from ispm.tracer.guide import guided
 from ispm.tracer.intersect import STACK_WORDS
 from ispm.tracer.lit import is_gathered, light_from_one, times
 from ispm.tracer.simd import address, alloca, atomic_add
@@ -95,7 +95,8 @@ def gather_rays(
     out = found.radiance, found.fresnel, found.nearness, found.ends, found.points
     counter = np.zeros(8, np.int64)
     run_threads(
-        lambda _: _gather_chunks(place, scene, receivers, guide, numbers, i64(side), address(counter), out), threads
+        lambda _: _gather_chunks(place, scene, receivers, guide, numbers, i64(side), address(counter), out),
+        threads,
     )
     return found
 

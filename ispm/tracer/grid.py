@@ -12,15 +12,17 @@ from ispm.optics.density import cosine_ratio, density_kernel, ellipse_kernel, ph
 from ispm.optics.jit import jit
 from ispm.optics.records import CAUSTIC
 from ispm.optics.vector import cross, dot, sub
+from ispm.tracer.blocks import LANES, TILE, WORDS, WORK, add_to_tile, clear, put, take_out
 from ispm.tracer.normals import unit
-from ispm.tracer.simd import address, atomic_add
+from ispm.tracer.simd import address, alloca, atomic_add
 from ispm.tracer.threads import run_threads
 
 f32, i64, u32 = np.float32, np.int64, np.uint32
 
 _CELLS_MAX = 64  # per axis: 1 MB of counts
-_CHUNK = 64  # receivers a thread takes at a time
-_FEW = 1000  # receivers whose order is of no account
+_CHUNK = 1024  # receivers a thread takes at a time
+_NOWHERE = (1 << 26) - 1  # the cell of receivers outside
+_PARTS = 4  # of a cell along each axis, by which its receivers are sorted
 
 
 class PhotonGrid:
@@ -39,9 +41,8 @@ class PhotonGrid:
         self._photons = photons
         if not len(photons):
             return
-        position, reach = photons["position"], photons["radius"].max()
-        low = position.min(axis=0) - reach
-        extent = position.max(axis=0) + reach - low
+        reach, (low, high) = photons["radius"].max(), _bounds(photons)
+        low, extent = low - reach, high - low + f32(2) * reach
         wanted = 2.0 * float(photons["radius"].mean())
         self._cell = f32(max(wanted, float(extent.max()) / _CELLS_MAX, 1e-30))
         self._low = low.astype(np.float32)
@@ -61,24 +62,23 @@ class PhotonGrid:
         if not len(self._photons) or not len(receivers):
             return out
         counter = np.zeros(8, np.int64)
-        order = self._order(receivers)
+        order = np.empty(len(receivers), np.uint64)
+        _find_cells(receivers, self._low, self._cell, self._shape, order)
+        order.sort()
 
         def work(_: int) -> None:
-            _gather(
-                receivers, order, self._photons, self._kernels, self._low, self._cell, self._shape,
-                self._starts, self._ids, address(counter), out,
-            )  # fmt: skip
+            if len(self._kernels):
+                _gather_kernels(
+                    receivers, order, self._kernels, self._starts, self._ids, address(counter), out
+                )
+            else:
+                _gather(
+                    address(receivers), order, address(self._photons), self._starts, self._ids,
+                    address(counter), address(out),
+                )  # fmt: skip
 
         run_threads(work, threads)
         return out
-
-    def _order(self, receivers: np.ndarray) -> np.ndarray:
-        """Receivers by cell, (n,) int: those of one cell find its photons in the processor's cache."""
-        if len(receivers) < _FEW:
-            return np.arange(len(receivers))
-        cells = np.empty(len(receivers), np.int32)
-        _find_cells(receivers, self._low, self._cell, self._shape, cells)
-        return np.argsort(cells, kind="stable")
 
     def count(self, receivers: np.ndarray, threads: int) -> np.ndarray:
         """Return how many kernels hold each point, (n,) int32, whether they light it or not.
@@ -98,6 +98,18 @@ class PhotonGrid:
 
             run_threads(work, threads)
         return out
+
+
+@jit
+def _bounds(photons):
+    """The corners of the photons' bounds."""
+    bounds = np.empty((2, 3), np.float32)
+    bounds[0], bounds[1] = f32(np.inf), f32(-np.inf)
+    for p in range(len(photons)):
+        for axis in range(3):
+            bounds[0, axis] = min(bounds[0, axis], photons[p].position[axis])
+            bounds[1, axis] = max(bounds[1, axis], photons[p].position[axis])
+    return bounds
 
 
 @jit
@@ -138,29 +150,72 @@ def _fill(photons, low, cell, shape, cursors, ids):
 
 
 @jit
-def _find_cells(receivers, low, cell, shape, cells):
+def _find_cells(receivers, low, cell, shape, order):
+    """Write each receiver's number below that of its cell and of its place there: sorted, those of one cell
+    stand together, the nearest side by side. Receivers outside come last."""
     for r in range(len(receivers)):
-        cells[r] = _cell_at(receivers[r].position, low, cell, shape)
+        position, within = receivers[r].position, u32(0)
+        for axis in range(3):
+            part = i64((position[axis] - low[axis]) / cell * f32(_PARTS)) & i64(_PARTS - 1)
+            within |= u32(part & i64(1)) << u32(axis) | u32(part >> i64(1)) << u32(3 + axis)
+        c = _cell_at(position, low, cell, shape)
+        c = np.uint64(c) if c >= i64(0) and receivers[r].valid != u32(0) else np.uint64(_NOWHERE)
+        order[r] = (c << np.uint64(6) | np.uint64(within)) << np.uint64(32) | np.uint64(r)
 
 
 @jit
-def _gather(receivers, order, photons, kernels, low, cell, shape, starts, ids, counter, out):
+def _run_end(order, first, most):
+    """Where those end that stand in one cell with receiver `first` of the order, at `most` or before."""
+    end = first + i64(1)
+    while end < most and order[end] >> np.uint64(38) == order[first] >> np.uint64(38):
+        end += i64(1)
+    return end
+
+
+@jit
+def _gather(receivers, order, photons, starts, ids, counter, out):
+    """Sum the photons of each cell at the receivers in it."""
+    work = alloca(WORK)
     while True:
         first = atomic_add(counter, i64(_CHUNK))
-        if first >= len(receivers):
+        last = min(first + i64(_CHUNK), len(order))
+        if first >= last:
             return
-        for i in range(first, min(first + i64(_CHUNK), len(receivers))):
-            r = order[i]
-            receiver = receivers[r]
-            if receiver.valid == u32(0):
-                continue
-            c = _cell_at(receiver.position, low, cell, shape)
-            if c >= i64(0):
-                for k in range(starts[c], starts[c + 1]):
-                    if len(kernels):
-                        _add_caustic(receiver, kernels[ids[k]], out, r)
-                    else:
-                        add_photon(receiver, photons[ids[k]], out, r)
+        while first < last:
+            end = _run_end(order, first, min(first + i64(TILE), last))
+            cell = i64(order[first] >> np.uint64(38))
+            if cell != _NOWHERE and starts[cell] < starts[cell + 1]:
+                _gather_tile(
+                    receivers, order, first, end, photons, starts[cell], starts[cell + 1], ids, work, out
+                )
+            first = end
+
+
+@jit
+def _gather_tile(receivers, order, first, end, photons, start, stop, ids, work, out):
+    clear(work)
+    glossy = False
+    for k in range(end - first):
+        glossy |= put(work, k, receivers, i64(u32(order[first + k])))
+    blocks = (end - first + i64(LANES - 1)) // i64(LANES)
+    for m in range(start, stop):
+        add_to_tile(work, photons + np.uint64(i64(ids[m]) * WORDS * 4), blocks, glossy)
+    for k in range(end - first):
+        take_out(work, k, out, i64(u32(order[first + k])))
+
+
+@jit
+def _gather_kernels(receivers, order, kernels, starts, ids, counter, out):
+    """Likewise of photons with kernels of their own, one by one."""
+    while True:
+        first = atomic_add(counter, i64(_CHUNK))
+        if first >= len(order):
+            return
+        for i in range(first, min(first + i64(_CHUNK), len(order))):
+            cell, r = i64(order[i] >> np.uint64(38)), i64(u32(order[i]))
+            if cell != _NOWHERE:
+                for k in range(starts[cell], starts[cell + 1]):
+                    _add_caustic(receivers[r], kernels[ids[k]], out, r)
 
 
 @jit
@@ -192,17 +247,8 @@ def _cell_at(position, low, cell, shape):
 
 
 @jit
-def add_photon(receiver, photon, out, r):
-    """Add what one photon brings to receiver `r` to its channels."""
-    normal = (photon.normal[0], photon.normal[1], photon.normal[2])
-    kappa = density_kernel(_offset(receiver, photon), normal, photon.radius, photon.height)
-    if kappa > f32(0):
-        _add_light(receiver, photon, normal, kappa, out, r)
-
-
-@jit
 def _add_caustic(receiver, photon, out, r):
-    """Likewise of one with a kernel of its own. Twin of caustic.wgsl."""
+    """Add what a photon with a kernel of its own brings to receiver `r`. Twin of caustic.wgsl."""
     u, v = (photon.u[0], photon.u[1], photon.u[2]), (photon.v[0], photon.v[1], photon.v[2])
     offset, normal = _offset(receiver, photon), unit(cross(u, v))
     if dot(offset, (photon.front[0], photon.front[1], photon.front[2])) < -photon.reach:

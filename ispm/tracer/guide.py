@@ -1,9 +1,8 @@
-"""Where light comes from, told by the photons nearby: gather rays go there more often (Jensen 1995).
+"""Where light comes from, told by the photons nearby: gather rays go there more often.
 
-Photons lie sorted by the cells of an octree, for each of six ways in which a surface may face. A receiver takes
-the photons of the smallest cell about it that has enough of them; the directions in which they came make a
-histogram over the square that `cosine_hemisphere` maps to directions, in which even points are rays as the
-cosine has them. A share of all rays stays even, so that none weighs more than 1 over that share.
+A receiver takes the photons of the smallest cell about it that has enough of them. The places from which they
+came make a histogram over the square that `cosine_hemisphere` maps to directions, where rays of a density by
+cosine lie evenly. A share of the rays goes on so, and none weighs more than 1 over that share.
 Source: Jensen, Importance Driven Path Tracing using the Photon Map, EGWR 1995.
 """
 
@@ -24,24 +23,25 @@ from ispm.tracer.threads import run_threads
 f32, i64, u32 = np.float32, np.int64, np.uint32
 
 _RINGS, _SECTORS = 6, 12  # parts of the square: along u1, from the normal outwards, and u2, around it
-_EVEN = f32(0.4)
-_PHOTONS = 32_000  # that are enough to tell where light comes from
-_ENOUGH = 64
-_MOST = 128
-_BLOCK = 4
-_CHUNK = 16
+_EVEN = f32(0.4)  # of the rays, whatever the photons tell; 0.2: a tenth more noise
+_PHOTONS = 32_000  # of all, which are enough to tell where light comes from
+_ENOUGH, _MOST = 64, 128  # photons of a histogram
+_BLOCK = 4  # receivers on a side of those that share one
+_CHUNK = 16  # histograms a thread takes at a time
 
 
 class Guide:
-    """Photons sorted for receivers to find where their light comes from.
+    """Photons by cell, for receivers to find where their light comes from.
 
-    photons   (N,) PHOTON whose light gather rays find, by cell, `height` the length of their last flight, m
+    photons   (N,) PHOTON, `height` the length of their last flight, m
+    gathered  (N,) bool, whether gather rays find a photon's light
     low       (3,) m, corner of the scene
     diagonal  of the scene, m
     """
 
-    def __init__(self, photons: np.ndarray, low: np.ndarray, diagonal: float) -> None:
-        photons = np.ascontiguousarray(photons[:: 1 + len(photons) // _PHOTONS])
+    def __init__(self, photons: np.ndarray, gathered: np.ndarray, low: np.ndarray, diagonal: float) -> None:
+        rows = np.flatnonzero(gathered)
+        photons = take(photons, rows[:: 1 + len(rows) // _PHOTONS])
         self._low, self._cell = low.astype(np.float32), diagonal * SMALLEST
         self._keys, order = sort_by_cell(photons, self._low, self._cell)
         photons = take(photons, order)
@@ -51,21 +51,29 @@ class Guide:
     def densities(
         self, receivers: np.ndarray, size: tuple[int, int], threads: int
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return densities of rays in the square's parts, (m, rings, sectors + 1) float32, mean 1, with the
-        mean of each ring last, and the row that each receiver takes, (n,) int32.
+        """Return densities of rays over the square, (m, rings, sectors + 1) float32, of mean 1, with the mean
+        of each ring last, and the row that each receiver takes, (n,) int32.
 
         receivers  (n,) RECEIVER, row by row, of `size`
         """
         cells = np.zeros(len(receivers), np.int64)
         if len(self._keys) >= _ENOUGH:
             _find_cells(receivers, self._keys, self._low, f32(1.0 / self._cell), cells)
+        _, cell_rows = np.unique(cells, return_inverse=True)
         blocks = np.arange(size[1])[:, None] // _BLOCK * size[0] + np.arange(size[0]) // _BLOCK
-        both = np.stack([cells, blocks.reshape(-1)], axis=1).view("i8,i8")[:, 0]
-        used, first, rows = np.unique(both, return_index=True, return_inverse=True)
-        out = np.ones((len(used), _RINGS, _SECTORS + 1), np.float32)
-        counter, given = np.zeros(8, np.int64), (self._origins, self._powers, receivers[first], cells[first])
+        _, first, rows = np.unique(
+            cell_rows * len(receivers) + blocks.reshape(-1), return_index=True, return_inverse=True
+        )
+        out = np.ones((len(first), _RINGS, _SECTORS + 1), np.float32)
+        given = self._origins, self._powers, take(receivers, first), cells[first]
+        counter = np.zeros(8, np.int64)
         run_threads(lambda _: _describe(given, address(counter), out), threads)
         return out, rows.astype(np.int32)
+
+
+def even_guide(count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return what `Guide.densities` does, for receivers of which nothing is known."""
+    return np.ones((1, _RINGS, _SECTORS + 1), np.float32), np.zeros(count, np.int32)
 
 
 @jit

@@ -9,11 +9,14 @@ import numpy as np
 from ispm.optics.bsdf import eval_bsdf, has_finite, smooth_split, transmits
 from ispm.optics.jit import jit
 from ispm.optics.light import light_arriving
+from ispm.optics.records import NO_HIT
 from ispm.optics.vector import add, dot, scale, sub
 from ispm.tracer.intersect import any_hit
 from ispm.tracer.surface import closest_surface, hit_position, leave_surface, surface
 
-f32, i64 = np.float32, np.int64
+f32, i64, u32 = np.float32, np.int64, np.uint32
+
+SPOT_PARTS = 4  # in which a photon leaves a bright spot
 
 _SHEETS_MAX = 8  # of glass that a shadow ray passes
 _BEFORE = f32(1e-4)  # of the distance that a shadow ray ends before a light, which may hang on a wall
@@ -91,6 +94,30 @@ def is_bright(b, ng, wo, irradiance, wi, limit):
         return False
     seen = times(eval_bsdf(b, ng, ng, wo, wi), irradiance)
     return f32(math.pi) * abs(dot(ng, wi)) * greatest(seen) > limit
+
+
+@jit
+def is_spot(light, position, ng, b, wo, limit):
+    """Return whether a light makes a bright spot of a point that is seen along wo."""
+    irradiance, _, wi = light_arriving(light, position)
+    return is_bright(b, ng, wo, irradiance, wi, limit)
+
+
+@jit
+def parts_at_spot(table, texels, rows, lights, photon, limit):
+    """Return in how many parts an EMITTED photon goes on from its first hit: more from a bright spot.
+
+    Its light reaches the picture by photons alone, and they would be most of the picture's noise: in the
+    Cornell box 1.8 of 2.2 %.
+    """
+    if limit == f32(np.inf) or photon.instance == u32(NO_HIT):
+        return i64(1)
+    light, hit = lights[i64(photon.light)], (photon.instance, photon.primitive, photon.u, photon.v)
+    irradiance, _, wi = light_arriving(light, hit_position(table, hit))
+    if greatest(irradiance) <= limit:
+        return i64(1)
+    _, ng, _, b, _, _ = surface(table, texels, rows, hit, scale(f32(-1), wi))
+    return i64(SPOT_PARTS) if is_bright(b, ng, ng, irradiance, wi, limit) else i64(1)
 
 
 @jit

@@ -10,7 +10,7 @@ from numba import literal_unroll
 
 from ispm.optics.bsdf import adjoint_factor, eta_of, has_finite, is_smooth, sample_bsdf
 from ispm.optics.jit import jit
-from ispm.optics.light import light_arriving, range_window
+from ispm.optics.light import range_window
 from ispm.optics.records import (
     LIGHT_DIRECTIONAL,
     MATERIAL_THIN,
@@ -24,7 +24,7 @@ from ispm.optics.vector import dot, scale, sub
 from ispm.scene.packed import Packed
 from ispm.tracer.beam import beam_at, emitted_beam, redirected_beam
 from ispm.tracer.intersect import STACK_WORDS
-from ispm.tracer.lit import is_bright, is_gathered
+from ispm.tracer.lit import SPOT_PARTS, is_gathered, is_spot, parts_at_spot
 from ispm.tracer.simd import address, alloca, atomic_add
 from ispm.tracer.surface import (
     SurfaceTable,
@@ -42,8 +42,8 @@ f32, i64, u32 = np.float32, np.int64, np.uint32
 ROULETTE_AFTER = 4  # scatters; living photons lower the error more than they cost before that
 SPECULAR_MAX = 8  # events at smooth surfaces without roulette
 _SPECULAR_SURVIVAL = 0.9  # chance at each later one: ends paths between lossless surfaces without fireflies
-_SPOT_COPIES = 4
-_HEIR = 1 << 23
+_HEIR_DIMENSION = 1 << 23  # of the random number that draws which part of a photon goes on
+_PART_BIT = 28  # of a key, from which it tells parts: maps have fewer texels
 BEAM = 9  # floats that describe what a photon alone lights
 _CHUNK = 256  # photons a thread takes at a time; results do not depend on it or on the threads
 
@@ -96,7 +96,7 @@ def walk(
     emitted  (N,) EMITTED
     bounces  scatters at most, the one at the first hit included; events at smooth surfaces, where light
              goes one way, do not count
-    limit    of bright spots, see `lit.is_bright`
+    limit    of bright spots, see `lit.is_bright`; from there photons fly in `SPOT_PARTS` parts
     The first hit is direct light, which shadow maps show, also behind thin sheets, so it is not stored. Flux
     changes by f cos / pdf, and between hits by what is in between; after `ROULETTE_AFTER` scatters and
     `SPECULAR_MAX` specular events roulette keeps the expectation (method, 1.3).
@@ -137,7 +137,7 @@ def chunk_capacity(bounces):
 
     Surfaces both smooth and diffuse store without end; where a chunk is full its photons are dropped.
     """
-    return i64(_CHUNK * _SPOT_COPIES) * (max(i64(bounces), i64(1)) + i64(SPECULAR_MAX))
+    return i64(_CHUNK * SPOT_PARTS) * (max(i64(bounces), i64(1)) + i64(SPECULAR_MAX))
 
 
 @jit
@@ -154,13 +154,13 @@ def _walk_chunks(
         row = chunk * capacity
         rays = i64(0)
         for i in range(chunk * i64(_CHUNK), min((chunk + 1) * i64(_CHUNK), len(emitted))):
-            copies = _copies(table, texels, rows, lights, emitted[i], limit)
-            u, _, _, _ = random4(emitted[i].key, u32(_HEIR), pass_index, seed)
-            heir = i64(u * f32(copies))
-            for copy in range(copies):
+            parts = parts_at_spot(table, texels, rows, lights, emitted[i], limit)
+            u, _, _, _ = random4(emitted[i].key, u32(_HEIR_DIMENSION), pass_index, seed)
+            heir = i64(u * f32(parts))
+            for part in range(parts):
                 row, traced = _walk_one(
-                    world, table, texels, rows, lights, emitted, i, copy, copies, copy == heir, bounces, seed, pass_index,
-                    limit, stack, words, stored, ways, row, sums, chunk,
+                    world, table, texels, rows, lights, emitted, i, (part, parts, heir), bounces, seed,
+                    pass_index, limit, stack, words, stored, ways, row, sums, chunk,
                 )  # fmt: skip
                 rays += traced
         counts[chunk, 0] = row - chunk * capacity
@@ -169,14 +169,17 @@ def _walk_chunks(
 
 @jit
 def _walk_one(
-    world, table, texels, rows, lights, emitted, i, copy, copies, is_heir, bounces, seed, pass_index, limit, stack,
-    words, stored, ways, row, sums, chunk,
+    world, table, texels, rows, lights, emitted, i, split, bounces, seed, pass_index, limit, stack, words,
+    stored, ways, row, sums, chunk,
 ):  # fmt: skip
-    """Follow one copy of photon `i`; return the next free row of `stored` and the number of rays traced."""
-    photon = emitted[i]
-    key = photon.key ^ u32(copy << i64(28))
+    """Follow one part of photon `i`; return the next free row of `stored` and the number of rays traced.
+
+    split  which part of how many, and which of them goes on where they scatter next
+    """
+    photon, (part, parts, heir) = emitted[i], split
+    key = photon.key ^ u32(part << i64(_PART_BIT))
     whole = (photon.flux[0], photon.flux[1], photon.flux[2])
-    flux = scale(f32(1) / f32(copies), whole)
+    flux = scale(f32(1) / f32(parts), whole)
     _add(sums, chunk, _EMITTED, flux)
     if photon.instance == u32(NO_HIT):
         _add(sums, chunk, _ESCAPED, flux)
@@ -222,9 +225,9 @@ def _walk_one(
         if alive and last and not specular:
             _add(sums, chunk, _DROPPED, flux)
             break
-        if alive and not specular and scatters == i64(1) and copies > i64(1):
-            alive = is_heir
-            scattered = scale(f32(copies), scattered)
+        if alive and not specular and scatters == i64(1):
+            alive = part == heir
+            scattered = scale(f32(parts), scattered)
         if not alive:
             _add(sums, chunk, _ABSORBED, flux)
             break
@@ -250,29 +253,6 @@ def _walk_one(
             _add(sums, chunk, _ESCAPED, flux)
             break
     return row, rays
-
-
-@jit
-def _copies(table, texels, rows, lights, photon, limit):
-    """Return in how many parts a photon goes on from its first hit.
-
-    Light from bright spots reaches the picture by photons alone, and would else be most of its noise.
-    """
-    if limit == f32(np.inf) or photon.instance == u32(NO_HIT):
-        return i64(1)
-    light, hit = lights[i64(photon.light)], (photon.instance, photon.primitive, photon.u, photon.v)
-    irradiance, _, wi = light_arriving(light, hit_position(table, hit))
-    if max(irradiance[0], max(irradiance[1], irradiance[2])) <= limit:
-        return i64(1)
-    position, ng, n, bsdf, flags, _ = surface(table, texels, rows, hit, scale(f32(-1), wi))
-    return i64(_SPOT_COPIES) if is_bright(bsdf, ng, ng, irradiance, wi, limit) else i64(1)
-
-
-@jit
-def is_spot(light, position, ng, bsdf, wo, limit):
-    """Return whether a light makes a bright spot of a point that is seen along wo."""
-    irradiance, _, wi = light_arriving(light, position)
-    return is_bright(bsdf, ng, wo, irradiance, wi, limit)
 
 
 @jit

@@ -18,6 +18,7 @@ from ispm.tracer.density import measure_radii
 from ispm.tracer.ends import reflect_light
 from ispm.tracer.gather import gather_rays
 from ispm.tracer.grid import PhotonGrid
+from ispm.tracer.guide import even_guide
 
 
 def receivers_at(position, normal):
@@ -26,7 +27,7 @@ def receivers_at(position, normal):
     return points
 
 
-def gathered(tracer, points, limit, seed, photons, side=2):
+def gathered(tracer, points, limit, seed, photons, side=2, guide=None):
     """Return the irradiance that rays find at receivers, (n, 3)."""
     random = np.random.default_rng(seed)
     numbers = (
@@ -34,7 +35,17 @@ def gathered(tracer, points, limit, seed, photons, side=2):
         random.random((len(points), 2), np.float32),
     )  # fmt: skip
     found = gather_rays(
-        tracer.packed, tracer.world, tracer.surfaces, points, numbers, side, limit, seed, 0, tracer.threads
+        tracer.packed,
+        tracer.world,
+        tracer.surfaces,
+        points,
+        guide or even_guide(len(points)),
+        numbers,
+        side,
+        limit,
+        seed,
+        0,
+        tracer.threads,
     )
     radiance = reflect_light(found.ends, PhotonGrid(photons).estimate(found.points, 2), len(found.ends))
     return math.pi * (radiance + found.radiance).reshape(-1, side * side, 3).mean(axis=1, dtype=float)
