@@ -160,8 +160,8 @@ class PhotonLight:
             part = slice(first, first + _BATCH // rays)
             found = gather_rays(
                 packed, self._world, self._surfaces, points[part], (densities, rows[part]),
-                tuple(each[part] for each in numbers), math.isqrt(rays), limit, settings.seed, view.pass_index,
-                self._threads,
+                tuple(each[part] for each in numbers), math.isqrt(rays), limit, settings.seed,
+                view.pass_index, self._threads,
             )  # fmt: skip
             ends = self._scattered.estimate(found.points, self._threads)
             radiance = found.radiance + reflect_light(found.ends, ends, len(found.ends))

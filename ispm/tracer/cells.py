@@ -1,6 +1,6 @@
 """The cells of an octree that points on surfaces lie in, one tree for each way in which a surface may face.
 
-A key is one of six facings above the Morton code of the smallest cell (Morton 1966). Without their last 3 n bits
+A key is one of six facings above the Morton code of the smallest cell. Without their last 3 n bits
 keys are those of cells 2^n times as wide, so points sorted by key lie cell by cell at all sizes.
 """
 
