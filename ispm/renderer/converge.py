@@ -12,6 +12,7 @@ import time
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
+from ispm.errors import SceneError
 from ispm.optics.sampling import LATTICE
 from ispm.renderer.picture import Frame
 from ispm.renderer.progress import Progress
@@ -61,7 +62,13 @@ def converge(renderer: Renderer, goal: Settings) -> Iterator[Frame]:
             return
     while True:
         begun = time.perf_counter()
-        frame = renderer.render_pass(progress.passes if progress else 0)
+        done = progress.passes if progress else 0
+        frame = renderer.render_pass(done)
+        if renderer.last_fingerprint() != made_of:
+            raise SceneError(
+                f"the scene, its camera or the settings changed after pass {done}, and the mean would be of "
+                "neither; call converge to start anew"
+            )
         if progress is None:
             progress = renderer.progress = Progress.start(frame, made_of)
         else:
