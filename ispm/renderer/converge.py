@@ -57,7 +57,7 @@ def converge(renderer: Renderer, goal: Settings) -> Iterator[Frame]:
     made_of, longest = renderer.fingerprint(), 0.0
     if progress:
         progress.require(made_of)
-        if progress.passes >= goal.most_passes:
+        if _is_enough(progress, goal):
             yield progress.frame(settings, threads)
             return
     while True:
@@ -75,9 +75,12 @@ def converge(renderer: Renderer, goal: Settings) -> Iterator[Frame]:
             progress.add(frame)
         yield progress.frame(settings, threads)
         longest = max(longest, time.perf_counter() - begun)
-        if (
-            progress.passes >= goal.most_passes
-            or (goal.time_limit and time.perf_counter() - started + longest > goal.time_limit)
-            or (goal.target_error and progress.passes >= _SURE and progress.error() <= goal.target_error)
-        ):
+        late = goal.time_limit and time.perf_counter() - started + longest > goal.time_limit
+        if late or _is_enough(progress, goal):
             return
+
+
+def _is_enough(progress: Progress, goal: Settings) -> bool:
+    """Whether the passes asked for are made, or their noise is as low as was asked."""
+    sure = goal.target_error > 0.0 and progress.passes >= _SURE
+    return progress.passes >= goal.most_passes or (sure and progress.error() <= goal.target_error)

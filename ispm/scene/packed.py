@@ -9,6 +9,7 @@ from hashlib import sha256
 
 import numpy as np
 
+from ispm.errors import SceneError
 from ispm.optics import records
 from ispm.scene.directions import even_directions
 from ispm.scene.extent import enclosing_diameter
@@ -18,6 +19,7 @@ from ispm.scene.material import Material, Texture
 from ispm.scene.mesh import Mesh
 from ispm.scene.packed_material import material_record
 from ispm.scene.scene import Scene
+from ispm.scene.values import FARTHEST
 
 _SHARPEST = 1e-6  # difference of the cosines of a spot's cones, in float32
 
@@ -166,6 +168,8 @@ def pack(scene: Scene, geometry: Geometry | None = None) -> Packed:
     light_count = 0
     for index, (node, world) in enumerate(placed):
         node.check()
+        if not np.abs(world).max() <= FARTHEST:
+            raise SceneError(f"node '{node.name}': stands in nodes that together move or scale it too far")
         if node.light is not None:
             lights[light_count] = _light_record(node.light, world)
             light_count += 1

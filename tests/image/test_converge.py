@@ -71,6 +71,10 @@ def test_passes_repeat_and_continue_to_the_bit(gpu, scene, tmp_path):
     with renderer(gpu, scene) as third:  # at its end already
         (frame,) = third.converge(2, resume=kept)
         assert frame.stats.passes == 2 and frame.stats.stored_photons > 0
+        *_, fifth = third.converge(5, resume=kept)
+        third.save_progress(kept)
+        (frame,) = third.converge(9, target_error=1.01 * fifth.stats.error, resume=kept)
+        assert frame.stats.passes == 5
 
 
 def test_passes_of_something_else_are_not_continued(gpu, scene, tmp_path):

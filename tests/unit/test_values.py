@@ -157,6 +157,12 @@ def test_a_node_that_hangs_below_itself_is_refused():
         pack(Scene([upper]))
 
 
+def test_nodes_that_scale_each_other_beyond_all_numbers_are_refused():
+    inner = Node("inner", scale=(1e18, 1e18, 1e18), light=PointLight())
+    with pytest.raises(SceneError, match="node 'inner': stands in nodes that together"):
+        pack(Scene([Node(scale=(1e18, 1e18, 1e18), children=[inner])]))
+
+
 def test_a_node_may_hang_in_two_places():
     shared = Node("shared", parts=[Part(mesh(), Material())])
     scene = Scene([Node("left", children=[shared]), Node("right", (2, 0, 0), children=[shared]), shared])
