@@ -89,7 +89,7 @@ class Settings(_Checked):
     passes: int = knob(
         1,
         "pictures whose mean is taken, each with its own photons and smaller kernels; more: closer to the "
-        "truth, and as many times slower",
+        "truth, and as many times slower; 1, with time_limit or target_error: as many as these want",
         low=1,
         high=1_000_000,
         metavar="N",
@@ -261,6 +261,8 @@ def _preset_first(owner: type[Settings]) -> None:
     @functools.wraps(plain)
     def init(self: Settings, *placed: Any, **named: Any) -> None:
         given = dict(zip(names, placed, strict=False)) | named
+        for name in named:
+            knob_of(Settings, name)
         plain(self, **_with_preset(given))
 
     owner.__init__ = init  # type: ignore[method-assign]  # dataclasses have no hook between call and fields
@@ -321,7 +323,7 @@ def knob_of(owner: type, name: str) -> Field[Any]:
 
 def nearest(name: str, known: Iterable[str]) -> str:
     """Return '; did you mean ...?' for the known name closest to `name`, or an empty string."""
-    close = difflib.get_close_matches(name, sorted(known), 1)
+    close = difflib.get_close_matches(str(name), sorted(known), 1)
     return f"; did you mean '{close[0]}'?" if close else ""
 
 
@@ -337,7 +339,7 @@ def convert(f: Field[Any], value: Any, called: str = "") -> Any:
         if isinstance(f.default, bool):
             return _switch(value)
         return _numbers(f, value)
-    except SettingsError as error:
+    except (SettingsError, OverflowError) as error:
         raise SettingsError(f"{called or f.name}: {error}") from None
 
 
@@ -366,12 +368,13 @@ def _numbers(f: Field[Any], value: Any) -> Any:
             return words[value]
         hint = nearest(value, words) if value[:1].isalpha() else ""
         parts = re.split(r"\s*[xX,]\s*", value) if isinstance(f.default, tuple) else [value]
+        if isinstance(f.default, tuple) and not all(parts):
+            raise SettingsError(f"'{value}' is not {len(shape)} numbers")
         value = [_parse(part.strip(), words, hint) for part in parts]
     given = list(value) if isinstance(value, Iterable) else [value]
     if len(given) != len(shape):
         raise SettingsError(f"needs {len(shape)} number{'s' * (len(shape) > 1)}, not {len(given)}")
-    whole = isinstance(shape[0], int) or f.metadata["whole"]
-    result = tuple(_number(f, number, whole=whole) for number in given)
+    result = tuple(_number(f, n, whole=isinstance(shape[0], int) or f.metadata["whole"]) for n in given)
     return result if isinstance(f.default, tuple) else result[0]
 
 

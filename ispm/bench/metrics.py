@@ -95,6 +95,8 @@ def difference_picture(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 def _chosen(a: np.ndarray, b: np.ndarray, mask: np.ndarray | None) -> np.ndarray:
     """Return the (h, w) pixels to compare."""
+    if not all(isinstance(each, np.ndarray) and each.ndim == 3 for each in (a, b)):
+        raise OutputError("pictures to compare must be arrays (height, width, 3), as frame.radiance is")
     if a.shape != b.shape:
         raise OutputError(
             f"the pictures differ in shape, {_shape(a)} and {_shape(b)}; render at the same size"

@@ -36,7 +36,8 @@ def info(
     Example: ispm info room.glb
 
     SCENE is a file (.glb .gltf .obj .ply .stl) or the name of a built-in scene, or
-    a picture (.png .jpg .exr .npz .npy): its size, its channels and the command line that makes it again.
+    a picture (.png .jpg .exr .npz .npy): its size, its channels and the command line that makes it again, or
+    a file of `render --resume`: its passes and the error they leave.
     """
     if Path(scene).suffix.lower() in ENDINGS:
         _tell_picture(console, scene)
@@ -51,7 +52,10 @@ def _tell_picture(console: Console, path: str) -> None:
 
     found = read_about(path)
     made = dict(found.made)
-    settings = _settings(made.pop("settings", ""))
+    if "progress" in made:
+        _tell_passes(console, path, f"{found.width}x{found.height}", _read(made["progress"]))
+        return
+    settings = _read(made.pop("settings", ""))
     command = made.pop("command", None)
     about = {"size": f"{found.width}x{found.height}", "channels": found.channels, "bits": found.bits, **made}
     console.table(path, list(about.items()))
@@ -65,12 +69,26 @@ def _tell_picture(console: Console, path: str) -> None:
                     "settings": settings})  # fmt: skip
 
 
-def _settings(text: str) -> dict[str, Any]:
+def _tell_passes(console: Console, path: str, size: str, kept: dict[str, Any]) -> None:
+    """Say what a file of --resume holds."""
+    about = {
+        "passes": kept.get("passes"),
+        "scene": kept.get("scene"),
+        "size": size,
+        "error": kept.get("error"),
+    }
+    console.table(path, list(about.items()))
+    console.say(f"it holds passes; continue them with: ispm render ... --resume {path}")
+    console.result(about)
+
+
+def _read(text: str) -> dict[str, Any]:
+    """The words of a file as JSON; none where they are something else."""
     try:
-        settings = json.loads(text or "{}")
+        words = json.loads(text or "{}")
     except ValueError:
         return {}
-    return settings if isinstance(settings, dict) else {}
+    return words if isinstance(words, dict) else {}
 
 
 def summary(scene: Scene) -> dict[str, Any]:

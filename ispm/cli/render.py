@@ -81,7 +81,7 @@ def render(
     if list_adapters:
         _list_adapters(console)
         return
-    if scene is None:
+    if not scene:
         raise SettingsError("no scene was named; give a file or a built-in scene, such as cornell-box")
     if threads is not None and threads < 1:
         raise SettingsError(f"--threads: {threads} is less than 1")
@@ -143,7 +143,7 @@ def _target(scene: str, output: str | None) -> Path:
     """The picture's path, its ending checked."""
     from ispm.io.image import require_ending
 
-    target = Path(output) if output is not None else Path(Path(scene).stem + ".png")
+    target = Path(output) if output is not None else Path((Path(scene).stem or "picture") + ".png")
     require_ending(target)
     return target
 

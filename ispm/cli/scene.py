@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from dataclasses import asdict, replace
 from math import radians
 from pathlib import Path
@@ -71,7 +72,7 @@ def _with_fov(scene: Scene, camera: str | None, fov: float) -> Camera:
 def require_not_input(output: Path, scene: str) -> None:
     """Raise OutputError where `output` is the scene's file, or one that the scene's file names."""
     source = Path(scene)
-    if not output.exists() or not source.is_file():
+    if not os.path.exists(output) or not os.path.isfile(source):
         return
     readers = [source, *source.parent.glob("*.mtl")]
     spellings = {output.name, quote(output.name), json.dumps(output.name)[1:-1]}

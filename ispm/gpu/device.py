@@ -82,7 +82,7 @@ def open_gpu(adapter: str | None = None) -> Gpu:
     adapter  part of a name, to choose by; default: the environment's ISPM_ADAPTER
     Raises AdapterError where there is none, none matches, or the driver refuses.
     """
-    wanted = adapter if adapter is not None else os.environ.get("ISPM_ADAPTER", "")
+    wanted = str(adapter) if adapter is not None else os.environ.get("ISPM_ADAPTER", "")
     found = _adapters()
     if not found:
         raise AdapterError(f"no graphics adapter with Vulkan, Metal or Direct3D 12 was found; {_CURE}")

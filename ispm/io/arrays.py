@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-FARTHEST = 1e18  # m; squares of larger coordinates do not fit a float32
+from ispm.scene.values import FARTHEST
 
 
 def wild(values: np.ndarray) -> np.ndarray:

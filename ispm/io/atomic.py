@@ -12,6 +12,13 @@ from pathlib import Path
 from ispm.errors import OutputError
 
 
+def as_path(path: object) -> Path:
+    """Return `path` as a Path. Raises OutputError where it is none."""
+    if isinstance(path, (str, os.PathLike)):
+        return Path(path)
+    raise OutputError(f"a {type(path).__name__} is not the path of a file; give a str or a Path")
+
+
 @contextmanager
 def replacing(path: str | Path) -> Iterator[Path]:
     """Yield a name beside `path` to write to; what is written there then takes the place of `path`.
@@ -36,7 +43,7 @@ def replacing(path: str | Path) -> Iterator[Path]:
 def require_writable(path: str | Path) -> None:
     """Raise OutputError where `path` could not be written; missing parent folders are made."""
     target = Path(os.path.realpath(path))
-    if target.is_dir():
+    if os.path.isdir(target):
         raise OutputError(f"{path}: is a folder; name a file in it")
     try:
         target.parent.mkdir(parents=True, exist_ok=True)

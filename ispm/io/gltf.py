@@ -11,7 +11,6 @@ from pathlib import Path
 
 from ispm.errors import SceneError
 from ispm.io import gltf_schema as schema
-from ispm.io.arrays import FARTHEST
 from ispm.io.gltf_animation import read_animations
 from ispm.io.gltf_camera import furnished
 from ispm.io.gltf_file import GltfFile, item, label
@@ -21,6 +20,7 @@ from ispm.io.gltf_mesh import Meshes
 from ispm.io.gltf_node import build_tree, chosen_scene, reached
 from ispm.scene.camera import Camera
 from ispm.scene.scene import Node, Part, Scene
+from ispm.scene.values import FARTHEST
 from ispm.settings import LoadLimits
 
 SUPPORTED = (

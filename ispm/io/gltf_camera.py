@@ -24,7 +24,8 @@ class _Own(msgspec.Struct, forbid_unknown_fields=True, omit_defaults=True):
 
 
 def camera_record(camera: Camera) -> dict[str, Any]:
-    """Return a camera as glTF has it."""
+    """Return a camera as glTF has it. Raises SettingsError where it makes no sense."""
+    camera.check()
     aspect = None if camera.aspect is None else float(camera.aspect)
     if camera.ymag is None:
         shape: dict[str, Any] = {"yfov": float(camera.yfov), "znear": _NEAR}

@@ -6,8 +6,8 @@ import math
 
 from ispm.io import gltf_schema as schema
 from ispm.io.gltf_file import GltfFile, item
-from ispm.io.gltf_material import BRIGHTEST
 from ispm.scene.light import DirectionalLight, Light, PointLight, SpotLight
+from ispm.scene.values import BRIGHTEST, LEAST
 
 NARROWEST = 1e-3  # rad from the axis, and between the cones
 
@@ -42,7 +42,7 @@ def _intensity(file: GltfFile, record: schema.Light, where: str) -> tuple[float,
 
 
 def _range(file: GltfFile, record: schema.Light, where: str) -> float:
-    if record.range is None or record.range > 0.0:
+    if record.range is None or record.range >= LEAST:
         return math.inf if record.range is None else record.range
     file.notes.add(f"{where}: a range of {record.range:g} lights nothing; it counts as infinite")
     return math.inf

@@ -10,14 +10,9 @@ from typing import Any
 from ispm.io import gltf_schema_material as schema
 from ispm.io.gltf_file import GltfFile, item, label
 from ispm.io.gltf_image import Textures
-from ispm.scene.material import AlphaMode, Material, TextureUse
+from ispm.scene.material import TEXTURES, AlphaMode, Material, TextureUse
 from ispm.scene.mesh import Mesh
-
-SLOTS = (
-    "base_color_texture", "metallic_roughness_texture", "normal_texture", "emission_texture",
-    "transmission_texture",
-)  # fmt: skip
-BRIGHTEST = 1e12  # cd/m2 and cd: beyond the sun's 2e9, and squares still fit a float32
+from ispm.scene.values import BRIGHTEST, LEAST
 
 
 class Materials:
@@ -37,7 +32,7 @@ class Materials:
         if index not in self._made:
             self._made[index] = self._make(index)
         material = self._made[index]
-        lost = tuple(slot for slot in SLOTS if _lacks_uv(mesh, getattr(material, slot)))
+        lost = tuple(slot for slot in TEXTURES if _lacks_uv(mesh, getattr(material, slot)))
         if not lost:
             return material
         key = id(material), lost
@@ -107,7 +102,7 @@ class Materials:
         glass, volume = extensions.transmission, extensions.volume
         share = self._within([glass.transmission_factor], 0.0, 1.0, f"{where}: transmissionFactor")[0]
         distance = math.inf if volume.attenuation_distance is None else volume.attenuation_distance
-        if distance <= 0.0:
+        if distance < LEAST:
             self._file.notes.add(f"{where}: an attenuationDistance of {distance:g} counts as infinite")
             distance = math.inf
         thickness = self._within([volume.thickness_factor], 0.0, 1e9, f"{where}: thicknessFactor")[0]

@@ -8,9 +8,9 @@ import numpy as np
 
 from ispm.errors import SceneError
 from ispm.io import gltf_schema as schema
-from ispm.io.arrays import FARTHEST
 from ispm.io.gltf_file import GltfFile, item, label
 from ispm.scene.scene import Node
+from ispm.scene.values import FARTHEST
 
 
 def chosen_scene(file: GltfFile) -> schema.Scene:

@@ -39,6 +39,7 @@ class MaterialWriter:
         """Return a material's number, the same for the same object."""
         key = id(material)
         if key not in self._materials:
+            material.check()
             self._materials[key] = self._document.put("materials", self._record(material))
         return self._materials[key]
 

@@ -27,11 +27,15 @@ def load(path: str | os.PathLike[str], **limits: Any) -> Scene:
     """
     for name in limits:
         knob_of(LoadLimits, name)
-    checked, path = LoadLimits(**limits), find(path)
+    checked = LoadLimits(**limits)
+    if not isinstance(path, (str, os.PathLike)) or not os.fspath(path):
+        what = "''" if path == "" else f"a {type(path).__name__}"
+        raise SceneError(f"{what} is not the path of a file; give one that ends in {' '.join(READERS)}")
+    path = find(path)
     try:
         scene = _read(path, checked)
     except SceneError as error:
-        raise SceneError(_one_line(f"{path.name}: {error}")) from None
+        raise SceneError(_one_line(f"{path.name or path}: {error}")) from None
     except OSError as error:
         raise SceneError(_one_line(f"{path.name}: cannot be read: {error.strerror or error}")) from None
     except MemoryError:
@@ -45,7 +49,7 @@ def find(path: str | os.PathLike[str]) -> Path:
     """Return where a scene file lies: in the folder ISPM_ASSETS if it has one of this name, else as said."""
     assets = os.environ.get("ISPM_ASSETS")
     named = Path(assets, path) if assets else Path(path)
-    return named if named.is_file() else Path(path)
+    return named if os.path.isfile(named) else Path(path)
 
 
 def _read(path: Path, limits: LoadLimits) -> Scene:

@@ -18,8 +18,9 @@ from ispm.errors import SceneError
 from ispm.io.folder import read_inside
 from ispm.io.mtl_picture import MapUse, Pictures, parse_map, stacked
 from ispm.io.notes import Notes
-from ispm.scene.material import AlphaMode, Material, TextureUse
+from ispm.scene.material import TEXTURES, AlphaMode, Material, TextureUse
 from ispm.scene.mesh import Mesh
+from ispm.scene.values import BRIGHTEST
 from ispm.settings import LoadLimits
 
 MIRRORS, GLASS = (3, 5), (4, 6, 7, 9)
@@ -27,9 +28,7 @@ PLAIN_F0 = 0.04  # of ior 1.5, which specular_color multiplies
 PLAIN_SPECULAR: dict[str, Any] = dict(specular=1.0, specular_color=(1.0, 1.0, 1.0))
 PHYSICAL = {"pm", "pr", "map_pm", "map_pr"}
 SHARPEST = 1000.0
-BRIGHTEST = 1e12  # cd/m2: beyond the sun's 2e9, and squares still fit a float32
 UNREAD = {"map_ks", "map_ns", "map_bump", "bump", "disp", "decal", "refl", "map_ps", "map_refl"}
-SLOTS = ("base_color_texture", "metallic_roughness_texture", "normal_texture", "emission_texture")
 
 Statements = dict[str, str]  # of one material: what each key, in lower case, says
 Color = tuple[float, float, float]
@@ -73,7 +72,7 @@ class Materials:
         return self._made[key]
 
     def _strip(self, material: Material, mesh: Mesh) -> None:
-        textured = [slot for slot in SLOTS if getattr(material, slot) is not None]
+        textured = [slot for slot in TEXTURES if getattr(material, slot) is not None]
         if textured and mesh.uv0 is None:
             self._notes.add(f"{mesh.name}: it lacks the texture coordinates that its material asks for")
             for slot in textured:

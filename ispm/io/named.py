@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import os
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
@@ -45,12 +46,15 @@ def open_named(name: str | Path, **limits: Any) -> Scene:
     limits  of a file, fields of LoadLimits
     Raises SceneError where there is neither, or the file cannot be used.
     """
+    if not isinstance(name, (str, os.PathLike)) or not os.fspath(name):
+        what = "''" if name == "" else f"a {type(name).__name__}"
+        raise SceneError(f"{what} is no scene; give a Scene, a file, or the name of a built-in one")
     text = str(name)
     if text in scenes.BUILTINS:
         return scenes.builtin(text)
     if text in DOWNLOADS:
         return builtin(text, **limits)
-    if not Path(name).suffix and not find(name).exists():
+    if not Path(name).suffix and not os.path.exists(find(name)):
         hint = nearest(text, [*scenes.BUILTINS, *DOWNLOADS]) or "; `ispm scenes` lists the built-in ones"
         raise SceneError(f"there is no file and no built-in scene '{name}'{hint}")
     return load(name, **limits)

@@ -13,7 +13,7 @@ import numpy as np
 
 from ispm.errors import OutputError, SceneError
 from ispm.io.arrays import compact
-from ispm.io.atomic import replacing, require_writable
+from ispm.io.atomic import as_path, replacing, require_writable
 from ispm.io.gltf_camera import camera_record
 from ispm.io.gltf_instances import instance_attributes
 from ispm.io.gltf_mesh import ATTRIBUTES
@@ -39,7 +39,9 @@ def save(scene: Scene, path: str | os.PathLike[str]) -> Path:
     reads them.
     Raises SceneError for what glTF cannot hold, OutputError where the file cannot be written.
     """
-    target = Path(path)
+    if not isinstance(scene, Scene):
+        raise SceneError(f"save takes a Scene first, not a {type(scene).__name__}")
+    target = as_path(path)
     ending = target.suffix.lower()
     if ending not in ENDINGS:
         problem = f"scenes cannot be written as '{ending}'" if ending else "the name has no ending"
@@ -87,6 +89,8 @@ class _Writer:
             self._animation(animation)
 
     def _scene(self, scene: Scene) -> None:
+        for node, _ in scene.placed():  # which finds nodes without a place, and circles
+            node.check()
         record: dict[str, Any] = {"name": scene.name} if scene.name else {}
         stack: list[tuple[Node, dict[str, Any], str]] = [(n, record, "nodes") for n in reversed(scene.roots)]
         while stack:
@@ -127,6 +131,7 @@ class _Writer:
         """Accessors of a mesh; the loader shares meshes by them."""
         key = id(mesh)
         if key not in self._primitives:
+            mesh.check()
             triangles, rows = compact(mesh.triangles)
             some = slice(None) if len(rows) == len(mesh.positions) else rows
             attributes = {"POSITION": self.document.floats(mesh.positions[some], bounds=True, vertices=True)}
@@ -144,6 +149,7 @@ class _Writer:
 
     def _light(self, light: Light) -> dict[str, Any]:
         """A node's extensions that hold a light of its own, as the loader makes them."""
+        light.check()
         color, intensity = split(light.intensity)
         record = given(
             {"name": light.name, "color": color, "intensity": intensity}, {"name": "", "color": [1.0] * 3}

@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
+from hashlib import sha256
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -44,6 +46,11 @@ class TextureTable:
 
     texels: np.ndarray
     rows: np.ndarray
+
+    @cached_property
+    def digest(self) -> bytes:
+        """What tells these textures from others."""
+        return sha256(self.rows.tobytes() + self.texels.tobytes()).digest()
 
     @classmethod
     def pack(cls, textures: Sequence[Texture]) -> TextureTable:

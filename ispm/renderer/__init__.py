@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+from ispm.errors import SettingsError
 from ispm.io.named import open_named
 from ispm.renderer.picture import Frame
 from ispm.renderer.renderer import Renderer
@@ -36,6 +37,8 @@ def render(
         scene = open_named(scene)
     if time is not None:
         scene = scene.at(time)
+    if settings is not None and not isinstance(settings, Settings):
+        raise SettingsError(f"settings must be ispm.Settings, not a {type(settings).__name__}")
     chosen = (settings or Settings()).replace(**changes)
     with Renderer(scene, chosen, camera=camera) as renderer:
         return renderer.render()

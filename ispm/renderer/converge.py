@@ -12,6 +12,7 @@ import time
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
+from ispm.errors import SceneError
 from ispm.optics.sampling import LATTICE
 from ispm.renderer.picture import Frame
 from ispm.renderer.progress import Progress
@@ -56,21 +57,30 @@ def converge(renderer: Renderer, goal: Settings) -> Iterator[Frame]:
     made_of, longest = renderer.fingerprint(), 0.0
     if progress:
         progress.require(made_of)
-        if progress.passes >= goal.most_passes:
+        if _is_enough(progress, goal):
             yield progress.frame(settings, threads)
             return
     while True:
         begun = time.perf_counter()
-        frame = renderer.render_pass(progress.passes if progress else 0)
+        done = progress.passes if progress else 0
+        frame = renderer.render_pass(done)
+        if renderer.last_fingerprint() != made_of:
+            raise SceneError(
+                f"the scene, its camera or the settings changed after pass {done}, and the mean would be of "
+                "neither; call converge to start anew"
+            )
         if progress is None:
             progress = renderer.progress = Progress.start(frame, made_of)
         else:
             progress.add(frame)
         yield progress.frame(settings, threads)
         longest = max(longest, time.perf_counter() - begun)
-        if (
-            progress.passes >= goal.most_passes
-            or (goal.time_limit and time.perf_counter() - started + longest > goal.time_limit)
-            or (goal.target_error and progress.passes >= _SURE and progress.error() <= goal.target_error)
-        ):
+        late = goal.time_limit and time.perf_counter() - started + longest > goal.time_limit
+        if late or _is_enough(progress, goal):
             return
+
+
+def _is_enough(progress: Progress, goal: Settings) -> bool:
+    """Whether the passes asked for are made, or their noise is as low as was asked."""
+    sure = goal.target_error > 0.0 and progress.passes >= _SURE
+    return progress.passes >= goal.most_passes or (sure and progress.error() <= goal.target_error)

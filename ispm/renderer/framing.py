@@ -46,6 +46,7 @@ def find_camera(scene: Scene, wanted: str | int | None) -> tuple[Camera, np.ndar
         return None
     node, world = chosen[0]
     assert node.camera is not None
+    node.camera.check()
     pose = node.camera.pose if node.camera.pose is not None else rigid(world)
     return node.camera, pose
 
@@ -60,7 +61,12 @@ def place_camera(
     if isinstance(camera, Camera):
         if camera.pose is None:
             raise SettingsError("camera: it has no pose; give one, or add it to the scene")
+        camera.check()
         return camera, np.asarray(camera.pose, np.float64)
+    if camera is not None and not isinstance(camera, (str, int)):
+        raise SettingsError(
+            f"camera: must be a Camera, or the name or index of one of the scene's, not {camera!r}"
+        )
     return find_camera(scene, camera) or default_camera(packed, world, size[0] / size[1])
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -14,6 +14,8 @@ from ispm.tracer.plan import PlannedMap, plan_maps, share_photons
 from ispm.tracer.surface import SurfaceTable
 from ispm.tracer.walk import Walk, walk
 from ispm.tracer.world import World
+
+_FEW = 1000  # photons of which one is stored: of fewer, light is noise
 
 
 def map_plan(packed: Packed, settings: Settings, pass_index: int) -> list[PlannedMap]:
@@ -49,3 +51,15 @@ def trace_photons(
         packed, world, surfaces, emitted, settings.bounces, seed, pass_index, threads,
         bright_limit(packed, settings),
     )  # fmt: skip
+
+
+def remarks(packed: Packed, path: Walk) -> Iterator[str]:
+    """Yield what a user should know of a picture's light, a line each."""
+    if packed.materials["emission"].any():
+        yield "emissive materials glow, but do not light the scene yet"
+    landed = path.absorbed.any() and len(packed.instances) > 1  # an object alone mostly lights nothing
+    if landed and len(path.photons) * _FEW < path.photon_count:
+        yield (
+            "not one photon in a thousand met a second surface, so indirect light is missing or noise; if "
+            "there should be some, give more photons, or less ground about what is seen"
+        )

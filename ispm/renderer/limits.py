@@ -1,12 +1,13 @@
-"""What a graphics adapter can draw at once."""
+"""What can be drawn, and what a graphics adapter can draw at once."""
 
 from __future__ import annotations
 
 import math
 
-from ispm.errors import SettingsError
+from ispm.errors import SceneError, SettingsError
 from ispm.gpu import Gpu
 from ispm.optics.records import RECEIVER
+from ispm.scene.scene import Scene
 from ispm.settings import Settings
 
 
@@ -23,3 +24,10 @@ def require_drawable(settings: Settings, gpu: Gpu) -> None:
             f"size: {width}x{height} at subsampling {settings.subsampling} needs more memory at once than "
             f"{gpu.name} can bind; use a larger subsampling or a smaller size"
         )
+
+
+def require_scene(scene: object) -> Scene:
+    """Return `scene`. Raises SceneError where it is none."""
+    if isinstance(scene, Scene):
+        return scene
+    raise SceneError(f"a Renderer takes a Scene, not a {type(scene).__name__}; see ispm.load")

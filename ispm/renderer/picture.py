@@ -13,6 +13,7 @@ import numpy as np
 
 from ispm.errors import SceneWarning, SettingsError
 from ispm.io import image as files
+from ispm.io.atomic import as_path
 from ispm.io.png import encode_png
 from ispm.renderer.statistics import Stats
 from ispm.renderer.views import display
@@ -73,6 +74,8 @@ class Frame:
 
         Raises SettingsError for a view it does not have.
         """
+        if bits not in (8, 16):
+            raise SettingsError(f"bits: {bits} is not possible; a picture has 8 or 16")
         if view == "full" and bits == 8:
             return self.image
         mode = self.settings.tonemap
@@ -99,10 +102,12 @@ class Frame:
         transparent, with a SceneWarning. Nothing is left half written.
         Raises OutputError, or SettingsError for an unknown layer or number of bits.
         """
-        path = Path(path)
+        path = as_path(path)
         ending = files.require_ending(path)
         if bits != 8 and (bits != 16 or ending != ".png"):
             raise SettingsError(f"bits: {bits} is not possible in a {ending}; a PNG has 8 or 16, others 8")
+        if layers is not None and not isinstance(layers, (list, tuple)):
+            raise SettingsError(f"layers: {layers!r} is not a list of names, as ['full', 'depth']")
         if ending == ".png":
             files.write_png(path, self.show(show, bits), self._about())
         elif ending in (".jpg", ".jpeg"):

@@ -14,7 +14,9 @@ from pathlib import Path
 import numpy as np
 
 from ispm.errors import OutputError, SettingsError
+from ispm.io.atomic import as_path
 from ispm.io.image import ABOUT, write_npz
+from ispm.optics.texture import TextureTable
 from ispm.optics.vector import LUMINANCE
 from ispm.renderer.compose import develop
 from ispm.renderer.layers import Layers, sum_layers
@@ -39,6 +41,7 @@ class Progress:
     first    layers and camera of the first pass
     stats    of the last pass
     made_of  fingerprint of scene, camera and settings as passes began
+    file     that they were read from
     """
 
     passes: int
@@ -49,6 +52,7 @@ class Progress:
     scene: str
     stats: Stats = field(repr=False)
     made_of: str
+    file: str = ""
 
     @classmethod
     def start(cls, frame: Frame, made_of: str) -> Progress:
@@ -96,14 +100,17 @@ class Progress:
         return Frame(image, Layers(makers), stats, settings, self.camera, exposure, self.scene)
 
     def save(self, path: str | Path) -> Path:
-        """Write a file that `load` reads. Raises OutputError."""
+        """Write an .npz that `load` reads. Raises OutputError."""
+        target = as_path(path)
+        if target.suffix.lower() != ".npz":
+            raise OutputError(f"{target}: passes are kept in an .npz; name it so")
         arrays = {f"sum.{name}": total for name, total in self.sums.items()}
         arrays |= {f"first.{name}": self.first[name] for name in _KEPT}
         arrays |= {f"camera.{name}": array for name, array in self.camera.items()}
         about = {name: getattr(self, name) for name in ("passes", "scene", "made_of")}
-        about["stats"] = dataclasses.asdict(self.stats)
-        write_npz(path, {**arrays, "moments": self.moments}, {"ispm:progress": json.dumps(about)})
-        return Path(path)
+        about |= {"error": self.error(), "stats": dataclasses.asdict(self.stats)}
+        write_npz(target, {**arrays, "moments": self.moments}, {"ispm:progress": json.dumps(about)})
+        return target
 
     @classmethod
     def load(cls, path: str | Path) -> Progress:
@@ -117,7 +124,7 @@ class Progress:
             progress = cls(
                 about["passes"], {name: sums[name] for name in _SUMMED}, arrays["moments"],
                 {name: first[name] for name in _KEPT}, camera, about["scene"], Stats(**about["stats"]),
-                about["made_of"],
+                about["made_of"], str(path),
             )  # fmt: skip
             progress._check()
             return progress
@@ -140,8 +147,8 @@ class Progress:
         """Raise SettingsError where these are passes of something else."""
         if self.made_of != made_of:
             raise SettingsError(
-                f"resume: holds {self.passes} passes of another scene, camera or settings; continue with the "
-                "same ones, or name another file"
+                f"{self.file}: holds {self.passes} passes of another scene, camera or settings; continue "
+                "with the same ones, or name another file"
             )
 
 
@@ -149,15 +156,14 @@ def _part(arrays: Mapping[str, np.ndarray], prefix: str) -> dict[str, np.ndarray
     return {name.removeprefix(prefix): a for name, a in arrays.items() if name.startswith(prefix)}
 
 
-def fingerprint(packed: Packed, view: CameraView, settings: Settings) -> str:
+def fingerprint(packed: Packed, textures: TextureTable, view: CameraView, settings: Settings) -> str:
     """Return what tells one picture from another: scene, camera and all settings that passes share."""
     from ispm import __version__
 
     knobs = {name: value for name, value in dataclasses.asdict(settings).items() if name not in _FREE}
     eye = (view.size, view.pose.tolist(), view.yfov, view.ymag, view.aspect, view.principal)
     digest = hashlib.sha256(json.dumps([__version__, knobs, eye]).encode())
-    geometry = packed.geometry
-    tables = (geometry.vertices, geometry.indices, packed.instances, packed.materials, packed.lights)
-    for table in (*tables, *(texture.pixels for texture in packed.textures)):
+    for table in (packed.instances, packed.materials, packed.lights):
         digest.update(table.tobytes())
+    digest.update(packed.geometry.digest + textures.digest)
     return digest.hexdigest()

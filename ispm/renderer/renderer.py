@@ -26,8 +26,8 @@ from ispm.renderer.converge import converge, of_pass, place_in_pixel
 from ispm.renderer.framing import default_light, place_camera
 from ispm.renderer.gather import PhotonLight
 from ispm.renderer.last import LastFrame
-from ispm.renderer.light import emission_of, map_plan, trace_photons
-from ispm.renderer.limits import require_drawable
+from ispm.renderer.light import emission_of, map_plan, remarks, trace_photons
+from ispm.renderer.limits import require_drawable, require_scene
 from ispm.renderer.motion import moved
 from ispm.renderer.picture import Frame
 from ispm.renderer.progress import Progress, fingerprint
@@ -57,10 +57,11 @@ _NEAR = 1e-4  # of the scene's diagonal; reversed depth has precision to spare
 _EYE_NEAR = 1e-9  # likewise for the eye, which may stand low over a wide plain
 _SMALLEST, _LARGEST = 1e-6, 1e9  # m that a scene may be across: beyond, its squares' squares leave float32
 _TEXTURE_FOOTPRINT = 0.005  # of the diagonal: over which photons see textures averaged
+_MOST_PASSES = 1 << 32  # random numbers are numbered by them
 _ESTIMATOR_KNOBS = attrgetter("estimator", "kernel", "talk_errors")
 _OWNED = (
     "_upload", "_gbuffer", "_bounce", "_direct", "_caustic", "_chains", "_antialias", "_shadow",
-    "_downsample", "_upsample", "_estimator", "_world", "_last", "_packed", "_textures",
+    "_downsample", "_upsample", "_estimator", "_world", "_packed", "_textures",
 )  # fmt: skip
 
 
@@ -86,10 +87,8 @@ class Renderer:
         threads: int | None = None,
         gpu: Gpu | None = None,
     ) -> None:
-        if not isinstance(scene, Scene):
-            raise SceneError(f"a Renderer takes a Scene, not a {type(scene).__name__}; see ispm.load")
         self._closed = False
-        self.scene, self.camera = scene, camera
+        self.scene, self.camera = require_scene(scene), camera
         self.threads = thread_count(threads)
         self._gpu, self._owns_gpu = gpu or open_gpu(adapter), gpu is None
         self._world = World(self.threads)
@@ -108,7 +107,7 @@ class Renderer:
         self.progress: Progress | None = None
         self._said: set[str] = set()
         self._settings: Settings | None = None
-        self.settings = settings or Settings()
+        self.settings = Settings() if settings is None else settings
 
     def __repr__(self) -> str:
         if self._closed:
@@ -128,7 +127,7 @@ class Renderer:
         """Free the adapter's memory; frames that were rendered stay whole. Closing twice does no harm."""
         if self._closed:
             return
-        self._closed = True
+        self._closed, self._last = True, None
         if self._owns_gpu:
             self._gpu.close()
         for name in _OWNED:
@@ -179,8 +178,8 @@ class Renderer:
         passes, time_limit, target_error  None: what the settings say
         resume  a file of `save_progress`, which is continued as if it had never been left: the same bytes
         Each pass has photons and places in the pixels of its own. Memory does not grow with their number.
-        The scene must stand still. Errors as of `render`, and SettingsError for a file that is of another
-        scene, camera or settings.
+        Errors as of `render`; SettingsError for a file that is of another scene, camera or settings, and
+        SceneError where these change between passes: what was summed up stays in `progress`.
         """
         wanted = dict(passes=passes, time_limit=time_limit, target_error=target_error)
         goal = self.settings.replace(**{name: value for name, value in wanted.items() if value is not None})
@@ -198,8 +197,9 @@ class Renderer:
 
     def render_pass(self, index: int) -> Frame:
         """Render pass `index` alone; what `converge` takes the mean of."""
-        if self._closed:
-            raise IspmError("this renderer is closed; make another one")
+        self._require_open()
+        if not isinstance(index, int) or not 0 <= index < _MOST_PASSES:
+            raise SettingsError(f"pass {index!r}: passes are numbered from 0")
         width, height = self.settings.size
         with within_memory(f"a picture of {width}x{height} pixels and {self.settings.photons:,} photons"):
             return self._draw(index)
@@ -238,6 +238,8 @@ class Renderer:
                 packed, self._world, surfaces, plan, texels if by == "map" else None, settings, index,
                 self.threads,
             )  # fmt: skip
+        for line in remarks(packed, path):
+            self._say(line)
         with watch("radiance"):
             parts = part_photons(path, packed, self._world, surfaces, view, settings, self.threads)
             size = self._downsample.size(view)
@@ -292,8 +294,16 @@ class Renderer:
 
     def fingerprint(self) -> str:
         """Return what tells this scene, camera and settings, as they are now, from others."""
-        packed, view = self._prepare(0)
-        return fingerprint(packed, view, self.settings)
+        return self._fingerprint(*self._prepare(0))
+
+    def last_fingerprint(self) -> str:
+        """Return likewise what the last frame was made of."""
+        assert self._last is not None
+        return self._fingerprint(self._last.packed, self._last.view)
+
+    def _fingerprint(self, packed: Packed, view: CameraView) -> str:
+        assert self._textures is not None
+        return fingerprint(packed, self._textures, view, self.settings)
 
     def photons(self) -> np.ndarray:
         """Return the last frame's photon map, (N,) PHOTON: a structured array, world space, lumen."""
@@ -306,9 +316,14 @@ class Renderer:
         assert self._last is not None
         return self._last.show(name)
 
+    def _require_open(self) -> None:
+        if self._closed:
+            raise IspmError("this renderer is closed; make another one")
+
     def _prepare(self, index: int) -> tuple[Packed, CameraView]:
         """Pack the scene, place it in the tracer, and find its camera and lights."""
-        scene = self.scene
+        self._require_open()
+        scene = require_scene(self.scene)
         packed = self._pack(scene)
         if not packed.triangle_count:
             raise SceneError(f"{scene.name or 'the scene'}: has no surface to render")
@@ -324,8 +339,6 @@ class Renderer:
             self._say(line)
             scene = Scene([*scene.roots, node], scene.animations, scene.name)
             packed = self._pack(scene)
-        if any(material.emissive for material in scene.materials):
-            self._say("emissive materials glow, but do not light the scene yet")
         size, diagonal = self.settings.size, packed.diagonal
         reach = float(np.abs(packed.bounds - pose[:3, 3]).max()) + diagonal
         near = _EYE_NEAR * diagonal if camera.ymag is None else 0.0

@@ -7,8 +7,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ispm.errors import SceneError
+from ispm.scene.values import array_of
+
 if TYPE_CHECKING:
     from ispm.scene.scene import Node
+
+WIDTHS = {"translation": 3, "rotation": 4, "scale": 3}
+INTERPOLATIONS = ("LINEAR", "STEP", "CUBICSPLINE")
+_SHORTEST = 1e-3  # quaternion that still tells a rotation
 
 
 @dataclass(eq=False)
@@ -20,6 +27,7 @@ class Channel:
     times          (K,) float32 seconds, increasing
     values         (K, 3 or 4) float32; CUBICSPLINE: (K, 3, 3 or 4) in-tangent, value, out-tangent
     interpolation  "LINEAR", "STEP" or "CUBICSPLINE", as glTF 2.0, appendix C
+    Raises SceneError where these make no sense.
     """
 
     node: Node
@@ -27,6 +35,24 @@ class Channel:
     times: np.ndarray
     values: np.ndarray
     interpolation: str = "LINEAR"
+
+    def __post_init__(self) -> None:
+        where = f"channel of node '{self.node.name}'"
+        if self.path not in tuple(WIDTHS):
+            raise SceneError(f"{where}: path '{self.path}' is not one of {', '.join(WIDTHS)}")
+        if self.interpolation not in INTERPOLATIONS:
+            raise SceneError(f"{where}: interpolation '{self.interpolation}' is unknown")
+        self.times = array_of(f"{where}: times", self.times, (None,))
+        if not len(self.times):
+            raise SceneError(f"{where}: there are no keys")
+        if (np.diff(self.times) <= 0.0).any():
+            raise SceneError(f"{where}: times must increase")
+        spline, width = self.interpolation == "CUBICSPLINE", WIDTHS[self.path]
+        shape = (len(self.times), 3, width) if spline else (len(self.times), width)
+        self.values = array_of(f"{where}: values", self.values, shape)
+        keys = self.values[:, 1] if spline else self.values
+        if self.path == "rotation" and np.linalg.norm(keys, axis=1).min() < _SHORTEST:
+            raise SceneError(f"{where}: a rotation is zero")
 
     def at(self, time: float) -> np.ndarray:
         """Return the value at `time` in seconds, held before the first and after the last key."""
@@ -62,6 +88,10 @@ class Animation:
 
     channels: list[Channel] = field(default_factory=list)
     name: str = ""
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.channels, list) or not all(isinstance(c, Channel) for c in self.channels):
+            raise SceneError(f"animation '{self.name}': channels must be a list of Channel")
 
     @property
     def duration(self) -> float:

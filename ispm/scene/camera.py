@@ -9,8 +9,11 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ispm.errors import SettingsError
+from ispm.scene.values import FARTHEST, LEAST, array_of, require
 
 _AXES = {"opencv": np.array([1.0, -1.0, -1.0, 1.0]), "opengl": np.ones(4)}  # signs of a pose's columns
+_WIDEST = math.nextafter(math.pi, 0.0)
+_SQUARE = 1e-4  # what the axes of a pose may be off being at right angles and unit
 
 
 @dataclass
@@ -32,18 +35,18 @@ class Camera:
     name: str = field(default="", compare=False)
 
     def __post_init__(self) -> None:
-        if not 0.0 < self.yfov < math.pi:
-            raise SettingsError(f"camera: yfov {self.yfov} is outside 0 to pi radians")
-        if self.ymag is not None and not 0.0 < self.ymag < math.inf:
-            raise SettingsError(f"camera: ymag {self.ymag} is not a height; give metres")
-        if self.aspect is not None and not 0.0 < self.aspect < math.inf:
-            raise SettingsError(f"camera: aspect {self.aspect} is not a width over a height")
-        if len(self.principal) != 2 or not all(map(math.isfinite, self.principal)):
-            raise SettingsError(f"camera: principal {self.principal} is not a place in the picture")
+        self.check()
+
+    def check(self) -> None:
+        """Raise SettingsError for a value that shows nothing."""
+        _require("yfov, in radians,", self.yfov, LEAST, _WIDEST)
+        if self.ymag is not None:
+            _require("ymag, a height in metres,", self.ymag, LEAST)
+        if self.aspect is not None:
+            _require("aspect, width over height,", self.aspect, LEAST)
+        _require("principal, a place in the picture,", self.principal, -FARTHEST, FARTHEST, 2)
         if self.pose is not None:
-            self.pose = np.asarray(self.pose, np.float64)
-            if self.pose.shape != (4, 4) or not np.isfinite(self.pose).all():
-                raise SettingsError("camera: the pose must be a (4, 4) matrix of finite numbers")
+            self.pose = _pose(self.pose)
 
     @property
     def orthographic(self) -> bool:
@@ -59,8 +62,10 @@ class Camera:
     ) -> Camera:
         """Return a perspective camera at `eye` (metres) looking at `target`, +Y up.
 
-        Raises SettingsError where the two points are the same.
+        Raises SettingsError where the two points are the same, or none.
         """
+        for name, place in (("eye", eye), ("target", target)):
+            _require(name, place, -FARTHEST, FARTHEST, 3)
         return cls(yfov=yfov, pose=look_at_pose(np.asarray(eye, float), np.asarray(target, float)))
 
     @classmethod
@@ -81,34 +86,37 @@ class Camera:
         convention  the pose's axes: `opencv` +Y down and +Z ahead, `opengl` +Y up and -Z ahead
         Raises SettingsError where one of them makes no sense, or K has skew.
         """
-        k = np.asarray(K, np.float64)
-        if k.shape != (3, 3) or not np.isfinite(k).all() or min(k[0, 0], k[1, 1]) <= 0.0:
-            raise SettingsError("camera: K must be a (3, 3) matrix with focal lengths above 0, in pixels")
+        k = array_of("camera: K", K, (3, 3), error=SettingsError).astype(np.float64)
+        if min(k[0, 0], k[1, 1]) <= 0.0:
+            raise SettingsError("camera: K must have focal lengths above 0, in pixels")
         if abs(k[0, 1]) > 1e-9 * k[0, 0] or k[1, 0] or (k[2] != (0.0, 0.0, 1.0)).any():
             raise SettingsError("camera: K must be fx 0 cx; 0 fy cy; 0 0 1: skew is not supported")
-        if convention not in _AXES:
+        if convention not in tuple(_AXES):
             raise SettingsError(f"camera: the convention '{convention}' is not one of {', '.join(_AXES)}")
-        if min(size) < 1:
-            raise SettingsError(f"camera: the size {size[0]} x {size[1]} is no picture's")
-        placed = np.asarray(pose, np.float64)
-        if placed.shape != (4, 4) or not _is_rigid(placed):
-            raise SettingsError(
-                "camera: the pose must be (4, 4) camera-to-world: a rotation and a translation"
-            )
+        _require("size, width and height in pixels,", size, 1, FARTHEST, 2)
         width, height = size
         return cls(
             yfov=2.0 * math.atan(height / (2.0 * k[1, 1])),
-            pose=placed * _AXES[convention],
+            pose=_pose(pose) * _AXES[convention],
             aspect=float((width / k[0, 0]) / (height / k[1, 1])),
             principal=(float(2.0 * k[0, 2] / width - 1.0), float(1.0 - 2.0 * k[1, 2] / height)),
         )
 
 
-def _is_rigid(pose: np.ndarray) -> bool:
-    """Whether a pose turns and moves, and neither scales nor mirrors."""
+def _require(name: str, value: object, low: float, high: float = FARTHEST, *counts: int) -> None:
+    require(f"camera: {name}", value, low, high, *counts, error=SettingsError)
+
+
+def _pose(values: object) -> np.ndarray:
+    """A pose that turns and moves, and neither scales nor mirrors. Raises SettingsError for another."""
+    pose = np.asarray(array_of("camera: the pose", values, (4, 4), error=SettingsError), np.float64)
     turn = pose[:3, :3]
-    square = np.allclose(turn @ turn.T, np.eye(3), atol=1e-4) and (pose[3] == (0.0, 0.0, 0.0, 1.0)).all()
-    return bool(square and np.linalg.det(turn) > 0.0)
+    square = np.abs(turn @ turn.T - np.eye(3)).max() < _SQUARE and pose[3].tolist() == [0.0, 0.0, 0.0, 1.0]
+    if not square or np.linalg.det(turn) < 0.0:
+        raise SettingsError(
+            "camera: the pose must be (4, 4) camera-to-world: a rotation and a translation, last row 0 0 0 1"
+        )
+    return pose
 
 
 def look_at_pose(eye: np.ndarray, target: np.ndarray) -> np.ndarray:

@@ -23,8 +23,6 @@ def to_mesh(mesh: Any) -> Mesh:
         raise SceneError(f"a {type(mesh).__name__} has no faces; give a trimesh.Trimesh")
     name = str(getattr(mesh, "metadata", {}).get("name") or "")
     points, faces = np.array(mesh.vertices, np.float32), np.asarray(mesh.faces, np.int64)
-    if faces.size and int(faces.min()) < 0:
-        raise SceneError(f"mesh '{name}': index {int(faces.min())} points before the first vertex")
     visual: Any = getattr(mesh, "visual", None)
     kind = getattr(visual, "kind", None)
     if kind == "face":  # a vertex has one color, so faces must not share them
@@ -34,7 +32,7 @@ def to_mesh(mesh: Any) -> Mesh:
     uvs = np.asarray(visual.uv, np.float32) if kind == "texture" and visual.uv is not None else None
     return Mesh(
         points,
-        faces.astype(np.uint32),
+        faces,
         np.array(mesh.vertex_normals, np.float32) if _has_normals(mesh) else None,
         uv0=None if uvs is None else np.stack([uvs[:, 0], 1.0 - uvs[:, 1]], axis=1),  # ours point down
         colors=_colors(visual.vertex_colors) if kind == "vertex" else None,

@@ -5,6 +5,11 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 
+from ispm.errors import SceneError
+from ispm.scene.values import BRIGHTEST, LEAST, require
+
+_FLAT = math.pi / 2.0 + 1e-6  # files round it
+
 
 @dataclass
 class PointLight:
@@ -17,6 +22,13 @@ class PointLight:
     intensity: tuple[float, float, float] = (1.0, 1.0, 1.0)
     range: float = math.inf
     name: str = field(default="", compare=False)
+
+    def __post_init__(self) -> None:
+        self.check()
+
+    def check(self) -> None:
+        """Raise SceneError for a value out of range."""
+        _check_shine(self.name, self.intensity, self.range)
 
 
 @dataclass
@@ -35,6 +47,20 @@ class SpotLight:
     outer_angle: float = math.pi / 4.0
     name: str = field(default="", compare=False)
 
+    def __post_init__(self) -> None:
+        self.check()
+
+    def check(self) -> None:
+        """Raise SceneError for a value out of range."""
+        _check_shine(self.name, self.intensity, self.range)
+        for name in ("inner_angle", "outer_angle"):
+            require(f"light '{self.name}': {name}", getattr(self, name), 0.0, _FLAT)
+        if not self.inner_angle < self.outer_angle:
+            raise SceneError(
+                f"light '{self.name}': inner_angle {self.inner_angle:g} must be below "
+                f"outer_angle {self.outer_angle:g}"
+            )
+
 
 @dataclass
 class DirectionalLight:
@@ -46,5 +72,17 @@ class DirectionalLight:
     intensity: tuple[float, float, float] = (1.0, 1.0, 1.0)
     name: str = field(default="", compare=False)
 
+    def __post_init__(self) -> None:
+        self.check()
+
+    def check(self) -> None:
+        """Raise SceneError for a value out of range."""
+        _check_shine(self.name, self.intensity)
+
 
 Light = PointLight | SpotLight | DirectionalLight
+
+
+def _check_shine(name: str, intensity: object, range: object = math.inf) -> None:
+    require(f"light '{name}': intensity", intensity, 0.0, BRIGHTEST, 3)
+    require(f"light '{name}': range", range, LEAST, math.inf)

@@ -8,6 +8,9 @@ from enum import IntEnum
 
 import numpy as np
 
+from ispm.errors import SceneError
+from ispm.scene.values import BRIGHTEST, LEAST, array_of, member_of, require
+
 IDENTITY_UV = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
 
 
@@ -45,6 +48,20 @@ class Texture:
     mipmaps: bool = True
     name: str = ""
 
+    def __post_init__(self) -> None:
+        self.check()
+
+    def check(self) -> None:
+        """Raise SceneError where the pixels or a field cannot be used."""
+        where, pixels = f"texture '{self.name}'", self.pixels
+        if not isinstance(pixels, np.ndarray) or pixels.dtype != np.uint8:
+            kind = f"of {pixels.dtype}" if isinstance(pixels, np.ndarray) else f"a {type(pixels).__name__}"
+            raise SceneError(f"{where}: pixels must be a numpy array of uint8, not {kind}")
+        if pixels.ndim != 3 or pixels.shape[2] != 4 or not pixels.size:
+            raise SceneError(f"{where}: pixels must have shape (height, width, 4), not {pixels.shape}")
+        self.wrap_u = member_of(f"{where}: wrap_u", self.wrap_u, Wrap)
+        self.wrap_v = member_of(f"{where}: wrap_v", self.wrap_v, Wrap)
+
 
 @dataclass(frozen=True)
 class TextureUse:
@@ -58,6 +75,37 @@ class TextureUse:
     uv_set: int = 0
     transform: tuple[tuple[float, float, float], tuple[float, float, float]] = IDENTITY_UV
 
+    def __post_init__(self) -> None:
+        if not isinstance(self.texture, Texture):
+            raise SceneError(f"a TextureUse takes a Texture, not a {type(self.texture).__name__}")
+        where = f"texture '{self.texture.name}'"
+        require(f"{where}: uv_set", self.uv_set, 0, 1)
+        array_of(f"{where}: transform", self.transform, (2, 3))
+
+
+# least, most, and how many numbers where not one: others would create energy, or leave float32
+RANGES: dict[str, tuple[float, float, *tuple[int, ...]]] = {
+    "base_color": (0.0, 1.0, 3, 4),
+    "metallic": (0.0, 1.0),
+    "roughness": (0.0, 1.0),
+    "specular": (0.0, 1.0),
+    "specular_color": (0.0, 1e4, 3),
+    "ior": (1.0, 100.0),
+    "transmission": (0.0, 1.0),
+    "thickness": (0.0, 1e9),
+    "attenuation_color": (0.0, 1.0, 3),
+    "attenuation_distance": (LEAST, math.inf),
+    "emission": (0.0, BRIGHTEST, 3),
+    "alpha_cutoff": (0.0, 1e6),
+    "normal_scale": (-1e3, 1e3),
+    "double_sided": (False, True),
+    "unlit": (False, True),
+}
+TEXTURES = (
+    "base_color_texture", "metallic_roughness_texture", "normal_texture", "emission_texture",
+    "transmission_texture",
+)  # fmt: skip
+
 
 @dataclass
 class Material:
@@ -66,13 +114,14 @@ class Material:
     base_color        (3,) or (4,), with opacity
     metallic, roughness   0..1; alpha of the microfacet model is roughness squared
     specular, specular_color   KHR_materials_specular
-    ior               KHR_materials_ior
+    ior               KHR_materials_ior: 1 or more, or 0: a mirror from all sides
     transmission      KHR_materials_transmission: share of light below the reflection that goes through
     thickness         KHR_materials_volume: above 0 the mesh bounds a solid, light refracts and what is inside
                       attenuates it; 0: a thin sheet, light goes straight through
     attenuation_color, attenuation_distance   of what is inside: the color that white light has after
                       this many metres
     emission          (3,) cd/m2 per channel, strength included
+    Raises SceneError for a value out of range, as it is made and, if changed since, as it is rendered.
     """
 
     base_color: tuple[float, ...] = (1.0, 1.0, 1.0, 1.0)
@@ -97,6 +146,24 @@ class Material:
     emission_texture: TextureUse | Texture | None = None
     transmission_texture: TextureUse | Texture | None = None  # R
     name: str = field(default="", compare=False)
+
+    def __post_init__(self) -> None:
+        self.check()
+
+    def check(self) -> None:
+        """Raise SceneError where a field is of another kind or out of its range in RANGES."""
+        where = f"material '{self.name}'"
+        for name, limits in RANGES.items():
+            if name != "ior" or self.ior != 0.0:
+                require(f"{where}: {name}", getattr(self, name), *limits)
+        self.alpha_mode = member_of(f"{where}: alpha_mode", self.alpha_mode, AlphaMode)
+        for name in TEXTURES:
+            use = getattr(self, name)
+            if use is None:
+                continue
+            if not isinstance(use, (Texture, TextureUse)):
+                raise SceneError(f"{where}: {name} must be a Texture, not a {type(use).__name__}")
+            (use.texture if isinstance(use, TextureUse) else use).check()
 
     @property
     def casts_caustics(self) -> bool:

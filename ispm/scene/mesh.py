@@ -8,6 +8,16 @@ from typing import Any
 import numpy as np
 
 from ispm.errors import SceneError
+from ispm.scene.values import FARTHEST, array_of
+
+_ROUNDING = 1.0 / 510.0  # half a step of the 8 bits that colors are kept in
+_OTHERS = {  # width, least and most
+    "normals": (3, -FARTHEST, FARTHEST),
+    "tangents": (4, -FARTHEST, FARTHEST),
+    "uv0": (2, -FARTHEST, FARTHEST),
+    "uv1": (2, -FARTHEST, FARTHEST),
+    "colors": (4, -_ROUNDING, 1.0 + _ROUNDING),
+}
 
 
 @dataclass(eq=False)
@@ -20,7 +30,7 @@ class Mesh:
     tangents   (V, 4) float32, w = handedness; None: derived from uv0 where a normal map needs them
     uv0, uv1   (V, 2) float32, v downwards as in glTF
     colors     (V, 4) float32, linear RGBA in [0, 1], multiplied into the base colour
-    Raises SceneError where shapes disagree or an index points outside.
+    Raises SceneError where shapes disagree, an index points outside or a value is not finite.
     """
 
     positions: np.ndarray
@@ -34,25 +44,21 @@ class Mesh:
     version: int = field(default=0, repr=False)
 
     def __post_init__(self) -> None:
-        self.positions = _array(self.positions, np.float32, 3, "positions", self.name)
-        self.triangles = _array(self.triangles, np.uint32, 3, "triangles", self.name)
-        vertex_count = len(self.positions)
-        if not np.isfinite(self.positions).all():
-            raise SceneError(f"mesh '{self.name}': a position is not finite")
-        for name, width in (("normals", 3), ("tangents", 4), ("uv0", 2), ("uv1", 2), ("colors", 4)):
+        self.check()
+
+    def check(self) -> None:
+        """Make all arrays contiguous and of their types. Raises SceneError where one cannot be used."""
+        where = f"mesh '{self.name}'"
+        self.positions = _floats(f"{where}: positions", self.positions, 3)
+        self.triangles = _indices(where, self.triangles, len(self.positions))
+        for name, (width, low, high) in _OTHERS.items():
             values = getattr(self, name)
-            if values is not None:
-                values = _array(values, np.float32, width, name, self.name)
-                if len(values) != vertex_count:
-                    raise SceneError(
-                        f"mesh '{self.name}': {name} has {len(values)} rows for {vertex_count} vertices"
-                    )
-                setattr(self, name, values)
-        if len(self.triangles) and int(self.triangles.max()) >= vertex_count:
-            raise SceneError(
-                f"mesh '{self.name}': index {int(self.triangles.max())} points past the last of "
-                f"{vertex_count} vertices"
-            )
+            if values is None:
+                continue
+            values = _floats(f"{where}: {name}", values, width, low, high)
+            if len(values) != len(self.positions):
+                raise SceneError(f"{where}: {name} has {len(values)} rows for {len(self.positions)} vertices")
+            setattr(self, name, values)
 
     @classmethod
     def from_trimesh(cls, mesh: Any) -> Mesh:
@@ -69,8 +75,19 @@ class Mesh:
         self.version += 1
 
 
-def _array(values: object, dtype: type, width: int, what: str, name: str) -> np.ndarray:
-    array: np.ndarray = np.ascontiguousarray(values, dtype)
-    if array.ndim != 2 or array.shape[1] != width:
-        raise SceneError(f"mesh '{name}': {what} must have shape (n, {width}), not {array.shape}")
-    return array
+def _floats(
+    what: str, values: object, width: int, low: float = -FARTHEST, high: float = FARTHEST
+) -> np.ndarray:
+    return np.ascontiguousarray(array_of(what, values, (None, width), low, high), np.float32)
+
+
+def _indices(where: str, values: object, vertex_count: int) -> np.ndarray:
+    triangles = array_of(f"{where}: triangles", values, (None, 3))
+    if triangles.dtype.kind == "f" and (triangles != np.floor(triangles)).any():
+        raise SceneError(f"{where}: triangles must be whole numbers, of its vertices")
+    low, high = (int(triangles.min()), int(triangles.max())) if triangles.size else (0, -1)
+    if low < 0:
+        raise SceneError(f"{where}: index {low} points before the first vertex")
+    if high >= vertex_count:
+        raise SceneError(f"{where}: index {high} points past the last of {vertex_count} vertices")
+    return np.ascontiguousarray(triangles, np.uint32)

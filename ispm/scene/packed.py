@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 from functools import cached_property
+from hashlib import sha256
 
 import numpy as np
 
@@ -18,6 +19,7 @@ from ispm.scene.material import Material, Texture
 from ispm.scene.mesh import Mesh
 from ispm.scene.packed_material import material_record
 from ispm.scene.scene import Scene
+from ispm.scene.values import FARTHEST
 
 _SHARPEST = 1e-6  # difference of the cosines of a spot's cones, in float32
 
@@ -69,6 +71,11 @@ class Geometry:
     vertices: np.ndarray
     indices: np.ndarray
     ranges: list[MeshRange]
+
+    @cached_property
+    def digest(self) -> bytes:
+        """What tells these meshes from others."""
+        return sha256(self.vertices.tobytes() + self.indices.tobytes()).digest()
 
     def fits(self, meshes: list[Mesh]) -> bool:
         """Whether these are exactly the meshes packed here, none touched since."""
@@ -149,7 +156,7 @@ class Packed:
 def pack(scene: Scene, geometry: Geometry | None = None) -> Packed:
     """Flatten `scene`; reuse `geometry` of an earlier frame where its meshes are unchanged.
 
-    Raises SceneError where a node's matrix is not finite.
+    Raises SceneError where a mesh, material, light or node has a value that cannot be used.
     """
     placed = list(scene.placed())
     meshes: dict[int, int] = {}
@@ -160,8 +167,9 @@ def pack(scene: Scene, geometry: Geometry | None = None) -> Packed:
     lights = np.zeros(sum(node.light is not None for node, _ in placed), records.LIGHT)
     light_count = 0
     for index, (node, world) in enumerate(placed):
-        if not np.isfinite(world).all():
-            raise SceneError(f"node '{node.name}': its matrix has a value that is not finite")
+        node.check()
+        if not np.abs(world).max() <= FARTHEST:
+            raise SceneError(f"node '{node.name}': stands in nodes that together move or scale it too far")
         if node.light is not None:
             lights[light_count] = _light_record(node.light, world)
             light_count += 1
@@ -201,6 +209,7 @@ def pack_geometry(meshes: list[Mesh]) -> Geometry:
     indices: list[np.ndarray] = []
     vertex_count = index_count = 0
     for mesh in meshes:
+        mesh.check()
         rows, triangles = _vertices(mesh)
         box = _mesh_box(mesh)
         ranges.append(MeshRange(mesh, mesh.version, vertex_count, index_count, len(triangles), box))
@@ -282,12 +291,11 @@ def _unit(vectors: np.ndarray) -> np.ndarray:
 
 
 def _light_record(light: Light, world: np.ndarray) -> np.ndarray:
+    light.check()
     row = np.zeros((), records.LIGHT)
     row["position"] = world[:3, 3]
     row["kind"] = _KINDS[type(light)]
     row["intensity"] = light.intensity
-    if not (np.isfinite(row["intensity"]).all() and (row["intensity"] >= 0.0).all()):
-        raise SceneError(f"light '{light.name}': intensity {light.intensity} must be finite and not negative")
     along = -world[:3, 2] / max(float(np.linalg.norm(world[:3, 2])), 1e-30)
     row["direction"], row["cone_offset"] = along, 1.0
     if isinstance(light, DirectionalLight):
@@ -301,11 +309,6 @@ def _light_record(light: Light, world: np.ndarray) -> np.ndarray:
 def _cone(light: SpotLight) -> tuple[float, float]:
     """Scale and offset of a spot's falloff; KHR_lights_punctual, inner and outer cone angles."""
     inner, outer = light.inner_angle, light.outer_angle
-    if not 0.0 <= inner < outer <= math.pi / 2.0 + 1e-6:
-        raise SceneError(
-            f"light '{light.name}': its cones, {inner:g} and {outer:g} radians, must have "
-            "0 <= inner < outer <= pi / 2"
-        )
     scale = 1.0 / max(math.cos(inner) - math.cos(outer), _SHARPEST)
     return scale, -math.cos(outer) * scale
 

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 
-from ispm.errors import SceneError
 from ispm.optics import records
-from ispm.scene.material import AlphaMode, Material, Texture, TextureUse
+from ispm.scene.material import TEXTURES, AlphaMode, Material, Texture, TextureUse
 
 
 def material_record(material: Material, textures: list[Texture]) -> np.ndarray:
     """Return the MATERIAL of `material`; its pictures are added to `textures` where they are not among them.
 
-    Raises SceneError for a factor that is negative or not finite.
+    Raises SceneError for a value out of range.
     """
+    material.check()
     row = np.zeros((), records.MATERIAL)
     color = tuple(material.base_color)
     row["base_color"] = color if len(color) == 4 else (*color, 1.0)
@@ -37,12 +37,8 @@ def material_record(material: Material, textures: list[Texture]) -> np.ndarray:
         | records.MATERIAL_THIN * (material.transmission > 0.0 and material.thickness <= 0.0)
         | records.MATERIAL_CAUSTIC * material.casts_caustics
     )
-    for name in ("base_color", "emission", "metallic", "roughness", "specular", "specular_color", "f0",
-                 "transmission", "attenuation"):  # fmt: skip
-        if not (np.isfinite(row[name]).all() and (row[name] >= 0.0).all()):
-            raise SceneError(f"material '{material.name}': {name} must be finite and not negative")
-    for slot in ("base_color", "metallic_roughness", "normal", "emission", "transmission"):
-        row[f"{slot}_texture"] = _texture_use(getattr(material, f"{slot}_texture"), textures)
+    for slot in TEXTURES:
+        row[slot] = _texture_use(getattr(material, slot), textures)
     return row
 
 
@@ -50,8 +46,6 @@ def _attenuation(material: Material) -> np.ndarray:
     """(3,) 1/m; KHR_materials_volume, attenuation."""
     if material.thickness <= 0.0 or not np.isfinite(material.attenuation_distance):
         return np.zeros(3)
-    if not material.attenuation_distance > 0.0:
-        raise SceneError(f"material '{material.name}': attenuation_distance must be positive")
     color = np.clip(np.asarray(material.attenuation_color, np.float64), 1e-6, 1.0)
     return np.asarray(-np.log(color) / material.attenuation_distance)
 

@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NoReturn, TypeVar
 
 import numpy as np
 
 from ispm.errors import SceneError
 from ispm.scene.animation import Animation
 from ispm.scene.camera import Camera
-from ispm.scene.light import Light
+from ispm.scene.light import DirectionalLight, Light, PointLight, SpotLight
 from ispm.scene.material import Material
 from ispm.scene.mesh import Mesh
+from ispm.scene.values import FARTHEST, array_of, require
+
+_Kind = TypeVar("_Kind")
 
 
 @dataclass(eq=False)
@@ -30,8 +33,8 @@ class Node:
     """A place in the scene and what stands there. Compared by identity.
 
     translation, scale   (3,) metres and factors
-    rotation             (4,) unit quaternion x, y, z, w
-    matrix               (4, 4) used instead of the three where given
+    rotation             (4,) quaternion x, y, z, w, of any length but 0
+    matrix               (4, 4) used instead of the three where given; last row 0 0 0 1
     instances            (n, 4, 4) where the parts stand n times, from each copy to this node; None: once
     """
 
@@ -58,16 +61,51 @@ class Node:
         """
         return world[None] if self.instances is None else world @ self.instances
 
+    def check(self) -> None:
+        """Raise SceneError where something that cannot be drawn stands here."""
+        for part in _listed(self, "parts", Part):
+            mesh: object = part.mesh
+            material: object = part.material
+            if not (isinstance(mesh, Mesh) and isinstance(material, Material)):
+                held = f"{type(mesh).__name__} and a {type(material).__name__}"
+                raise SceneError(f"node '{self.name}': a part must be of a Mesh and a Material, not a {held}")
+        _require_kind(self, "light", PointLight | SpotLight | DirectionalLight | None)
+        _require_kind(self, "camera", Camera | None)
+        if self.instances is not None:
+            self.instances = array_of(f"node '{self.name}': instances", self.instances, (None, 4, 4))
+
     def local_matrix(self) -> np.ndarray:
-        """Return the (4, 4) matrix that takes this node's space to its parent's."""
+        """Return the (4, 4) matrix that takes this node's space to its parent's.
+
+        Raises SceneError where there is none.
+        """
         if self.matrix is not None:
-            return np.asarray(self.matrix, np.float64)
+            matrix = np.asarray(array_of(f"node '{self.name}': matrix", self.matrix, (4, 4)), np.float64)
+            if matrix[3].tolist() != [0.0, 0.0, 0.0, 1.0]:
+                raise SceneError(
+                    f"node '{self.name}': the last row of its matrix must be 0 0 0 1; is it transposed?"
+                )
+            return matrix
         result = np.eye(4)
-        result[:3, :3] = rotation_matrix(np.asarray(self.rotation, np.float64)) * np.asarray(
-            self.scale, np.float64
-        )
-        result[:3, 3] = self.translation
+        try:
+            counts = len(self.translation), len(self.rotation), len(self.scale)
+            if not any(self.rotation):
+                self._refuse_place()
+            result[:3, :3] = rotation_matrix(np.asarray(self.rotation, np.float64)) * np.asarray(
+                self.scale, np.float64
+            )
+            result[:3, 3] = self.translation
+        except (TypeError, ValueError, ZeroDivisionError):
+            counts = 0, 0, 0
+        if counts != (3, 4, 3) or not np.abs(result).max() <= FARTHEST:  # NaN is not
+            self._refuse_place()
         return result
+
+    def _refuse_place(self) -> NoReturn:
+        """Raise SceneError that names what of the place cannot be used."""
+        for name, count in (("translation", 3), ("rotation", 4), ("scale", 3)):
+            require(f"node '{self.name}': {name}", getattr(self, name), -FARTHEST, FARTHEST, count)
+        raise SceneError(f"node '{self.name}': rotation must be a quaternion x, y, z, w, not all 0")
 
 
 @dataclass(eq=False)
@@ -102,22 +140,36 @@ class Scene:
 
     def placed(self) -> Iterator[tuple[Node, np.ndarray]]:
         """Yield each node with its (4, 4) node-to-world matrix, parents before children."""
-        stack = [(node, np.eye(4)) for node in reversed(self.roots)]
-        while stack:
-            node, parent = stack.pop()
-            world = parent @ node.local_matrix()
-            yield node, world
-            stack.extend((child, world) for child in reversed(node.children))
+        worlds = [np.eye(4)]  # of the node and those above it
+        for node, depth in self._walk():
+            del worlds[depth + 1 :]
+            worlds.append(worlds[depth] @ node.local_matrix())
+            yield node, worlds[-1]
 
     @property
     def nodes(self) -> list[Node]:
         """All nodes, parents before children."""
-        found, stack = [], self.roots[::-1]
+        return [node for node, _ in self._walk()]
+
+    def _walk(self) -> Iterator[tuple[Node, int]]:
+        """Yield each node with how many are above it, parents before children.
+
+        Raises SceneError where something else stands among them, or a node hangs below itself.
+        """
+        stack = [(node, 0) for node in reversed(_listed(self, "roots", Node))]
+        above: list[int] = []  # ids of the nodes on the way to this one
+        inside: set[int] = set()
         while stack:
-            node = stack.pop()
-            found.append(node)
-            stack.extend(reversed(node.children))
-        return found
+            node, depth = stack.pop()
+            inside.difference_update(above[depth:])
+            del above[depth:]
+            if id(node) in inside:
+                raise SceneError(f"node '{node.name}': hangs below itself; take it out of its descendants")
+            above.append(id(node))
+            inside.add(id(node))
+            yield node, depth
+            children = _listed(node, "children", Node)
+            stack.extend((child, depth + 1) for child in reversed(children))
 
     @property
     def lights(self) -> list[Node]:
@@ -150,7 +202,7 @@ class Scene:
                 return node
         import difflib
 
-        near = difflib.get_close_matches(name, [n.name for n in self.nodes], 1)
+        near = difflib.get_close_matches(str(name), [n.name for n in self.nodes], 1)
         hint = f"; did you mean '{near[0]}'?" if near else ""
         raise KeyError(f"no node is called '{name}'{hint}")
 
@@ -165,25 +217,33 @@ class Scene:
         scale: tuple[float, float, float] = (1.0, 1.0, 1.0),
         parent: Node | None = None,
     ) -> Node:
-        """Place a mesh, light or camera on a new node and return the node."""
+        """Place a mesh, light or camera on a new node and return the node.
+
+        Raises SceneError where one of them cannot be used.
+        """
         if not isinstance(item, Mesh | Light | Camera):
             raise SceneError(f"cannot add a {type(item).__name__}; give a mesh, a light or a camera")
         node = Node(name or item.name, translation, rotation, scale)
         if isinstance(item, Mesh):
-            node.parts.append(Part(item, material or Material()))
+            node.parts.append(Part(item, Material() if material is None else material))
         elif isinstance(item, Light):
             node.light = item
         else:
             node.camera = item
-        (parent.children if parent else self.roots).append(node)
+        node.check()
+        node.local_matrix()
+        if not isinstance(parent, Node | None):
+            raise SceneError(f"node '{node.name}': parent must be a Node, not a {type(parent).__name__}")
+        (self.roots if parent is None else parent.children).append(node)
         return node
 
     def at(self, time: float, animation: str | None = None) -> Scene:
         """Return the scene at `time` in seconds; meshes and materials are shared, nodes are not.
 
         animation  the name of the one to play; None: all
-        Raises SceneError where no animation has that name.
+        Raises SceneError where no animation has that name, or `time` is no number.
         """
+        require("time, in seconds,", time)
         playing = [a for a in self.animations if animation is None or a.name == animation]
         if animation is not None and not playing:
             names = ", ".join(repr(a.name) for a in self.animations) or "none"
@@ -201,6 +261,22 @@ class Scene:
                 target.matrix = None
                 setattr(target, channel.path, channel.at(time))
         return result
+
+
+def _require_kind(owner: Node, name: str, kinds: Any) -> None:
+    value = getattr(owner, name)
+    if not isinstance(value, kinds):
+        raise SceneError(f"node '{owner.name}': {name} must be a {kinds}, not a {type(value).__name__}")
+
+
+def _listed(owner: Scene | Node, name: str, kind: type[_Kind]) -> Sequence[_Kind]:
+    """A field that is a list of this kind alone."""
+    values: Sequence[_Kind] = getattr(owner, name)
+    strays = [v for v in values if not isinstance(v, kind)] if isinstance(values, (list, tuple)) else [values]
+    if strays:
+        what = f"{type(owner).__name__.lower()} '{owner.name}': {name}"
+        raise SceneError(f"{what} must be a list of {kind.__name__}, not of {type(strays[0]).__name__}")
+    return values
 
 
 def rotation_matrix(quaternion: np.ndarray) -> np.ndarray:

@@ -19,9 +19,9 @@ def thread_count(threads: int | None) -> int:
     Raises SettingsError for a number of threads that makes no sense.
     """
     if threads:
-        if not 0 < threads <= _MOST:
-            raise SettingsError(f"threads: {threads} is outside 1 to {_MOST}")
-        return int(threads)
+        if not isinstance(threads, int) or not 0 < threads <= _MOST:
+            raise SettingsError(f"threads: {threads!r} is not a whole number of 1 to {_MOST}")
+        return threads
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1

@@ -5,6 +5,7 @@ import pickle
 import signal
 import subprocess
 import sys
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -12,16 +13,17 @@ import pytest
 from transport import box_room, lit, render
 
 from ispm.cli.main import main
-from ispm.errors import IspmError, SceneError, SettingsError
+from ispm.errors import IspmError, SceneError, SceneWarning, SettingsError
 from ispm.io.image import read_picture
 from ispm.renderer import Renderer
 from ispm.renderer.progress import Progress
 from ispm.scene.builtin import builtin
 from ispm.scene.camera import Camera
-from ispm.scene.light import PointLight
+from ispm.scene.light import DirectionalLight
 from ispm.scene.material import Material, Texture
 from ispm.scene.mesh import Mesh
 from ispm.scene.scene import Scene
+from ispm.scene.shapes import box
 from ispm.settings import Settings
 
 
@@ -69,20 +71,39 @@ def test_nonsense_is_refused_by_name(make):
 
 
 @pytest.mark.parametrize(
-    "change", [{"base_color": (np.nan, 0, 0)}, {"emission": (-1.0, 0, 0)}, {"roughness": np.inf}]
+    ("owner", "name", "value"),
+    [
+        (lambda scene: scene.nodes[0].parts[0].material, "metallic", 3.0),
+        (lambda scene: scene.nodes[0].parts[0].material, "base_color", (np.nan, 0.0, 0.0)),
+        (lambda scene: scene.nodes[0].parts[0].mesh, "normals", [[np.nan, 0.0, 0.0]]),
+        (lambda scene: scene.lights[0].light, "intensity", (np.inf, 1.0, 1.0)),
+        (lambda scene: scene.nodes[0], "rotation", (0.0, 0.0, 0.0, 0.0)),
+        (lambda scene: scene.nodes[0], "parts", [Material()]),
+    ],
 )
-def test_numbers_without_sense_make_no_picture(gpu, change):
+def test_what_was_spoiled_since_it_was_made_makes_no_picture(gpu, owner, name, value):
     scene = lit(box_room())
-    scene.nodes[0].parts[0].material = Material(**change)
-    with pytest.raises(SceneError, match="finite and not negative"):
+    setattr(owner(scene), name, value)
+    with pytest.raises(SceneError, match=name):
         render(gpu, scene)
 
 
-def test_a_light_without_sense_makes_no_picture(gpu):
-    scene = box_room()
-    scene.add(PointLight((np.inf, 1.0, 1.0)))
-    with pytest.raises(SceneError, match="finite and not negative"):
-        render(gpu, scene)
+def sunny_plain(side: float) -> Scene:
+    """A box of 1 m on a square plain, in the sun."""
+    scene = Scene()
+    scene.add(box((-side / 2, -1.0, -side / 2), (side / 2, 0.0, side / 2)))
+    scene.add(box((-0.5, 0.0, -0.5), (0.5, 1.0, 0.5)))
+    scene.add(DirectionalLight(), rotation=(-0.5, 0.3, 0.0, 0.8))
+    scene.add(Camera.look_at((2.0, 1.5, 3.0), (0.0, 0.5, 0.0)))
+    return scene
+
+
+def test_light_that_photons_miss_is_told(gpu):
+    with pytest.warns(SceneWarning, match="not one photon in a thousand met a second surface"):
+        render(gpu, sunny_plain(1000.0), size=(32, 18), photons=4000)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        render(gpu, sunny_plain(10.0), size=(32, 18), photons=4000)
 
 
 def test_a_texture_may_stand_for_its_use(gpu):

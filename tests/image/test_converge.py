@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 
-from ispm.errors import IspmError, OutputError, SettingsError
+from ispm.errors import IspmError, OutputError, SceneError, SettingsError
 from ispm.io.named import builtin
 from ispm.renderer import Renderer
 from ispm.renderer.converge import place_in_pixel, shrunk
@@ -71,6 +71,10 @@ def test_passes_repeat_and_continue_to_the_bit(gpu, scene, tmp_path):
     with renderer(gpu, scene) as third:  # at its end already
         (frame,) = third.converge(2, resume=kept)
         assert frame.stats.passes == 2 and frame.stats.stored_photons > 0
+        *_, fifth = third.converge(5, resume=kept)
+        third.save_progress(kept)
+        (frame,) = third.converge(9, target_error=1.01 * fifth.stats.error, resume=kept)
+        assert frame.stats.passes == 5
 
 
 def test_passes_of_something_else_are_not_continued(gpu, scene, tmp_path):
@@ -81,7 +85,10 @@ def test_passes_of_something_else_are_not_continued(gpu, scene, tmp_path):
         next(first.converge(2))
         first.save_progress(kept)
     for passes in (1, 2):  # at its end already, or not
-        with renderer(gpu, scene, seed=1) as other, pytest.raises(SettingsError, match="another scene"):
+        with (
+            renderer(gpu, scene, seed=1) as other,
+            pytest.raises(SettingsError, match=r"passes.npz: holds 1 passes of another scene"),
+        ):
             next(other.converge(passes, resume=kept))
     moved = builtin("cornell-box")
     moved.lights[0].translation = (0.1, 0.1, 0.1)
@@ -90,6 +97,50 @@ def test_passes_of_something_else_are_not_continued(gpu, scene, tmp_path):
     (tmp_path / "broken.npz").write_bytes(kept.read_bytes()[:1000])
     with renderer(gpu, scene) as other, pytest.raises(OutputError, match="broken"):
         next(other.converge(2, resume=tmp_path / "broken.npz"))
+
+
+def squeeze(mesh):
+    mesh.positions *= np.float32(0.9)
+    mesh.touch()
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda r: setattr(r.scene["room"].parts[0].material, "base_color", (0.1, 0.2, 0.3)),
+        lambda r: squeeze(r.scene["room"].parts[0].mesh),
+        lambda r: setattr(r.scene.lights[0], "translation", (0.1, 0.1, 0.1)),
+        lambda r: setattr(r.scene.cameras[0].camera, "yfov", 0.5),
+        lambda r: setattr(r, "settings", r.settings.replace(size=(80, 45))),
+        lambda r: setattr(r, "settings", r.settings.replace(photons=3000)),
+    ],
+)
+def test_a_scene_that_changes_between_passes_ends_them(gpu, change, tmp_path):
+    with renderer(gpu, builtin("cornell-box"), size=(32, 18)) as other:
+        passes = other.converge(9)
+        first = next(passes)
+        change(other)
+        with pytest.raises(SceneError, match="changed after pass 1"):
+            next(passes)
+        assert other.progress.passes == 1
+        np.testing.assert_array_equal(other.progress.sums["direct"], first.direct)
+        assert other.save_progress(tmp_path / "kept.npz").exists()
+        assert next(other.converge(9)).stats.passes == 1
+
+
+def test_tones_may_change_between_passes(gpu, scene):
+    with renderer(gpu, scene, size=(32, 18)) as other:
+        passes = other.converge(2)
+        next(passes)
+        other.settings = other.settings.replace(exposure=2.0, tonemap="agx")
+        assert next(passes).stats.passes == 2
+
+
+def test_passes_are_kept_in_an_npz(gpu, scene, tmp_path):
+    with renderer(gpu, scene, size=(32, 18)) as other:
+        next(other.converge(1))
+        with pytest.raises(OutputError, match="passes are kept in an"):
+            other.save_progress(tmp_path / "a.png")
 
 
 @pytest.mark.parametrize(

@@ -82,7 +82,7 @@ def test_rotations_take_the_shorter_arc(tmp_path: Path, kind: type) -> None:
     [
         (animated(TIMES[::-1], MOVES), "increase"),
         (animated(np.array([0, 1, 1], np.float32), MOVES), "increase"),
-        (animated(np.array([0, np.nan, 1], np.float32), MOVES), "increase"),
+        (animated(np.array([0, np.nan, 1], np.float32), MOVES), "finite"),
         (animated(TIMES, MOVES[:2]), "3 times and 2 values"),
         (animated(TIMES, MOVES, how="CUBICSPLINE"), "3 times and 3 values"),
         (animated(TIMES[:0], MOVES[:0]), "no keys"),

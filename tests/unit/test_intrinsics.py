@@ -73,11 +73,11 @@ def test_rays_follow_the_intrinsics():
 @pytest.mark.parametrize(
     ("change", "says"),
     [
-        (dict(K=np.eye(4)), "K must be a"),
+        (dict(K=np.eye(4)), "K must have shape .3, 3."),
         (dict(K=np.diag([-1.0, 1.0, 1.0])), "focal lengths above 0"),
         (dict(K=[[810.0, 3.0, 301.5], *K[1:]]), "skew"),
-        (dict(size=(0, 4)), "no picture's"),
-        (dict(pose=np.eye(3)), "the pose must be"),
+        (dict(size=(0, 4)), "size, width and height"),
+        (dict(pose=np.eye(3)), "the pose must have shape"),
         (dict(pose=2.0 * np.eye(4)), "a rotation and a translation"),
         (dict(pose=np.diag([1.0, 1.0, -1.0, 1.0])), "a rotation and a translation"),
         (dict(convention="opncv"), "'opncv' is not one of opencv, opengl"),

@@ -114,7 +114,7 @@ def test_distance_counts_in_lengths_of_the_direction():
 
 
 @pytest.mark.parametrize(
-    "scale", [(0.0, 1.0, 1.0), (0.0, 0.0, 0.0), (1e-30, 1.0, 1.0), (1e-25, 1e-25, 1e-25), (1e19, 1e19, 1e19)]
+    "scale", [(0.0, 1.0, 1.0), (0.0, 0.0, 0.0), (1e-30, 1.0, 1.0), (1e-25, 1e-25, 1e-25), (1e18, 1e18, 1e18)]
 )
 def test_an_instance_without_an_inverse_is_never_hit(scale):
     scene = Scene()

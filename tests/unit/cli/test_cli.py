@@ -290,6 +290,18 @@ def test_info_of_an_array_says_that_it_holds_no_settings(ispm_command):
     assert "no .npy does" in ispm_command("info a.npy")[2]
 
 
+def test_info_of_kept_passes_tells_them_in_plain_lines(ispm_command):
+    kept = json.dumps({"passes": 4, "scene": "room", "made_of": "00ff", "error": 0.25, "stats": {}})
+    write_npz("a.npz", {"sum.direct": np.zeros((6, 8, 3))}, {"ispm:progress": kept})
+    code, out, err = ispm_command("info a.npz")
+    assert (code, out) == (0, "")
+    assert [line.split() for line in err.splitlines()[:4]] == [
+        ["passes", "4"], ["scene", "room"], ["size", "8x6"], ["error", "0.25"]
+    ]  # fmt: skip
+    assert "{" not in err and "--resume a.npz" in err
+    assert json.loads(ispm_command("info a.npz --json")[1])["passes"] == 4
+
+
 def test_print_config_holds_the_loading_limits(ispm_command):
     _, out, _ = ispm_command("render --print-config --max-nodes 5")
     printed = tomllib.loads(out)

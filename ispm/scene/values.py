@@ -1,0 +1,97 @@
+"""Values that users give: refused by name where they are of another kind or out of range."""
+
+from __future__ import annotations
+
+from enum import Enum
+from numbers import Real
+from typing import TypeVar
+
+import numpy as np
+
+from ispm.errors import IspmError, SceneError
+
+FARTHEST = 1e18  # m; squares of larger coordinates do not fit a float32
+BRIGHTEST = 1e12  # cd/m2, cd and lx: beyond the sun's 2e9, and squares still fit a float32
+LEAST = 1e-37  # of what is divided by: the inverse still fits a float32
+_LONGEST = 60  # characters of a value that messages show
+
+_Member = TypeVar("_Member", bound=Enum)
+
+
+def require(
+    what: str,
+    value: object,
+    low: float = -FARTHEST,
+    high: float = FARTHEST,
+    *counts: int,
+    error: type[IspmError] = SceneError,
+) -> None:
+    """Raise `error` where `value` is no number of low..high; with `counts`, not one of so many of them."""
+    if not counts:
+        if not _within(value, low, high):
+            raise error(f"{what} must be a number {_of(low, high)}, not {_shown(value)}")
+        return
+    given = value.tolist() if isinstance(value, np.ndarray) else value
+    if (
+        not isinstance(given, (tuple, list))
+        or len(given) not in counts
+        or not all(_within(v, low, high) for v in given)
+    ):
+        many = " or ".join(map(str, counts))
+        raise error(f"{what} must be {many} numbers {_of(low, high)}, not {_shown(value)}")
+
+
+def array_of(
+    what: str,
+    values: object,
+    shape: tuple[int | None, ...],
+    low: float = -FARTHEST,
+    high: float = FARTHEST,
+    *,
+    error: type[IspmError] = SceneError,
+) -> np.ndarray:
+    """Return `values` as an array of numbers: itself where it is one.
+
+    shape  what it must have; None: any length
+    Raises `error` for another shape, and for values that are not finite or not of low..high.
+    """
+    wanted = f"({', '.join('n' if n is None else str(n) for n in shape)})"
+    try:
+        array = np.asarray(values)
+    except (TypeError, ValueError):
+        array = np.empty(0, object)  # as of rows that differ in length
+    if array.dtype.kind not in "iuf":
+        raise error(f"{what} must be numbers of shape {wanted}, not {_shown(values)}")
+    if array.ndim != len(shape) or any(n not in (None, m) for n, m in zip(shape, array.shape, strict=True)):
+        raise error(f"{what} must have shape {wanted}, not {array.shape}")
+    if array.size and not (array.min() >= low and array.max() <= high):  # NaN is neither
+        place = np.argwhere(~((array >= low) & (array <= high)))[0].tolist()
+        raise error(f"{what} must be numbers {_of(low, high)}, but {place} is {array[tuple(place)]:g}")
+    return array
+
+
+def member_of(what: str, value: object, kind: type[_Member]) -> _Member:
+    """Return `value`, a member of an enumeration or its number, as the member. Raises SceneError."""
+    if isinstance(value, kind):
+        return value
+    try:
+        return kind(value)
+    except ValueError:
+        names = ", ".join(f"{kind.__name__}.{member.name}" for member in kind)
+        raise SceneError(f"{what} must be one of {names}, not {_shown(value)}") from None
+
+
+def _of(low: float, high: float) -> str:
+    """The range in words."""
+    if (low, high) == (-FARTHEST, FARTHEST):
+        return f"that are finite, {high:g} at most"
+    return f"of {low:g} to {high:g}"
+
+
+def _within(value: object, low: float, high: float) -> bool:
+    return isinstance(value, (Real, np.bool_)) and bool(low <= value <= high)  # type: ignore[operator]
+
+
+def _shown(value: object) -> str:
+    text = " ".join(repr(value).split())
+    return text if len(text) <= _LONGEST else f"a {type(value).__name__}"
