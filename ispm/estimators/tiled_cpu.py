@@ -11,8 +11,25 @@ import numpy as np
 from ispm.optics.jit import jit
 from ispm.optics.records import PHOTON, RECEIVER
 from ispm.tracer.blocks import (
-    BLOCKS, BOX, CHANNELS, HEIGHT, LANES, NORMAL, RADIUS, TILE, WORDS, WORK, add_to_tile, clear, empty_box,
-    extend_box, is_valid, meets, put, take_out, vector,
+    BLOCKS,
+    BOX,
+    CHANNELS,
+    HEIGHT,
+    LANES,
+    NORMAL,
+    RADIUS,
+    TILE,
+    WORDS,
+    WORK,
+    add_to_tile,
+    clear,
+    empty_box,
+    extend_box,
+    is_valid,
+    meets,
+    put,
+    take_out,
+    vector,
 )  # fmt: skip
 from ispm.tracer.simd import address, alloca, atomic_add, ldf
 from ispm.tracer.threads import run_threads, thread_count
