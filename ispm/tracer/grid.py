@@ -21,11 +21,13 @@ f32, i64, u32 = np.float32, np.int64, np.uint32
 _CELLS_MAX = 64  # per axis: 1 MB of counts
 _CHUNK = 64  # receivers a thread takes at a time
 _FEW = 1000  # receivers whose order is of no account
+_SCANNED = 48  # receivers that ask every photon sooner than the lists are made
 
 
 class PhotonGrid:
     """Lists of photons by cell. The lists are in photon order, so results repeat to the bit.
 
+    They are made when first needed; few points are found their light without.
     photons  (N,) PHOTON with radius and height set
     kernels  (N,) CAUSTIC, the same photons with kernels of their own; None: they have none
     """
@@ -37,8 +39,13 @@ class PhotonGrid:
             reach = np.maximum(np.linalg.norm(kernels["u"], axis=1), kernels["height"])
             photons["radius"] = photons["height"] = reach
         self._photons = photons
-        if not len(photons):
+        self._listed = False
+
+    def _list(self) -> None:
+        """Make the lists."""
+        if self._listed:
             return
+        self._listed, photons = True, self._photons
         position, reach = photons["position"], photons["radius"].max()
         low = position.min(axis=0) - reach
         extent = position.max(axis=0) + reach - low
@@ -60,6 +67,10 @@ class PhotonGrid:
         out = np.zeros((len(receivers), 16), np.float32)
         if not len(self._photons) or not len(receivers):
             return out
+        if len(receivers) <= _SCANNED and not self._listed:
+            _scan(receivers, self._photons, self._kernels, out)
+            return out
+        self._list()
         counter = np.zeros(8, np.int64)
         order = self._order(receivers)
 
@@ -87,6 +98,7 @@ class PhotonGrid:
         """
         out = np.zeros(len(receivers), np.int32)
         if len(self._photons) and len(receivers):
+            self._list()
             edges = np.linspace(0, len(receivers), threads + 1).astype(np.int64)
 
             def work(k: int) -> None:
@@ -161,6 +173,20 @@ def _gather(receivers, order, photons, kernels, low, cell, shape, starts, ids, c
                         _add_caustic(receiver, kernels[ids[k]], out, r)
                     else:
                         add_photon(receiver, photons[ids[k]], out, r)
+
+
+@jit
+def _scan(receivers, photons, kernels, out):
+    """Light few receivers: the same sums as from the lists."""
+    for k in range(len(photons)):
+        reach = max(photons[k].radius, photons[k].height)
+        for r in range(len(receivers)):
+            offset = _offset(receivers[r], photons[k])
+            if dot(offset, offset) <= reach * reach and receivers[r].valid != u32(0):
+                if len(kernels):
+                    _add_caustic(receivers[r], kernels[k], out, r)
+                else:
+                    add_photon(receivers[r], photons[k], out, r)
 
 
 @jit
