@@ -6,7 +6,6 @@ import numpy as np
 
 from ispm.frame import GBuffer
 from ispm.gpu import Gpu, Texture
-from ispm.optics.records import MATERIAL_UNLIT
 from ispm.renderer import layers as make
 from ispm.renderer.picture import Frame
 from ispm.renderer.statistics import Stats
@@ -29,7 +28,7 @@ def compose(
     f2, f4, u4 = np.float16, np.float32, np.uint32
     background = settings.background
     shines = not isinstance(background, str) and any(background)
-    glow = [(light[2], f4, 4)] if shines or _glows(packed) else []
+    glow = [(light[2], f4, 4)] if shines or packed.glows else []
     d, i, irr, base, normals, ids, depth, *rest = gpu.read_many([
         (light[0], f4, 4), (light[1], f4, 4), (irradiance, f4, 4), (gbuffer.base, f2, 4),
         (gbuffer.normals, f2, 4), (gbuffer.ids, u4, 2), (gbuffer.depth, f4), *glow,
@@ -62,9 +61,3 @@ def develop(
     if settings.background == "transparent":
         return tonemap_transparent(radiance, alpha, exposure, settings.tonemap, threads), exposure
     return tonemap(radiance, exposure, settings.tonemap, threads), exposure
-
-
-def _glows(packed: Packed) -> bool:
-    """Whether any material emits light or shows its color unlit."""
-    unlit = packed.materials["flags"] & MATERIAL_UNLIT
-    return bool(packed.materials["emission"].any() or unlit.any())
