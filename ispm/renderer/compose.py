@@ -12,7 +12,6 @@ from ispm.renderer.statistics import Stats
 from ispm.scene.packed import Packed
 from ispm.settings import Settings
 from ispm.stages.camera import CameraView
-from ispm.stages.tonemap import auto_exposure, tonemap, tonemap_transparent
 
 _ROW = 0xFFFFFF  # of a material, in a word of the G-buffer
 
@@ -21,7 +20,7 @@ def compose(
     gpu: Gpu, packed: Packed, gbuffer: GBuffer, light: tuple[Texture, Texture, Texture], irradiance: Texture,
     view: CameraView, settings: Settings, threads: int,
 ) -> Frame:  # fmt: skip
-    """Read a picture's parts back, add them, expose and tone map; its statistics are still empty.
+    """Read a picture's parts back and add them; its statistics are still empty.
 
     light  direct, indirect and emission
     """
@@ -48,16 +47,5 @@ def compose(
         "albedo": lambda: base[..., :3].astype(f4), "instance": lambda: nodes[ids[..., 0]],
         "material": lambda: np.where(ids[..., 0] > 0, ids[..., 1] & _ROW, -1).astype(np.int32),
     })  # fmt: skip
-    image, exposure = develop(full, alpha, settings, threads)
     camera = {"pose": view.pose, "clip_from_world": view.clip_from_world}
-    return Frame(image, layers, Stats(), settings, camera, exposure)
-
-
-def develop(
-    radiance: np.ndarray, alpha: np.ndarray, settings: Settings, threads: int
-) -> tuple[np.ndarray, float]:
-    """Return the picture of (h, w, 3) cd/m2 as uint8 sRGB, and the exposure in stops."""
-    exposure = auto_exposure(radiance) if settings.exposure == "auto" else float(settings.exposure)
-    if settings.background == "transparent":
-        return tonemap_transparent(radiance, alpha, exposure, settings.tonemap, threads), exposure
-    return tonemap(radiance, exposure, settings.tonemap, threads), exposure
+    return Frame(layers, Stats(), settings, camera)

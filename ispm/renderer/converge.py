@@ -66,11 +66,12 @@ def converge(renderer: Renderer, goal: Settings) -> Iterator[Frame]:
             progress = renderer.progress = Progress.start(frame, made_of)
         else:
             progress.add(frame)
-        yield progress.frame(settings, threads)
+        mean = progress.frame(settings, threads)
+        yield mean
         longest = max(longest, time.perf_counter() - begun)
         if (
             progress.passes >= goal.most_passes
             or (goal.time_limit and time.perf_counter() - started + longest > goal.time_limit)
-            or (goal.target_error and progress.passes >= _SURE and progress.error() <= goal.target_error)
+            or (goal.target_error and progress.passes >= _SURE and mean.stats.error <= goal.target_error)
         ):
             return
