@@ -19,6 +19,7 @@ from ispm.tracer.threads import run_threads
 f32, i64, u32 = np.float32, np.int64, np.uint32
 
 _CELLS_MAX = 64  # per axis: 1 MB of counts
+_CELL = 1.4  # mean radii: smaller cells hold fewer photons that do not reach a point, but take longer to fill
 _CHUNK = 64  # receivers a thread takes at a time
 _FEW = 1000  # receivers whose order is of no account
 _SCANNED = 48  # receivers that ask every photon sooner than the lists are made
@@ -49,7 +50,7 @@ class PhotonGrid:
         position, reach = photons["position"], photons["radius"].max()
         low = position.min(axis=0) - reach
         extent = position.max(axis=0) + reach - low
-        wanted = 2.0 * float(photons["radius"].mean())
+        wanted = _CELL * float(photons["radius"].mean())
         self._cell = f32(max(wanted, float(extent.max()) / _CELLS_MAX, 1e-30))
         self._low = low.astype(np.float32)
         self._shape = np.minimum(np.ceil(extent / self._cell), _CELLS_MAX).astype(np.int64) + 1
