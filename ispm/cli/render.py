@@ -119,7 +119,7 @@ def render(
         frame, interrupted = render_passes(console, renderer, resume)
         asked = show
         if show in RENDERER_VIEWS:
-            frame, show = dataclasses.replace(frame, image=renderer.view(show)), "full"
+            frame.image, show = renderer.view(show), "full"
     options = dict(
         camera=camera, look_from=look_from, look_at=look_at, fov=fov, time=time, animation=animation,
         show=asked, layers=layers, float=float, bits=bits, adapter=adapter,

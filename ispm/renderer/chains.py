@@ -128,13 +128,17 @@ def _light_lane(
     points: np.ndarray, pixels: np.ndarray, photon_light: PhotonLight, view: CameraView, settings: Settings,
     diagonal: float, threads: int,
 ) -> np.ndarray:  # fmt: skip
-    """Light at ends that one kind of path found, (m, 16): from an image of few of them."""
+    """Light at ends that one kind of path found, (m, 16): from an image of few of them.
+
+    The image is as large as the part of the picture that shows them, so that nothing is done for the rest.
+    """
     if not len(points):
         return np.zeros((0, 16), np.float32)
     block = max(settings.subsampling // _FINER, 1)
-    size = (-(-view.size[0] // block), -(-view.size[1] // block))
-    x, y = pixels % view.size[0], pixels // view.size[0]
-    cells = (y // block).astype(np.int64) * size[0] + x // block
+    x, y = (side.astype(np.int64) for side in (pixels % view.size[0], pixels // view.size[0]))
+    x, y = x - x.min() // block * block, y - y.min() // block * block
+    size = (int(x.max()) // block + 1, int(y.max()) // block + 1)
+    cells = y // block * size[0] + x // block
     image = image_of_ends(points, cells, size, block, view.pass_index)
     raw = photon_light.at(image, size)
     filtered = filter_estimate(image, raw, size, diagonal, settings.smoothing, threads)

@@ -6,14 +6,12 @@ import numpy as np
 
 from ispm.frame import GBuffer
 from ispm.gpu import Gpu, Texture
-from ispm.optics.records import MATERIAL_UNLIT
 from ispm.renderer import layers as make
 from ispm.renderer.picture import Frame
 from ispm.renderer.statistics import Stats
 from ispm.scene.packed import Packed
 from ispm.settings import Settings
 from ispm.stages.camera import CameraView
-from ispm.stages.tonemap import auto_exposure, tonemap, tonemap_transparent
 
 _ROW = 0xFFFFFF  # of a material, in a word of the G-buffer
 
@@ -22,14 +20,14 @@ def compose(
     gpu: Gpu, packed: Packed, gbuffer: GBuffer, light: tuple[Texture, Texture, Texture], irradiance: Texture,
     view: CameraView, settings: Settings, threads: int,
 ) -> Frame:  # fmt: skip
-    """Read a picture's parts back, add them, expose and tone map; its statistics are still empty.
+    """Read a picture's parts back and add them; its statistics are still empty.
 
     light  direct, indirect and emission
     """
     f2, f4, u4 = np.float16, np.float32, np.uint32
     background = settings.background
     shines = not isinstance(background, str) and any(background)
-    glow = [(light[2], f4, 4)] if shines or _glows(packed) else []
+    glow = [(light[2], f4, 4)] if shines or packed.glows else []
     d, i, irr, base, normals, ids, depth, *rest = gpu.read_many([
         (light[0], f4, 4), (light[1], f4, 4), (irradiance, f4, 4), (gbuffer.base, f2, 4),
         (gbuffer.normals, f2, 4), (gbuffer.ids, u4, 2), (gbuffer.depth, f4), *glow,
@@ -49,22 +47,5 @@ def compose(
         "albedo": lambda: base[..., :3].astype(f4), "instance": lambda: nodes[ids[..., 0]],
         "material": lambda: np.where(ids[..., 0] > 0, ids[..., 1] & _ROW, -1).astype(np.int32),
     })  # fmt: skip
-    image, exposure = develop(full, alpha, settings, threads)
     camera = {"pose": view.pose, "clip_from_world": view.clip_from_world}
-    return Frame(image, layers, Stats(), settings, camera, exposure)
-
-
-def develop(
-    radiance: np.ndarray, alpha: np.ndarray, settings: Settings, threads: int
-) -> tuple[np.ndarray, float]:
-    """Return the picture of (h, w, 3) cd/m2 as uint8 sRGB, and the exposure in stops."""
-    exposure = auto_exposure(radiance) if settings.exposure == "auto" else float(settings.exposure)
-    if settings.background == "transparent":
-        return tonemap_transparent(radiance, alpha, exposure, settings.tonemap, threads), exposure
-    return tonemap(radiance, exposure, settings.tonemap, threads), exposure
-
-
-def _glows(packed: Packed) -> bool:
-    """Whether any material emits light or shows its color unlit."""
-    unlit = packed.materials["flags"] & MATERIAL_UNLIT
-    return bool(packed.materials["emission"].any() or unlit.any())
+    return Frame(layers, Stats(), settings, camera)

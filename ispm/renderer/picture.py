@@ -7,6 +7,7 @@ import json
 import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -18,14 +19,15 @@ from ispm.io.png import encode_png
 from ispm.renderer.statistics import Stats
 from ispm.renderer.views import display
 from ispm.settings import Settings, nearest
-from ispm.stages.tonemap import tonemap, tonemap_transparent
+from ispm.stages.tonemap import auto_exposure, tonemap, tonemap_transparent
 
 
 @dataclass(eq=False)
 class Frame:
     """One picture. Arrays are (height, width, channels), row 0 on top, linear, float32 unless said.
 
-    image       uint8 sRGB, tone mapped; with a fourth channel where the background is transparent
+    image       uint8 sRGB, tone mapped when first asked for; with a fourth channel where the background is
+                transparent
     radiance    cd/m2: (direct + indirect) + emission, in this order
     direct, indirect, emission   cd/m2
     irradiance  lx: incident indirect light before the surface
@@ -39,18 +41,27 @@ class Frame:
     command     the command line that makes this frame, where one did
     """
 
-    image: np.ndarray = field(repr=False)
     layers: Mapping[str, np.ndarray] = field(repr=False)
     stats: Stats
     settings: Settings
     camera: dict[str, np.ndarray] = field(repr=False)
-    exposure: float
     scene: str = ""
     command: str = ""
 
     def __repr__(self) -> str:
-        height, width = self.image.shape[:2]
+        height, width = self.radiance.shape[:2]
         return f"<Frame {width}x{height} of '{self.scene}', {self.settings.photons:,} photons>"
+
+    @cached_property
+    def exposure(self) -> float:
+        """Stops: the settings', or found for this picture."""
+        wanted = self.settings.exposure
+        return auto_exposure(self.radiance) if wanted == "auto" else float(wanted)
+
+    @cached_property
+    def image(self) -> np.ndarray:
+        """The picture as screens show it."""
+        return self._toned(8)
 
     @property
     def radiance(self) -> np.ndarray:
@@ -78,10 +89,9 @@ class Frame:
             raise SettingsError(f"bits: {bits} is not possible; a picture has 8 or 16")
         if view == "full" and bits == 8:
             return self.image
-        mode = self.settings.tonemap
-        if view == "full" and self.settings.background == "transparent":
-            return tonemap_transparent(self.radiance, self["alpha"], self.exposure, mode, bits=bits)
-        return display(self.layers, view, self.exposure, mode, bits)
+        if view == "full":
+            return self._toned(bits)
+        return display(self.layers, view, self.exposure, self.settings.tonemap, bits)
 
     def save(
         self,
@@ -121,6 +131,13 @@ class Frame:
             else:
                 files.write_npz(path, chosen, self._about())
         return path
+
+    def _toned(self, bits: int) -> np.ndarray:
+        """The picture with its background."""
+        mode = self.settings.tonemap
+        if self.settings.background == "transparent":
+            return tonemap_transparent(self.radiance, self["alpha"], self.exposure, mode, bits=bits)
+        return tonemap(self.radiance, self.exposure, mode, bits=bits)
 
     def _opaque(self, view: str) -> np.ndarray:
         shown = self.show(view)

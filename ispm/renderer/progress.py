@@ -7,8 +7,9 @@ import hashlib
 import json
 import math
 import zipfile
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +19,6 @@ from ispm.io.atomic import as_path
 from ispm.io.image import ABOUT, write_npz
 from ispm.optics.texture import TextureTable
 from ispm.optics.vector import LUMINANCE
-from ispm.renderer.compose import develop
 from ispm.renderer.layers import Layers, sum_layers
 from ispm.renderer.picture import Frame
 from ispm.renderer.statistics import Stats
@@ -36,7 +36,7 @@ _DARK = 1e-3  # of the square of the picture's mean: below it errors count as in
 class Progress:
     """The passes so far.
 
-    sums     direct, indirect, emission, irradiance (h, w, 3), alpha (h, w), float32
+    sums     new after each pass: direct, indirect, emission, irradiance (h, w, 3), alpha (h, w), float32
     moments  (2, h, w) float64: sums of luminance and of its square
     first    layers and camera of the first pass
     stats    of the last pass
@@ -65,8 +65,7 @@ class Progress:
 
     def add(self, frame: Frame) -> None:
         """Add the frame of the next pass."""
-        for name, total in self.sums.items():
-            total += frame[name]
+        self.sums = {name: total + frame[name] for name, total in self.sums.items()}
         luminance = frame.radiance @ np.array(LUMINANCE, np.float32)
         self.moments[0] += luminance
         self.moments[1] += np.square(luminance, dtype=np.float64)
@@ -89,15 +88,15 @@ class Progress:
         return math.sqrt(float((variance / (mean * mean + floor)).mean()))
 
     def frame(self, settings: Settings, threads: int) -> Frame:
-        """Return the mean of the passes as a frame."""
+        """Return the mean of the passes as a frame, whose layers are made when asked for."""
         share = np.float32(1.0 / self.passes)
-        mean = {name: total * share for name, total in self.sums.items()}
-        mean["full"] = sum_layers(mean["direct"], mean["indirect"], mean["emission"], threads)
-        image, exposure = develop(mean["full"], mean["alpha"], settings, threads)
-        makers = {name: (lambda a=array: a) for name, array in mean.items()}
-        makers |= {name: (lambda n=name: self.first[n]) for name in _KEPT}
+        makers: dict[str, Callable[[], np.ndarray]]
+        makers = {name: partial(np.multiply, total, share) for name, total in self.sums.items()}
+        makers["full"] = lambda: sum_layers(mean["direct"], mean["indirect"], mean["emission"], threads)
+        makers |= {name: partial(self.first.__getitem__, name) for name in _KEPT}
+        mean = Layers(makers)
         stats = dataclasses.replace(self.stats, passes=self.passes, error=self.error())
-        return Frame(image, Layers(makers), stats, settings, self.camera, exposure, self.scene)
+        return Frame(mean, stats, settings, self.camera, self.scene)
 
     def save(self, path: str | Path) -> Path:
         """Write an .npz that `load` reads. Raises OutputError."""

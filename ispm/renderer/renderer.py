@@ -256,13 +256,13 @@ class Renderer:
             indirect, irradiance, emission = self._upsample(
                 third, scene, gbuffer, view, receivers, filtered, caustic
             )
-        with watch("upsample"):
-            self._light_missed(points, raw, light, parts.wide, scene, gbuffer, view, caustic, settings)
         with watch("direct"):
             brought = chain_light(
                 packed, self._world, surfaces, mirrors, light, PhotonGrid(parts.caustic, parts.kernels), view,
                 settings, index, self.threads,
             )  # fmt: skip
+        with watch("upsample"):
+            self._light_missed(points, raw, light, parts.wide, scene, gbuffer, view, caustic, settings)
         with self._gpu.frame() as fourth:
             fourth.stage("compose")
             self._chains.patch(fourth, mirrors["pixel"], brought, direct, indirect, emission)

@@ -26,6 +26,7 @@ _INDIRECT = ("bounce_map", "copy", "trace", "radiance", "upsample")  # what dire
 class Stats:
     """Numbers of one frame. Times in ms, flux in lumen (sum of RGB), memory in bytes.
 
+    total_ms        until its light is there: tone mapping comes when the picture is first asked for
     direct_only_ms  the frame without what indirect light adds
     passes, error   whose mean the frame is; the relative error that their noise leaves, see Progress.error
     overdraw        kernels that cover a pixel of the full picture, in the mean

@@ -148,6 +148,12 @@ class Packed:
         return np.asarray(np.einsum("nij,nkj->nki", world[:, :, :3], np.stack(hulls)) + world[:, None, :, 3])
 
     @property
+    def glows(self) -> bool:
+        """Whether any material emits light or shows its color unlit."""
+        unlit = self.materials["flags"] & records.MATERIAL_UNLIT
+        return bool(self.materials["emission"].any() or unlit.any())
+
+    @property
     def triangle_count(self) -> int:
         """Triangles as placed."""
         return int(self.instances["triangle_count"].sum(dtype=np.int64))

@@ -7,10 +7,12 @@ import numpy as np
 from ispm import wgsl
 from ispm.frame import GBuffer, GpuScene
 from ispm.gpu import Gpu, Recording, Texture
+from ispm.optics.records import MATERIAL_TRANSMITS
 
 _SHADER = wgsl.load("stages/chain.wgsl")
 SEEN, BROUGHT = _SHADER.dtype("Seen"), _SHADER.dtype("Brought")
 _THREADS = 16384  # as in the shader
+_SMOOTH = 1.01e-3  # roughness^2: MIN_ALPHA of optics/bsdf.wgsl, and what the G-buffer's halves may round
 
 
 class ChainStage:
@@ -18,6 +20,7 @@ class ChainStage:
 
     In   gbuffer (W, H)
     Out  (n,) SEEN: pixel number y W + x and depth in clip space, sorted by number
+    Where no material is a mirror or transmits nothing is looked for.
     """
 
     def __init__(self, gpu: Gpu) -> None:
@@ -28,9 +31,13 @@ class ChainStage:
         )
         self._count, self._seen = gpu.buffer("chain count"), gpu.buffer("chain pixels")
         self._brought = gpu.buffer("light of chains")
+        self._looked = False
 
     def __call__(self, frame: Recording, scene: GpuScene, gbuffer: GBuffer) -> None:
         """Record the search for the pixels."""
+        self._looked = _may_lead_on(scene.packed.materials)
+        if not self._looked:
+            return
         capacity = min(gbuffer.size[0] * gbuffer.size[1], self._gpu.max_binding // SEEN.itemsize)
         self._count.write(np.zeros(4, np.uint32))
         self._find(
@@ -41,6 +48,8 @@ class ChainStage:
 
     def read(self) -> np.ndarray:
         """Return the pixels that were found; waits for them."""
+        if not self._looked:
+            return np.zeros(0, SEEN)
         count = int(self._gpu.read_buffer(self._count, np.uint32, 1)[0])
         count = min(count, self._seen.nbytes // SEEN.itemsize)
         found = self._gpu.read_buffer(self._seen, SEEN, count)
@@ -70,3 +79,10 @@ class ChainStage:
         """Free the buffers."""
         for buffer in (self._count, self._seen, self._brought):
             buffer.close()
+
+
+def _may_lead_on(materials: np.ndarray) -> bool:
+    """Whether eye rays may have to go on from any of these."""
+    textured = materials["metallic_roughness_texture"]["texture"] >= 0
+    may = (materials["flags"] & MATERIAL_TRANSMITS != 0) | (materials["roughness"] ** 2 < _SMOOTH) | textured
+    return bool(may.any())

@@ -25,7 +25,7 @@ class DirectStage:
 
     def __init__(self, gpu: Gpu) -> None:
         self._gpu = gpu
-        self._pipelines: dict[tuple[bool, bool, bool], Raster] = {}
+        self._pipelines: dict[tuple[bool, bool, bool, bool], Raster] = {}
         self._nearest = gpu.sampler(linear=False, mipmaps=False)
         usage = ("attachment", "sampled", "storage")
         self._radiance = [gpu.texture(f"direct radiance {k}", "rgba32float", usage=usage) for k in range(2)]
@@ -60,7 +60,7 @@ class DirectStage:
     ) -> None:
         """Record the shading by the lights from row `first` on, on top of `before`."""
         transmits = bool((scene.packed.materials["flags"] & MATERIAL_TRANSMITS).any())
-        raster = self._pipeline(first > 0, transmits, shadows.has_sheets)
+        raster = self._pipeline(first > 0, transmits, shadows.has_sheets, scene.light_count == 1)
         group = raster.bind(
             0, frame, camera=view.uniform(), lamps=_lamps(scene, shadows, first), materials=scene.materials,
             ids=gbuffer.ids, normals=gbuffer.normals, base=gbuffer.base, emission=gbuffer.emission,
@@ -71,12 +71,12 @@ class DirectStage:
             canvas.use(raster, group)
             canvas.draw(3)
 
-    def _pipeline(self, adds: bool, transmits: bool, sheets: bool) -> Raster:
-        key = adds, transmits, sheets
+    def _pipeline(self, adds: bool, transmits: bool, sheets: bool, alone: bool) -> Raster:
+        key = adds, transmits, sheets, alone
         if key not in self._pipelines:
             self._pipelines[key] = self._gpu.raster(
                 "stages/direct.wgsl", ["rgba32float"], depth=None,
-                ADDS=adds, TRANSMITS=transmits, SHEETS=sheets,
+                ADDS=adds, TRANSMITS=transmits, SHEETS=sheets, ALONE=alone,
             )  # fmt: skip
         return self._pipelines[key]
 

@@ -7,6 +7,7 @@
 override ADDS: bool = false;        // to what the lights before these brought
 override TRANSMITS: bool = true;    // some surface lets light through
 override SHEETS: bool = true;       // some sheets tint the light
+override ALONE: bool = false;       // there is one light: not to search spares a quarter of the time
 
 struct Lamps {                      // uniform: on llvmpipe a storage buffer costs a fifth more
     texel: vec2f,                   // 1 / the atlas's size
@@ -112,50 +113,71 @@ fn fs(@builtin(position) position: vec4f) -> @location(0) vec4f {
     return vec4f(sum, 1.0);
 }
 
-// The next light, from row `first` on, that may light a surface. Where branches are masked, as on llvmpipe, the
-// lanes of a pixel's group so meet at the lights that they need, and wait only for the one that needs most.
-fn next_light(first: u32, position: vec3f, n: vec3f, ng: vec3f, thin: bool) -> u32 {
-    var i = first;
-    while (i < lamps.count) {
-        let light = lamps.lights[i];
-        let far = light.kind == LIGHT_DIRECTIONAL;
-        let way = select(light.position - position, -light.direction, far);
-        let above = dot(way, ng) > 0.0;
-        let faces = above && dot(way, n) > 0.0 || thin && !above;
-        if (faces && (far || light.range <= 0.0 || dot(way, way) < light.range * light.range)) {
-            break;
-        }
-        i++;
-    }
-    return i;
+struct Surface {
+    bsdf: Bsdf,
+    position: vec3f,
+    n: vec3f,
+    ng: vec3f,
+    wo: vec3f,
+    thin: bool,
 }
 
 // Radiance towards the eye, cd/m2, of the surface in a pixel.
 fn lit(pixel: vec2u, word: u32) -> vec3f {
     let packed = textureLoad(normals, pixel, 0);
-    let n = octahedral_decode(packed.xy);
-    let ng = octahedral_decode(packed.zw);
-    let position = world_position(vec2f(pixel) + 0.5, textureLoad(depth, pixel, 0));
-    let wo = view_direction(position);
     let color = textureLoad(base, pixel, 0);
-    var bsdf = seen_bsdf(word, color, textureLoad(emission, pixel, 0).a, materials[material_row(word)]);
+    let roughness = textureLoad(emission, pixel, 0).a;
+    var s: Surface;
+    s.n = octahedral_decode(packed.xy);
+    s.ng = octahedral_decode(packed.zw);
+    s.position = world_position(vec2f(pixel) + 0.5, textureLoad(depth, pixel, 0));
+    s.wo = view_direction(s.position);
+    s.bsdf = seen_bsdf(word, color, roughness, materials[material_row(word)]);
     if (!TRANSMITS) {
-        bsdf.tint = vec3f(0.0);  // so that the compiler leaves the lobe out
+        s.bsdf.tint = vec3f(0.0);  // so that the compiler leaves the lobe out
     }
-    let thin = TRANSMITS && bsdf.thin > 0.0;
+    s.thin = TRANSMITS && s.bsdf.thin > 0.0;
+    if (ALONE) {
+        return select(vec3f(0.0), reflected(s, 0u), may_light(s, 0u));
+    }
     var sum = vec3f(0.0);
-    for (var i = next_light(0u, position, n, ng, thin); i < lamps.count; i = next_light(i + 1u, position, n, ng, thin)) {
-        let light = light_arriving(lamps.lights[i], position);
-        let crosses = thin && dot(light.wi, ng) <= 0.0;
-        let at = lookup(i, position, select(ng, -ng, crosses));
-        var arriving = light.irradiance * abs(dot(light.wi, n));
-        if (at.shades) {
-            arriving *= visibility(at);
-            if (SHEETS) {
-                arriving *= tint(at);
-            }
-        }
-        sum += eval_bsdf(bsdf, n, ng, wo, light.wi) * arriving;
+    for (var i = next_light(s, 0u); i < lamps.count; i = next_light(s, i + 1u)) {
+        sum += reflected(s, i);
     }
     return sum;
+}
+
+// Whether light `i` may light a surface.
+fn may_light(s: Surface, i: u32) -> bool {
+    let light = lamps.lights[i];
+    let far = light.kind == LIGHT_DIRECTIONAL;
+    let way = select(light.position - s.position, -light.direction, far);
+    let above = dot(way, s.ng) > 0.0;
+    let faces = above && dot(way, s.n) > 0.0 || s.thin && !above;
+    return faces && (far || light.range <= 0.0 || dot(way, way) < light.range * light.range);
+}
+
+// The next of those, from row `first` on. Where branches are masked, as on llvmpipe, the lanes of a pixel's group
+// so meet at the lights that they need, and wait only for the one that needs most.
+fn next_light(s: Surface, first: u32) -> u32 {
+    var i = first;
+    while (i < lamps.count && !may_light(s, i)) {
+        i++;
+    }
+    return i;
+}
+
+// What a surface makes of one light.
+fn reflected(s: Surface, i: u32) -> vec3f {
+    let light = light_arriving(lamps.lights[i], s.position);
+    let crosses = s.thin && dot(light.wi, s.ng) <= 0.0;
+    let at = lookup(i, s.position, select(s.ng, -s.ng, crosses));
+    var arriving = light.irradiance * abs(dot(light.wi, s.n));
+    if (at.shades) {
+        arriving *= visibility(at);
+        if (SHEETS) {
+            arriving *= tint(at);
+        }
+    }
+    return eval_bsdf(s.bsdf, s.n, s.ng, s.wo, light.wi) * arriving;
 }

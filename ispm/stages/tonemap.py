@@ -67,14 +67,18 @@ def auto_exposure(radiance: np.ndarray) -> float:
     Source: the log-average of Reinhard et al. 2002, eq. 1, trimmed.
     """
     step = max(1, math.isqrt(radiance.shape[0] * radiance.shape[1] // _ENOUGH))
-    luminance = radiance[::step, ::step].astype(np.float64) @ LUMINANCE
+    seen = radiance[::step, ::step]
+    luminance = np.zeros(seen.shape[:2])
+    for c in range(3):
+        luminance += np.float64(LUMINANCE[c]) * seen[..., c]
     lit = luminance[np.isfinite(luminance) & (luminance > 0.0)]
     if not len(lit):
         return 0.0
-    stops = np.sort(np.log2(lit))
-    rest = int(len(stops) * _TRIM / 100.0)
-    middle = math.log2(MIDDLE_GREY) - float(stops[rest : len(stops) - rest].mean())
-    return min(middle, -float(stops[len(stops) - 1 - rest]))
+    rest = int(len(lit) * _TRIM / 100.0)
+    last = len(lit) - 1 - rest
+    lit.partition((rest, last))
+    middle = math.log2(MIDDLE_GREY) - float(np.log2(lit[rest : last + 1]).mean())
+    return min(middle, -math.log2(lit[last]))
 
 
 def tonemap(

@@ -29,9 +29,8 @@ struct Missed {
 @group(0) @binding(9) var<storage, read_write> missed_count: array<atomic<u32>>;
 @group(0) @binding(10) var<storage, read_write> missed: array<Missed>;
 @group(0) @binding(11) var<storage, read_write> missed_receivers: array<Receiver>;
-@group(0) @binding(12) var indirect: texture_storage_2d<rgba32float, write>;
-@group(0) @binding(13) var irradiance: texture_storage_2d<rgba32float, write>;
-@group(0) @binding(16) var glow: texture_storage_2d<rgba32float, write>;
+@group(0) @binding(12) var indirect_out: texture_storage_2d<rgba32float, write>;
+@group(0) @binding(13) var irradiance_out: texture_storage_2d<rgba32float, write>;
 @group(0) @binding(17) var caustic: texture_2d<f32>;              // drawn at full resolution, or one black texel
 @group(0) @binding(18) var caustic_irradiance: texture_2d<f32>;
 @group(0) @binding(14) var<storage, read> missed_list: array<Missed>;
@@ -133,57 +132,59 @@ fn mean_of(taps: Taps) -> Incident {
     return Incident(w * taps.sums.irradiance, g * taps.sums.fresnel, g * taps.sums.gloss, g * taps.sums.grazing);
 }
 
-fn write_out(pixel: vec2u, b: Bsdf, i: Incident) {
-    let sharp = textureLoad(caustic, pixel, 0).rgb;
-    textureStore(indirect, pixel, vec4f(reflect_incident(b, i) + sharp, 1.0));
-    textureStore(irradiance, pixel, vec4f(i.irradiance + textureLoad(caustic_irradiance, pixel, 0).rgb, 1.0));
+struct Lit {                                  // WebGPU's 32 bytes a pixel: emission takes a pass of its own
+    @location(0) indirect: vec4f,
+    @location(1) irradiance: vec4f,
 }
 
-// The 2 x 2 receivers about a pixel are the same for BLOCK x BLOCK pixels: a thread serves them all.
-@compute @workgroup_size(8, 8)
-fn main(@builtin(global_invocation_id) id: vec3u) {
-    let size = vec2i(camera.size);
+// What a surface makes of light, and what was drawn sharp.
+fn lit(pixel: vec2u, b: Bsdf, i: Incident) -> Lit {
+    let sharp = textureLoad(caustic, pixel, 0).rgb;
+    return Lit(
+        vec4f(reflect_incident(b, i) + sharp, 1.0),
+        vec4f(i.irradiance + textureLoad(caustic_irradiance, pixel, 0).rgb, 1.0),
+    );
+}
+
+@vertex
+fn vs(@builtin(vertex_index) corner: u32) -> @builtin(position) vec4f {
+    return vec4f(vec2f(f32(corner & 1u), f32(corner >> 1u)) * 4.0 - 1.0, 0.5, 1.0);
+}
+
+@fragment
+fn fs(@builtin(position) at: vec4f) -> Lit {
+    let pixel = vec2u(at.xy);
+    let d = textureLoad(depth, pixel, 0);
+    if (d == 0.0) {
+        return Lit(vec4f(0.0), vec4f(0.0));
+    }
     let block = i32(BLOCK);
-    let low = (size + block - 1) / block;
-    let corner = vec2i(id.xy) - 1;
-    if (any(corner >= low)) {
-        return;
-    }
-    let a = load_tap(corner, low);
-    let b = load_tap(corner + vec2i(1, 0), low);
-    let c = load_tap(corner + vec2i(0, 1), low);
-    let d = load_tap(corner + vec2i(1, 1), low);
+    let low = (vec2i(camera.size) + block - 1) / block;
     let place = receiver_place();
-    let first = corner * block + vec2i(ceil(place));
+    let q = (vec2f(pixel) - place) / f32(block);
+    let corner = vec2i(floor(q));
+    let f = q - vec2f(corner);
     let least = select(1e-3, 0.0, BLOCK == 1u);  // any of the four may have to serve; at K = 1 its own does
-    for (var k = 0; k < block * block; k++) {
-        let pixel = first + vec2i(k % block, k / block);
-        if (any(pixel < vec2i(0)) || any(pixel >= size)) {
-            continue;
-        }
-        let depth_here = textureLoad(depth, pixel, 0);
-        if (depth_here == 0.0) {
-            textureStore(indirect, pixel, vec4f(0.0));
-            textureStore(irradiance, pixel, vec4f(0.0));
-            textureStore(glow, pixel, vec4f(0.0));
-            continue;
-        }
-        let s = surface_at(vec2u(pixel), depth_here);
-        textureStore(glow, pixel, vec4f(textureLoad(emission, pixel, 0).rgb, 1.0));
-        let f = (vec2f(pixel) - place) / f32(block) - vec2f(corner);
-        var taps = Taps();    // without a value, some compilers keep that of the turn before
-        add_tap(&taps, s, a, (1.0 - f.x) * (1.0 - f.y) + least);
-        add_tap(&taps, s, b, f.x * (1.0 - f.y) + least);
-        add_tap(&taps, s, c, (1.0 - f.x) * f.y + least);
-        add_tap(&taps, s, d, f.x * f.y + least);
-        if (taps.weight < FEW) {
-            add_ring(&taps, s, corner, f, low);
-        }
-        if (taps.weight < TOO_LITTLE && list_missed(vec2u(pixel), s, vec2u(low))) {
-            continue;
-        }
-        write_out(vec2u(pixel), s.bsdf, mean_of(taps));
+    let s = surface_at(pixel, d);
+    var taps = Taps();    // without a value, some compilers keep that of the turn before
+    add_tap(&taps, s, load_tap(corner, low), (1.0 - f.x) * (1.0 - f.y) + least);
+    add_tap(&taps, s, load_tap(corner + vec2i(1, 0), low), f.x * (1.0 - f.y) + least);
+    add_tap(&taps, s, load_tap(corner + vec2i(0, 1), low), (1.0 - f.x) * f.y + least);
+    add_tap(&taps, s, load_tap(corner + vec2i(1, 1), low), f.x * f.y + least);
+    if (taps.weight < FEW) {
+        add_ring(&taps, s, corner, f, low);
     }
+    if (taps.weight < TOO_LITTLE) {
+        list_missed(pixel, s, vec2u(low));
+    }
+    return lit(pixel, s.bsdf, mean_of(taps));
+}
+
+// Emission as it is.
+@fragment
+fn fs_glow(@builtin(position) at: vec4f) -> @location(0) vec4f {
+    let pixel = vec2u(at.xy);
+    return select(vec4f(0.0), vec4f(textureLoad(emission, pixel, 0).rgb, 1.0), textureLoad(depth, pixel, 0) > 0.0);
 }
 
 // The 4 x 4 receivers about a pixel.
@@ -195,18 +196,17 @@ fn add_ring(taps: ptr<function, Taps>, s: Surface, corner: vec2i, f: vec2f, low:
     }
 }
 
-// Ask for an estimate of this pixel's own; false where the list is full.
-fn list_missed(pixel: vec2u, s: Surface, low: vec2u) -> bool {
+// Ask for an estimate of this pixel's own.
+fn list_missed(pixel: vec2u, s: Surface, low: vec2u) {
     let slot = atomicAdd(&missed_count[0], 1u);
     if (slot >= arrayLength(&missed)) {
-        return false;
+        return;
     }
     let block = min(pixel / BLOCK, low - 1u);
     missed[slot] = Missed(pixel.y * u32(camera.size.x) + pixel.x, block.y * low.x + block.x, 0u, 0u);
     let wo = view_direction(s.position);
     let slant = 1.0 / max(abs(dot(wo, s.ng)), 0.02);
     missed_receivers[slot] = Receiver(s.position, s.alpha, s.ng, 1u, s.n, s.footprint, wo, slant);
-    return true;
 }
 
 // Give the listed pixels the light that was estimated for them.
@@ -219,7 +219,9 @@ fn patch_missed(@builtin(global_invocation_id) id: vec3u) {
     let pixel = vec2u(missed_list[id.x].pixel % width, missed_list[id.x].pixel / width);
     let s = surface_at(pixel, textureLoad(depth, pixel, 0));
     let k = 4u * id.x;
-    write_out(pixel, s.bsdf, Incident(
+    let out = lit(pixel, s.bsdf, Incident(
         missed_light[k].rgb, missed_light[k + 1u].rgb, missed_light[k + 2u].rgb, missed_light[k + 3u].rgb,
     ));
+    textureStore(indirect_out, pixel, out.indirect);
+    textureStore(irradiance_out, pixel, out.irradiance);
 }

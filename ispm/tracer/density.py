@@ -75,7 +75,7 @@ def measure_radii(
     log_density = np.zeros(len(photons), np.float32)
     low = words[:, :3].min(axis=0) - f32(2.0) * cell
     for shift in _SHIFTS:
-        keys, order = sort_by_cell(photons, low - np.array(shift, np.float32) * cell * f32(0.9), cell)
+        keys, order = sort_by_cell(photons, low - np.array(shift, np.float32) * cell * f32(0.9), float(cell))
         _add_log_density(words, keys, order, cell, log_density)
     _write_radii(
         words, _reach_on_objects(photons, widths), log_density / f32(len(_SHIFTS)), f32(smoothing),

@@ -4,10 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
+from ispm.optics.jit import jit
+from ispm.optics.vector import dot
 from ispm.tracer.eye import REFLECTED, TRANSMITTED, EyePaths
 
-_SAME_SURFACE = 0.9  # cosine of two normals
-_FAINT = 0.05  # weight of what is seen, below which its edges do not matter
+f32, i64, u32 = np.float32, np.int64, np.uint32
+
+_SAME_SURFACE = f32(0.9)  # cosine of two normals
+_FAINT = f32(0.05)  # weight of what is seen, below which its edges do not matter
 
 
 def edge_rows(paths: EyePaths, pixels: np.ndarray, width: int) -> np.ndarray:
@@ -16,43 +20,47 @@ def edge_rows(paths: EyePaths, pixels: np.ndarray, width: int) -> np.ndarray:
     pixels  (n,) numbers y width + x of the rays' pixels, sorted
     Compared are pixels side by side that show the same mirror or glass; where it is rough nothing has edges.
     """
-    grid = np.full((int(pixels[-1]) // width + 1, width), -1, np.int64)
-    grid[pixels // width, pixels % width] = np.arange(len(pixels))
     marked = np.zeros(len(pixels), np.bool_)
     for lane in (REFLECTED, TRANSMITTED):
-        ends = _ends_of(paths, lane)
-        for a, b in ((grid[:, :-1], grid[:, 1:]), (grid[:-1], grid[1:])):
-            both = (a >= 0) & (b >= 0)
-            one, other = a[both], b[both]
-            apart = _same_first(paths, one, other) & _differ(paths, ends[one], ends[other])
-            marked[one[apart]] = marked[other[apart]] = True
+        _mark(paths.firsts, paths.ends, paths.points, u32(lane), pixels.astype(np.int64), i64(width), marked)
     return np.flatnonzero(marked & (paths.firsts["blur"] == 0.0))
 
 
-def _ends_of(paths: EyePaths, lane: int) -> np.ndarray:
-    """(n,) the end that each ray's path has in a lane, -1: none."""
-    ends = np.full(len(paths.direct), -1)
-    rows = np.flatnonzero(paths.ends["lane"] == lane)
-    ends[paths.ends["slot"][rows]] = rows
-    return ends
+@jit
+def _mark(firsts, ends, points, lane, pixels, width, marked):
+    """Mark the rays whose paths of a lane end on another surface than those right of or below them."""
+    end = np.full(len(pixels), -1)
+    for e in range(len(ends)):
+        if ends[e].lane == lane:
+            end[ends[e].slot] = e
+    below = i64(0)
+    for i in range(len(pixels)):
+        while below < len(pixels) and pixels[below] < pixels[i] + width:
+            below += 1
+        right = i + 1 if (pixels[i] + 1) % width else len(pixels)
+        for j, pixel in ((right, pixels[i] + 1), (below, pixels[i] + width)):
+            beside = j < len(pixels) and pixels[j] == pixel
+            if beside and _same_first(firsts[i], firsts[j]) and _differ(ends, points, end[i], end[j]):
+                marked[i] = marked[j] = True
 
 
-def _same_first(paths: EyePaths, one: np.ndarray, other: np.ndarray) -> np.ndarray:
+@jit
+def _same_first(a, b):
     """Whether two rays meet the same surface first: other edges are the picture's own."""
-    a, b = paths.firsts[one], paths.firsts[other]
-    return np.asarray((a["instance"] == b["instance"]) & (_cosine(a["ng"], b["ng"]) > _SAME_SURFACE))
+    return a.instance == b.instance and dot(a.ng, b.ng) > _SAME_SURFACE
 
 
-def _differ(paths: EyePaths, one: np.ndarray, other: np.ndarray) -> np.ndarray:
+@jit
+def _differ(ends, points, a, b):
     """Whether two ends, -1 for none, lie on different surfaces and are not too faint to matter."""
-    if not len(paths.ends):
-        return np.zeros(len(one), np.bool_)
-    a, b = paths.ends[one], paths.ends[other]
-    normals = paths.points["ng"]
-    same = (a["instance"] == b["instance"]) & (_cosine(normals[one], normals[other]) > _SAME_SURFACE)
-    strong = np.maximum((one >= 0) * a["weight"].max(axis=1), (other >= 0) * b["weight"].max(axis=1)) > _FAINT
-    return np.asarray(strong & ((one < 0) != (other < 0) | ~same) & ((one >= 0) | (other >= 0)))
+    strong = (a >= 0 and _strongest(ends[a].weight) > _FAINT) or (
+        b >= 0 and _strongest(ends[b].weight) > _FAINT
+    )
+    if not strong or a < 0 or b < 0:
+        return strong
+    return ends[a].instance != ends[b].instance or dot(points[a].ng, points[b].ng) <= _SAME_SURFACE
 
 
-def _cosine(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    return np.asarray(np.einsum("ij,ij->i", a, b))
+@jit
+def _strongest(weight):
+    return max(weight[0], weight[1], weight[2])

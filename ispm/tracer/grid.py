@@ -20,14 +20,17 @@ from ispm.tracer.threads import run_threads
 f32, i64, u32 = np.float32, np.int64, np.uint32
 
 _CELLS_MAX = 64  # per axis: 1 MB of counts
+_CELL = 2.0  # mean radii: the width of a cell
 _CHUNK = 1024  # receivers a thread takes at a time
 _NOWHERE = (1 << 26) - 1  # the cell of receivers outside
 _PARTS = 4  # of a cell along each axis, by which its receivers are sorted
+_SCANNED = 48  # receivers that ask every photon sooner than the lists are made
 
 
 class PhotonGrid:
     """Lists of photons by cell. The lists are in photon order, so results repeat to the bit.
 
+    They are made when first needed; few points are found their light without.
     photons  (N,) PHOTON with radius and height set
     kernels  (N,) CAUSTIC, the same photons with kernels of their own; None: they have none
     """
@@ -38,12 +41,17 @@ class PhotonGrid:
             photons = photons.copy()
             reach = np.maximum(np.linalg.norm(kernels["u"], axis=1), kernels["height"])
             photons["radius"] = photons["height"] = reach
-        self._photons = photons
-        if not len(photons):
+        self._photons = np.ascontiguousarray(photons)  # kernels read by address
+        self._listed = False
+
+    def _list(self) -> None:
+        """Make the lists."""
+        if self._listed:
             return
+        self._listed, photons = True, self._photons
         reach, (low, high) = photons["radius"].max(), _bounds(photons)
         low, extent = low - reach, high - low + f32(2) * reach
-        wanted = 2.0 * float(photons["radius"].mean())
+        wanted = _CELL * float(photons["radius"].mean())
         self._cell = f32(max(wanted, float(extent.max()) / _CELLS_MAX, 1e-30))
         self._low = low.astype(np.float32)
         self._shape = np.minimum(np.ceil(extent / self._cell), _CELLS_MAX).astype(np.int64) + 1
@@ -61,6 +69,15 @@ class PhotonGrid:
         out = np.zeros((len(receivers), 16), np.float32)
         if not len(self._photons) or not len(receivers):
             return out
+        receivers = np.ascontiguousarray(receivers)
+        if len(receivers) <= _SCANNED and not self._listed:
+            if len(self._kernels):
+                _scan_kernels(receivers, self._kernels, out)
+            else:
+                count = len(receivers), len(self._photons)
+                _scan(address(receivers), address(self._photons), count, address(out))
+            return out
+        self._list()
         counter = np.zeros(8, np.int64)
         order = np.empty(len(receivers), np.uint64)
         _find_cells(receivers, self._low, self._cell, self._shape, order)
@@ -87,6 +104,7 @@ class PhotonGrid:
         """
         out = np.zeros(len(receivers), np.int32)
         if len(self._photons) and len(receivers):
+            self._list()
             edges = np.linspace(0, len(receivers), threads + 1).astype(np.int64)
 
             def work(k: int) -> None:
@@ -216,6 +234,27 @@ def _gather_kernels(receivers, order, kernels, starts, ids, counter, out):
             if cell != _NOWHERE:
                 for k in range(starts[cell], starts[cell + 1]):
                     _add_caustic(receivers[r], kernels[ids[k]], out, r)
+
+
+@jit
+def _scan(receivers, photons, count, out):
+    """Light few receivers: the same sums as from the lists."""
+    work, glossy, lanes = alloca(WORK), False, i64(LANES)
+    clear(work)
+    for k in range(count[0]):
+        glossy |= put(work, k, receivers, i64(k))
+    for m in range(count[1]):
+        add_to_tile(work, photons + np.uint64(m * WORDS * 4), (count[0] + lanes - i64(1)) // lanes, glossy)
+    for k in range(count[0]):
+        take_out(work, k, out, i64(k))
+
+
+@jit
+def _scan_kernels(receivers, kernels, out):
+    for k in range(len(kernels)):
+        for r in range(len(receivers)):
+            if receivers[r].valid != u32(0):
+                _add_caustic(receivers[r], kernels[k], out, r)
 
 
 @jit

@@ -105,7 +105,7 @@ def _find_cells(receivers, keys, low, per_metre, cells):
         if receivers[i].valid == u32(0):
             continue
         key = cell_key(receivers[i].position, receivers[i].ng, low, per_metre)
-        finer = u32(3 * max(level - 1, 0))
+        finer = u32(3 * max(level - i64(1), i64(0)))
         if key >> finer != last >> finer:  # else it is in the cell of the one before
             last, level, cell = key, i64(0), i64(0)
             while level <= BITS and cell == i64(0):

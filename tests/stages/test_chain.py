@@ -47,6 +47,16 @@ def test_pixels_of_mirrors_and_glass_are_listed(gpu):
     assert (seen["depth"] == depth.reshape(-1)[expected]).all()
 
 
+@pytest.mark.parametrize("name", [*MATERIALS, "mirror by its texture"])
+def test_a_material_alone_is_listed_as_among_others(gpu, name):
+    """Nothing is looked for where no material may lead on."""
+    black = Texture(np.zeros((2, 2, 4), np.uint8), srgb=False)
+    mirror = Material((0.5,) * 3, metallic=1.0, roughness=1.0, metallic_roughness_texture=black)
+    material, listed = MATERIALS.get(name, (mirror, True))
+    *_, seen, ids, _ = drawn(gpu, [material])
+    assert len(seen) == (ids[..., 0] == 1).sum() * listed and ids.any()
+
+
 def test_the_g_buffer_keeps_row_and_transmission_apart(gpu):
     pixels = np.full((2, 2, 4), 128, np.uint8)
     patterned = Material((1,) * 3, transmission=0.5, transmission_texture=Texture(pixels, srgb=False))

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from ispm.optics.records import PHOTON, RECEIVER
+from ispm.optics.records import CAUSTIC, PHOTON, RECEIVER
 from ispm.reference.gather import gather
 from ispm.tracer.grid import PhotonGrid
 
@@ -63,3 +63,17 @@ def test_points_outside_and_no_photons_get_no_light():
     receivers["position"] = (1e6, -1e6, 0.0)
     assert not PhotonGrid(photons).estimate(receivers, 2).any()
     assert PhotonGrid(photons).estimate(receivers[:0], 2).shape == (0, 16)
+
+
+def test_few_points_get_the_same_light_without_lists():
+    """To the bit, beside many that ask for lists; of photons with kernels of their own also."""
+    photons = photons_in_box(2000, 7)
+    receivers = receivers_near(photons, 400, 8)
+    kernels = np.zeros(len(photons), CAUSTIC)
+    for name in ("position", "flux", "wi"):
+        kernels[name] = photons[name]
+    kernels["u"], kernels["v"] = (0.3, 0.0, 0.0), (0.0, 0.2, 0.1)
+    kernels["height"] = 0.1
+    for shapes in (None, kernels):
+        few = PhotonGrid(photons, shapes).estimate(receivers[:8], 2)
+        assert few.any() and few.tobytes() == PhotonGrid(photons, shapes).estimate(receivers, 2)[:8].tobytes()

@@ -39,4 +39,4 @@ class FakeRenderer:
         width, height = self.settings.size
         light = np.full((height, width, 3), 0.25, np.float32)
         layers = {"full": light, "direct": light, "depth": light[..., 0]}
-        return Frame(np.full((height, width, 3), 99, np.uint8), layers, FakeStats(), self.settings, {}, 0.0)
+        return Frame(layers, FakeStats(), self.settings, {})
