@@ -137,7 +137,13 @@ class PhotonLight:
         packed, view, settings = self._packed, self._view, self._settings
         pixel = settings.subsampling * sample_width(view)
         measure_radii(
-            photons, packed.diagonal, settings.smoothing, pixel, packed.widths, view.eye_or_direction
+            photons,
+            packed.diagonal,
+            settings.smoothing,
+            pixel,
+            packed.widths,
+            view.eye_or_direction,
+            self._threads,
         )
 
     def _gathered(

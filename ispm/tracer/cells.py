@@ -28,6 +28,18 @@ def sort_by_cell(points: np.ndarray, low: np.ndarray, cell: float) -> tuple[np.n
 
 
 @jit
+def bounds_of(points):
+    """Return the corners of the bounds of records with a position, (2, 3) float32 m."""
+    bounds = np.empty((2, 3), np.float32)
+    bounds[0], bounds[1] = f32(np.inf), f32(-np.inf)
+    for i in range(len(points)):
+        for axis in range(3):
+            bounds[0, axis] = min(bounds[0, axis], points[i].position[axis])
+            bounds[1, axis] = max(bounds[1, axis], points[i].position[axis])
+    return bounds
+
+
+@jit
 def cell_key(position, normal, low, per_metre):
     """Return the key of a point.
 

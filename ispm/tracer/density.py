@@ -12,7 +12,7 @@ import numpy as np
 
 from ispm.optics.jit import jit
 from ispm.optics.vector import dot
-from ispm.tracer.cells import BITS, SMALLEST, sort_by_cell
+from ispm.tracer.cells import BITS, SMALLEST, bounds_of, sort_by_cell
 from ispm.tracer.nearest import DIMENSIONS, STACK_WORDS, NearestTree, find_nearest
 from ispm.tracer.simd import address, alloca, atomic_add, ldf, ldu
 from ispm.tracer.threads import run_threads
@@ -52,6 +52,7 @@ def measure_radii(
     pixel: np.ndarray | None = None,
     widths: np.ndarray | None = None,
     eye: tuple[float, ...] | np.ndarray = (0.0, 0.0, 0.0, 0.0),
+    threads: int = 1,
 ) -> None:
     """Write `radius` and `height` of each photon's kernel, from the density of photons around it.
 
@@ -72,13 +73,19 @@ def measure_radii(
         return
     words = photons.view(np.float32).reshape(-1, 16)
     cell = f32(diagonal * SMALLEST)
-    log_density = np.zeros(len(photons), np.float32)
-    low = words[:, :3].min(axis=0) - f32(2.0) * cell
-    for shift in _SHIFTS:
-        keys, order = sort_by_cell(photons, low - np.array(shift, np.float32) * cell * f32(0.9), float(cell))
-        _add_log_density(words, keys, order, cell, log_density)
+    log_density = np.empty((len(_SHIFTS), len(photons)), np.float32)
+    low = bounds_of(photons)[0] - f32(2.0) * cell
+
+    def work(thread: int) -> None:
+        for k in range(thread, len(_SHIFTS), used):
+            shift = np.array(_SHIFTS[k], np.float32) * cell * f32(0.9)
+            keys, order = sort_by_cell(photons, low - shift, float(cell))
+            _write_log_density(words, keys, order, cell, log_density[k])
+
+    used = min(threads, len(_SHIFTS))
+    run_threads(work, used)
     _write_radii(
-        words, _reach_on_objects(photons, widths), log_density / f32(len(_SHIFTS)), f32(smoothing),
+        words, _reach_on_objects(photons, widths), log_density.mean(axis=0), f32(smoothing),
         f32(diagonal * _RADIUS_MIN), f32(diagonal * _RADIUS_MAX),
         (np.zeros(4) if pixel is None else _PIXEL_SHARE * pixel).astype(np.float32),
         np.asarray(eye, np.float32),
@@ -105,8 +112,8 @@ def _reach_on_objects(photons: np.ndarray, widths: np.ndarray | None) -> np.ndar
 
 
 @jit
-def _add_log_density(words, keys, order, cell, log_density):
-    """Add the logarithm of each photon's density (1/m^2), from the smallest cell with enough photons."""
+def _write_log_density(words, keys, order, cell, log_density):
+    """Write the logarithm of each photon's density (1/m^2), from the smallest cell with enough photons."""
     n = len(keys)
     count = np.zeros(n, np.float32)
     side = np.zeros(n, np.float32)
@@ -123,7 +130,7 @@ def _add_log_density(words, keys, order, cell, log_density):
     for i in range(n):
         p = order[i]
         tilt = abs(words[p, _NX]) + abs(words[p, _NX + 1]) + abs(words[p, _NX + 2])
-        log_density[p] += f32(math.log(count[i] * tilt / (side[i] * side[i])))
+        log_density[p] = f32(math.log(count[i] * tilt / (side[i] * side[i])))
 
 
 @jit

@@ -13,6 +13,7 @@ from ispm.optics.jit import jit
 from ispm.optics.records import CAUSTIC
 from ispm.optics.vector import cross, dot, sub
 from ispm.tracer.blocks import LANES, TILE, WORDS, WORK, add_to_tile, clear, put, take_out
+from ispm.tracer.cells import bounds_of
 from ispm.tracer.normals import unit
 from ispm.tracer.simd import address, alloca, atomic_add
 from ispm.tracer.threads import run_threads
@@ -49,7 +50,7 @@ class PhotonGrid:
         if self._listed:
             return
         self._listed, photons = True, self._photons
-        reach, (low, high) = photons["radius"].max(), _bounds(photons)
+        reach, (low, high) = photons["radius"].max(), bounds_of(photons)
         low, extent = low - reach, high - low + f32(2) * reach
         wanted = _CELL * float(photons["radius"].mean())
         self._cell = f32(max(wanted, float(extent.max()) / _CELLS_MAX, 1e-30))
@@ -116,18 +117,6 @@ class PhotonGrid:
 
             run_threads(work, threads)
         return out
-
-
-@jit
-def _bounds(photons):
-    """The corners of the photons' bounds."""
-    bounds = np.empty((2, 3), np.float32)
-    bounds[0], bounds[1] = f32(np.inf), f32(-np.inf)
-    for p in range(len(photons)):
-        for axis in range(3):
-            bounds[0, axis] = min(bounds[0, axis], photons[p].position[axis])
-            bounds[1, axis] = max(bounds[1, axis], photons[p].position[axis])
-    return bounds
 
 
 @jit
