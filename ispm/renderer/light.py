@@ -9,19 +9,38 @@ import numpy as np
 from ispm.renderer.gather import bright_limit
 from ispm.scene.packed import Packed
 from ispm.settings import Settings
+from ispm.stages.camera import CameraView
 from ispm.tracer.emission import emit_rays, emit_texels
 from ispm.tracer.plan import PlannedMap, plan_maps, share_photons
 from ispm.tracer.surface import SurfaceTable
 from ispm.tracer.walk import Walk, walk
 from ispm.tracer.world import World
 
+_COARSE = 48, 27  # rays of the eye, across and down
 _FEW = 1000  # photons of which one is stored: of fewer, light is noise
 
 
-def map_plan(packed: Packed, settings: Settings, pass_index: int) -> list[PlannedMap]:
-    """Return the maps that emit photons, light by light; none where nothing is to be traced."""
+def map_plan(
+    packed: Packed, settings: Settings, pass_index: int, seen: np.ndarray | None = None
+) -> list[PlannedMap]:
+    """Return the maps that emit photons, light by light; none where nothing is to be traced.
+
+    seen  as `seen_places` returns them; None: unknown
+    """
     counts = share_photons(packed, settings.photons if settings.bounces else 0)
-    return plan_maps(packed, counts, settings.caustic_photons, settings.seed, pass_index)
+    return plan_maps(packed, counts, settings.caustic_photons, settings.seed, pass_index, seen)
+
+
+def seen_places(packed: Packed, world: World, view: CameraView) -> np.ndarray | None:
+    """Return what a coarse picture shows, (n, 3) m world space; None where no light asks for it."""
+    if not any(map.orthographic for map in packed.maps):
+        return None
+    width, height = view.size
+    x, y = ((np.arange(n) + 0.5) / n for n in _COARSE)
+    origins, directions = (each.reshape(-1, 3) for each in view.rays_through(width * x, height * y[:, None]))
+    t = world.trace(origins.astype(np.float32), directions.astype(np.float32))["t"]
+    met = np.isfinite(t)
+    return np.asarray(origins[met] + t[met, None] * directions[met])
 
 
 def emission_of(plan: list[PlannedMap], packed: Packed, settings: Settings, software: bool) -> str:

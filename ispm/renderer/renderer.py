@@ -26,7 +26,7 @@ from ispm.renderer.converge import converge, of_pass, place_in_pixel
 from ispm.renderer.framing import default_light, place_camera
 from ispm.renderer.gather import PhotonLight
 from ispm.renderer.last import LastFrame
-from ispm.renderer.light import emission_of, map_plan, remarks, trace_photons
+from ispm.renderer.light import emission_of, map_plan, remarks, seen_places, trace_photons
 from ispm.renderer.limits import require_drawable, require_scene
 from ispm.renderer.motion import moved
 from ispm.renderer.picture import Frame
@@ -210,7 +210,7 @@ class Renderer:
         self._last = None  # so that its memory can be used again
         watch = Watch()
         packed, view = self._prepare(index)
-        plan = map_plan(packed, settings, index)
+        plan = map_plan(packed, settings, index, seen_places(packed, self._world, view))
         surfaces = self._surfaces(packed)
         by = emission_of(plan, packed, settings, self._gpu.is_software)
 

@@ -1,4 +1,4 @@
-"""Where photons are aimed: narrow views of the mirrors and glass that cast caustics, about a light."""
+"""Where photons are aimed: narrow views of what casts caustics, about a light, and of what the eye sees."""
 
 from __future__ import annotations
 
@@ -11,6 +11,8 @@ from ispm.scene.lightmap import LightMap, cropped, square_map, view_of
 _WIDEST = math.tan(0.6)  # of half a view's angle: wider ones gain little
 _LARGEST = 1.0 / 3.0  # of what the light's own map takes, likewise
 _GAIN = 0.9  # of the size of a group, below which its two parts must be to be parted
+_SEEN_SHARES = 0.98, 0.75, 0.5  # of the places that the eye sees, along each of a map's axes
+_AROUND = 0.25  # of what holds them, on each side: what lies there lights what the eye sees
 _MARGIN = 0.02  # of a crop's half width, for sub-texel shifts
 
 
@@ -29,6 +31,28 @@ def aimed_maps(base: LightMap, light: np.void, hulls: np.ndarray, most: int) -> 
     kept = np.flatnonzero(~near & ~inside)
     maps = [_view(base, light, points[kept[group]]) for group in _groups(patches[kept], most)]
     return [map for map in maps if map and 0.0 < map.measure < _LARGEST * base.measure]
+
+
+def seen_maps(base: LightMap, seen: np.ndarray) -> list[LightMap]:
+    """Return maps of a directional light of what the eye sees, the widest first; other lights have none.
+
+    seen  (n, 3) m, places in the picture, each for as much of it as another
+    The widest holds nearly all places, narrower ones the middle of them: a picture that goes to the horizon
+    is near the eye in most of its pixels. Each is at most a third of the one before, the first of `base`.
+    """
+    if not base.orthographic or not len(seen):
+        return []
+    places = (seen - base.origin) @ base.axes[0, :2].T
+    maps: list[LightMap] = []
+    for share in _SEEN_SHARES:
+        low, high = np.quantile(places, (0.5 - share / 2.0, 0.5 + share / 2.0), axis=0)
+        room = np.maximum(_AROUND * (high - low), 1e-6)
+        low, high = np.maximum(low - room, -1.0), np.minimum(high + room, 1.0)
+        if (low < high).all():
+            map = cropped(base, low, high)
+            if map.measure < _LARGEST * (maps[-1] if maps else base).measure:
+                maps.append(map)
+    return maps
 
 
 def _patches(base: LightMap, points: np.ndarray) -> np.ndarray:

@@ -26,6 +26,7 @@ _SLANT_MAX = 8.0  # that a pixel is stretched on a surface seen aslant
 _PIXEL_SHARE = 0.75  # least radius over a receiver's pixel: between smaller kernels light falls unseen
 _WIDTH_SHARE = 0.25  # of an object's width
 _HEIGHT = 0.25  # of a kernel over its radius: thin, so that it does not reach other surfaces
+_CELLS = (1 << BITS) - 4  # of the smallest ones along an axis, the shifts' left out
 _LEVELS = 8  # cell sizes, each twice the one before
 _SHIFTS = ((0.0, 0.0, 0.0), (0.381, 0.618, 0.236))  # of the cells, so that no border shows
 
@@ -72,9 +73,10 @@ def measure_radii(
     if not len(photons):
         return
     words = photons.view(np.float32).reshape(-1, 16)
-    cell = f32(diagonal * SMALLEST)
+    low, high = bounds_of(photons)
+    cell = f32(max(diagonal * SMALLEST, float((high - low).max()) / _CELLS))
     log_density = np.empty((len(_SHIFTS), len(photons)), np.float32)
-    low = bounds_of(photons)[0] - f32(2.0) * cell
+    low -= f32(2.0) * cell
 
     def work(thread: int) -> None:
         for k in range(thread, len(_SHIFTS), used):

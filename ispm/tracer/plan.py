@@ -10,7 +10,7 @@ import numpy as np
 from ispm.optics.records import LIGHT_SPOT
 from ispm.optics.rng import random4
 from ispm.optics.vector import LUMINANCE
-from ispm.scene.aim import aimed_maps
+from ispm.scene.aim import aimed_maps, seen_maps
 from ispm.scene.lightmap import LightMap
 from ispm.scene.packed import Packed
 
@@ -19,6 +19,7 @@ _FLOOR = 0.1  # of an equal share: what a light gets however weak it is
 _LEAST_BASE = 0.05  # of a light's photons, which its own map keeps
 _AIMED_MOST = 8  # maps of a light
 _AIMED_LEAST = 128  # photons that a map which is aimed is worth drawing for, on average
+_SEEN = 0.5  # of the photons that are not aimed at caustics, for what the eye sees
 _SPOT_WIDTH = 8  # texels that see a cone's fade well enough
 _SPARE = 2.0  # texels of an edge that could emit a photon for each that does
 _FINEST = 2.0  # texels of an edge over the root of the photons; a texel may emit several
@@ -56,17 +57,24 @@ def share_photons(packed: Packed, photon_count: int) -> np.ndarray:
 
 
 def plan_maps(
-    packed: Packed, counts: np.ndarray, caustic_share: float, seed: int, pass_index: int
+    packed: Packed,
+    counts: np.ndarray,
+    caustic_share: float,
+    seed: int,
+    pass_index: int,
+    seen: np.ndarray | None = None,
 ) -> list[PlannedMap]:
     """Return what the maps of all lights do, light by light, a light's own map first.
 
     counts         (L,) photons of each light
     caustic_share  of a light's photons are aimed at what casts caustics, where there is any
+    seen           (n, 3) m, places in the picture: half of a directional light's other photons go where they
+                   are, if its own map is much wider; None: unknown
     """
     plan: list[PlannedMap] = []
     for index, (light, count) in enumerate(zip(packed.lights, counts, strict=True)):
         if count:
-            shared = _share(packed, index, int(count), caustic_share)
+            shared = _share(packed, index, int(count), caustic_share, seen)
             for k, (map, photons) in enumerate(shared):
                 x, y, z, _ = random4(
                     np.uint32(index), np.uint32(_DIMENSION + k), np.uint32(pass_index), np.uint32(seed)
@@ -91,7 +99,9 @@ def map_width(map: LightMap, light: np.void, photons: int) -> int:
     return max(least, math.ceil(min(needed, _FINEST * math.sqrt(photons))))
 
 
-def _share(packed: Packed, index: int, count: int, caustic_share: float) -> list[tuple[LightMap, int]]:
+def _share(
+    packed: Packed, index: int, count: int, caustic_share: float, seen: np.ndarray | None
+) -> list[tuple[LightMap, int]]:
     """A light's maps and their photons."""
     base, hulls = packed.maps[index], packed.caustic_hulls
     wanted = min(caustic_share, 1.0 - _LEAST_BASE) * count
@@ -99,5 +109,8 @@ def _share(packed: Packed, index: int, count: int, caustic_share: float) -> list
     aimed = aimed_maps(base, packed.lights[index], hulls, most) if most and len(hulls) else []
     total = sum(map.measure for map in aimed)
     shares = [(map, round(wanted * map.measure / total)) for map in aimed]
+    rest = count - sum(photons for _, photons in shares)
+    near = seen_maps(base, seen) if seen is not None and rest >= _AIMED_LEAST else []
+    shares += [(map, round(_SEEN * rest / len(near))) for map in near]
     shares = [(map, photons) for map, photons in shares if photons]
     return [(base, count - sum(photons for _, photons in shares)), *shares]

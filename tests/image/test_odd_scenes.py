@@ -108,7 +108,7 @@ def test_radiance_falls_with_the_square_of_the_size(gpu, scale):
 
 
 def test_a_room_a_kilometre_away_looks_the_same(gpu):
-    """float32 resolves 0.06 mm there. 40 000 photons through other random corners: 3 %."""
+    """float32 resolves 0.06 mm there. Other random corners: one seed's part differs by 1.5 %, 3 % are 4 such of 4."""
     pictures = []
     for offset in ((0.0, 0.0, 0.0), (1000.0, -700.0, 300.0)):
         scene = furnished()
@@ -116,9 +116,11 @@ def test_a_room_a_kilometre_away_looks_the_same(gpu):
             node.translation = np.array(node.translation) + offset
         eye = Camera(yfov=EYE.yfov, pose=EYE.pose.copy())
         eye.pose[:3, 3] += offset
-        pictures.append(sound(render(gpu, scene, eye)[0]))
-    assert means(pictures[1].direct) == pytest.approx(means(pictures[0].direct), rel=5e-3)
-    assert means(pictures[1].indirect) == pytest.approx(means(pictures[0].indirect), rel=0.03)
+        pictures.append([sound(render(gpu, scene, eye, seed=seed)[0]) for seed in range(4)])
+    near, far = ([np.mean([means(getattr(each, part)) for each in frames], axis=0) for part in
+                  ("direct", "indirect")] for frames in pictures)  # fmt: skip
+    assert far[0] == pytest.approx(near[0], rel=5e-3)
+    assert far[1] == pytest.approx(near[1], rel=0.03)
 
 
 def test_a_mirrored_instance_makes_a_mirrored_picture(gpu):

@@ -9,6 +9,7 @@ from ispm.scene.builtins_common import lambert
 from ispm.scene.material import Material, Texture, TextureUse
 from ispm.scene.mesh import Mesh
 from ispm.scene.scene import Scene
+from ispm.tracer.lit import SPOT_PARTS
 
 
 def test_photons_lie_on_the_walls_and_point_back_to_the_last_one():
@@ -33,6 +34,21 @@ def test_paths_end_after_the_scatters_allowed(bounces):
     path = trace(lit(box_room(albedo=1.0)), 1000, bounces)
     assert np.bincount(path.photons["bounce"]).tolist() == [0, *[path.photon_count] * bounces]
     assert path.dropped == pytest.approx(path.emitted) and path.rays == bounces * path.photon_count
+
+
+def test_photons_leave_bright_spots_in_parts_and_one_goes_on():
+    """All first hits are spots; white walls keep all flux, so that each bounce carries what was emitted."""
+    tracer = Tracer(lit(box_room(albedo=1.0)))
+    path = tracer.walk(tracer.emit(1000), 3, limit=0.0)
+    count, bounce = path.photon_count, path.photons["bounce"]
+    assert np.bincount(bounce).tolist() == [0, SPOT_PARTS * count, count, count]
+    assert (path.straight == (bounce == 1)).all()
+    for n in (1, 2, 3):
+        assert path.photons["flux"][bounce == n].sum(axis=0, dtype=float) == pytest.approx(
+            path.emitted, rel=1e-6
+        )
+    places = path.photons["position"][bounce == 1]
+    assert len(np.unique(places, axis=0)) == len(places)  # each part goes its own way
 
 
 def test_photons_that_hit_nothing_escape():
