@@ -19,7 +19,7 @@ from ispm.renderer import Renderer
 from ispm.renderer.progress import Progress
 from ispm.scene.builtin import builtin
 from ispm.scene.camera import Camera
-from ispm.scene.light import DirectionalLight
+from ispm.scene.light import DirectionalLight, Light, PointLight
 from ispm.scene.material import Material, Texture
 from ispm.scene.mesh import Mesh
 from ispm.scene.scene import Scene
@@ -88,22 +88,23 @@ def test_what_was_spoiled_since_it_was_made_makes_no_picture(gpu, owner, name, v
         render(gpu, scene)
 
 
-def sunny_plain(side: float) -> Scene:
-    """A box of 1 m on a square plain, in the sun."""
+def lit_plain(side: float, light: Light, height: float) -> Scene:
+    """A box of 1 m on a square plain."""
     scene = Scene()
     scene.add(box((-side / 2, -1.0, -side / 2), (side / 2, 0.0, side / 2)))
     scene.add(box((-0.5, 0.0, -0.5), (0.5, 1.0, 0.5)))
-    scene.add(DirectionalLight(), rotation=(-0.5, 0.3, 0.0, 0.8))
+    scene.add(light, rotation=(-0.5, 0.3, 0.0, 0.8), translation=(0.0, height, 0.0))
     scene.add(Camera.look_at((2.0, 1.5, 3.0), (0.0, 0.5, 0.0)))
     return scene
 
 
 def test_light_that_photons_miss_is_told(gpu):
     with pytest.warns(SceneWarning, match="not one photon in a thousand met a second surface"):
-        render(gpu, sunny_plain(1000.0), size=(32, 18), photons=4000)
+        render(gpu, lit_plain(1000.0, PointLight(), 300.0), size=(32, 18), photons=4000)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        render(gpu, sunny_plain(10.0), size=(32, 18), photons=4000)
+        for side in (10.0, 1000.0):  # the sun is aimed at what the eye sees
+            render(gpu, lit_plain(side, DirectionalLight(), 0.0), size=(32, 18), photons=4000)
 
 
 def test_a_texture_may_stand_for_its_use(gpu):

@@ -211,10 +211,10 @@ class Emitter:
         self.packed = self.tracer.packed
         self._upload, self._stage = Upload(gpu), BounceStage(gpu)
 
-    def __call__(self, emission, photons, share=0.0, seed=0):
+    def __call__(self, emission, photons, share=0.0, seed=0, seen=None):
         """Return EMITTED."""
         tracer, packed = self.tracer, self.packed
-        plan = plan_maps(packed, share_photons(packed, photons), share, seed, 0)
+        plan = plan_maps(packed, share_photons(packed, photons), share, seed, 0, seen)
         if emission == "rays":
             return emit_rays(packed, tracer.world, tracer.surfaces, plan, seed, 0, 2)
         with self.gpu.frame() as frame:
@@ -268,6 +268,24 @@ def test_aiming_changes_no_flux(gpu, emission, kind):
             for s, runs in emitted.items()
         }
         assert counts[0.95] > counts[0.5] > 1.5 * counts[0.0]
+
+
+@pytest.mark.parametrize("emission", ["map", "rays"])
+def test_looking_at_what_the_eye_sees_changes_no_flux(gpu, emission):
+    """Tiles of a plain in the sun, 24 seeds each: the same light, more photons where the eye looks."""
+    scene = Scene()
+    for x in range(-3, 4):
+        for z in range(-3, 4):
+            scene.add(box((x - 0.5, -0.2, z - 0.5), (x + 0.5, 0.1 * (x % 2), z + 0.5)))
+    scene.add(DirectionalLight(), rotation=(-0.5, 0.2, 0.1, 0.8))
+    emit = Emitter(gpu, scene)
+    seen = np.random.default_rng(0).uniform((1.6, 0.0, 1.6), (2.4, 0.0, 2.4), (200, 3))
+    runs = {k: [emit(emission, 4000, 0.0, seed, places) for seed in range(24)]
+            for k, places in enumerate((None, seen))}  # fmt: skip
+    assert agree(*([emit.on_objects(photons) for photons in each] for each in runs.values()))
+    looked_at = 7 * 5 + 5  # the tile about (2, 2)
+    counts = [sum((photons["instance"] == looked_at).sum() for photons in each) for each in runs.values()]
+    assert counts[1] > 5 * counts[0]
 
 
 @pytest.mark.parametrize("emission", ["map", "rays"])

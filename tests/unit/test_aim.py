@@ -1,11 +1,12 @@
 """Views aimed at what casts caustics: they hold it, are few, and narrow."""
 
 import math
+from itertools import pairwise
 
 import numpy as np
 import pytest
 
-from ispm.scene.aim import aimed_maps
+from ispm.scene.aim import aimed_maps, seen_maps
 from ispm.scene.light import DirectionalLight, Light, PointLight, SpotLight
 from ispm.scene.lightmap import LightMap, corners_of
 from ispm.scene.material import Material
@@ -110,6 +111,44 @@ def test_a_ball_fills_its_view():
     (map,) = aimed_maps(packed.maps[0], packed.lights[0], packed.caustic_hulls, 8)
     exact = 1.0 / math.sqrt(far * far - 1.0)  # tangent of half the angle under which a ball is seen
     assert 0.97 * exact < map.spread < 1.06 * exact
+
+
+def plain_seen(side: float, light: Light, spread: float = 1.0) -> tuple[list[LightMap], Packed, np.ndarray]:
+    """Maps of a square plain of which the eye sees places about (2, 0, 3)."""
+    scene = Scene()
+    scene.add(box((-side / 2, -1.0, -side / 2), (side / 2, 0.0, side / 2)))
+    scene.add(light, rotation=(-0.5, 0.3, 0.0, 0.8), translation=(0.0, 5.0, 0.0))
+    packed = pack(scene)
+    seen = np.random.default_rng(0).normal((2.0, 0.0, 3.0), (spread, 0.0, spread), (1000, 3))
+    return seen_maps(packed.maps[0], seen), packed, seen
+
+
+@pytest.mark.parametrize("side", [100.0, 1e4])
+def test_the_sun_looks_at_what_the_eye_sees(side):
+    """Not at all of the plain, however large it is."""
+    maps, packed, seen = plain_seen(side, DirectionalLight())
+    sizes = [packed.maps[0].measure, *(map.measure for map in maps)]
+    assert len(maps) >= 1 and all(small < large / 3.0 for large, small in pairwise(sizes))
+    assert sizes[1] < 200.0  # m2: places lie within some 6 m, and a quarter of that about them
+    points = np.stack([seen - 0.01, seen + 0.01], axis=1)
+    assert sees(maps[0], points).mean() > 0.98
+
+
+def test_the_sun_looks_closer_where_places_are_close():
+    """Half the places within 1 m, the others within 300 m: a map of all, and one of the middle."""
+    _, packed, near = plain_seen(1e4, DirectionalLight(), 0.3)
+    far = np.random.default_rng(1).normal((2.0, 0.0, 3.0), (100.0, 0.0, 100.0), (500, 3))
+    wide, *_, narrow = seen_maps(packed.maps[0], np.concatenate([near, far]))
+    assert narrow.measure < 0.01 * wide.measure
+
+
+def test_nothing_is_gained_by_looking_at_all_or_from_a_point():
+    _, packed, _ = plain_seen(6.0, DirectionalLight())
+    everywhere = np.random.default_rng(0).uniform((-3.0, 0.0, -3.0), (3.0, 0.0, 3.0), (1000, 3))
+    assert seen_maps(packed.maps[0], everywhere) == []
+    assert plain_seen(100.0, PointLight())[0] == []
+    _, packed, _ = plain_seen(100.0, DirectionalLight())
+    assert seen_maps(packed.maps[0], np.zeros((0, 3))) == []
 
 
 def test_hulls_of_caustic_instances_are_packed():
