@@ -108,7 +108,7 @@ def test_radiance_falls_with_the_square_of_the_size(gpu, scale):
 
 
 def test_a_room_a_kilometre_away_looks_the_same(gpu):
-    """float32 resolves 0.06 mm there. Of other random corners a part differs by 1.5 %, of four means by half."""
+    """float32 resolves 0.06 mm there. Other random corners: parts differ by 1.5 %, means of four by half."""
     pictures = []
     for offset in ((0.0, 0.0, 0.0), (1000.0, -700.0, 300.0)):
         scene = furnished()
