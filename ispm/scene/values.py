@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from enum import Enum
-from numbers import Real
 from typing import TypeVar
 
 import numpy as np
@@ -89,7 +88,7 @@ def _of(low: float, high: float) -> str:
 
 
 def _within(value: object, low: float, high: float) -> bool:
-    return isinstance(value, (Real, np.bool_)) and bool(low <= value <= high)  # type: ignore[operator]
+    return isinstance(value, (int, float, np.integer, np.floating, np.bool_)) and bool(low <= value <= high)
 
 
 def _shown(value: object) -> str:

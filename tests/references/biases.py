@@ -1,7 +1,7 @@
 """Measure each bias of the estimate by itself, in a scene made for it; its tables go to docs/accuracy.md.
 
 python -m references.biases            # in tests/; all, some minutes on two cores
-python -m references.biases NAME...    # those alone (edges, leaks, ...); the page keeps its other rows
+python -m references.biases NAME...    # those alone (edges, leaks, ...); nothing is written
 """
 
 from __future__ import annotations
