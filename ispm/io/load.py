@@ -28,9 +28,7 @@ def load(path: str | os.PathLike[str], **limits: Any) -> Scene:
     for name in limits:
         knob_of(LoadLimits, name)
     checked = LoadLimits(**limits)
-    if not isinstance(path, (str, os.PathLike)) or not os.fspath(path):
-        what = "''" if path == "" else f"a {type(path).__name__}"
-        raise SceneError(f"{what} is not the path of a file; give one that ends in {' '.join(READERS)}")
+    require_path(path, f"is not the path of a file; give one that ends in {' '.join(READERS)}")
     path = find(path)
     try:
         scene = _read(path, checked)
@@ -43,6 +41,13 @@ def load(path: str | os.PathLike[str], **limits: Any) -> Scene:
     scene.name = scene.name or path.stem
     scene.warnings = [_one_line(message) for message in scene.warnings]
     return scene
+
+
+def require_path(path: object, fault: str) -> None:
+    """Raise a SceneError of this fault where `path` cannot be the path of a file."""
+    if not isinstance(path, (str, os.PathLike)) or not os.fspath(path):
+        what = "''" if path == "" else f"a {type(path).__name__}"
+        raise SceneError(f"{what} {fault}")
 
 
 def find(path: str | os.PathLike[str]) -> Path:

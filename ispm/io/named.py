@@ -10,7 +10,7 @@ from typing import Any
 
 from ispm.errors import SceneError, SettingsError
 from ispm.io.download import DOWNLOADS, fetch
-from ispm.io.load import find, load
+from ispm.io.load import find, load, require_path
 from ispm.scene import builtin as scenes
 from ispm.scene.scene import Scene
 from ispm.settings import LoadLimits, nearest
@@ -46,9 +46,7 @@ def open_named(name: str | Path, **limits: Any) -> Scene:
     limits  of a file, fields of LoadLimits
     Raises SceneError where there is neither, or the file cannot be used.
     """
-    if not isinstance(name, (str, os.PathLike)) or not os.fspath(name):
-        what = "''" if name == "" else f"a {type(name).__name__}"
-        raise SceneError(f"{what} is no scene; give a Scene, a file, or the name of a built-in one")
+    require_path(name, "is no scene; give a Scene, a file, or the name of a built-in one")
     text = str(name)
     if text in scenes.BUILTINS:
         return scenes.builtin(text)

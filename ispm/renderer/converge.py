@@ -16,6 +16,7 @@ from ispm.errors import SceneError
 from ispm.optics.sampling import LATTICE
 from ispm.renderer.picture import Frame
 from ispm.renderer.progress import Progress
+from ispm.renderer.statistics import Stats
 from ispm.settings import Settings
 
 if TYPE_CHECKING:
@@ -57,8 +58,9 @@ def converge(renderer: Renderer, goal: Settings) -> Iterator[Frame]:
     made_of, longest = renderer.fingerprint(), 0.0
     if progress:
         progress.require(made_of)
-        if _is_enough(progress, goal):
-            yield progress.frame(settings, threads)
+        mean = progress.frame(settings, threads)
+        if _is_enough(mean.stats, goal):
+            yield mean
             return
     while True:
         begun = time.perf_counter()
@@ -73,14 +75,15 @@ def converge(renderer: Renderer, goal: Settings) -> Iterator[Frame]:
             progress = renderer.progress = Progress.start(frame, made_of)
         else:
             progress.add(frame)
-        yield progress.frame(settings, threads)
+        mean = progress.frame(settings, threads)
+        yield mean
         longest = max(longest, time.perf_counter() - begun)
         late = goal.time_limit and time.perf_counter() - started + longest > goal.time_limit
-        if late or _is_enough(progress, goal):
+        if late or _is_enough(mean.stats, goal):
             return
 
 
-def _is_enough(progress: Progress, goal: Settings) -> bool:
+def _is_enough(mean: Stats, goal: Settings) -> bool:
     """Whether the passes asked for are made, or their noise is as low as was asked."""
-    sure = goal.target_error > 0.0 and progress.passes >= _SURE
-    return progress.passes >= goal.most_passes or (sure and progress.error() <= goal.target_error)
+    low = mean.error is not None and mean.error <= goal.target_error
+    return mean.passes >= goal.most_passes or (mean.passes >= _SURE and low)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from functools import cached_property, partial
+from functools import cached_property
 
 import numpy as np
 
@@ -86,7 +86,9 @@ class PhotonLight:
             dark = np.zeros((len(points), 16), np.float32)
             return dark, dark
         if self._settings.gather_rays:
-            light = self._gathered(points, size, estimator)
+            light = self._gathered(
+                points, size, lambda: estimator(self._parts.smooth), estimator(self._straight)
+            )
         else:
             light = estimator(self._parts.smooth)
         if self._settings.is_plain:
@@ -99,9 +101,13 @@ class PhotonLight:
 
         points  (n,) RECEIVER, row by row, of `size`
         """
-        if self._settings.gather_rays:
-            return self._gathered(points, size, partial(self._from_grid, points))
-        return self.photons.estimate(points, self._threads)
+
+        def light() -> np.ndarray:
+            return self.photons.estimate(points, self._threads)
+
+        if not self._settings.gather_rays:
+            return light()
+        return self._gathered(points, size, light, self._straight_grid.estimate(points, self._threads))
 
     @cached_property
     def photons(self) -> PhotonGrid:
@@ -127,33 +133,31 @@ class PhotonLight:
     def _straight_grid(self) -> PhotonGrid:
         return PhotonGrid(self._straight)
 
-    def _from_grid(self, points: np.ndarray, photons: np.ndarray) -> np.ndarray:
-        """Estimate the light of the smooth or of the straight photons at points."""
-        grid = self._straight_grid if photons is self._straight else self.photons
-        return grid.estimate(points, self._threads)
-
     def _measure(self, photons: np.ndarray) -> None:
         """Give kernels of the low resolution their size."""
         packed, view, settings = self._packed, self._view, self._settings
         pixel = settings.subsampling * sample_width(view)
         measure_radii(
-            photons,
-            packed.diagonal,
-            settings.smoothing,
-            pixel,
-            packed.widths,
-            view.eye_or_direction,
+            photons, packed.diagonal, settings.smoothing, pixel, packed.widths, view.eye_or_direction,
             self._threads,
-        )
+        )  # fmt: skip
 
     def _gathered(
-        self, points: np.ndarray, size: tuple[int, int], estimator: Callable[[np.ndarray], np.ndarray]
+        self,
+        points: np.ndarray,
+        size: tuple[int, int],
+        smooth: Callable[[], np.ndarray],
+        straight: np.ndarray,
     ) -> np.ndarray:
-        """Light at points, (n, 16): gloss of all photons, the rest by rays and of the straight photons."""
+        """Light at points, (n, 16): gloss of the smooth photons, the rest by rays and of the straight ones.
+
+        smooth    estimates the light of the smooth photons, which is asked for where there is gloss alone
+        straight  (n, 16) light of the straight photons
+        """
         packed, view, settings = self._packed, self._view, self._settings
         glossy = (points["alpha"] > 0.0).any()
-        light = estimator(self._parts.smooth) if glossy else np.zeros((len(points), 16), np.float32)
-        straight, nearness = estimator(self._straight), np.empty(len(points), np.float32)
+        light = smooth() if glossy else np.zeros((len(points), 16), np.float32)
+        nearness = np.empty(len(points), np.float32)
         rays, limit = settings.gather_rays, bright_limit(packed, settings)
         numbers = (
             _clearance(points["position"], view.eye),

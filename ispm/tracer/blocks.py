@@ -159,43 +159,52 @@ def _row(work, row, k):
 @jit
 def _add_diffuse(photon, work):
     """Add a photon to the sums of a block whose receivers have no glossy lobe."""
-    position, normal, wi = vector(photon, 0), vector(photon, NORMAL), vector(photon, _WI)
-    flux, radius, height = vector(photon, _FLUX), ldf(photon, RADIUS), ldf(photon, HEIGHT)
+    flux, kernel = vector(photon, _FLUX), _kernel(photon)
     for k in range(LANES):
-        kappa, light = _arrival(work, k, position, normal, wi, radius, height)
-        _add(work, 0, k, light, flux)
-        _add_one(work, 3, k, kappa)
+        _add_arriving(work, k, kernel, flux)
 
 
 @jit
 def _add_glossy(photon, work):
     """Add a photon to the sums of a block."""
-    position, normal, wi = vector(photon, 0), vector(photon, NORMAL), vector(photon, _WI)
-    flux, radius, height = vector(photon, _FLUX), ldf(photon, RADIUS), ldf(photon, HEIGHT)
+    flux, kernel = vector(photon, _FLUX), _kernel(photon)
+    wi = kernel[2]
     for k in range(LANES):
-        kappa, light = _arrival(work, k, position, normal, wi, radius, height)
+        light = _add_arriving(work, k, kernel, flux)
         alpha, n, wo = ldf(work, _ROW_ALPHA * TILE + k), _row(work, _ROW_N, k), _row(work, _ROW_WO, k)
         # gloss() without its gate: a branch would keep the loop from becoming vectors
         dv, fc = gloss(alpha, n, wo, wi)
         visible = (alpha > f32(0)) & (dot(n, wo) > f32(0)) & (dot(n, wi) > f32(0))
         dv = dv if visible else f32(0)
         fc = fc if visible else f32(0)
-        _add(work, 0, k, light, flux)
-        _add_one(work, 3, k, kappa)
         _add(work, 4, k, light * fc, flux)
         _add(work, 8, k, light * dv * (f32(1) - fc), flux)
         _add(work, 12, k, light * dv * fc, flux)
 
 
 @jit
-def _arrival(work, k, position, normal, wi, radius, height):
-    """Density kernel and its product with the cosine ratio at receiver k; zero where the photon is gated."""
+def _kernel(photon):
+    """A photon's kernel: position, normal, wi, radius and height."""
+    position, normal, wi = vector(photon, 0), vector(photon, NORMAL), vector(photon, _WI)
+    return position, normal, wi, ldf(photon, RADIUS), ldf(photon, HEIGHT)
+
+
+@jit
+def _add_arriving(work, k, kernel, flux):
+    """Add a photon's irradiance and density at receiver k, and return what of its flux is light there.
+
+    Both are zero where the photon is gated.
+    """
+    position, normal, wi, radius, height = kernel
     ng = _row(work, _ROW_NG, k)
     wi_ng = dot(wi, ng)
     kappa = density_kernel(sub(_row(work, 0, k), position), normal, radius, height)
     kappa = kappa if photon_counts(wi_ng, dot(normal, ng)) else f32(0)
     ratio = cosine_ratio(dot(wi, _row(work, _ROW_N, k)), wi_ng)
-    return kappa, (kappa * ratio if kappa > f32(0) else f32(0))
+    light = kappa * ratio if kappa > f32(0) else f32(0)
+    _add(work, 0, k, light, flux)
+    _add_one(work, 3, k, kappa)
+    return light
 
 
 @jit

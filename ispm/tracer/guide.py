@@ -23,8 +23,8 @@ from ispm.tracer.threads import run_threads
 f32, i64, u32 = np.float32, np.int64, np.uint32
 
 _RINGS, _SECTORS = 6, 12  # parts of the square: along u1, from the normal outwards, and u2, around it
-_EVEN = f32(0.4)  # of the rays, whatever the photons tell; 0.2: a tenth more noise
-_ENOUGH, _MOST = 96, 256  # photons of a histogram; twice as many from farther off: a fifth more error
+_EVEN = f32(0.4)  # of the rays, whatever the photons tell
+_ENOUGH, _MOST = 96, 256  # photons of a histogram: fewer are noise, more come from farther off
 _BLOCK = 4  # receivers on a side of those that share one
 _CHUNK = 16  # histograms a thread takes at a time
 

@@ -107,8 +107,7 @@ def is_spot(light, position, ng, b, wo, limit):
 def parts_at_spot(table, texels, rows, lights, photon, limit):
     """Return in how many parts an EMITTED photon goes on from its first hit: more from a bright spot.
 
-    Its light reaches the picture by photons alone, and they would be most of the picture's noise: in the
-    Cornell box 1.8 of 2.2 %.
+    Its light reaches the picture by photons alone, and they would be most of the picture's noise.
     """
     if limit == f32(np.inf) or photon.instance == u32(NO_HIT):
         return i64(1)

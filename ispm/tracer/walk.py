@@ -155,8 +155,10 @@ def _walk_chunks(
         rays = i64(0)
         for i in range(chunk * i64(_CHUNK), min((chunk + 1) * i64(_CHUNK), len(emitted))):
             parts = parts_at_spot(table, texels, rows, lights, emitted[i], limit)
-            u, _, _, _ = random4(emitted[i].key, u32(_HEIR_DIMENSION), pass_index, seed)
-            heir = i64(u * f32(parts))
+            heir = i64(0)
+            if parts > 1:
+                u, _, _, _ = random4(emitted[i].key, u32(_HEIR_DIMENSION), pass_index, seed)
+                heir = i64(u * f32(parts))
             for part in range(parts):
                 row, traced = _walk_one(
                     world, table, texels, rows, lights, emitted, i, (part, parts, heir), bounces, seed,
