@@ -107,6 +107,15 @@ def test_light_that_photons_miss_is_told(gpu):
             render(gpu, lit_plain(side, DirectionalLight(), 0.0), size=(32, 18), photons=4000)
 
 
+def test_a_sun_lights_what_is_seen_of_a_plain_however_wide(gpu):
+    stored = [
+        render(gpu, lit_plain(side, DirectionalLight(), 0.0), size=(64, 36))[0].stats.stored_photons
+        for side in (100.0, 1e3, 1e4)
+    ]
+    # 40,000 photons over the whole of the widest would be one on 2,500 m2
+    assert min(stored) > max(stored) / 2
+
+
 def test_a_texture_may_stand_for_its_use(gpu):
     scene = lit(box_room())
     pixels = np.full((2, 2, 4), 255, np.uint8)

@@ -121,6 +121,7 @@ def test_what_cannot_be_used_is_refused_by_name(make, says):
         (dict(rotation=(0, 0, 0)), "rotation must be 4 numbers"),
         (dict(rotation=(0, 0, 0, 0)), "rotation must be a quaternion"),
         (dict(scale=2.0), "scale must be 3 numbers"),
+        (dict(scale=(1e19, 1.0, 1.0)), "scale must be 3 numbers"),
         (dict(matrix=np.eye(3)), r"matrix must have shape \(4, 4\), not \(3, 3\)"),
         (dict(matrix=np.full((4, 4), NAN)), "matrix must be"),
         (
