@@ -75,7 +75,7 @@ def part_photons(
         return PhotonParts(photons, photons, none, none, np.zeros(0, CAUSTIC), straight)
     first = photons["bounce"] == 0
     later = np.flatnonzero(path.focused & ~first)
-    later = later[is_crowded(photons[later], packed.diagonal)]  # of copies: radii stay as they are
+    later = later[is_crowded(photons[later], packed.diagonal)]
     pixel = sample_width(view)
 
     def measured(part: np.ndarray, neighbors: int) -> np.ndarray:

@@ -42,8 +42,15 @@ def shrunk(index: int) -> float:
 
 
 def place_in_pixel(index: int) -> tuple[float, float]:
-    """Return where pass `index` samples the pixels, right of and below their centres; of pass 0: there."""
-    x, y = ((0.5 + index * step) % 1.0 - 0.5 for step in LATTICE)
+    """Return where pass `index` samples the pixels, right of and below their centres; of pass 0: there.
+
+    Each second pass lies opposite the one before, so that the mean of few does not shift the picture. The
+    first ones' samples stay closer to the centre: the narrowest kernels of these passes blur as much as is
+    left of the pixel's square, 1 / (index + 1) of its variance.
+    """
+    k = (index + 1) // 2 * (1 if index % 2 else -1)
+    spread = math.sqrt(index / (index + 1))
+    x, y = (spread * ((0.5 + k * step) % 1.0 - 0.5) for step in LATTICE)
     return x, y
 
 

@@ -37,7 +37,7 @@ class Progress:
     """The passes so far.
 
     sums     new after each pass: direct, indirect, emission, irradiance (h, w, 3), alpha (h, w), float32
-    moments  (2, h, w) float64: sums of luminance and of its square
+    moments  (2, h, w) float64: sums of the luminance of indirect light and of its square
     first    layers and camera of the first pass
     stats    of the last pass
     made_of  fingerprint of scene, camera and settings as passes began
@@ -66,7 +66,7 @@ class Progress:
     def add(self, frame: Frame) -> None:
         """Add the frame of the next pass."""
         self.sums = {name: total + frame[name] for name, total in self.sums.items()}
-        luminance = frame.radiance @ np.array(LUMINANCE, np.float32)
+        luminance = _luminance(frame["indirect"])
         self.moments[0] += luminance
         self.moments[1] += np.square(luminance, dtype=np.float64)
         self.passes += 1
@@ -76,16 +76,18 @@ class Progress:
         """Return the estimated relative error of the mean that is left: noise, as the passes differ.
 
         The root of the mean over the pixels of sigma^2 / (L^2 + 0.001 mean(L)^2), sigma the standard error
-        of the luminance L. What all passes have in common, the bias of their kernels, does not show in it.
-        Not a number after one pass.
+        of indirect light's luminance, L that of all light. What all passes have in common, the bias of their
+        kernels, does not show in it; nor does direct light, which differs as the places in a pixel do, but
+        they are even, not drawn. Not a number after one pass.
         """
         n = self.passes
         if n < 2:
             return math.nan
         mean = self.moments[0] / n
         variance = np.maximum(self.moments[1] / n - mean * mean, 0.0) / (n - 1)
-        floor = max(_DARK * float(mean.mean()) ** 2, 1e-300)
-        return math.sqrt(float((variance / (mean * mean + floor)).mean()))
+        light = _luminance(self.sums["direct"] + self.sums["indirect"] + self.sums["emission"]) / n
+        floor = max(_DARK * float(light.mean()) ** 2, 1e-300)
+        return math.sqrt(float((variance / (light * light + floor)).mean()))
 
     def frame(self, settings: Settings, threads: int) -> Frame:
         """Return the mean of the passes as a frame, whose layers are made when asked for."""
@@ -108,7 +110,7 @@ class Progress:
         arrays |= {f"camera.{name}": array for name, array in self.camera.items()}
         about = {name: getattr(self, name) for name in ("passes", "scene", "made_of")}
         about |= {"error": self.error(), "stats": dataclasses.asdict(self.stats)}
-        write_npz(target, {**arrays, "moments": self.moments}, {"ispm:progress": json.dumps(about)})
+        write_npz(target, {**arrays, "indirect_moments": self.moments}, {"ispm:progress": json.dumps(about)})
         return target
 
     @classmethod
@@ -121,7 +123,7 @@ class Progress:
             parts = {prefix: _part(arrays, prefix) for prefix in ("sum.", "first.", "camera.")}
             sums, first, camera = parts.values()
             progress = cls(
-                about["passes"], {name: sums[name] for name in _SUMMED}, arrays["moments"],
+                about["passes"], {name: sums[name] for name in _SUMMED}, arrays["indirect_moments"],
                 {name: first[name] for name in _KEPT}, camera, about["scene"], Stats(**about["stats"]),
                 about["made_of"], str(path),
             )  # fmt: skip
@@ -149,6 +151,10 @@ class Progress:
                 f"{self.file}: holds {self.passes} passes of another scene, camera or settings; continue "
                 "with the same ones, or name another file"
             )
+
+
+def _luminance(light: np.ndarray) -> np.ndarray:
+    return np.asarray(light @ np.array(LUMINANCE, np.float32), np.float64)
 
 
 def _part(arrays: Mapping[str, np.ndarray], prefix: str) -> dict[str, np.ndarray]:

@@ -33,11 +33,14 @@ _SHIFTS = ((0.0, 0.0, 0.0), (0.381, 0.618, 0.236))  # of the cells, so that no b
 CAUSTIC_NEIGHBORS = 12  # photons from which a caustic photon's kernel is measured
 FOCUSED_NEIGHBORS = 96  # likewise where light from all sides is focused, and photons are not in line
 _COVERED = 0.5  # of the disc that holds them: over all of it, the radii's own noise would be larger
-_CROWDED = 0.5  # of the mean radius: four times the density
+_CROWDED = 4.0  # times as dense as the mean
 _CAUSTIC_RADIUS_MIN, _CAUSTIC_RADIUS_MAX = 1e-5, 0.05  # of the scene's diagonal
 _TURN = 0.1  # of the diagonal: how far a radian between normals counts as away
 _CLOSE = 0.5  # of a radius: what a wall close by leaves of it, or few photons would outshine the rest
 _SAGITTA = 1.5  # a kernel's height over that of the curved surface it spans
+_PIXEL_RADIUS = f32(
+    math.sqrt(2.0 / 3.0)
+)  # over a pixel: the kernel's variance r^2 / 8 is the square's 1 / 12
 _NEIGHBORS_MAX = 128
 _ROOM = _NEIGHBORS_MAX // 2  # uint64
 _CHUNK = 256  # photons a thread takes at a time
@@ -73,6 +76,29 @@ def measure_radii(
     if not len(photons):
         return
     words = photons.view(np.float32).reshape(-1, 16)
+    _write_radii(
+        words, _reach_on_objects(photons, widths), _log_density(photons, diagonal, threads), f32(smoothing),
+        f32(diagonal * _RADIUS_MIN), f32(diagonal * _RADIUS_MAX),
+        (np.zeros(4) if pixel is None else _PIXEL_SHARE * pixel).astype(np.float32),
+        np.asarray(eye, np.float32),
+    )  # fmt: skip
+
+
+def is_crowded(photons: np.ndarray, diagonal: float) -> np.ndarray:
+    """Return (N,) bool: photons that lie four times as dense as the mean over the surfaces that they light.
+
+    The mean, not the median: most photons may be in the caustics. It is the same for any number of photons.
+    """
+    if not len(photons):
+        return np.zeros(0, np.bool_)
+    area = np.exp(-_log_density(photons, diagonal).astype(np.float64))
+    area = np.minimum(area, math.pi * (_RADIUS_MAX * diagonal) ** 2 / NEIGHBORS)
+    return np.asarray(area < area.mean() / _CROWDED)
+
+
+def _log_density(photons: np.ndarray, diagonal: float, threads: int = 1) -> np.ndarray:
+    """(N,) float32: logarithm of the photons per m2 around each."""
+    words = photons.view(np.float32).reshape(-1, 16)
     low, high = bounds_of(photons)
     cell = f32(max(diagonal * SMALLEST, float((high - low).max()) / _CELLS))
     log_density = np.empty((len(_SHIFTS), len(photons)), np.float32)
@@ -86,24 +112,7 @@ def measure_radii(
 
     used = min(threads, len(_SHIFTS))
     run_threads(work, used)
-    _write_radii(
-        words, _reach_on_objects(photons, widths), log_density.mean(axis=0), f32(smoothing),
-        f32(diagonal * _RADIUS_MIN), f32(diagonal * _RADIUS_MAX),
-        (np.zeros(4) if pixel is None else _PIXEL_SHARE * pixel).astype(np.float32),
-        np.asarray(eye, np.float32),
-    )  # fmt: skip
-
-
-def is_crowded(photons: np.ndarray, diagonal: float) -> np.ndarray:
-    """Return (N,) bool: photons that lie four times as dense as the mean over the surfaces that they light.
-
-    Changes radius and height. The mean, not the median: most photons may be in the caustics.
-    """
-    if not len(photons):
-        return np.zeros(0, np.bool_)
-    measure_radii(photons, diagonal)
-    radius = photons["radius"]
-    return np.asarray(radius < _CROWDED * math.sqrt(np.square(radius, dtype=np.float64).mean()))
+    return np.asarray(log_density.mean(axis=0))
 
 
 def _reach_on_objects(photons: np.ndarray, widths: np.ndarray | None) -> np.ndarray:
@@ -179,8 +188,8 @@ def measure_caustic_radii(
 
     photons    (N,) PHOTON, caustic ones alone, changed in place
     diagonal   of the scene, metres: no radius is below 1e-5 or above 0.05 of it
-    pixel      (4,) as in `measure_radii`, but of the picture's own pixels: no kernel covers fewer than pi of
-               them, or much of its light would fall between their centres
+    pixel      (4,) as in `measure_radii`, but of the picture's own pixels: no kernel is narrower than
+               they are, or much of its light would fall between their centres
     neighbors  a kernel covers half the disc that holds so many, of those that face the same way: a turn of a
                radian is as far as 0.1 of the diagonal
     clear      (N,) float32 m that a kernel should not exceed, to half its radius at least: how far away the
@@ -252,8 +261,8 @@ def _write_caustic_radii(
 
 @jit
 def least_radius(words, i, pixel, eye):
-    """Return the radius of a disc at photon `i` that covers pi pixels."""
-    return _at(pixel, words, i) * f32(math.sqrt(_slant(words, i, eye)))
+    """Return the radius of a disc at photon `i` whose kernel blurs as much as a pixel's square does."""
+    return _PIXEL_RADIUS * _at(pixel, words, i) * f32(math.sqrt(_slant(words, i, eye)))
 
 
 @jit

@@ -40,6 +40,22 @@ def test_samples_cover_the_pixel_evenly():
     assert counts.min() >= 2 and counts.max() <= 6
 
 
+def test_samples_and_the_narrowest_kernels_blur_as_a_pixel_does():
+    k = np.arange(1, 4097)
+    places = np.array([place_in_pixel(int(i)) for i in k])
+    # variances: of a square of side 1, and of the biweight of radius sqrt(2 / 3) that shrinks with the passes
+    wanted = (1.0 - 1.0 / (k + 1)) / 12.0
+    found = np.square(places).cumsum(axis=0)
+    np.testing.assert_allclose(found[-1], wanted.sum(), rtol=0.01)
+
+
+def test_samples_of_few_passes_lie_round_the_centre():
+    # opposite ones cancel but for their spread, which grows from 0.7 to 1: what is left is half a pixel at
+    # most, and 0.3 of it
+    places = np.array([place_in_pixel(k) for k in range(64)])
+    assert np.abs(places.cumsum(axis=0)).max() < 0.5 * 1.3
+
+
 def test_the_mean_of_passes_nears_the_truth(gpu, scene):
     """Noise falls with the passes: of 16, what is left is under half of one pass's, and errors are told."""
     with renderer(gpu, scene, size=(64, 36)) as one:

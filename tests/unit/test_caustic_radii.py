@@ -69,15 +69,15 @@ def test_radii_follow_unit_and_smoothing():
     assert there["radius"] == pytest.approx(64.0 * here["radius"], rel=1e-5)
 
 
-def test_no_kernel_covers_less_than_its_share_of_pixels():
-    """pi pixels: radius sqrt(slant) pixel widths, seen face on or aslant; no more than the widest."""
+def test_no_kernel_is_narrower_than_a_pixel():
+    """Their variances: r^2 / 8 = slant / 12 pixels, seen face on or aslant; no more than the widest."""
     plane = np.array([0.1, 0.0, 0.0, 0.02])  # m at x
     for direction, slant in (((0, 1, 0, 0), 1.0), ((0, 0.25, 1, 0), math.sqrt(17)), ((1, 0, 0, 0), 8.0)):
         photons = crowded(3000)
         measure_caustic_radii(photons, 10.0)
         small = photons["radius"].copy()
         measure_caustic_radii(photons, 10.0, pixel=plane, eye=direction)
-        least = (0.1 * photons["position"][:, 0] + 0.02) * math.sqrt(slant)
+        least = (0.1 * photons["position"][:, 0] + 0.02) * math.sqrt(slant * 8.0 / 12.0)
         assert photons["radius"] == pytest.approx(np.clip(least, small, LIMITS[1]), rel=1e-5)
 
 

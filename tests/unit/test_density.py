@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from ispm.optics.records import PHOTON
-from ispm.tracer.density import NEIGHBORS, measure_radii
+from ispm.tracer.density import NEIGHBORS, is_crowded, measure_radii
 
 
 def photons_on_plane(count, size=1.0, normal=(0.0, 1.0, 0.0), seed=0):
@@ -35,6 +35,15 @@ def test_kernels_hold_the_wanted_number_of_photons(normal, least, count):
     assert least * NEIGHBORS < held < 1.1 * NEIGHBORS
     spread = np.std(np.log(photons["radius"]))
     assert spread < 0.25  # 18 % noise in density is 9 % in radius; the rest is the edge
+
+
+@pytest.mark.parametrize("count", [1000, 200_000])
+def test_as_much_of_a_scene_is_crowded_however_many_photons_show_it(count):
+    """A hundred times as dense in a patch as around it; cells straddle its rim."""
+    dense, sparse = photons_on_plane(count, size=1.0), photons_on_plane(count, size=10.0, seed=1)
+    dense["position"] += (12.0, 0.0, 0.0)
+    crowded = is_crowded(np.concatenate([dense, sparse]), diagonal=10.0)
+    assert crowded[:count].mean() > 0.95 and crowded[count:].mean() < 0.05
 
 
 def test_density_follows_place():

@@ -52,7 +52,8 @@ class Peer(NamedTuple):
 
 _PEERS = (
     Peer("ispm", "ours"),
-    Peer("ispm, fast", "ours", ("fast",), scenes="A"),
+    Peer("ispm, fast", "ours", ("preset=fast",), scenes="A"),
+    Peer("ispm, more photons", "ours", ("photons=500000",), scenes="C"),
     Peer("Mitsuba", "mitsuba", unbiased=True),
     Peer("LuxCore", "luxcore", unbiased=True),
     Peer("POV-Ray", "povray"),

@@ -1,4 +1,7 @@
-"""ispm: one pass, then progressive ones. `python -m references.peers.ours SCENE FOLDER SECONDS [PRESET]`."""
+"""ispm: one pass, then progressive ones.
+
+python -m references.peers.ours SCENE FOLDER SECONDS [SETTING=VALUE ...]
+"""
 
 from __future__ import annotations
 
@@ -8,7 +11,8 @@ import time
 
 import numpy as np
 
-from ispm import Renderer, Settings, __version__, load
+from ispm import Renderer, __version__, load
+from ispm.settings import resolve
 from references import outside
 from references.peers import SIZE, Recorder, work
 
@@ -18,11 +22,11 @@ _MOST = 1_000_000  # passes: the time ends them
 
 def render(name: str, recorder: Recorder) -> None:
     """Keep the picture of one pass and the means of 2, 4, 8, ..., and of all that there was time for."""
-    preset = sys.argv[4] if len(sys.argv) > 4 else "default"
-    settings = Settings(preset=preset, size=SIZE)
+    chosen = sys.argv[4:]
+    settings = resolve(dict(setting.split("=") for setting in chosen), {"size": SIZE})
     with Renderer(load(outside() / f"scene_{name}.glb"), settings) as renderer:
         renderer.render()  # compiles, builds trees
-        recorder.ready(f"ispm {__version__}, {preset}")
+        recorder.ready(" ".join([f"ispm {__version__},", *(chosen or ["default"])]))
         recorder.add(*_one_pass(renderer))
         seconds, resumed = 0.0, time.perf_counter()
         for passes, frame in enumerate(renderer.converge(_MOST, time_limit=recorder.limit), 1):
