@@ -41,7 +41,9 @@ _SETTINGS: dict[str, dict[str, Any]] = {
 }
 _SIZE = 640, 360  # of pictures; small references are compared with the mean over each of their pixels
 _PASSES = 4, 16, 64, 256
-_SMALL_MOST = 16  # passes
+_SMALL_MOST = 64  # passes
+_FINEST = {"A": {"subsampling": 1, "bounces": 20}}
+_FINEST_PASSES = 64  # of these settings, too
 _SPLITS = "-direct", "-one-bounce", "-caustic"
 _REPEATS = 3
 _LARGER = {"A": "A, box", "B": "B, glass ball", "C": "C, mirror ring"}
@@ -182,6 +184,11 @@ def measure(name: str, gpu: Gpu, most: int) -> Iterator[Row]:
     settings = Settings(size=_SIZE, **shown.limit)
     for passes, frame, seconds in _converging(shown.scene, settings, gpu, wanted):
         yield from _compared(shown, f"{passes} passes", seconds, frame)
+    if name in _FINEST and most >= _FINEST_PASSES:
+        told = ", ".join(f"{knob} {value}" for knob, value in _FINEST[name].items())
+        finest = Settings(size=_SIZE, **_FINEST[name])
+        for passes, frame, seconds in _converging(shown.scene, finest, gpu, [_FINEST_PASSES]):
+            yield from _compared(shown, f"{passes} passes, {told}", seconds, frame)
 
 
 def _timed(scene: Scene, settings: Settings, gpu: Gpu) -> tuple[Frame, float]:
@@ -267,7 +274,7 @@ def chart(rows: list[Row]) -> str:
     """Return an SVG: relMSE against seconds, one line per scene from the default to the most passes."""
     lines: dict[str, list[tuple[float, float]]] = {}
     for row in rows:
-        measured = row.setting == "default" or "passes" in row.setting
+        measured = row.setting == "default" or row.setting.endswith("passes")
         if row.over == "whole" and measured and not row.scene.endswith(_SPLITS):
             lines.setdefault(row.scene, []).append((row.seconds, max(row.relmse, 1e-5)))
     x = _Axis([p[0] for line in lines.values() for p in line], _LEFT, _RIGHT)

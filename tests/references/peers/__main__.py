@@ -52,7 +52,8 @@ class Peer(NamedTuple):
 
 _PEERS = (
     Peer("ispm", "ours"),
-    Peer("ispm, fast", "ours", ("preset=fast",), scenes="A"),
+    Peer("ispm, fewer photons", "ours", ("photons=10000",), scenes="A"),
+    Peer("ispm, fast", "ours", ("preset=fast", "photons=15000"), scenes="A"),
     Peer("ispm, more photons", "ours", ("photons=500000",), scenes="C"),
     Peer("Mitsuba", "mitsuba", unbiased=True),
     Peer("LuxCore", "luxcore", unbiased=True),
