@@ -109,12 +109,13 @@ def light_ends(
     pixels  (n,) numbers of the rays' pixels;  photon_light, caustics  see `chain_light`
     """
     light = np.zeros((len(paths.ends), 16), np.float32)
+    block = max(settings.subsampling // _FINER, 1)
     if len(paths.ends):
         for lane in (REFLECTED, TRANSMITTED):
             rows = np.flatnonzero(paths.ends["lane"] == lane)
             shown = pixels[paths.ends["slot"][rows]]
-            light[rows] = _light_lane(
-                paths.points[rows], shown, photon_light, view, settings, diagonal, threads
+            light[rows] = light_by_image(
+                paths.points[rows], shown, photon_light, view, settings, block, diagonal, threads
             )
         rows = np.flatnonzero(paths.ends["lane"] == SCATTERED)
         if len(rows):
@@ -124,17 +125,17 @@ def light_ends(
     return np.concatenate([paths.direct, indirect, paths.emission], axis=1)
 
 
-def _light_lane(
+def light_by_image(
     points: np.ndarray, pixels: np.ndarray, photon_light: PhotonLight, view: CameraView, settings: Settings,
-    diagonal: float, threads: int,
+    block: int, diagonal: float, threads: int,
 ) -> np.ndarray:  # fmt: skip
-    """Light at ends that one kind of path found, (m, 16): from an image of few of them.
+    """Return light at (m,) RECEIVER points that some pixels show, (m, 16): from an image of few of them.
 
+    pixels  (m,) their numbers;  block  pixels to a side of one of the image's
     The image is as large as the part of the picture that shows them, so that nothing is done for the rest.
     """
     if not len(points):
         return np.zeros((0, 16), np.float32)
-    block = max(settings.subsampling // _FINER, 1)
     x, y = (side.astype(np.int64) for side in (pixels % view.size[0], pixels // view.size[0]))
     x, y = x - x.min() // block * block, y - y.min() // block * block
     size = (int(x.max()) // block + 1, int(y.max()) // block + 1)
@@ -146,22 +147,33 @@ def _light_lane(
     light, found = spread_light(points, places, image, filtered, size, threads)
     lost = np.flatnonzero(~found)
     if len(lost):
-        light[lost] = light_points(
-            points[lost], cells[lost], image, raw, size, diagonal, settings.smoothing, photon_light, threads
+        light[lost] = filter_points(
+            points[lost], cells[lost], image, raw, size, diagonal, settings.smoothing, threads
         )
+        alone = lost[light[lost, WEIGHT] == 0.0]
+        if len(alone):
+            light[alone] = photon_light.at(points[alone], (len(alone), 1))
     return light
 
 
-def light_points(
-    points: np.ndarray, cells: np.ndarray, receivers: np.ndarray, estimate: np.ndarray,
-    size: tuple[int, int], diagonal: float, smoothing: float, photon_light: PhotonLight, threads: int,
+def light_missed(
+    points: np.ndarray, missed: np.ndarray, receivers: np.ndarray, estimate: np.ndarray,
+    size: tuple[int, int], photon_light: PhotonLight, view: CameraView, settings: Settings, diagonal: float,
+    threads: int,
 ) -> np.ndarray:  # fmt: skip
-    """Return light at (n,) RECEIVER points, (n, 16): by the filter of the image, else found for them alone.
+    """Return light at (n,) RECEIVER points that a picture's receivers missed, (n, 16): by their filter, else
+    from an image of these points.
 
-    cells  (n,) the receiver of the image in whose place each point lies
+    missed    (n,) their pixels, and the receivers in whose place they lie
+    estimate  of light at the receivers, an image of `size`
     """
-    light = filter_points(points, cells, receivers, estimate, size, diagonal, smoothing, threads)
-    alone = light[:, WEIGHT] == 0.0
-    if alone.any():
-        light[alone] = photon_light.at(points[alone], (int(alone.sum()), 1))
+    light = filter_points(
+        points, missed["low"], receivers, estimate, size, diagonal, settings.smoothing, threads
+    )
+    alone = np.flatnonzero(light[:, WEIGHT] == 0.0)
+    block, lone = settings.subsampling, points[alone]
+    lone["footprint"] /= block  # a pixel's, as an image wants
+    light[alone] = light_by_image(
+        lone, missed["pixel"][alone], photon_light, view, settings, block, diagonal, threads
+    )
     return light

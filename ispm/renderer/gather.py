@@ -157,7 +157,7 @@ class PhotonLight:
         packed, view, settings = self._packed, self._view, self._settings
         glossy = (points["alpha"] > 0.0).any()
         light = smooth() if glossy else np.zeros((len(points), 16), np.float32)
-        nearness = np.empty(len(points), np.float32)
+        nearness = np.zeros(len(points), np.float32)
         rays, limit = settings.gather_rays, bright_limit(packed, settings)
         numbers = (
             _clearance(points["position"], view.eye),
@@ -166,10 +166,11 @@ class PhotonLight:
         )
         most = np.float32(1.0 / (_NEAREST * packed.diagonal))
         densities, rows = self._guide.densities(points, size, self._threads)
-        for first in range(0, len(points), _BATCH // rays):
-            part = slice(first, first + _BATCH // rays)
+        used = np.flatnonzero(points["valid"])
+        for first in range(0, len(used), _BATCH // rays):
+            part = used[first : first + _BATCH // rays]
             found = gather_rays(
-                packed, self._world, self._surfaces, points[part], (densities, rows[part]),
+                packed, self._world, self._surfaces, take(points, part), (densities, rows[part]),
                 tuple(each[part] for each in numbers), math.isqrt(rays), limit, settings.seed,
                 view.pass_index, self._threads,
             )  # fmt: skip

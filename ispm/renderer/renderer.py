@@ -20,7 +20,7 @@ from ispm.gpu import Gpu, Texture, open_gpu, within_memory
 from ispm.optics.records import PHOTON
 from ispm.optics.texture import TextureTable
 from ispm.renderer.caustics import part_photons
-from ispm.renderer.chains import chain_light, light_points
+from ispm.renderer.chains import chain_light, light_missed
 from ispm.renderer.compose import compose
 from ispm.renderer.converge import converge, of_pass, place_in_pixel
 from ispm.renderer.framing import default_light, place_camera
@@ -379,7 +379,7 @@ class Renderer:
         caustic: tuple[Texture, Texture] | None,
         settings: Settings,
     ) -> None:
-        """Light the pixels that upsampling could not serve: by the filter, else alone.
+        """Light the pixels that upsampling could not serve: by the filter, else by an image of their own.
 
         wide  caustic photons at low resolution, which are not filtered
         """
@@ -388,9 +388,9 @@ class Renderer:
             return
         order = np.argsort(missed["pixel"])  # the GPU lists them as they come
         receivers = receivers[order]
-        found = light_points(
-            receivers, missed["low"][order], points, raw, self._downsample.size(view),
-            scene.packed.diagonal, settings.smoothing, light, self.threads,
+        found = light_missed(
+            receivers, missed[order], points, raw, self._downsample.size(view), light, view, settings,
+            scene.packed.diagonal, self.threads,
         )  # fmt: skip
         if len(wide):
             found += PhotonGrid(wide).estimate(receivers, self.threads)

@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import Phase, given, settings
+from hypothesis import Phase, assume, given, settings
 from hypothesis import strategies as st
 from scipy import stats
 from scipy.spatial.transform import Rotation
@@ -115,6 +115,16 @@ def along_rays(scene, camera, aside=(0.0, 0.0)):
     return out.astype(float)
 
 
+def hangs_free(scene):
+    """Whether no lamp is within 2 mm of a surface: shadow rays end 1e-4 of their length before it."""
+    tracer = Tracer(scene)
+    ways = np.random.default_rng(0).normal(size=(256, 3))
+    ways /= np.linalg.norm(ways, axis=1, keepdims=True)
+    places = tracer.packed.lights["position"]  # the origin of those that are far away
+    hits = tracer.world.trace(np.repeat(places, len(ways), axis=0), np.tile(ways, (len(places), 1)))
+    return hits["t"].min() > 2e-3
+
+
 anywhere = st.tuples(*[st.floats(-20, 20, width=32)] * 3)
 CHANGES = [move, cut, reverse]
 
@@ -127,6 +137,7 @@ def test_depth_and_direct_light_are_the_same(change, things, lamps, rotation, tr
 
     Rounding of places, 40 m from the origin at most, is some 1e-5 m; so far are rays 7 m away apart.
     """
+    assume(hangs_free(scene_of(things, lamps)))
     expected = along_rays(scene_of(things, lamps), EYE)
     around = [along_rays(scene_of(things, lamps), EYE, aside) for aside in RING]
     low, high = np.min([expected, *around], axis=0), np.max([expected, *around], axis=0)
