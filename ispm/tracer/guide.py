@@ -160,7 +160,10 @@ def _describe_one(origins, powers, receiver, first, end, out):
     for ring in range(_RINGS):
         for sector in range(_SECTORS):
             total += out[ring, sector]
-    share = (f32(1) - _EVEN) * f32(_RINGS * _SECTORS) / max(total, f32(1e-30))
+    if total == f32(0):  # they all come from behind
+        out[:] = f32(1)
+        return
+    share = (f32(1) - _EVEN) * f32(_RINGS * _SECTORS) / total
     for ring in range(_RINGS):
         for sector in range(_SECTORS):
             out[ring, sector] = _EVEN + share * out[ring, sector]

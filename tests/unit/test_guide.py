@@ -116,6 +116,15 @@ def test_receivers_take_photons_that_face_as_they_do():
         assert x * side > 0.8
 
 
+def test_photons_from_behind_tell_nothing():
+    """As on the dark side of a wall without thickness, where the nearest photons lit its other side."""
+    positions = plain(2000, 1)
+    photons = photons_from(positions - np.array((0.0, 0.0, 1.0), np.float32), positions)
+    guide = Guide(photons, np.ones(2000, bool), np.full(3, -1.0), 3.5)
+    densities, rows = guide.densities(receivers(np.zeros((1, 3))), (1, 1), 1)
+    assert (densities[rows] == 1.0).all()
+
+
 def test_few_photons_and_none_tell_nothing():
     for count in (0, 95):
         photons = photons_from(plain(count, 1) + np.float32(1.0), plain(count, 1))
