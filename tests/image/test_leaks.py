@@ -10,7 +10,7 @@ from transport import render
 def test_a_room_behind_a_wall_without_thickness_is_dark(gpu, preset, seed):
     """But for kernels that reach under the wall, as wide as a few of these coarse pixels.
 
-    Six seeds: 0.8 % by rays, 1.2 % by photons alone, 0.2 % of either at 640x360; rays that were sent along the
+    Six seeds: 0.8 % by rays, 1.2 % by photons alone, 0.2 % of either at 640x360; rays sent along the
     wall brought 10.
     """
     rooms = cases()["leaks"][0]
