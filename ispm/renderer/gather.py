@@ -18,12 +18,12 @@ from ispm.renderer.caustics import PhotonParts, sample_width
 from ispm.scene.packed import Packed
 from ispm.settings import Settings
 from ispm.stages.camera import CameraView
-from ispm.stages.filter import filter_estimate, set_reach
+from ispm.stages.filter import filter_estimate, mean_around, set_reach
 from ispm.tracer.density import measure_radii
 from ispm.tracer.ends import reflect_light
 from ispm.tracer.gather import gather_rays
 from ispm.tracer.grid import PhotonGrid
-from ispm.tracer.guide import Guide
+from ispm.tracer.guide import Guide, square_blocks
 from ispm.tracer.surface import SurfaceTable
 from ispm.tracer.world import World
 
@@ -35,8 +35,6 @@ _REACH = 0.4  # of the harmonic mean of rays' lengths: the filter's radius, as l
 _NARROWER = -0.25  # power of the passes, with which this falls faster than other kernels: it blurs most
 _RAYS_WITHIN = 800.0  # that radius, at least, of all passes: fewer leave specks in corners
 _NEAREST = 0.01  # of the scene's diagonal, for which shorter rays count there
-_AROUND = 2  # low-resolution pixels on each side, over which that mean is taken
-_SAME_WAY = 0.9  # cosine of normals, above which they belong together
 _BATCH = 1 << 17  # rays whose ends lie in memory at once
 _DIMENSION = 1 << 21  # of the random numbers that shift whole pictures of rays
 
@@ -159,19 +157,21 @@ class PhotonLight:
         light = smooth() if glossy else np.zeros((len(points), 16), np.float32)
         nearness = np.zeros(len(points), np.float32)
         rays, limit = settings.gather_rays, bright_limit(packed, settings)
-        numbers = (
-            _clearance(points["position"], view.eye),
-            np.arange(len(points), dtype=np.uint32),
-            even_numbers(size, settings.seed, view.pass_index),
-        )
         most = np.float32(1.0 / (_NEAREST * packed.diagonal))
-        densities, rows = self._guide.densities(points, size, self._threads)
-        used = np.flatnonzero(points["valid"])
+        used = np.flatnonzero(points["valid"])  # which may be few
+        receivers = take(points, used)
+        densities, rows = self._guide.densities(receivers, square_blocks(size)[used], self._threads)
+        numbers = (
+            _clearance(receivers["position"], view.eye),
+            used.astype(np.uint32),
+            even_numbers(size, settings.seed, view.pass_index)[used],
+        )
         for first in range(0, len(used), _BATCH // rays):
-            part = used[first : first + _BATCH // rays]
+            some = slice(first, first + _BATCH // rays)
+            part = used[some]
             found = gather_rays(
-                packed, self._world, self._surfaces, take(points, part), (densities, rows[part]),
-                tuple(each[part] for each in numbers), math.isqrt(rays), limit, settings.seed,
+                packed, self._world, self._surfaces, receivers[some], (densities, rows[some]),
+                tuple(each[some] for each in numbers), math.isqrt(rays), limit, settings.seed,
                 view.pass_index, self._threads,
             )  # fmt: skip
             ends = self._scattered.estimate(found.points, self._threads)
@@ -185,7 +185,7 @@ class PhotonLight:
         within = np.float32(_RAYS_WITHIN / (math.pi * rays * passes))
         least = points["footprint"] * np.sqrt(points["slant"] * within)
         widest = _REACH * passes**_NARROWER
-        reach = np.maximum(widest / _mean_around(points, nearness, size), least)
+        reach = np.maximum(widest / mean_around(points, nearness, size), least)
         set_reach(light, points, reach, packed.diagonal)
         return light
 
@@ -212,18 +212,3 @@ def _clearance(position: np.ndarray, eye: np.ndarray) -> np.ndarray:
 def _mean(values: np.ndarray, rays: int) -> np.ndarray:
     """Means over each receiver's rays."""
     return np.asarray(values.reshape(-1, rays, *values.shape[1:]).mean(axis=1))
-
-
-def _mean_around(points: np.ndarray, values: np.ndarray, size: tuple[int, int]) -> np.ndarray:
-    """(n,) means over the receivers around each that face as it does; above 0."""
-    shape, pad = (size[1], size[0]), (_AROUND, _AROUND)
-    ng = points["ng"].reshape(*shape, 3)
-    wide_ng, wide = np.pad(ng, (pad, pad, (0, 0))), np.pad(values.reshape(shape), (pad, pad))
-    total, count = np.zeros(shape, np.float32), np.zeros(shape, np.float32)
-    for y in range(2 * _AROUND + 1):
-        for x in range(2 * _AROUND + 1):
-            there = slice(y, y + shape[0]), slice(x, x + shape[1])
-            alike = np.einsum("yxk,yxk->yx", ng, wide_ng[there]) > _SAME_WAY
-            total += alike * wide[there]
-            count += alike
-    return np.maximum(total / np.maximum(count, 1.0), np.float32(1e-12)).reshape(-1)

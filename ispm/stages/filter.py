@@ -25,6 +25,9 @@ _SMOOTH_TAPS = 4  # on each side, in the second pass
 _MAX_PIXELS = 96.0  # reach on the screen, low-resolution pixels
 _FLATNESS = 0.26  # half thickness of the filter, b, over its radius
 _STRANGER = 0.01  # least weight of receivers of another orientation where photons are few
+_AROUND = 2  # low-resolution pixels on each side, over which `mean_around` goes
+_SAME_WAY = 0.9  # cosine of normals, above which receivers belong together there
+_LEAST_MEAN = 1e-12
 _SPARSE = 200.0  # photons within the radius, below which they are few
 
 # words of a RECEIVER
@@ -69,6 +72,32 @@ def set_reach(estimate: np.ndarray, receivers: np.ndarray, reach: np.ndarray, di
     reach = np.minimum(np.minimum(reach, REACH * diagonal), f32(_MAX_PIXELS) * receivers["footprint"])
     reach = np.maximum(reach, f32(1e-12))
     estimate[:, DENSITY] = _PHOTONS / math.pi / (reach * reach)
+
+
+def mean_around(receivers: np.ndarray, values: np.ndarray, size: tuple[int, int]) -> np.ndarray:
+    """Return (n,) float32 means of values over the receivers around each that face as it does; above 0."""
+    out = np.full(len(receivers), _LEAST_MEAN, np.float32)
+    _mean_around(receivers, values, size, out)
+    return out
+
+
+@jit
+def _mean_around(receivers, values, size, out):
+    for i in range(len(receivers)):
+        if receivers[i].valid == np.uint32(0):
+            continue
+        ng, total, count = receivers[i].ng, f32(0), f32(0)
+        x, y = i % size[0], i // size[0]
+        for row in range(max(y - _AROUND, 0), min(y + _AROUND + 1, size[1])):
+            for column in range(max(x - _AROUND, 0), min(x + _AROUND + 1, size[0])):
+                k = row * size[0] + column
+                facing = f32(0)
+                for axis in range(3):
+                    facing += ng[axis] * receivers[k].ng[axis]
+                if facing > _SAME_WAY:
+                    total += values[k]
+                    count += f32(1)
+        out[i] = max(total / max(count, f32(1)), f32(_LEAST_MEAN))
 
 
 def filter_points(

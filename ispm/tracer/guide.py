@@ -47,26 +47,30 @@ class Guide:
         self._powers = photons["flux"].sum(axis=1)
 
     def densities(
-        self, receivers: np.ndarray, size: tuple[int, int], threads: int
+        self, receivers: np.ndarray, blocks: np.ndarray, threads: int
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return densities of rays over the square, (m, rings, sectors + 1) float32, of mean 1, with the mean
         of each ring last, and the row that each receiver takes, (n,) int32.
 
-        receivers  (n,) RECEIVER, row by row, of `size`
+        receivers  (n,) RECEIVER
+        blocks     (n,) int: those of one block whose photons are the same share a row
         """
         cells = np.zeros(len(receivers), np.int64)
         if len(self._keys) >= _ENOUGH:
             _find_cells(receivers, self._keys, self._low, f32(1.0 / self._cell), cells)
         _, cell_rows = np.unique(cells, return_inverse=True)
-        blocks = np.arange(size[1])[:, None] // _BLOCK * size[0] + np.arange(size[0]) // _BLOCK
-        _, first, rows = np.unique(
-            cell_rows * len(receivers) + blocks.reshape(-1), return_index=True, return_inverse=True
-        )
+        _, first, rows = np.unique(cell_rows << 32 | blocks, return_index=True, return_inverse=True)
         out = np.ones((len(first), _RINGS, _SECTORS + 1), np.float32)
         given = self._origins, self._powers, take(receivers, first), cells[first]
         counter = np.zeros(8, np.int64)
         run_threads(lambda _: _describe(given, address(counter), out), threads)
         return out, rows.astype(np.int32)
+
+
+def square_blocks(size: tuple[int, int]) -> np.ndarray:
+    """Return (h w,) the block of neighbours that each receiver of an image is in, row by row."""
+    blocks = np.arange(size[1])[:, None] // _BLOCK * size[0] + np.arange(size[0]) // _BLOCK
+    return blocks.reshape(-1)
 
 
 def even_guide(count: int) -> tuple[np.ndarray, np.ndarray]:

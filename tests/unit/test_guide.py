@@ -10,7 +10,7 @@ from ispm.optics.jit import jit
 from ispm.optics.records import PHOTON, RECEIVER
 from ispm.optics.sampling import cosine_hemisphere
 from ispm.tracer.cells import BITS, sort_by_cell
-from ispm.tracer.guide import Guide, guided
+from ispm.tracer.guide import Guide, guided, square_blocks
 
 UP = (0.0, 0.0, 1.0)
 
@@ -85,7 +85,7 @@ def test_rays_go_to_where_photons_came_from_seen_from_their_own_place():
     photons = photons_from(np.tile(spot, (4000, 1)), plain(4000, 1))
     points = receivers(plain(64, 2))
     guide = Guide(photons, np.ones(4000, bool), np.full(3, -1.0), 3.5)
-    densities, rows = guide.densities(points, (64, 1), 2)
+    densities, rows = guide.densities(points, square_blocks((64, 1)), 2)
     u = np.random.default_rng(3).random((500, 2), np.float32)
     for point, row in zip(
         points[::4], rows[::4], strict=True
@@ -109,7 +109,7 @@ def test_receivers_take_photons_that_face_as_they_do():
     ])  # fmt: skip
     guide = Guide(photons, np.ones(4000, bool), np.full(3, -1.0), 3.5)
     for normal, side in ((UP, -1.0), ((0.0, 0.0, -1.0), 1.0)):
-        densities, rows = guide.densities(receivers(np.zeros((1, 3)), normal), (1, 1), 1)
+        densities, rows = guide.densities(receivers(np.zeros((1, 3)), normal), square_blocks((1, 1)), 1)
         ring, sector = np.unravel_index(densities[rows[0], :, :12].argmax(), (6, 12))
         assert ring == 5
         x = np.cos(2.0 * np.pi * (sector + 0.5) / 12)  # both normals have the x axis as their first tangent
@@ -121,7 +121,7 @@ def test_photons_from_behind_tell_nothing():
     positions = plain(2000, 1)
     photons = photons_from(positions - np.array((0.0, 0.0, 1.0), np.float32), positions)
     guide = Guide(photons, np.ones(2000, bool), np.full(3, -1.0), 3.5)
-    densities, rows = guide.densities(receivers(np.zeros((1, 3))), (1, 1), 1)
+    densities, rows = guide.densities(receivers(np.zeros((1, 3))), square_blocks((1, 1)), 1)
     assert (densities[rows] == 1.0).all()
 
 
@@ -129,7 +129,7 @@ def test_few_photons_and_none_tell_nothing():
     for count in (0, 95):
         photons = photons_from(plain(count, 1) + np.float32(1.0), plain(count, 1))
         guide = Guide(photons, np.ones(count, bool), np.full(3, -1.0), 3.5)
-        densities, rows = guide.densities(receivers(plain(8, 2)), (4, 2), 1)
+        densities, rows = guide.densities(receivers(plain(8, 2)), square_blocks((4, 2)), 1)
         assert (densities[rows] == 1.0).all()
 
 
