@@ -92,5 +92,5 @@ def converge(renderer: Renderer, goal: Settings) -> Iterator[Frame]:
 
 def _is_enough(mean: Stats, goal: Settings) -> bool:
     """Whether the passes asked for are made, or their noise is as low as was asked."""
-    low = mean.error is not None and mean.error <= goal.target_error
-    return mean.passes >= goal.most_passes or (mean.passes >= _SURE and low)
+    low = goal.target_error > 0.0 and mean.passes >= _SURE and mean.error <= goal.target_error
+    return mean.passes >= goal.most_passes or low

@@ -71,6 +71,12 @@ def test_the_mean_of_passes_nears_the_truth(gpu, scene):
     assert 0.5 < errors[15] / math.sqrt(left[15] / 1.25) < 1.5
 
 
+def test_passes_without_noise_are_as_many_as_were_asked_for(gpu, scene):
+    with renderer(gpu, scene, size=(16, 9), bounces=0) as direct:
+        errors = [frame.stats.error for frame in direct.converge(6)]
+    assert errors[1:] == [0.0] * 5
+
+
 def test_passes_repeat_and_continue_to_the_bit(gpu, scene, tmp_path):
     kept = tmp_path / "passes.npz"
     with renderer(gpu, scene) as whole:
