@@ -75,7 +75,7 @@ def part_photons(
         return PhotonParts(photons, photons, none, none, np.zeros(0, CAUSTIC), straight)
     first = photons["bounce"] == 0
     later = np.flatnonzero(path.focused & ~first)
-    later = later[is_crowded(photons[later], packed.diagonal)]
+    later = later[is_crowded(take(photons, later), packed.diagonal, threads)]
     pixel = sample_width(view)
 
     def measured(part: np.ndarray, neighbors: int) -> np.ndarray:

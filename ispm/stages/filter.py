@@ -27,7 +27,7 @@ _FLATNESS = 0.26  # half thickness of the filter, b, over its radius
 _STRANGER = 0.01  # least weight of receivers of another orientation where photons are few
 _AROUND = 2  # low-resolution pixels on each side, over which `mean_around` goes
 _SAME_WAY = 0.9  # cosine of normals, above which receivers belong together there
-_LEAST_MEAN = 1e-12
+_LEAST_MEAN = 1e-12  # it returns, as others divide by it
 _SPARSE = 200.0  # photons within the radius, below which they are few
 
 # words of a RECEIVER

@@ -38,9 +38,7 @@ _CAUSTIC_RADIUS_MIN, _CAUSTIC_RADIUS_MAX = 1e-5, 0.05  # of the scene's diagonal
 _TURN = 0.1  # of the diagonal: how far a radian between normals counts as away
 _CLOSE = 0.5  # of a radius: what a wall close by leaves of it, or few photons would outshine the rest
 _SAGITTA = 1.5  # a kernel's height over that of the curved surface it spans
-_PIXEL_RADIUS = f32(
-    math.sqrt(2.0 / 3.0)
-)  # over a pixel: the kernel's variance r^2 / 8 is the square's 1 / 12
+_PIXEL_RADIUS = f32(math.sqrt(2.0 / 3.0))  # over a pixel: a kernel's variance r^2 / 8 is its 1 / 12 then
 _NEIGHBORS_MAX = 128
 _ROOM = _NEIGHBORS_MAX // 2  # uint64
 _CHUNK = 256  # photons a thread takes at a time
@@ -84,19 +82,19 @@ def measure_radii(
     )  # fmt: skip
 
 
-def is_crowded(photons: np.ndarray, diagonal: float) -> np.ndarray:
+def is_crowded(photons: np.ndarray, diagonal: float, threads: int = 1) -> np.ndarray:
     """Return (N,) bool: photons that lie four times as dense as the mean over the surfaces that they light.
 
     The mean, not the median: most photons may be in the caustics. It is the same for any number of photons.
     """
     if not len(photons):
         return np.zeros(0, np.bool_)
-    area = np.exp(-_log_density(photons, diagonal).astype(np.float64))
+    area = np.exp(-_log_density(photons, diagonal, threads).astype(np.float64))
     area = np.minimum(area, math.pi * (_RADIUS_MAX * diagonal) ** 2 / NEIGHBORS)
     return np.asarray(area < area.mean() / _CROWDED)
 
 
-def _log_density(photons: np.ndarray, diagonal: float, threads: int = 1) -> np.ndarray:
+def _log_density(photons: np.ndarray, diagonal: float, threads: int) -> np.ndarray:
     """(N,) float32: logarithm of the photons per m2 around each."""
     words = photons.view(np.float32).reshape(-1, 16)
     low, high = bounds_of(photons)
