@@ -79,7 +79,7 @@ class Settings(_Checked):
         metavar="N",
     )
     bounces: int = knob(
-        8,
+        32,
         "non-specular scatters of a photon at most, the one at its first hit included; "
         "0: direct light only, 1: one indirect bounce",
         low=0,

@@ -13,6 +13,7 @@ from ispm.settings import Settings
 from ispm.stages.camera import CameraView
 from ispm.tracer.apriori import class_radii, hint_radii
 from ispm.tracer.cells import SMALLEST, sort_by_cell
+from ispm.tracer.coverage import keep_light
 from ispm.tracer.density import CAUSTIC_NEIGHBORS, FOCUSED_NEIGHBORS, is_crowded, measure_caustic_radii
 from ispm.tracer.footprint import shape_kernels
 from ispm.tracer.surface import SurfaceTable
@@ -33,6 +34,7 @@ class PhotonParts:
     sharp    of caustics, to be drawn at full resolution
     kernels   CAUSTIC, of the wide and the sharp ones
     straight  (len(smooth),) bool, whether gather rays do not find their light
+    keys      (M,) uint32 of the photons, see `Walk`
     """
 
     photons: np.ndarray
@@ -41,11 +43,13 @@ class PhotonParts:
     sharp: np.ndarray
     kernels: np.ndarray
     straight: np.ndarray
+    keys: np.ndarray
 
-    def scattered(self, bounces: int) -> np.ndarray:
-        """Return copies of those that have scattered, but less than `bounces` times."""
+    def scattered(self, bounces: int) -> tuple[np.ndarray, np.ndarray]:
+        """Return copies of those that have scattered, but less than `bounces` times, and their keys."""
         count = self.photons["bounce"]
-        return take(self.photons, np.flatnonzero((count > 0) & (count < bounces)))
+        rows = np.flatnonzero((count > 0) & (count < bounces))
+        return take(self.photons, rows), self.keys[rows]
 
     @property
     def caustic(self) -> np.ndarray:
@@ -72,7 +76,7 @@ def part_photons(
     if settings.is_plain:
         _measure_plain(path, packed, settings)
         none = photons[:0]
-        return PhotonParts(photons, photons, none, none, np.zeros(0, CAUSTIC), straight)
+        return PhotonParts(photons, photons, none, none, np.zeros(0, CAUSTIC), straight, path.keys)
     first = photons["bounce"] == 0
     later = np.flatnonzero(path.focused & ~first)
     later = later[is_crowded(take(photons, later), packed.diagonal, threads)]
@@ -98,11 +102,14 @@ def part_photons(
     kernels = shape_kernels(
         caustic, beams, clear, packed.diagonal, settings.smoothing, pixel, view.eye_or_direction
     )
+    keys = np.concatenate([path.keys[first], path.keys[later]])
     end_at_walls(kernels, world, surfaces, threads)
+    keep_light(kernels, keys, world, surfaces, settings.seed, view.pass_index, threads)
     kernels = np.concatenate([kernels[wide], kernels[~wide]])
     _, order = sort_by_cell(photons, packed.bounds[0], SMALLEST * packed.diagonal)
     order = order[smooth[order]]
-    return _joined(take(photons, order), caustic[wide], caustic[~wide], kernels, straight[order])
+    keys = np.concatenate([path.keys[order], keys[wide], keys[~wide]])
+    return _joined(take(photons, order), caustic[wide], caustic[~wide], kernels, straight[order], keys)
 
 
 def _measure_plain(path: Walk, packed: Packed, settings: Settings) -> None:
@@ -122,8 +129,9 @@ def sample_width(view: CameraView) -> np.ndarray:
 
 
 def _joined(
-    smooth: np.ndarray, wide: np.ndarray, sharp: np.ndarray, kernels: np.ndarray, straight: np.ndarray
-) -> PhotonParts:
+    smooth: np.ndarray, wide: np.ndarray, sharp: np.ndarray, kernels: np.ndarray, straight: np.ndarray,
+    keys: np.ndarray,
+) -> PhotonParts:  # fmt: skip
     photons = np.concatenate([smooth, wide, sharp])
     smooth, wide, sharp = np.split(photons, [len(smooth), len(smooth) + len(wide)])
-    return PhotonParts(photons, smooth, wide, sharp, kernels, straight)
+    return PhotonParts(photons, smooth, wide, sharp, kernels, straight, keys)

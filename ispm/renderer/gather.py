@@ -19,6 +19,7 @@ from ispm.scene.packed import Packed
 from ispm.settings import Settings
 from ispm.stages.camera import CameraView
 from ispm.stages.filter import filter_estimate, mean_around, set_reach
+from ispm.tracer.coverage import keep_light
 from ispm.tracer.density import measure_radii
 from ispm.tracer.ends import reflect_light
 from ispm.tracer.gather import gather_rays
@@ -84,11 +85,9 @@ class PhotonLight:
             dark = np.zeros((len(points), 16), np.float32)
             return dark, dark
         if self._settings.gather_rays:
-            light = self._gathered(
-                points, size, lambda: estimator(self._parts.smooth), estimator(self._straight)
-            )
+            light = self._gathered(points, size, lambda: estimator(self._smooth), estimator(self._straight))
         else:
-            light = estimator(self._parts.smooth)
+            light = estimator(self._smooth)
         if self._settings.is_plain:
             return light, light
         diagonal, smoothing = self._packed.diagonal, self._settings.smoothing
@@ -110,26 +109,43 @@ class PhotonLight:
     @cached_property
     def photons(self) -> PhotonGrid:
         """The smooth photons, as points that are on no screen find them."""
-        return PhotonGrid(self._parts.smooth)
+        return PhotonGrid(self._smooth)
 
     @cached_property
     def _scattered(self) -> PhotonGrid:
         """What lights the ends of gather rays."""
-        scattered = self._parts.scattered(self._settings.bounces)
+        scattered, keys = self._parts.scattered(self._settings.bounces)
         scattered["radius"] *= _NARROW
         scattered["height"] *= _NARROW
+        self._keep_light(scattered, keys)
         return PhotonGrid(scattered)
 
     @cached_property
     def _straight(self) -> np.ndarray:
         """(m,) PHOTON whose light gather rays leave out, their kernels measured among them alone."""
-        straight: np.ndarray = take(self._parts.smooth, np.flatnonzero(self._parts.straight))
+        rows = np.flatnonzero(self._parts.straight)
+        straight: np.ndarray = take(self._parts.smooth, rows)
         self._measure(straight)
+        self._keep_light(straight, self._parts.keys[rows])
         return straight
 
     @cached_property
     def _straight_grid(self) -> PhotonGrid:
         return PhotonGrid(self._straight)
+
+    @cached_property
+    def _smooth(self) -> np.ndarray:
+        """(m,) PHOTON, copies of the smooth photons that bring all their light to surfaces."""
+        if self._settings.is_plain:
+            return self._parts.smooth
+        smooth = self._parts.smooth.copy()
+        self._keep_light(smooth, self._parts.keys[: len(smooth)])
+        return smooth
+
+    def _keep_light(self, photons: np.ndarray, keys: np.ndarray) -> None:
+        """Give photons back, in place, what their kernels lose past edges."""
+        seed, pass_index = self._settings.seed, self._view.pass_index
+        keep_light(photons, keys, self._world, self._surfaces, seed, pass_index, self._threads)
 
     def _measure(self, photons: np.ndarray) -> None:
         """Give kernels of the low resolution their size."""

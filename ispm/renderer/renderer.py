@@ -246,8 +246,9 @@ class Renderer:
             estimator = partial(self._estimator, points, clip_from_world=view.clip_from_world, size=size)
             light = PhotonLight(packed, self._world, surfaces, parts, view, settings, self.threads)
             raw, filtered = light.at_receivers(points, size, estimator)
+            wide = PhotonGrid(parts.wide, parts.kernels[: len(parts.wide)])
             if len(parts.wide):
-                filtered = filtered + estimator(parts.wide)
+                filtered = filtered + wide.estimate(points, self.threads)
 
         with self._gpu.frame() as third:
             third.stage("radiance")
@@ -262,7 +263,7 @@ class Renderer:
                 settings, index, self.threads,
             )  # fmt: skip
         with watch("upsample"):
-            self._light_missed(points, raw, light, parts.wide, scene, gbuffer, view, caustic, settings)
+            self._light_missed(points, raw, light, wide, scene, gbuffer, view, caustic, settings)
         with self._gpu.frame() as fourth:
             fourth.stage("compose")
             self._chains.patch(fourth, mirrors["pixel"], brought, direct, indirect, emission)
@@ -372,7 +373,7 @@ class Renderer:
         points: np.ndarray,
         raw: np.ndarray,
         light: PhotonLight,
-        wide: np.ndarray,
+        wide: PhotonGrid,
         scene: GpuScene,
         gbuffer: GBuffer,
         view: CameraView,
@@ -392,8 +393,7 @@ class Renderer:
             receivers, missed[order], points, raw, self._downsample.size(view), light, view, settings,
             scene.packed.diagonal, self.threads,
         )  # fmt: skip
-        if len(wide):
-            found += PhotonGrid(wide).estimate(receivers, self.threads)
+        found += wide.estimate(receivers, self.threads)
         found[order] = found.copy()
         with self._gpu.frame() as frame:
             self._upsample.patch(frame, scene, gbuffer, view, found, caustic)

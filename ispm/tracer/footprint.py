@@ -26,8 +26,8 @@ _TRUST = f32(0.35)  # least mean radius over the measured one: normal maps sprea
 
 # columns of PHOTON and CAUSTIC records seen as words
 _RADIUS, _NORMAL, _PHOTON_HEIGHT = 3, 12, 15
-_CAUSTIC_HEIGHT, _FLUX, _REACH, _FRONT = 3, 4, 7, 20
-U, V = 12, 16
+_CAUSTIC_HEIGHT, _FLUX = 3, 4
+REACH, U, V, FRONT = 7, 12, 16, 20
 
 
 def shape_kernels(
@@ -104,17 +104,17 @@ def end_kernel(out, i, front, clear):
     front  the plane's unit normal, towards the photon;  clear  m, how far behind the photon it is
     """
     x = f32(clear) / max(_extent(out, i, front), f32(1e-30))
-    old = (out[i, _FRONT], out[i, _FRONT + 1], out[i, _FRONT + 2])
+    old = (out[i, FRONT], out[i, FRONT + 1], out[i, FRONT + 2])
     x_old = f32(1)
     if dot(old, old) > f32(0):
-        x_old = out[i, _REACH] / max(_extent(out, i, old), f32(1e-30))
+        x_old = out[i, REACH] / max(_extent(out, i, old), f32(1e-30))
     if x >= x_old:
         return
     brighter = _part_before(x_old) / _part_before(x)
     for k in range(3):
-        out[i, _FRONT + k] = front[k]
+        out[i, FRONT + k] = front[k]
         out[i, _FLUX + k] *= brighter
-    out[i, _REACH] = clear
+    out[i, REACH] = clear
 
 
 @jit

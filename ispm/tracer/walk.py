@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numba import literal_unroll
@@ -24,7 +25,7 @@ from ispm.optics.vector import dot, scale, sub
 from ispm.scene.packed import Packed
 from ispm.tracer.beam import beam_at, emitted_beam, redirected_beam
 from ispm.tracer.intersect import STACK_WORDS
-from ispm.tracer.lit import SPOT_PARTS, is_gathered, is_spot, parts_at_spot
+from ispm.tracer.lit import is_gathered, is_spot, parts_at_spot
 from ispm.tracer.simd import address, alloca, atomic_add
 from ispm.tracer.surface import (
     SurfaceTable,
@@ -44,8 +45,10 @@ SPECULAR_MAX = 8  # events at smooth surfaces without roulette
 _SPECULAR_SURVIVAL = 0.9  # chance at each later one: ends paths between lossless surfaces without fireflies
 _HEIR_DIMENSION = 1 << 23  # of the random number that draws which part of a photon goes on
 _PART_BIT = 28  # of a key, from which it tells parts: maps have fewer texels
+_EVENT_STEP = 0x9E3779B1  # between the keys of two hits of a photon, from 2^32 over the golden ratio
 BEAM = 9  # floats that describe what a photon alone lights
 _CHUNK = 256  # photons a thread takes at a time; results do not depend on it or on the threads
+_ROOM = 12 * _CHUNK  # hits that a chunk has room for at first; the few that need more are walked again
 
 # rows of a chunk's sums
 _EMITTED, _ABSORBED, _ESCAPED, _DROPPED, _STORED = range(5)
@@ -62,6 +65,7 @@ class Walk:
                photon lights there, and the normal of the surface that it comes from
     straight   (M,) bool, whether gather rays do not find the light that it brings: it is focused, or comes
                from where it last scattered as caustic light, in a bright spot, or on what lets light through
+    keys       (M,) uint32, which tell each hit's random numbers from those of others
     emitted, absorbed, escaped, dropped   (3,) float64 lumen; the first is the sum of the others
     stored     (3,) float64 lumen, each photon counted at each hit
     rays       traced
@@ -70,6 +74,7 @@ class Walk:
     photons: np.ndarray
     focused: np.ndarray
     straight: np.ndarray
+    keys: np.ndarray
     beams: np.ndarray
     emitted: np.ndarray
     absorbed: np.ndarray
@@ -102,58 +107,60 @@ def walk(
     `SPECULAR_MAX` specular events roulette keeps the expectation (method, 1.3).
     Returns the same bytes for any number of threads.
     """
-    chunk_count = -(-len(emitted) // _CHUNK)
-    capacity = int(chunk_capacity(bounces))
-    stored = world.scratch(chunk_count * capacity, PHOTON)  # mostly pages that are never touched
-    focused, straight = np.zeros((2, len(stored)), np.bool_)
-    beams = np.empty((len(stored), BEAM), np.float32)
-    counts = np.zeros((chunk_count, 2), np.int64)
-    sums = np.zeros((chunk_count, 5, 3))
-    counter = np.zeros(8, np.int64)
-
-    def work(_: int) -> None:
-        _walk_chunks(
-            address(world.table), surfaces.addresses, surfaces.texels, surfaces.rows, packed.lights, emitted,
-            i64(bounces), u32(seed), u32(pass_index), f32(limit), address(counter), stored,
-            (focused, straight, beams), counts, sums,
-        )  # fmt: skip
-
-    run_threads(work, threads)
-    kept = [slice(c * capacity, c * capacity + n) for c, n in enumerate(counts[:, 0])] or [slice(0)]
-    beams = np.concatenate([beams[each][stored["bounce"][each] == 0] for each in kept])
-    photons, focused, straight = (
-        np.concatenate([rows[each] for each in kept]) for rows in (stored, focused, straight)
-    )
+    chunks = np.arange(-(-len(emitted) // _CHUNK))
+    place = address(world.table), surfaces.addresses, surfaces.texels, surfaces.rows
+    scene = packed.lights, emitted, i64(bounces), u32(seed), u32(pass_index), f32(limit)
+    # Mostly pages that are never touched.
+    found = _walk_some(place, scene, chunks, world.scratch(len(chunks) * _ROOM, PHOTON), threads)
+    stored, (focused, straight, keys, beams), counts, sums = found
+    hits = [tuple(each[c * _ROOM : c * _ROOM + n] for each in (stored, focused, straight, keys, beams))
+            for c, n in enumerate(counts[:, 0])]  # fmt: skip
+    for chunk in np.flatnonzero(counts[:, 0] > _ROOM):
+        room = np.empty(counts[chunk, 0], PHOTON)
+        stored, ways, _, sums[chunk : chunk + 1] = _walk_some(place, scene, chunks[chunk:][:1], room, 1)
+        hits[chunk] = stored, *ways
+    hits = hits or [tuple(each[:0] for each in (stored, focused, straight, keys, beams))]
+    beams = np.concatenate([each[4][each[0]["bounce"] == 0] for each in hits])
+    photons, focused, straight, keys = (np.concatenate([each[k] for each in hits]) for k in range(4))
     total = sums.sum(axis=0)
     return Walk(
-        photons, focused, straight, beams, total[_EMITTED], total[_ABSORBED], total[_ESCAPED],
+        photons, focused, straight, keys, beams, total[_EMITTED], total[_ABSORBED], total[_ESCAPED],
         total[_DROPPED], total[_STORED], len(emitted), int(counts[:, 1].sum()),
     )  # fmt: skip
 
 
-@jit
-def chunk_capacity(bounces):
-    """Return how many photons a chunk can store, on average `SPECULAR_MAX` more than a photon scatters.
+def _walk_some(
+    place: tuple[Any, ...], scene: tuple[Any, ...], chunks: np.ndarray, stored: np.ndarray, threads: int
+) -> tuple[np.ndarray, tuple[np.ndarray, ...], np.ndarray, np.ndarray]:
+    """Walk the photons of some chunks, each with its part of the room in `stored`.
 
-    Surfaces both smooth and diffuse store without end; where a chunk is full its photons are dropped.
+    Return `stored`; of each hit (focused, straight, key, beam); of each chunk how many hits it has, whether
+    there is room for them or not, and rays; and its sums of flux.
     """
-    return i64(_CHUNK * SPOT_PARTS) * (max(i64(bounces), i64(1)) + i64(SPECULAR_MAX))
+    focused, straight = np.zeros((2, len(stored)), np.bool_)
+    ways = focused, straight, np.empty(len(stored), np.uint32), np.empty((len(stored), BEAM), np.float32)
+    counts, sums = np.zeros((len(chunks), 2), np.int64), np.zeros((len(chunks), 5, 3))
+    room, counter = i64(len(stored) // max(len(chunks), 1)), np.zeros(8, np.int64)
+    run_threads(
+        lambda _: _walk_chunks(*place, *scene, address(counter), chunks, room, stored, ways, counts, sums),
+        threads,
+    )
+    return stored, ways, counts, sums
 
 
 @jit
 def _walk_chunks(
-    world, table, texels, rows, lights, emitted, bounces, seed, pass_index, limit, counter, stored, ways,
-    counts, sums,
+    world, table, texels, rows, lights, emitted, bounces, seed, pass_index, limit, counter, chunks, room,
+    stored, ways, counts, sums,
 ):  # fmt: skip
-    capacity = chunk_capacity(bounces)
     stack, words = alloca(STACK_WORDS), alloca(2)
     while True:
-        chunk = atomic_add(counter, i64(1))
-        if chunk >= len(counts):
+        slot = atomic_add(counter, i64(1))
+        if slot >= len(chunks):
             return
-        row = chunk * capacity
-        rays = i64(0)
-        for i in range(chunk * i64(_CHUNK), min((chunk + 1) * i64(_CHUNK), len(emitted))):
+        row, end = slot * room, (slot + i64(1)) * room
+        rays, first = i64(0), chunks[slot] * i64(_CHUNK)
+        for i in range(first, min(first + i64(_CHUNK), len(emitted))):
             parts = parts_at_spot(table, texels, rows, lights, emitted[i], limit)
             heir = i64(0)
             if parts > 1:
@@ -162,19 +169,20 @@ def _walk_chunks(
             for part in range(parts):
                 row, traced = _walk_one(
                     world, table, texels, rows, lights, emitted, i, (part, parts, heir), bounces, seed,
-                    pass_index, limit, stack, words, stored, ways, row, sums, chunk,
+                    pass_index, limit, stack, words, stored, ways, row, end, sums, slot,
                 )  # fmt: skip
                 rays += traced
-        counts[chunk, 0] = row - chunk * capacity
-        counts[chunk, 1] = rays
+        counts[slot, 0] = row - slot * room
+        counts[slot, 1] = rays
 
 
 @jit
 def _walk_one(
     world, table, texels, rows, lights, emitted, i, split, bounces, seed, pass_index, limit, stack, words,
-    stored, ways, row, sums, chunk,
+    stored, ways, row, end, sums, chunk,
 ):  # fmt: skip
-    """Follow one part of photon `i`; return the next free row of `stored` and the number of rays traced.
+    """Follow one part of photon `i`; return the next row of `stored` and the number of rays traced. Rows from
+    `end` on are counted, not written.
 
     split  which part of how many, and which of them goes on where they scatter next
     """
@@ -193,7 +201,6 @@ def _walk_one(
     kept = scale(within, flux)
     _add_difference(sums, chunk, _ESCAPED, flux, kept)
     flux = kept
-    end = (chunk + i64(1)) * chunk_capacity(bounces)
     direct, mirrored = True, False  # but for thin sheets: straight from the light; focused
     hidden = False  # from gather rays, where it last scattered
     inside, plane = nowhere(), d  # of the surface that the photon comes from
@@ -205,20 +212,21 @@ def _walk_one(
             kept = attenuated(table, inside, origin, position, flux)
             _add_difference(sums, chunk, _ABSORBED, flux, kept)
             flux = kept
-        room = row < end
         way = sub(position, origin)
         flown = f32(math.sqrt(dot(way, way)))
         if scatters == i64(0):
             beam = beam_at(beam, flown, d, ng)
-        if not direct and room and has_finite(bsdf):
-            _store(stored, row, position, ng, flux, d, abs(dot(way, plane)), flown, hit[0], scatters)
-            ways[0][row], ways[1][row] = mirrored, mirrored or hidden
-            if scatters == i64(0):
-                _store_beam(ways[2], row, beam, plane)
+        if not direct and has_finite(bsdf):
+            if row < end:
+                _store(stored, row, position, ng, flux, d, abs(dot(way, plane)), flown, hit[0], scatters)
+                ways[0][row], ways[1][row] = mirrored, mirrored or hidden
+                ways[2][row] = key + u32(scatters + speculars) * u32(_EVENT_STEP)
+                if scatters == i64(0):
+                    _store_beam(ways[3], row, beam, plane)
             _add(sums, chunk, _STORED, flux)
             row += 1
         last = scatters == bounces
-        if not room or (last and not is_smooth(bsdf)):
+        if last and not is_smooth(bsdf):
             _add(sums, chunk, _DROPPED, flux)
             break
         alive, wi, scattered, specular = next_flight(

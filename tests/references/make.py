@@ -20,14 +20,23 @@ import numpy as np
 
 from ispm.scene.scene import Scene
 from references import FOLDER, SMALL
+from references.rooms import ROOMS
 from references.scenes import DIM, SCENES, dimmed
 from references.to_mitsuba import to_mitsuba
 
-_BOUNCES = 8  # those of the default settings
+_BOUNCES = 8  # of the older references
 _ALL = 100  # as many as the setting takes: no limit
+_ROULETTE = 8  # scatters before it, where there is no limit
 _PARTS = 16
 _SAMPLES = 256  # per pixel and part
-_MORE = {"door": 4, "sun": 2, "cornell-box": 2}  # times as many, where there is more noise
+_MORE = {
+    "door": 4,
+    "sun": 2,
+    "cornell-box": 2,
+    "two-rooms": 8,
+    "sunlit": 4,
+    "level": 2,
+}  # times as many, where there is more noise
 _CAUSTICS = "glass-ball", "mirror-ring"
 _GRID = 8  # rays along a pixel's side that look for edges
 _SAME_FACE = 0.97  # cosine of two normals
@@ -58,7 +67,7 @@ def main() -> None:
 
 
 def _path_parts(name: str) -> Parts:
-    limits = {"": _BOUNCES}
+    limits = {"": _ALL if name in ROOMS else _BOUNCES}
     if name == "cornell-box":
         limits |= {"-direct": 0, "-one-bounce": 1}
     scenes = {split: _path(SCENES[name](), bounces) for split, bounces in limits.items()}
@@ -86,7 +95,8 @@ def _caustic_parts(name: str) -> Parts:
 
 def _path(scene: Scene, bounces: int) -> Any:
     depth = bounces + 2  # the way from the light, and that to the eye
-    return to_mitsuba(scene, SMALL, {"type": "path", "max_depth": depth, "rr_depth": 1000})
+    roulette = _ROULETTE if bounces == _ALL else 1000
+    return to_mitsuba(scene, SMALL, {"type": "path", "max_depth": depth, "rr_depth": roulette})
 
 
 def _render(scene: Any, seed: int, samples: int) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""Scenes that Mitsuba renders too: Lambert walls, with one thing each that must be right.
+"""Scenes that Mitsuba renders too: Lambert walls, with one thing each that must be right, and `rooms.py`.
 
 Metals are white, so that every model of Fresnel's reflects all. Boxes are sunk into what they stand on, and
 walls into each other: no two faces share a plane.
@@ -19,6 +19,7 @@ from ispm.scene.material import Material, Texture
 from ispm.scene.mesh import Mesh
 from ispm.scene.scene import Scene
 from ispm.scene.shapes import box, icosphere, lathe, polygons
+from references.rooms import ROOMS
 
 Triple = tuple[float, float, float]
 
@@ -163,6 +164,7 @@ SCENES = {
     "cornell-box": cornell_box,
     "glass-ball": cornell_with_glass,
     "mirror-ring": mirror_ring,
+    **ROOMS,
 }
 """Name to function."""
 

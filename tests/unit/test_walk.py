@@ -9,6 +9,7 @@ from ispm.scene.builtins_common import lambert
 from ispm.scene.material import Material, Texture, TextureUse
 from ispm.scene.mesh import Mesh
 from ispm.scene.scene import Scene
+from ispm.tracer import walk as walk_module
 from ispm.tracer.lit import SPOT_PARTS
 
 
@@ -132,3 +133,21 @@ def test_a_scaled_instance_scatters_like_the_same_shape_without_scale(scale):
     # float32 rounding of a few photons near edges may choose another wall
     assert np.mean(np.abs(a["position"] - b["position"]).max(axis=1) < 1e-3) > 0.995
     assert a["flux"] == pytest.approx(b["flux"], rel=1e-4)
+
+
+def test_chunks_without_room_are_walked_again(monkeypatch):
+    """White walls: photons scatter on to the limit, more often than there is room for at first."""
+    tracer = Tracer(lit(box_room(albedo=1.0)))
+    emitted = tracer.emit(1000)
+    found = []
+    for room in (3, 100_000):
+        monkeypatch.setattr(walk_module, "_ROOM", room)
+        found.append(tracer.walk(emitted, 40))
+    few, much = found
+    assert len(few.photons) == 40 * len(emitted)
+    for name in ("photons", "focused", "straight", "keys", "beams"):
+        assert getattr(few, name).tobytes() == getattr(much, name).tobytes()
+    for name in ("emitted", "absorbed", "escaped", "dropped", "stored"):
+        assert (getattr(few, name) == getattr(much, name)).all()
+    assert few.rays == much.rays
+    assert len(np.unique(few.keys)) > 0.999 * len(few.keys)

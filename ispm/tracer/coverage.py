@@ -1,0 +1,155 @@
+"""Kernels lose the light that falls past edges; here each photon gets back what its own loses.
+
+Points of the kernel are drawn, as dense as the kernel is, until one lies on a surface that the photon may
+light. Their mean number is the inverse of the share of the kernel on such surfaces, so that times it the flux
+that the kernel brings is the photon's, without bias. On slopes the share c is more than 1: what is summed up
+is the series 1 / c = 1 + (1 - c) + (1 - c)^2 + ..., each factor by a draw of its own, with roulette.
+Source: Qin et al., Unbiased Photon Gathering for Light Transport Simulation, SIGGRAPH Asia 2015, section 4.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+
+from ispm.optics.density import SAME_SURFACE
+from ispm.optics.jit import jit
+from ispm.optics.rng import random4
+from ispm.optics.sampling import orthonormal_basis
+from ispm.optics.vector import add, cross, dot, scale
+from ispm.tracer.footprint import FRONT, REACH, U, V, axis_of
+from ispm.tracer.intersect import HIT_INSTANCE, HIT_PRIMITIVE, HIT_U, HIT_V, STACK_WORDS, closest
+from ispm.tracer.mesh import hit_plane
+from ispm.tracer.normals import unit
+from ispm.tracer.simd import address, alloca, atomic_add, ldf, ldu
+from ispm.tracer.surface import SurfaceTable
+from ispm.tracer.threads import run_threads
+from ispm.tracer.world import World
+
+f32, i64, u32 = np.float32, np.int64, np.uint32
+
+_DRAWS_MAX = 16  # of a kernel: what is brighter by more would be fireflies, where next to nothing is lit
+_DIMENSION = 1 << 24  # of the first trial's random numbers
+_CHUNK = 256  # kernels a thread takes at a time
+
+_TURNS = 2.0 * np.pi * (np.arange(256) + 0.5) / 256
+_CIRCLE = np.stack([np.cos(_TURNS), np.sin(_TURNS)], axis=1).astype(np.float32)
+
+# columns of PHOTON and CAUSTIC records seen as words
+_FLUX, _WI = 4, 8
+_RADIUS, _NORMAL, _HEIGHT = 3, 12, 15
+_CAUSTIC_HEIGHT = 3
+
+
+def keep_light(
+    photons: np.ndarray,
+    keys: np.ndarray,
+    world: World,
+    surfaces: SurfaceTable,
+    seed: int,
+    pass_index: int,
+    threads: int,
+) -> None:
+    """Multiply the flux of photons by the inverse of the share of their kernels on surfaces, in expectation.
+
+    photons  (N,) PHOTON with radius and height set, or CAUSTIC; flux changed in place
+    keys     (N,) uint32, of the random numbers
+    """
+    if not len(photons):
+        return
+    words = photons.view(np.float32).reshape(len(photons), -1)
+    place, numbers = (address(world.table), surfaces.addresses), (keys, u32(pass_index), u32(seed))
+    kernel: Callable[..., None] = _keep_ellipses if "front" in (photons.dtype.names or ()) else _keep_discs
+    counter = np.zeros(8, np.int64)
+    run_threads(lambda _: kernel(place, words, numbers, address(counter)), threads)
+
+
+@jit
+def _keep_discs(place, words, numbers, counter):
+    scratch = alloca(STACK_WORDS), alloca(2)
+    while True:
+        first = atomic_add(counter, i64(_CHUNK))
+        if first >= len(words):
+            return
+        for i in range(first, min(first + i64(_CHUNK), len(words))):
+            n = (words[i, _NORMAL], words[i, _NORMAL + 1], words[i, _NORMAL + 2])
+            t, b = orthonormal_basis(n)
+            u, v = scale(words[i, _RADIUS], t), scale(words[i, _RADIUS], b)
+            uncut = (f32(0), f32(0), f32(0)), f32(1)
+            _keep(place, words, i, u, v, n, words[i, _HEIGHT], uncut, numbers, scratch)
+
+
+@jit
+def _keep_ellipses(place, words, numbers, counter):
+    scratch = alloca(STACK_WORDS), alloca(2)
+    while True:
+        first = atomic_add(counter, i64(_CHUNK))
+        if first >= len(words):
+            return
+        for i in range(first, min(first + i64(_CHUNK), len(words))):
+            u, v = axis_of(words, i, U), axis_of(words, i, V)
+            plane = axis_of(words, i, FRONT), words[i, REACH]
+            n = unit(cross(u, v))
+            _keep(place, words, i, u, v, n, words[i, _CAUSTIC_HEIGHT], plane, numbers, scratch)
+
+
+@jit
+def _keep(place, words, i, u, v, n, height, plane, numbers, scratch):
+    """Multiply the flux of kernel `i` by the number of points drawn until one is lit."""
+    at = (words[i, 0], words[i, 1], words[i, 2])
+    wi = (words[i, _WI], words[i, _WI + 1], words[i, _WI + 2])
+    total, term = f32(0), f32(1)
+    for draw in range(_DRAWS_MAX):
+        turn, a, b, c = random4(numbers[0][i], u32(_DIMENSION + 2 * draw), numbers[1], numbers[2])
+        # The greatest of three is below x with the chance x^3: within s lies 1 - (1 - s^2)^3 of a kernel.
+        outside = max(max(a, b), max(c, f32(1e-6)))
+        offset, reach = _point_of(u, v, height, outside, turn)
+        if dot(offset, plane[0]) < -plane[1]:
+            continue  # cut off: the kernel holds its flux without it
+        total += term
+        missing = f32(1) - _lit_share(place, add(at, offset), n, reach, wi, scratch)
+        if missing == f32(0):
+            break
+        chance, _, _, _ = random4(numbers[0][i], u32(_DIMENSION + 2 * draw + 1), numbers[1], numbers[2])
+        if chance >= abs(missing):
+            break
+        term = term if missing > f32(0) else -term
+    for c in range(3):
+        words[i, _FLUX + c] *= total
+
+
+@jit
+def _point_of(u, v, height, outside, turn):
+    """Return the offset in m of a point of a kernel's middle section, and the kernel's reach across it, m.
+
+    outside  1 - s^2 of its distance s from the middle, 1 at the rim;  turn  in [0, 1), of a whole one
+    """
+    s, k = f32(math.sqrt(f32(1) - outside)), i64(turn * f32(len(_CIRCLE)))
+    offset = add(scale(s * _CIRCLE[k, 0], u), scale(s * _CIRCLE[k, 1], v))
+    return offset, height * f32(math.sqrt(outside))
+
+
+@jit
+def _lit_share(place, middle, n, reach, wi, scratch):
+    """Return the kernel on the surface about a point of its middle section, times that surface's area per area
+    of the section, over the kernel at the point: 0 to 2; 0 where there is no surface that the photon lights.
+    """
+    top, down = add(middle, scale(reach, n)), scale(f32(-1), n)
+    t = closest(
+        place[0], top[0], top[1], top[2], down[0], down[1], down[2], f32(2) * reach, scratch[0], scratch[1]
+    )
+    if not t < f32(2) * reach:
+        return f32(0)
+    found = scratch[1]
+    hit = (ldu(found, HIT_INSTANCE), ldu(found, HIT_PRIMITIVE), ldf(found, HIT_U), ldf(found, HIT_V))
+    _, front = hit_plane(place[1], hit)
+    facing = dot(front, n)
+    if facing < f32(0):
+        front, facing = scale(f32(-1), front), -facing
+    if facing < SAME_SURFACE or dot(wi, front) <= f32(0):
+        return f32(0)
+    z = (reach - t) / reach
+    m = f32(1) - z * z
+    return m * m / facing

@@ -1,0 +1,113 @@
+"""Light that kernels lose past edges comes back: against kernels integrated over surfaces."""
+
+import math
+
+import numpy as np
+import pytest
+from transport import Tracer, lit
+
+from ispm.optics.records import CAUSTIC, PHOTON
+from ispm.scene.builtins_common import lambert
+from ispm.scene.scene import Scene
+from ispm.scene.shapes import polygons
+from ispm.tracer.coverage import keep_light
+from ispm.tracer.footprint import end_kernel
+
+_COUNT = 40_000
+_RADIUS, _HEIGHT = 0.2, 0.05
+
+
+def scene_of(*corners) -> Tracer:
+    scene = Scene(name="sheets")
+    for each in corners:
+        scene.add(polygons([np.array(each, float)]), material=lambert((0.5,) * 3, double_sided=True))
+    return Tracer(lit(scene, (0.3, 2.0, 0.2)))
+
+
+def photons_at(position, normal=(0.0, 1.0, 0.0), wi=(0.0, 1.0, 0.0), count=_COUNT) -> np.ndarray:
+    rows = np.zeros(count, PHOTON)
+    rows["position"], rows["normal"], rows["wi"] = position, normal, wi
+    rows["flux"], rows["radius"], rows["height"] = 1.0, _RADIUS, _HEIGHT
+    return rows
+
+
+def kept(tracer, rows, seed=0, pass_index=0, threads=2) -> np.ndarray:
+    rows = rows.copy()
+    keys = np.arange(len(rows), dtype=np.uint32) * np.uint32(0x9E3779B1)
+    keep_light(rows, keys, tracer.world, tracer.surfaces, seed, pass_index, threads)
+    return rows["flux"]
+
+
+def five_sigma(flux) -> float:
+    return 5.0 * float(flux[:, 0].std()) / math.sqrt(len(flux)) + 1e-6
+
+
+def floor(low_x=-1.0, high_x=1.0):
+    return [(low_x, 0, -1), (low_x, 0, 1), (high_x, 0, 1), (high_x, 0, -1)]
+
+
+def part_before(x: float) -> float:
+    """Of a kernel of radius 1, in x and below: the integral of its marginal 16 / (5 pi) (1 - x^2)^(5/2)."""
+    at = (np.arange(20_000) + 0.5) / 20_000 * (1.0 + x) - 1.0
+    return float(16.0 / (5.0 * math.pi) * ((1.0 - at * at) ** 2.5).mean() * (1.0 + x))
+
+
+def test_kernels_on_one_surface_stay_as_they_are():
+    assert (kept(scene_of(floor()), photons_at((0.3, 0.0, 0.2))) == 1.0).all()
+
+
+@pytest.mark.parametrize("clear", [0.15, 0.06, 0.0])
+def test_past_an_open_edge_flux_grows_as_the_kernel_shrinks(clear):
+    flux = kept(scene_of(floor(high_x=0.3)), photons_at((0.3 - clear, 0.0, 0.0)))
+    assert abs(flux[:, 0].mean() - 1.0 / part_before(clear / _RADIUS)) < five_sigma(flux)
+
+
+@pytest.mark.parametrize("angle", [20.0, 40.0, -30.0])
+def test_folds_bring_what_the_kernel_integrates_to(angle):
+    """A floor that turns by an angle at x = 0, down or up; photons 0.02 m before the fold."""
+    c, s = math.cos(math.radians(angle)), math.sin(math.radians(angle))
+    slope = [(0, 0, -1), (0, 0, 1), (c, -s, 1), (c, -s, -1)]
+    x, z = np.meshgrid((np.arange(2000) + 0.5) / 1000.0 - 1.0, (np.arange(500) + 0.5) / 1000.0 - 0.25)
+    # places on the unfolded floor, and their offsets from the photon
+    along = np.where(x > 0.0, x * c, x) + 0.02
+    across = np.where(x > 0.0, -x * s, 0.0)
+    t2 = (along**2 + z**2) / _RADIUS**2 + across**2 / _HEIGHT**2
+    share = 3.0 / (math.pi * _RADIUS**2) * (np.maximum(1.0 - t2, 0.0) ** 2).sum() * 1e-6
+    flux = kept(scene_of(floor(high_x=0.0), slope), photons_at((-0.02, 0.0, 0.0)))
+    assert abs(flux[:, 0].mean() - 1.0 / share) < five_sigma(flux) + 1e-3
+
+
+def test_surfaces_that_a_photon_does_not_light_are_none():
+    """A floor that goes on 3 cm lower is lit; a wall in its place is not."""
+    edge, step = floor(high_x=0.0), [(0, -0.03, -1), (0, -0.03, 1), (1, -0.03, 1), (1, -0.03, -1)]
+    wall = [(0, 0, -1), (0, 0, 1), (0, -1, 1), (0, -1, -1)]
+    rows = photons_at((0.0, 0.0, 0.0))
+    alone, walled, lower = (kept(scene_of(edge, *more), rows)[:, 0] for more in ((), (wall,), (step,)))
+    sigma5 = 5.0 * alone.std() / math.sqrt(_COUNT)
+    assert abs(alone.mean() - 2.0) < sigma5
+    assert abs(walled.mean() - 2.0) < sigma5
+    assert lower.mean() < 2.0 - sigma5
+
+
+def test_ellipses_count_only_what_walls_leave_of_them():
+    """A kernel half on the floor whose other half a wall has cut off: its flux is doubled once, not twice."""
+    rows = np.zeros(_COUNT, CAUSTIC)
+    rows["u"], rows["v"], rows["flux"], rows["wi"] = (0.0, 0.0, 0.4), (0.1, 0.0, 0.0), 1.0, (0.0, 1.0, 0.0)
+    rows["height"] = _HEIGHT
+    assert np.cross(rows["u"][0], rows["v"][0])[1] > 0.0
+    tracer = scene_of(floor(high_x=0.0))
+    whole = kept(tracer, rows)
+    assert abs(whole[:, 0].mean() - 2.0) < five_sigma(whole)
+    words = rows.view(np.float32).reshape(len(rows), -1)
+    for i in range(len(rows)):
+        end_kernel(words, i, (np.float32(-1), np.float32(0), np.float32(0)), 0.0)
+    assert np.abs(kept(tracer, rows) - 2.0).max() < 1e-5
+
+
+def test_numbers_are_of_keys_passes_and_seeds_alone():
+    tracer, rows = scene_of(floor(high_x=0.0)), photons_at((-0.05, 0.0, 0.0), count=2000)
+    one = kept(tracer, rows, threads=1)
+    assert (kept(tracer, rows, threads=3) == one).all()
+    assert (kept(tracer, rows[:500]) == one[:500]).all()
+    assert (kept(tracer, rows, seed=1) != one).any() and (kept(tracer, rows, pass_index=1) != one).any()
+    assert not kept(tracer, rows[:0]).size
