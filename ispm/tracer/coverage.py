@@ -133,8 +133,8 @@ def _point_of(u, v, height, outside, turn):
 
 @jit
 def _lit_share(place, middle, n, reach, wi, scratch):
-    """Return the kernel on the surface about a point of its middle section, times that surface's area per area
-    of the section, over the kernel at the point: 0 to 2; 0 where there is no surface that the photon lights.
+    """Return the kernel on the surface about a point of its middle section, times that surface's area over that
+    of the section, and over the kernel there: 0 to 2; 0 where there is no surface that the photon lights.
     """
     top, down = add(middle, scale(reach, n)), scale(f32(-1), n)
     t = closest(
