@@ -75,9 +75,9 @@ class _Noting(Gpu):
         return super().raster(path, *given, **named)
 
 
-def all_pipelines() -> list[Pipeline]:
-    """Return them, each once, those of one file together."""
-    gpu = _Noting(_adapters()[0])
+def all_pipelines(adapter: Any = None) -> list[Pipeline]:
+    """Return those that an adapter's device is asked for, by default the preferred one's: each once."""
+    gpu = _Noting(adapter or _adapters()[0])
     room = lit(box_room())
     paper = Material((0.8, 0.8, 0.8), alpha_mode=AlphaMode.MASK)
     room.add(polygons([[(-0.2, 0, 0.1), (0.2, 0, 0.1), (0, 0.2, -0.1)]]), material=paper)
