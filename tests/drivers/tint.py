@@ -23,7 +23,7 @@ from typing import Any
 from drivers.pipelines import Pipeline, all_pipelines
 from ispm import wgsl
 from ispm.gpu import Gpu
-from ispm.gpu.device import _FEATURES
+from ispm.gpu.device import FEATURES
 
 _BROWSERS = "chromium", "chromium-browser", "google-chrome"
 _FLAGS = (
@@ -56,7 +56,7 @@ def main() -> int:
         print(f"no browser: none of {', '.join(_BROWSERS)} is on the PATH", file=sys.stderr)
         return 2
     pipelines = all_pipelines()
-    answer = ask(given[0], {"features": _FEATURES, "jobs": [_calls(each) for each in pipelines]})
+    answer = ask(given[0], {"features": FEATURES, "jobs": [_calls(each) for each in pipelines]})
     lines = [
         line for each, told in zip(pipelines, answer["told"], strict=True) for line in _lines(each, told)
     ]
