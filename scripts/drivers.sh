@@ -64,7 +64,9 @@ on() { # on DRIVER COMMAND...: with that driver alone; the second variable is ol
     VK_DRIVER_FILES=$icd VK_ICD_FILENAMES=$icd "$@"
 }
 
-tests() { on "$1" "$python" -m pytest -n auto --maxprocesses 8 tests/stages tests/parity tests/image; }
+tests() { # with more patience than elsewhere: SwiftShader takes several times as long
+    on "$1" "$python" -m pytest -n auto --maxprocesses 8 --timeout 900 tests/stages tests/parity tests/image
+}
 
 pictures() { # pictures DRIVER NAME
     (cd tests && on "$1" "$python" -m drivers.pictures "$cache/pictures/$2" --size "${SIZE:-320x180}")

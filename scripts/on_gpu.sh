@@ -90,14 +90,16 @@ unpack() { # wheels and loaders, to a folder for this kit's contents alone
     done
 }
 
-find_driver() { # where the loaders do not look: NVIDIA's in containers
+find_driver() { # where loaders do not look: a card's that a container's runtime brought
     for file in /usr/local/*/share/vulkan/icd.d/*.json; do
-        [ -f "$file" ] && ! ls /usr/share/vulkan/icd.d/*.json /etc/vulkan/icd.d/*.json >/dev/null 2>&1 &&
-            export VK_DRIVER_FILES="${VK_DRIVER_FILES:-$file}"
+        [ -f "$file" ] && [ ! -f "/usr/share/vulkan/icd.d/${file##*/}" ] && [ ! -f "/etc/vulkan/icd.d/${file##*/}" ] ||
+            continue
+        export VK_DRIVER_FILES="${VK_DRIVER_FILES:-$file}"
+        export LD_LIBRARY_PATH="${file%/share/*}/lib64:${LD_LIBRARY_PATH:-}"
     done
     for file in /usr/local/*/share/glvnd/egl_vendor.d/*.json; do
-        [ -f "$file" ] && ! ls /usr/share/glvnd/egl_vendor.d/*.json >/dev/null 2>&1 &&
-            export __EGL_VENDOR_LIBRARY_FILENAMES="${__EGL_VENDOR_LIBRARY_FILENAMES:-$file}"
+        [ -f "$file" ] && [ ! -f "/usr/share/glvnd/egl_vendor.d/${file##*/}" ] || continue
+        export __EGL_VENDOR_LIBRARY_FILENAMES="${__EGL_VENDOR_LIBRARY_FILENAMES:-$file}"
     done
 }
 
