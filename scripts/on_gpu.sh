@@ -56,6 +56,7 @@ done
 [ -n "$kit" ] || fail 'say which folder: scripts/on_gpu.sh KIT, or --pack KIT'
 
 pack_all() {
+    [ ! -e "$kit" ] || [ -d "$kit/wheels" ] || fail "$kit is there and no kit; name a new folder"
     scripts/setup.sh all || exit
     rm -rf "$kit" && mkdir -p "$kit/wheels" && kit=$(cd "$kit" && pwd)
     pip="$PWD/.venv/bin/python -m pip -q --disable-pip-version-check"
