@@ -1,15 +1,17 @@
 # The first run makes .venv and, where no graphics adapter is found, installs Mesa's software one.
 SCENE ?=
+PARTS ?=
 LUXCORE ?=
 MITSUBA ?=
 run = .venv/bin
 
-.PHONY: help demo test check bench accuracy biases peers clean
+.PHONY: help demo test drivers check bench accuracy biases peers clean
 
 help:
 	@echo 'make demo               render a few built-in scenes to out/'
 	@echo 'make demo SCENE=FILE    and that file to out/'
 	@echo 'make test               all checks and tests'
+	@echo 'make drivers            tests on other Vulkan drivers, validation, Tint; PARTS=, see scripts/drivers.sh'
 	@echo 'make check              format, lint, types, imports'
 	@echo 'make bench              the benchmark'
 	@echo 'make accuracy           errors against a path tracer, to docs/accuracy.md'
@@ -27,6 +29,10 @@ demo:
 
 test: check
 	$(run)/pytest -n auto --maxprocesses 8
+
+drivers:
+	@scripts/setup.sh all
+	scripts/drivers.sh $(PARTS)
 
 check:
 	@scripts/setup.sh all
@@ -49,5 +55,5 @@ biases:
 	cd tests && ../$(run)/python -m references.biases
 
 clean:
-	rm -rf .venv .uv out dist .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache
+	rm -rf .venv .uv .drivers out dist .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache
 	find ispm tests -name __pycache__ -prune -exec rm -rf {} +

@@ -19,19 +19,7 @@ inputs=$(cat pyproject.toml constraints.txt | cksum)
 say() { echo "setup: $*" >&2; }
 fail() { say "$*"; exit 1; }
 
-as_root() {
-    if [ "$(id -u)" = 0 ]; then "$@"
-    elif command -v sudo >/dev/null && sudo -n true 2>/dev/null; then sudo -n "$@"
-    else return 1
-    fi
-}
-
-install() { # install PACKAGE...: by apt, quietly; fails where that cannot be
-    command -v apt-get >/dev/null || return 1
-    say "installing $*"
-    as_root env DEBIAN_FRONTEND=noninteractive sh -c \
-        'apt-get update -qq && apt-get install -y -qq --no-install-recommends "$@"' sh "$@" >&2
-}
+. scripts/apt.sh
 
 new_enough() { "$1" -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null; }
 

@@ -161,8 +161,8 @@ fn gather(@builtin(global_invocation_id) id: vec3u) {
     if (tile >= screen.tiles.x * screen.tiles.y) { return; }
     let corner = SIDE * vec2u(tile % screen.tiles.x, tile / screen.tiles.x);
     let x = corner.x + id.x % SIDE;
-    var own: array<Receiver, SIDE>;
-    var light: array<vec4f, SIDE>;
+    var own = array<Receiver, SIDE>();
+    var light = array<vec4f, SIDE>();
     for (var k = 0u; k < SIDE; k++) {
         if (all(vec2u(x, corner.y + k) < screen.size)) {
             own[k] = receivers[(corner.y + k) * screen.size.x + x];
@@ -193,10 +193,10 @@ fn gather_gloss(@builtin(global_invocation_id) id: vec3u) {
     let corner = SIDE * vec2u(tile % screen.tiles.x, tile / screen.tiles.x);
     let x = corner.x + id.x % SIDE;
     let top = corner.y + (id.x / SIDE) % 2u * HALF;
-    var own: array<Receiver, HALF>;
-    var fresnel: array<vec3f, HALF>;
-    var f0: array<vec3f, HALF>;
-    var f90: array<vec3f, HALF>;
+    var own = array<Receiver, HALF>();
+    var fresnel = array<vec3f, HALF>();
+    var f0 = array<vec3f, HALF>();
+    var f90 = array<vec3f, HALF>();
     for (var k = 0u; k < HALF; k++) {
         if (all(vec2u(x, top + k) < screen.size)) {
             own[k] = receivers[(top + k) * screen.size.x + x];

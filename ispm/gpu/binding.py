@@ -168,7 +168,7 @@ def _layout(binding: wgsl.Binding, visibility: int, text: str) -> dict[str, Any]
         if writable:  # a vertex shader may not write
             entry["visibility"] &= ~wgpu.ShaderStage.VERTEX
     elif kind == "sampler":
-        entry["sampler"] = {"type": "filtering"}
+        entry["sampler"] = {"type": _sampler_type(binding.name, text)}
     elif kind == "sampler_comparison":
         entry["sampler"] = {"type": "comparison"}
     elif kind.startswith("texture_storage"):
@@ -195,6 +195,13 @@ def _sample_type(name: str, kind: str, inner: str, text: str) -> str:
     filtered = re.search(rf"\b{name}\s*,\s*(\w+)", text)
     samplers = set(re.findall(r"var\s+(\w+)\s*:\s*sampler\s*;", text))
     return "float" if filtered and filtered[1] in samplers else "unfilterable-float"
+
+
+def _sampler_type(name: str, text: str) -> str:
+    """What a sampler must be: one that meets a texture of depth may not filter."""
+    met = set(re.findall(rf"(\w+)\s*,\s*{name}\b", text))
+    depths = set(re.findall(r"var\s+(\w+)\s*:\s*texture_depth", text))
+    return "non-filtering" if met & depths else "filtering"
 
 
 def _dimension(kind: str) -> str:

@@ -24,10 +24,7 @@ from ispm.gpu.timing import Timer
 
 _BACKENDS = ("Vulkan", "Metal", "D3D12")
 _TYPES = ("DiscreteGPU", "IntegratedGPU", "CPU")  # best first; what else there is comes before the CPU
-_FEATURES = (
-    "float32-blendable", "float32-filterable", "timestamp-query", "depth-clip-control",
-    "indirect-first-instance",
-)  # fmt: skip
+FEATURES = ("float32-blendable", "timestamp-query")  # what is made use of, where it is there
 _TOO_MUCH = ("not enough memory", "out of memory", "maximum buffer size", "exceeds the limit", "binding_size")
 _CURE = "on Debian and Ubuntu `apt-get install mesa-vulkan-drivers` brings one that runs on the CPU"
 
@@ -148,7 +145,7 @@ class Gpu:
         limits = {k: min(v, adapter.limits[k]) for k, v in _BASELINE.items() if k.startswith("max")}
         limits |= {k: max(v, adapter.limits[k]) for k, v in _BASELINE.items() if k.startswith("min")}
         limits |= {k: adapter.limits[k] for k in _GENEROUS}
-        features = [name for name in _FEATURES if name in adapter.features]
+        features = [name for name in FEATURES if name in adapter.features]
         try:
             self.device = adapter.request_device_sync(
                 label="ispm", required_features=features, required_limits=limits
@@ -196,7 +193,6 @@ class Gpu:
         vertex_layout: Sequence[dict[str, Any]] = (),
         vertex: str = "vs",
         fragment: str | None = "fs",
-        unclipped_depth: bool = False,
         samples: int = 1,
         **constants: float,
     ) -> Raster:
@@ -209,7 +205,7 @@ class Gpu:
         """
         return Raster(
             self.device, path, targets, depth, depth_write, cull, front, topology,
-            vertex_layout, vertex, fragment, unclipped_depth, samples, constants,
+            vertex_layout, vertex, fragment, samples, constants,
         )  # fmt: skip
 
     def texture(

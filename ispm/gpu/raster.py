@@ -54,7 +54,6 @@ class Raster:
         vertex_layout: Sequence[dict[str, Any]],
         vertex: str,
         fragment: str | None,
-        unclipped_depth: bool,
         samples: int,
         constants: Mapping[str, float],
     ) -> None:
@@ -63,8 +62,6 @@ class Raster:
         self._shader = shader = Shader(device, path, entries, visibility, constants)
         stage = {"module": shader.module, "constants": dict(constants)}
         primitive: dict[str, Any] = {"topology": topology, "cull_mode": cull, "front_face": front}
-        if unclipped_depth:
-            primitive["unclipped_depth"] = True
         states = [(t if isinstance(t, Target) else Target(t)).state() for t in targets]
         with shader.explained():
             self.pipeline = device.create_render_pipeline(

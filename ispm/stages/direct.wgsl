@@ -127,7 +127,7 @@ fn lit(pixel: vec2u, word: u32) -> vec3f {
     let packed = textureLoad(normals, pixel, 0);
     let color = textureLoad(base, pixel, 0);
     let roughness = textureLoad(emission, pixel, 0).a;
-    var s: Surface;
+    var s = Surface();
     s.n = octahedral_decode(packed.xy);
     s.ng = octahedral_decode(packed.zw);
     s.position = world_position(vec2f(pixel) + 0.5, textureLoad(depth, pixel, 0));
@@ -153,7 +153,7 @@ fn may_light(s: Surface, i: u32) -> bool {
     let far = light.kind == LIGHT_DIRECTIONAL;
     let way = select(light.position - s.position, -light.direction, far);
     let above = dot(way, s.ng) > 0.0;
-    let faces = above && dot(way, s.n) > 0.0 || s.thin && !above;
+    let faces = (above && dot(way, s.n) > 0.0) || (s.thin && !above);
     return faces && (far || light.range <= 0.0 || dot(way, way) < light.range * light.range);
 }
 

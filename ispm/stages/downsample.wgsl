@@ -18,7 +18,7 @@ const COUNT_MAX = 16u;
 
 // The pixel of median depth in a block; (-1, -1) where most of the block sees nothing.
 fn median_pixel(block: vec2u) -> vec2i {
-    var depths: array<f32, COUNT_MAX>;
+    var depths = array<f32, COUNT_MAX>();
     let size = vec2u(camera.size);
     let side = min(BLOCK, SIDE_MAX);
     var seen = 0u;
@@ -62,7 +62,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     if (any(id.xy >= low)) {
         return;
     }
-    var r: Receiver;
+    var r = Receiver();
     let pixel = receiver_pixel(id.xy);
     if (pixel.x >= 0) {
         let d = textureLoad(depth, pixel, 0);

@@ -47,7 +47,7 @@ fn vs(@builtin(vertex_index) corner: u32, @builtin(instance_index) instance: u32
     let p0 = vertices[vertex_row(instance, first)].position;
     let p1 = vertices[vertex_row(instance, first + 1u)].position;
     let p2 = vertices[vertex_row(instance, first + 2u)].position;
-    var out: Corner;
+    var out = Corner();
     out.position = point_to_world(instance, vertices[row].position);
     out.clip = camera.clip_from_world * vec4f(out.position, 1.0);
     out.normal = normal_to_world(instance, vertices[row].normal);
@@ -118,7 +118,7 @@ fn fs(c: Corner) -> Pixel {
         emission = base.rgb;
         base = vec4f(0.0);
     }
-    var out: Pixel;
+    var out = Pixel();
     out.ids = vec2u(c.ids.x, pack_material(c.ids.y, transmission));
     out.normals = seen_normals(c, n);
     out.base = vec4f(base.rgb, metallic_roughness.x);

@@ -3,7 +3,7 @@
 // include optics/bsdf.wgsl
 
 fn pack_material(row: u32, transmission: f32) -> u32 {
-    return row | u32(round(clamp(transmission, 0.0, 1.0) * 255.0)) << 24u;
+    return row | (u32(round(clamp(transmission, 0.0, 1.0) * 255.0)) << 24u);
 }
 
 fn material_row(word: u32) -> u32 {

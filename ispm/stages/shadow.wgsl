@@ -47,7 +47,7 @@ fn vs_masked(
 fn cover(c: Corner) -> vec3f {
     let texel = vec2u(c.clip.xy);
     let color = base_color_at(c.uv, c.color);
-    if (is_hole(color.a, vec4u(texel.x | texel.y << 16u, 0u, c.instance, view.pass_index))) {
+    if (is_hole(color.a, vec4u(texel.x | (texel.y << 16u), 0u, c.instance, view.pass_index))) {
         discard;
     }
     return color.rgb;

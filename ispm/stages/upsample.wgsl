@@ -47,7 +47,7 @@ struct Surface {
 }
 
 fn surface_at(pixel: vec2u, d: f32) -> Surface {
-    var s: Surface;
+    var s = Surface();
     let word = textureLoad(ids, pixel, 0).y;
     let material = material_row(word);
     let color = textureLoad(base, pixel, 0);
@@ -83,7 +83,7 @@ struct Taps {
 }
 
 fn load_tap(at: vec2i, low: vec2i) -> Tap {
-    var tap: Tap;
+    var tap = Tap();
     if (any(at < vec2i(0)) || any(at >= low)) {
         return tap;
     }

@@ -18,7 +18,7 @@ fn rng(@builtin(global_invocation_id) id: vec3u) {
 }
 
 fn surface(row: array<vec4f, 8>) -> Bsdf {
-    var material: Material;
+    var material = Material();
     material.f0 = row[1].x;
     material.specular_color = row[1].yzw;
     material.specular = row[2].w;

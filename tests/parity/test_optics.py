@@ -172,7 +172,8 @@ def test_sampled_directions_agree(gpu):
     above &= np.einsum("ij,ij->i", rows[:, 6, :3], rows[:, 4, :3]) > 0
     # Within rounding of a threshold (choice of the lobe, horizon) a sample may fall on the other side.
     same = (found[:, 0, 3] == expected[:, 0, 3]) & (found[:, 1, 3] == expected[:, 1, 3]) & above
-    near = np.abs(found[:, 0, :3] - expected[:, 0, :3]).max(axis=1) < 1e-4
+    # WGSL (section 15.7.4) grants sine and cosine an error of 2^-11; a reflection doubles their angle's.
+    near = np.abs(found[:, 0, :3] - expected[:, 0, :3]).max(axis=1) < 2.0 * np.sqrt(2.0) * 2.0**-11
     absorbed = expected[:, 0, 3] == 0
     assert (same & (near | absorbed)).sum() > 0.999 * above.sum()
     both = same & near & ~absorbed

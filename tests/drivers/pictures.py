@@ -1,0 +1,66 @@
+"""Render scenes and keep all their layers, to be compared with another driver's by `agreement`.
+
+python -m drivers.pictures FOLDER                       # in tests/; FOLDER/SCENE.npz and .png
+python -m drivers.pictures FOLDER --size 320x180 SCENE...  # names of built-ins, or files
+
+VK_DRIVER_FILES chooses the driver.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+import time
+import warnings
+from pathlib import Path
+
+import numpy as np
+
+import ispm
+from ispm.gpu import open_gpu
+
+SCENES = ("cornell-box", "glass-sphere", "caustic-ring", "atrium")
+LEVEL = "scenes/level_zdm2_lit.glb"  # of the test assets
+_BESIDE = Path(__file__).resolve().parents[3] / "shared" / "assets"
+
+
+def main() -> int:
+    """Render; return the exit code: 1 where a scene failed."""
+    parser = argparse.ArgumentParser(description="Render scenes and keep all their layers.")
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("scenes", nargs="*", metavar="SCENE", help=f"default: {', '.join(SCENES)}, a level")
+    parser.add_argument("--size", default="640x360", metavar="WxH")
+    given = parser.parse_args()
+    warnings.simplefilter("ignore")
+    given.folder.mkdir(parents=True, exist_ok=True)
+    size = tuple(map(int, given.size.split("x")))
+    failed = False
+    gpu = open_gpu()
+    for name in given.scenes or default_scenes():
+        started = time.perf_counter()
+        try:
+            scene = ispm.load(name) if Path(name).suffix else ispm.builtin(name)
+            with ispm.Renderer(scene, ispm.Settings(size=size), gpu=gpu) as renderer:
+                frame = renderer.render()
+        except ispm.IspmError as error:
+            failed = True
+            print(f"{name}: {error}", flush=True)
+            continue
+        frame.save(given.folder / f"{Path(name).stem}.png")
+        np.savez_compressed(given.folder / f"{Path(name).stem}.npz", **frame.layers)
+        print(f"{Path(name).stem}: {time.perf_counter() - started:.1f} s on {gpu.name}", flush=True)
+    return int(failed)
+
+
+def default_scenes() -> list[str]:
+    """Return the built-ins that tell drivers apart, and a level of the test assets where these are."""
+    level = Path(os.environ.get("ISPM_ASSETS") or _BESIDE) / LEVEL
+    if not level.is_file():
+        print(f"left out: no {level}; ISPM_ASSETS says where it is", file=sys.stderr)
+        return [*SCENES]
+    return [*SCENES, str(level)]
+
+
+if __name__ == "__main__":
+    sys.exit(main())
