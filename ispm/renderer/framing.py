@@ -75,18 +75,6 @@ def given_camera(scene: Scene, camera: Camera | str | int | None) -> tuple[Camer
     return find_camera(scene, camera)
 
 
-def place_camera(
-    scene: Scene, camera: Camera | str | int | None, packed: Packed, world: World, size: tuple[int, int]
-) -> tuple[Camera, np.ndarray]:
-    """Return the camera to look through and its (4, 4) pose: the one asked for, the scene's, or one made.
-
-    packed, world  the scene at rest
-    Errors as of `given_camera`.
-    """
-    given = given_camera(scene, camera)
-    return given or default_camera(packed, world, size[0] / size[1], passed_points(scene))
-
-
 def camera_of(scene: Scene, size: tuple[int, int]) -> Camera:
     """Return what `Scene.default_camera` promises."""
     given = given_camera(scene, None)
