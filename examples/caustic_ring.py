@@ -7,7 +7,8 @@ import ispm
 SIZE = (640, 360)
 
 scene = ispm.builtin("caustic-ring")
-for moment in (0.0, 2.0, 6.0):
-    with ispm.Renderer(scene.at(moment), ispm.Settings(size=SIZE, photons=200_000)) as renderer:
+with ispm.Renderer(scene, ispm.Settings(size=SIZE, photons=200_000, exposure="hold")) as renderer:
+    for moment in (0.0, 2.0, 6.0):
+        renderer.scene = scene.at(moment)
         renderer.render().save(f"ring_{moment:.0f}s.png")
         Image.fromarray(renderer.view("photons")).save(f"ring_{moment:.0f}s_photons.png")

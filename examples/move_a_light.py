@@ -8,7 +8,7 @@ SIZE = (320, 180)
 STEPS = 8
 
 scene = ispm.builtin("cornell-box")
-with ispm.Renderer(scene, ispm.Settings(size=SIZE, exposure=-0.5)) as renderer:
+with ispm.Renderer(scene, ispm.Settings(size=SIZE, exposure="hold")) as renderer:
     for step in range(STEPS):
         angle = 2.0 * math.pi * step / STEPS
         scene["light"].translation = (2.78 + 1.5 * math.cos(angle), 4.5, 2.8 + 1.5 * math.sin(angle))

@@ -177,10 +177,10 @@ class Settings(_Checked):
     )
     exposure: float | str = knob(
         "auto",
-        "exposure in stops, or auto: a pure function of this picture",
+        "exposure in stops; auto: found for each picture; hold: for a renderer's first, and kept",
         low=-50.0,
         high=50.0,
-        words={"auto": "auto"},
+        words={"auto": "auto", "hold": "hold"},
         metavar="EV",
     )
     tonemap: str = knob(
@@ -190,7 +190,7 @@ class Settings(_Checked):
     )
     background: tuple[float, float, float] | str = knob(
         (0.0, 0.0, 0.0),
-        "what is seen where nothing is: linear r,g,b, black, or transparent",
+        "seen where nothing is and through glass: linear r,g,b of the screen, black, or transparent",
         low=0.0,
         high=1e6,
         words={"black": (0.0, 0.0, 0.0), "transparent": "transparent"},

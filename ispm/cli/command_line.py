@@ -10,7 +10,7 @@ from typing import Any
 from ispm.cli.options import as_text
 from ispm.settings import LoadLimits, Settings, resolve
 
-_DEFAULTS = {"time": 0.0, "show": "full", "bits": 8}
+_DEFAULTS = {"time": None, "show": "full", "bits": 8}
 
 
 def command_line(

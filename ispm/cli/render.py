@@ -37,7 +37,9 @@ def render(
     look_from: Annotated[str | None, _Point, Parameter(help="where the camera stands, metres")] = None,
     look_at: Annotated[str | None, _Point, Parameter(help="what it looks at, metres")] = None,
     fov: Annotated[float | None, Parameter(help="vertical angle of view", metavar="DEGREES")] = None,
-    time: Annotated[float, Parameter(help="animation time", metavar="SECONDS")] = 0.0,
+    time: Annotated[
+        float | None, Parameter(help="animation time; default: as the file stands", metavar="SECONDS")
+    ] = None,
     animation: Annotated[str | None, Parameter(help="the one to play; default: all", metavar="NAME")] = None,
     show: Annotated[str, Parameter(help=f"what to show ({', '.join(VIEWS)})", metavar="VIEW")] = "full",
     layers: Annotated[
@@ -85,7 +87,7 @@ def render(
         raise SettingsError("no scene was named; give a file or a built-in scene, such as cornell-box")
     if threads is not None and threads < 1:
         raise SettingsError(f"--threads: {threads} is less than 1")
-    if not math.isfinite(time):
+    if time is not None and not math.isfinite(time):
         raise SettingsError(f"--time: {time} is not a time")
     target = _target(scene, output)
     wanted = _layers(layers, target)
@@ -99,8 +101,8 @@ def render(
     _require_writable(outputs, scene)
 
     world = open_scene(console, scene, limits)
-    if time or animation is not None:
-        world = world.at(time, animation)
+    if time is not None or animation is not None:
+        world = world.at(time or 0.0, animation)
     view = choose_camera(world, camera, look_from, look_at, fov)
 
     from ispm.renderer import Renderer
@@ -121,7 +123,8 @@ def render(
         if show in RENDERER_VIEWS:
             frame.image, show = renderer.view(show), "full"
     options = dict(
-        camera=camera, look_from=look_from, look_at=look_at, fov=fov, time=time, animation=animation,
+        camera=camera, look_from=look_from, look_at=look_at, fov=fov, animation=animation,
+        time=time if world.animations else None,
         show=asked, layers=layers, float=float, bits=bits, adapter=adapter,
     )  # fmt: skip
     frame.command = command_line(scene, options, settings, limits, output=str(target))

@@ -42,7 +42,6 @@ def eye_light(
     *,
     samples: int,
     neighbors: int,
-    background: tuple[float, float, float] = (0.0, 0.0, 0.0),
     seed: int = 0,
 ) -> np.ndarray:
     """Return what arrives along rays by way of the mirror or glass that each meets first, (n, 3) float64.
@@ -56,7 +55,7 @@ def eye_light(
     """
     count = len(rays.origins)
     light = np.zeros((count, 3))
-    scene = packed.lights, tuple(map(f32, background)), u32(seed)
+    scene = packed.lights, u32(seed)
     table, foot = surfaces.own_footprint()
     place = address(world.table), table, surfaces.texels, surfaces.rows
     tree = _tree(photons)
@@ -135,13 +134,12 @@ def _follow(place, scene, foot, origins, directions, distances, spread, sample, 
 def _path(place, scene, foot, start, d, length, spread, i, sample, stack, words, light, ends, row):
     """Follow one path; its first surface counts only as what it passes."""
     world, table, texels, rows = place
-    lights, background, seed = scene
+    lights, seed = scene
     weight, inside, focus = (f32(1), f32(1), f32(1)), nowhere(), f32(1)
     for event in range(_EVENTS_MAX):
         u1, u2, u3, u4 = random4(u32(i), u32(event), sample, seed)
         found, hit = closest_surface(world, table, texels, rows, start, d, u4, stack, words)
         if not found:
-            _add(light, i, background, weight, focus)
             return row
         way = sub(hit_position(table, hit), start)
         length += f32(math.sqrt(way[0] * way[0] + way[1] * way[1] + way[2] * way[2]))

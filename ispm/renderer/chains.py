@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from ispm.renderer.backdrop import background_color
 from ispm.renderer.gather import PhotonLight
 from ispm.scene.packed import Packed
 from ispm.settings import Settings
@@ -35,7 +36,8 @@ def chain_light(
     pass_index: int,
     threads: int,
 ) -> np.ndarray:
-    """Return direct light, indirect light and emission that chains bring to (n,) SEEN pixels, (n, 9) float32.
+    """Return direct light, indirect light and emission that chains bring to (n,) SEEN pixels, and the share
+    that these show of a colored background: (n, 12) float32.
 
     photon_light  of photons that scattered before, and so light gently: a few ends are lit and filtered
     caustics      those that did not: every end is estimated
@@ -43,11 +45,10 @@ def chain_light(
     """
     count = len(seen)
     if not count:
-        return np.zeros((0, 9), np.float32)
-    background = (0.0, 0.0, 0.0) if isinstance(settings.background, str) else settings.background
+        return np.zeros((0, 12), np.float32)
 
     def trace(rays: EyeRays) -> EyePaths:
-        return trace_eye(packed, world, surfaces, rays, background, settings.seed, pass_index, threads)
+        return trace_eye(packed, world, surfaces, rays, settings.seed, pass_index, threads)
 
     rays = eye_rays(seen, view)
     paths, pixels = trace(rays), rays.keys
@@ -57,10 +58,12 @@ def chain_light(
         paths = join_paths(paths, trace(fine))
         pixels = np.concatenate([pixels, np.repeat(pixels[edges], len(_SAMPLES))])
     light = light_ends(paths, pixels, photon_light, caustics, view, settings, packed.diagonal, threads)
-    brought = light[:count]
-    brought[edges] = light[count:].reshape(-1, len(_SAMPLES), 9).mean(axis=1)
-    smooth_frost(brought, rays.keys, view.size[0], paths.firsts, threads)
-    return brought
+    through = paths.through if background_color(settings) is not None else np.zeros_like(paths.through)
+    for brought in (light, through):
+        samples = brought[count:].reshape(-1, len(_SAMPLES), brought.shape[1])
+        brought[edges] = samples.mean(axis=1)
+        smooth_frost(brought[:count], rays.keys, view.size[0], paths.firsts, threads)
+    return np.concatenate([light[:count], through[:count]], axis=1)
 
 
 def eye_rays(seen: np.ndarray, view: CameraView) -> EyeRays:

@@ -7,6 +7,7 @@ import numpy as np
 from ispm.frame import GBuffer
 from ispm.gpu import Gpu, Texture
 from ispm.renderer import layers as make
+from ispm.renderer.backdrop import LAYER, background_color
 from ispm.renderer.picture import Frame
 from ispm.renderer.statistics import Stats
 from ispm.scene.packed import Packed
@@ -17,25 +18,28 @@ _ROW = 0xFFFFFF  # of a material, in a word of the G-buffer
 
 
 def compose(
-    gpu: Gpu, packed: Packed, gbuffer: GBuffer, light: tuple[Texture, Texture, Texture], irradiance: Texture,
-    view: CameraView, settings: Settings, threads: int,
+    gpu: Gpu, packed: Packed, gbuffer: GBuffer, light: tuple[Texture, Texture, Texture], through: Texture,
+    irradiance: Texture, view: CameraView, settings: Settings, threads: int,
 ) -> Frame:  # fmt: skip
     """Read a picture's parts back and add them; its statistics are still empty.
 
-    light  direct, indirect and emission
+    light    direct, indirect and emission
+    through  share of the background that glass shows, or one black texel
     """
     f2, f4, u4 = np.float16, np.float32, np.uint32
-    background = settings.background
-    shines = not isinstance(background, str) and any(background)
-    glow = [(light[2], f4, 4)] if shines or packed.glows else []
+    color = background_color(settings)
+    glass = [(through, f4, 4)] if color is not None else []
+    glow = [(light[2], f4, 4)] if packed.glows else []
     d, i, irr, base, normals, ids, depth, *rest = gpu.read_many([
         (light[0], f4, 4), (light[1], f4, 4), (irradiance, f4, 4), (gbuffer.base, f2, 4),
-        (gbuffer.normals, f2, 4), (gbuffer.ids, u4, 2), (gbuffer.depth, f4), *glow,
+        (gbuffer.normals, f2, 4), (gbuffer.ids, u4, 2), (gbuffer.depth, f4), *glass, *glow,
     ])  # fmt: skip
-    e = rest[0] if rest else np.zeros(d.shape, f4)  # untouched pages: zeros_like would write them
-    alpha = i[..., 3]
-    if shines:
-        e[..., :3] += (1.0 - alpha[..., None]) * np.array(background, f4)
+    e = rest[-1] if glow else np.zeros(d.shape, f4)  # untouched pages: zeros_like would write them
+    alpha, more = i[..., 3], {}
+    if color is not None:
+        behind = (1.0 - alpha[..., None] + rest[0][..., :3]) * color
+        e[..., :3] += behind
+        more = {LAYER: lambda: behind}
     nodes = np.append(np.int32(-1), packed.instances["node"].astype(np.int32))
     full = make.sum_layers(d, i, e, threads)
     layers = make.Layers({
@@ -45,7 +49,7 @@ def compose(
         "depth": lambda: make.linear_depth(depth, view),
         "normal": lambda: make.decode_normals(normals, depth),
         "albedo": lambda: base[..., :3].astype(f4), "instance": lambda: nodes[ids[..., 0]],
-        "material": lambda: np.where(ids[..., 0] > 0, ids[..., 1] & _ROW, -1).astype(np.int32),
+        "material": lambda: np.where(ids[..., 0] > 0, ids[..., 1] & _ROW, -1).astype(np.int32), **more,
     })  # fmt: skip
     camera = {"pose": view.pose, "clip_from_world": view.clip_from_world}
     return Frame(layers, Stats(), settings, camera)

@@ -65,7 +65,7 @@ def converge(renderer: Renderer, goal: Settings) -> Iterator[Frame]:
     made_of, longest = renderer.fingerprint(), 0.0
     if progress:
         progress.require(made_of)
-        mean = progress.frame(settings, threads)
+        mean = renderer.chosen.expose(progress.frame(settings, threads))
         if _is_enough(mean.stats, goal):
             yield mean
             return
@@ -82,7 +82,7 @@ def converge(renderer: Renderer, goal: Settings) -> Iterator[Frame]:
             progress = renderer.progress = Progress.start(frame, made_of)
         else:
             progress.add(frame)
-        mean = progress.frame(settings, threads)
+        mean = renderer.chosen.expose(progress.frame(settings, threads))
         yield mean
         longest = max(longest, time.perf_counter() - begun)
         late = goal.time_limit and time.perf_counter() - started + longest > goal.time_limit

@@ -1,8 +1,10 @@
-"""A camera and a light for scenes that bring none."""
+"""A camera and a light for scenes that bring none: the same for all moments of their animations."""
 
 from __future__ import annotations
 
 import math
+from dataclasses import replace
+from itertools import product
 
 import numpy as np
 
@@ -10,9 +12,11 @@ from ispm.errors import SceneError, SettingsError
 from ispm.optics.records import NO_HIT
 from ispm.renderer.room import find_heart
 from ispm.scene.camera import Camera, look_at_pose
+from ispm.scene.extent import enclosing_diameter
 from ispm.scene.light import PointLight
-from ispm.scene.packed import Packed
+from ispm.scene.packed import Packed, farthest_points, pack
 from ispm.scene.scene import Node, Scene
+from ispm.settings import Settings
 from ispm.tracer.world import World
 
 _FROM = np.array([0.45, 0.35, 1.0])  # where an object is seen from: front, a little right and above
@@ -21,6 +25,8 @@ _VERTICES = 20_000  # looked at to frame a scene
 _CLEARANCE = 0.02  # of the diagonal, between the eye and the scene
 _MARGIN = 1.08  # about what is framed
 _WAYS = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [-1.0, 0.0, 0.0]])
+_NOWHERE = np.zeros((0, 3))
+_SMALLEST, _LARGEST = 1e-6, 1e9  # m that a scene may be across: beyond, its squares' squares leave float32
 _YFOV = math.radians(50.0)
 _ROOM_YFOV = math.radians(70.0)
 
@@ -51,12 +57,11 @@ def find_camera(scene: Scene, wanted: str | int | None) -> tuple[Camera, np.ndar
     return node.camera, pose
 
 
-def place_camera(
-    scene: Scene, camera: Camera | str | int | None, packed: Packed, world: World, size: tuple[int, int]
-) -> tuple[Camera, np.ndarray]:
-    """Return the camera to look through and its (4, 4) pose: the one asked for, the scene's, or one made.
+def given_camera(scene: Scene, camera: Camera | str | int | None) -> tuple[Camera, np.ndarray] | None:
+    """Return the camera to look through and its (4, 4) pose: the one asked for, or the scene's first.
 
-    Raises SettingsError for a camera without a pose, or one that the scene does not have.
+    ->  None where the scene has no camera and none was asked for
+    Raises SettingsError for a camera without a pose, SceneError for one that the scene does not have.
     """
     if isinstance(camera, Camera):
         if camera.pose is None:
@@ -67,7 +72,55 @@ def place_camera(
         raise SettingsError(
             f"camera: must be a Camera, or the name or index of one of the scene's, not {camera!r}"
         )
-    return find_camera(scene, camera) or default_camera(packed, world, size[0] / size[1])
+    return find_camera(scene, camera)
+
+
+def camera_of(scene: Scene, size: tuple[int, int]) -> Camera:
+    """Return what `Scene.default_camera` promises."""
+    given = given_camera(scene, None)
+    if given is None:
+        packed, world = pack(scene.at_rest()), World()
+        require_visible(scene, packed)
+        world.update(packed)
+        width, height = Settings(size=size).size
+        given = default_camera(packed, world, width / height, passed_points(scene))
+    return replace(given[0], pose=given[1])
+
+
+def require_visible(scene: Scene, packed: Packed) -> None:
+    """Raise SceneError for a scene without a surface, or one of a size that float32 cannot serve."""
+    if not packed.triangle_count:
+        raise SceneError(f"{scene.name or 'the scene'}: has no surface to render")
+    if not _SMALLEST < packed.diagonal < _LARGEST:
+        raise SceneError(
+            f"{scene.name or 'the scene'}: is {packed.diagonal:.3g} m across; scale it to between "
+            f"{_SMALLEST:g} and {_LARGEST:g} m, and its lights' intensity by the square"
+        )
+
+
+def passed_points(scene: Scene) -> np.ndarray:
+    """Return (n, 3) points, m in world space, near the hull of where animations take things."""
+    found = [np.zeros((0, 3))]
+    for node, worlds in scene.courses():
+        hulls = [farthest_points(part.mesh) for part in node.parts if len(part.mesh.triangles)]
+        if not hulls or not node.copies:
+            continue
+        points = np.concatenate(hulls)
+        if node.instances is not None:
+            points = _box_corners(_moved(points, node.instances))
+        found.append(_moved(points, worlds))
+    return np.concatenate(found)
+
+
+def _moved(points: np.ndarray, matrices: np.ndarray) -> np.ndarray:
+    """(m n, 3): (n, 3) points at each of (m, 4, 4) places."""
+    placed: np.ndarray = points @ matrices[:, :3, :3].swapaxes(1, 2) + matrices[:, None, :3, 3]
+    return placed.reshape(-1, 3)
+
+
+def _box_corners(points: np.ndarray) -> np.ndarray:
+    """(8, 3) corners of the box along the axes round (n, 3) points."""
+    return np.array(list(product(*zip(points.min(axis=0), points.max(axis=0), strict=True))))
 
 
 def rigid(matrix: np.ndarray) -> np.ndarray:
@@ -81,25 +134,39 @@ def rigid(matrix: np.ndarray) -> np.ndarray:
     return pose
 
 
-def default_camera(packed: Packed, world: World, aspect: float) -> tuple[Camera, np.ndarray]:
-    """Return a camera that frames the scene from outside, or from within where it is a room."""
+def default_camera(
+    packed: Packed, world: World, aspect: float, passed: np.ndarray = _NOWHERE
+) -> tuple[Camera, np.ndarray]:
+    """Return a camera that frames the scene from outside, or from within where it is a room.
+
+    passed  (n, 3) m, points where moving things come by
+    """
     heart = find_heart(packed, world)
     if heart is not None:
         return _camera_of_room(packed, world, heart, aspect)
-    low, high = packed.bounds
+    low, high, diagonal = _extent(packed, passed)
     center = (low + high) / 2.0
     back = _FROM / np.linalg.norm(_FROM)
     pose = look_at_pose(center + back, center)
-    offsets = _some_vertices(packed) - center
+    offsets = np.concatenate([_some_vertices(packed), passed]) - center
     across, depth = offsets @ pose[:3, :2], offsets @ back
     half = math.tan(_YFOV / 2.0) / _MARGIN * np.array([aspect, 1.0])
     # The eye at (s, d) sees a point (u, z) where |u - s| <= half (d - z): the least d that suits them all.
     ahead = (across + half * depth[:, None]).max(axis=0)
     behind = (half * depth[:, None] - across).max(axis=0)
     fits = float(((ahead + behind) / (2.0 * half)).max())
-    distance = max(fits, float(depth.max()) + _CLEARANCE * packed.diagonal)
+    distance = max(fits, float(depth.max()) + _CLEARANCE * diagonal)
     pose[:3, 3] = center + distance * back + pose[:3, :2] @ ((ahead - behind) / 2.0)
     return Camera(yfov=_YFOV), pose
+
+
+def _extent(packed: Packed, passed: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
+    """The corners of the box round a scene and what passes, and the diameter of both, m."""
+    low, high = packed.bounds
+    if not len(passed):
+        return low, high, packed.diagonal
+    low, high = np.minimum(low, passed.min(axis=0)), np.maximum(high, passed.max(axis=0))
+    return low, high, enclosing_diameter(np.concatenate([packed.boxes.reshape(-1, 3), passed]))
 
 
 def _camera_of_room(
@@ -145,23 +212,26 @@ def _some_vertices(packed: Packed) -> np.ndarray:
     return np.concatenate(found)
 
 
-def default_light(packed: Packed, world: World, eye: np.ndarray) -> tuple[Node, str]:
+def default_light(
+    packed: Packed, world: World, eye: np.ndarray, passed: np.ndarray = _NOWHERE
+) -> tuple[Node, str]:
     """Return a node with a light for a scene without one, and a line that says so.
 
+    passed  (n, 3) m, points where moving things come by
     A room gets a lamp near the camera, an object a far lamp like the sun. A white surface facing it
     then has a radiance of about 1 cd/m2, which suits emissive materials of factor 1.
     """
-    low, high = packed.bounds
+    low, high, diagonal = _extent(packed, passed)
     center = (low + high) / 2.0
     heart = find_heart(packed, world)
     if heart is not None:
         position = eye + 0.15 * (heart - eye)
         free = float(_free(world, position, np.array([[0.0, 1.0, 0.0]]))[0])
-        position[1] += min(0.3 * (high[1] - position[1]), 0.5 * free)
+        position[1] += min(0.3 * (packed.bounds[1, 1] - position[1]), 0.5 * free)
         kind = "a lamp near the camera"
         distance = packed.diagonal / 3.0
     else:
-        distance = 20.0 * packed.diagonal
+        distance = 20.0 * diagonal
         position = center + distance * _SUN / np.linalg.norm(_SUN)
         kind = "a lamp far away, like the sun,"
     intensity = math.pi * distance * distance

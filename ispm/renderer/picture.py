@@ -16,6 +16,7 @@ from ispm.errors import SceneWarning, SettingsError
 from ispm.io import image as files
 from ispm.io.atomic import as_path
 from ispm.io.png import encode_png
+from ispm.renderer.backdrop import shown, without_background
 from ispm.renderer.statistics import Stats
 from ispm.renderer.views import display
 from ispm.settings import Settings, nearest
@@ -54,9 +55,11 @@ class Frame:
 
     @cached_property
     def exposure(self) -> float:
-        """Stops: the settings', or found for this picture."""
+        """Stops: the settings', or found for this picture, without its background."""
         wanted = self.settings.exposure
-        return auto_exposure(self.radiance) if wanted == "auto" else float(wanted)
+        if not isinstance(wanted, str):
+            return wanted
+        return auto_exposure(without_background(self.layers, self.radiance))
 
     @cached_property
     def image(self) -> np.ndarray:
@@ -137,7 +140,7 @@ class Frame:
         mode = self.settings.tonemap
         if self.settings.background == "transparent":
             return tonemap_transparent(self.radiance, self["alpha"], self.exposure, mode, bits=bits)
-        return tonemap(self.radiance, self.exposure, mode, bits=bits)
+        return shown(self.layers, self.radiance, self.exposure, mode, bits)
 
     def _opaque(self, view: str) -> np.ndarray:
         shown = self.show(view)
@@ -162,6 +165,7 @@ class Frame:
             "ispm:scene": self.scene,
             "ispm:command": self.command,
             "ispm:settings": json.dumps(dataclasses.asdict(self.settings)),
+            "ispm:exposure": f"{self.exposure:.6g}",
             "ispm:seed": str(self.settings.seed),
             "ispm:camera": "" if pose is None else json.dumps(np.asarray(pose).tolist()),
         }

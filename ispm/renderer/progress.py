@@ -19,6 +19,7 @@ from ispm.io.atomic import as_path
 from ispm.io.image import ABOUT, write_npz
 from ispm.optics.texture import TextureTable
 from ispm.optics.vector import LUMINANCE
+from ispm.renderer.backdrop import LAYER
 from ispm.renderer.layers import Layers, sum_layers
 from ispm.renderer.picture import Frame
 from ispm.renderer.statistics import Stats
@@ -36,7 +37,8 @@ _DARK = 1e-3  # of the square of the picture's mean: below it errors count as in
 class Progress:
     """The passes so far.
 
-    sums     new after each pass: direct, indirect, emission, irradiance (h, w, 3), alpha (h, w), float32
+    sums     new after each pass: direct, indirect, emission, irradiance (h, w, 3), alpha (h, w), float32, and
+             of a colored background its share
     moments  (2, h, w) float64: sums of the luminance of indirect light and of its square
     first    layers and camera of the first pass
     stats    of the last pass
@@ -57,7 +59,7 @@ class Progress:
     @classmethod
     def start(cls, frame: Frame, made_of: str) -> Progress:
         """Begin with the frame of pass 0."""
-        sums = {name: np.zeros_like(frame[name]) for name in _SUMMED}
+        sums = {name: np.zeros_like(frame[name]) for name in (*_SUMMED, LAYER) if name in frame.layers}
         moments = np.zeros((2, *frame["depth"].shape))
         progress = cls(0, sums, moments, frame.layers, frame.camera, frame.scene, frame.stats, made_of)
         progress.add(frame)
@@ -123,9 +125,9 @@ class Progress:
             parts = {prefix: _part(arrays, prefix) for prefix in ("sum.", "first.", "camera.")}
             sums, first, camera = parts.values()
             progress = cls(
-                about["passes"], {name: sums[name] for name in _SUMMED}, arrays["indirect_moments"],
-                {name: first[name] for name in _KEPT}, camera, about["scene"], Stats(**about["stats"]),
-                about["made_of"], str(path),
+                about["passes"], {name: sums[name] for name in (*_SUMMED, *sums.keys() & {LAYER})},
+                arrays["indirect_moments"], {name: first[name] for name in _KEPT}, camera, about["scene"],
+                Stats(**about["stats"]), about["made_of"], str(path),
             )  # fmt: skip
             progress._check()
             return progress

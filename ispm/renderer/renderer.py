@@ -13,17 +13,15 @@ from types import TracebackType
 
 import numpy as np
 
-from ispm.errors import IspmError, SceneError, SettingsError, warn_caller
+from ispm.errors import IspmError, SettingsError, warn_caller
 from ispm.estimators import make_estimator
 from ispm.frame import GBuffer, GpuScene
 from ispm.gpu import Gpu, Texture, open_gpu, within_memory
 from ispm.optics.records import PHOTON
-from ispm.optics.texture import TextureTable
 from ispm.renderer.caustics import part_photons
 from ispm.renderer.chains import chain_light, light_missed
 from ispm.renderer.compose import compose
-from ispm.renderer.converge import converge, of_pass, place_in_pixel
-from ispm.renderer.framing import default_light, place_camera
+from ispm.renderer.converge import converge, of_pass
 from ispm.renderer.gather import PhotonLight
 from ispm.renderer.last import LastFrame
 from ispm.renderer.light import emission_of, map_plan, remarks, seen_places, trace_photons
@@ -31,10 +29,11 @@ from ispm.renderer.limits import require_drawable, require_scene
 from ispm.renderer.motion import moved
 from ispm.renderer.picture import Frame
 from ispm.renderer.progress import Progress, fingerprint
+from ispm.renderer.ready import Ready
 from ispm.renderer.statistics import collect
 from ispm.renderer.watch import Watch
 from ispm.scene.camera import Camera
-from ispm.scene.packed import Packed, pack
+from ispm.scene.packed import Packed
 from ispm.scene.scene import Scene
 from ispm.settings import Settings
 from ispm.stages.antialias import Antialias
@@ -49,28 +48,24 @@ from ispm.stages.shadow import ShadowStage
 from ispm.stages.upload import Upload
 from ispm.stages.upsample import Upsample
 from ispm.tracer.grid import PhotonGrid
-from ispm.tracer.surface import SurfaceTable
 from ispm.tracer.threads import thread_count
-from ispm.tracer.world import World
 
 _NEAR = 1e-4  # of the scene's diagonal; reversed depth has precision to spare
-_EYE_NEAR = 1e-9  # likewise for the eye, which may stand low over a wide plain
-_SMALLEST, _LARGEST = 1e-6, 1e9  # m that a scene may be across: beyond, its squares' squares leave float32
-_TEXTURE_FOOTPRINT = 0.005  # of the diagonal: over which photons see textures averaged
 _MOST_PASSES = 1 << 32  # random numbers are numbered by them
 _ESTIMATOR_KNOBS = attrgetter("estimator", "kernel", "talk_errors")
 _OWNED = (
     "_upload", "_gbuffer", "_bounce", "_direct", "_caustic", "_chains", "_antialias", "_shadow",
-    "_downsample", "_upsample", "_estimator", "_world", "_packed", "_textures",
+    "_downsample", "_upsample", "_estimator", "_world", "_ready", "chosen",
 )  # fmt: skip
 
 
 class Renderer:
     """Renders a scene again and again; owns the adapter's objects. Belongs to one thread.
 
-    scene     may change between frames in any way; nothing is precomputed
+    scene     may change between frames in any way, or be replaced; nothing is precomputed
     settings  may be replaced at any time: `renderer.settings = renderer.settings.replace(...)`
-    camera    a Camera with a pose, or the name or index of one of the scene's; None: the first
+    camera    a Camera with a pose, or the name or index of one of the scene's; None: the first, or one that
+              frames the scene, held while the scene changes; so is the light of a scene that has none
     adapter   part of a graphics adapter's name
     threads   of the CPU; None: all
     gpu       an open device to share, which stays open; None: one of its own, on `adapter`
@@ -88,10 +83,12 @@ class Renderer:
         gpu: Gpu | None = None,
     ) -> None:
         self._closed = False
-        self.scene, self.camera = require_scene(scene), camera
+        self.scene = require_scene(scene)
         self.threads = thread_count(threads)
         self._gpu, self._owns_gpu = gpu or open_gpu(adapter), gpu is None
-        self._world = World(self.threads)
+        self._ready = Ready(self.threads, self._say)
+        self._world, self.chosen = self._ready.world, self._ready.chosen
+        self.camera = camera
         self._upload = Upload(self._gpu)
         self._gbuffer = GBufferStage(self._gpu)
         self._bounce = BounceStage(self._gpu)
@@ -99,8 +96,6 @@ class Renderer:
         self._caustic = CausticStage(self._gpu)
         self._chains = ChainStage(self._gpu)
         self._antialias = Antialias(self._gpu)
-        self._packed: Packed | None = None
-        self._textures: TextureTable | None = None
         self._photons = np.zeros(0, PHOTON)
         self._instances: np.ndarray | None = None  # of the last frame
         self._last: LastFrame | None = None
@@ -154,6 +149,40 @@ class Renderer:
         if old is None or _ESTIMATOR_KNOBS(old) != _ESTIMATOR_KNOBS(new):
             self._estimator = make_estimator(new, self._gpu, self.threads)
         self._settings = new
+
+    @property
+    def camera(self) -> Camera:
+        """The next picture's camera, with its pose: the one given, the scene's, or the one that is held.
+
+        May be set as in `Renderer`; None has the camera and the light that are held chosen anew.
+        Raises SceneError as `render` does.
+        """
+        self._require_open()
+        camera, pose = self.chosen.eye(require_scene(self.scene), self.settings.size)
+        return replace(camera, pose=pose)
+
+    @camera.setter
+    def camera(self, wanted: Camera | str | int | None) -> None:
+        self._require_open()
+        self.chosen.want(wanted)
+
+    @property
+    def exposure(self) -> float:
+        """Stops: the settings', the one that is held, or with "auto" that of the last pass.
+
+        A pass is rendered where it is not known yet. May be set as the setting; "hold" finds it anew.
+        """
+        self._require_open()
+        wanted = self.settings.exposure
+        held = self.chosen.exposure if wanted == "hold" else wanted
+        if isinstance(held, float):
+            return held
+        last = self._last.frame if self._last and wanted == "auto" else self.render_pass(0)
+        return last.exposure
+
+    @exposure.setter
+    def exposure(self, wanted: float | str) -> None:
+        self.settings, self.chosen.exposure = self.settings.replace(exposure=wanted), None
 
     def render(self) -> Frame:
         """Render one picture, of as many passes as the settings say.
@@ -211,7 +240,7 @@ class Renderer:
         watch = Watch()
         packed, view = self._prepare(index)
         plan = map_plan(packed, settings, index, seen_places(packed, self._world, view))
-        surfaces = self._surfaces(packed)
+        surfaces = self._ready.surfaces(packed)
         by = emission_of(plan, packed, settings, self._gpu.is_software)
 
         with self._gpu.frame() as first:
@@ -266,15 +295,16 @@ class Renderer:
             self._light_missed(points, raw, light, wide, scene, gbuffer, view, caustic, settings)
         with self._gpu.frame() as fourth:
             fourth.stage("compose")
-            self._chains.patch(fourth, mirrors["pixel"], brought, direct, indirect, emission)
+            through = self._chains.patch(fourth, mirrors["pixel"], brought, direct, indirect, emission)
             if settings.antialias:
-                self._antialias(fourth, scene, gbuffer, view, direct, indirect, emission)
+                self._antialias(fourth, scene, gbuffer, view, direct, indirect, emission, through)
         with watch("readback"):
             frame = compose(
-                self._gpu, packed, gbuffer, (direct, indirect, emission), irradiance, view,
+                self._gpu, packed, gbuffer, (direct, indirect, emission), through, irradiance, view,
                 settings, self.threads,
             )  # fmt: skip
             frame.scene = self.scene.name
+            self.chosen.expose(frame)
 
         for recording in (first, second, third, fourth):
             for name, spent in recording.milliseconds().items():
@@ -303,8 +333,7 @@ class Renderer:
         return self._fingerprint(self._last.packed, self._last.view)
 
     def _fingerprint(self, packed: Packed, view: CameraView) -> str:
-        assert self._textures is not None
-        return fingerprint(packed, self._textures, view, self.settings)
+        return fingerprint(packed, self._ready.textures, view, self.settings)
 
     def photons(self) -> np.ndarray:
         """Return the last frame's photon map, (N,) PHOTON: a structured array, world space, lumen."""
@@ -324,49 +353,13 @@ class Renderer:
     def _prepare(self, index: int) -> tuple[Packed, CameraView]:
         """Pack the scene, place it in the tracer, and find its camera and lights."""
         self._require_open()
-        scene = require_scene(self.scene)
-        packed = self._pack(scene)
-        if not packed.triangle_count:
-            raise SceneError(f"{scene.name or 'the scene'}: has no surface to render")
-        if not _SMALLEST < packed.diagonal < _LARGEST:
-            raise SceneError(
-                f"{scene.name or 'the scene'}: is {packed.diagonal:.3g} m across; scale it to between "
-                f"{_SMALLEST:g} and {_LARGEST:g} m, and its lights' intensity by the square"
-            )
-        self._world.update(packed)
-        camera, pose = place_camera(self.scene, self.camera, packed, self._world, self.settings.size)
-        if not len(packed.lights):
-            node, line = default_light(packed, self._world, pose[:3, 3])
-            self._say(line)
-            scene = Scene([*scene.roots, node], scene.animations, scene.name)
-            packed = self._pack(scene)
-        size, diagonal = self.settings.size, packed.diagonal
-        reach = float(np.abs(packed.bounds - pose[:3, 3]).max()) + diagonal
-        near = _EYE_NEAR * diagonal if camera.ymag is None else 0.0
-        view = CameraView(
-            size, pose, camera.yfov, camera.ymag, near, reach,
-            jitter=place_in_pixel(index), pass_index=index, aspect=camera.aspect, principal=camera.principal,
-        )  # fmt: skip
-        return packed, view
-
-    def _pack(self, scene: Scene) -> Packed:
-        old = self._packed
-        packed = pack(scene, old.geometry if old else None)
-        same = old is not None and [*map(id, old.textures)] == [*map(id, packed.textures)]
-        if not same or self._textures is None:
-            self._textures = TextureTable.pack(packed.textures)
-        self._packed = packed
-        return packed
+        return self._ready(require_scene(self.scene), self.settings.size, index)
 
     def _say(self, line: str) -> None:
         """Warn once in this renderer's life."""
         if line not in self._said:
             self._said.add(line)
             warn_caller(line)
-
-    def _surfaces(self, packed: Packed) -> SurfaceTable:
-        assert self._textures is not None
-        return SurfaceTable(packed, self._textures, _TEXTURE_FOOTPRINT * packed.diagonal)
 
     def _light_missed(
         self,

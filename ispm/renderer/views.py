@@ -7,6 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from ispm.errors import SettingsError
+from ispm.renderer.backdrop import shown
 from ispm.settings import RENDERER_VIEWS, VIEWS, nearest
 from ispm.stages.tonemap import auto_exposure, tonemap
 
@@ -22,17 +23,19 @@ def display(
     to dark, normals as color (n + 1) / 2, ids as colors of their own.
     Raises SettingsError for a view that is made elsewhere or does not exist.
     """
-    if view in ("full", "direct", "indirect", "emission"):
+    if view in ("full", "emission"):
+        return shown(layers, layers[view], exposure, mode, bits)
+    if view in ("direct", "indirect"):
         return tonemap(layers[view], exposure, mode, bits=bits)
     if view == "ambient":
-        return tonemap(_ambient(layers), exposure, mode, bits=bits)
+        return shown(layers, _ambient(layers), exposure, mode, bits)
     if view == "irradiance":
         return tonemap(layers[view], auto_exposure(layers[view]), mode, bits=bits)
     if view == "albedo":
         return tonemap(layers[view], 0.0, "none", bits=bits)
     if view == "split":
         half = layers["full"].shape[1] // 2
-        picture = tonemap(layers["full"], exposure, mode, bits=bits)
+        picture = shown(layers, layers["full"], exposure, mode, bits)
         picture[:, :half] = tonemap(layers["direct"], exposure, mode, bits=bits)[:, :half]
         picture[:, half : half + 1] = 2**bits - 1
         return picture

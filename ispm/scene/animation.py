@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import copy
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -97,6 +99,17 @@ class Animation:
     def duration(self) -> float:
         """The time of the last keyframe in seconds."""
         return max((float(c.times[-1]) for c in self.channels), default=0.0)
+
+    def of(self, nodes: Mapping[int, Node]) -> Animation:
+        """Return this animation of other nodes.
+
+        nodes  by the ids of those that they stand for; channels of others are left out
+        """
+        result = copy.copy(self)
+        result.channels = [copy.copy(c) for c in self.channels if id(c.node) in nodes]
+        for channel in result.channels:
+            channel.node = nodes[id(channel.node)]
+        return result
 
 
 def _slerp(a: np.ndarray, b: np.ndarray, s: float) -> np.ndarray:

@@ -54,10 +54,8 @@ class MeshRange:
 
     @cached_property
     def hull(self) -> np.ndarray:
-        """(k, 3) vertices that lie farthest in evenly spread directions, object space: nearly its hull."""
-        used = self.mesh.positions[np.unique(self.mesh.triangles)]
-        farthest = [int((used @ way).argmax()) for way in _HULL_WAYS]
-        return np.asarray(used[farthest], np.float64)
+        """(k, 3) `farthest_points` of the mesh."""
+        return farthest_points(self.mesh)
 
 
 @dataclass
@@ -157,6 +155,13 @@ class Packed:
     def triangle_count(self) -> int:
         """Triangles as placed."""
         return int(self.instances["triangle_count"].sum(dtype=np.int64))
+
+
+def farthest_points(mesh: Mesh) -> np.ndarray:
+    """Return (k, 3) vertices that lie farthest in evenly spread directions, object space: nearly its hull."""
+    used = mesh.positions[np.unique(mesh.triangles)]
+    farthest = [int((used @ way).argmax()) for way in _HULL_WAYS]
+    return np.asarray(used[farthest], np.float64)
 
 
 def pack(scene: Scene, geometry: Geometry | None = None) -> Packed:

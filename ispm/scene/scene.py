@@ -10,7 +10,7 @@ from typing import Any, NoReturn, TypeVar
 import numpy as np
 
 from ispm.errors import SceneError
-from ispm.scene.animation import Animation
+from ispm.scene.animation import Animation, Channel
 from ispm.scene.camera import Camera
 from ispm.scene.light import DirectionalLight, Light, PointLight, SpotLight
 from ispm.scene.material import Material
@@ -18,6 +18,9 @@ from ispm.scene.mesh import Mesh
 from ispm.scene.values import FARTHEST, array_of, require
 
 _Kind = TypeVar("_Kind")
+_PLACE = ("translation", "rotation", "scale", "matrix")
+_MOMENTS = 64  # evenly over an animation, at which it is asked where it takes things
+_KEYS = 256  # likewise, of its own
 
 
 @dataclass(eq=False)
@@ -36,6 +39,7 @@ class Node:
     rotation             (4,) quaternion x, y, z, w, of any length but 0
     matrix               (4, 4) used instead of the three where given; last row 0 0 0 1
     instances            (n, 4, 4) where the parts stand n times, from each copy to this node; None: once
+    rest                 of a node that `Scene.at` moved: the one it was before, for its place
     """
 
     name: str = ""
@@ -48,6 +52,7 @@ class Node:
     light: Light | None = None
     camera: Camera | None = None
     children: list[Node] = field(default_factory=list)
+    rest: Node | None = field(default=None, repr=False)
 
     @property
     def copies(self) -> int:
@@ -101,6 +106,17 @@ class Node:
             self._refuse_place()
         return result
 
+    def stand_as(self, other: Node) -> None:
+        """Take the place of another node."""
+        for name in _PLACE:
+            setattr(self, name, getattr(other, name))
+
+    def move(self, channels: list[Channel], time: float) -> None:
+        """Take the place that channels of this node give it at `time`, in seconds."""
+        self.matrix = None
+        for channel in channels:
+            setattr(self, channel.path, channel.at(time))
+
     def _refuse_place(self) -> NoReturn:
         """Raise SceneError that names what of the place cannot be used."""
         for name, count in (("translation", 3), ("rotation", 4), ("scale", 3)):
@@ -110,7 +126,10 @@ class Node:
 
 @dataclass(eq=False)
 class Scene:
-    """What is lit. Change anything between frames; nothing is precomputed."""
+    """What is lit. Change anything between frames; nothing is precomputed.
+
+    playing  the name of the animation that `at` played; None: all of them
+    """
 
     roots: list[Node] = field(default_factory=list)
     animations: list[Animation] = field(default_factory=list)
@@ -118,6 +137,7 @@ class Scene:
     warnings: list[str] = field(default_factory=list)
     extensions_used: list[str] = field(default_factory=list)
     extensions_honoured: list[str] = field(default_factory=list)
+    playing: str | None = None
 
     @classmethod
     def from_trimesh(cls, source: Any) -> Scene:
@@ -241,26 +261,79 @@ class Scene:
         """Return the scene at `time` in seconds; meshes and materials are shared, nodes are not.
 
         animation  the name of the one to play; None: all
+        What is not played stands at rest, also where this scene is itself one that `at` returned.
         Raises SceneError where no animation has that name, or `time` is no number.
         """
         require("time, in seconds,", time)
-        playing = [a for a in self.animations if animation is None or a.name == animation]
-        if animation is not None and not playing:
+        if animation is not None and all(a.name != animation for a in self.animations):
             names = ", ".join(repr(a.name) for a in self.animations) or "none"
             raise SceneError(f"no animation is called '{animation}'; the scene has {names}")
+        result = self.at_rest()
+        result.playing = animation
+        for node, channels in result._moving():
+            node.rest = copy.copy(node)
+            node.move(channels, time)
+        return result
+
+    def at_rest(self) -> Scene:
+        """Return the scene as it stood before `at` moved it; shared and not as by `at`."""
         clones: dict[int, Node] = {}
         for node in reversed(self.nodes):  # children before parents
-            clone = copy.copy(node)
+            clone = clones[id(node)] = copy.copy(node)
             clone.children = [clones[id(child)] for child in node.children]
-            clones[id(node)] = clone
+            if clone.rest is not None:
+                clone.stand_as(clone.rest)
+                clone.rest = None
         result = copy.copy(self)
         result.roots = [clones[id(node)] for node in self.roots]
-        for channel in (c for a in playing for c in a.channels):
-            target = clones.get(id(channel.node))
-            if target is not None:
-                target.matrix = None
-                setattr(target, channel.path, channel.at(time))
+        result.animations = [animation.of(clones) for animation in self.animations]
         return result
+
+    def _moving(self) -> list[tuple[Node, list[Channel]]]:
+        """The nodes that what is playing moves, with their channels."""
+        found: dict[int, tuple[Node, list[Channel]]] = {}
+        for animation in self.animations:
+            if self.playing is None or animation.name == self.playing:
+                for channel in animation.channels:
+                    found.setdefault(id(channel.node), (channel.node, []))[1].append(channel)
+        return list(found.values())
+
+    def courses(self) -> Iterator[tuple[Node, np.ndarray]]:
+        """Yield each node that what is playing moves, with its (T, 4, 4) node-to-world matrices at T times.
+
+        The times are spread over the animations, and the same whenever the scene is asked.
+        """
+        moving = {id(node): channels for node, channels in self._moving()}
+        times = [channel.times for channels in moving.values() for channel in channels]
+        if not times:
+            return
+        keys = np.unique(np.concatenate(times))
+        moments = np.linspace(keys[0], keys[-1], _MOMENTS)
+        moments = np.union1d(moments, keys[:: -(-len(keys) // _KEYS)])
+        worlds = [np.eye(4)]  # of the node and those above it
+        for node, depth in self._walk():
+            del worlds[depth + 1 :]
+            local = node.local_matrix()
+            if id(node) in moving:
+                moved, places = copy.copy(node), []
+                for time in moments:
+                    moved.move(moving[id(node)], float(time))
+                    places.append(moved.local_matrix())
+                local = np.stack(places)
+            worlds.append(worlds[depth] @ local)
+            if worlds[-1].ndim == 3:
+                yield node, worlds[-1]
+
+    def default_camera(self, size: tuple[int, int] = (1280, 720)) -> Camera:
+        """Return the camera, with its pose, that takes a picture of `size` pixels where no other is given.
+
+        It is the scene's first, where it stands now. A scene without one is framed as it stands at rest and
+        wherever its animations take it, so that all moments of `at` share one camera.
+        Raises SceneError for a scene without a surface.
+        """
+        from ispm.renderer.framing import camera_of
+
+        return camera_of(self, size)
 
 
 def _require_kind(owner: Node, name: str, kinds: Any) -> None:

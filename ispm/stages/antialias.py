@@ -22,7 +22,8 @@ _EDGE = wgsl.load("stages/antialias.wgsl").dtype("Edge")
 class Antialias:
     """Draw ids and depth with four samples a pixel, then mix each pixel's light from its neighbours'.
 
-    In   gbuffer; direct, indirect, emission (W, H) rgba32float, alpha 1 where a surface is seen
+    In   gbuffer; direct, indirect, emission (W, H) rgba32float, alpha 1 where a surface is seen;
+         through, the share of the background that glass shows, likewise or one black texel
     Out  the same textures: edge pixels are changed in place, their alpha the share of surface
     Source: Chajdas, McGuire and Luebke 2011.
     """
@@ -41,7 +42,7 @@ class Antialias:
 
     def __call__(
         self, frame: Recording, scene: GpuScene, gbuffer: GBuffer, view: CameraView, direct: Texture,
-        indirect: Texture, emission: Texture,
+        indirect: Texture, emission: Texture, through: Texture,
     ) -> None:  # fmt: skip
         self._draw(frame, scene, view)
         capacity = min(view.size[0] * view.size[1], self._gpu.max_binding // _EDGE.itemsize)
@@ -54,11 +55,11 @@ class Antialias:
         self._find(frame, over=view.size, **shared, edge_count=self._count)
         self._mix(
             frame, over=_THREADS, **shared, listed_count=self._count, normals=gbuffer.normals,
-            direct_in=direct, indirect_in=indirect, emission_in=emission,
+            direct_in=direct, indirect_in=indirect, emission_in=emission, through_in=through,
         )  # fmt: skip
         self._write(
             frame, over=_THREADS, camera=view.uniform(), mixed=edges, listed_count=self._count,
-            direct_out=direct, indirect_out=indirect, emission_out=emission,
+            direct_out=direct, indirect_out=indirect, emission_out=emission, through_out=through,
         )  # fmt: skip
 
     def close(self) -> None:

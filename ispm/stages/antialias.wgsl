@@ -20,6 +20,8 @@
 @group(0) @binding(13) var direct_out: texture_storage_2d<rgba32float, write>;
 @group(0) @binding(14) var indirect_out: texture_storage_2d<rgba32float, write>;
 @group(0) @binding(15) var emission_out: texture_storage_2d<rgba32float, write>;
+@group(0) @binding(16) var through_in: texture_2d<f32>;  // one texel where nothing shows it
+@group(0) @binding(17) var through_out: texture_storage_2d<rgba32float, write>;
 
 struct Edge {              // a pixel whose samples see more than one surface, and its light
     direct: vec3f,
@@ -27,7 +29,9 @@ struct Edge {              // a pixel whose samples see more than one surface, a
     indirect: vec3f,
     seen: f32,             // share of the samples that see a surface
     emission: vec3f,
-    spare: u32,
+    spare0: u32,
+    through: vec3f,        // share of the background that glass shows
+    spare1: u32,
 }
 
 const SAMPLES = 4;
@@ -122,6 +126,7 @@ fn listed_pixel(number: u32) -> vec2i {
 @compute @workgroup_size(64)
 fn mix_edges(@builtin(global_invocation_id) thread: vec3u) {
     let count = min(listed_count[0], arrayLength(&edges));
+    let shown = vec2i(textureDimensions(through_in));
     for (var i = thread.x; i < count; i += THREADS) {
         let own = listed_pixel(edges[i].pixel);
         let id = vec4u(sample_id(own, 0), sample_id(own, 1), sample_id(own, 2), sample_id(own, 3));
@@ -133,16 +138,21 @@ fn mix_edges(@builtin(global_invocation_id) thread: vec3u) {
         var direct = vec3f(0.0);
         var indirect = vec3f(0.0);
         var emission = vec3f(0.0);
+        var through = vec3f(0.0);
         for (var k = 0; k < SAMPLES; k++) {
             let pixel = own + vec2i(best[k] % 3, best[k] / 3) - 1;
             direct += textureLoad(direct_in, pixel, 0).rgb;
             indirect += textureLoad(indirect_in, pixel, 0).rgb;
             emission += textureLoad(emission_in, pixel, 0).rgb;
+            if (all(pixel < shown)) {
+                through += textureLoad(through_in, pixel, 0).rgb;
+            }
         }
         let share = 1.0 / f32(SAMPLES);
         edges[i].direct = share * direct;
         edges[i].indirect = share * indirect;
         edges[i].emission = share * emission;
+        edges[i].through = share * through;
         edges[i].seen = share * dot(vec4f(id != vec4u(0u)), vec4f(1.0));
     }
 }
@@ -157,6 +167,9 @@ fn write_edges(@builtin(global_invocation_id) thread: vec3u) {
         textureStore(direct_out, pixel, vec4f(edge.direct, edge.seen));
         textureStore(indirect_out, pixel, vec4f(edge.indirect, edge.seen));
         textureStore(emission_out, pixel, vec4f(edge.emission, edge.seen));
+        if (all(vec2u(pixel) < textureDimensions(through_out))) {
+            textureStore(through_out, pixel, vec4f(edge.through, 1.0));
+        }
     }
 }
 

@@ -31,6 +31,11 @@ class ChainStage:
         )
         self._count, self._seen = gpu.buffer("chain count"), gpu.buffer("chain pixels")
         self._brought = gpu.buffer("light of chains")
+        usage = ("attachment", "storage", "sampled")
+        self._through, self._none = (
+            gpu.texture(name, "rgba32float", usage=usage) for name in ("seen through glass", "nothing seen")
+        )
+        self._none.sized((1, 1))
         self._looked = False
 
     def __call__(self, frame: Recording, scene: GpuScene, gbuffer: GBuffer) -> None:
@@ -58,13 +63,23 @@ class ChainStage:
     def patch(
         self, frame: Recording, pixels: np.ndarray, light: np.ndarray, direct: Texture, indirect: Texture,
         emission: Texture,
-    ) -> None:  # fmt: skip
-        """Add (n, 9) light, direct, indirect and emission RGB, to the numbered pixels of three textures."""
+    ) -> Texture:  # fmt: skip
+        """Add (n, 9) light, direct, indirect and emission RGB, to the numbered pixels of three textures.
+
+        light  (n, 12): the last three are the share of a background that a pixel shows
+        ->     an image of that share, W x H; where there is none, of one black texel
+        """
+        through = self._none
+        if light[:, 9:].any():
+            through = self._through.sized(direct.size)
+            with frame.draw_into(through):
+                pass  # clears it
         if not len(pixels):
-            return
+            return through
         brought = np.zeros(len(pixels), BROUGHT)
         brought["pixel"] = pixels
-        brought["direct"], brought["indirect"], brought["emission"] = np.split(light, 3, axis=1)
+        for k, name in enumerate(("direct", "indirect", "emission", "through")[: light.shape[1] // 3]):
+            brought[name] = light[:, 3 * k : 3 * k + 3]
         threads = min(len(pixels), _THREADS)
         self._add(
             frame, over=threads, brought=self._brought.write(brought), direct_in=direct,
@@ -72,13 +87,14 @@ class ChainStage:
         )  # fmt: skip
         self._write(
             frame, over=threads, summed=self._brought, direct_out=direct, indirect_out=indirect,
-            emission_out=emission,
+            emission_out=emission, through_out=through,
         )  # fmt: skip
+        return through
 
     def close(self) -> None:
-        """Free the buffers."""
-        for buffer in (self._count, self._seen, self._brought):
-            buffer.close()
+        """Free the buffers and textures."""
+        for held in (self._count, self._seen, self._brought, self._through, self._none):
+            held.close()
 
 
 def _may_lead_on(materials: np.ndarray) -> bool:

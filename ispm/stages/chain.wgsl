@@ -16,6 +16,7 @@
 @group(0) @binding(12) var direct_out: texture_storage_2d<rgba32float, write>;
 @group(0) @binding(13) var indirect_out: texture_storage_2d<rgba32float, write>;
 @group(0) @binding(14) var emission_out: texture_storage_2d<rgba32float, write>;
+@group(0) @binding(15) var through_out: texture_storage_2d<rgba32float, write>;
 
 struct Seen {              // a pixel that shows a mirror or glass
     pixel: u32,
@@ -29,6 +30,8 @@ struct Brought {           // the light that chains bring to a pixel
     spare0: u32,
     emission: vec3f,
     spare1: u32,
+    through: vec3f,        // share of the background that it shows
+    spare2: u32,
 }
 
 // Whether eye rays have to go on from a surface: it transmits, or is a mirror.
@@ -86,5 +89,8 @@ fn write_pixels(@builtin(global_invocation_id) thread: vec3u) {
         textureStore(direct_out, pixel, vec4f(summed[i].direct, 1.0));
         textureStore(indirect_out, pixel, vec4f(summed[i].indirect, 1.0));
         textureStore(emission_out, pixel, vec4f(summed[i].emission, 1.0));
+        if (all(pixel < textureDimensions(through_out))) {    // one texel where there is none
+            textureStore(through_out, pixel, vec4f(summed[i].through, 1.0));
+        }
     }
 }

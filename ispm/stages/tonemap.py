@@ -82,12 +82,18 @@ def auto_exposure(radiance: np.ndarray) -> float:
 
 
 def tonemap(
-    radiance: np.ndarray, exposure: float, mode: str = "neutral", threads: int | None = None, bits: int = 8
+    radiance: np.ndarray,
+    exposure: float,
+    mode: str = "neutral",
+    threads: int | None = None,
+    bits: int = 8,
+    behind: np.ndarray | None = None,
 ) -> np.ndarray:
     """Return (h, w, 3) sRGB, uint8 or with 16 bits uint16, for (h, w, 3) float32 linear radiance.
 
     exposure  stops: radiance is multiplied by 2 ** exposure
     mode      `neutral`: Khronos PBR Neutral; `agx`: AgX; `none`: clipped at 1
+    behind    (h, w, 3) float32, linear light of the screen that is added as it is
     NaN and negative values are shown as black. Cost about 10 ms at 1280 x 720 on two cores, `agx` 100.
     """
     values = np.ascontiguousarray(radiance, np.float32)
@@ -95,8 +101,11 @@ def tonemap(
     count = thread_count(threads)
     edges = np.linspace(0, values.size // 3, count + 1).astype(np.int64)
     flat, result, table = values.reshape(-1), out.reshape(-1), _srgb_table(bits)
+    more = np.zeros(0, np.float32) if behind is None else np.ascontiguousarray(behind, np.float32).reshape(-1)
     scale = np.float32(2.0**exposure)
-    run_threads(lambda k: _tonemap(flat, scale, _MODES[mode], table, edges[k], edges[k + 1], result), count)
+    run_threads(
+        lambda k: _tonemap(flat, scale, _MODES[mode], table, more, edges[k], edges[k + 1], result), count
+    )
     return out
 
 
@@ -126,8 +135,8 @@ def _srgb_table(bits: int) -> np.ndarray:
 
 
 @jit
-def _tonemap(radiance, scale, mode, table, first, last, out):
-    """Pixels first to last of flat radiance into flat out."""
+def _tonemap(radiance, scale, mode, table, behind, first, last, out):
+    """Pixels first to last of flat radiance into flat out, over what is behind, if anything."""
     top, half = np.float32(len(table) - 1), np.float32(0.5)
     for p in range(first, last):
         r = _clean(radiance[3 * p] * scale)
@@ -137,6 +146,8 @@ def _tonemap(radiance, scale, mode, table, first, last, out):
             r, g, b = neutral(r, g, b)
         elif mode == _AGX:
             r, g, b = agx(r, g, b)
+        if len(behind) > 0:
+            r, g, b = r + behind[3 * p], g + behind[3 * p + 1], b + behind[3 * p + 2]
         out[3 * p] = table[int(min(r, _1) * top + half)]
         out[3 * p + 1] = table[int(min(g, _1) * top + half)]
         out[3 * p + 2] = table[int(min(b, _1) * top + half)]

@@ -133,9 +133,8 @@ def _point_of(u, v, height, outside, turn):
 
 @jit
 def _lit_share(place, middle, n, reach, wi, scratch):
-    """Return the kernel on the surface about a point of its middle section, times that surface's area over that
-    of the section, and over the kernel there: 0 to 2; 0 where there is no surface that the photon lights.
-    """
+    """Return the kernel's light on the surface about a point of its middle section, per area of the section,
+    over the kernel at the point: 0 to 2; 0 where there is no surface that the photon lights."""
     top, down = add(middle, scale(reach, n)), scale(f32(-1), n)
     t = closest(
         place[0], top[0], top[1], top[2], down[0], down[1], down[2], f32(2) * reach, scratch[0], scratch[1]

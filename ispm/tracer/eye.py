@@ -52,6 +52,7 @@ _CHUNK = 64  # pixels a thread takes at a time; results do not depend on it or o
 _BATCH = 1 << 15  # pixels whose ends lie in memory at their full number
 
 _ETA, _THIN = 13, 14  # places in a Bsdf tuple
+_WHITE = f32(1), f32(1), f32(1)
 _WEIGHT = 5  # and in a path, see `_leave`
 
 REFLECTED, TRANSMITTED, SCATTERED = 0, 1, 2  # what the first surface did to a path
@@ -82,6 +83,7 @@ class EyePaths:
     """What the paths found.
 
     direct, emission  (n, 3) float32 radiance that they bring to each ray
+    through  (n, 3) float32 share of the background that each sees through glass; mirrors show none of it
     ends    (m,) END in the order of the rays; lane: REFLECTED or TRANSMITTED by a smooth surface;
             SCATTERED: by a rough one, or a path's second end
     points  (m,) RECEIVER, the same; footprint: of a pixel
@@ -91,6 +93,7 @@ class EyePaths:
 
     direct: np.ndarray
     emission: np.ndarray
+    through: np.ndarray
     ends: np.ndarray
     points: np.ndarray
     firsts: np.ndarray
@@ -102,23 +105,21 @@ def trace_eye(
     world: World,
     surfaces: SurfaceTable,
     rays: EyeRays,
-    background: tuple[float, float, float],
     seed: int,
     pass_index: int,
     threads: int,
 ) -> EyePaths:
     """Follow eye paths to their ends; the same bytes for any number of threads.
 
-    surfaces    its footprint is of no account: textures are averaged over a pixel's width
-    background  radiance from where there is nothing
+    surfaces  its footprint is of no account: textures are averaged over a pixel's width
     """
     count = len(rays.origins)
     firsts = np.zeros(count, FIRST)
-    direct, emission = np.zeros((count, 3), np.float32), np.zeros((count, 3), np.float32)
+    direct, emission, through = np.zeros((3, count, 3), np.float32)
     porous = bool((packed.materials["flags"] & (MATERIAL_MASK | MATERIAL_BLEND | MATERIAL_THIN)).any())
     scene = (
-        packed.lights, porous, tuple(map(f32, background)), tuple(map(f32, rays.width)), u32(seed),
-        u32(pass_index), tuple(map(f32, rays.slack)),
+        packed.lights, porous, tuple(map(f32, rays.width)), u32(seed), u32(pass_index),
+        tuple(map(f32, rays.slack)),
     )  # fmt: skip
     capacity = _CHUNK * _PATHS_MAX * _ENDS_MAX * _samples(packed)
     ends, points, traced = [np.zeros(0, END)], [np.zeros(0, RECEIVER)], 0
@@ -135,7 +136,8 @@ def trace_eye(
             _follow_chunks(
                 (address(world.table), table, surfaces.texels, surfaces.rows), scene, foot,
                 (rays.origins[part], rays.directions[part], rays.distances[part], rays.keys[part]),
-                i64(part.start), address(counter), (direct[part], emission[part], room, firsts[part]), counts,
+                i64(part.start), address(counter),
+                (direct[part], emission[part], room, firsts[part], through[part]), counts,
             )  # fmt: skip
 
         run_threads(work, threads)
@@ -144,17 +146,17 @@ def trace_eye(
             ends.append(kept["end"].copy())
             points.append(kept["point"].copy())
         traced += int(counts[:, 1].sum())
-    return EyePaths(direct, emission, np.concatenate(ends), np.concatenate(points), firsts, traced)
+    return EyePaths(direct, emission, through, np.concatenate(ends), np.concatenate(points), firsts, traced)
 
 
 def join_paths(a: EyePaths, b: EyePaths) -> EyePaths:
     """Return what two calls found as if the rays of the second had come after those of the first."""
     ends = np.concatenate([a.ends, b.ends])
     ends["slot"][len(a.ends) :] += np.uint32(len(a.direct))
-    names = ("direct", "emission", "points", "firsts")
+    names = ("direct", "emission", "through", "points", "firsts")
     rest = (np.concatenate([getattr(a, name), getattr(b, name)]) for name in names)
-    direct, emission, points, firsts = rest
-    return EyePaths(direct, emission, ends, points, firsts, a.rays + b.rays)
+    direct, emission, through, points, firsts = rest
+    return EyePaths(direct, emission, through, ends, points, firsts, a.rays + b.rays)
 
 
 def _samples(packed: Packed) -> int:
@@ -185,21 +187,20 @@ def _follow_pixel(place, scene, foot, scratch, rays, i, slot, out, at):
     """Follow all paths of ray `i`; `at`: the next free row of the ends, and the number of rays traced."""
     world, table, texels, rows = place
     start, d, key = _vector(rays[0], i), _vector(rays[1], i), rays[3][i]
-    near = rays[2][i] * (f32(1) - scene[6][0])
+    near = rays[2][i] * (f32(1) - scene[5][0])
     start = add(start, scale(near, d))
-    white = f32(1), f32(1), f32(1)
     found, hit = closest_surface(world, table, texels, rows, start, d, f32(0), scratch[0], scratch[1])
     if not found:
-        _add(out[1], slot[1], scene[2], white)
+        _add(out[4], slot[1], _WHITE, _WHITE)
         return at[0], at[1] + i64(1)
     length = near + _distance(table, hit, start)
-    past = length > rays[2][i] * (f32(1) + scene[6][1])  # the edge of what the rasteriser drew
+    past = length > rays[2][i] * (f32(1) + scene[5][1])  # the edge of what the rasteriser drew
     foot[0] = _width(scene, length)
     _, ng, n, b, flags, entering = surface(table, texels, rows, hit, d)
     wo = scale(f32(-1), d)
     blurred = f32(0)
     for k in range(1 if past else _branches(b)):
-        path = key, u32(0), SCATTERED, start, d, white, nowhere(), f32(1), near
+        path = key, u32(0), SCATTERED, start, d, _WHITE, nowhere(), f32(1), near, True
         if not past:
             path = _branch(place, scene, key, k, hit, ng, n, b, wo, flags, entering, length)
         if greatest(path[_WEIGHT]) > _LEAST * f32(1.0 / ROUGH_SAMPLES):
@@ -233,13 +234,13 @@ def _branch(place, scene, key, k, hit, ng, n, b, wo, flags, entering, length):
         wi, weight, dimension = beyond, transmittance, u32(sample << 8 | 128)
         share = f32(1) if smooth else f32(1.0 / ROUGH_SAMPLES)
         lane = TRANSMITTED if smooth else SCATTERED
-    way = key, dimension, lane, wi, scale(share, weight)
+    way = key, dimension, lane, wi, scale(share, weight), True
     return _leave(place, hit, ng, b, flags, entering, nowhere(), f32(1), length, way)
 
 
 @jit
 def _leave(place, hit, ng, b, flags, entering, inside, focus, length, way):
-    """A path that goes on from a hit; way: its key, dimension, lane, direction and weight.
+    """A path that goes on from a hit; way: its key, dimension, lane, direction, weight and `clear`.
 
     key, dimension  of its random numbers
     lane            of its first end
@@ -247,12 +248,15 @@ def _leave(place, hit, ng, b, flags, entering, inside, focus, length, way):
     weight          of the radiance that comes back along it
     inside, focus   the hit at which it entered what it is in, see `medium`; what that makes of radiance
     length          m from the eye to `start`
+    clear           whether it went through glass alone, so that it sees the background
     """
-    key, dimension, lane, wi, weight = way
+    key, dimension, lane, wi, weight, clear = way
     start, inside = depart(place[0], place[1], hit, flags, entering, inside, ng, wi)
-    if dot(wi, ng) < f32(0) and b[_THIN] == f32(0):
+    passes, solid = dot(wi, ng) < f32(0), b[_THIN] == f32(0)
+    if passes and solid:
         focus = f32(1) / (b[_ETA] * b[_ETA]) if entering else f32(1)
-    return key, dimension, lane, start, wi, weight, inside, focus, length
+    clear = clear and (passes or (solid and transmits(b) and not entering))
+    return key, dimension, lane, start, wi, weight, inside, focus, length, clear
 
 
 @jit
@@ -263,8 +267,8 @@ def _follow_often(place, scene, foot, scratch, path, slot, out, at):
     -> `at`, and the length of the last in m
     """
     first, i = at[0], slot[1]
-    direct, emission = _vector(out[0], i), _vector(out[1], i)
-    key, dimension, lane, start, d, weight, inside, focus, length = path
+    direct, emission, through = _vector(out[0], i), _vector(out[1], i), _vector(out[4], i)
+    key, dimension, lane, start, d, weight, inside, focus, length, clear = path
     share, k, count, rough = f32(1), 0, 1, False
     end = length
     while k < count:
@@ -277,11 +281,13 @@ def _follow_often(place, scene, foot, scratch, path, slot, out, at):
             for c in range(3):
                 out[0][i, c] = direct[c] + share * (out[0][i, c] - direct[c])
                 out[1][i, c] = emission[c] + share * (out[1][i, c] - emission[c])
+                out[4][i, c] = through[c] + share * (out[4][i, c] - through[c])
                 for row in range(first, at[0]):
                     out[2][row].end.weight[c] *= share
         k += 1
         path = (
-            key, u32(dimension + u32(k << 8)), lane, start, d, scale(share, weight), inside, focus, length
+            key, u32(dimension + u32(k << 8)), lane, start, d, scale(share, weight), inside, focus, length,
+            clear,
         )  # fmt: skip
     return at, end
 
@@ -293,16 +299,17 @@ def _follow(place, scene, foot, scratch, path, slot, out, at):
     -> `at`, whether it met rough glass, its length in m, whether it parted, and if so the other path
     """
     world, table, texels, rows = place
-    lights, porous, background, _, _, _, _ = scene
+    lights, porous, _, _, _, _ = scene
     row, traced = at
-    key, dimension, lane, start, d, weight, inside, focus, length = path
+    key, dimension, lane, start, d, weight, inside, focus, length, clear = path
     stored, rough, parted, other = 0, False, False, path
     for _ in range(EVENTS_MAX + 1):
         u1, u2, u0 = _numbers(scene, key, dimension)
         traced += i64(1)
         found, hit = closest_surface(world, table, texels, rows, start, d, u0, scratch[0], scratch[1])
         if not found:
-            _add(out[1], slot[1], background, weight)
+            if clear:
+                _add(out[4], slot[1], _WHITE, weight)
             length = f32(1e30)
             break
         length += _distance(table, hit, start)
@@ -334,16 +341,16 @@ def _follow(place, scene, foot, scratch, path, slot, out, at):
         alive, wi, factor, parts, above, kept = go_on(b, n, ng, wo, entering, u1, u2, may_part)
         for turn in range(2 if parts else 1):  # the last is the one to go on with
             if turn < parts:
-                path = key, u32(dimension + u32(_EVENTS_APART)), SCATTERED, above, times(weight, kept)
+                path = key, u32(dimension + u32(_EVENTS_APART)), SCATTERED, above, times(weight, kept), clear
             else:
-                path = key, u32(dimension + u32(1)), lane, wi, times(weight, factor)
+                path = key, u32(dimension + u32(1)), lane, wi, times(weight, factor), clear
             left = _leave(place, hit, ng, b, flags, entering, inside, focus, length, path)
             if turn < parts:
                 parted, other = True, left
         weight = left[_WEIGHT]
         if not alive or stored == _ENDS_MAX or greatest(weight) < (_STRONG if stored > 0 else _LEAST):
             break
-        key, dimension, lane, start, d, weight, inside, focus, length = left
+        key, dimension, lane, start, d, weight, inside, focus, length, clear = left
     return (row, traced), rough, length, parted, other
 
 
@@ -355,7 +362,7 @@ def _numbers(scene, key, dimension):
     """
     event, k = dimension & u32(255), dimension >> u32(8)
     k = k * (u32(2) * event + u32(1)) & u32(ROUGH_SAMPLES - 1)
-    u1, u2, u3, _ = random4(key, event, scene[5], scene[4])
+    u1, u2, u3, _ = random4(key, event, scene[4], scene[3])
     u1 += f32(k) * f32(1.0 / ROUGH_SAMPLES)
     u2 += f32(k) * f32(LATTICE[0])
     u3 += f32(k) * f32(LATTICE[1])
@@ -371,7 +378,7 @@ def _distance(table, hit, start):
 @jit
 def _width(scene, length):
     """What a pixel covers after `length` m of its path, were all mirrors flat."""
-    wide, spread = scene[3]
+    wide, spread = scene[2]
     return wide + spread * length
 
 

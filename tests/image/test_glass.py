@@ -70,7 +70,7 @@ def truth(tracer: Tracer, rays: EyeRays, photons: int, seed: int, samples: int) 
 
 def sees_caustic(tracer: Tracer, rays: EyeRays) -> np.ndarray:
     """Whether each ray goes through the ball to where its caustic lies on the floor."""
-    paths = trace_eye(tracer.packed, tracer.world, tracer.surfaces, rays, BLACK, 0, 0, tracer.threads)
+    paths = trace_eye(tracer.packed, tracer.world, tracer.surfaces, rays, 0, 0, tracer.threads)
     end, place = paths.ends, paths.points["position"]
     there = (end["lane"] == TRANSMITTED) & (np.linalg.norm(place - CAUSTIC, axis=1) < CAUSTIC_RADIUS)
     return np.isin(np.arange(len(rays.keys)), end["slot"][there])

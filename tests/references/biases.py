@@ -19,7 +19,6 @@ from ispm import Renderer, Scene, Settings
 from ispm.gpu import Gpu, open_gpu
 from ispm.optics.texture import TextureTable
 from ispm.reference.paths import path_light
-from ispm.renderer.framing import place_camera
 from ispm.renderer.picture import Frame
 from ispm.stages.camera import CameraView
 from ispm.tracer.surface import SurfaceTable
@@ -98,9 +97,9 @@ def _pictures(renderer: Renderer, settings: Settings, seeds: range) -> np.ndarra
 
 
 def _view(scene: Scene) -> CameraView:
-    tracer = Tracer(scene)
-    camera, pose = place_camera(scene, None, tracer.packed, tracer.world, _SIZE)
-    return CameraView(_SIZE, pose, camera.yfov, camera.ymag)
+    camera = scene.default_camera(_SIZE)
+    assert camera.pose is not None
+    return CameraView(_SIZE, camera.pose, camera.yfov, camera.ymag)
 
 
 def _regions(case: Case, frame: Frame) -> Iterator[tuple[str, np.ndarray, Known]]:

@@ -10,7 +10,6 @@ from test_specular_paths import glass, rectangle
 from transport import Tracer, box_room, lit
 
 from ispm.reference.paths import path_light
-from ispm.renderer.framing import place_camera
 from ispm.scene.builtins_common import lambert
 from ispm.scene.scene import Scene
 from ispm.scene.shapes import icosphere
@@ -20,8 +19,8 @@ from ispm.stages.camera import CameraView
 def seen(scene, size, samples, bounces):
     """(samples, h, w, 3): pictures of one path a pixel, through places in the pixels drawn at random."""
     tracer, random = Tracer(scene), np.random.default_rng(3)
-    camera, pose = place_camera(scene, None, tracer.packed, tracer.world, size)
-    view = CameraView(size, pose, camera.yfov, camera.ymag, 1e-3, 100.0)
+    camera = scene.default_camera(size)
+    view = CameraView(size, camera.pose, camera.yfov, camera.ymag, 1e-3, 100.0)
     pictures = []
     for k in range(samples):
         x, y = random.random((2, size[1], size[0]))

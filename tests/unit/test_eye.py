@@ -14,7 +14,6 @@ MIRROR = Material((0.9, 0.8, 0.7), metallic=1.0, roughness=0.0)
 GLASS = Material((1, 1, 1), roughness=0.0, transmission=1.0, thickness=1.0)
 SHEET = Material((0.9, 0.5, 0.2), roughness=0.0, transmission=1.0)
 CLAY = Material((0.6, 0.4, 0.2), specular=0.0)
-WHITE = (1.0, 1.0, 1.0)
 
 
 def floor(y=0.0, size=20.0):
@@ -39,9 +38,15 @@ def towards(origin, targets, distances=None):
     )  # fmt: skip
 
 
-def follow(scene, rays, background=(0.0, 0.0, 0.0), threads=2, seed=0):
+def follow(scene, rays, threads=2, seed=0):
     tracer = Tracer(scene, threads)
-    return trace_eye(tracer.packed, tracer.world, tracer.surfaces, rays, background, seed, 0, threads)
+    return trace_eye(tracer.packed, tracer.world, tracer.surfaces, rays, seed, 0, threads)
+
+
+def surrounded(scene):
+    """The scene within a large white ball that shines by itself, with radiance 1."""
+    scene.add(icosphere(100.0, 4), material=Material((1, 1, 1), unlit=True), name="white")
+    return scene
 
 
 def grid(x, y, z, count=12):
@@ -190,7 +195,7 @@ def test_white_surroundings_stay_white(material):
     angle, radius = np.meshgrid(np.linspace(0, 6, 16), np.linspace(0.05, 0.95, 16))
     points = np.stack([radius * np.cos(angle), radius * np.sin(angle), np.sqrt(1 - radius**2)], -1)
     rays = towards((0.0, 0.0, 9.0), points.reshape(-1, 3))
-    paths = follow(scene, rays, WHITE)
+    paths = follow(surrounded(scene), rays)
     # what is below a thousandth is not followed
     assert paths.emission == pytest.approx(1.0, abs=2e-3)
 
@@ -202,11 +207,39 @@ def test_rough_glass_in_white_surroundings_loses_what_facets_shadow(roughness, t
     less again is shadowed; refraction loses less."""
     scene = Scene()
     scene.add(floor(0.0), material=Material((1, 1, 1), 0.0, roughness, transmission=1.0, thickness=thickness))
-    paths = follow(scene, towards((0.0, 5.0, 0.0), grid((-1, 1), 0.0, (-1, 1), 20)), WHITE)
+    rays = towards((0.0, 5.0, 0.0), grid((-1, 1), 0.0, (-1, 1), 20))
+    entered = follow(scene, rays).through.mean() if thickness else 0.0
+    paths = follow(surrounded(scene), rays)
     lost = roughness**4 / (1 + roughness**4)
-    mean = paths.emission.mean()
+    mean = paths.emission.mean() + entered * (1 - 1 / 1.5**2)  # within glass radiance would be n^2 as large
     # 3200 facets of weights in [0, 1]
     assert 1 - 2 * lost - 4 * (lost / 3200) ** 0.5 < mean < 1.0
+
+
+BALL = [(0.0, 0.0), (0.3, 0.1), (-0.2, 0.6), (0.5, -0.6), (0.9, 0.0)]
+
+
+@pytest.mark.parametrize("material", [MIRROR, GLASS, SHEET], ids=["mirror", "glass", "sheet"])
+def test_a_background_is_seen_through_glass_and_in_no_mirror(material):
+    """Of a ball of glass all that enters comes out again: 1 - R of what goes straight in. A sheet reflects
+    and tints twice."""
+    scene = Scene()
+    scene.add(icosphere(1.0, 48), material=material)
+    x, y = np.array(BALL).T
+    points = np.stack([x, y, np.sqrt(1 - x * x - y * y)], -1)
+    origin = np.array([0.0, 0.0, 900.0])  # far away, so that cosines are the points' z
+    paths = follow(scene, towards(origin, points))
+    c = points[:, 2]
+    e = np.sqrt(1 - (1 - c * c) / 1.5**2)
+    r = 0.5 * (((c - 1.5 * e) / (c + 1.5 * e)) ** 2 + ((1.5 * c - e) / (1.5 * c + e)) ** 2)
+    if material is MIRROR:
+        assert not paths.through.any()
+    elif material is GLASS:
+        assert paths.through == pytest.approx(np.stack([1 - r] * 3, 1), rel=5e-3)
+    else:
+        expected = ((1 - r)[:, None] * np.array([0.9, 0.5, 0.2])) ** 2
+        assert paths.through[0] == pytest.approx(expected[0], rel=5e-3)
+        assert not paths.emission.any()
 
 
 def test_light_at_the_end_is_exact_with_its_shadows():
@@ -262,6 +295,7 @@ def mixed():
     for x, material in enumerate((MIRROR, GLASS, SHEET, frost)):
         scene.add(icosphere(0.6, 8), material=material, translation=(1.3 * x - 2.0, -0.4, 0.0))
     scene.add(PointLight((5.0,) * 3), translation=(0.0, 3.0, 2.0))
+    surrounded(scene)
     targets = grid((-2.5, 2.5), (-0.9, 0.1), 0.0, 40)
     way = targets - (0.2, 0.5, 5.0)
     way /= np.linalg.norm(way, axis=1, keepdims=True)
@@ -271,18 +305,24 @@ def mixed():
 
 def test_paths_are_the_same_bytes_for_any_number_of_threads():
     scene, rays = mixed()
-    first, *others = (follow(scene, rays, WHITE, threads) for threads in (1, 2, 5))
+    first, *others = (follow(scene, rays, threads) for threads in (1, 2, 5))
     assert len(first.ends) > 1600
     for other in others:
-        for name in ("direct", "emission", "ends", "points"):
+        for name in ("direct", "emission", "through", "ends", "points"):
             assert getattr(first, name).tobytes() == getattr(other, name).tobytes()
         assert first.rays == other.rays
-    assert follow(scene, rays, WHITE, seed=1).direct.tobytes() != first.direct.tobytes()
+    assert follow(scene, rays, seed=1).direct.tobytes() != first.direct.tobytes()
 
 
 def test_everything_that_arrives_is_a_number():
     scene, rays = mixed()
-    paths = follow(scene, rays, WHITE)
-    for values in (paths.direct, paths.emission, paths.ends["weight"], paths.points["position"]):
+    paths = follow(scene, rays)
+    for values in (
+        paths.direct,
+        paths.emission,
+        paths.through,
+        paths.ends["weight"],
+        paths.points["position"],
+    ):
         assert np.isfinite(values).all()
     assert paths.direct.min() >= 0.0 and paths.emission.min() >= 0.0

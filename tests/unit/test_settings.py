@@ -52,7 +52,7 @@ def test_setting_converts_to_what_the_renderer_uses(name, given_value, held):
         ("size", (640,), "needs 2 numbers, not 1"),
         ("size", (0, 3), "0 is outside 1 to 16384 pixels"),
         ("estimator", "volums", "did you mean 'volumes'?"),
-        ("exposure", "atuo", "is not a number or auto; did you mean 'auto'?"),
+        ("exposure", "atuo", "is not a number or auto or hold; did you mean 'auto'?"),
         ("background", "balck", "did you mean 'black'?"),
         ("antialias", 3, "3 is not true or false"),
         ("gather", 5, "5 is not a square number; use 4 or 9"),

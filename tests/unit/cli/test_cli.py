@@ -258,6 +258,12 @@ def test_the_command_has_only_what_is_not_default(ispm_command):
     assert made_by(ispm_command, "a.png") == "ispm render cornell-box --size 8x6 -o a.png"
 
 
+def test_the_command_keeps_a_time_of_0_where_things_move(ispm_command):
+    """They may stand elsewhere in the file than at their first key."""
+    ispm_command("render caustic-ring --size 8x6 --time 0 -o a.png")
+    assert made_by(ispm_command, "a.png") == "ispm render caustic-ring --time 0.0 --size 8x6 -o a.png"
+
+
 def test_the_command_holds_what_came_from_the_environment_and_the_file(ispm_command, place, monkeypatch):
     (place / "s.toml").write_text("seed = 3\nmax_nodes = 77")
     monkeypatch.setenv("ISPM_PHOTONS", "2k")

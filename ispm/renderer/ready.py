@@ -1,0 +1,63 @@
+"""A scene made ready for a frame: packed, placed in the tracer, with its camera and its lights."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from ispm.optics.texture import TextureTable
+from ispm.renderer.chosen import Chosen
+from ispm.renderer.converge import place_in_pixel
+from ispm.renderer.framing import require_visible
+from ispm.scene.packed import Packed, pack
+from ispm.scene.scene import Scene
+from ispm.stages.camera import CameraView
+from ispm.tracer.surface import SurfaceTable
+from ispm.tracer.world import World
+
+_EYE_NEAR = 1e-9  # of the scene's diagonal: the eye may stand low over a wide plain
+_TEXTURE_FOOTPRINT = 0.005  # of the diagonal: over which photons see textures averaged
+
+
+class Ready:
+    """Makes scenes ready; what did not change since the last one is used again.
+
+    say       takes a line for the user
+    world     the tracer's trees, of the scene that was placed last
+    textures  likewise
+    chosen    what the scene does not bring
+    """
+
+    def __init__(self, threads: int, say: Callable[[str], None]) -> None:
+        self.world = World(threads)
+        self.textures = TextureTable.pack([])
+        self.chosen = Chosen(self.place, self.world, say)
+        self._packed: Packed | None = None
+
+    def __call__(self, scene: Scene, size: tuple[int, int], index: int) -> tuple[Packed, CameraView]:
+        """Return the scene with its lights, and what pass `index` of a picture of `size` sees it through."""
+        camera, pose = self.chosen.eye(scene, size)
+        packed = self.place(self.chosen.lit(scene, size))
+        reach = float(np.abs(packed.bounds - pose[:3, 3]).max()) + packed.diagonal
+        near = _EYE_NEAR * packed.diagonal if camera.ymag is None else 0.0
+        view = CameraView(
+            size, pose, camera.yfov, camera.ymag, near, reach,
+            jitter=place_in_pixel(index), pass_index=index, aspect=camera.aspect, principal=camera.principal,
+        )  # fmt: skip
+        return packed, view
+
+    def place(self, scene: Scene) -> Packed:
+        """Pack a scene and place it in the tracer. Raises SceneError where it cannot be rendered."""
+        old = self._packed
+        packed = pack(scene, old.geometry if old else None)
+        require_visible(scene, packed)
+        if old is None or [*map(id, old.textures)] != [*map(id, packed.textures)]:
+            self.textures = TextureTable.pack(packed.textures)
+        self.world.update(packed)
+        self._packed = packed
+        return packed
+
+    def surfaces(self, packed: Packed) -> SurfaceTable:
+        """Return what photons meet."""
+        return SurfaceTable(packed, self.textures, _TEXTURE_FOOTPRINT * packed.diagonal)
