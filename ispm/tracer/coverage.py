@@ -30,7 +30,9 @@ from ispm.tracer.world import World
 
 f32, i64, u32 = np.float32, np.int64, np.uint32
 
-_DRAWS_MAX = 16  # of a kernel: what is brighter by more would be fireflies, where next to nothing is lit
+_DRAWS_MAX = 32  # of a kernel: what is brighter by more would be fireflies, where next to nothing is lit
+_LAYERS = 4  # that are looked at about a point, until one is lit
+_PAST = f32(1e-3)  # of a kernel's reach, by which rays go on behind what they met
 _DIMENSION = 1 << 24  # of the first trial's random numbers
 _CHUNK = 256  # kernels a thread takes at a time
 
@@ -135,20 +137,23 @@ def _point_of(u, v, height, outside, turn):
 def _lit_share(place, middle, n, reach, wi, scratch):
     """Return the kernel's light on the surface about a point of its middle section, per area of the section,
     over the kernel at the point: 0 to 2; 0 where there is no surface that the photon lights."""
-    top, down = add(middle, scale(reach, n)), scale(f32(-1), n)
-    t = closest(
-        place[0], top[0], top[1], top[2], down[0], down[1], down[2], f32(2) * reach, scratch[0], scratch[1]
-    )
-    if not t < f32(2) * reach:
-        return f32(0)
-    found = scratch[1]
-    hit = (ldu(found, HIT_INSTANCE), ldu(found, HIT_PRIMITIVE), ldf(found, HIT_U), ldf(found, HIT_V))
-    _, front = hit_plane(place[1], hit)
-    facing = dot(front, n)
-    if facing < f32(0):
-        front, facing = scale(f32(-1), front), -facing
-    if facing < SAME_SURFACE or dot(wi, front) <= f32(0):
-        return f32(0)
-    z = (reach - t) / reach
-    m = f32(1) - z * z
-    return m * m / facing
+    top, down, length = add(middle, scale(reach, n)), scale(f32(-1), n), f32(2) * reach
+    for _ in range(_LAYERS):
+        t = closest(
+            place[0], top[0], top[1], top[2], down[0], down[1], down[2], length, scratch[0], scratch[1]
+        )
+        if not t < length:
+            break
+        found = scratch[1]
+        hit = (ldu(found, HIT_INSTANCE), ldu(found, HIT_PRIMITIVE), ldf(found, HIT_U), ldf(found, HIT_V))
+        _, front = hit_plane(place[1], hit)
+        facing = dot(front, n)
+        if facing < f32(0):
+            front, facing = scale(f32(-1), front), -facing
+        if facing >= SAME_SURFACE and dot(wi, front) > f32(0):
+            z = (length - t) / reach - f32(1)
+            m = max(f32(1) - z * z, f32(0))
+            return m * m / facing
+        t += _PAST * reach
+        top, length = add(top, scale(t, down)), length - t
+    return f32(0)
