@@ -110,8 +110,8 @@ class GBuffer:
     ids       rg32uint: instance row + 1 (0: nothing is there), primitive in its mesh
     points    rgba32uint: the bits of the position, world space; material and transmission in one word, 0 where
               nothing is (ispm/stages/material.wgsl)
-    normals   rgba16float: shading and geometric normal, octahedral (ispm/optics/sampling.wgsl),
-              both on the side the eye sees
+    normals   rg32uint: shading and geometric normal, packed (ispm/optics/sampling.wgsl), both on the side the
+              eye sees
     base      rgba16float: base color, linear; metallic
     emission  rgba16float: cd/m2, at most 65504; roughness
     depth     r32float: of the points in clip space, reversed; 0 where nothing is

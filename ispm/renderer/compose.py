@@ -30,7 +30,7 @@ def compose(
     glow = [(light[2], f4, 4)] if packed.glows else []
     d, i, irr, base, normals, ids, depth, *rest = gpu.read_many([
         (light[0], f4, 4), (light[1], f4, 4), (irradiance, f4, 4), (gbuffer.base, f2, 4),
-        (gbuffer.normals, f2, 4), (gbuffer.ids, u4, 2), (gbuffer.depth, f4), *glass, *glow,
+        (gbuffer.normals, u4, 2), (gbuffer.ids, u4, 2), (gbuffer.depth, f4), *glass, *glow,
     ])  # fmt: skip
     e = rest[-1] if glow else np.zeros(d.shape, f4)  # untouched pages: zeros_like would write them
     alpha, more = i[..., 3], {}

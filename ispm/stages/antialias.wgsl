@@ -8,7 +8,7 @@
 @group(0) @binding(1) var sample_ids: texture_multisampled_2d<u32>;
 @group(0) @binding(2) var sample_depth: texture_depth_multisampled_2d;
 @group(0) @binding(3) var ids: texture_2d<u32>;
-@group(0) @binding(4) var normals: texture_2d<f32>;
+@group(0) @binding(4) var normals: texture_2d<u32>;
 @group(0) @binding(5) var points: texture_2d<u32>;
 @group(0) @binding(18) var depth: texture_2d<f32>;
 @group(0) @binding(6) var direct_in: texture_2d<f32>;
@@ -57,7 +57,7 @@ struct Depths {
 // A plane is linear in clip space: with its equation there, depth follows from x and y alone.
 fn plane_depths(pixel: vec2i, x: vec4f, y: vec4f) -> Depths {
     let position = bitcast<vec3f>(textureLoad(points, pixel, 0).xyz);
-    let ng = octahedral_decode(textureLoad(normals, pixel, 0).zw);
+    let ng = unpack_normal(textureLoad(normals, pixel, 0).y);
     let plane = vec4f(ng, -dot(ng, position)) * camera.world_from_clip;
     let scale = vec2f(2.0, -2.0) / camera.size;
     let depths = -(plane.x * (x * scale.x - 1.0) + plane.y * (y * scale.y + 1.0) + plane.w) / plane.z;

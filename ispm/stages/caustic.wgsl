@@ -8,7 +8,7 @@
 @group(0) @binding(1) var<storage, read> photons: array<Caustic>;
 @group(0) @binding(2) var<storage, read> materials: array<Material>;
 @group(0) @binding(3) var points: texture_2d<u32>;
-@group(0) @binding(4) var normals: texture_2d<f32>;
+@group(0) @binding(4) var normals: texture_2d<u32>;
 @group(0) @binding(5) var base: texture_2d<f32>;
 @group(0) @binding(6) var emission: texture_2d<f32>;
 
@@ -79,8 +79,8 @@ fn fs(splat: Splat) -> Arrived {
     let photon = photons[splat.photon];
     let pixel = vec2u(splat.clip.xy);
     let packed = textureLoad(normals, pixel, 0);
-    let n = octahedral_decode(packed.xy);
-    let ng = octahedral_decode(packed.zw);
+    let n = unpack_normal(packed.x);
+    let ng = unpack_normal(packed.y);
     let seen = textureLoad(points, pixel, 0);
     let position = bitcast<vec3f>(seen.xyz);
     let offset = position - photon.position;

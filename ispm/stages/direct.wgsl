@@ -22,7 +22,7 @@ struct Lamps {                      // uniform: on llvmpipe a storage buffer cos
 @group(0) @binding(1) var<uniform> lamps: Lamps;
 @group(0) @binding(2) var<storage, read> materials: array<Material>;
 @group(0) @binding(3) var points: texture_2d<u32>;
-@group(0) @binding(4) var normals: texture_2d<f32>;
+@group(0) @binding(4) var normals: texture_2d<u32>;
 @group(0) @binding(5) var base: texture_2d<f32>;
 @group(0) @binding(6) var emission: texture_2d<f32>;
 @group(0) @binding(8) var before: texture_2d<f32>;
@@ -127,8 +127,8 @@ fn lit(pixel: vec2u, position: vec3f, word: u32) -> vec3f {
     let color = textureLoad(base, pixel, 0);
     let roughness = textureLoad(emission, pixel, 0).a;
     var s = Surface();
-    s.n = octahedral_decode(packed.xy);
-    s.ng = octahedral_decode(packed.zw);
+    s.n = unpack_normal(packed.x);
+    s.ng = unpack_normal(packed.y);
     s.position = position;
     s.wo = view_direction(s.position);
     s.bsdf = seen_bsdf(word, color, roughness, materials[material_row(word)]);

@@ -11,7 +11,7 @@ from ispm.scene.packed import Draw
 from ispm.stages.camera import CameraView
 
 _DRAWN = {"ids": "rg32uint", "bump": "rgba16float", "base": "rgba16float", "emission": "rgba16float"}
-_PLACED = {"points": "rgba32uint", "normals": "rgba16float", "depth": "r32float"}
+_PLACED = {"points": "rgba32uint", "normals": "rg32uint", "depth": "r32float"}
 
 
 class GBufferStage:

@@ -12,7 +12,7 @@ override BUMPY: bool = true;       // some material has a normal map
 
 struct Shown {
     @location(0) point: vec4u,
-    @location(1) normals: vec4f,
+    @location(1) normals: vec2u,
     @location(2) depth: f32,
 }
 
@@ -26,7 +26,7 @@ fn fs(@builtin(position) at: vec4f) -> Shown {
     let pixel = vec2u(at.xy);
     let seen = textureLoad(ids, pixel, 0).xy;
     if (seen.x == 0u) {
-        return Shown(vec4u(0u), vec4f(0.0), 0.0);
+        return Shown(vec4u(0u), vec2u(0u), 0.0);
     }
     let instance = seen.x - 1u;
     let bump = textureLoad(bumps, pixel, 0).xyz;
@@ -55,7 +55,7 @@ fn fs(@builtin(position) at: vec4f) -> Shown {
     n = bend(bend(side * n, met.ng), wo);
     return Shown(
         vec4u(bitcast<vec3u>(met.position), pack_material(instances[instance].material, bump.z)),
-        vec4f(octahedral_encode(n), octahedral_encode(met.ng)), clip_depth(met.position),
+        vec2u(pack_normal(n), pack_normal(met.ng)), clip_depth(met.position),
     );
 }
 

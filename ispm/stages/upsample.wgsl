@@ -20,7 +20,7 @@ struct Missed {
 @group(0) @binding(0) var<uniform> camera: Camera;
 @group(0) @binding(1) var<storage, read> materials: array<Material>;
 @group(0) @binding(2) var points: texture_2d<u32>;
-@group(0) @binding(3) var normals: texture_2d<f32>;
+@group(0) @binding(3) var normals: texture_2d<u32>;
 @group(0) @binding(4) var base: texture_2d<f32>;
 @group(0) @binding(5) var emission: texture_2d<f32>;
 @group(0) @binding(7) var<storage, read> receivers: array<Receiver>;
@@ -57,8 +57,8 @@ fn surface_at(pixel: vec2u, seen: vec4u) -> Surface {
         s.bsdf = Bsdf();
     }
     s.position = bitcast<vec3f>(seen.xyz);
-    s.n = octahedral_decode(packed.xy);
-    s.ng = octahedral_decode(packed.zw);
+    s.n = unpack_normal(packed.x);
+    s.ng = unpack_normal(packed.y);
     s.footprint = pixel_footprint(view_depth(s.position)) * f32(BLOCK);
     let cosine = max(abs(dot(view_direction(s.position), s.ng)), 0.1);
     let reach = PLANE_REACH * s.footprint / cosine;
