@@ -14,7 +14,7 @@ from ispm.renderer.views import photon_points
 from ispm.scene.lightmap import texel_measures
 from ispm.scene.packed import Packed
 from ispm.stages.camera import CameraView
-from ispm.tracer.emission import meet_texels
+from ispm.tracer.emission import place_photons
 from ispm.tracer.first_hits import first_hits
 from ispm.tracer.grid import PhotonGrid
 from ispm.tracer.plan import PlannedMap
@@ -78,10 +78,8 @@ def texels_as_photons(
     batches = []
     first_key = 0
     for each, content in zip(plan, texels, strict=True):
-        row, words = packed.lights[each.map.light], content.reshape(-1, 2)
-        rows = np.zeros(len(words), EMITTED)
-        rows["instance"], rows["primitive"] = words[:, 0], words[:, 1]
-        meet_texels(surfaces, each, rows, np.arange(len(rows)))
+        row, rows = packed.lights[each.map.light], np.zeros(content.size // 2, EMITTED)
+        place_photons(surfaces, each, content, rows, np.arange(len(rows)))
         measures = texel_measures(each.map, row, each.width, each.shift)
         rows["flux"] = measures.reshape(-1, 1) * row["intensity"]
         rows["light"] = each.map.light

@@ -24,7 +24,7 @@ from ispm.optics.sampling import LATTICE, equal_area_octahedral, to_world
 from ispm.scene.lightmap import LightMap, cone_measure, texel_measures, texel_rays
 from ispm.scene.packed import Packed
 from ispm.tracer.intersect import STACK_WORDS
-from ispm.tracer.meet import meet_many
+from ispm.tracer.meet import meet_texels
 from ispm.tracer.plan import PlannedMap
 from ispm.tracer.simd import address, alloca
 from ispm.tracer.surface import SurfaceTable, closest_surface
@@ -69,32 +69,32 @@ def emit_texels(
             expected *= each.photons / each.map.measure
             most = np.ceil(expected)
             out = np.empty(int(most.sum()), EMITTED)
+            held = next(content)
             count = _thin(
-                np.ascontiguousarray(next(content)), expected, _faces(each.map, origin), views, i64(own),
+                expected, _faces(each.map, origin), views, i64(own),
                 light["intensity"], f64(each.shift[0]), f64(each.shift[1]), f64(each.offset), u32(index),
                 u32(first_key), out,
             )  # fmt: skip
             out = out[:count]
-            meet_texels(surfaces, each, out, (out["key"].astype(np.int64) - first_key) % expected.size)
+            place_photons(surfaces, each, held, out, (out["key"].astype(np.int64) - first_key) % expected.size)
             batches.append(out)
             first_key += expected.size * int(most.max(initial=0.0))
     return np.concatenate(batches)
 
 
-def meet_texels(surfaces: SurfaceTable, planned: PlannedMap, rows: np.ndarray, texels: np.ndarray) -> None:
-    """Find where on their triangles the rays of texels meet them; beyond the light's range is nothing. In place.
+def place_photons(
+    surfaces: SurfaceTable, planned: PlannedMap, content: np.ndarray, rows: np.ndarray, texels: np.ndarray
+) -> None:
+    """Find what the rays of texels meet, and where; beyond the light's range is nothing. In place.
 
-    rows  (n,) EMITTED;  texels  (n,) numbers in the map
+    content  (F, W, W, 2) uint32 of the map;  rows  (n,) EMITTED;  texels  (n,) numbers in the map
     """
-    hit = np.flatnonzero(rows["instance"] != NO_HIT)
-    map, found = planned.map, rows[hit]
-    origins, directions = texel_rays(map, planned.width, planned.shift, texels[hit])
-    places, along = meet_many(
-        surfaces, found["instance"], found["primitive"], origins, directions, map.orthographic
-    )
-    rows["u"][hit], rows["v"][hit] = places.T
+    map = planned.map
+    origins, directions = texel_rays(map, planned.width, planned.shift, texels)
+    found, places, along = meet_texels(surfaces, content, texels, origins, directions, map.orthographic)
     beyond = along * np.linalg.norm(directions, axis=1) > map.range
-    rows["instance"][hit[beyond]] = NO_HIT
+    rows["instance"], rows["primitive"] = np.where(beyond, NO_HIT, found[:, 0]), found[:, 1]
+    rows["u"], rows["v"] = places.T
 
 
 def emit_rays(
@@ -177,10 +177,10 @@ def _density_of_rays(light: np.void, each: PlannedMap) -> float:
 
 @jit
 def _thin(
-    texels, expected, faces, views, own, intensity, shift_x, shift_y, offset, light, first_key, out
+    expected, faces, views, own, intensity, shift_x, shift_y, offset, light, first_key, out
 ):  # fmt: skip
     count = i64(0)
-    width = texels.shape[1]
+    width = expected.shape[1]
     for face in range(len(faces)):
         for y in range(width):
             t = f64(2) * (y + 0.5 + shift_y) / width - f64(1)
@@ -195,8 +195,6 @@ def _thin(
                 key = i64(first_key) + texel
                 while threshold < expected[face, y, x]:
                     row = out[count]
-                    row.instance = texels[face, y, x, 0]
-                    row.primitive = texels[face, y, x, 1]
                     for c in range(3):
                         row.flux[c] = f32(f64(intensity[c]) / density)
                     row.key = u32(key)

@@ -10,14 +10,17 @@ import math
 import numpy as np
 
 from ispm.optics.jit import jit
+from ispm.optics.records import MATERIAL, MATERIAL_BLEND, MATERIAL_MASK, NO_HIT
 from ispm.optics.vector import add, cross, dot, scale, sub
-from ispm.tracer.mesh import INSTANCES, TO_WORLD, edges_at, triangle_at
-from ispm.tracer.simd import ldf
+from ispm.tracer.mesh import INSTANCES, MATERIALS, TO_WORLD, edges_at, triangle_at, word_of
+from ispm.tracer.simd import ldf, ldu
 from ispm.tracer.surface import SurfaceTable
 
 f32, f64, i64, u32 = np.float32, np.float64, np.int64, np.uint32
 
 _INSET = 4e-6  # as in the shader
+_SAME = 1e-9  # share of the way by which one triangle is not nearer than another
+_FLAGS = word_of(MATERIAL, "flags")
 
 
 def meet_many(
@@ -44,6 +47,74 @@ def _meet_many(table, instance, primitive, origins, directions, parallel, places
         places[i, 0], places[i, 1], along[i] = u, v, t
 
 
+def meet_texels(
+    surfaces: SurfaceTable, content: np.ndarray, texels: np.ndarray, origins: np.ndarray,
+    directions: np.ndarray, parallel: bool,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:  # fmt: skip
+    """Return what rays through (n,) texels meet: triangles, (n, 2) uint32 instance and primitive, and places on
+    them and ways there as `meet_many`.
+
+    content  (F, W, W, 2) uint32 instance, NO_HIT where nothing is, and primitive;  texels  numbers in it
+    Of the opaque triangles that the 3 x 3 texels about one show, and its own, a ray takes the first that it meets:
+    so rasterisers that snap corners to different grids agree, but on what no texel's neighbour shows.
+    """
+    found, places = np.empty((len(texels), 2), np.uint32), np.zeros((len(texels), 2), np.float32)
+    along = np.zeros(len(texels))
+    arrays = (np.ascontiguousarray(a) for a in (content, texels, origins, directions))
+    _meet_texels(surfaces.addresses, *arrays, parallel, found, places, along)
+    return found, places, along
+
+
+@jit
+def _meet_texels(table, content, texels, origins, directions, parallel, found, places, along):
+    width = content.shape[1]
+    for i in range(len(texels)):
+        face, y, x = texels[i] // (width * width), texels[i] // width % width, texels[i] % width
+        origin = (origins[i, 0], origins[i, 1], origins[i, 2])
+        direction = (directions[i, 0], directions[i, 1], directions[i, 2])
+        own, before = (content[face, y, x, 0], content[face, y, x, 1]), (u32(NO_HIT), u32(0))
+        best, place, t, hits = own, (f64(0), f64(0)), f64(0), False
+        if own[0] != u32(NO_HIT):
+            place, t, hits = _on_plane(table, own, origin, direction)
+        for row in range(max(y - 1, 0), min(y + 2, width)):
+            for column in range(max(x - 1, 0), min(x + 2, width)):
+                other = (content[face, row, column, 0], content[face, row, column, 1])
+                if other[0] == u32(NO_HIT) or other == own or other == before or _has_holes(table, other):
+                    continue
+                before = other
+                there, way, meets = _on_plane(table, other, origin, direction)
+                nearer = way < t - f64(_SAME) * abs(t) if hits else parallel or way > f64(0)
+                if meets and nearer and (parallel or way > f64(0)):
+                    best, place, t, hits = other, there, way, True
+        found[i, 0], found[i, 1] = best
+        if hits:
+            places[i, 0] = place[0]
+            places[i, 1] = min(f32(place[1]), f32(1) - places[i, 0])
+            along[i] = t
+        elif best[0] != u32(NO_HIT):
+            places[i, 0], places[i, 1], along[i] = meet(table, best[0], best[1], origin, direction, parallel)
+
+
+@jit
+def _has_holes(table, triangle):
+    """Whether a triangle's material has holes, which are not looked into here."""
+    _, material, _ = triangle_at(table, (triangle[0], triangle[1], f32(0), f32(0)))
+    return ldu(table[MATERIALS], material + _FLAGS) & u32(MATERIAL_MASK | MATERIAL_BLEND) != u32(0)
+
+
+@jit
+def _on_plane(table, triangle, origin, direction):
+    """Barycentrics of where a ray meets a triangle's plane, how many lengths away, and whether in the triangle."""
+    corner, e1, e2 = _placed(table, triangle[0], triangle[1])
+    n = cross(e1, e2)
+    square, facing = max(dot(n, n), f64(1e-300)), dot(n, direction)
+    away = sub(origin, corner)
+    t = -dot(n, away) / facing if facing != f64(0) else f64(0)
+    way = add(away, scale(t, direction))
+    u, v = dot(cross(way, e2), n) / square, dot(cross(e1, way), n) / square
+    return (u, v), t, facing != f64(0) and min(u, min(v, f64(1) - u - v)) >= f64(0)
+
+
 @jit
 def meet(table, instance, primitive, origin, direction, parallel):
     """Return the barycentrics u, v, float32, of the point of a triangle that a ray sees, and how many lengths of
@@ -54,14 +125,10 @@ def meet(table, instance, primitive, origin, direction, parallel):
     the point is then what on the triangle is nearest on the screen, and a little within, before a wall at that
     edge.
     """
-    corner, e1, e2 = _placed(table, instance, primitive)
-    n = cross(e1, e2)
-    square, facing = max(dot(n, n), f64(1e-300)), dot(n, direction)
-    away = sub(origin, corner)
-    t = -dot(n, away) / facing if facing != f64(0) else f64(0)
-    way = add(away, scale(t, direction))
-    u, v = dot(cross(way, e2), n) / square, dot(cross(e1, way), n) / square
-    if facing == f64(0) or not min(u, min(v, f64(1) - u - v)) >= f64(0):
+    (u, v), t, hits = _on_plane(table, (instance, primitive), origin, direction)
+    if not hits:
+        corner, e1, e2 = _placed(table, instance, primitive)
+        away = sub(origin, corner)
         u, v = _nearest(corner, e1, e2, away, direction, parallel)
         way = sub(add(scale(u, e1), scale(v, e2)), away)
         t = dot(way, direction) / dot(direction, direction)
