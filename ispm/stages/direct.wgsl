@@ -32,7 +32,7 @@ struct Lamps {                      // uniform: on llvmpipe a storage buffer cos
 @group(0) @binding(12) var nearest: sampler;
 
 const REACH = 1.0;      // texels at most between a point and the centres of those its filter reads
-const GRAZING = 1e-3;   // what normals are uncertain by, kept as two halves: radians
+const GRAZING = 1e-3;   // ten times what packed normals are uncertain by, kept: radians
 
 // Four texels about a point in the order of textureGather: left below, right below, right above, left above.
 struct Lookup {
