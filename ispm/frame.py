@@ -108,8 +108,8 @@ class GBuffer:
     """What each pixel of the eye sees.
 
     ids       rg32uint: instance row + 1 (0: nothing is there), primitive in its mesh
-    points    rgba32uint: the bits of the position, world space; material and transmission in one word, 0 where
-              nothing is (ispm/stages/material.wgsl)
+    points    rgba32uint: the bits of the position, world space; material and transmission in one word, 0
+              where nothing is (ispm/stages/material.wgsl)
     normals   rg32uint: shading and geometric normal, packed (ispm/optics/sampling.wgsl), both on the side the
               eye sees
     base      rgba16float: base color, linear; metallic

@@ -76,7 +76,8 @@ def emit_texels(
                 u32(first_key), out,
             )  # fmt: skip
             out = out[:count]
-            place_photons(surfaces, each, held, out, (out["key"].astype(np.int64) - first_key) % expected.size)
+            numbers = (out["key"].astype(np.int64) - first_key) % expected.size
+            place_photons(surfaces, each, held, out, numbers)
             batches.append(out)
             first_key += expected.size * int(most.max(initial=0.0))
     return np.concatenate(batches)

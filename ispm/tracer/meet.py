@@ -27,8 +27,8 @@ def meet_many(
     surfaces: SurfaceTable, instance: np.ndarray, primitive: np.ndarray, origins: np.ndarray,
     directions: np.ndarray, parallel: bool,
 ) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
-    """Return barycentrics, (n, 2) float32, of the points of (n,) triangles that rays see, and how many of their
-    directions' lengths away these are, (n,) float64.
+    """Return barycentrics, (n, 2) float32, of the points of (n,) triangles that rays see, and how many of
+    their directions' lengths away these are, (n,) float64.
 
     origins, directions  (n, 3) float64, world space;  parallel  see `meet`
     """
@@ -51,12 +51,12 @@ def meet_texels(
     surfaces: SurfaceTable, content: np.ndarray, texels: np.ndarray, origins: np.ndarray,
     directions: np.ndarray, parallel: bool,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:  # fmt: skip
-    """Return what rays through (n,) texels meet: triangles, (n, 2) uint32 instance and primitive, and places on
-    them and ways there as `meet_many`.
+    """Return what rays through (n,) texels meet: triangles, (n, 2) uint32 instance and primitive, and places
+    on them and ways there as `meet_many`.
 
     content  (F, W, W, 2) uint32 instance, NO_HIT where nothing is, and primitive;  texels  numbers in it
-    Of the opaque triangles that the 3 x 3 texels about one show, and its own, a ray takes the first that it meets:
-    so rasterisers that snap corners to different grids agree, but on what no texel's neighbour shows.
+    Of the opaque triangles that the 3 x 3 texels about one show, and its own, a ray takes the first that it
+    meets: so rasterisers that snap corners to different grids agree, but on what no texel's neighbour shows.
     """
     found, places = np.empty((len(texels), 2), np.uint32), np.zeros((len(texels), 2), np.float32)
     along = np.zeros(len(texels))
@@ -79,7 +79,9 @@ def _meet_texels(table, content, texels, origins, directions, parallel, found, p
         for row in range(max(y - 1, 0), min(y + 2, width)):
             for column in range(max(x - 1, 0), min(x + 2, width)):
                 other = (content[face, row, column, 0], content[face, row, column, 1])
-                if other[0] == u32(NO_HIT) or other == own or other == before or _has_holes(table, other):
+                if other[0] == u32(NO_HIT) or other == own:
+                    continue
+                if other == before or _has_holes(table, other):
                     continue
                 before = other
                 there, way, meets = _on_plane(table, other, origin, direction)
@@ -104,7 +106,7 @@ def _has_holes(table, triangle):
 
 @jit
 def _on_plane(table, triangle, origin, direction):
-    """Barycentrics of where a ray meets a triangle's plane, how many lengths away, and whether in the triangle."""
+    """Barycentrics of where a ray meets a triangle's plane, how many lengths away, and whether within it."""
     corner, e1, e2 = _placed(table, triangle[0], triangle[1])
     n = cross(e1, e2)
     square, facing = max(dot(n, n), f64(1e-300)), dot(n, direction)
@@ -117,13 +119,13 @@ def _on_plane(table, triangle, origin, direction):
 
 @jit
 def meet(table, instance, primitive, origin, direction, parallel):
-    """Return the barycentrics u, v, float32, of the point of a triangle that a ray sees, and how many lengths of
-    `direction` away it is.
+    """Return the barycentrics u, v, float32, of the point of a triangle that a ray sees, and how many lengths
+    of `direction` away it is.
 
     parallel  rays beside it have its direction; else they come from its origin
-    Rasterisers snap corners to a grid, of 1/16 pixel at the coarsest, so that rays miss some of their triangles:
-    the point is then what on the triangle is nearest on the screen, and a little within, before a wall at that
-    edge.
+    Rasterisers snap corners to a grid, of 1/16 pixel at the coarsest, so that rays miss some of their
+    triangles: the point is then what on the triangle is nearest on the screen, and a little within, before a
+    wall at that edge.
     """
     (u, v), t, hits = _on_plane(table, (instance, primitive), origin, direction)
     if not hits:

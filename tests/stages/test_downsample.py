@@ -36,8 +36,8 @@ def receivers_and_depth(gpu, block, **options):
 @pytest.mark.parametrize("block", [1, 2, 4, 7, 16])
 @pytest.mark.parametrize("options", [{}, {"ymag": 2.5, "near": -3.0, "far": 12.0}])
 def test_each_receiver_is_a_pixel_in_the_plane_of_that_of_median_depth(gpu, block, options):
-    """Projected back, it lies in its block, at a pixel's centre and depth. Where all of a block lies in its plane
-    it is that pixel of the four in the middle."""
+    """Projected back, it lies in its block, at a pixel's centre and depth. Where all of a block lies in its
+    plane it is one in the middle."""
     receivers, depth, view = receivers_and_depth(gpu, block, **options)
     assert receivers.shape == (-(-SIZE[1] // block), -(-SIZE[0] // block))
     planes = 0
@@ -59,7 +59,8 @@ def test_each_receiver_is_a_pixel_in_the_plane_of_that_of_median_depth(gpu, bloc
         bends = [np.abs(np.diff(part, 2, axis=k)).max(initial=0.0) for k in (0, 1)]
         twist = np.abs(np.diff(np.diff(part, axis=0), axis=1)).max(initial=0.0)
         if max(*bends, twist) < 1e-6 * part.max():
-            assert max(abs(x - 0.5 - column * block - (block - 1) / 2), abs(y - 0.5 - row * block - (block - 1) / 2)) < 0.6
+            place = np.array([x, y]) - block * np.array([column, row])
+            assert np.abs(place - block / 2).max() < 0.6
             planes += 1
     assert planes > 20 or block > 4
 

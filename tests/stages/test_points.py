@@ -13,7 +13,6 @@ from ispm.gpu import Gpu
 from ispm.optics.records import EMITTED, NO_HIT
 from ispm.optics.texture import TextureTable
 from ispm.renderer.chains import eye_rays
-from ispm.scene.camera import look_at_pose
 from ispm.scene.light import DirectionalLight, PointLight
 from ispm.scene.packed import Packed, pack
 from ispm.scene.scene import Scene
@@ -110,8 +109,8 @@ def largest(drawn: Drawn, points: np.ndarray) -> float:
 
 @pytest.mark.parametrize("options", VIEWS.values(), ids=VIEWS)
 def test_points_lie_on_their_triangles_and_on_their_rays(gpu: Gpu, options: dict[str, Any]) -> None:
-    """To float rounding: a dozen operations round by 2^-24 of the largest number that they meet, those of a ray's
-    direction, from a matrix, twice as many. Rays that miss their triangle pass it by a grid's step at most."""
+    """To float rounding: a dozen operations round by 2^-24 of the largest number that they meet, those of a
+    ray's direction, from a matrix, twice as many. Rays that miss their triangle pass it by a grid's step."""
     drawn = Drawn(gpu, packed_mixed(), view_of(**options))
     ids, points = drawn.ids(), drawn.points()
     seen = np.flatnonzero(ids[:, 0])
@@ -239,7 +238,7 @@ def test_photons_meet_what_their_texels_rays_meet(kind: str, step: tuple[int, in
     packed, width, shift = pack(scene), 64, (0.31, -0.44)
     (map,) = packed.maps
     triangles = triangles_of(packed)
-    row, distance, exact = nearest(triangles, *map_rays(map, width, shift))
+    row, _, exact = nearest(triangles, *map_rays(map, width, shift))
     content = np.zeros((len(map.axes), width, width, 2), np.uint32)
     content[..., 0] = np.where(row >= 0, triangles.instance[row], NO_HIT)
     content[..., 1] = np.where(row >= 0, triangles.primitive[row], 0)
