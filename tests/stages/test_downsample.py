@@ -40,7 +40,7 @@ def test_each_receiver_is_a_pixel_in_the_plane_of_that_of_median_depth(gpu, bloc
     plane it is one in the middle."""
     receivers, depth, view = receivers_and_depth(gpu, block, **options)
     assert receivers.shape == (-(-SIZE[1] // block), -(-SIZE[0] // block))
-    planes = 0
+    planes, beside = 0, []
     for (row, column), r in np.ndenumerate(receivers):
         part = depth[row * block : (row + 1) * block, column * block : (column + 1) * block]
         if not r["valid"]:
@@ -50,7 +50,7 @@ def test_each_receiver_is_a_pixel_in_the_plane_of_that_of_median_depth(gpu, bloc
         clip = view.clip_from_world @ np.append(r["position"].astype(float), 1.0)
         ndc = clip[:3] / clip[3]
         x, y = (ndc[0] * 0.5 + 0.5) * SIZE[0], (0.5 - ndc[1] * 0.5) * SIZE[1]
-        assert (x - 0.5) % 1.0 == pytest.approx(0.0, abs=2e-3) or (x - 0.5) % 1.0 > 0.998
+        beside.append(max(abs(x % 1.0 - 0.5), abs(y % 1.0 - 0.5)))
         assert column * block <= x < (column + 1) * block and row * block <= y < (row + 1) * block
         assert ndc[2] == pytest.approx(depth[int(y), int(x)], rel=1e-4)
         if block > 4 or part.shape != (block, block) or not part.all():
@@ -63,6 +63,8 @@ def test_each_receiver_is_a_pixel_in_the_plane_of_that_of_median_depth(gpu, bloc
             assert np.abs(place - block / 2).max() < 0.6
             planes += 1
     assert planes > 20 or block > 4
+    # where its ray misses the triangle, for a rasteriser's grid of 1/16 at the coarsest, it lies beside the centre
+    assert max(beside) < 0.0625 and np.median(beside) < 2e-3 and (np.array(beside) > 2e-3).mean() < 0.05
 
 
 @pytest.mark.parametrize("block", [2, 4, 7])
