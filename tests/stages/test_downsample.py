@@ -63,7 +63,7 @@ def test_each_receiver_is_a_pixel_in_the_plane_of_that_of_median_depth(gpu, bloc
             assert np.abs(place - block / 2).max() < 0.6
             planes += 1
     assert planes > 20 or block > 4
-    # where its ray misses the triangle, for a rasteriser's grid of 1/16 at the coarsest, it lies beside the centre
+    # where its ray misses the triangle, for a grid of 1/16 pixel at the coarsest, it lies beside the centre
     assert max(beside) < 0.0625 and np.median(beside) < 2e-3 and (np.array(beside) > 2e-3).mean() < 0.05
 
 
