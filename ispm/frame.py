@@ -105,18 +105,20 @@ class GpuScene:
 
 @dataclass(frozen=True, eq=False)
 class GBuffer:
-    """What each pixel of the eye sees; 32 bytes of color and the depth.
+    """What each pixel of the eye sees.
 
-    ids       rg32uint: instance row + 1 (0: nothing is there), material row in the low 24 bits and
-              transmission above them (ispm/stages/material.wgsl)
-    normals   rgba16float: shading and geometric normal, octahedral (ispm/optics/sampling.wgsl),
-              both on the side the eye sees
+    ids       rg32uint: instance row + 1 (0: nothing is there), primitive in its mesh
+    points    rgba32uint: the bits of the position, world space; material and transmission in one word, 0
+              where nothing is (ispm/stages/material.wgsl)
+    normals   rg32uint: shading and geometric normal, packed (ispm/optics/sampling.wgsl), both on the side the
+              eye sees
     base      rgba16float: base color, linear; metallic
     emission  rgba16float: cd/m2, at most 65504; roughness
-    depth     depth32float, reversed
+    depth     r32float: of the points in clip space, reversed; 0 where nothing is
     """
 
     ids: Texture
+    points: Texture
     normals: Texture
     base: Texture
     emission: Texture
@@ -165,18 +167,17 @@ class BounceMap:
 class BounceMaps:
     """The bounce maps of all lights, side by side.
 
-    texels  rgba32uint: instance row, primitive in its mesh, and the bits of the barycentrics u and v;
-            NO_HIT in the first where nothing was hit
+    texels  rg32uint: instance row, primitive in its mesh; NO_HIT in the first where nothing was hit
     """
 
     texels: Texture
     maps: list[BounceMap]
 
     def read(self, gpu: Gpu) -> list[np.ndarray]:
-        """Return the maps as (F, width, width, 4) uint32, after one wait for all."""
+        """Return the maps as (F, width, width, 2) uint32, after one wait for all."""
         if not self.maps:
             return []
-        (texels,) = gpu.read_many([(self.texels, np.uint32, 4)])
+        (texels,) = gpu.read_many([(self.texels, np.uint32, 2)])
         return [
             np.stack([texels[y : y + each.width, x : x + each.width] for x, y in each.places])
             for each in self.maps

@@ -11,7 +11,7 @@ _PATH = "estimators/tiled.wgsl"
 _SCREEN = wgsl.load(_PATH).dtype("Screen")
 _BOX = wgsl.load(_PATH).dtype("Box")
 _SIDE = 8  # receivers along a tile's edge
-_ENTRIES = ("bound", "count", "scan", "fill", "gather", "gather_gloss")
+_ENTRIES = ("bound", "count", "scan", "fill", "sort", "gather", "gather_gloss")
 _BUFFERS = ("receivers", "photons", "boxes", "counts", "starts", "members", "result")
 
 
@@ -64,6 +64,8 @@ class Tiled:
         members = buffers["members"].sized(length * 4)
         with self._gpu.frame() as frame:
             passes["fill"](frame, over=photon_count, photons=photons, starts=starts, members=members, **tiles)
+            threads = passes["sort"].workgroup[0] * tile_count
+            passes["sort"](frame, over=threads, starts=starts, members=members)
 
     def _sum(self, screen: np.ndarray, receiver_count: int, glossy: bool) -> np.ndarray:
         """Sum the lists at the receivers."""

@@ -1,5 +1,5 @@
 // Photons to receivers through tiles of the screen. In order: `bound` the tiles, `count` their photons,
-// `scan` the counts, `fill` the lists, `gather`.
+// `scan` the counts, `fill` the lists, `sort` them, `gather`.
 // include estimators/incident.wgsl
 
 struct Screen {
@@ -151,6 +151,33 @@ fn scan(@builtin(local_invocation_id) id: vec3u) {
     }
     if (id.x == SCANNERS - 1u) {
         starts[tile_count] = start;
+    }
+}
+
+// Put a tile's list in the photons' order: it was filled in whatever order threads came, and sums of floats would
+// differ by it. A bitonic sort whose runs all ascend, so that what lies beyond the end need not be there.
+const SORTERS = 256u;
+var<workgroup> list: vec2u;        // its first member, and their number
+
+@compute @workgroup_size(256)
+fn sort(@builtin(workgroup_id) tile: vec3u, @builtin(local_invocation_id) id: vec3u) {
+    if (id.x == 0u) {
+        list = vec2u(starts[tile.x], starts[tile.x + 1u] - starts[tile.x]);
+    }
+    let own = workgroupUniformLoad(&list);
+    for (var run = 2u; run < 2u * own.y; run = 2u * run) {
+        for (var apart = run / 2u; apart > 0u; apart = apart / 2u) {
+            for (var i = id.x; i < own.y; i += SORTERS) {
+                let j = i ^ select(apart, run - 1u, apart == run / 2u);
+                if (j > i && j < own.y) {
+                    let a = members[own.x + i];
+                    let b = members[own.x + j];
+                    members[own.x + i] = min(a, b);
+                    members[own.x + j] = max(a, b);
+                }
+            }
+            storageBarrier();
+        }
     }
 }
 

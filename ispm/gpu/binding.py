@@ -17,7 +17,7 @@ from ispm.gpu.texture import Texture
 _COMMENT = re.compile(r"//[^\n]*")
 _FUNCTION = re.compile(r"\bfn\s+(\w+)")
 _OVERRIDE = re.compile(r"\boverride\s+(\w+)")
-_WORD = re.compile(r"[A-Za-z_]\w*")
+_WORD = re.compile(r"(?<![.\w])[A-Za-z_]\w*")  # no fields
 _ERROR = re.compile(r"error: (.*)\n\s*┌─ (\S+)")
 _ACCESS = {"write": "write-only", "read": "read-only", "read_write": "read-write"}
 _SAMPLE_TYPES = {"u32": "uint", "i32": "sint"}

@@ -37,6 +37,15 @@ fn octahedral_decode(p: vec2f) -> vec3f {
     return normalize(vec3f(select(p, octahedral_fold(p), z < 0.0), z));
 }
 
+// In 16 bits a coordinate, rounded alike by all drivers, as floats of 16 bits need not be.
+fn pack_normal(n: vec3f) -> u32 {
+    return pack2x16snorm(octahedral_encode(n));
+}
+
+fn unpack_normal(word: u32) -> vec3f {
+    return octahedral_decode(unpack2x16snorm(word));
+}
+
 // Turn the corners of the square over its diamond's edges.
 fn octahedral_fold(p: vec2f) -> vec2f {
     return (1.0 - abs(p.yx)) * select(vec2f(-1.0), vec2f(1.0), p >= vec2f(0.0));

@@ -16,6 +16,8 @@ from ispm.tracer.edges import edge_rows
 from ispm.tracer.ends import image_of_ends, reflect_light, smooth_frost, spread_light
 from ispm.tracer.eye import REFLECTED, SCATTERED, TRANSMITTED, EyePaths, EyeRays, join_paths, trace_eye
 from ispm.tracer.grid import PhotonGrid
+from ispm.tracer.meet import meet_many
+from ispm.tracer.rays import HIT
 from ispm.tracer.surface import SurfaceTable
 from ispm.tracer.world import World
 
@@ -50,7 +52,7 @@ def chain_light(
     def trace(rays: EyeRays) -> EyePaths:
         return trace_eye(packed, world, surfaces, rays, settings.seed, pass_index, threads)
 
-    rays = eye_rays(seen, view)
+    rays = eye_rays(seen, surfaces, view)
     paths, pixels = trace(rays), rays.keys
     edges = edge_rows(paths, pixels, view.size[0]) if settings.antialias else np.zeros(0, np.int64)
     if len(edges):
@@ -66,14 +68,22 @@ def chain_light(
     return np.concatenate([light[:count], through[:count]], axis=1)
 
 
-def eye_rays(seen: np.ndarray, view: CameraView) -> EyeRays:
-    """Return the rays through (n,) SEEN pixels."""
-    origins, directions, distances = view.pixel_rays(seen["pixel"], seen["depth"])
-    wide = (view.footprint, 0.0) if view.ymag is not None else (0.0, view.footprint)
+def eye_rays(seen: np.ndarray, surfaces: SurfaceTable, view: CameraView) -> EyeRays:
+    """Return the rays through (n,) SEEN pixels, and where they meet the triangles there."""
+    origins, directions = view.pixel_rays(seen["pixel"].astype(np.int64))
+    parallel = view.ymag is not None
+    wide = (view.footprint, 0.0) if parallel else (0.0, view.footprint)
+    hits = np.zeros(len(seen), HIT)
+    hits["instance"], hits["primitive"] = seen["instance"], seen["primitive"]
+    places, hits["t"] = meet_many(
+        surfaces, seen["instance"], seen["primitive"], origins, directions, parallel
+    )
+    hits["u"], hits["v"] = places.T
     f4 = np.float32
     return EyeRays(
-        origins.astype(f4), directions.astype(f4), distances.astype(f4), seen["pixel"].astype(np.uint32), wide
-    )
+        origins.astype(f4), directions.astype(f4), hits["t"].copy(), seen["pixel"].astype(np.uint32), wide,
+        hits=hits,
+    )  # fmt: skip
 
 
 def fine_rays(rays: EyeRays, paths: EyePaths, rows: np.ndarray, view: CameraView) -> EyeRays:
@@ -93,7 +103,7 @@ def fine_rays(rays: EyeRays, paths: EyePaths, rows: np.ndarray, view: CameraView
     f4 = np.float32
     return replace(
         rays, origins=origins.astype(f4), directions=directions.astype(f4), distances=distances.astype(f4),
-        keys=keys.reshape(-1), slack=_FINE_SLACK,
+        keys=keys.reshape(-1), slack=_FINE_SLACK, hits=None,
     )  # fmt: skip
 
 

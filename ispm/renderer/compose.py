@@ -14,8 +14,6 @@ from ispm.scene.packed import Packed
 from ispm.settings import Settings
 from ispm.stages.camera import CameraView
 
-_ROW = 0xFFFFFF  # of a material, in a word of the G-buffer
-
 
 def compose(
     gpu: Gpu, packed: Packed, gbuffer: GBuffer, light: tuple[Texture, Texture, Texture], through: Texture,
@@ -32,7 +30,7 @@ def compose(
     glow = [(light[2], f4, 4)] if packed.glows else []
     d, i, irr, base, normals, ids, depth, *rest = gpu.read_many([
         (light[0], f4, 4), (light[1], f4, 4), (irradiance, f4, 4), (gbuffer.base, f2, 4),
-        (gbuffer.normals, f2, 4), (gbuffer.ids, u4, 2), (gbuffer.depth, f4), *glass, *glow,
+        (gbuffer.normals, u4, 2), (gbuffer.ids, u4, 2), (gbuffer.depth, f4), *glass, *glow,
     ])  # fmt: skip
     e = rest[-1] if glow else np.zeros(d.shape, f4)  # untouched pages: zeros_like would write them
     alpha, more = i[..., 3], {}
@@ -40,7 +38,9 @@ def compose(
         behind = (1.0 - alpha[..., None] + rest[0][..., :3]) * color
         e[..., :3] += behind
         more = {LAYER: lambda: behind}
-    nodes = np.append(np.int32(-1), packed.instances["node"].astype(np.int32))
+    nodes, materials = (
+        np.append(np.int32(-1), packed.instances[name].astype(np.int32)) for name in ("node", "material")
+    )
     full = make.sum_layers(d, i, e, threads)
     layers = make.Layers({
         "full": lambda: full, "direct": lambda: make.rgb(d), "indirect": lambda: make.rgb(i),
@@ -49,7 +49,7 @@ def compose(
         "depth": lambda: make.linear_depth(depth, view),
         "normal": lambda: make.decode_normals(normals, depth),
         "albedo": lambda: base[..., :3].astype(f4), "instance": lambda: nodes[ids[..., 0]],
-        "material": lambda: np.where(ids[..., 0] > 0, ids[..., 1] & _ROW, -1).astype(np.int32), **more,
+        "material": lambda: materials[ids[..., 0]], **more,
     })  # fmt: skip
     camera = {"pose": view.pose, "clip_from_world": view.clip_from_world}
     return Frame(layers, Stats(), settings, camera)

@@ -14,6 +14,7 @@ from ispm.renderer.views import photon_points
 from ispm.scene.lightmap import texel_measures
 from ispm.scene.packed import Packed
 from ispm.stages.camera import CameraView
+from ispm.tracer.emission import place_photons
 from ispm.tracer.first_hits import first_hits
 from ispm.tracer.grid import PhotonGrid
 from ispm.tracer.plan import PlannedMap
@@ -61,7 +62,7 @@ class LastFrame:
             why = "photons left the lights as rays" if settings.bounces else "bounces is 0"
             raise SettingsError(f"bounce-map: there is none, {why}; use bounces 1 or more and emission 'map'")
         shown, names = [], []
-        emitted = texels_as_photons(self.packed, self.plan, self.texels)
+        emitted = texels_as_photons(self.packed, self.surfaces, self.plan, self.texels)
         for each, batch in zip(self.plan, emitted, strict=True):
             found = first_hits(self.packed, self.surfaces, batch, settings.seed, 0)
             shown.append(found.reshape(-1, each.width, each.width, 12))
@@ -70,15 +71,15 @@ class LastFrame:
         return bounce_chart(shown, names, self.packed.bounds)
 
 
-def texels_as_photons(packed: Packed, plan: list[PlannedMap], texels: list[np.ndarray]) -> list[np.ndarray]:
+def texels_as_photons(
+    packed: Packed, surfaces: SurfaceTable, plan: list[PlannedMap], texels: list[np.ndarray]
+) -> list[np.ndarray]:
     """Return each map's texels as (faces W^2,) EMITTED of the flux they stand for, before any thinning."""
     batches = []
     first_key = 0
     for each, content in zip(plan, texels, strict=True):
-        row, words = packed.lights[each.map.light], content.reshape(-1, 4)
-        rows = np.zeros(len(words), EMITTED)
-        rows["instance"], rows["primitive"] = words[:, 0], words[:, 1]
-        rows["u"], rows["v"] = words[:, 2].view(np.float32), words[:, 3].view(np.float32)
+        row, rows = packed.lights[each.map.light], np.zeros(content.size // 2, EMITTED)
+        place_photons(surfaces, each, content, rows, np.arange(len(rows)))
         measures = texel_measures(each.map, row, each.width, each.shift)
         rows["flux"] = measures.reshape(-1, 1) * row["intensity"]
         rows["light"] = each.map.light

@@ -75,8 +75,8 @@ def linear_depth(depth: np.ndarray, view: CameraView) -> np.ndarray:
 
 
 def decode_normals(packed: np.ndarray, depth: np.ndarray) -> np.ndarray:
-    """Return (h, w, 3) unit shading normals of octahedral (h, w, 4) float16; zero where nothing is."""
-    p = packed[..., :2].astype(np.float32)
+    """Return (h, w, 3) unit shading normals of packed (h, w, 2) uint32; zero where nothing is."""
+    p = np.ascontiguousarray(packed[..., :1]).view(np.int16) * f32(1.0 / 32767.0)
     z = 1.0 - np.abs(p).sum(axis=-1)
     folded = (1.0 - np.abs(p[..., ::-1])) * np.where(p >= 0.0, f32(1.0), f32(-1.0))
     n = np.concatenate([np.where((z < 0.0)[..., None], folded, p), z[..., None]], axis=-1)

@@ -65,7 +65,7 @@ def trace_photons(
     if texels is None:
         emitted = emit_rays(packed, world, surfaces, plan, seed, pass_index, threads)
     else:
-        emitted = emit_texels(packed, plan, texels)
+        emitted = emit_texels(packed, surfaces, plan, texels)
     return walk(
         packed, world, surfaces, emitted, settings.bounces, seed, pass_index, threads,
         bright_limit(packed, settings),

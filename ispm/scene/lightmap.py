@@ -179,6 +179,25 @@ def face_directions(axes: np.ndarray, s: np.ndarray, t: np.ndarray) -> np.ndarra
     return np.asarray(way / np.linalg.norm(way, axis=-1, keepdims=True))
 
 
+def texel_rays(
+    map: LightMap, width: int, shift: tuple[float, float], texels: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return origins and directions, (n, 3) float64, of the rays that some texels stand for.
+
+    width   of a face;  shift  as in `texel_measures`;  texels  (n,) numbers (face width + y) width + x
+    Directions are as long as 1 along the axis; those of an orthographic map begin in its middle.
+    """
+    face, place = np.divmod(texels, width * width)
+    y, x = np.divmod(place, width)
+    s, t = (2.0 * (k + 0.5 + d) / width - 1.0 for k, d in zip((x, y), shift, strict=True))
+    squares = (map.axes**2).sum(axis=-1, keepdims=True)
+    right, down, axis = np.moveaxis((map.axes / squares)[face], 1, 0)
+    across = s[:, None] * right + t[:, None] * down
+    if map.orthographic:
+        return map.origin + across, axis
+    return np.broadcast_to(map.origin, across.shape), axis + across
+
+
 def _frame(forward: np.ndarray) -> np.ndarray:
     """(3, 3) rows right, up, forward of a view along `forward`."""
     forward = forward / np.linalg.norm(forward)

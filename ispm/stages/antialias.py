@@ -50,12 +50,13 @@ class Antialias:
         edges = self._edges.sized(capacity * _EDGE.itemsize)
         shared = {
             "camera": view.uniform(), "sample_ids": self._ids, "sample_depth": self._depth,
-            "ids": gbuffer.ids, "depth": gbuffer.depth, "edges": edges,
+            "ids": gbuffer.ids, "edges": edges,
         }  # fmt: skip
-        self._find(frame, over=view.size, **shared, edge_count=self._count)
+        self._find(frame, over=view.size, **shared, depth=gbuffer.depth, edge_count=self._count)
         self._mix(
-            frame, over=_THREADS, **shared, listed_count=self._count, normals=gbuffer.normals,
-            direct_in=direct, indirect_in=indirect, emission_in=emission, through_in=through,
+            frame, over=_THREADS, **shared, listed_count=self._count, points=gbuffer.points,
+            normals=gbuffer.normals, direct_in=direct, indirect_in=indirect, emission_in=emission,
+            through_in=through,
         )  # fmt: skip
         self._write(
             frame, over=_THREADS, camera=view.uniform(), mixed=edges, listed_count=self._count,

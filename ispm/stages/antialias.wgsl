@@ -8,8 +8,9 @@
 @group(0) @binding(1) var sample_ids: texture_multisampled_2d<u32>;
 @group(0) @binding(2) var sample_depth: texture_depth_multisampled_2d;
 @group(0) @binding(3) var ids: texture_2d<u32>;
-@group(0) @binding(4) var normals: texture_2d<f32>;
-@group(0) @binding(5) var depth: texture_depth_2d;
+@group(0) @binding(4) var normals: texture_2d<u32>;
+@group(0) @binding(5) var points: texture_2d<u32>;
+@group(0) @binding(18) var depth: texture_2d<f32>;
 @group(0) @binding(6) var direct_in: texture_2d<f32>;
 @group(0) @binding(7) var indirect_in: texture_2d<f32>;
 @group(0) @binding(8) var emission_in: texture_2d<f32>;
@@ -36,6 +37,7 @@ struct Edge {              // a pixel whose samples see more than one surface, a
 
 const SAMPLES = 4;
 const OFF_PLANE = 0.25;    // pixels that a sample may lie off its surface's plane
+const SNAPPED = 0.0625;    // pixels that rasterisers move corners by at most, and so the depth of a sample
 
 // Places of the samples in the pixel: the pattern that WebGPU's adapters share.
 const SAMPLE_X = vec4f(0.375, 0.875, 0.125, 0.625);
@@ -46,14 +48,20 @@ fn short_id(pixel: vec2i) -> u32 {
     return select((id - 1u) % 65535u + 1u, 0u, id == 0u);
 }
 
+struct Depths {
+    at: vec4f,             // depths in clip space
+    slack: f32,            // by which a rasteriser may have them otherwise
+}
+
 // The depths in clip space that the plane seen in a pixel has at four places on the screen, x and y.
 // A plane is linear in clip space: with its equation there, depth follows from x and y alone.
-fn plane_depths(pixel: vec2i, x: vec4f, y: vec4f) -> vec4f {
-    let position = world_position(vec2f(pixel) + 0.5, textureLoad(depth, pixel, 0));
-    let ng = octahedral_decode(textureLoad(normals, pixel, 0).zw);
+fn plane_depths(pixel: vec2i, x: vec4f, y: vec4f) -> Depths {
+    let position = bitcast<vec3f>(textureLoad(points, pixel, 0).xyz);
+    let ng = unpack_normal(textureLoad(normals, pixel, 0).y);
     let plane = vec4f(ng, -dot(ng, position)) * camera.world_from_clip;
     let scale = vec2f(2.0, -2.0) / camera.size;
-    return -(plane.x * (x * scale.x - 1.0) + plane.y * (y * scale.y + 1.0) + plane.w) / plane.z;
+    let depths = -(plane.x * (x * scale.x - 1.0) + plane.y * (y * scale.y + 1.0) + plane.w) / plane.z;
+    return Depths(depths, SNAPPED * length(plane.xy * scale / plane.z));
 }
 
 // The number, 0 to 8, of the pixel among 3 x 3 about `own` that shows each sample's surface: the one of
@@ -74,7 +82,8 @@ fn best_pixels(own: vec2i, id: vec4u, d: vec4f) -> vec4i {
         let away = abs(x - f32(pixel.x) - 0.5) + abs(y - f32(pixel.y) - 0.5);
         var found = 0.1 * away;
         if (seen != 0u) {
-            found += max(abs(plane_depths(pixel, x, y) - d) / unit - OFF_PLANE, vec4f(0.0));
+            let plane = plane_depths(pixel, x, y);
+            found += max((abs(plane.at - d) - plane.slack) / unit - OFF_PLANE, vec4f(0.0));
         }
         let better = (vec4u(seen) == id) & (found < least);
         least = select(least, found, better);
@@ -92,7 +101,7 @@ fn is_plain(own: vec2i) -> bool {
             return false;
         }
     }
-    let d = textureLoad(depth, own, 0);
+    let d = textureLoad(depth, own, 0).r;
     let bend = max(
         abs(textureLoad(sample_depth, own, 0) + textureLoad(sample_depth, own, 3) - 2.0 * d),
         abs(textureLoad(sample_depth, own, 1) + textureLoad(sample_depth, own, 2) - 2.0 * d),

@@ -1,4 +1,4 @@
-"""Bounce maps: where the photons of lights first hit, rasterised.
+"""Bounce maps: which triangles the photons of lights first hit, rasterised.
 
 McGuire and Luebke 2009: the first segment of a photon's path leaves a point, so it is a picture.
 """
@@ -23,13 +23,13 @@ from ispm.tracer.plan import PlannedMap
 class BounceStage:
     """Draws the scene as each map sees it; both sides of every surface count.
 
-    Texels take the nearest surface within the light's range that is no hole of its material.
+    Texels take the nearest surface that is no hole of its material.
     All faces lie side by side in one texture: a pass of its own for each would cost more than to draw it.
     """
 
     def __init__(self, gpu: Gpu) -> None:
         self._gpu = gpu
-        path, formats = "stages/bounce.wgsl", ["rgba32uint"]
+        path, formats = "stages/bounce.wgsl", ["rg32uint"]
         self._opaque = gpu.raster(path, formats)
         self._masked = gpu.raster(path, formats, vertex="vs_masked", fragment="fs_masked")
         self._texels = gpu.texture("bounce maps", formats[0], usage=["attachment"])

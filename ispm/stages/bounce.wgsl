@@ -1,4 +1,4 @@
-// The first hits of a light's photons: which triangle each texel of a cube face sees, and where on it.
+// The first hits of a light's photons: which triangle each texel of a face sees.
 // include stages/face.wgsl
 // include stages/geometry.wgsl
 
@@ -7,43 +7,24 @@
 struct Corner {
     @builtin(position) clip: vec4f,
     @location(0) @interpolate(flat) ids: vec2u,   // instance, primitive
-    @location(1) barycentrics: vec2f,
-    @location(2) to_light: vec3f,
 }
 
 struct MaskedCorner {
     @builtin(position) clip: vec4f,
     @location(0) @interpolate(flat) ids: vec2u,
-    @location(1) barycentrics: vec2f,
-    @location(2) to_light: vec3f,
-    @location(3) uv: vec4f,
-    @location(4) color: vec4f,
-}
-
-fn barycentrics_of(corner: u32) -> vec2f {
-    return vec2f(f32(corner % 3u == 1u), f32(corner % 3u == 2u));
-}
-
-fn texel(ids: vec2u, barycentrics: vec2f) -> vec4u {
-    let u = clamp(barycentrics.x, 0.0, 1.0);
-    let v = clamp(barycentrics.y, 0.0, 1.0 - u);
-    return vec4u(ids, bitcast<u32>(u), bitcast<u32>(v));
+    @location(1) uv: vec4f,
+    @location(2) color: vec4f,
 }
 
 @vertex
 fn vs(@builtin(vertex_index) corner: u32, @builtin(instance_index) instance: u32) -> Corner {
     let position = point_to_world(instance, vertices[vertex_row(instance, corner)].position);
-    return Corner(
-        clip_from_world(position), vec2u(instance, corner / 3u), barycentrics_of(corner), face.position - position,
-    );
+    return Corner(clip_from_world(position), vec2u(instance, corner / 3u));
 }
 
 @fragment
-fn fs(c: Corner) -> @location(0) vec4u {
-    if (length(c.to_light) > face.range) {
-        discard;
-    }
-    return texel(c.ids, c.barycentrics);
+fn fs(c: Corner) -> @location(0) vec2u {
+    return c.ids;
 }
 
 @vertex
@@ -51,7 +32,7 @@ fn vs_masked(@builtin(vertex_index) corner: u32, @builtin(instance_index) instan
     let row = vertex_row(instance, corner);
     let position = point_to_world(instance, vertices[row].position);
     return MaskedCorner(
-        clip_from_world(position), vec2u(instance, corner / 3u), barycentrics_of(corner), face.position - position,
+        clip_from_world(position), vec2u(instance, corner / 3u),
         vec4f(vertices[row].uv0, vertices[row].uv1), unpack4x8unorm(vertices[row].color),
     );
 }
@@ -64,10 +45,9 @@ fn opacity_at(c: MaskedCorner) -> f32 {
 }
 
 @fragment
-fn fs_masked(c: MaskedCorner) -> @location(0) vec4u {
-    let hole = is_hole(opacity_at(c), texel_key(c.clip.xy, c.ids.x));
-    if (hole || length(c.to_light) > face.range) {
+fn fs_masked(c: MaskedCorner) -> @location(0) vec2u {
+    if (is_hole(opacity_at(c), texel_key(c.clip.xy, c.ids.x))) {
         discard;
     }
-    return texel(c.ids, c.barycentrics);
+    return c.ids;
 }

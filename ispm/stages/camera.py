@@ -102,15 +102,9 @@ class CameraView:
         direction /= np.linalg.norm(direction, axis=-1, keepdims=True)
         return (near if self.ymag is not None else np.broadcast_to(self.eye, near.shape)), direction
 
-    def pixel_rays(self, pixels: np.ndarray, depth: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return origins, unit directions, (n, 3), and metres to what is seen, (n,), of some pixels.
-
-        pixels  (n,) numbers y width + x;  depth  (n,) in clip space, above 0
-        """
-        x, y = pixels % self.size[0] + 0.5, pixels // self.size[0] + 0.5
-        origin, direction = self.rays_through(x, y)
-        along = self.near / depth if self.ymag is None else (1.0 - depth) * (self.far - self.near)
-        return origin, direction, along / (direction @ self.forward)
+    def pixel_rays(self, pixels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return origins and unit directions, (n, 3) float64, of (n,) pixels numbered y width + x."""
+        return self.rays_through(pixels % self.size[0] + 0.5, pixels // self.size[0] + 0.5)
 
     def _unproject(self, x: np.ndarray, y: np.ndarray, depth: float) -> np.ndarray:
         x, y = np.broadcast_arrays(2.0 * x / self.size[0] - 1.0, 1.0 - 2.0 * y / self.size[1])

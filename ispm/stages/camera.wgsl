@@ -17,11 +17,18 @@ struct Camera {
     spare: u32,
 }
 
-// The point at `pixel` (x right, y down; centres at .5) and a depth in clip space above 0.
-fn world_position(pixel: vec2f, depth: f32) -> vec3f {
+struct Ray {
+    origin: vec3f,
+    direction: vec3f,          // a metre along the view axis
+}
+
+// The ray that `pixel` samples (x right, y down; centres at .5).
+fn pixel_ray(pixel: vec2f) -> Ray {
     let ndc = vec2f(2.0, -2.0) * pixel / camera.size + vec2f(-1.0, 1.0);
-    let world = camera.world_from_clip * vec4f(ndc, depth, 1.0);
-    return world.xyz / world.w;
+    if (camera.orthographic != 0u) {
+        return Ray((camera.world_from_clip * vec4f(ndc, 1.0, 1.0)).xyz, camera.forward);
+    }
+    return Ray(camera.eye, (camera.world_from_clip * vec4f(ndc, 0.0, 1.0)).xyz);
 }
 
 // wo: the unit vector from `position` towards the eye.
@@ -32,15 +39,20 @@ fn view_direction(position: vec3f) -> vec3f {
     return normalize(camera.eye - position);
 }
 
-// Distance along the view axis in m, of a depth in clip space.
-fn linear_depth(depth: f32) -> f32 {
-    if (camera.orthographic != 0u) {
-        return camera.far - depth * (camera.far - camera.near);
-    }
-    return camera.near / depth;
+// Distance along the view axis in m.
+fn view_depth(position: vec3f) -> f32 {
+    return dot(position - camera.eye, camera.forward);
 }
 
-// Side in m of what a pixel covers at a linear depth, seen face on.
+// Depth in clip space of a point ahead of the eye.
+fn clip_depth(position: vec3f) -> f32 {
+    if (camera.orthographic != 0u) {
+        return (camera.far - view_depth(position)) / (camera.far - camera.near);
+    }
+    return camera.near / view_depth(position);
+}
+
+// Side in m of what a pixel covers at a distance along the view axis, seen face on.
 fn pixel_footprint(distance: f32) -> f32 {
     return camera.footprint * select(distance, 1.0, camera.orthographic != 0u);
 }

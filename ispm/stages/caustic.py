@@ -37,8 +37,7 @@ class CausticStage:
         radiance, irradiance = (texture.sized(gbuffer.size) for texture in self._sums)
         group = self._splat.bind(
             0, frame, camera=view.uniform(), photons=self._photons.write(photons), materials=scene.materials,
-            ids=gbuffer.ids, normals=gbuffer.normals, base=gbuffer.base, emission=gbuffer.emission,
-            depth=gbuffer.depth,
+            points=gbuffer.points, normals=gbuffer.normals, base=gbuffer.base, emission=gbuffer.emission,
         )  # fmt: skip
         with frame.draw_into(radiance, irradiance) as canvas:
             canvas.use(self._splat, group)

@@ -7,11 +7,10 @@
 @group(0) @binding(0) var<uniform> camera: Camera;
 @group(0) @binding(1) var<storage, read> photons: array<Caustic>;
 @group(0) @binding(2) var<storage, read> materials: array<Material>;
-@group(0) @binding(3) var ids: texture_2d<u32>;
-@group(0) @binding(4) var normals: texture_2d<f32>;
+@group(0) @binding(3) var points: texture_2d<u32>;
+@group(0) @binding(4) var normals: texture_2d<u32>;
 @group(0) @binding(5) var base: texture_2d<f32>;
 @group(0) @binding(6) var emission: texture_2d<f32>;
-@group(0) @binding(7) var depth: texture_depth_2d;
 
 override BOUND_SCALE: f32 = 1.0;   // a smaller triangle would cut the kernel
 const MARGIN = 0.125;              // pixels, for rounding; the kernel falls to zero at its edge
@@ -80,24 +79,24 @@ fn fs(splat: Splat) -> Arrived {
     let photon = photons[splat.photon];
     let pixel = vec2u(splat.clip.xy);
     let packed = textureLoad(normals, pixel, 0);
-    let n = octahedral_decode(packed.xy);
-    let ng = octahedral_decode(packed.zw);
-    let seen = textureLoad(depth, pixel, 0);
-    let position = world_position(vec2f(pixel) + 0.5, seen);
+    let n = unpack_normal(packed.x);
+    let ng = unpack_normal(packed.y);
+    let seen = textureLoad(points, pixel, 0);
+    let position = bitcast<vec3f>(seen.xyz);
     let offset = position - photon.position;
     let normal = normal_of(photon);
     let wi_ng = dot(photon.wi, ng);
     let kappa = ellipse_kernel(offset, photon.u, photon.v, normal, photon.height);
     let before = dot(offset, photon.front) >= -photon.reach;
-    let counts = seen > 0.0 && before && photon_counts(wi_ng, dot(normal, ng));
+    let counts = seen.w != 0u && before && photon_counts(wi_ng, dot(normal, ng));
     let arriving = select(0.0, kappa * cosine_ratio(dot(photon.wi, n), wi_ng), counts);
     let light = arriving * photon.flux;
-    return Arrived(vec4f(reflected(pixel, light, n, view_direction(position), photon.wi), 0.0), vec4f(light, 0.0));
+    let wo = view_direction(position);
+    return Arrived(vec4f(reflected(pixel, seen.w, light, n, wo, photon.wi), 0.0), vec4f(light, 0.0));
 }
 
 // Radiance towards the eye of light along wi, as if it came from the estimators.
-fn reflected(pixel: vec2u, light: vec3f, n: vec3f, wo: vec3f, wi: vec3f) -> vec3f {
-    let word = textureLoad(ids, pixel, 0).y;
+fn reflected(pixel: vec2u, word: u32, light: vec3f, n: vec3f, wo: vec3f, wi: vec3f) -> vec3f {
     let material = material_row(word);
     let b = seen_bsdf(word, textureLoad(base, pixel, 0), textureLoad(emission, pixel, 0).a, materials[material]);
     let alpha = receiver_alpha(b, materials[material].flags);

@@ -19,7 +19,7 @@ class ChainStage:
     """Lists the pixels from which eye rays go on, and adds what those rays found.
 
     In   gbuffer (W, H)
-    Out  (n,) SEEN: pixel number y W + x and depth in clip space, sorted by number
+    Out  (n,) SEEN: pixel number y W + x and the triangle there, sorted by number
     Where no material is a mirror or transmits nothing is looked for.
     """
 
@@ -46,8 +46,8 @@ class ChainStage:
         capacity = min(gbuffer.size[0] * gbuffer.size[1], self._gpu.max_binding // SEEN.itemsize)
         self._count.write(np.zeros(4, np.uint32))
         self._find(
-            frame, over=gbuffer.size, materials=scene.materials, ids=gbuffer.ids, base=gbuffer.base,
-            glow=gbuffer.emission, depth=gbuffer.depth, seen_count=self._count,
+            frame, over=gbuffer.size, materials=scene.materials, ids=gbuffer.ids, points=gbuffer.points,
+            base=gbuffer.base, glow=gbuffer.emission, seen_count=self._count,
             seen=self._seen.sized(capacity * SEEN.itemsize),
         )  # fmt: skip
 

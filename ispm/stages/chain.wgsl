@@ -3,9 +3,9 @@
 
 @group(0) @binding(0) var<storage, read> materials: array<Material>;
 @group(0) @binding(1) var ids: texture_2d<u32>;
-@group(0) @binding(2) var base: texture_2d<f32>;
-@group(0) @binding(3) var glow: texture_2d<f32>;
-@group(0) @binding(4) var depth: texture_depth_2d;
+@group(0) @binding(2) var points: texture_2d<u32>;
+@group(0) @binding(3) var base: texture_2d<f32>;
+@group(0) @binding(4) var glow: texture_2d<f32>;
 @group(0) @binding(5) var<storage, read_write> seen_count: array<atomic<u32>>;
 @group(0) @binding(6) var<storage, read_write> seen: array<Seen>;
 @group(0) @binding(7) var<storage, read_write> brought: array<Brought>;
@@ -18,9 +18,11 @@
 @group(0) @binding(14) var emission_out: texture_storage_2d<rgba32float, write>;
 @group(0) @binding(15) var through_out: texture_storage_2d<rgba32float, write>;
 
-struct Seen {              // a pixel that shows a mirror or glass
+struct Seen {              // a pixel that shows a mirror or glass, and the triangle
     pixel: u32,
-    depth: f32,            // in clip space
+    instance: u32,
+    primitive: u32,
+    spare: u32,
 }
 
 struct Brought {           // the light that chains bring to a pixel
@@ -47,19 +49,20 @@ fn find_chains(@builtin(global_invocation_id) thread: vec3u) {
     if (any(pixel >= size)) {
         return;
     }
-    let word = textureLoad(ids, pixel, 0).xy;
-    let row = material_row(word.y);
-    if (word.x == 0u || (materials[row].flags & MATERIAL_UNLIT) != 0u) {
+    let word = textureLoad(points, pixel, 0).w;
+    let row = material_row(word);
+    if (word == 0u || (materials[row].flags & MATERIAL_UNLIT) != 0u) {
         return;
     }
     let roughness = textureLoad(glow, pixel, 0).a;
-    let b = seen_bsdf(word.y, textureLoad(base, pixel, 0), roughness, materials[row]);
+    let b = seen_bsdf(word, textureLoad(base, pixel, 0), roughness, materials[row]);
     if (!leads_on(b)) {
         return;
     }
     let slot = atomicAdd(&seen_count[0], 1u);
     if (slot < arrayLength(&seen)) {
-        seen[slot] = Seen(pixel.y * size.x + pixel.x, textureLoad(depth, pixel, 0));
+        let triangle = textureLoad(ids, pixel, 0).xy;
+        seen[slot] = Seen(pixel.y * size.x + pixel.x, triangle.x - 1u, triangle.y, 0u);
     }
 }
 

@@ -63,9 +63,9 @@ class DirectStage:
         raster = self._pipeline(first > 0, transmits, shadows.has_sheets, scene.light_count == 1)
         group = raster.bind(
             0, frame, camera=view.uniform(), lamps=_lamps(scene, shadows, first), materials=scene.materials,
-            ids=gbuffer.ids, normals=gbuffer.normals, base=gbuffer.base, emission=gbuffer.emission,
-            depth=gbuffer.depth, before=before, atlas=shadows.depth, sheets=shadows.sheets,
-            tints=shadows.tints, nearest=self._nearest,
+            points=gbuffer.points, normals=gbuffer.normals, base=gbuffer.base, emission=gbuffer.emission,
+            before=before, atlas=shadows.depth, sheets=shadows.sheets, tints=shadows.tints,
+            nearest=self._nearest,
         )  # fmt: skip
         with frame.draw_into(result) as canvas:
             canvas.use(raster, group)

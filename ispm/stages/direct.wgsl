@@ -21,11 +21,10 @@ struct Lamps {                      // uniform: on llvmpipe a storage buffer cos
 @group(0) @binding(0) var<uniform> camera: Camera;
 @group(0) @binding(1) var<uniform> lamps: Lamps;
 @group(0) @binding(2) var<storage, read> materials: array<Material>;
-@group(0) @binding(3) var ids: texture_2d<u32>;
-@group(0) @binding(4) var normals: texture_2d<f32>;
+@group(0) @binding(3) var points: texture_2d<u32>;
+@group(0) @binding(4) var normals: texture_2d<u32>;
 @group(0) @binding(5) var base: texture_2d<f32>;
 @group(0) @binding(6) var emission: texture_2d<f32>;
-@group(0) @binding(7) var depth: texture_depth_2d;
 @group(0) @binding(8) var before: texture_2d<f32>;
 @group(0) @binding(9) var atlas: texture_depth_2d;
 @group(0) @binding(10) var sheets: texture_depth_2d;
@@ -33,7 +32,7 @@ struct Lamps {                      // uniform: on llvmpipe a storage buffer cos
 @group(0) @binding(12) var nearest: sampler;
 
 const REACH = 1.0;      // texels at most between a point and the centres of those its filter reads
-const GRAZING = 1e-3;   // what normals are uncertain by, kept as two halves: radians
+const GRAZING = 1e-3;   // ten times what packed normals are uncertain by, kept: radians
 
 // Four texels about a point in the order of textureGather: left below, right below, right above, left above.
 struct Lookup {
@@ -102,11 +101,11 @@ fn vs(@builtin(vertex_index) corner: u32) -> @builtin(position) vec4f {
 @fragment
 fn fs(@builtin(position) position: vec4f) -> @location(0) vec4f {
     let pixel = vec2u(position.xy);
-    let seen = textureLoad(ids, pixel, 0).xy;
-    if (seen.x == 0u || (materials[material_row(seen.y)].flags & MATERIAL_UNLIT) != 0u) {
+    let seen = textureLoad(points, pixel, 0);
+    if (seen.w == 0u || (materials[material_row(seen.w)].flags & MATERIAL_UNLIT) != 0u) {
         return vec4f(0.0, 0.0, 0.0, 1.0);
     }
-    var sum = lit(pixel, seen.y);
+    var sum = lit(pixel, bitcast<vec3f>(seen.xyz), seen.w);
     if (ADDS) {
         sum += textureLoad(before, pixel, 0).rgb;
     }
@@ -123,14 +122,14 @@ struct Surface {
 }
 
 // Radiance towards the eye, cd/m2, of the surface in a pixel.
-fn lit(pixel: vec2u, word: u32) -> vec3f {
+fn lit(pixel: vec2u, position: vec3f, word: u32) -> vec3f {
     let packed = textureLoad(normals, pixel, 0);
     let color = textureLoad(base, pixel, 0);
     let roughness = textureLoad(emission, pixel, 0).a;
     var s = Surface();
-    s.n = octahedral_decode(packed.xy);
-    s.ng = octahedral_decode(packed.zw);
-    s.position = world_position(vec2f(pixel) + 0.5, textureLoad(depth, pixel, 0));
+    s.n = unpack_normal(packed.x);
+    s.ng = unpack_normal(packed.y);
+    s.position = position;
     s.wo = view_direction(s.position);
     s.bsdf = seen_bsdf(word, color, roughness, materials[material_row(word)]);
     if (!TRANSMITS) {

@@ -31,7 +31,7 @@ class Downsample:
         self.receivers.sized(width * height * RECEIVER.itemsize)
         self._shader(
             frame, over=(width, height), camera=view.uniform(), materials=scene.materials,
-            ids=gbuffer.ids, normals=gbuffer.normals, base=gbuffer.base, emission=gbuffer.emission,
+            points=gbuffer.points, normals=gbuffer.normals, base=gbuffer.base, emission=gbuffer.emission,
             depth=gbuffer.depth, receivers=self.receivers,
         )  # fmt: skip
         return self.receivers

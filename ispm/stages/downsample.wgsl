@@ -1,53 +1,76 @@
 // One receiver for each block of BLOCK x BLOCK pixels: a pixel's surface point, where a mean would lie between
-// two surfaces. The first pass takes the pixel of median depth, later ones each pixel in turn.
+// two surfaces. The first pass takes, of the pixels in one plane with that of median depth, the one in the middle:
+// which of them has that depth would be up to rounding, and to each pixel at an edge. Later ones take each in turn.
 // include stages/camera.wgsl
 // include stages/receivers.wgsl
 // include stages/blocks.wgsl
 
 const SIDE_MAX = 4u;       // of larger blocks a 4 x 4 subset is looked at
 const COUNT_MAX = 16u;
+const SAME_PLANE = 1.0;    // pixels that one may lie off the plane of another whose surface it shares
 
 @group(0) @binding(0) var<uniform> camera: Camera;
 @group(0) @binding(1) var<storage, read> materials: array<Material>;
-@group(0) @binding(2) var ids: texture_2d<u32>;
-@group(0) @binding(3) var normals: texture_2d<f32>;
+@group(0) @binding(2) var points: texture_2d<u32>;
+@group(0) @binding(3) var normals: texture_2d<u32>;
 @group(0) @binding(4) var base: texture_2d<f32>;
 @group(0) @binding(5) var emission: texture_2d<f32>;
-@group(0) @binding(6) var depth: texture_depth_2d;
+@group(0) @binding(6) var depth: texture_2d<f32>;
 @group(0) @binding(7) var<storage, read_write> receivers: array<Receiver>;
 
-// The pixel of median depth in a block; (-1, -1) where most of the block sees nothing.
-fn median_pixel(block: vec2u) -> vec2i {
+// The pixel in the middle of what a block shows; (-1, -1) where it shows nothing.
+fn middle_pixel(block: vec2u) -> vec2i {
     var depths = array<f32, COUNT_MAX>();
     let size = vec2u(camera.size);
     let side = min(BLOCK, SIDE_MAX);
     var seen = 0u;
     for (var k = 0u; k < side * side; k++) {
         let pixel = block_pixel(block, side, k);
-        depths[k] = select(0.0, textureLoad(depth, pixel, 0), all(pixel < size));
+        depths[k] = select(0.0, textureLoad(depth, pixel, 0).r, all(pixel < size));
         seen += u32(depths[k] > 0.0);
     }
     if (seen == 0u) {
         return vec2i(-1);
     }
+    var median = 0u;
     for (var k = 0u; k < side * side; k++) {
         var nearer = 0u;
         for (var j = 0u; j < side * side; j++) {
-            nearer += u32(depths[j] > depths[k] || (depths[j] == depths[k] && j < k));
+            nearer += u32((depths[j] > depths[k]) || (depths[j] == depths[k] && j < k));
         }
         if (depths[k] > 0.0 && nearer == seen / 2u) {
-            return vec2i(block_pixel(block, side, k));
+            median = k;
         }
     }
-    return vec2i(-1);
+    // In clip space a plane's depth is linear: off by this times the plane's z, it is what its x and y make of
+    // the way on the screen.
+    let own = block_pixel(block, side, median);
+    let position = bitcast<vec3f>(textureLoad(points, own, 0).xyz);
+    let ng = unpack_normal(textureLoad(normals, own, 0).y);
+    let plane = vec4f(ng, -dot(ng, position)) * camera.world_from_clip;
+    let slope = vec2f(2.0, -2.0) / camera.size * plane.xy;
+    let unit = camera.footprint * select(depths[median], 1.0 / (camera.far - camera.near), camera.orthographic != 0u);
+    let middle = vec2f(block * BLOCK) + 0.5 * f32(BLOCK) - 0.5 + select(-0.25, 0.25, ((block.x + block.y) & 1u) == 1u);
+    var chosen = own;
+    var nearest = 1e9;
+    for (var k = 0u; k < side * side; k++) {
+        let pixel = block_pixel(block, side, k);
+        let off = (depths[k] - depths[median]) * plane.z + dot(slope, vec2f(pixel) - vec2f(own));
+        let way = vec2f(pixel) - middle;
+        if (depths[k] > 0.0 && abs(off) <= SAME_PLANE * unit * abs(plane.z) && dot(way, way) < nearest) {
+            nearest = dot(way, way);
+            chosen = pixel;
+        }
+    }
+    return vec2i(chosen);
 }
 
-// This pass's pixel of a block, where it sees anything; else that of median depth.
+// This pass's pixel of a block, where it sees anything; else that in its middle.
 fn receiver_pixel(block: vec2u) -> vec2i {
     let pixel = block * BLOCK + vec2u(receiver_place());
-    let seen = all(pixel < vec2u(camera.size)) && textureLoad(depth, pixel, 0) > 0.0;
+    let seen = all(pixel < vec2u(camera.size)) && textureLoad(depth, pixel, 0).r > 0.0;
     if (camera.pass_index == 0u || !seen) {
-        return median_pixel(block);
+        return middle_pixel(block);
     }
     return vec2i(pixel);
 }
@@ -65,18 +88,18 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     var r = Receiver();
     let pixel = receiver_pixel(id.xy);
     if (pixel.x >= 0) {
-        let d = textureLoad(depth, pixel, 0);
+        let at = textureLoad(points, pixel, 0);
         let packed = textureLoad(normals, pixel, 0);
-        let word = textureLoad(ids, pixel, 0).y;
+        let word = at.w;
         let material = material_row(word);
         let color = textureLoad(base, pixel, 0);
         let b = seen_bsdf(word, color, textureLoad(emission, pixel, 0).a, materials[material]);
-        r.position = world_position(vec2f(pixel) + 0.5, d);
+        r.position = bitcast<vec3f>(at.xyz);
         r.alpha = receiver_alpha(b, materials[material].flags);
-        r.n = octahedral_decode(packed.xy);
-        r.ng = octahedral_decode(packed.zw);
+        r.n = unpack_normal(packed.x);
+        r.ng = unpack_normal(packed.y);
         r.valid = 1u;
-        r.footprint = pixel_footprint(linear_depth(d)) * f32(BLOCK);
+        r.footprint = pixel_footprint(view_depth(r.position)) * f32(BLOCK);
         r.wo = view_direction(r.position);
         r.slant = 1.0 / max(abs(dot(r.wo, r.ng)), 0.02);
     }

@@ -27,7 +27,6 @@ def face_uniforms(
     """
     faces = np.zeros(len(map.axes), FACE)
     faces["position"], faces["near"], faces["pass_index"] = map.origin, near, pass_index
-    faces["range"] = min(map.range, float(np.finfo(np.float32).max))
     faces["s"], faces["t"], faces["axis"] = np.moveaxis(map.axes, 1, 0)
     faces["index"] = 6 * index + np.arange(len(faces))
     faces["shift"], faces["orthographic"] = shift, map.orthographic

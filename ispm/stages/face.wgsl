@@ -3,7 +3,7 @@
 
 struct Face {
     position: vec3f,     // of the light; of a parallel view its middle
-    range: f32,          // m, infinite as 3.4e38
+    spare0: u32,
     s: vec3f,
     near: f32,           // m along the face's axis, not of a parallel view
     t: vec3f,
@@ -12,7 +12,7 @@ struct Face {
     index: u32,          // 6 map + face
     shift: vec2f,        // that the samples lie right of and below the texels' centres; the face spans 2
     orthographic: u32,   // 1: a parallel view
-    spare: u32,
+    spare1: u32,
 }
 
 // Reversed depth: near / (distance along the axis), without a far plane; of a parallel view 1 at its near

@@ -1,4 +1,4 @@
-"""What the eye sees at each pixel: ids, normals, material and depth, rasterised."""
+"""What the eye sees at each pixel: which triangle, rasterised, and where on it, computed."""
 
 from __future__ import annotations
 
@@ -10,12 +10,8 @@ from ispm.optics import records
 from ispm.scene.packed import Draw
 from ispm.stages.camera import CameraView
 
-_FORMATS = {
-    "ids": "rg32uint",
-    "normals": "rgba16float",
-    "base": "rgba16float",
-    "emission": "rgba16float",
-}
+_DRAWN = {"ids": "rg32uint", "bump": "rgba16float", "base": "rgba16float", "emission": "rgba16float"}
+_PLACED = {"points": "rgba32uint", "normals": "rg32uint", "depth": "r32float"}
 
 
 class GBufferStage:
@@ -24,19 +20,28 @@ class GBufferStage:
     In   scene, view
     Out  GBuffer of the view's size
     Opacity below the cutoff (MASK), or below a hash of pixel, instance and pass (BLEND), is a hole.
+    The rasteriser decides which triangle a pixel shows. What it interpolates is off by as much as it snaps
+    corners to its grid, so points, depth and normals come from the triangles in a second pass.
     """
 
     def __init__(self, gpu: Gpu) -> None:
         self._gpu = gpu
         self._pipelines: dict[tuple[bool, bool, bool, bool], Raster] = {}
-        self._targets = {name: gpu.texture(f"gbuffer {name}", format) for name, format in _FORMATS.items()}
-        self._depth = gpu.texture("gbuffer depth", "depth32float")
+        self._place = [
+            gpu.raster("stages/seen.wgsl", tuple(_PLACED.values()), depth=None, BUMPY=bumpy)
+            for bumpy in (False, True)
+        ]
+        self._drawn, self._placed = (
+            {name: gpu.texture(f"gbuffer {name}", format) for name, format in formats.items()}
+            for formats in (_DRAWN, _PLACED)
+        )
+        self._nearest = gpu.texture("gbuffer nearest", "depth32float", usage=["attachment"])
 
     def __call__(self, frame: Recording, scene: GpuScene, view: CameraView) -> GBuffer:
         """Record the draws and return where their result will be."""
-        out = GBuffer(
-            **{name: target.sized(view.size) for name, target in self._targets.items()},
-            depth=self._depth.sized(view.size),
+        drawn, placed = (
+            {name: target.sized(view.size) for name, target in targets.items()}
+            for targets in (self._drawn, self._placed)
         )
         shared = {
             "camera": frame.uniform(view.uniform()), "vertices": scene.vertices, "indices": scene.indices,
@@ -44,7 +49,7 @@ class GBufferStage:
         }  # fmt: skip
         groups: dict[Raster, Group] = {}
         seen = view.sees(scene.boxes)
-        with frame.draw_into(*self._targets.values(), depth=out.depth) as canvas:
+        with frame.draw_into(*drawn.values(), depth=self._nearest.sized(view.size)) as canvas:
             for draw in compress(scene.draws, seen):
                 raster = self._pipeline(scene, draw)
                 if raster not in groups:
@@ -53,11 +58,16 @@ class GBufferStage:
                 maps = scene.material_maps(draw.material, *SLOTS)
                 canvas.use(raster, groups[raster], raster.bind(1, material=material, **maps))
                 scene.draw_corners(canvas, draw)
-        return out
+        bumps = drawn.pop("bump")
+        place = self._place[bool((scene.packed.materials["normal_texture"]["texture"] >= 0).any())]
+        with frame.draw_into(*placed.values()) as canvas:
+            canvas.use(place, place.bind(0, **shared, ids=drawn["ids"], bumps=bumps))
+            canvas.draw(3)
+        return GBuffer(**drawn, **placed)
 
     def close(self) -> None:
         """Free the textures."""
-        for texture in (*self._targets.values(), self._depth):
+        for texture in (*self._drawn.values(), *self._placed.values(), self._nearest):
             texture.close()
 
     def _pipeline(self, scene: GpuScene, draw: Draw) -> Raster:
@@ -72,8 +82,8 @@ class GBufferStage:
         if key not in self._pipelines:
             masked, textured, double_sided, mirrored = key
             self._pipelines[key] = self._gpu.raster(
-                "stages/gbuffer.wgsl", tuple(_FORMATS.values()),
+                "stages/gbuffer.wgsl", tuple(_DRAWN.values()),
                 cull="none" if double_sided else "back", front="cw" if mirrored else "ccw",
-                MASKED=masked, TEXTURED=textured, MIRRORED=mirrored,
+                MASKED=masked, TEXTURED=textured,
             )  # fmt: skip
         return self._pipelines[key]

@@ -1,14 +1,11 @@
-// What each pixel of the eye sees.
-// Vertices are fetched by number instead of through a vertex buffer, so that every corner knows its whole
-// triangle: the geometric normal is then exact and flat, where screen-space derivatives of the position
-// lose it on triangles smaller than a pixel.
+// Which triangle each pixel of the eye sees, and the colors there. The point and the normals come later, from the
+// triangle itself: what is interpolated here is off by as much as the rasteriser snaps corners to its grid.
 // include stages/camera.wgsl
 // include stages/geometry.wgsl
-// include stages/material.wgsl
+// include optics/sampling.wgsl
 
 override MASKED: bool = false;     // the material has holes
 override TEXTURED: bool = false;   // the material has textures
-override MIRRORED: bool = false;   // the instances turn triangles inside out
 
 @group(0) @binding(0) var<uniform> camera: Camera;
 @group(1) @binding(3) var metallic_roughness_map: texture_2d<f32>;
@@ -24,73 +21,37 @@ const LARGEST_HALF = 65504.0;
 
 struct Corner {
     @builtin(position) clip: vec4f,
-    @location(0) position: vec3f,
-    @location(1) normal: vec3f,
-    @location(2) color: vec4f,
-    @location(3) @interpolate(flat) ng: vec3f,
-    @location(4) @interpolate(flat) ids: vec2u,
-    @location(5) tangent: vec4f,
-    @location(6) uv: vec4f,
+    @location(0) color: vec4f,
+    @location(1) @interpolate(flat) ids: vec2u,
+    @location(2) uv: vec4f,
 }
 
 struct Pixel {
     @location(0) ids: vec2u,
-    @location(1) normals: vec4f,
+    @location(1) bump: vec4f,
     @location(2) base: vec4f,
     @location(3) emission: vec4f,
 }
 
 @vertex
 fn vs(@builtin(vertex_index) corner: u32, @builtin(instance_index) instance: u32) -> Corner {
-    let first = corner - corner % 3u;
     let row = vertex_row(instance, corner);
-    let p0 = vertices[vertex_row(instance, first)].position;
-    let p1 = vertices[vertex_row(instance, first + 1u)].position;
-    let p2 = vertices[vertex_row(instance, first + 2u)].position;
-    var out = Corner();
-    out.position = point_to_world(instance, vertices[row].position);
-    out.clip = camera.clip_from_world * vec4f(out.position, 1.0);
-    out.normal = normal_to_world(instance, vertices[row].normal);
-    out.ng = normalize(normal_to_world(instance, cross(p1 - p0, p2 - p0)));
-    out.color = unpack4x8unorm(vertices[row].color);
-    out.ids = vec2u(instance + 1u, instances[instance].material);
+    let position = point_to_world(instance, vertices[row].position);
+    var uv = vec4f(0.0);
     if (TEXTURED) {
-        let tangent = vertices[row].tangent;
-        out.tangent = vec4f(direction_to_world(instance, tangent.xyz), tangent.w);
-        out.uv = vec4f(vertices[row].uv0, vertices[row].uv1);
+        uv = vec4f(vertices[row].uv0, vertices[row].uv1);
     }
-    return out;
+    return Corner(
+        camera.clip_from_world * vec4f(position, 1.0), unpack4x8unorm(vertices[row].color),
+        vec2u(instance + 1u, corner / 3u), uv,
+    );
 }
 
-// The normal that the map shows, on the front of the surface.
-fn mapped_normal(c: Corner, texel: vec3f) -> vec3f {
-    let n = normalize(c.normal);
-    let t = c.tangent.xyz - n * dot(n, c.tangent.xyz);
-    if (material.normal_texture.texture < 0 || c.tangent.w == 0.0 || dot(t, t) == 0.0) {
-        return n;
-    }
-    let tangent = normalize(t);
-    let bitangent = cross(n, tangent) * select(c.tangent.w, -c.tangent.w, MIRRORED);
+// The normal that the map shows, in the frame of the surface, octahedral; 0 is the surface's own.
+fn bump_of(texel: vec3f) -> vec2f {
     let m = (2.0 * texel - 1.0) * vec3f(vec2f(material.normal_scale), 1.0);
-    return normalize(tangent * m.x + bitangent * m.y + n * m.z);
-}
-
-// Both normals on the eye's side. A shading normal that a map or coarse triangles turned past the surface,
-// or away from the eye, is put back: no light would leave it, and silhouettes would have black pixels.
-fn seen_normals(c: Corner, mapped: vec3f) -> vec4f {
-    let wo = view_direction(c.position);
-    let ng = c.ng * select(-1.0, 1.0, dot(c.ng, wo) >= 0.0);
-    let n = mapped * select(-1.0, 1.0, dot(c.normal, ng) >= 0.0);
-    return vec4f(octahedral_encode(bend(bend(n, ng), wo)), octahedral_encode(ng));
-}
-
-// `n`, or the unit vector next to it that is just on the side of `toward`. Twin of tracer/surface.py's.
-fn bend(n: vec3f, toward: vec3f) -> vec3f {
-    let beyond = dot(n, toward);
-    if (beyond >= 0.0) {
-        return n;
-    }
-    return normalize(n - (beyond - 1e-3) * toward);
+    let shown = material.normal_texture.texture >= 0 && dot(m, m) > 0.0;
+    return octahedral_encode(select(vec3f(0.0, 0.0, 1.0), normalize(m), shown));
 }
 
 @fragment
@@ -99,14 +60,13 @@ fn fs(c: Corner) -> Pixel {
     var metallic_roughness = vec2f(material.metallic, material.roughness);
     var emission = material.emission;
     var transmission = material.transmission;
-    var n = normalize(c.normal);
+    var bump = vec2f(0.0);
     if (TEXTURED) {
         base = base_color_at(c.uv, c.color);
         metallic_roughness *= textureSample(metallic_roughness_map, metallic_roughness_sampler, texture_uv(material.metallic_roughness_texture, c.uv)).bg;
         emission *= textureSample(emission_map, emission_sampler, texture_uv(material.emission_texture, c.uv)).rgb;
         transmission *= textureSample(transmission_map, transmission_sampler, texture_uv(material.transmission_texture, c.uv)).r;
-        let texel = textureSample(normal_map, normal_sampler, texture_uv(material.normal_texture, c.uv));
-        n = mapped_normal(c, texel.xyz);
+        bump = bump_of(textureSample(normal_map, normal_sampler, texture_uv(material.normal_texture, c.uv)).xyz);
     }
     if (MASKED) {
         let key = vec4u(vec2u(c.clip.xy), c.ids.x, camera.pass_index);
@@ -118,10 +78,8 @@ fn fs(c: Corner) -> Pixel {
         emission = base.rgb;
         base = vec4f(0.0);
     }
-    var out = Pixel();
-    out.ids = vec2u(c.ids.x, pack_material(c.ids.y, transmission));
-    out.normals = seen_normals(c, n);
-    out.base = vec4f(base.rgb, metallic_roughness.x);
-    out.emission = vec4f(min(emission, vec3f(LARGEST_HALF)), metallic_roughness.y);
-    return out;
+    return Pixel(
+        c.ids, vec4f(bump, transmission, 0.0), vec4f(base.rgb, metallic_roughness.x),
+        vec4f(min(emission, vec3f(LARGEST_HALF)), metallic_roughness.y),
+    );
 }

@@ -1,13 +1,13 @@
-// The material of a pixel as the G-buffer keeps it: in one word the row of its Material and the share of light
-// that it transmits, with the texture's part in it.
+// The material of a pixel as the G-buffer keeps it: in one word, 0 where nothing is, the row of its Material and
+// the share of light that it transmits, with the texture's part in it.
 // include optics/bsdf.wgsl
 
 fn pack_material(row: u32, transmission: f32) -> u32 {
-    return row | (u32(round(clamp(transmission, 0.0, 1.0) * 255.0)) << 24u);
+    return (row + 1u) | (u32(round(clamp(transmission, 0.0, 1.0) * 255.0)) << 24u);
 }
 
 fn material_row(word: u32) -> u32 {
-    return word & 0xffffffu;
+    return (word & 0xffffffu) - 1u;
 }
 
 fn material_transmission(word: u32) -> f32 {

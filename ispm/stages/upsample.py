@@ -61,7 +61,7 @@ class Upsample:
             canvas.draw(3)
         with frame.draw_into(self.emission.sized(view.size)) as canvas:
             if scene.packed.glows:
-                canvas.use(self._glow, self._glow.bind(0, emission=gbuffer.emission, depth=gbuffer.depth))
+                canvas.use(self._glow, self._glow.bind(0, emission=gbuffer.emission, points=gbuffer.points))
                 canvas.draw(3)
         return self.indirect, self.irradiance, self.emission
 
@@ -86,9 +86,8 @@ class Upsample:
 
     def _surface(self, scene: GpuScene, gbuffer: GBuffer, view: CameraView) -> dict[str, Any]:
         return {
-            "camera": view.uniform(), "materials": scene.materials, "ids": gbuffer.ids,
+            "camera": view.uniform(), "materials": scene.materials, "points": gbuffer.points,
             "normals": gbuffer.normals, "base": gbuffer.base, "emission": gbuffer.emission,
-            "depth": gbuffer.depth,
         }  # fmt: skip
 
     def _sharp(self, caustic: tuple[Texture, Texture] | None) -> dict[str, Any]:

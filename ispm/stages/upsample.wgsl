@@ -19,11 +19,10 @@ struct Missed {
 
 @group(0) @binding(0) var<uniform> camera: Camera;
 @group(0) @binding(1) var<storage, read> materials: array<Material>;
-@group(0) @binding(2) var ids: texture_2d<u32>;
-@group(0) @binding(3) var normals: texture_2d<f32>;
+@group(0) @binding(2) var points: texture_2d<u32>;
+@group(0) @binding(3) var normals: texture_2d<u32>;
 @group(0) @binding(4) var base: texture_2d<f32>;
 @group(0) @binding(5) var emission: texture_2d<f32>;
-@group(0) @binding(6) var depth: texture_depth_2d;
 @group(0) @binding(7) var<storage, read> receivers: array<Receiver>;
 @group(0) @binding(8) var<storage, read> light: array<vec4f>;          // four for each receiver
 @group(0) @binding(9) var<storage, read_write> missed_count: array<atomic<u32>>;
@@ -46,9 +45,9 @@ struct Surface {
     footprint: f32,
 }
 
-fn surface_at(pixel: vec2u, d: f32) -> Surface {
+fn surface_at(pixel: vec2u, seen: vec4u) -> Surface {
     var s = Surface();
-    let word = textureLoad(ids, pixel, 0).y;
+    let word = seen.w;
     let material = material_row(word);
     let color = textureLoad(base, pixel, 0);
     let packed = textureLoad(normals, pixel, 0);
@@ -57,10 +56,10 @@ fn surface_at(pixel: vec2u, d: f32) -> Surface {
     if ((materials[material].flags & MATERIAL_UNLIT) != 0u) {
         s.bsdf = Bsdf();
     }
-    s.position = world_position(vec2f(pixel) + 0.5, d);
-    s.n = octahedral_decode(packed.xy);
-    s.ng = octahedral_decode(packed.zw);
-    s.footprint = pixel_footprint(linear_depth(d)) * f32(BLOCK);
+    s.position = bitcast<vec3f>(seen.xyz);
+    s.n = unpack_normal(packed.x);
+    s.ng = unpack_normal(packed.y);
+    s.footprint = pixel_footprint(view_depth(s.position)) * f32(BLOCK);
     let cosine = max(abs(dot(view_direction(s.position), s.ng)), 0.1);
     let reach = PLANE_REACH * s.footprint / cosine;
     s.plane_scale = 1.0 / (reach * reach);
@@ -154,8 +153,8 @@ fn vs(@builtin(vertex_index) corner: u32) -> @builtin(position) vec4f {
 @fragment
 fn fs(@builtin(position) at: vec4f) -> Lit {
     let pixel = vec2u(at.xy);
-    let d = textureLoad(depth, pixel, 0);
-    if (d == 0.0) {
+    let seen = textureLoad(points, pixel, 0);
+    if (seen.w == 0u) {
         return Lit(vec4f(0.0), vec4f(0.0));
     }
     let block = i32(BLOCK);
@@ -165,7 +164,7 @@ fn fs(@builtin(position) at: vec4f) -> Lit {
     let corner = vec2i(floor(q));
     let f = q - vec2f(corner);
     let least = select(1e-3, 0.0, BLOCK == 1u);  // any of the four may have to serve; at K = 1 its own does
-    let s = surface_at(pixel, d);
+    let s = surface_at(pixel, seen);
     var taps = Taps();    // without a value, some compilers keep that of the turn before
     add_tap(&taps, s, load_tap(corner, low), (1.0 - f.x) * (1.0 - f.y) + least);
     add_tap(&taps, s, load_tap(corner + vec2i(1, 0), low), f.x * (1.0 - f.y) + least);
@@ -184,7 +183,7 @@ fn fs(@builtin(position) at: vec4f) -> Lit {
 @fragment
 fn fs_glow(@builtin(position) at: vec4f) -> @location(0) vec4f {
     let pixel = vec2u(at.xy);
-    return select(vec4f(0.0), vec4f(textureLoad(emission, pixel, 0).rgb, 1.0), textureLoad(depth, pixel, 0) > 0.0);
+    return select(vec4f(0.0), vec4f(textureLoad(emission, pixel, 0).rgb, 1.0), textureLoad(points, pixel, 0).w != 0u);
 }
 
 // The 4 x 4 receivers about a pixel.
@@ -217,7 +216,7 @@ fn patch_missed(@builtin(global_invocation_id) id: vec3u) {
     }
     let width = u32(camera.size.x);
     let pixel = vec2u(missed_list[id.x].pixel % width, missed_list[id.x].pixel / width);
-    let s = surface_at(pixel, textureLoad(depth, pixel, 0));
+    let s = surface_at(pixel, textureLoad(points, pixel, 0));
     let k = 4u * id.x;
     let out = lit(pixel, s.bsdf, Incident(
         missed_light[k].rgb, missed_light[k + 1u].rgb, missed_light[k + 2u].rgb, missed_light[k + 3u].rgb,

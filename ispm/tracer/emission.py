@@ -21,11 +21,12 @@ from ispm.optics.light import cone_falloff
 from ispm.optics.records import EMITTED, LIGHT_SPOT, NO_HIT
 from ispm.optics.rng import random4
 from ispm.optics.sampling import LATTICE, equal_area_octahedral, to_world
-from ispm.scene.lightmap import LightMap, cone_measure, texel_measures
+from ispm.scene.lightmap import LightMap, cone_measure, texel_measures, texel_rays
 from ispm.scene.packed import Packed
 from ispm.tracer.intersect import STACK_WORDS
+from ispm.tracer.meet import meet_texels
 from ispm.tracer.plan import PlannedMap
-from ispm.tracer.simd import address, alloca, ldf
+from ispm.tracer.simd import address, alloca
 from ispm.tracer.surface import SurfaceTable, closest_surface
 from ispm.tracer.threads import run_threads
 from ispm.tracer.world import World
@@ -44,10 +45,12 @@ _VIEW = np.dtype(
 )
 
 
-def emit_texels(packed: Packed, plan: Sequence[PlannedMap], texels: Sequence[np.ndarray]) -> np.ndarray:
+def emit_texels(
+    packed: Packed, surfaces: SurfaceTable, plan: Sequence[PlannedMap], texels: Sequence[np.ndarray]
+) -> np.ndarray:
     """Thin bounce maps to photons, in order of map and texel.
 
-    texels  of each planned map, (F, W, W, 4) uint32: instance, primitive and bits of u, v
+    texels  of each planned map, (F, W, W, 2) uint32: instance and primitive
     ->      (N,) EMITTED; of each map `photons` in expectation
 
     A texel of the part dF of its map's measure F emits N dF / F photons, N the map's: mostly one or none.
@@ -66,14 +69,33 @@ def emit_texels(packed: Packed, plan: Sequence[PlannedMap], texels: Sequence[np.
             expected *= each.photons / each.map.measure
             most = np.ceil(expected)
             out = np.empty(int(most.sum()), EMITTED)
+            held = next(content)
             count = _thin(
-                np.ascontiguousarray(next(content)), expected, _faces(each.map, origin), views, i64(own),
+                expected, _faces(each.map, origin), views, i64(own),
                 light["intensity"], f64(each.shift[0]), f64(each.shift[1]), f64(each.offset), u32(index),
                 u32(first_key), out,
             )  # fmt: skip
-            batches.append(out[:count])
+            out = out[:count]
+            numbers = (out["key"].astype(np.int64) - first_key) % expected.size
+            place_photons(surfaces, each, held, out, numbers)
+            batches.append(out)
             first_key += expected.size * int(most.max(initial=0.0))
     return np.concatenate(batches)
+
+
+def place_photons(
+    surfaces: SurfaceTable, planned: PlannedMap, content: np.ndarray, rows: np.ndarray, texels: np.ndarray
+) -> None:
+    """Find what the rays of texels meet, and where; beyond the light's range is nothing. In place.
+
+    content  (F, W, W, 2) uint32 of the map;  rows  (n,) EMITTED;  texels  (n,) numbers in the map
+    """
+    map = planned.map
+    origins, directions = texel_rays(map, planned.width, planned.shift, texels)
+    found, places, along = meet_texels(surfaces, content, texels, origins, directions, map.orthographic)
+    beyond = along * np.linalg.norm(directions, axis=1) > map.range
+    rows["instance"], rows["primitive"] = np.where(beyond, NO_HIT, found[:, 0]), found[:, 1]
+    rows["u"], rows["v"] = places.T
 
 
 def emit_rays(
@@ -156,11 +178,10 @@ def _density_of_rays(light: np.void, each: PlannedMap) -> float:
 
 @jit
 def _thin(
-    texels, expected, faces, views, own, intensity, shift_x, shift_y, offset, light, first_key, out
+    expected, faces, views, own, intensity, shift_x, shift_y, offset, light, first_key, out
 ):  # fmt: skip
     count = i64(0)
-    width = texels.shape[1]
-    words = np.uint64(texels.ctypes.data)
+    width = expected.shape[1]
     for face in range(len(faces)):
         for y in range(width):
             t = f64(2) * (y + 0.5 + shift_y) / width - f64(1)
@@ -175,10 +196,6 @@ def _thin(
                 key = i64(first_key) + texel
                 while threshold < expected[face, y, x]:
                     row = out[count]
-                    row.instance = texels[face, y, x, 0]
-                    row.primitive = texels[face, y, x, 1]
-                    row.u = ldf(words, 4 * texel + 2)
-                    row.v = ldf(words, 4 * texel + 3)
                     for c in range(3):
                         row.flux[c] = f32(f64(intensity[c]) / density)
                     row.key = u32(key)

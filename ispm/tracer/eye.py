@@ -32,6 +32,7 @@ from ispm.tracer.facet import facet_split, go_on
 from ispm.tracer.found import BLACK, END, FIRST, store_end, store_first, store_point
 from ispm.tracer.intersect import STACK_WORDS
 from ispm.tracer.lit import direct_light, greatest, times
+from ispm.tracer.rays import HIT
 from ispm.tracer.simd import address, alloca, atomic_add
 from ispm.tracer.surface import SurfaceTable, closest_surface, glow, hit_position, surface
 from ispm.tracer.threads import run_threads
@@ -68,6 +69,7 @@ class EyeRays:
     width      m that a pixel covers at the origin, and more at each m of the path
     slack      shares of the distance: a ray starts so far before what its pixel shows, which lies not farther
                behind than so
+    hits       (n,) HIT, what the pixels show; None: it is looked for
     """
 
     origins: np.ndarray
@@ -76,6 +78,7 @@ class EyeRays:
     keys: np.ndarray
     width: tuple[float, float]
     slack: tuple[float, float] = (1e-4, 1e-3)
+    hits: np.ndarray | None = None
 
 
 @dataclass(frozen=True)
@@ -116,6 +119,10 @@ def trace_eye(
     count = len(rays.origins)
     firsts = np.zeros(count, FIRST)
     direct, emission, through = np.zeros((3, count, 3), np.float32)
+    hits = rays.hits
+    if hits is None:
+        hits = np.zeros(count, HIT)
+        hits["instance"] = NO_HIT
     porous = bool((packed.materials["flags"] & (MATERIAL_MASK | MATERIAL_BLEND | MATERIAL_THIN)).any())
     scene = (
         packed.lights, porous, tuple(map(f32, rays.width)), u32(seed), u32(pass_index),
@@ -135,7 +142,8 @@ def trace_eye(
             table, foot = surfaces.own_footprint()
             _follow_chunks(
                 (address(world.table), table, surfaces.texels, surfaces.rows), scene, foot,
-                (rays.origins[part], rays.directions[part], rays.distances[part], rays.keys[part]),
+                (rays.origins[part], rays.directions[part], rays.distances[part], rays.keys[part],
+                 hits[part]),
                 i64(part.start), address(counter),
                 (direct[part], emission[part], room, firsts[part], through[part]), counts,
             )  # fmt: skip
@@ -187,14 +195,18 @@ def _follow_pixel(place, scene, foot, scratch, rays, i, slot, out, at):
     """Follow all paths of ray `i`; `at`: the next free row of the ends, and the number of rays traced."""
     world, table, texels, rows = place
     start, d, key = _vector(rays[0], i), _vector(rays[1], i), rays[3][i]
-    near = rays[2][i] * (f32(1) - scene[5][0])
-    start = add(start, scale(near, d))
-    found, hit = closest_surface(world, table, texels, rows, start, d, f32(0), scratch[0], scratch[1])
-    if not found:
-        _add(out[4], slot[1], _WHITE, _WHITE)
-        return at[0], at[1] + i64(1)
-    length = near + _distance(table, hit, start)
-    past = length > rays[2][i] * (f32(1) + scene[5][1])  # the edge of what the rasteriser drew
+    near, past = f32(0), False
+    shown, length = rays[4][i], rays[2][i]
+    hit = shown.instance, shown.primitive, shown.u, shown.v
+    if shown.instance == u32(NO_HIT):
+        near = length * (f32(1) - scene[5][0])
+        start = add(start, scale(near, d))
+        found, hit = closest_surface(world, table, texels, rows, start, d, f32(0), scratch[0], scratch[1])
+        if not found:
+            _add(out[4], slot[1], _WHITE, _WHITE)
+            return at[0], at[1] + i64(1)
+        length = near + _distance(table, hit, start)
+        past = length > rays[2][i] * (f32(1) + scene[5][1])  # the edge of what the rasteriser drew
     foot[0] = _width(scene, length)
     _, ng, n, b, flags, entering = surface(table, texels, rows, hit, d)
     wo = scale(f32(-1), d)

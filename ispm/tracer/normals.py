@@ -25,7 +25,7 @@ def bend(n, toward):
     """`n`, or the unit vector next to it that is just on the side of `toward`.
 
     For shading normals that a map or coarse triangles turned past the surface or away from where light
-    goes: nothing would leave there. Twin of gbuffer.wgsl's.
+    goes: nothing would leave there. Twin of seen.wgsl's.
     """
     beyond = dot(n, toward)
     if beyond >= f32(0):

@@ -49,7 +49,8 @@ def frames_of(gpu: Gpu, scene: Scene, camera: Camera | None, count: int, stride:
     pixels = np.flatnonzero(inside)[::stride]
     pose, clip_from_world = frame.camera["pose"], frame.camera["clip_from_world"]
     view = CameraView((640, 360), pose, yfov=2.0 * np.arctan(1.0 / (clip_from_world @ pose)[1, 1]))
-    origins, directions, distances = view.pixel_rays(pixels, view.near / frame.depth.reshape(-1)[pixels])
+    origins, directions = view.pixel_rays(pixels)
+    distances = frame.depth.reshape(-1)[pixels] / (directions @ view.forward)
     f4 = np.float32
     rays = EyeRays(
         origins.astype(f4), directions.astype(f4), distances.astype(f4), pixels.astype(np.uint32),

@@ -10,10 +10,13 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     if (id.x >= arrayLength(&points)) {
         return;
     }
-    let clip = camera.clip_from_world * vec4f(points[id.x].xyz, 1.0);
+    let point = points[id.x].xyz;
+    let clip = camera.clip_from_world * vec4f(point, 1.0);
     let ndc = clip.xyz / clip.w;
     let pixel = (ndc.xy * vec2f(0.5, -0.5) + 0.5) * camera.size;
-    result[3u * id.x] = vec4f(world_position(pixel, ndc.z), linear_depth(ndc.z));
-    result[3u * id.x + 1u] = vec4f(view_direction(points[id.x].xyz), pixel_footprint(linear_depth(ndc.z)));
-    result[3u * id.x + 2u] = vec4f(pixel, ndc.z, 0.0);
+    let ray = pixel_ray(pixel);
+    result[4u * id.x] = vec4f(ray.origin, view_depth(point));
+    result[4u * id.x + 1u] = vec4f(view_direction(point), pixel_footprint(view_depth(point)));
+    result[4u * id.x + 2u] = vec4f(pixel, ndc.z, clip_depth(point));
+    result[4u * id.x + 3u] = vec4f(ray.direction, 0.0);
 }

@@ -39,13 +39,16 @@ def test_camera_shader_agrees_with_geometry(gpu: Gpu, view: CameraView) -> None:
     given = np.ones((len(points), 4), np.float32)
     given[:, :3] = points
     source = gpu.buffer("points").write(given)
-    result = gpu.buffer("result").sized(3 * given.nbytes)
+    result = gpu.buffer("result").sized(4 * given.nbytes)
     with gpu.frame() as frame:
         gpu.compute(SHADER)(frame, over=len(points), camera=view.uniform(), points=source, result=result)
-    rows = gpu.read_buffer(result, np.float32, 12 * len(points)).reshape(-1, 3, 4)
+    rows = gpu.read_buffer(result, np.float32, 16 * len(points)).reshape(-1, 4, 4)
     # float32: about 2^-24 of the values that matrices of this size add up, and their inverse's
-    assert np.abs(rows[:, 0, :3] - points).max() < 1e-4
+    origins, directions = rows[:, 0, :3].astype(float), rows[:, 3, :3].astype(float)
+    along = distance if view.ymag is None else distance - view.near
+    assert np.abs(origins + along[:, None] * directions - points).max() < 1e-4
     assert rows[:, 0, 3] == pytest.approx(distance, rel=1e-5)
+    assert rows[:, 2, 2] == pytest.approx(rows[:, 2, 3], rel=1e-5)
     wo = view.eye - points if view.ymag is None else np.broadcast_to(-view.forward, points.shape)
     wo = wo / np.linalg.norm(wo, axis=1, keepdims=True)
     assert np.abs(rows[:, 1, :3] - wo).max() < 1e-6

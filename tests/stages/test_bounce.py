@@ -58,30 +58,17 @@ def test_bounce_map_matches_exact_rays(gpu: Gpu, kind: str, shift: tuple[float, 
     packed, width = mixed_with(LIGHTS[kind]), 40
     map = packed.maps[0]
     (got,) = draw(gpu, packed, [planned(map, width, shift)])
-    assert got.shape == (6 if "cube" in kind else 1, width, width, 4)
+    assert got.shape == (6 if "cube" in kind else 1, width, width, 2)
     triangles = triangles_of(packed)
     starts, directions = map_rays(map, width, shift)
-    row, distance, _ = cast(triangles, starts.reshape(-1, 3), directions.reshape(-1, 3))
-    distance[row < 0] = 0.0
-    facet, distance = row.reshape(got.shape[:3]), distance.reshape(got.shape[:3])
+    row, *_ = cast(triangles, starts.reshape(-1, 3), directions.reshape(-1, 3))
+    facet = row.reshape(got.shape[:3])
     instance = np.where(facet >= 0, triangles.instance[facet], NO_HIT)
     primitive = np.where(facet >= 0, triangles.primitive[facet], 0)
     same = (got[..., 0] == instance) & ((got[..., 1] == primitive) | (instance == NO_HIT))
     inside = np.stack([interior(face) for face in facet])
     assert same[inside].all() and (~same).mean() < 0.03  # edges may snap to the sub-pixel grid
     assert {0, 1, 2} <= set(np.unique(instance))
-    # the point that the barycentrics give, against the exact one: a thousandth of a texel across the ray
-    hits = same & (instance != NO_HIT)
-    found = np.ascontiguousarray(got[..., 2:]).view(np.float32).astype(float)
-    corners = triangles.corners[facet]
-    points = corners[..., 0, :] + sum(
-        found[..., k, None] * (corners[..., k + 1, :] - corners[..., 0, :]) for k in (0, 1)
-    )
-    off = (points - starts - directions * distance[..., None])[hits]
-    across = off - directions[hits] * (off * directions[hits]).sum(-1, keepdims=True)
-    texel = 2.0 * map.spread / width * (1.0 if map.orthographic else distance[hits])
-    assert (np.linalg.norm(across, axis=1) / texel).max() < 1e-3
-    assert (found >= 0.0).all() and (found.sum(-1) <= 1.0 + 1e-6)[hits].all()
 
 
 def test_crop_of_a_parallel_map_sees_what_stands_before_it(gpu: Gpu) -> None:
@@ -104,19 +91,6 @@ def test_bounce_map_does_not_depend_on_near(gpu: Gpu) -> None:
     plan = [planned(packed.maps[0], 32, (0.1, 0.1))]
     first, second = (draw(gpu, packed, plan, near)[0] for near in (1e-5, 1e-2))
     assert (first[..., :2] == second[..., :2]).mean() > 0.999
-
-
-def test_range_ends_the_map(gpu: Gpu) -> None:
-    scene = Scene()
-    scene.add(quad(4.0))
-    scene.add(PointLight(range=2.0), translation=(0.0, 1.0, 0.0))
-    packed = pack(scene)
-    (got,) = draw(gpu, packed, [planned(packed.maps[0], 32)])
-    down = map_rays(packed.maps[0], 32)[1][..., 1]
-    hit = got[..., 0] == 0
-    distance = 1.0 / np.maximum(-down, 1e-9)
-    clear = np.abs(distance - 2.0) > 1e-4
-    assert (hit == (distance < 2.0))[clear].all() and hit.any()
 
 
 def test_masked_texels_let_photons_through(gpu: Gpu) -> None:
@@ -179,8 +153,7 @@ def test_maps_lie_side_by_side_without_touching(gpu: Gpu) -> None:
     for each, got in zip(plan, together, strict=True):
         (alone,) = draw(gpu, packed, [each])
         same = (got[..., :2] == alone[..., :2]).all(axis=-1)
-        apart = np.abs(np.ascontiguousarray(got[same]).view(np.float32) - alone[same].view(np.float32))[:, 2:]
-        assert same.mean() > 0.995 and apart.max() < 1e-3  # a viewport's place rounds
+        assert same.mean() > 0.995  # a viewport's place rounds
     assert draw(gpu, packed, []) == []
 
 

@@ -54,9 +54,10 @@ class Picture:
 
     def surfaces(self):
         """Base color and metallic as the G-buffer rounds them, (n, 4), and the material, of each pixel."""
-        wanted = [(self.gbuffer.base, np.float16, 4), (self.gbuffer.ids, np.uint32, 2)]
-        base, ids = self.gpu.read_many(wanted)
-        return base.reshape(-1, 4).astype(float), self.packed.materials[ids[..., 1].ravel() & 0xFFFFFF]
+        wanted = [(self.gbuffer.base, np.float16, 4), (self.gbuffer.points, np.uint32, 4)]
+        base, points = self.gpu.read_many(wanted)
+        rows = np.maximum(points[..., 3].ravel() & 0xFFFFFF, 1) - 1
+        return base.reshape(-1, 4).astype(float), self.packed.materials[rows]
 
 
 def discs(photons):

@@ -188,6 +188,21 @@ def test_estimates_repeat_to_the_bit_for_any_threads(gpu):
     assert (found[0] == found[2]).all()
 
 
+def test_tiles_list_photons_in_their_order(gpu):
+    """In whatever order threads come, so that sums of floats repeat to the bit."""
+    s = make_scene("glossy")
+    tiled = Tiled(gpu)
+    found = [tiled(s.receivers, s.photons, s.clip, s.size) for _ in range(2)]
+    assert (found[0] == found[1]).all()
+    starts = gpu.read_buffer(tiled._buffers["starts"], np.uint32, -(-s.size[0] // 8) * -(-s.size[1] // 8) + 1)
+    members = gpu.read_buffer(tiled._buffers["members"], np.uint32, int(starts[-1])).astype(int)
+    inside = np.ones(len(members), bool)
+    inside[starts[starts < len(members)]] = False
+    inside[0] = False
+    assert np.diff(starts.astype(int)).max() > 40 and (np.diff(members)[inside[1:]] > 0).all()
+    tiled.close()
+
+
 def floor(size, half, height=0.0):
     """Receivers on z = height under an orthographic eye; (w*h,) row by row, and the camera."""
     clip = orthographic(half, size)

@@ -89,7 +89,9 @@ def test_shadows_disagree_with_traced_rays_only_at_their_edges(lamp: Lamp, kind:
     facing = np.einsum("nk,nk->n", wi, normals) > 0.0
     raised = points + 1e-5 * scale * normals
     exact = facing & lightable(packed, points) & ~world.occluded(raised, wi, distance * (1.0 - 1e-5))
-    wrong = np.flatnonzero((pixels > 0.0) != exact)
+    # a plane that light grazes nears it within a texel by as much as that over the sine: what shades is lost
+    told = np.abs(np.einsum("nk,nk->n", wi, normals)) > 2.0 * lit.texels(points) / distance
+    wrong = np.flatnonzero(((pixels > 0.0) != exact) & (told | (packed.lights[0]["kind"] == 2)))
     around = np.stack([
         exact_beside(world, packed, points[wrong], offset, lit.texels(points[wrong])) for offset in RING
     ])  # fmt: skip

@@ -9,6 +9,7 @@ from scipy import stats
 from scipy.spatial.transform import Rotation
 from transport import Tracer, box_room, lit, on_instance
 
+from ispm.optics.texture import TextureTable
 from ispm.scene.builtins_common import lambert
 from ispm.scene.camera import look_at_pose
 from ispm.scene.light import DirectionalLight, PointLight, SpotLight
@@ -21,6 +22,7 @@ from ispm.stages.bounce import BounceStage
 from ispm.stages.upload import Upload
 from ispm.tracer.emission import emit_rays, emit_texels
 from ispm.tracer.plan import PlannedMap, map_width, plan_maps, share_photons
+from ispm.tracer.surface import SurfaceTable
 
 
 def packed_with(light, **where):
@@ -46,8 +48,9 @@ def planned(packed, wanted, offset=0.3, shift=(0.2, -0.4)):
 
 
 def thinned(packed, each):
-    texels = np.zeros((len(each.map.axes), each.width, each.width, 4), np.uint32)
-    return emit_texels(packed, [each], [texels])
+    texels = np.zeros((len(each.map.axes), each.width, each.width, 2), np.uint32)
+    surfaces = SurfaceTable(packed, TextureTable.pack(packed.textures), 1.0)
+    return emit_texels(packed, surfaces, [each], [texels])
 
 
 @pytest.mark.parametrize("kind", LIGHTS)
@@ -219,7 +222,7 @@ class Emitter:
             return emit_rays(packed, tracer.world, tracer.surfaces, plan, seed, 0, 2)
         with self.gpu.frame() as frame:
             maps = self._stage(frame, self._upload(packed), plan, 1e-4 * packed.diagonal)
-        return emit_texels(packed, plan, maps.read(self.gpu))
+        return emit_texels(packed, tracer.surfaces, plan, maps.read(self.gpu))
 
     def on_objects(self, photons):
         """Return the luminous flux on each instance, (I,)."""
