@@ -19,7 +19,7 @@ from ispm.tracer.surface import SurfaceTable
 from ispm.tracer.world import World
 
 _FINER = 2  # blocks of ends are this much smaller than the picture's: curved mirrors show much in few pixels
-_SAMPLES = np.array([(-1, -3), (3, -1), (-3, 1), (1, 3)]) / 8.0  # pixels from the centre, as antialiasing's
+SAMPLES = np.array([(-1, -3), (3, -1), (-3, 1), (1, 3)]) / 8.0  # pixels from the centre, as antialiasing's
 _FINE_SLACK = (5e-3, 2e-2)  # of the distance: a sample's first surface is known as its centre's plane
 
 
@@ -55,10 +55,10 @@ def chain_light(
     if len(edges):
         fine = fine_rays(rays, paths, edges, view)
         paths = join_paths(paths, trace(fine))
-        pixels = np.concatenate([pixels, np.repeat(pixels[edges], len(_SAMPLES))])
+        pixels = np.concatenate([pixels, np.repeat(pixels[edges], len(SAMPLES))])
     light = light_ends(paths, pixels, photon_light, caustics, view, settings, packed.diagonal, threads)
     brought = light[:count]
-    brought[edges] = light[count:].reshape(-1, len(_SAMPLES), 9).mean(axis=1)
+    brought[edges] = light[count:].reshape(-1, len(SAMPLES), 9).mean(axis=1)
     smooth_frost(brought, rays.keys, view.size[0], paths.firsts, threads)
     return brought
 
@@ -76,17 +76,17 @@ def eye_rays(seen: np.ndarray, view: CameraView) -> EyeRays:
 def fine_rays(rays: EyeRays, paths: EyePaths, rows: np.ndarray, view: CameraView) -> EyeRays:
     """Return the rays through the samples of some pixels, one pixel's after the other's."""
     pixels = rays.keys[rows].astype(np.int64)[:, None]
-    x = pixels % view.size[0] + 0.5 + _SAMPLES[:, 0]
-    y = pixels // view.size[0] + 0.5 + _SAMPLES[:, 1]
+    x = pixels % view.size[0] + 0.5 + SAMPLES[:, 0]
+    y = pixels // view.size[0] + 0.5 + SAMPLES[:, 1]
     origins, directions = (a.reshape(-1, 3) for a in view.rays_through(x, y))
     center = rays.origins[rows] + rays.distances[rows, None] * rays.directions[rows]
     center, ng, expected = (
-        np.repeat(a, len(_SAMPLES), axis=0) for a in (center, paths.firsts["ng"][rows], rays.distances[rows])
+        np.repeat(a, len(SAMPLES), axis=0) for a in (center, paths.firsts["ng"][rows], rays.distances[rows])
     )
     slope = np.einsum("ij,ij->i", directions, ng)
     away = np.einsum("ij,ij->i", center - origins, ng) / np.where(np.abs(slope) > 1e-3, slope, np.inf)
     distances = np.where(np.abs(away / expected - 1.0) < 0.2, away, expected)
-    keys = (pixels + len(_SAMPLES) * (1 + np.arange(len(_SAMPLES))) * 0x9E3779B1).astype(np.uint32)
+    keys = (pixels + len(SAMPLES) * (1 + np.arange(len(SAMPLES))) * 0x9E3779B1).astype(np.uint32)
     f4 = np.float32
     return replace(
         rays, origins=origins.astype(f4), directions=directions.astype(f4), distances=distances.astype(f4),

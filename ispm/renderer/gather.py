@@ -162,7 +162,7 @@ class PhotonLight:
         receivers = take(points, used)
         densities, rows = self._guide.densities(receivers, square_blocks(size)[used], self._threads)
         numbers = (
-            _clearance(receivers["position"], view.eye),
+            clearance(receivers["position"], view.eye),
             used.astype(np.uint32),
             even_numbers(size, settings.seed, view.pass_index)[used],
         )
@@ -203,7 +203,7 @@ def even_numbers(size: tuple[int, int], seed: int, pass_index: int) -> np.ndarra
     return np.asarray(np.minimum(numbers, 1.0 - 2.0**-24), np.float32)
 
 
-def _clearance(position: np.ndarray, eye: np.ndarray) -> np.ndarray:
+def clearance(position: np.ndarray, eye: np.ndarray) -> np.ndarray:
     """(n,) float32 m by which rays from (n, 3) places start above their surfaces."""
     away = _CLEAR * np.linalg.norm(position - eye, axis=1)
     return np.asarray(away + _ROUNDED * np.abs(position).max(axis=1), np.float32)

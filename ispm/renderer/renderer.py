@@ -31,6 +31,7 @@ from ispm.renderer.limits import require_drawable, require_scene
 from ispm.renderer.motion import moved
 from ispm.renderer.picture import Frame
 from ispm.renderer.progress import Progress, fingerprint
+from ispm.renderer.shadows import ShadowRays, join_pixels
 from ispm.renderer.statistics import collect
 from ispm.renderer.watch import Watch
 from ispm.scene.camera import Camera
@@ -232,6 +233,7 @@ class Renderer:
             second.stage("direct")
             shadows = self._shadow(second, scene, points[points["valid"] > 0], view, _NEAR * packed.diagonal)
             direct = self._direct(second, scene, gbuffer, shadows, view)
+        recordings = [first, second]
 
         with watch("trace"):
             path = trace_photons(
@@ -261,11 +263,20 @@ class Renderer:
                 packed, self._world, surfaces, mirrors, light, PhotonGrid(parts.caustic, parts.kernels), view,
                 settings, index, self.threads,
             )  # fmt: skip
+            while (doubts := self._direct.doubts()) is None:
+                with self._gpu.frame() as again:
+                    again.stage("direct")
+                    direct = self._direct(again, scene, gbuffer, shadows, view)
+                recordings.append(again)
+            rays = ShadowRays(
+                packed, self._world, surfaces, view, settings.antialias, settings.seed, self.threads
+            )
+            lit = join_pixels((mirrors["pixel"], brought), rays.light(doubts))
         with watch("upsample"):
             self._light_missed(points, raw, light, parts.wide, scene, gbuffer, view, caustic, settings)
         with self._gpu.frame() as fourth:
             fourth.stage("compose")
-            self._chains.patch(fourth, mirrors["pixel"], brought, direct, indirect, emission)
+            self._chains.patch(fourth, *lit, direct, indirect, emission)
             if settings.antialias:
                 self._antialias(fourth, scene, gbuffer, view, direct, indirect, emission)
         with watch("readback"):
@@ -275,7 +286,7 @@ class Renderer:
             )  # fmt: skip
             frame.scene = self.scene.name
 
-        for recording in (first, second, third, fourth):
+        for recording in (*recordings, third, fourth):
             for name, spent in recording.milliseconds().items():
                 watch.add(name, spent)
         total = (clock.perf_counter() - started) * 1e3

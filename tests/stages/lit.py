@@ -8,6 +8,8 @@ import numpy as np
 
 from ispm.frame import ShadowMaps
 from ispm.gpu import Gpu
+from ispm.optics.texture import TextureTable
+from ispm.renderer.shadows import ShadowRays
 from ispm.scene.packed import Packed
 from ispm.stages.camera import CameraView
 from ispm.stages.direct import DirectStage
@@ -15,6 +17,8 @@ from ispm.stages.downsample import Downsample
 from ispm.stages.gbuffer import GBufferStage
 from ispm.stages.shadow import ShadowStage
 from ispm.stages.upload import Upload
+from ispm.tracer.surface import SurfaceTable
+from ispm.tracer.world import World
 
 
 @dataclass
@@ -22,12 +26,14 @@ class Lit:
     """What the stages made of a scene.
 
     radiance  (h, w, 3);  ids  (h, w) instance rows + 1;  points  (h, w, 3) float64, nan where nothing is
+    doubts    (n,) DOUBT, which rays decided
     """
 
     radiance: np.ndarray
     ids: np.ndarray
     points: np.ndarray
     shadows: ShadowMaps
+    doubts: np.ndarray
 
     def texels(self, points: np.ndarray, light: int = 0) -> np.ndarray:
         """Width in m, at (n, 3) points, of the widest texels of a light's map."""
@@ -51,7 +57,14 @@ class Lamp:
         self.stages = Upload(self.gpu), GBufferStage(self.gpu), DirectStage(self.gpu)
         self.downsample = Downsample(self.gpu, 4)
 
-    def __call__(self, packed: Packed, view: CameraView, resolution: int = 256, near: float = 1e-3) -> Lit:
+    def __call__(
+        self,
+        packed: Packed,
+        view: CameraView,
+        resolution: int = 256,
+        near: float = 1e-3,
+        antialias: bool = False,
+    ) -> Lit:
         upload, gbuffer, direct = self.stages
         shadow = ShadowStage(self.gpu, resolution)
         with self.gpu.frame() as frame:
@@ -65,8 +78,17 @@ class Lamp:
         with self.gpu.frame() as frame:
             maps = shadow(frame, scene, receivers[receivers["valid"] > 0], view, near)
             radiance = direct(frame, scene, seen, maps, view)
-        pixels = self.gpu.read_texture(radiance, np.float32, 4)
-        return Lit(pixels[..., :3], ids[..., 0], points, maps)
+        while (doubts := direct.doubts()) is None:
+            with self.gpu.frame() as frame:
+                radiance = direct(frame, scene, seen, maps, view)
+        pixels = self.gpu.read_texture(radiance, np.float32, 4)[..., :3].copy()
+        surfaces = SurfaceTable(packed, TextureTable.pack(packed.textures), 0.005 * packed.diagonal)
+        world = World(2)
+        world.update(packed)
+        rays = ShadowRays(packed, world, surfaces, view, antialias, seed=0, threads=2)
+        places, light = rays.light(doubts)
+        pixels.reshape(-1, 3)[places] += light
+        return Lit(pixels, ids[..., 0], points, maps, doubts)
 
 
 def _points(view: CameraView, depth: np.ndarray) -> np.ndarray:
