@@ -57,14 +57,19 @@ class ShadowRays:
 
     def _seen(self, doubts: np.ndarray, starts: np.ndarray, sample: int) -> np.ndarray:
         """(n, 3) float32 share of light that comes from each doubt's light to where a ray starts."""
-        light = self.packed.lights[doubts["light"]]
-        far = light["kind"] == LIGHT_DIRECTIONAL
-        ways = np.where(far[:, None], -light["direction"], light["position"] - starts)
-        distances = np.linalg.norm(ways, axis=1)
-        limits = np.where(far, np.float32(np.inf), distances)
+        ways, distances = np.empty_like(starts), np.empty(len(starts), np.float32)
+        rows, first = np.unique(doubts["light"], return_index=True)
+        for row, start, end in zip(rows, first, [*first[1:], len(doubts)], strict=True):
+            light, of = self.packed.lights[row], slice(start, end)
+            if light["kind"] == LIGHT_DIRECTIONAL:
+                ways[of], distances[of] = -light["direction"], np.inf
+            else:
+                way = light["position"] - starts[of]
+                distances[of] = np.sqrt(_dot(way, way))
+                ways[of] = way / distances[of, None]
         return passed_light(
-            self.packed, self.world, self.surfaces, starts, ways / distances[:, None], limits,
-            doubts["pixel"], sample, self.view.pass_index, self.seed, self.threads,
+            self.packed, self.world, self.surfaces, starts, ways, distances, doubts["pixel"], sample,
+            self.view.pass_index, self.seed, self.threads,
         )  # fmt: skip
 
     def _sampled(self, doubts: np.ndarray, starts: np.ndarray, seen: np.ndarray) -> np.ndarray:
@@ -74,31 +79,43 @@ class ShadowRays:
         Passes spread over the pixel themselves, so theirs lie closer. A place that something parts from the middle
         is of another surface, and has the middle's share.
         """
-        view, total = self.view, np.zeros_like(seen)
-        x, y = doubts["pixel"] % view.size[0] + 0.5, doubts["pixel"] // view.size[0] + 0.5
-        point, ng = doubts["position"].astype(np.float64), doubts["ng"]
-        for sample, (right, down) in enumerate(SAMPLES / np.sqrt(1.0 + view.pass_index)):
-            origins, ways = view.rays_through(x + right, y + down)
-            slope = np.einsum("nk,nk->n", ways, ng)
-            along = np.einsum("nk,nk->n", point - origins, ng) / np.where(slope == 0.0, 1.0, slope)
-            aside = (origins + along[:, None] * ways - point).astype(np.float32)
-            near = np.einsum("nk,nk->n", aside, aside) < np.square(_ASIDE * view.pixel_widths(point))
-            near &= ~self.world.occluded(starts, aside, 1.0)
-            some = np.flatnonzero(near)
+        right, down = self._across(doubts)
+        near = np.square(_ASIDE * self.view.pixel_widths(doubts["position"]))
+        total = np.zeros_like(seen)
+        for sample, (x, y) in enumerate(np.float32(SAMPLES / np.sqrt(1.0 + self.view.pass_index))):
+            aside = x * right + y * down
+            same = (_dot(aside, aside) < near) & ~self.world.occluded(starts, aside, 1.0)
+            rows = np.flatnonzero(same)
             total += seen
-            total[some] += self._seen(doubts[some], starts[some] + aside[some], 1 + sample) - seen[some]
+            total[rows] += self._seen(doubts[rows], starts[rows] + aside[rows], 1 + sample) - seen[rows]
         return np.asarray(total / np.float32(len(SAMPLES)))
+
+    def _across(self, doubts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Ways on the planes of surfaces to the next pixel right and below, (n, 3) float32 m each."""
+        points, ng, pose = doubts["position"], doubts["ng"], np.float32(self.view.pose)
+        eye = np.float32(self.view.eye_or_direction)
+        ways = points - eye[:3] if eye[3] else -eye[:3]
+        slope = _dot(ways, ng)
+        widths = self.view.pixel_widths(points)[:, None]
+        flat = ways / np.where(slope == 0.0, np.float32(1e-30), slope)[:, None]
+        right, down = (widths * (axis - (ng @ axis)[:, None] * flat) for axis in (pose[:3, 0], -pose[:3, 1]))
+        return right, down
+
+
+def _dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    return np.einsum("...k,...k->...", a, b)
 
 
 def _on_edges(doubts: np.ndarray, seen: np.ndarray, view: CameraView) -> np.ndarray:
-    """(n,) whether a pixel lies beside one that has another share of its light, or may do."""
+    """(n,) whether the pixel right, left, above or below has another share of the light, or may have."""
     wide = view.size[0] + 1  # so that a row's last pixel is not beside the next one's first
     pixels = doubts["pixel"].astype(np.int64)
     places = doubts["light"] * np.int64(wide * (view.size[1] + 1)) + pixels + pixels // view.size[0]
     edges = doubts["texel"] < _WIDE * view.pixel_widths(doubts["position"])
-    for step in (1, wide - 1, wide, wide + 1):
+    for step in (1, wide):
         beside = np.minimum(np.searchsorted(places, places + step), len(places) - 1)
-        differ = (places[beside] == places + step) & (seen != seen[beside]).any(axis=1)
+        pairs = np.flatnonzero(places[beside] == places + step)
+        differ = pairs[(seen[pairs] != seen[beside[pairs]]).any(axis=1)]
         edges[differ] = edges[beside[differ]] = True
     return np.asarray(edges)
 

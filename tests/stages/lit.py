@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
+from exact import Triangles, cast
 
 from ispm.frame import ShadowMaps
 from ispm.gpu import Gpu
@@ -99,3 +100,19 @@ def _points(view: CameraView, depth: np.ndarray) -> np.ndarray:
     ndc[..., 2] = np.where(depth > 0.0, depth, np.nan)
     world = ndc @ view.world_from_clip.T
     return np.asarray(world[..., :3] / world[..., 3:])
+
+
+def seen_surfaces(
+    lit: Lit, triangles: Triangles, eye: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Points, geometric normals on the eye's side and brightness of the pixels whose triangle is certain."""
+    points, ids = lit.points.reshape(-1, 3), lit.ids.ravel()
+    some = np.flatnonzero(ids)
+    ways = points[some] - eye
+    distance = np.linalg.norm(ways, axis=1)
+    d = ways / distance[:, None]
+    same = triangles.instance[None] + 1 == ids[some][:, None]
+    row, t, _ = cast(triangles, np.broadcast_to(eye, d.shape), d, same)
+    certain = (row >= 0) & (np.abs(t - distance) < 1e-3 * distance)
+    normals = triangles.front[row] * -np.sign(np.einsum("nk,nk->n", triangles.front[row], d))[:, None]
+    return points[some][certain], normals[certain], lit.radiance.reshape(-1, 3)[some][certain].sum(-1)
