@@ -10,7 +10,7 @@ from ispm.renderer.gather import PhotonLight
 from ispm.scene.packed import Packed
 from ispm.settings import Settings
 from ispm.stages.camera import CameraView
-from ispm.stages.filter import WEIGHT, filter_estimate, filter_points
+from ispm.stages.filter import LONE, MET, filter_estimate, filter_points
 from ispm.tracer.edges import edge_rows
 from ispm.tracer.ends import image_of_ends, reflect_light, smooth_frost, spread_light
 from ispm.tracer.eye import REFLECTED, SCATTERED, TRANSMITTED, EyePaths, EyeRays, join_paths, trace_eye
@@ -150,7 +150,7 @@ def light_by_image(
         light[lost] = filter_points(
             points[lost], cells[lost], image, raw, size, diagonal, settings.smoothing, threads
         )
-        alone = lost[light[lost, WEIGHT] == 0.0]
+        alone = lost[light[lost, MET] == 0.0]
         if len(alone):
             light[alone] = photon_light.at(points[alone], (len(alone), 1))
     return light
@@ -161,8 +161,8 @@ def light_missed(
     size: tuple[int, int], photon_light: PhotonLight, view: CameraView, settings: Settings, diagonal: float,
     threads: int,
 ) -> np.ndarray:  # fmt: skip
-    """Return light at (n,) RECEIVER points that a picture's receivers missed, (n, 16): by their filter, else
-    from an image of these points.
+    """Return light at (n,) RECEIVER points that a picture's receivers missed, (n, 16): by their filter, and
+    the more by an image of these points the fewer of them that finds.
 
     missed    (n,) their pixels, and the receivers in whose place they lie
     estimate  of light at the receivers, an image of `size`
@@ -170,10 +170,11 @@ def light_missed(
     light = filter_points(
         points, missed["low"], receivers, estimate, size, diagonal, settings.smoothing, threads
     )
-    alone = np.flatnonzero(light[:, WEIGHT] == 0.0)
+    alone = np.flatnonzero(light[:, MET] < LONE)
     block, lone = settings.subsampling, points[alone]
     lone["footprint"] /= block  # a pixel's, as an image wants
-    light[alone] = light_by_image(
+    image = light_by_image(
         lone, missed["pixel"][alone], photon_light, view, settings, block, diagonal, threads
     )
+    light[alone] = image + light[alone, MET, None] / np.float32(LONE) * (light[alone] - image)
     return light

@@ -18,7 +18,8 @@ from ispm.renderer.caustics import PhotonParts, sample_width
 from ispm.scene.packed import Packed
 from ispm.settings import Settings
 from ispm.stages.camera import CameraView
-from ispm.stages.filter import filter_estimate, mean_around, set_reach
+from ispm.stages.filter import DENSITY, LONE, MET, filter_estimate, mean_around, set_reach
+from ispm.stages.upsample import UNUSED
 from ispm.tracer.density import measure_radii
 from ispm.tracer.ends import reflect_light
 from ispm.tracer.gather import gather_rays
@@ -77,6 +78,7 @@ class PhotonLight:
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return the light at receivers, (n, 16): as estimated or gathered, and filtered for the picture.
 
+        Receivers that are alone on their surface have a density of UNUSED: their pixels count as missed.
         points     (n,) RECEIVER, row by row, of `size`
         estimator  of light at the points from (m,) PHOTON
         """
@@ -92,7 +94,9 @@ class PhotonLight:
         if self._settings.is_plain:
             return light, light
         diagonal, smoothing = self._packed.diagonal, self._settings.smoothing
-        return light, filter_estimate(points, light, size, diagonal, smoothing, self._threads)
+        filtered = filter_estimate(points, light, size, diagonal, smoothing, self._threads)
+        filtered[filtered[:, MET] < LONE, DENSITY] = UNUSED
+        return light, filtered
 
     def at(self, points: np.ndarray, size: tuple[int, int]) -> np.ndarray:
         """Return the light at points that are not the picture's receivers, (n, 16), to be filtered.

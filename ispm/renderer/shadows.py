@@ -53,7 +53,7 @@ class ShadowRays:
 
     def _raised(self, points: np.ndarray, ng: np.ndarray) -> np.ndarray:
         """Where rays start that leave points, (n, 3) float32."""
-        return points + clearance(points, self.view.eye)[:, None] * ng
+        return np.asarray(points + clearance(points, self.view.eye)[:, None] * ng)
 
     def _seen(self, doubts: np.ndarray, starts: np.ndarray, sample: int) -> np.ndarray:
         """(n, 3) float32 share of light that comes from each doubt's light to where a ray starts."""
@@ -82,7 +82,8 @@ class ShadowRays:
         right, down = self._across(doubts)
         near = np.square(_ASIDE * self.view.pixel_widths(doubts["position"]))
         total = np.zeros_like(seen)
-        for sample, (x, y) in enumerate(np.float32(SAMPLES / np.sqrt(1.0 + self.view.pass_index))):
+        spread = np.float32(1.0 / np.sqrt(1.0 + self.view.pass_index))
+        for sample, (x, y) in enumerate(spread * SAMPLES.astype(np.float32)):
             aside = x * right + y * down
             same = (_dot(aside, aside) < near) & ~self.world.occluded(starts, aside, 1.0)
             rows = np.flatnonzero(same)
@@ -92,8 +93,8 @@ class ShadowRays:
 
     def _across(self, doubts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Ways on the planes of surfaces to the next pixel right and below, (n, 3) float32 m each."""
-        points, ng, pose = doubts["position"], doubts["ng"], np.float32(self.view.pose)
-        eye = np.float32(self.view.eye_or_direction)
+        points, ng = doubts["position"], doubts["ng"]
+        pose, eye = (a.astype(np.float32) for a in (self.view.pose, self.view.eye_or_direction))
         ways = points - eye[:3] if eye[3] else -eye[:3]
         slope = _dot(ways, ng)
         widths = self.view.pixel_widths(points)[:, None]
@@ -103,7 +104,7 @@ class ShadowRays:
 
 
 def _dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    return np.einsum("...k,...k->...", a, b)
+    return np.asarray(np.einsum("...k,...k->...", a, b))
 
 
 def _on_edges(doubts: np.ndarray, seen: np.ndarray, view: CameraView) -> np.ndarray:

@@ -66,8 +66,10 @@ class DirectStage:
 
     def close(self) -> None:
         """Free the radiance and the list."""
-        for each in (*self._radiance, self._nothing, self._count, self._doubts):
-            each.close()
+        for texture in (*self._radiance, self._nothing):
+            texture.close()
+        for buffer in (self._count, self._doubts):
+            buffer.close()
 
     def _shade(
         self,

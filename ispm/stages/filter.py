@@ -22,7 +22,6 @@ f32, i64 = np.float32, np.int64
 REACH = 0.075  # of the scene's diagonal: the filter's radius where photons are few
 _PHOTONS = 1600.0  # within the radius elsewhere: 3 % noise in their mean
 _TAPS = 8  # on each side, as many as (2 * 8 + 1)^2 in all; wider reaches are strided
-_FEW_TAPS = 16  # that meet their surface, below which those next to the point are asked instead
 _SMOOTH_TAPS = 4  # on each side, in the second pass
 _MAX_PIXELS = 96.0  # reach on the screen, low-resolution pixels
 _FLATNESS = 0.26  # half thickness of the filter, b, over its radius
@@ -35,7 +34,8 @@ _SPARSE = 200.0  # photons within the radius, below which they are few
 
 # words of a RECEIVER
 _ALPHA, _NG, _VALID, _N, _FOOTPRINT, _WO, _SLANT = 3, 4, 7, 8, 11, 12, 15
-DENSITY, WEIGHT = 3, 7  # channels of an estimate: photons per m2; the sum of the filter's weights
+DENSITY, MET = 3, 7  # channels of an estimate: photons per m2; of how many receivers it is the mean
+LONE = 16  # receivers, of fewer of which a mean is noise: of things a pixel or two wide
 
 
 def filter_estimate(
@@ -66,7 +66,9 @@ def filter_estimate(
     words = _words(receivers)
     spread = _run(_spread, words, words, estimate, size, diagonal, smoothing, threads)
     smooth = _run(_smooth, words, words, spread, size, diagonal, smoothing, threads)
-    return _run(_finish, words, words, smooth, size, diagonal, smoothing, threads)
+    light = _run(_finish, words, words, smooth, size, diagonal, smoothing, threads)
+    light[:, MET] = spread[:, MET]
+    return light
 
 
 def set_reach(estimate: np.ndarray, receivers: np.ndarray, reach: np.ndarray, diagonal: float) -> None:
@@ -119,7 +121,7 @@ def filter_points(
 
     points    (n,) RECEIVER
     pixels    (n,) int: the receiver whose pixel each point lies in
-    A point with no receiver on its surface near has 0 in channel WEIGHT.
+    Channel MET tells how many receivers on its surface were near a point.
     """
     given = _words(points), np.ascontiguousarray(pixels, np.int64)
     return _run(_spread_points, given, _words(receivers), estimate, size, diagonal, smoothing, threads)
@@ -226,7 +228,7 @@ def _spread_one(points, p, x, y, reach, few, words, estimate, size, gloss, out):
     pixels = reach / points[p, _FOOTPRINT]
     strides, taps = _lattice(pixels * wide, pixels * high)
     met = _gather(points, p, x, y, reach, strides, taps, few, words, estimate, size, gloss, out)
-    if met < i64(_FEW_TAPS) and max(strides[0], strides[1]) > i64(1):
+    if met < i64(LONE) and max(strides[0], strides[1]) > i64(1):
         taps = min(i64(_TAPS), strides[0] * taps[0]), min(i64(_TAPS), strides[1] * taps[1])
         _gather(points, p, x, y, reach, (i64(1), i64(1)), taps, few, words, estimate, size, gloss, out)
 
@@ -249,7 +251,11 @@ def _widths(points, p, x, y, words, size):
     left, right = y * size[0] + max(x - i64(1), i64(0)), y * size[0] + min(x + i64(1), size[0] - i64(1))
     left = left if words[left, _SLANT] > f32(0) else y * size[0] + x
     right = right if words[right, _SLANT] > f32(0) else y * size[0] + x
-    way = (words[right, 0] - words[left, 0], words[right, 1] - words[left, 1], words[right, 2] - words[left, 2])
+    way = (
+        words[right, 0] - words[left, 0],
+        words[right, 1] - words[left, 1],
+        words[right, 2] - words[left, 2],
+    )
     wo = points[p, _WO], points[p, _WO + 1], points[p, _WO + 2]
     across = sub(way, scale(dot(way, wo), wo))
     length = math.sqrt(dot(across, across))
@@ -279,7 +285,10 @@ def _lattice(wide, high):
 
 @jit
 def _gather(points, p, x, y, reach, strides, taps, few, words, estimate, size, gloss, out):
-    """Write the weighted mean of the estimates around point `p`, which lies in pixel (x, y); return of how many."""
+    """Write the weighted mean of the estimates around point `p`, which lies in pixel (x, y).
+
+    Return of how many.
+    """
     base = np.uint64(estimate.ctypes.data)
     px, py, pz = points[p, 0], points[p, 1], points[p, 2]
     nx, ny, nz = points[p, _NG], points[p, _NG + 1], points[p, _NG + 2]
@@ -329,7 +338,7 @@ def _gather(points, p, x, y, reach, strides, taps, few, words, estimate, size, g
     place = np.uint64(out.ctypes.data)
     vstore8(place, p * 16, vmul(plain, splat8(_inverse(weight))))
     vstore8(place, p * 16 + 8, vmul(glossy, splat8(_inverse(gloss_weight))))
-    stf(place, p * 16 + WEIGHT, weight)
+    stf(place, p * 16 + MET, f32(met))
     return met
 
 

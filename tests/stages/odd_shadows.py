@@ -20,7 +20,9 @@ SIZE = (320, 180)
 
 def _sun(scene: Scene, towards: tuple[float, float, float]) -> Node:
     node = scene.add(DirectionalLight((3.0, 3.0, 3.0)))
-    node.rotation = tuple(Rotation.from_matrix(look_at_pose(np.array(towards), np.zeros(3))[:3, :3]).as_quat())
+    node.rotation = tuple(
+        Rotation.from_matrix(look_at_pose(np.array(towards), np.zeros(3))[:3, :3]).as_quat()
+    )
     return node
 
 

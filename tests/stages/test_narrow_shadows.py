@@ -29,7 +29,9 @@ def irradiance(packed: Packed, points: np.ndarray, normals: np.ndarray) -> np.nd
     total = np.zeros(len(points))
     for row in packed.lights:
         far = row["kind"] == 2
-        way = -row["direction"].astype(float) + 0.0 * points if far else row["position"].astype(float) - points
+        way = (
+            -row["direction"].astype(float) + 0.0 * points if far else row["position"].astype(float) - points
+        )
         distance = np.linalg.norm(way, axis=1)
         wi = way / distance[:, None]
         cosine = np.maximum(np.einsum("nk,nk->n", wi, normals), 0.0)
