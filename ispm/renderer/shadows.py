@@ -76,8 +76,8 @@ class ShadowRays:
         """(n, 3) float32 mean of the share over four places of each pixel, on the plane of its surface.
 
         starts, seen  of its middle
-        Passes spread over the pixel themselves, so theirs lie closer. A place that something parts from the middle
-        is of another surface, and has the middle's share.
+        Passes spread over the pixel themselves, so theirs lie closer. A place that something parts from the
+        middle is of another surface, and has the middle's share.
         """
         right, down = self._across(doubts)
         near = np.square(_ASIDE * self.view.pixel_widths(doubts["position"]))

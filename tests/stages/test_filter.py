@@ -140,7 +140,7 @@ def test_points_between_receivers_are_lit_alike():
 
 
 def aslant(size=(120, 60)):
-    """Receivers on y = 0 seen at a slant of 10: a row lies as far behind the next as ten columns are apart."""
+    """Receivers on y = 0 seen at a slant of 10: the next row is as far as ten columns."""
     receivers = floor(size)
     receivers["position"][:, 2] *= 10.0
     receivers["wo"], receivers["slant"] = (0.0, 0.1, 0.99**0.5), 10.0
@@ -148,8 +148,8 @@ def aslant(size=(120, 60)):
 
 
 def test_rows_of_a_surface_seen_aslant_share_their_light():
-    """h is 4 rows: the mean of two rows side by side is nearly of the same receivers. With strides as long down
-    as across, each row had its own, and ceilings had stripes."""
+    """h is 4 rows: the mean of two rows side by side is nearly of the same receivers. With strides as long
+    down as across, each row had its own, and ceilings had stripes."""
     size, h = (120, 60), 4.0
     light = estimates(size[0] * size[1])
     light[:, DENSITY] = 1600.0 / (np.pi * h * h)
