@@ -233,7 +233,6 @@ class Renderer:
             second.stage("direct")
             shadows = self._shadow(second, scene, points[points["valid"] > 0], view, _NEAR * packed.diagonal)
             direct = self._direct(second, scene, gbuffer, shadows, view)
-        recordings = [first, second]
 
         with watch("trace"):
             path = trace_photons(
@@ -263,15 +262,8 @@ class Renderer:
                 packed, self._world, surfaces, mirrors, light, PhotonGrid(parts.caustic, parts.kernels), view,
                 settings, index, self.threads,
             )  # fmt: skip
-            while (doubts := self._direct.doubts()) is None:
-                with self._gpu.frame() as again:
-                    again.stage("direct")
-                    direct = self._direct(again, scene, gbuffer, shadows, view)
-                recordings.append(again)
-            rays = ShadowRays(
-                packed, self._world, surfaces, view, settings.antialias, settings.seed, self.threads
-            )
-            lit = join_pixels((mirrors["pixel"], brought), rays.light(doubts))
+            rays = ShadowRays(packed, self._world, surfaces, view, settings, self.threads)
+            lit = join_pixels((mirrors["pixel"], brought), rays.light(self._direct.doubts()))
         with watch("upsample"):
             self._light_missed(points, raw, light, parts.wide, scene, gbuffer, view, caustic, settings)
         with self._gpu.frame() as fourth:
@@ -286,7 +278,7 @@ class Renderer:
             )  # fmt: skip
             frame.scene = self.scene.name
 
-        for recording in (*recordings, third, fourth):
+        for recording in (first, second, third, fourth):
             for name, spent in recording.milliseconds().items():
                 watch.add(name, spent)
         total = (clock.perf_counter() - started) * 1e3
@@ -379,17 +371,9 @@ class Renderer:
         return SurfaceTable(packed, self._textures, _TEXTURE_FOOTPRINT * packed.diagonal)
 
     def _light_missed(
-        self,
-        points: np.ndarray,
-        raw: np.ndarray,
-        light: PhotonLight,
-        wide: np.ndarray,
-        scene: GpuScene,
-        gbuffer: GBuffer,
-        view: CameraView,
-        caustic: tuple[Texture, Texture] | None,
-        settings: Settings,
-    ) -> None:
+        self, points: np.ndarray, raw: np.ndarray, light: PhotonLight, wide: np.ndarray, scene: GpuScene,
+        gbuffer: GBuffer, view: CameraView, caustic: tuple[Texture, Texture] | None, settings: Settings,
+    ) -> None:  # fmt: skip
         """Light the pixels that upsampling could not serve: by the filter, else by an image of their own.
 
         wide  caustic photons at low resolution, which are not filtered

@@ -10,6 +10,7 @@ from ispm.optics.records import LIGHT_DIRECTIONAL
 from ispm.renderer.chains import SAMPLES
 from ispm.renderer.gather import clearance
 from ispm.scene.packed import Packed
+from ispm.settings import Settings
 from ispm.stages.camera import CameraView
 from ispm.tracer.passed import passed_light
 from ispm.tracer.surface import SurfaceTable
@@ -21,17 +22,13 @@ _ASIDE = 8.0  # pixels' sides that a sample lies from its pixel's centre at most
 
 @dataclass(frozen=True, eq=False)
 class ShadowRays:
-    """What rays from pixels to lights need.
-
-    view  the eye's;  antialias  whether pixels on edges are sampled four times
-    """
+    """What rays from the eye's pixels to lights need; with antialiasing, those on edges send four more."""
 
     packed: Packed
     world: World
     surfaces: SurfaceTable
     view: CameraView
-    antialias: bool
-    seed: int
+    settings: Settings
     threads: int
 
     def light(self, doubts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -43,7 +40,7 @@ class ShadowRays:
             return np.zeros(0, np.uint32), np.zeros((0, 3), np.float32)
         starts = self._raised(doubts["position"], doubts["ng"])
         seen = self._seen(doubts, starts, 0)
-        if self.antialias:
+        if self.settings.antialias:
             edges = np.flatnonzero(_on_edges(doubts, seen, self.view))
             seen[edges] = self._sampled(doubts[edges], starts[edges], seen[edges])
         pixels, rows = np.unique(doubts["pixel"], return_inverse=True)
@@ -69,7 +66,7 @@ class ShadowRays:
                 ways[of] = way / distances[of, None]
         return passed_light(
             self.packed, self.world, self.surfaces, starts, ways, distances, doubts["pixel"], sample,
-            self.view.pass_index, self.seed, self.threads,
+            self.view.pass_index, self.settings.seed, self.threads,
         )  # fmt: skip
 
     def _sampled(self, doubts: np.ndarray, starts: np.ndarray, seen: np.ndarray) -> np.ndarray:

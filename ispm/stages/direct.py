@@ -35,13 +35,15 @@ class DirectStage:
         self._nothing = gpu.texture("no radiance", "rgba32float").sized((1, 1))
         self._count, self._doubts = gpu.buffer("doubt count"), gpu.buffer("doubts")
         self._room = 0  # rows of the list, as many as some frame wanted
+        self._most = gpu.max_binding // DOUBT.itemsize
+        self._drawn: tuple[GpuScene, GBuffer, ShadowMaps, CameraView] | None = None
 
     def __call__(
         self, frame: Recording, scene: GpuScene, gbuffer: GBuffer, shadows: ShadowMaps, view: CameraView
     ) -> Texture:
         """Record the shading and return where its result will be."""
-        most = self._gpu.max_binding // DOUBT.itemsize
-        self._room = min(max(self._room, gbuffer.size[0] * gbuffer.size[1] // _LISTED), most)
+        self._drawn = scene, gbuffer, shadows, view
+        self._room = min(max(self._room, 1 + gbuffer.size[0] * gbuffer.size[1] // _LISTED), self._most)
         self._doubts.sized(self._room * DOUBT.itemsize)
         self._count.write(np.zeros(4, np.uint32))
         before = self._nothing
@@ -51,18 +53,25 @@ class DirectStage:
             before = result
         return before
 
-    def doubts(self) -> np.ndarray | None:
+    def doubts(self) -> np.ndarray:
         """Return (n,) DOUBT by light and pixel; waits for them.
 
-        None where there was no room for all: there is now, for the same frame drawn again. Where not even the
-        adapter's largest buffer holds them, those left over have been lit by their share of four texels.
+        Where there was no room for all it draws the frame again, with more. Those that not even the adapter's
+        largest buffer holds have been lit by the share of four texels.
         """
-        count = int(self._gpu.read_buffer(self._count, np.uint32, 1)[0])
-        if count > self._room < self._gpu.max_binding // DOUBT.itemsize:
+        assert self._drawn is not None
+        count = self._listed()
+        if count > self._room < self._most:
             self._room = count * 5 // 4
-            return None
+            with self._gpu.frame() as frame:
+                self(frame, *self._drawn)
+            count = self._listed()
+        self._drawn = None
         found = self._gpu.read_buffer(self._doubts, DOUBT, min(count, self._room))
         return np.asarray(found[np.lexsort((found["pixel"], found["light"]))])
+
+    def _listed(self) -> int:
+        return int(self._gpu.read_buffer(self._count, np.uint32, 1)[0])
 
     def close(self) -> None:
         """Free the radiance and the list."""

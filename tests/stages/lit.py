@@ -12,6 +12,7 @@ from ispm.gpu import Gpu
 from ispm.optics.texture import TextureTable
 from ispm.renderer.shadows import ShadowRays
 from ispm.scene.packed import Packed
+from ispm.settings import Settings
 from ispm.stages.camera import CameraView
 from ispm.stages.direct import DirectStage
 from ispm.stages.downsample import Downsample
@@ -79,14 +80,12 @@ class Lamp:
         with self.gpu.frame() as frame:
             maps = shadow(frame, scene, receivers[receivers["valid"] > 0], view, near)
             radiance = direct(frame, scene, seen, maps, view)
-        while (doubts := direct.doubts()) is None:
-            with self.gpu.frame() as frame:
-                radiance = direct(frame, scene, seen, maps, view)
+        doubts = direct.doubts()
         pixels = self.gpu.read_texture(radiance, np.float32, 4)[..., :3].copy()
         surfaces = SurfaceTable(packed, TextureTable.pack(packed.textures), 0.005 * packed.diagonal)
         world = World(2)
         world.update(packed)
-        rays = ShadowRays(packed, world, surfaces, view, antialias, seed=0, threads=2)
+        rays = ShadowRays(packed, world, surfaces, view, Settings(antialias=antialias), threads=2)
         places, light = rays.light(doubts)
         pixels.reshape(-1, 3)[places] += light
         return Lit(pixels, ids[..., 0], points, maps, doubts)

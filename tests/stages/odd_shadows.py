@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from exact import quad
 from scipy.spatial.transform import Rotation
 
 from ispm.scene.camera import look_at_pose
@@ -83,7 +84,14 @@ def corridor() -> tuple[Scene, CameraView]:
     return scene, _view((0.3, 1.6, 0.5), (0.0, 1.6, -10.0))
 
 
-ODD = {"fence": fence, "blind": blind, "table": table, "corridor": corridor}
+def partition() -> tuple[Scene, CameraView]:
+    """A lamp beside a wall without thickness that meets floor and ceiling askew; the other side is dark."""
+    scene = Scene()
+    _add(scene, ((-3.0, -0.1, -3.0), (3.0, 0.0, 3.0)), ((-3.0, 2.5, -3.0), (3.0, 2.6, 3.0)))
+    turn = Rotation.from_euler("y", 0.37) * Rotation.from_euler("z", math.pi / 2.0)
+    scene.add(quad(5.0), material=_PLAIN, rotation=tuple(turn.as_quat()))
+    scene.add(PointLight((30.0, 30.0, 30.0)), translation=(-0.6, 1.9, 0.1))
+    return scene, _view((1.9, 1.3, 2.4), (0.2, 1.5, -0.6))
 
 
 def wires() -> tuple[Scene, CameraView]:
@@ -98,4 +106,11 @@ def wires() -> tuple[Scene, CameraView]:
     return scene, _view((0.5, 2.2, 6.0), (0.0, 0.0, 0.0))
 
 
-ODD["wires"] = wires
+ODD = {
+    "fence": fence,
+    "blind": blind,
+    "table": table,
+    "corridor": corridor,
+    "partition": partition,
+    "wires": wires,
+}
