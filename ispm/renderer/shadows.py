@@ -56,7 +56,7 @@ class ShadowRays:
         """(n, 3) float32 share of light that comes from each doubt's light to where a ray starts."""
         ways, distances = np.empty_like(starts), np.empty(len(starts), np.float32)
         rows, first = np.unique(doubts["light"], return_index=True)
-        for row, start, end in zip(rows, first, [*first[1:], len(doubts)], strict=True):
+        for row, start, end in zip(rows, first, np.append(first, len(doubts))[1:], strict=True):
             light, of = self.packed.lights[row], slice(start, end)
             if light["kind"] == LIGHT_DIRECTIONAL:
                 ways[of], distances[of] = -light["direction"], np.inf

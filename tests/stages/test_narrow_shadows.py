@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from exact import triangles_of
@@ -60,3 +62,10 @@ def test_there_is_room_for_all_doubts(gpu: Gpu, monkeypatch: pytest.MonkeyPatch)
         lit = Lamp(gpu)(packed, view, 256, 1e-4 * packed.diagonal)
         pictures.append(lit.radiance)
     assert len(lit.doubts) > 1000 and (pictures[0] == pictures[1]).all()
+
+
+@pytest.mark.parametrize("size", [(1, 1), (3, 2)])
+def test_pictures_of_few_pixels_have_few_doubts_or_none(lamp: Lamp, size: tuple[int, int]) -> None:
+    scene, view = ODD["fence"]()
+    lit = lamp(pack(scene), replace(view, size=size), 64, 1e-2, antialias=True)
+    assert lit.radiance.shape == (size[1], size[0], 3) and np.isfinite(lit.radiance).all()
