@@ -121,13 +121,13 @@ def _on_edges(doubts: np.ndarray, seen: np.ndarray, view: CameraView) -> np.ndar
 def join_pixels(
     chains: tuple[np.ndarray, np.ndarray], shadows: tuple[np.ndarray, np.ndarray]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return pixels, (m,) sorted, and direct light, indirect light and emission to add there, (m, 9) float32.
+    """Return pixels, (m,) sorted, and what to add there, (m, c) float32.
 
-    chains   (n,) pixels, none of them twice, and (n, 9) what eye paths bring
+    chains   (n,) pixels, none of them twice, and (n, c) what eye paths bring, direct light first
     shadows  likewise, and (n, 3) direct light that was in doubt
     """
     pixels, rows = np.unique(np.concatenate([chains[0], shadows[0]]), return_inverse=True)
-    light = np.zeros((len(pixels), 9), np.float32)
+    light = np.zeros((len(pixels), chains[1].shape[1]), np.float32)
     light[rows[: len(chains[0])]] = chains[1]
     light[rows[len(chains[0]) :], :3] += shadows[1]
     return pixels, light
