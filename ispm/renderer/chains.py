@@ -11,7 +11,7 @@ from ispm.renderer.gather import PhotonLight
 from ispm.scene.packed import Packed
 from ispm.settings import Settings
 from ispm.stages.camera import CameraView
-from ispm.stages.filter import WEIGHT, filter_estimate, filter_points
+from ispm.stages.filter import LONE, MET, filter_estimate, filter_points
 from ispm.tracer.edges import edge_rows
 from ispm.tracer.ends import image_of_ends, reflect_light, smooth_frost, spread_light
 from ispm.tracer.eye import REFLECTED, SCATTERED, TRANSMITTED, EyePaths, EyeRays, join_paths, trace_eye
@@ -22,7 +22,7 @@ from ispm.tracer.surface import SurfaceTable
 from ispm.tracer.world import World
 
 _FINER = 2  # blocks of ends are this much smaller than the picture's: curved mirrors show much in few pixels
-_SAMPLES = np.array([(-1, -3), (3, -1), (-3, 1), (1, 3)]) / 8.0  # pixels from the centre, as antialiasing's
+SAMPLES = np.array([(-1, -3), (3, -1), (-3, 1), (1, 3)]) / 8.0  # pixels from the centre, as antialiasing's
 _FINE_SLACK = (5e-3, 2e-2)  # of the distance: a sample's first surface is known as its centre's plane
 
 
@@ -58,11 +58,11 @@ def chain_light(
     if len(edges):
         fine = fine_rays(rays, paths, edges, view)
         paths = join_paths(paths, trace(fine))
-        pixels = np.concatenate([pixels, np.repeat(pixels[edges], len(_SAMPLES))])
+        pixels = np.concatenate([pixels, np.repeat(pixels[edges], len(SAMPLES))])
     light = light_ends(paths, pixels, photon_light, caustics, view, settings, packed.diagonal, threads)
     through = paths.through if background_color(settings) is not None else np.zeros_like(paths.through)
     for brought in (light, through):
-        samples = brought[count:].reshape(-1, len(_SAMPLES), brought.shape[1])
+        samples = brought[count:].reshape(-1, len(SAMPLES), brought.shape[1])
         brought[edges] = samples.mean(axis=1)
         smooth_frost(brought[:count], rays.keys, view.size[0], paths.firsts, threads)
     return np.concatenate([light[:count], through[:count]], axis=1)
@@ -89,17 +89,17 @@ def eye_rays(seen: np.ndarray, surfaces: SurfaceTable, view: CameraView) -> EyeR
 def fine_rays(rays: EyeRays, paths: EyePaths, rows: np.ndarray, view: CameraView) -> EyeRays:
     """Return the rays through the samples of some pixels, one pixel's after the other's."""
     pixels = rays.keys[rows].astype(np.int64)[:, None]
-    x = pixels % view.size[0] + 0.5 + _SAMPLES[:, 0]
-    y = pixels // view.size[0] + 0.5 + _SAMPLES[:, 1]
+    x = pixels % view.size[0] + 0.5 + SAMPLES[:, 0]
+    y = pixels // view.size[0] + 0.5 + SAMPLES[:, 1]
     origins, directions = (a.reshape(-1, 3) for a in view.rays_through(x, y))
     center = rays.origins[rows] + rays.distances[rows, None] * rays.directions[rows]
     center, ng, expected = (
-        np.repeat(a, len(_SAMPLES), axis=0) for a in (center, paths.firsts["ng"][rows], rays.distances[rows])
+        np.repeat(a, len(SAMPLES), axis=0) for a in (center, paths.firsts["ng"][rows], rays.distances[rows])
     )
     slope = np.einsum("ij,ij->i", directions, ng)
     away = np.einsum("ij,ij->i", center - origins, ng) / np.where(np.abs(slope) > 1e-3, slope, np.inf)
     distances = np.where(np.abs(away / expected - 1.0) < 0.2, away, expected)
-    keys = (pixels + len(_SAMPLES) * (1 + np.arange(len(_SAMPLES))) * 0x9E3779B1).astype(np.uint32)
+    keys = (pixels + len(SAMPLES) * (1 + np.arange(len(SAMPLES))) * 0x9E3779B1).astype(np.uint32)
     f4 = np.float32
     return replace(
         rays, origins=origins.astype(f4), directions=directions.astype(f4), distances=distances.astype(f4),
@@ -163,7 +163,7 @@ def light_by_image(
         light[lost] = filter_points(
             points[lost], cells[lost], image, raw, size, diagonal, settings.smoothing, threads
         )
-        alone = lost[light[lost, WEIGHT] == 0.0]
+        alone = lost[light[lost, MET] == 0.0]
         if len(alone):
             light[alone] = photon_light.at(points[alone], (len(alone), 1))
     return light
@@ -174,8 +174,8 @@ def light_missed(
     size: tuple[int, int], photon_light: PhotonLight, view: CameraView, settings: Settings, diagonal: float,
     threads: int,
 ) -> np.ndarray:  # fmt: skip
-    """Return light at (n,) RECEIVER points that a picture's receivers missed, (n, 16): by their filter, else
-    from an image of these points.
+    """Return light at (n,) RECEIVER points that a picture's receivers missed, (n, 16): by their filter, and
+    the more by an image of these points the fewer of them that finds.
 
     missed    (n,) their pixels, and the receivers in whose place they lie
     estimate  of light at the receivers, an image of `size`
@@ -183,10 +183,11 @@ def light_missed(
     light = filter_points(
         points, missed["low"], receivers, estimate, size, diagonal, settings.smoothing, threads
     )
-    alone = np.flatnonzero(light[:, WEIGHT] == 0.0)
+    alone = np.flatnonzero(light[:, MET] < LONE)
     block, lone = settings.subsampling, points[alone]
     lone["footprint"] /= block  # a pixel's, as an image wants
-    light[alone] = light_by_image(
+    image = light_by_image(
         lone, missed["pixel"][alone], photon_light, view, settings, block, diagonal, threads
     )
+    light[alone] = image + light[alone, MET, None] / np.float32(LONE) * (light[alone] - image)
     return light

@@ -18,7 +18,8 @@ from ispm.renderer.caustics import PhotonParts, sample_width
 from ispm.scene.packed import Packed
 from ispm.settings import Settings
 from ispm.stages.camera import CameraView
-from ispm.stages.filter import filter_estimate, mean_around, set_reach
+from ispm.stages.filter import DENSITY, LONE, MET, filter_estimate, mean_around, set_reach
+from ispm.stages.upsample import UNUSED
 from ispm.tracer.coverage import keep_light
 from ispm.tracer.density import measure_radii
 from ispm.tracer.ends import reflect_light
@@ -78,6 +79,7 @@ class PhotonLight:
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return the light at receivers, (n, 16): as estimated or gathered, and filtered for the picture.
 
+        Receivers that are alone on their surface have a density of UNUSED: their pixels count as missed.
         points     (n,) RECEIVER, row by row, of `size`
         estimator  of light at the points from (m,) PHOTON
         """
@@ -91,7 +93,9 @@ class PhotonLight:
         if self._settings.is_plain:
             return light, light
         diagonal, smoothing = self._packed.diagonal, self._settings.smoothing
-        return light, filter_estimate(points, light, size, diagonal, smoothing, self._threads)
+        filtered = filter_estimate(points, light, size, diagonal, smoothing, self._threads)
+        filtered[filtered[:, MET] < LONE, DENSITY] = UNUSED
+        return light, filtered
 
     def at(self, points: np.ndarray, size: tuple[int, int]) -> np.ndarray:
         """Return the light at points that are not the picture's receivers, (n, 16), to be filtered.
@@ -178,7 +182,7 @@ class PhotonLight:
         receivers = take(points, used)
         densities, rows = self._guide.densities(receivers, square_blocks(size)[used], self._threads)
         numbers = (
-            _clearance(receivers["position"], view.eye),
+            clearance(receivers["position"], view.eye),
             used.astype(np.uint32),
             even_numbers(size, settings.seed, view.pass_index)[used],
         )
@@ -219,7 +223,7 @@ def even_numbers(size: tuple[int, int], seed: int, pass_index: int) -> np.ndarra
     return np.asarray(np.minimum(numbers, 1.0 - 2.0**-24), np.float32)
 
 
-def _clearance(position: np.ndarray, eye: np.ndarray) -> np.ndarray:
+def clearance(position: np.ndarray, eye: np.ndarray) -> np.ndarray:
     """(n,) float32 m by which rays from (n, 3) places start above their surfaces."""
     away = _CLEAR * np.linalg.norm(position - eye, axis=1)
     return np.asarray(away + _ROUNDED * np.abs(position).max(axis=1), np.float32)

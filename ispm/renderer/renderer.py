@@ -30,6 +30,7 @@ from ispm.renderer.motion import moved
 from ispm.renderer.picture import Frame
 from ispm.renderer.progress import Progress, fingerprint
 from ispm.renderer.ready import Ready
+from ispm.renderer.shadows import ShadowRays, join_pixels
 from ispm.renderer.statistics import collect
 from ispm.renderer.watch import Watch
 from ispm.scene.camera import Camera
@@ -291,11 +292,13 @@ class Renderer:
                 packed, self._world, surfaces, mirrors, light, PhotonGrid(parts.caustic, parts.kernels), view,
                 settings, index, self.threads,
             )  # fmt: skip
+            rays = ShadowRays(packed, self._world, surfaces, view, settings, self.threads)
+            lit = join_pixels((mirrors["pixel"], brought), rays.light(self._direct.doubts()))
         with watch("upsample"):
             self._light_missed(points, raw, light, wide, scene, gbuffer, view, caustic, settings)
         with self._gpu.frame() as fourth:
             fourth.stage("compose")
-            through = self._chains.patch(fourth, mirrors["pixel"], brought, direct, indirect, emission)
+            through = self._chains.patch(fourth, *lit, direct, indirect, emission)
             if settings.antialias:
                 self._antialias(fourth, scene, gbuffer, view, direct, indirect, emission, through)
         with watch("readback"):
@@ -362,17 +365,9 @@ class Renderer:
             warn_caller(line)
 
     def _light_missed(
-        self,
-        points: np.ndarray,
-        raw: np.ndarray,
-        light: PhotonLight,
-        wide: PhotonGrid,
-        scene: GpuScene,
-        gbuffer: GBuffer,
-        view: CameraView,
-        caustic: tuple[Texture, Texture] | None,
-        settings: Settings,
-    ) -> None:
+        self, points: np.ndarray, raw: np.ndarray, light: PhotonLight, wide: PhotonGrid, scene: GpuScene,
+        gbuffer: GBuffer, view: CameraView, caustic: tuple[Texture, Texture] | None, settings: Settings,
+    ) -> None:  # fmt: skip
         """Light the pixels that upsampling could not serve: by the filter, else by an image of their own.
 
         wide  caustic photons at low resolution, which are not filtered

@@ -20,7 +20,7 @@ LEAST = 32  # texels of a tile's side, a multiple of STEP
 STEP = 16
 
 _BUDGET = 12  # squares of the asked resolution that all lights share: two cubes
-_FINEST = 4.0  # texels across a pixel, in the mean over a window, beyond which more would not be seen
+_FINEST = 1.0  # texels across a pixel, in the mean over a window, beyond which rays tell edges apart
 _MARGIN = 0.02  # of a window, for pixels between the points it is fitted to
 _GRID = 1.0 / 8.0  # windows of cubes end at multiples of it, and mostly stay while the eye moves
 _NEAREST = np.float32(1e-6)  # m from a light that its brightness is judged at

@@ -67,6 +67,12 @@ class CameraView:
         width, height = self._extents()
         return 2.0 * math.sqrt(width * height / (self.size[0] * self.size[1]))
 
+    def pixel_widths(self, points: np.ndarray) -> np.ndarray:
+        """Return (n,) float32 m: a pixel's side at (n, 3) world-space points, seen face on; above 0."""
+        ahead = self.clip_from_world[3]
+        widths = self.footprint * (points @ ahead[:3].astype(np.float32) + np.float32(ahead[3]))
+        return np.maximum(np.asarray(widths, np.float32), np.float32(1e-30))
+
     def sees(self, boxes: np.ndarray) -> np.ndarray:
         """Return (n,) whether each of (n, 2, 3) world-space boxes may be in the picture."""
         picks = np.array([[i & 1, i >> 1 & 1, i >> 2 & 1] for i in range(8)])

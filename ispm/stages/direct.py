@@ -10,8 +10,10 @@ from ispm.gpu import Gpu, Raster, Recording, Texture
 from ispm.optics.records import MATERIAL_TRANSMITS
 from ispm.stages.camera import CameraView
 
-_LAMPS = wgsl.load("stages/direct.wgsl").dtype("Lamps")
+_SHADER = wgsl.load("stages/direct.wgsl")
+DOUBT, _LAMPS = _SHADER.dtype("Doubt"), _SHADER.dtype("Lamps")
 _AT_ONCE = _LAMPS["lights"].shape[0]  # lights; a uniform's 64 KiB hold no more
+_LISTED = 8  # pixels for each of which there is room in the list at first
 
 
 class DirectStage:
@@ -19,8 +21,9 @@ class DirectStage:
 
     In   scene, gbuffer, shadows, and the view the G-buffer was drawn with
     Out  rgba32float of the G-buffer's size: cd/m2, 1; black where nothing is and where it is unlit
-    Shadows are filtered over two texels of their map. A fragment shader: on llvmpipe it takes four fifths
-    of a compute shader's time. Every pixel asks every light, 128 at a time.
+    Where a light's map does not tell whether it reaches a pixel, what it would bring is left out and listed,
+    see `doubts`. A fragment shader: on llvmpipe it takes four fifths of a compute shader's time. Every pixel
+    asks every light, 128 at a time.
     """
 
     def __init__(self, gpu: Gpu) -> None:
@@ -30,11 +33,19 @@ class DirectStage:
         usage = ("attachment", "sampled", "storage")
         self._radiance = [gpu.texture(f"direct radiance {k}", "rgba32float", usage=usage) for k in range(2)]
         self._nothing = gpu.texture("no radiance", "rgba32float").sized((1, 1))
+        self._count, self._doubts = gpu.buffer("doubt count"), gpu.buffer("doubts")
+        self._room = 0  # rows of the list, as many as some frame wanted
+        self._most = gpu.max_binding // DOUBT.itemsize
+        self._drawn: tuple[GpuScene, GBuffer, ShadowMaps, CameraView] | None = None
 
     def __call__(
         self, frame: Recording, scene: GpuScene, gbuffer: GBuffer, shadows: ShadowMaps, view: CameraView
     ) -> Texture:
         """Record the shading and return where its result will be."""
+        self._drawn = scene, gbuffer, shadows, view
+        self._room = min(max(self._room, 1 + gbuffer.size[0] * gbuffer.size[1] // _LISTED), self._most)
+        self._doubts.sized(self._room * DOUBT.itemsize)
+        self._count.write(np.zeros(4, np.uint32))
         before = self._nothing
         for index, first in enumerate(range(0, max(scene.light_count, 1), _AT_ONCE)):
             result = self._radiance[index % 2].sized(gbuffer.size)
@@ -42,10 +53,32 @@ class DirectStage:
             before = result
         return before
 
+    def doubts(self) -> np.ndarray:
+        """Return (n,) DOUBT by light and pixel; waits for them.
+
+        Where there was no room for all it draws the frame again, with more. Those that not even the adapter's
+        largest buffer holds have been lit by the share of four texels.
+        """
+        assert self._drawn is not None
+        count = self._listed()
+        if count > self._room < self._most:
+            self._room = count * 5 // 4
+            with self._gpu.frame() as frame:
+                self(frame, *self._drawn)
+            count = self._listed()
+        self._drawn = None
+        found = self._gpu.read_buffer(self._doubts, DOUBT, min(count, self._room))
+        return np.asarray(found[np.lexsort((found["pixel"], found["light"]))])
+
+    def _listed(self) -> int:
+        return int(self._gpu.read_buffer(self._count, np.uint32, 1)[0])
+
     def close(self) -> None:
-        """Free the radiance."""
+        """Free the radiance and the list."""
         for texture in (*self._radiance, self._nothing):
             texture.close()
+        for buffer in (self._count, self._doubts):
+            buffer.close()
 
     def _shade(
         self,
@@ -65,7 +98,7 @@ class DirectStage:
             0, frame, camera=view.uniform(), lamps=_lamps(scene, shadows, first), materials=scene.materials,
             points=gbuffer.points, normals=gbuffer.normals, base=gbuffer.base, emission=gbuffer.emission,
             before=before, atlas=shadows.depth, sheets=shadows.sheets, tints=shadows.tints,
-            nearest=self._nearest,
+            nearest=self._nearest, doubt_count=self._count, doubts=self._doubts,
         )  # fmt: skip
         with frame.draw_into(result) as canvas:
             canvas.use(raster, group)
@@ -85,7 +118,8 @@ def _lamps(scene: GpuScene, shadows: ShadowMaps, first: int) -> np.ndarray:
     """The LAMPS record of the lights from row `first` on, as many as it holds."""
     lamps = np.zeros((), _LAMPS)
     count = min(scene.light_count - first, _AT_ONCE)
-    lamps["count"], lamps["texel"] = count, 1.0 / np.array(shadows.depth.size)
+    lamps["count"], lamps["first"] = count, first
+    lamps["texel"] = 1.0 / np.array(shadows.depth.size)
     lamps["lights"][:count] = scene.packed.lights[first : first + count]
     lamps["maps"][:count] = shadows.maps[first : first + count]
     lamps["tiles"][: 6 * count] = shadows.tiles[6 * first : 6 * (first + count)]

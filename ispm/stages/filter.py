@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from ispm.optics.jit import jit
+from ispm.optics.vector import dot, scale, sub
 from ispm.tracer.simd import address, aligned, atomic_add, splat8, stf, vfma, vload8, vmul, vstore8
 from ispm.tracer.threads import run_threads
 
@@ -20,10 +21,11 @@ f32, i64 = np.float32, np.int64
 
 REACH = 0.075  # of the scene's diagonal: the filter's radius where photons are few
 _PHOTONS = 1600.0  # within the radius elsewhere: 3 % noise in their mean
-_TAPS = 8  # on each side; wider reaches are strided
+_TAPS = 8  # on each side, as many as (2 * 8 + 1)^2 in all; wider reaches are strided
 _SMOOTH_TAPS = 4  # on each side, in the second pass
 _MAX_PIXELS = 96.0  # reach on the screen, low-resolution pixels
 _FLATNESS = 0.26  # half thickness of the filter, b, over its radius
+_NARROWEST = 0.02  # of a reach on the screen, across its length: of surfaces seen aslant
 _STRANGER = 0.01  # least weight of receivers of another orientation where photons are few
 _AROUND = 2  # low-resolution pixels on each side, over which `mean_around` goes
 _SAME_WAY = 0.9  # cosine of normals, above which receivers belong together there
@@ -31,8 +33,9 @@ _LEAST_MEAN = 1e-12  # it returns, as others divide by it
 _SPARSE = 200.0  # photons within the radius, below which they are few
 
 # words of a RECEIVER
-_ALPHA, _NG, _VALID, _N, _FOOTPRINT, _SLANT = 3, 4, 7, 8, 11, 15
-DENSITY, WEIGHT = 3, 7  # channels of an estimate: photons per m2; the sum of the filter's weights
+_ALPHA, _NG, _VALID, _N, _FOOTPRINT, _WO, _SLANT = 3, 4, 7, 8, 11, 12, 15
+DENSITY, MET = 3, 7  # channels of an estimate: photons per m2; of how many receivers it is the mean
+LONE = 16  # receivers, of fewer of which a mean is noise: of things a pixel or two wide
 
 
 def filter_estimate(
@@ -51,7 +54,9 @@ def filter_estimate(
     diagonal   of the scene, metres
     smoothing  factor on the filter's radius
     Three passes: the first reaches h, with strided taps where that is many pixels; the others, each as
-    wide as the stride before, remove the comb that strided taps leave.
+    wide as the stride before, remove the comb that strided taps leave. The disc of that reach is an ellipse
+    on the screen, as wide as what its box holds: a ceiling seen aslant has long strides along its rows, and
+    none from row to row. On things that are narrower than the strides all taps lie next to the point.
     Weights: (1 - d^2/h^2)^2 (n.n')^16 (1 - z^2/b^2)^2 dA; d and z are the distances from the point and
     from its tangent plane, dA the area that a receiver stands for, n the shading normals, or bumps would
     be averaged away. Where even h holds few photons, as on small round things, (n.n')^4 and twice the b,
@@ -61,7 +66,9 @@ def filter_estimate(
     words = _words(receivers)
     spread = _run(_spread, words, words, estimate, size, diagonal, smoothing, threads)
     smooth = _run(_smooth, words, words, spread, size, diagonal, smoothing, threads)
-    return _run(_finish, words, words, smooth, size, diagonal, smoothing, threads)
+    light = _run(_finish, words, words, smooth, size, diagonal, smoothing, threads)
+    light[:, MET] = spread[:, MET]
+    return light
 
 
 def set_reach(estimate: np.ndarray, receivers: np.ndarray, reach: np.ndarray, diagonal: float) -> None:
@@ -114,7 +121,7 @@ def filter_points(
 
     points    (n,) RECEIVER
     pixels    (n,) int: the receiver whose pixel each point lies in
-    A point with no receiver on its surface near has 0 in channel WEIGHT.
+    Channel MET tells how many receivers on its surface were near a point.
     """
     given = _words(points), np.ascontiguousarray(pixels, np.int64)
     return _run(_spread_points, given, _words(receivers), estimate, size, diagonal, smoothing, threads)
@@ -151,9 +158,9 @@ def _spread(counter, points, words, estimate, size, limits, gloss, out):
             p = y * size[0] + x
             if words[p, _SLANT] > f32(0):
                 density = estimate[p, DENSITY]
-                reach, stride, taps = _reach(words[p, _FOOTPRINT], density, limits)
+                reach = _reach(words[p, _FOOTPRINT], density, limits)
                 few = density * f32(math.pi) * reach * reach < f32(_SPARSE)
-                _gather(points, p, x, y, reach, stride, taps, few, words, estimate, size, gloss, out)
+                _spread_one(points, p, x, y, reach, few, words, estimate, size, gloss, out)
 
 
 @jit
@@ -168,7 +175,7 @@ def _finish(counter, points, words, estimate, size, limits, gloss, out):
 
 @jit
 def _fill_gaps(counter, points, words, estimate, size, limits, gloss, out, part, most):
-    """Average over gaps of 1 / `part` of the first pass's stride, with at most `most` taps a side."""
+    """Average over gaps of 1 / `part` of the first pass's strides, with at most `most` taps a side."""
     while True:
         y = atomic_add(counter, i64(1))
         if y >= size[1]:
@@ -177,14 +184,26 @@ def _fill_gaps(counter, points, words, estimate, size, limits, gloss, out, part,
             p = y * size[0] + x
             if words[p, _SLANT] > f32(0):
                 foot = words[p, _FOOTPRINT]
-                _, stride, _ = _reach(foot, estimate[p, DENSITY], limits)
-                gap = (stride + part - i64(1)) // part
-                step = (gap + most - i64(1)) // most
-                taps = (gap + step - i64(1)) // step
-                if part > i64(1) and gap == i64(1):
-                    taps = i64(0)
-                reach = f32((taps + 1) * step) * foot * min(words[p, _SLANT], f32(3))
-                _gather(points, p, x, y, reach, step, taps, False, words, estimate, size, gloss, out)
+                reach = _reach(foot, estimate[p, DENSITY], limits)
+                wide, high = _widths(points, p, x, y, words, size)
+                strides, _ = _lattice(reach / foot * wide, reach / foot * high)
+                step_x, taps_x = _gap(strides[0], part, most)
+                step_y, taps_y = _gap(strides[1], part, most)
+                across = f32((taps_x + 1) * step_x) * min(f32(1) / wide, f32(3))
+                down = f32((taps_y + 1) * step_y) * min(f32(1) / high, f32(3))
+                reach = foot * max(across, down)
+                steps, taps = (step_x, step_y), (taps_x, taps_y)
+                _gather(points, p, x, y, reach, steps, taps, False, words, estimate, size, gloss, out)
+
+
+@jit
+def _gap(stride, part, most):
+    """Step of taps over a gap, and how many on each side."""
+    gap = (stride + part - i64(1)) // part
+    step = (gap + most - i64(1)) // most
+    if part > i64(1) and gap == i64(1):
+        return step, i64(0)
+    return step, (gap + step - i64(1)) // step
 
 
 @jit
@@ -197,24 +216,79 @@ def _spread_points(counter, points, words, estimate, size, limits, gloss, out):
             return
         for i in range(first, min(first + chunk, len(given))):
             p = pixels[i]
-            reach, stride, taps = _reach(given[i, _FOOTPRINT], estimate[p, DENSITY], limits)
+            reach = _reach(given[i, _FOOTPRINT], estimate[p, DENSITY], limits)
             x, y = p % size[0], p // size[0]
-            _gather(given, i, x, y, reach, stride, taps, False, words, estimate, size, gloss, out)
+            _spread_one(given, i, x, y, reach, False, words, estimate, size, gloss, out)
+
+
+@jit
+def _spread_one(points, p, x, y, reach, few, words, estimate, size, gloss, out):
+    """Average over the reach of point `p`, which lies in pixel (x, y)."""
+    wide, high = _widths(points, p, x, y, words, size)
+    pixels = reach / points[p, _FOOTPRINT]
+    strides, taps = _lattice(pixels * wide, pixels * high)
+    met = _gather(points, p, x, y, reach, strides, taps, few, words, estimate, size, gloss, out)
+    if met < i64(LONE) and max(strides[0], strides[1]) > i64(1):
+        taps = min(i64(_TAPS), strides[0] * taps[0]), min(i64(_TAPS), strides[1] * taps[1])
+        _gather(points, p, x, y, reach, (i64(1), i64(1)), taps, few, words, estimate, size, gloss, out)
 
 
 @jit
 def _reach(foot, density, limits):
-    """Radius of the filter in metres, stride of its taps in pixels, and how many on each side."""
+    """Radius of the filter in metres."""
     wanted = limits[1] * f32(math.sqrt(f32(_PHOTONS / math.pi) / max(density, f32(1e-12))))
     pixels = min(min(limits[0], wanted) / foot, f32(_MAX_PIXELS))
-    stride = max(i64(1), i64(math.ceil(pixels / f32(_TAPS))))
-    taps = max(i64(1), i64(pixels / f32(stride)))
-    return foot * max(pixels, f32(1.5) * f32(stride)), stride, taps
+    return foot * max(pixels, f32(1.5))
 
 
 @jit
-def _gather(points, p, x, y, reach, stride, taps, few, words, estimate, size, gloss, out):
-    """Write the weighted mean of the estimates around point `p`, which lies in pixel (x, y)."""
+def _widths(points, p, x, y, words, size):
+    """Half the width and the height on the screen of a disc on a point's surface, of a radius of 1.
+
+    The point lies in pixel (x, y). Along a unit axis a the disc of normal n is sqrt(1 - (n.a)^2) wide; which
+    way the picture's rows go in space is seen by the receivers beside it.
+    """
+    left, right = y * size[0] + max(x - i64(1), i64(0)), y * size[0] + min(x + i64(1), size[0] - i64(1))
+    left = left if words[left, _SLANT] > f32(0) else y * size[0] + x
+    right = right if words[right, _SLANT] > f32(0) else y * size[0] + x
+    way = (
+        words[right, 0] - words[left, 0],
+        words[right, 1] - words[left, 1],
+        words[right, 2] - words[left, 2],
+    )
+    wo = points[p, _WO], points[p, _WO + 1], points[p, _WO + 2]
+    across = sub(way, scale(dot(way, wo), wo))
+    length = math.sqrt(dot(across, across))
+    if not length > f32(0):
+        return f32(1), f32(1)
+    across = scale(f32(1) / length, across)
+    n = points[p, _NG], points[p, _NG + 1], points[p, _NG + 2]
+    sine, cosine = dot(n, across), dot(n, wo)
+    least = f32(_NARROWEST * _NARROWEST)
+    wide = math.sqrt(max(f32(1) - sine * sine, least))
+    return wide, math.sqrt(max(sine * sine + cosine * cosine, least))
+
+
+@jit
+def _lattice(wide, high):
+    """Strides of taps right and down, and how many on each side, for a reach of so many pixels."""
+    narrow, long = min(wide, high), max(wide, high)
+    stride = max(i64(1), i64(math.ceil(narrow / f32(_TAPS))))
+    taps = max(i64(1), i64(narrow / f32(stride)))
+    most = (i64((2 * _TAPS + 1) ** 2) // (i64(2) * taps + i64(1)) - i64(1)) // i64(2)
+    longer = max(i64(1), i64(math.ceil(long / f32(most))))
+    more = max(i64(1), i64(long / f32(longer)))
+    if wide < high:
+        return (stride, longer), (taps, more)
+    return (longer, stride), (more, taps)
+
+
+@jit
+def _gather(points, p, x, y, reach, strides, taps, few, words, estimate, size, gloss, out):
+    """Write the weighted mean of the estimates around point `p`, which lies in pixel (x, y).
+
+    Return of how many.
+    """
     base = np.uint64(estimate.ctypes.data)
     px, py, pz = points[p, 0], points[p, 1], points[p, 2]
     nx, ny, nz = points[p, _NG], points[p, _NG + 1], points[p, _NG + 2]
@@ -226,10 +300,11 @@ def _gather(points, p, x, y, reach, stride, taps, few, words, estimate, size, gl
         inv_thick2 *= f32(0.25)
     plain, glossy = splat8(f32(0)), splat8(f32(0))
     weight, gloss_weight = f32(0), f32(0)
-    for row in range(y - taps * stride, y + taps * stride + 1, stride):
+    met = i64(0)
+    for row in range(y - taps[1] * strides[1], y + taps[1] * strides[1] + 1, strides[1]):
         if row < 0 or row >= size[1]:
             continue
-        for column in range(x - taps * stride, x + taps * stride + 1, stride):
+        for column in range(x - taps[0] * strides[0], x + taps[0] * strides[0] + 1, strides[0]):
             if column < 0 or column >= size[0]:
                 continue
             q = row * size[0] + column
@@ -253,6 +328,7 @@ def _gather(points, p, x, y, reach, stride, taps, few, words, estimate, size, gl
             foot = words[q, _FOOTPRINT]
             w = near * near * likeness * foot * foot * words[q, _SLANT]
             weight += w
+            met += i64(1)
             plain = vfma(vload8(base, q * 16), splat8(w), plain)
             same_gloss = f32(1) - f32(4) * abs(words[q, _ALPHA] - alpha)
             if gloss and words[q, _ALPHA] > f32(0) and same_gloss > f32(0):
@@ -262,7 +338,8 @@ def _gather(points, p, x, y, reach, stride, taps, few, words, estimate, size, gl
     place = np.uint64(out.ctypes.data)
     vstore8(place, p * 16, vmul(plain, splat8(_inverse(weight))))
     vstore8(place, p * 16 + 8, vmul(glossy, splat8(_inverse(gloss_weight))))
-    stf(place, p * 16 + WEIGHT, weight)
+    stf(place, p * 16 + MET, f32(met))
+    return met
 
 
 @jit

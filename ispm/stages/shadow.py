@@ -10,7 +10,7 @@ from ispm import wgsl
 from ispm.errors import SceneError
 from ispm.frame import GpuScene, ShadowMaps, vertex_layout
 from ispm.gpu import Canvas, Gpu, Recording, Target, Texture
-from ispm.optics.records import MATERIAL_THIN, MATERIAL_TRANSMITS
+from ispm.optics.records import MATERIAL_BLEND, MATERIAL_THIN, MATERIAL_TRANSMITS
 from ispm.scene.atlas import GUARD, LEAST, Seen, ShadowAtlas, ShadowTile, plan_atlas
 from ispm.scene.lightmap import LightMap
 from ispm.scene.packed import Draw, Geometry, Packed
@@ -81,7 +81,7 @@ class ShadowStage:
         self._fit(self._depth, atlas.size)
         for texture in (self._sheets, self._tints):
             texture.sized(self._depth.size if has_sheets else (1, 1))
-        views = [view_row(tile, near, view.pass_index) for tile in atlas.tiles]
+        views = [view_row(tile, near) for tile in atlas.tiles]
         self._draw_depth(frame, scene, pieces, atlas, views, self._depth, ~sheets)
         if has_sheets:
             self._draw_tints(frame, scene, pieces, atlas, views, sheets)
@@ -185,16 +185,16 @@ def _draw_run(canvas: Canvas, draw: Draw, first: int, count: int) -> None:
 
 def _seen(packed: Packed, receivers: np.ndarray, view: CameraView) -> Seen:
     """The RECEIVER rows as lights see them."""
-    points, ahead = receivers["position"], view.clip_from_world[3]
-    widths = view.footprint * (points @ ahead[:3].astype(np.float32) + np.float32(ahead[3]))
+    points = receivers["position"]
     reaches = receivers["footprint"] * np.minimum(receivers["slant"], _SLANTED)
     through = bool((packed.materials["flags"] & MATERIAL_TRANSMITS).any())
-    return Seen(points, receivers["ng"], np.maximum(widths, np.float32(1e-30)), reaches, through)
+    return Seen(points, receivers["ng"], view.pixel_widths(points), reaches, through)
 
 
 def _are_sheets(materials: np.ndarray) -> np.ndarray:
-    """Whether light goes straight through: thin and smooth materials, (n,) bool."""
-    return np.asarray((materials["flags"] & MATERIAL_THIN != 0) & (materials["roughness"] ** 2 < _MIN_ALPHA))
+    """Whether light goes straight through: blended, or thin and smooth materials, (n,) bool."""
+    thin = (materials["flags"] & MATERIAL_THIN != 0) & (materials["roughness"] ** 2 < _MIN_ALPHA)
+    return np.asarray(thin | (materials["flags"] & MATERIAL_BLEND != 0))
 
 
 def map_rows(maps: Sequence[LightMap], near: float) -> np.ndarray:
@@ -222,7 +222,7 @@ def tile_rows(atlas: ShadowAtlas, light_count: int) -> np.ndarray:
     return rows
 
 
-def view_row(tile: ShadowTile, near: float, pass_index: int) -> np.ndarray:
+def view_row(tile: ShadowTile, near: float) -> np.ndarray:
     """Return the VIEW record that draws a tile."""
     face, row = tile.face, np.zeros((), _VIEW)
     scale = (1.0 - 2.0 * GUARD / np.array(tile.size)) * 2.0 / face.extent
@@ -236,5 +236,5 @@ def view_row(tile: ShadowTile, near: float, pass_index: int) -> np.ndarray:
         z, light = np.array((0.0, 0.0, 0.0, near)), np.append(face.origin, 1.0)
     matrix = np.stack([scale[0] * (right - middle[0] * w), scale[1] * (middle[1] * w - down), z, w])
     row["clip_from_local"] = matrix.T  # WGSL stores columns
-    row["origin"], row["light"], row["pass_index"] = face.origin, light, pass_index
+    row["origin"], row["light"] = face.origin, light
     return row

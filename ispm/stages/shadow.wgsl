@@ -1,12 +1,12 @@
 // Depth of what a light sees through one face of its map, and the tint of thin sheets on its way; both
-// sides of every surface count. The viewport is the face's tile.
+// sides of every surface count. Blended surfaces are sheets that tint. The viewport is the face's tile.
 // include stages/geometry.wgsl
 // include optics/bsdf.wgsl
 
 struct View {
     clip_from_local: mat4x4f,   // local: from the origin, along the world's axes
     origin: vec3f,              // m, world space
-    pass_index: u32,
+    spare: u32,
     light: vec4f,               // where the light is and 1, or the direction towards it and 0
 }
 
@@ -18,8 +18,7 @@ struct Corner {
     @builtin(position) clip: vec4f,
     @location(0) uv: vec4f,
     @location(1) color: vec4f,
-    @location(2) @interpolate(flat) instance: u32,
-    @location(3) local: vec3f,
+    @location(2) local: vec3f,
 }
 
 fn clip_from_local(local: vec3f) -> vec4f {
@@ -40,17 +39,17 @@ fn vs_masked(
     @builtin(instance_index) instance: u32,
 ) -> Corner {
     let local = point_to_world(instance, position) - view.origin;
-    return Corner(clip_from_local(local), vec4f(uv0, uv1), color, instance, local);
+    return Corner(clip_from_local(local), vec4f(uv0, uv1), color, local);
 }
 
-// The base color where the surface is no hole; a hole discards the fragment.
-fn cover(c: Corner) -> vec3f {
-    let texel = vec2u(c.clip.xy);
+// The base color, and the opacity where it is between; a hole discards the fragment.
+fn cover(c: Corner) -> vec4f {
     let color = base_color_at(c.uv, c.color);
-    if (is_hole(color.a, vec4u(texel.x | (texel.y << 16u), 0u, c.instance, view.pass_index))) {
+    let blends = (material.flags & MATERIAL_BLEND) != 0u;
+    if (select(color.a < material.alpha_cutoff && (material.flags & MATERIAL_MASK) != 0u, color.a <= 0.0, blends)) {
         discard;
     }
-    return color.rgb;
+    return vec4f(color.rgb, select(1.0, color.a, blends));
 }
 
 @fragment
@@ -58,12 +57,15 @@ fn fs_masked(c: Corner) {
     _ = cover(c);
 }
 
-// What a sheet lets through at this incidence.
+// What a sheet lets through at this incidence, or a blended surface in the mean.
 @fragment
 fn fs_sheet(c: Corner) -> @location(0) vec4f {
     let n = normalize(cross(dpdx(c.local), dpdy(c.local)));
     let wi = normalize(view.light.xyz - view.light.w * (c.local + view.origin));
     let texel = textureSample(transmission_map, transmission_sampler, texture_uv(material.transmission_texture, c.uv)).r;
-    let b = surface_bsdf(cover(c), material.metallic, 0.0, material.transmission * texel, material, true);
-    return vec4f(facet_transmittance(b, fresnel_weight(b, abs(dot(n, wi)))), 1.0);
+    let base = cover(c);
+    let b = surface_bsdf(base.rgb, material.metallic, 0.0, material.transmission * texel, material, true);
+    let clear = select(0.0, 1.0, (material.flags & MATERIAL_THIN) != 0u && material.roughness * material.roughness < MIN_ALPHA);
+    let passed = clear * facet_transmittance(b, fresnel_weight(b, abs(dot(n, wi))));
+    return vec4f(mix(vec3f(1.0), passed, base.a), 1.0);
 }

@@ -13,13 +13,14 @@ from ispm.optics.records import RECEIVER
 from ispm.stages.camera import CameraView
 
 MISSED = wgsl.load("stages/upsample.wgsl").dtype("Missed")
+UNUSED = np.float32(-1e30)  # density of light that is not to be spread
 
 
 class Upsample:
     """Joint bilateral upsampling of incident light, and the radiance that the surfaces make of it.
 
-    In   gbuffer (W, H); receivers (w h,) and their light (w h, 16); caustics, radiance and irradiance at full
-         resolution, which are added
+    In   gbuffer (W, H); receivers (w h,) and their light (w h, 16), UNUSED as its density where it is
+         not to be spread; caustics, radiance and irradiance at full resolution, which are added
     Out  indirect, irradiance, and emission as it is: (W, H) rgba32float, alpha 1 where a surface is seen
     A fragment shader: on llvmpipe it takes two thirds of the time of a compute shader that serves K x K
     pixels a thread.

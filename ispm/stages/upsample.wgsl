@@ -87,12 +87,13 @@ fn load_tap(at: vec2i, low: vec2i) -> Tap {
         return tap;
     }
     let k = u32(at.y * low.x + at.x);
-    tap.valid = f32(receivers[k].valid);
+    let first = light[4u * k];
+    tap.valid = select(0.0, f32(receivers[k].valid), first.w >= 0.0);
     tap.position = receivers[k].position;
     tap.ng = receivers[k].ng;
     tap.n = receivers[k].n;
     tap.alpha = receivers[k].alpha;
-    tap.light.irradiance = light[4u * k].rgb;
+    tap.light.irradiance = first.rgb;
     if (tap.alpha > 0.0) {
         tap.light.fresnel = light[4u * k + 1u].rgb;
         tap.light.gloss = light[4u * k + 2u].rgb;

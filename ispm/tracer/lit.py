@@ -19,7 +19,7 @@ f32, i64, u32 = np.float32, np.int64, np.uint32
 SPOT_PARTS = 4  # in which a photon leaves a bright spot
 
 _SHEETS_MAX = 8  # of glass that a shadow ray passes
-_BEFORE = f32(1e-4)  # of the distance that a shadow ray ends before a light, which may hang on a wall
+BEFORE = f32(1e-4)  # of the distance that a shadow ray ends before a light, which may hang on a wall
 
 _ALPHA, _ETA, _THIN = 7, 13, 14  # places in a Bsdf tuple
 
@@ -134,7 +134,7 @@ def let_through(place, porous, start, d, distance, u, scratch):
     world, table, texels, rows = place
     stack, words = scratch
     none, share = (f32(0), f32(0), f32(0)), (f32(1), f32(1), f32(1))
-    limit = distance * (f32(1) - _BEFORE)
+    limit = distance * (f32(1) - BEFORE)
     if not any_hit(world, start[0], start[1], start[2], d[0], d[1], d[2], limit, stack):
         return share
     if not porous:

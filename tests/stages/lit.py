@@ -5,16 +5,22 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
+from exact import Triangles, cast
 
 from ispm.frame import ShadowMaps
 from ispm.gpu import Gpu
+from ispm.optics.texture import TextureTable
+from ispm.renderer.shadows import ShadowRays
 from ispm.scene.packed import Packed
+from ispm.settings import Settings
 from ispm.stages.camera import CameraView
 from ispm.stages.direct import DirectStage
 from ispm.stages.downsample import Downsample
 from ispm.stages.gbuffer import GBufferStage
 from ispm.stages.shadow import ShadowStage
 from ispm.stages.upload import Upload
+from ispm.tracer.surface import SurfaceTable
+from ispm.tracer.world import World
 
 
 @dataclass
@@ -22,12 +28,14 @@ class Lit:
     """What the stages made of a scene.
 
     radiance  (h, w, 3);  ids  (h, w) instance rows + 1;  points  (h, w, 3) float64, nan where nothing is
+    doubts    (n,) DOUBT, which rays decided
     """
 
     radiance: np.ndarray
     ids: np.ndarray
     points: np.ndarray
     shadows: ShadowMaps
+    doubts: np.ndarray
 
     def texels(self, points: np.ndarray, light: int = 0) -> np.ndarray:
         """Width in m, at (n, 3) points, of the widest texels of a light's map."""
@@ -51,7 +59,14 @@ class Lamp:
         self.stages = Upload(self.gpu), GBufferStage(self.gpu), DirectStage(self.gpu)
         self.downsample = Downsample(self.gpu, 4)
 
-    def __call__(self, packed: Packed, view: CameraView, resolution: int = 256, near: float = 1e-3) -> Lit:
+    def __call__(
+        self,
+        packed: Packed,
+        view: CameraView,
+        resolution: int = 256,
+        near: float = 1e-3,
+        antialias: bool = False,
+    ) -> Lit:
         upload, gbuffer, direct = self.stages
         shadow = ShadowStage(self.gpu, resolution)
         with self.gpu.frame() as frame:
@@ -65,8 +80,15 @@ class Lamp:
         with self.gpu.frame() as frame:
             maps = shadow(frame, scene, receivers[receivers["valid"] > 0], view, near)
             radiance = direct(frame, scene, seen, maps, view)
-        pixels = self.gpu.read_texture(radiance, np.float32, 4)
-        return Lit(pixels[..., :3], ids[..., 0], points, maps)
+        doubts = direct.doubts()
+        pixels = self.gpu.read_texture(radiance, np.float32, 4)[..., :3].copy()
+        surfaces = SurfaceTable(packed, TextureTable.pack(packed.textures), 0.005 * packed.diagonal)
+        world = World(2)
+        world.update(packed)
+        rays = ShadowRays(packed, world, surfaces, view, Settings(antialias=antialias), threads=2)
+        places, light = rays.light(doubts)
+        pixels.reshape(-1, 3)[places] += light
+        return Lit(pixels, ids[..., 0], points, maps, doubts)
 
 
 def _points(view: CameraView, depth: np.ndarray) -> np.ndarray:
@@ -77,3 +99,19 @@ def _points(view: CameraView, depth: np.ndarray) -> np.ndarray:
     ndc[..., 2] = np.where(depth > 0.0, depth, np.nan)
     world = ndc @ view.world_from_clip.T
     return np.asarray(world[..., :3] / world[..., 3:])
+
+
+def seen_surfaces(
+    lit: Lit, triangles: Triangles, eye: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Points, geometric normals on the eye's side and brightness of the pixels whose triangle is certain."""
+    points, ids = lit.points.reshape(-1, 3), lit.ids.ravel()
+    some = np.flatnonzero(ids)
+    ways = points[some] - eye
+    distance = np.linalg.norm(ways, axis=1)
+    d = ways / distance[:, None]
+    same = triangles.instance[None] + 1 == ids[some][:, None]
+    row, t, _ = cast(triangles, np.broadcast_to(eye, d.shape), d, same)
+    certain = (row >= 0) & (np.abs(t - distance) < 1e-3 * distance)
+    normals = triangles.front[row] * -np.sign(np.einsum("nk,nk->n", triangles.front[row], d))[:, None]
+    return points[some][certain], normals[certain], lit.radiance.reshape(-1, 3)[some][certain].sum(-1)

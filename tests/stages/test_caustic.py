@@ -17,7 +17,7 @@ from ispm.scene.scene import Scene
 from ispm.stages.camera import CameraView
 from ispm.stages.caustic import CausticStage
 from ispm.stages.downsample import Downsample
-from ispm.stages.filter import WEIGHT
+from ispm.stages.filter import MET
 from ispm.stages.gbuffer import GBufferStage
 from ispm.stages.upload import Upload
 from ispm.stages.upsample import Upsample
@@ -281,7 +281,7 @@ def test_upsampling_adds_caustics_to_every_pixel(gpu, missing):
         receivers = downsample(frame, scene, gbuffer, view)
     points = downsample.read(gpu, view)
     light = np.zeros((len(points), 16), np.float32)
-    light[:, WEIGHT] = 1.0
+    light[:, MET] = 1.0
     if missing:  # no receiver serves
         points["valid"] = 0
         receivers.write(points)

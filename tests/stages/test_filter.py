@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from ispm.optics.records import RECEIVER
-from ispm.stages.filter import DENSITY, WEIGHT, filter_estimate, filter_points
+from ispm.stages.filter import DENSITY, MET, _lattice, filter_estimate, filter_points
 
 SIZE = (40, 30)
-CHANNELS = [c for c in range(16) if c != WEIGHT]
+CHANNELS = [c for c in range(16) if c != MET]
 
 
 def floor(size=SIZE, pixel=0.1, alpha=0.3):
@@ -39,7 +39,7 @@ def test_even_light_stays_as_it_is(density, smoothing):
     estimate[:, DENSITY] = density
     out = filtered(floor(), estimate, smoothing=smoothing)
     assert out[:, CHANNELS] == pytest.approx(estimate[:, CHANNELS], rel=1e-5)
-    assert (out[:, WEIGHT] > 0.0).all()
+    assert (out[:, MET] > 0.0).all()
 
 
 def test_filter_is_linear_in_the_light():
@@ -136,4 +136,47 @@ def test_points_between_receivers_are_lit_alike():
     light = filter_points(points, pixels, receivers, estimate, SIZE, 10.0, 1.0, 2)
     assert light[:, 0] == pytest.approx(points["position"][:, 0], rel=0.02)
     points["ng"] = points["n"] = (1, 0, 0)
-    assert not filter_points(points, pixels, receivers, estimate, SIZE, 10.0, 1.0, 2)[:, WEIGHT].any()
+    assert not filter_points(points, pixels, receivers, estimate, SIZE, 10.0, 1.0, 2)[:, MET].any()
+
+
+def aslant(size=(120, 60)):
+    """Receivers on y = 0 seen at a slant of 10: the next row is as far as ten columns."""
+    receivers = floor(size)
+    receivers["position"][:, 2] *= 10.0
+    receivers["wo"], receivers["slant"] = (0.0, 0.1, 0.99**0.5), 10.0
+    return receivers
+
+
+def test_rows_of_a_surface_seen_aslant_share_their_light():
+    """h is 4 rows: the mean of two rows side by side is nearly of the same receivers. With strides as long
+    down as across, each row had its own, and ceilings had stripes."""
+    size, h = (120, 60), 4.0
+    light = estimates(size[0] * size[1])
+    light[:, DENSITY] = 1600.0 / (np.pi * h * h)
+    out = filtered(aslant(size), light, size, diagonal=100.0)[:, 0].reshape(60, 120)[8:-8]
+    rows = out.mean(axis=1)  # noise of the columns aside
+    assert np.std(np.diff(out, axis=0)) < 0.6 * np.std(out) * 2.0**0.5
+    assert np.abs(np.diff(rows)).max() < 0.05
+
+
+def test_taps_lie_next_to_points_on_what_is_narrower_than_strides():
+    """A leaning strip in a wall: of how many receivers of its own a mean is, is not left to chance."""
+    size = (80, 60)
+    receivers = floor(size)
+    y, x = np.divmod(np.arange(size[0] * size[1]), size[0])
+    strip = np.abs(x - 40 - y // 3) < 1.5
+    receivers["position"][strip, 1] = 3.0
+    light = estimates(len(receivers))
+    light[:, DENSITY] = 1600.0 / (np.pi * 3.0**2)
+    out = filtered(receivers, light, size, diagonal=100.0)
+    inner = strip & (y > 8) & (y < 52)
+    assert out[inner, MET].min() >= 16
+
+
+def test_the_lattice_covers_the_reach_with_no_more_taps_than_it_may():
+    for wide in (1.5, 3.0, 8.0, 20.0, 96.0):
+        for high in (0.1, 1.5, 7.9, 30.0, 96.0):
+            strides, taps = _lattice(np.float32(wide), np.float32(high))
+            assert (2 * taps[0] + 1) * (2 * taps[1] + 1) <= 17 * 17
+            for extent, stride, count in zip((wide, high), strides, taps, strict=True):
+                assert extent - stride <= stride * count <= max(extent, 1.0)

@@ -14,10 +14,10 @@ from ispm.scene.scene import Scene
 from ispm.scene.shapes import polygons
 from ispm.stages.camera import CameraView
 from ispm.stages.downsample import Downsample
-from ispm.stages.filter import WEIGHT
+from ispm.stages.filter import DENSITY, MET
 from ispm.stages.gbuffer import GBufferStage
 from ispm.stages.upload import Upload
-from ispm.stages.upsample import Upsample
+from ispm.stages.upsample import UNUSED, Upsample
 
 
 def upsampled(gpu, scene, view, block, make_light, patch=None):
@@ -48,7 +48,7 @@ def even(value):
     def light(receivers):
         out = np.zeros((len(receivers), 16), np.float32)
         out[:, :3] = value
-        out[:, WEIGHT] = 1.0
+        out[:, MET] = 1.0
         return out
 
     return light
@@ -103,6 +103,21 @@ def test_bumps_take_the_light_of_receivers_turned_alike(gpu):
     inside = abs(x) < 1.9
     assert irradiance[inside & right].mean() == pytest.approx(9.0, abs=0.4)
     assert irradiance[inside & ~right].mean() == pytest.approx(1.0, abs=0.4)
+
+
+def test_unused_light_is_not_spread(gpu):
+    """Pixels about receivers that are alone count as missed, and none is black or has their light."""
+
+    def light(receivers):
+        out = even(2.0)(receivers)
+        lone = np.arange(len(receivers)) % 7 < 3
+        out[lone, :3], out[lone, DENSITY] = 100.0, UNUSED
+        return out
+
+    every = upsampled(gpu, mixed_scene(), view_of((61, 43)), 4, even(2.0))[3]
+    irradiance, seen, _, missed = upsampled(gpu, mixed_scene(), view_of((61, 43)), 4, light, even(2.0))
+    assert missed > every
+    assert irradiance[seen > 0] == pytest.approx(2.0, rel=1e-5)
 
 
 def two_floors():
