@@ -55,6 +55,8 @@ _ETA, _THIN = 13, 14  # places in a Bsdf tuple
 _WHITE = f32(1), f32(1), f32(1)
 _WEIGHT = 5  # and in a path, see `_leave`
 
+END_AND_POINT = np.dtype([("end", END), ("point", RECEIVER)])  # where a path ends, and its first surface
+
 REFLECTED, TRANSMITTED, SCATTERED = 0, 1, 2  # what the first surface did to a path
 
 
@@ -126,7 +128,7 @@ def trace_eye(
     for first in range(0, count, _BATCH):
         part = slice(first, min(first + _BATCH, count))
         chunks = -(-(part.stop - first) // _CHUNK)
-        room = world.scratch(chunks * capacity, np.dtype([("end", END), ("point", RECEIVER)]))
+        room = world.scratch(chunks * capacity, END_AND_POINT)
         counts = np.zeros((chunks, 2), np.int64)
         counter = np.zeros(8, np.int64)
 
