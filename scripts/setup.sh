@@ -67,7 +67,7 @@ if ! ready; then
 fi
 
 # What a picture needs compiled; a second where that was done before.
-"$venv/bin/python" -m ispm.kernels || exit
+"$venv/bin/python" -m ispm.kernels || say "pictures will compile what they need"
 
 # An adapter found once is not looked for again.
 if [ ! -f "$venv/.ready-adapter" ]; then

@@ -69,8 +69,8 @@ def finish() -> None:
 def brings(name: str) -> bool:
     """Begin to compile all that is not kept, and wait for the kernel of this name; return whether it came."""
     start()
-    _wait(lambda: store.holds(name))
-    return store.holds(name)
+    _wait(lambda: store.find(name) is not None)
+    return store.find(name) is not None
 
 
 def tell(kernel: str, weight: int) -> None:

@@ -39,9 +39,7 @@ def file_name(function: Any, signature: tuple[Any, ...], content: str, environme
 
 def read(name: str) -> tuple[Any, ...] | None:
     """Return what was written under `name`; None where there is nothing, or nothing whole."""
-    for folder in (SHIPPED, written_folder()):
-        if folder is None:
-            continue
+    for folder in _folders():
         try:
             data = (folder / name).read_bytes()
         except OSError:
@@ -57,15 +55,15 @@ def read(name: str) -> tuple[Any, ...] | None:
     return None
 
 
-def holds(name: str) -> bool:
-    """Return whether a file of that name is there."""
-    return any(folder is not None and (folder / name).exists() for folder in (SHIPPED, written_folder()))
+def find(name: str) -> Path | None:
+    """Return the file of that name; None where there is none."""
+    files = [folder / name for folder in _folders()]
+    return next((file for file in files if file.exists()), None)
 
 
 def is_empty() -> bool:
     """Return whether there is no kernel at all, of any version."""
-    folders = [folder for folder in (SHIPPED, written_folder()) if folder is not None]
-    return not any(any(folder.glob("*" + ENDING)) for folder in folders)
+    return not any(any(folder.glob("*" + ENDING)) for folder in _folders())
 
 
 def write(name: str, data: bytes) -> None:
@@ -95,6 +93,12 @@ def written_folder() -> Path | None:
         return None
     _forget_old(root, folder)
     return folder
+
+
+def _folders() -> list[Path]:
+    """Where to look, in this order."""
+    written = written_folder()
+    return [SHIPPED] if written is None else [SHIPPED, written]
 
 
 def _touch(file: Path) -> None:

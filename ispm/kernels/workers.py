@@ -47,7 +47,7 @@ def missing() -> dict[str, int]:
     for line in manifest.lines():
         with suppress(ImportError, AttributeError, ValueError):  # of another version; the tests tell
             kernel, signature = manifest.parse(line)
-            if not store.holds(kernel_file(kernel, signature)):
+            if store.find(kernel_file(kernel, signature)) is None:
                 found[line] = Dependencies(kernel).weight
     return dict(sorted(found.items(), key=lambda pair: -pair[1]))
 
