@@ -13,10 +13,10 @@ import numpy as np
 
 import ispm
 from ispm.kernels import manifest
-from ispm.kernels.jit import KERNELS
+from ispm.kernels.jit import KERNELS, kernel_file
 from ispm.settings import RENDERER_VIEWS
 
-SMALL = dict(size=(48, 28), photons=2000, subsampling=2)
+SMALL = dict(size=(48, 28), photons=1000, subsampling=2)
 TEXTURE = np.arange(64, dtype=np.uint8).reshape(4, 4, 4)
 VARIANTS = [
     *[dict(kernel=name) for name in ("footprint", "measured", "class", "hint")],
@@ -41,7 +41,6 @@ def everything() -> ispm.Scene:
         ispm.Material(base_color_texture=use, metallic=0.5, roughness=0.4),
         ispm.Material(metallic=1.0, roughness=0.0),
         ispm.Material(transmission=1.0, roughness=0.0, ior=1.5, thickness=0.1),
-        ispm.Material(emission=(1.0, 1.0, 1.0)),
     ]
     scene = ispm.Scene(name="everything")
     scene.add(box((-4, -1, -4), (4, 0, 4)), material=materials[0])
@@ -55,36 +54,41 @@ def everything() -> ispm.Scene:
 
 def render_everything() -> None:
     """Call every kernel of a picture at least once."""
-    scene = everything()
-    with tempfile.TemporaryDirectory() as folder:
-        _render(scene, Path(folder), dict(emission="map"))
+    camera = ispm.Camera.look_at((0, 2, 7), (0, 0.5, 0))
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        ispm.Renderer(everything(), ispm.Settings(**SMALL, emission="map"), camera) as renderer,
+    ):
+        renderer.render().save(Path(folder) / "a.png", bits=16)
+        for name in RENDERER_VIEWS:
+            renderer.view(name)
         for variant in VARIANTS:
-            _render(scene, None, variant)
-        for name in ("cornell-box", "glass-sphere", "caustic-ring", "atrium"):
-            _render(ispm.builtin(name), None, {})
+            renderer.settings = ispm.Settings(**{**SMALL, **variant})
+            assert renderer.render().image.size
+        renderer.settings = ispm.Settings(**SMALL)
+        for name in ("cornell-box", "caustic-ring"):
+            renderer.scene, renderer.camera = ispm.builtin(name), None
+            assert renderer.render().image.size
 
 
-def _render(scene: ispm.Scene, folder: Path | None, variant: dict) -> None:
-    camera = ispm.Camera.look_at((0, 2, 7), (0, 0.5, 0)) if scene.name == "everything" else None
-    with ispm.Renderer(scene, ispm.Settings(**{**SMALL, **variant}), camera) as renderer:
-        frame = renderer.render()
-        assert frame.image.size
-        if folder is not None:
-            frame.save(folder / "a.png", bits=16)
-            for name in RENDERER_VIEWS:
-                renderer.view(name)
+def called() -> set[tuple[str, tuple]]:
+    """Return the kernels that Python has called in this process: names, and the types of arguments."""
+    return {(name, signature) for name, kernel in KERNELS.items() for signature in kernel.signatures}
 
 
-def called_lines() -> list[str]:
-    """Return a line of the manifest for every kernel that Python has called in this process."""
-    return sorted(
-        manifest.line(kernel, signature) for kernel in KERNELS.values() for signature in kernel.signatures
-    )
+def lines(calls: set[tuple[str, tuple]]) -> list[str]:
+    """Return the manifest's lines of these; AssertionError for one that leads to another kernel."""
+    found = []
+    for name, signature in calls:
+        found.append(manifest.line(KERNELS[name], signature))
+        kernel, read = manifest.parse(found[-1])
+        assert kernel_file(kernel, read) == kernel_file(KERNELS[name], signature), found[-1]
+    return sorted(found)
 
 
 if __name__ == "__main__":
     render_everything()
-    text = "".join(line + "\n" for line in called_lines())
+    text = "".join(line + "\n" for line in lines(called()))
     if "--write" in sys.argv:
         manifest.FILE.write_text(text, "utf-8")
     else:

@@ -44,7 +44,7 @@ Result: Any = CompileResult  # its fields, likewise
 @cache
 def cpu() -> tuple[str, str]:
     """Return the name and the features of the CPU to compile for: the baseline where it will do."""
-    own = config.CPU_NAME or config.CPU_FEATURES
+    own = config.CPU_NAME or config.CPU_FEATURES or not config.ENABLE_AVX
     if not own and platform.machine().lower() in ("x86_64", "amd64"):
         features = llvm.get_host_cpu_features()
         if all(features.get(name) for name in _BASELINE_NEEDS):

@@ -3,8 +3,9 @@
     ispm.tracer.collapse.shift_refs(uint64, int64, int64, int64)
     ispm.tracer.grid._find_cells(array(ispm.optics.records.RECEIVER, 1), tuple(int64, int64))
 
-An array has a C layout or the one that is named; its elements are numbers, or records by the name of their
-dtype, so that a new field changes no line. `make kernels` writes the file from what small renderings call.
+Arrays are contiguous, rows first: a part of one in another order would have a type of its own. Elements are
+numbers, or records by the name of their dtype, so that a new field changes no line. `make kernels` writes the
+file from what small renderings call.
 """
 
 from __future__ import annotations
@@ -67,16 +68,16 @@ def _type(node: ast.expr) -> Any:
     if isinstance(node, ast.Attribute):
         return numba.from_dtype(_named(node))
     match node:
-        case ast.Call(func=ast.Name("array"), args=[element, ast.Constant(int() as dimensions), *order]):
-            return _array(_type(element), dimensions, ast.unparse(order[0]) if order else "C")
+        case ast.Call(func=ast.Name("array"), args=[element, ast.Constant(int() as dimensions)]):
+            return _array(_type(element), dimensions)
         case ast.Call(func=ast.Name("tuple"), args=parts):
             return types.Tuple([_type(part) for part in parts])
     raise ValueError(f"{FILE.name}: '{ast.unparse(node)}' is no type; {MEND}")
 
 
 def _text(kind: Any) -> str:
-    if isinstance(kind, types.Array) and kind == _array(kind.dtype, kind.ndim, kind.layout):
-        return f"array({_text(kind.dtype)}, {kind.ndim}{'' if kind.layout == 'C' else ', ' + kind.layout})"
+    if isinstance(kind, types.Array) and kind == _array(kind.dtype, kind.ndim):
+        return f"array({_text(kind.dtype)}, {kind.ndim})"
     if isinstance(kind, types.BaseAnonymousTuple):
         return f"tuple({', '.join(map(_text, kind))})"
     if isinstance(kind, types.Record):
@@ -86,10 +87,10 @@ def _text(kind: Any) -> str:
     raise ValueError(f"kernels are called with {kind}, which {FILE.name} has no words for")
 
 
-def _array(element: Any, dimensions: int, layout: str) -> Any:
+def _array(element: Any, dimensions: int) -> Any:
     """Return the type of an array; records that are packed count as not aligned."""
     aligned = not isinstance(element, types.Record) or bool(element.aligned)
-    return types.Array(element, dimensions, layout, aligned=aligned)
+    return types.Array(element, dimensions, "C", aligned=aligned)
 
 
 def _record_name(record: Any) -> str:

@@ -116,6 +116,8 @@ def trace_eye(
     surfaces  its footprint is of no account: textures are averaged over a pixel's width
     """
     count = len(rays.origins)
+    # parts of arrays in another order would be of another type, and kernels for it be compiled
+    origins, directions = np.ascontiguousarray(rays.origins), np.ascontiguousarray(rays.directions)
     firsts = np.zeros(count, FIRST)
     direct, emission, through = np.zeros((3, count, 3), np.float32)
     porous = bool((packed.materials["flags"] & (MATERIAL_MASK | MATERIAL_BLEND | MATERIAL_THIN)).any())
@@ -137,7 +139,7 @@ def trace_eye(
             table, foot = surfaces.own_footprint()
             _follow_chunks(
                 (address(world.table), table, surfaces.texels, surfaces.rows), scene, foot,
-                (rays.origins[part], rays.directions[part], rays.distances[part], rays.keys[part]),
+                (origins[part], directions[part], rays.distances[part], rays.keys[part]),
                 i64(part.start), address(counter),
                 (direct[part], emission[part], room, firsts[part], through[part]), counts,
             )  # fmt: skip
