@@ -31,6 +31,10 @@ VARIANTS = [
 ]  # fmt: skip
 
 
+# So few receivers ask each photon.
+TINY = [dict(size=(8, 6)), dict(size=(8, 6), gather=0)]
+
+
 def everything() -> ispm.Scene:
     """Return a scene of every kind of light and material, one of them with textures, and a moving box."""
     from ispm.scene.shapes import box, icosphere
@@ -41,6 +45,7 @@ def everything() -> ispm.Scene:
         ispm.Material(base_color_texture=use, metallic=0.5, roughness=0.4),
         ispm.Material(metallic=1.0, roughness=0.0),
         ispm.Material(transmission=1.0, roughness=0.0, ior=1.5, thickness=0.1),
+        ispm.Material(transmission=1.0, roughness=0.4, ior=1.5, thickness=0.1),
     ]
     scene = ispm.Scene(name="everything")
     scene.add(box((-4, -1, -4), (4, 0, 4)), material=materials[0])
@@ -57,7 +62,7 @@ def render_everything() -> None:
     camera = ispm.Camera.look_at((0, 2, 7), (0, 0.5, 0))
     with (
         tempfile.TemporaryDirectory() as folder,
-        ispm.Renderer(everything(), ispm.Settings(**SMALL, emission="map"), camera) as renderer,
+        ispm.Renderer(everything(), ispm.Settings(**SMALL, emission="map"), camera, threads=2) as renderer,
     ):
         renderer.render().save(Path(folder) / "a.png", bits=16)
         for name in RENDERER_VIEWS:
@@ -68,6 +73,10 @@ def render_everything() -> None:
         renderer.settings = ispm.Settings(**SMALL)
         for name in ("cornell-box", "caustic-ring", "objects-in-box"):  # the last has large meshes
             renderer.scene, renderer.camera = ispm.builtin(name), None
+            assert renderer.render().image.size
+        renderer.scene = ispm.builtin("glass-sphere")
+        for variant in TINY:
+            renderer.settings = ispm.Settings(**variant, photons=1000, subsampling=2)
             assert renderer.render().image.size
 
 
