@@ -86,7 +86,7 @@ def _compile() -> None:
 
     started = time.perf_counter()
     try:
-        compile_missing(progress, _begin)
+        compile_missing(progress, _begin, lambda: say("waiting for another process that compiles kernels"))
     except OSError:  # no processes to be had: this one compiles
         return
     if progress.what and not _shows_bar():

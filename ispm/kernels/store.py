@@ -34,7 +34,10 @@ def file_name(function: Any, signature: tuple[Any, ...], content: str, environme
     """
     types = "\n".join(map(repr, signature))
     digest = hashlib.sha256(f"{content}\n{environment}\n{types}".encode()).hexdigest()
-    return f"{function.__module__}.{function.__qualname__}-{digest[:32]}{ENDING}"
+    name = f"{function.__module__}.{function.__qualname__}".replace(
+        "<locals>.", ""
+    )  # no file name on Windows
+    return f"{name}-{digest[:32]}{ENDING}"
 
 
 def read(name: str) -> tuple[Any, ...] | None:

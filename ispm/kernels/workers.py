@@ -14,16 +14,16 @@ from ispm.kernels import manifest, store
 from ispm.kernels.background import Progress
 
 _SECONDS = 1.3e-4  # of a core for each byte of bytecode that a kernel is made of
-_MOST_PROCESSES = 16  # more gain nothing: the largest kernel takes a sixteenth of the time of all
+_MOST_PROCESSES = 8  # more gain nothing: the largest kernel takes a seventh of the time of all
 WORK = "--work"
 
 
-def compile_missing(progress: Progress, begin: Callable[[], None]) -> None:
+def compile_missing(progress: Progress, begin: Callable[[], None], wait: Callable[[], None]) -> None:
     """Compile what is missing; `begin` is called where there is any.
 
-    One process at a time works for a folder; others wait, and find its work. What is there costs a second.
+    One process at a time works for a folder; others `wait`, and find its work. What is there costs a second.
     """
-    with _alone():
+    with _alone(wait):
         weights = missing()
         if not weights:
             return
@@ -110,8 +110,8 @@ def _cores() -> int:
 
 
 @contextmanager
-def _alone() -> Iterator[None]:
-    """Hold the lock of the folder of kernels, where the system has such."""
+def _alone(wait: Callable[[], None]) -> Iterator[None]:
+    """Hold the lock of the folder of kernels, where the system has such; `wait` is called where another does."""
     folder = store.written_folder()
     try:
         import fcntl
@@ -121,5 +121,9 @@ def _alone() -> Iterator[None]:
         yield
         return
     with open(folder.with_suffix(".lock"), "w") as file:
-        fcntl.flock(file, fcntl.LOCK_EX)
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            wait()
+            fcntl.flock(file, fcntl.LOCK_EX)
         yield

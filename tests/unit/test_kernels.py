@@ -264,6 +264,20 @@ def test_what_is_missing_is_compiled_by_other_processes_and_said_once(kept, monk
     assert len(said) == 2
 
 
+def test_who_finds_another_process_at_it_waits_and_says_so(kept, monkeypatch):
+    fcntl = pytest.importorskip("fcntl")
+    monkeypatch.setattr(manifest, "lines", list)
+    said = []
+    monkeypatch.setattr(background, "say", said.append)
+    with open(kept.with_suffix(".lock"), "w") as other:
+        fcntl.flock(other, fcntl.LOCK_EX)
+        background.start()
+        background._thread.join(0.5)
+        assert background._thread.is_alive()
+    background.finish()
+    assert said == ["waiting for another process that compiles kernels"]
+
+
 def test_a_kernel_that_cannot_be_compiled_is_told(kept, monkeypatch):
     monkeypatch.setattr(manifest, "lines", lambda: [LINE.replace("uint32)", "tuple(uint32))"), LINE])
     monkeypatch.setattr(background, "say", lambda line: None)
