@@ -111,7 +111,7 @@ def _cores() -> int:
 
 @contextmanager
 def _alone(wait: Callable[[], None]) -> Iterator[None]:
-    """Hold the lock of the folder of kernels, where the system has such; `wait` is called where another does."""
+    """Hold the folder's lock, where the system has such; `wait` is called where another holds it."""
     folder = store.written_folder()
     try:
         import fcntl
