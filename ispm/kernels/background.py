@@ -124,7 +124,7 @@ def _draw(thread: threading.Thread, done: Callable[[], bool]) -> None:
 
 
 def _shows_bar() -> bool:
-    return bar and sys.stderr.isatty()
+    return bar and sys.stderr is not None and sys.stderr.isatty()
 
 
 def _can_start() -> bool:
