@@ -5,7 +5,7 @@ LUXCORE ?=
 MITSUBA ?=
 run = .venv/bin
 
-.PHONY: help demo test drivers check bench accuracy biases peers clean
+.PHONY: help demo test drivers check bench accuracy biases peers kernels wheel clean
 
 help:
 	@echo 'make demo               render a few built-in scenes to out/'
@@ -18,6 +18,8 @@ help:
 	@echo 'make peers              seconds for the same error, beside other renderers, to docs/accuracy.md'
 	@echo '                        LUXCORE=, MITSUBA=: interpreters that have them, if not this one'
 	@echo 'make biases             each bias of the estimate by itself, to docs/accuracy.md'
+	@echo 'make kernels            list again which kernels pictures call, to ispm/kernels/kernels.txt'
+	@echo 'make wheel              a wheel with compiled kernels, for Linux x86-64, to dist/'
 	@echo 'make clean              remove what was made, .venv too'
 
 demo:
@@ -53,6 +55,14 @@ peers:
 biases:
 	@scripts/setup.sh all
 	cd tests && ../$(run)/python -m references.biases
+
+kernels:
+	@scripts/setup.sh all
+	cd tests && ../$(run)/python -m every_kernel --write
+
+wheel:
+	@scripts/setup.sh core
+	scripts/wheel.sh
 
 clean:
 	rm -rf .venv .uv .drivers out dist .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache

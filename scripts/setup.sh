@@ -1,5 +1,5 @@
 #!/bin/sh
-# Make ready what `make` needs: .venv with the package, and a graphics adapter.
+# Make ready what `make` needs: .venv with the package, its kernels compiled, and a graphics adapter.
 #
 #   scripts/setup.sh core   what a demo needs
 #   scripts/setup.sh all    with the tools of the tests
@@ -65,6 +65,9 @@ if ! ready; then
     "$venv/bin/python" -m pip install -q --disable-pip-version-check -c constraints.txt -e "$packages"
     echo "$inputs" > "$stamp"
 fi
+
+# What a picture needs compiled; a second where that was done before.
+"$venv/bin/python" -m ispm.kernels || say "pictures will compile what they need"
 
 # An adapter found once is not looked for again.
 if [ ! -f "$venv/.ready-adapter" ]; then

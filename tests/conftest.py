@@ -1,10 +1,13 @@
-"""What all tests share: one device for the whole session."""
+"""What all tests share: one device for the whole session, and that pictures call listed kernels alone."""
 
 from collections.abc import Iterator
+from functools import wraps
 
 import pytest
 
 from ispm.gpu import Gpu, open_gpu
+from ispm.kernels import manifest
+from ispm.renderer import Renderer
 
 
 @pytest.fixture(scope="session")
@@ -13,3 +16,23 @@ def gpu() -> Iterator[Gpu]:
     device = open_gpu()
     yield device
     device.close()
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _kernels_are_listed() -> Iterator[None]:
+    """Fail a picture that calls a kernel which the manifest lacks: users would wait for the compiler."""
+    from every_kernel import called, lines
+
+    listed, render = set(manifest.lines()), Renderer.render_pass
+
+    @wraps(render)
+    def render_pass(self, index):
+        before = called()
+        frame = render(self, index)
+        unlisted = set(lines(called() - before)) - listed
+        assert not unlisted, f"kernels.txt lacks these; {manifest.MEND}\n" + "\n".join(sorted(unlisted))
+        return frame
+
+    Renderer.render_pass = render_pass
+    yield
+    Renderer.render_pass = render

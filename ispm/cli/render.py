@@ -9,7 +9,6 @@ from typing import Annotated, Any
 
 from cyclopts import Parameter
 
-from ispm.cache import cache_folder
 from ispm.cli.command_line import command_line
 from ispm.cli.console import Console, to_json
 from ispm.cli.options import command, limits_from, settings_from
@@ -100,6 +99,12 @@ def render(
     outputs = [Path(path) for path in (target, stats, resume) if path is not None]
     _require_writable(outputs, scene)
 
+    from ispm.kernels import background, store
+
+    background.say = console.say
+    if store.is_empty():
+        background.start()  # while the scene is read
+
     world = open_scene(console, scene, limits)
     if time is not None or animation is not None:
         world = world.at(time or 0.0, animation)
@@ -107,10 +112,8 @@ def render(
 
     from ispm.renderer import Renderer
 
-    if not _compiled():
-        console.say(
-            "the first picture compiles the kernels, which takes a minute; the next ones start at once"
-        )
+    background.finish()
+    background.bar = False  # below, something else moves on the terminal
     with (
         console.step(
             f"rendering {settings.size[0]}x{settings.size[1]}, {settings.photons:,} photons",
@@ -134,12 +137,6 @@ def render(
     if interrupted:
         console.say(f"interrupted: {target} is the mean of {frame.stats.passes} passes")
         raise KeyboardInterrupt
-
-
-def _compiled() -> bool:
-    """Whether kernels were compiled and kept by an earlier run."""
-    cache = cache_folder()
-    return cache is not None and any(cache.glob("kernels-*/**/*.nbc"))
 
 
 def _target(scene: str, output: str | None) -> Path:

@@ -17,6 +17,7 @@ from ispm.optics.sampling import LATTICE
 from ispm.renderer.picture import Frame
 from ispm.renderer.progress import Progress
 from ispm.renderer.statistics import Stats
+from ispm.renderer.watch import rendering_seconds
 from ispm.settings import Settings
 
 if TYPE_CHECKING:
@@ -70,7 +71,7 @@ def converge(renderer: Renderer, goal: Settings) -> Iterator[Frame]:
             yield mean
             return
     while True:
-        begun = time.perf_counter()
+        begun = rendering_seconds()
         done = progress.passes if progress else 0
         frame = renderer.render_pass(done)
         if renderer.last_fingerprint() != made_of:
@@ -84,7 +85,7 @@ def converge(renderer: Renderer, goal: Settings) -> Iterator[Frame]:
             progress.add(frame)
         mean = renderer.chosen.expose(progress.frame(settings, threads))
         yield mean
-        longest = max(longest, time.perf_counter() - begun)
+        longest = max(longest, rendering_seconds() - begun)
         late = goal.time_limit and time.perf_counter() - started + longest > goal.time_limit
         if late or _is_enough(mean.stats, goal):
             return

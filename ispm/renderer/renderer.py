@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import gc
-import time as clock
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
@@ -32,7 +31,7 @@ from ispm.renderer.progress import Progress, fingerprint
 from ispm.renderer.ready import Ready
 from ispm.renderer.shadows import ShadowRays, join_pixels
 from ispm.renderer.statistics import collect
-from ispm.renderer.watch import Watch
+from ispm.renderer.watch import Watch, rendering_seconds
 from ispm.scene.camera import Camera
 from ispm.scene.packed import Packed
 from ispm.scene.scene import Scene
@@ -236,7 +235,7 @@ class Renderer:
 
     def _draw(self, index: int) -> Frame:
         settings = of_pass(self.settings, index)
-        started = clock.perf_counter()
+        started = rendering_seconds()
         self._last = None  # so that its memory can be used again
         watch = Watch()
         packed, view = self._prepare(index)
@@ -312,7 +311,7 @@ class Renderer:
         for recording in (first, second, third, fourth):
             for name, spent in recording.milliseconds().items():
                 watch.add(name, spent)
-        total = (clock.perf_counter() - started) * 1e3
+        total = (rendering_seconds() - started) * 1e3
         frame.stats = collect(
             packed, replace(path, photons=parts.photons), view, settings, watch.milliseconds, total,
             adapter=self._gpu.name, emission=by, timing=first.timing,

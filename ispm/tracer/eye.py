@@ -56,6 +56,8 @@ _ETA, _THIN = 13, 14  # places in a Bsdf tuple
 _WHITE = f32(1), f32(1), f32(1)
 _WEIGHT = 5  # and in a path, see `_leave`
 
+END_AND_POINT = np.dtype([("end", END), ("point", RECEIVER)])  # where a path ends, and its first surface
+
 REFLECTED, TRANSMITTED, SCATTERED = 0, 1, 2  # what the first surface did to a path
 
 
@@ -117,6 +119,8 @@ def trace_eye(
     surfaces  its footprint is of no account: textures are averaged over a pixel's width
     """
     count = len(rays.origins)
+    # parts of arrays in another order would be of another type, and kernels for it be compiled
+    origins, directions = np.ascontiguousarray(rays.origins), np.ascontiguousarray(rays.directions)
     firsts = np.zeros(count, FIRST)
     direct, emission, through = np.zeros((3, count, 3), np.float32)
     hits = rays.hits
@@ -133,7 +137,7 @@ def trace_eye(
     for first in range(0, count, _BATCH):
         part = slice(first, min(first + _BATCH, count))
         chunks = -(-(part.stop - first) // _CHUNK)
-        room = world.scratch(chunks * capacity, np.dtype([("end", END), ("point", RECEIVER)]))
+        room = world.scratch(chunks * capacity, END_AND_POINT)
         counts = np.zeros((chunks, 2), np.int64)
         counter = np.zeros(8, np.int64)
 
@@ -142,7 +146,7 @@ def trace_eye(
             table, foot = surfaces.own_footprint()
             _follow_chunks(
                 (address(world.table), table, surfaces.texels, surfaces.rows), scene, foot,
-                (rays.origins[part], rays.directions[part], rays.distances[part], rays.keys[part],
+                (origins[part], directions[part], rays.distances[part], rays.keys[part],
                  hits[part]),
                 i64(part.start), address(counter),
                 (direct[part], emission[part], room, firsts[part], through[part]), counts,

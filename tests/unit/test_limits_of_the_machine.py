@@ -7,7 +7,7 @@ import pytest
 
 from ispm.errors import SettingsError
 from ispm.gpu import Gpu, within_memory
-from ispm.optics.jit import _forget_old
+from ispm.kernels.store import _forget_old
 from ispm.renderer.renderer import Renderer
 from ispm.scene.builtin import builtin
 from ispm.settings import Settings
@@ -52,10 +52,20 @@ def test_a_renderer_without_memory_names_size_and_photons(gpu: Gpu, monkeypatch)
 
 
 def test_kernels_of_old_versions_are_removed(tmp_path):
+    kept = tmp_path / "kernels"
     for name, days in (("kernels-new", 1), ("kernels-old", 31), ("other-old", 31)):
         (tmp_path / name).mkdir()
         (tmp_path / name / "a.nbc").write_bytes(b"machine code")
-        past = time.time() - days * 86400
-        os.utime(tmp_path / name, (past, past))
-    _forget_old(tmp_path)
-    assert sorted(f.name for f in tmp_path.iterdir()) == ["kernels-new", "other-old"]
+        _age(tmp_path / name, days)
+    kept.mkdir()
+    for name, days in (("a.kernel", 29), ("b.kernel", 31)):
+        (kept / name).write_bytes(b"machine code")
+        _age(kept / name, days)
+    _forget_old(tmp_path, kept)
+    assert sorted(f.name for f in tmp_path.iterdir()) == ["kernels", "kernels-new", "other-old"]
+    assert [f.name for f in kept.iterdir()] == ["a.kernel"]
+
+
+def _age(path, days):
+    past = time.time() - days * 86400
+    os.utime(path, (past, past))
