@@ -37,6 +37,7 @@ TINY = [dict(size=(8, 6)), dict(size=(8, 6), gather=0)]
 
 def everything() -> ispm.Scene:
     """Return a scene of every kind of light and material, one of them with textures, and a moving box."""
+    from ispm.scene.material import AlphaMode
     from ispm.scene.shapes import box, icosphere
 
     use = ispm.TextureUse(ispm.Texture(TEXTURE))
@@ -46,6 +47,7 @@ def everything() -> ispm.Scene:
         ispm.Material(metallic=1.0, roughness=0.0),
         ispm.Material(transmission=1.0, roughness=0.0, ior=1.5, thickness=0.1),
         ispm.Material(transmission=1.0, roughness=0.4, ior=1.5, thickness=0.1),
+        ispm.Material(base_color=(0.8, 0.5, 0.3, 0.5), alpha_mode=AlphaMode.BLEND),
     ]
     scene = ispm.Scene(name="everything")
     scene.add(box((-4, -1, -4), (4, 0, 4)), material=materials[0])

@@ -24,11 +24,9 @@ from ispm.optics.records import (
     NO_HIT,
     RECEIVER,
 )  # fmt: skip
-from ispm.optics.rng import random4
-from ispm.optics.sampling import LATTICE
 from ispm.optics.vector import add, dot, scale, sub
 from ispm.scene.packed import Packed
-from ispm.tracer.facet import facet_split, go_on
+from ispm.tracer.facet import ROUGH_SAMPLES, facet_numbers, facet_split, go_on
 from ispm.tracer.found import BLACK, END, FIRST, store_end, store_first, store_point
 from ispm.tracer.intersect import STACK_WORDS
 from ispm.tracer.lit import direct_light, greatest, times
@@ -42,7 +40,6 @@ from ispm.tracer.world import World
 f32, i64, u32 = np.float32, np.int64, np.uint32
 
 EVENTS_MAX = 8  # mirrors and faces of glass that a path meets
-ROUGH_SAMPLES = 8  # facets that are drawn where a pixel shows rough glass; a power of 2
 _REFLECTED_EACH = 4  # of them so many reflect once
 _PATHS_MAX = 3  # of a pixel that shows no rough glass: reflected, let through, and reflected within
 _ENDS_MAX = 2  # of one path: behind a varnished floor goes on what it mirrors
@@ -241,7 +238,7 @@ def _branch(place, scene, key, k, hit, ng, n, b, wo, flags, entering, length):
     smooth = is_smooth(b)
     passes = k == 1 if smooth else k < ROUGH_SAMPLES
     sample = 0 if smooth else (k if passes else (k - ROUGH_SAMPLES) * _REFLECTED_EACH)
-    u1, u2, _ = _numbers(scene, key, u32(sample << 8))
+    u1, u2, _ = facet_numbers(key, u32(sample << 8), scene[4], scene[3])
     reflectance, transmittance, above, beyond, _ = facet_split(b, n, ng, wo, u1, u2)
     wi, weight, dimension = above, reflectance, u32(sample << 8 | 1)
     share = f32(1) if smooth else f32(_REFLECTED_EACH / ROUGH_SAMPLES)
@@ -320,7 +317,7 @@ def _follow(place, scene, foot, scratch, path, slot, out, at):
     key, dimension, lane, start, d, weight, inside, focus, length, clear = path
     stored, rough, parted, other = 0, False, False, path
     for _ in range(EVENTS_MAX + 1):
-        u1, u2, u0 = _numbers(scene, key, dimension)
+        u1, u2, u0 = facet_numbers(key, dimension, scene[4], scene[3])
         traced += i64(1)
         found, hit = closest_surface(world, table, texels, rows, start, d, u0, scratch[0], scratch[1])
         if not found:
@@ -368,21 +365,6 @@ def _follow(place, scene, foot, scratch, path, slot, out, at):
             break
         key, dimension, lane, start, d, weight, inside, focus, length, clear = left
     return (row, traced), rough, length, parted, other
-
-
-@jit
-def _numbers(scene, key, dimension):
-    """Three random numbers for an event of a path, `dimension`: 256 times the sample, and the event.
-
-    A lattice (Roberts's R2) even over the samples, in another order and elsewhere for each event.
-    """
-    event, k = dimension & u32(255), dimension >> u32(8)
-    k = k * (u32(2) * event + u32(1)) & u32(ROUGH_SAMPLES - 1)
-    u1, u2, u3, _ = random4(key, event, scene[4], scene[3])
-    u1 += f32(k) * f32(1.0 / ROUGH_SAMPLES)
-    u2 += f32(k) * f32(LATTICE[0])
-    u3 += f32(k) * f32(LATTICE[1])
-    return u1 - f32(math.floor(u1)), u2 - f32(math.floor(u2)), u3 - f32(math.floor(u3))
 
 
 @jit

@@ -10,12 +10,14 @@ import numpy as np
 from ispm.optics.bsdf import is_smooth, smooth_split, specular_split, transmits
 from ispm.optics.jit import jit
 from ispm.optics.microfacet import smith, visible_normal
-from ispm.optics.sampling import to_local, to_world
+from ispm.optics.rng import random4
+from ispm.optics.sampling import LATTICE, to_local, to_world
 from ispm.optics.vector import add, dot, luminance, scale, sub
 from ispm.tracer.lit import greatest
 
-f32 = np.float32
+f32, u32 = np.float32, np.uint32
 
+ROUGH_SAMPLES = 8  # facets that are drawn where a pixel shows rough glass; a power of 2
 _ALPHA, _THIN = 7, 14  # places in a Bsdf tuple
 
 
@@ -64,3 +66,18 @@ def _unshadowed(alpha, nv, nl):
     a2 = alpha * alpha
     g1 = f32(2) * nv / (nv + math.sqrt(nv * nv * (f32(1) - a2) + a2))
     return smith(alpha, nv, nl) * f32(4) * nv * nl / g1
+
+
+@jit
+def facet_numbers(key, dimension, pass_index, seed):
+    """Return three random numbers for an event of a path, `dimension`: 256 times the sample, and the event.
+
+    A lattice (Roberts's R2) even over the samples, in another order and elsewhere for each event.
+    """
+    event, k = dimension & u32(255), dimension >> u32(8)
+    k = k * (u32(2) * event + u32(1)) & u32(ROUGH_SAMPLES - 1)
+    u1, u2, u3, _ = random4(key, event, pass_index, seed)
+    u1 += f32(k) * f32(1.0 / ROUGH_SAMPLES)
+    u2 += f32(k) * f32(LATTICE[0])
+    u3 += f32(k) * f32(LATTICE[1])
+    return u1 - f32(math.floor(u1)), u2 - f32(math.floor(u2)), u3 - f32(math.floor(u3))

@@ -2,10 +2,10 @@
 
 from pathlib import Path
 
-import numba
 import numpy as np
 
 from ispm.optics import bsdf, density, rng, sampling
+from ispm.optics.jit import jit
 from ispm.optics.vector import cross
 
 SHADER = str(Path(__file__).with_name("optics.wgsl"))
@@ -46,12 +46,12 @@ def random_rows(seed: int) -> np.ndarray:
     return rows.astype(np.float32)
 
 
-@numba.njit(error_model="numpy")
+@jit
 def vector(r, k):
     return r[k, 0], r[k, 1], r[k, 2]
 
 
-@numba.njit(error_model="numpy")
+@jit
 def surface(r):
     return bsdf.surface_bsdf(
         vector(r, 0), r[0, 3], r[2, 0], r[1, 0], (r[1, 1], r[1, 2], r[1, 3]), r[2, 3],
@@ -59,7 +59,7 @@ def surface(r):
     )  # fmt: skip
 
 
-@numba.njit(error_model="numpy")
+@jit
 def bsdf_rows(rows, out):
     for i in range(len(rows)):
         r = rows[i]
@@ -73,7 +73,7 @@ def bsdf_rows(rows, out):
         out[i, 3] = (b[10], b[11], b[12], b[13] + b[14])
 
 
-@numba.njit(error_model="numpy")
+@jit
 def sample_rows(rows, out):
     for i in range(len(rows)):
         r = rows[i]
@@ -85,7 +85,7 @@ def sample_rows(rows, out):
         out[i, 1, 3] = np.float32(specular)
 
 
-@numba.njit(error_model="numpy")
+@jit
 def specular_rows(rows, out):
     for i in range(len(rows)):
         r = rows[i]
@@ -96,7 +96,7 @@ def specular_rows(rows, out):
         out[i, 2, :3], out[i, 3, :3] = split[2], split[3]
 
 
-@numba.njit(error_model="numpy")
+@jit
 def density_rows(rows, out):
     for i in range(len(rows)):
         r = rows[i]

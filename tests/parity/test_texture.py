@@ -2,10 +2,10 @@
 
 from pathlib import Path
 
-import numba
 import numpy as np
 import pytest
 
+from ispm.optics.jit import jit
 from ispm.optics.texture import TextureTable, mip_chain, sample_texture
 from ispm.scene.material import Texture, Wrap
 
@@ -13,7 +13,7 @@ SHADER = str(Path(__file__).with_name("texture.wgsl"))
 ADDRESS = {Wrap.REPEAT: "repeat", Wrap.CLAMP: "clamp-to-edge", Wrap.MIRROR: "mirror-repeat"}
 
 
-@numba.njit
+@jit
 def sample_rows(texels, rows, lookups, out):
     for i in range(len(lookups)):
         out[i] = sample_texture(texels, rows, 0, lookups[i, 0], lookups[i, 1], lookups[i, 2])

@@ -2,12 +2,12 @@
 
 import math
 
-import numba
 import numpy as np
 import pytest
 from scipy import stats
 
 from ispm.optics import bsdf, rng
+from ispm.optics.jit import jit
 
 f32 = np.float32
 N = f32(0), f32(0), f32(1)
@@ -37,7 +37,7 @@ def towards(cosine):
     return f32(math.sqrt(1 - cosine * cosine)), f32(0), f32(cosine)
 
 
-@numba.njit(error_model="numpy")
+@jit
 def hemisphere_grid(b, wo, rows, columns, value, pdf):
     """f cos and pdf at midpoints of a grid of equal solid angles over the hemisphere: (rows, columns)."""
     for i in range(rows):
@@ -58,7 +58,7 @@ def integrate(b, wo, rows=512, columns=1024):
     return value.mean(axis=(0, 1), dtype=np.float64) * 2 * math.pi, pdf
 
 
-@numba.njit(error_model="numpy")
+@jit
 def draw(b, wo, seed, wi, weight):
     """wi and weight of len(wi) samples; both zero where absorbed."""
     for i in range(len(wi)):

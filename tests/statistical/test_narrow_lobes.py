@@ -2,7 +2,6 @@
 
 import math
 
-import numba
 import numpy as np
 import pytest
 from scipy import stats
@@ -10,6 +9,7 @@ from test_bsdf import N, samples, surface, towards
 from test_transmission import glass
 
 from ispm.optics import bsdf
+from ispm.optics.jit import jit
 from ispm.optics.sampling import orthonormal_basis
 
 f32 = np.float32
@@ -35,7 +35,7 @@ RINGS = np.array([0.0, 0.2, 0.4, 0.7, 1.0, 1.5, 2.2, 3.5, 6.0])  # angles from t
 SECTORS = 8
 
 
-@numba.njit(error_model="numpy")
+@jit
 def pdf_along(b, wo, directions, out):
     for i in range(len(directions)):
         out[i] = bsdf.pdf_bsdf(b, N, wo, (directions[i, 0], directions[i, 1], directions[i, 2]))

@@ -2,13 +2,13 @@
 
 import math
 
-import numba
 import numpy as np
 import pytest
 from scipy import stats
 from test_bsdf import N, samples, surface, towards
 
 from ispm.optics import bsdf
+from ispm.optics.jit import jit
 
 f32 = np.float32
 COLOR = (0.9, 0.5, 0.2)
@@ -39,7 +39,7 @@ CASES = [(lobe, cosine) for lobe in LOBES for cosine in COSINES]
 ROUGH = [case for case in CASES if LOBES[case[0]][7] > 0]
 
 
-@numba.njit(error_model="numpy")
+@jit
 def sphere_grid(b, wo, rows, columns, value, pdf):
     """f |cos| and pdf at midpoints of a grid of equal solid angles over the sphere, z upwards."""
     for i in range(rows):

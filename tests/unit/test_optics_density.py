@@ -2,16 +2,16 @@
 
 import math
 
-import numba
 import numpy as np
 import pytest
 
 from ispm.optics import density, sampling
+from ispm.optics.jit import jit
 
 f32 = np.float32
 
 
-@numba.njit(error_model="numpy")
+@jit
 def evaluate(offsets, normal, radius, height, out):
     for i in range(len(offsets)):
         out[i] = density.density_kernel((offsets[i, 0], offsets[i, 1], offsets[i, 2]), normal, radius, height)

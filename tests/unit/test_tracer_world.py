@@ -4,6 +4,7 @@ import numba
 import numpy as np
 import pytest
 
+from ispm.optics.jit import jit
 from ispm.optics.records import NO_HIT
 from ispm.scene.mesh import Mesh
 from ispm.scene.packed import pack
@@ -232,7 +233,7 @@ def test_no_ray_passes_between_triangles():
         assert (world.trace(origins, targets - origins)["instance"] == 0).all()
 
 
-@numba.njit
+@jit
 def leave(table, corner, e1, e2, u, v, n, instance):
     return leave_triangle(corner, e1, e2, u, v, n, instance_scale(table, instance))
 

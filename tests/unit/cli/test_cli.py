@@ -254,7 +254,7 @@ def test_the_command_in_a_picture_makes_it_again(ispm_command, place, line):
 
 
 def test_the_command_has_only_what_is_not_default(ispm_command):
-    ispm_command("render cornell-box --size 8x6 --photons 40k --bounces 8 --time 0 --threads 2 -o a.png")
+    ispm_command("render cornell-box --size 8x6 --photons 40k --bounces 32 --time 0 --threads 2 -o a.png")
     assert made_by(ispm_command, "a.png") == "ispm render cornell-box --size 8x6 -o a.png"
 
 
