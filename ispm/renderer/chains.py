@@ -11,7 +11,7 @@ from ispm.renderer.gather import PhotonLight
 from ispm.scene.packed import Packed
 from ispm.settings import Settings
 from ispm.stages.camera import CameraView
-from ispm.stages.filter import LONE, MET, filter_estimate, filter_points
+from ispm.stages.filter import MET, filter_estimate, filter_points
 from ispm.tracer.edges import edge_rows
 from ispm.tracer.ends import image_of_ends, reflect_light, smooth_frost, spread_light
 from ispm.tracer.eye import REFLECTED, SCATTERED, TRANSMITTED, EyePaths, EyeRays, join_paths, trace_eye
@@ -183,11 +183,11 @@ def light_missed(
     light = filter_points(
         points, missed["low"], receivers, estimate, size, diagonal, settings.smoothing, threads
     )
-    alone = np.flatnonzero(light[:, MET] < LONE)
+    alone = np.flatnonzero(light[:, MET] < 1.0)
     block, lone = settings.subsampling, points[alone]
     lone["footprint"] /= block  # a pixel's, as an image wants
     image = light_by_image(
         lone, missed["pixel"][alone], photon_light, view, settings, block, diagonal, threads
     )
-    light[alone] = image + light[alone, MET, None] / np.float32(LONE) * (light[alone] - image)
+    light[alone] = image + light[alone, MET, None] * (light[alone] - image)
     return light

@@ -18,7 +18,7 @@ from ispm.renderer.caustics import PhotonParts, sample_width
 from ispm.scene.packed import Packed
 from ispm.settings import Settings
 from ispm.stages.camera import CameraView
-from ispm.stages.filter import DENSITY, LONE, MET, filter_estimate, mean_around, set_reach
+from ispm.stages.filter import DENSITY, MET, filter_estimate, mean_around, set_reach
 from ispm.stages.upsample import UNUSED
 from ispm.tracer.coverage import keep_light
 from ispm.tracer.density import measure_radii
@@ -94,7 +94,7 @@ class PhotonLight:
             return light, light
         diagonal, smoothing = self._packed.diagonal, self._settings.smoothing
         filtered = filter_estimate(points, light, size, diagonal, smoothing, self._threads)
-        filtered[filtered[:, MET] < LONE, DENSITY] = UNUSED
+        filtered[filtered[:, MET] < 1.0, DENSITY] = UNUSED
         return light, filtered
 
     def at(self, points: np.ndarray, size: tuple[int, int]) -> np.ndarray:

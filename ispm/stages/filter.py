@@ -34,8 +34,9 @@ _SPARSE = 200.0  # photons within the radius, below which they are few
 
 # words of a RECEIVER
 _ALPHA, _NG, _VALID, _N, _FOOTPRINT, _WO, _SLANT = 3, 4, 7, 8, 11, 12, 15
-DENSITY, MET = 3, 7  # channels of an estimate: photons per m2; of how many receivers it is the mean
-LONE = 16  # receivers, of fewer of which a mean is noise: of things a pixel or two wide
+DENSITY, MET = 3, 7  # channels of an estimate: photons per m2; how many receivers it is the mean of, over
+# those of one line across the reach, of at most _LINE: below 1 on things that are narrower than a receiver
+_LINE = 16
 
 
 def filter_estimate(
@@ -121,7 +122,7 @@ def filter_points(
 
     points    (n,) RECEIVER
     pixels    (n,) int: the receiver whose pixel each point lies in
-    Channel MET tells how many receivers on its surface were near a point.
+    Channel MET tells how many receivers on its surface were near a point, over those of a line.
     """
     given = _words(points), np.ascontiguousarray(pixels, np.int64)
     return _run(_spread_points, given, _words(receivers), estimate, size, diagonal, smoothing, threads)
@@ -228,9 +229,11 @@ def _spread_one(points, p, x, y, reach, few, words, estimate, size, gloss, out):
     pixels = reach / points[p, _FOOTPRINT]
     strides, taps = _lattice(pixels * wide, pixels * high)
     met = _gather(points, p, x, y, reach, strides, taps, few, words, estimate, size, gloss, out)
-    if met < i64(LONE) and max(strides[0], strides[1]) > i64(1):
+    if met < i64(_LINE) and max(strides[0], strides[1]) > i64(1):
         taps = min(i64(_TAPS), strides[0] * taps[0]), min(i64(_TAPS), strides[1] * taps[1])
-        _gather(points, p, x, y, reach, (i64(1), i64(1)), taps, few, words, estimate, size, gloss, out)
+        met = _gather(points, p, x, y, reach, (i64(1), i64(1)), taps, few, words, estimate, size, gloss, out)
+    line = min(i64(_LINE), i64(2) * min(taps[0], taps[1]) + i64(1))
+    stf(np.uint64(out.ctypes.data), p * 16 + MET, f32(met) / f32(line))
 
 
 @jit
@@ -338,7 +341,6 @@ def _gather(points, p, x, y, reach, strides, taps, few, words, estimate, size, g
     place = np.uint64(out.ctypes.data)
     vstore8(place, p * 16, vmul(plain, splat8(_inverse(weight))))
     vstore8(place, p * 16 + 8, vmul(glossy, splat8(_inverse(gloss_weight))))
-    stf(place, p * 16 + MET, f32(met))
     return met
 
 
