@@ -159,11 +159,15 @@ def test_tiles_hold_the_nearest_depth(gpu: Gpu, lamp: Lamp, kind: str) -> None:
             # that is moved by SNAP texels differs there
             gap = np.einsum("nk,nk->n", normals, corners[:, 0] - origins)
             moves = sum(
-                np.abs(normals @ axis) / scale for axis, scale in zip((right, down), tile["scale"], strict=True)
+                np.abs(normals @ axis) / scale
+                for axis, scale in zip((right, down), tile["scale"], strict=True)
             )
             if row["parallel"]:
                 along = normals @ ahead
-                depth, slope = row["near"] - row["slope"] * (gap / along - 100.0), row["slope"] * moves / along
+                depth, slope = (
+                    row["near"] - row["slope"] * (gap / along - 100.0),
+                    row["slope"] * moves / along,
+                )
             else:
                 depth = near * np.einsum("nk,nk->n", normals, rays) / gap
                 parts = np.concatenate([1.0 - weights.sum(-1, keepdims=True), weights], -1)
