@@ -127,8 +127,8 @@ def exact_beside(
 @pytest.mark.parametrize("kind", LAMPS)
 def test_tiles_hold_the_nearest_depth(gpu: Gpu, lamp: Lamp, kind: str) -> None:
     """Vulkan lets rasterisers snap corners to 1/16 of a texel: a texel then has what lies as far beside its
-    centre, and the depth of a plane that its corners move by as much. A triangle that reaches behind the light
-    moves with them in proportion to how far ahead or behind they are; see `lookup` in direct.wgsl."""
+    centre, and the depth of a plane that its corners move by as much. A triangle that reaches behind the
+    light moves with them in proportion to how far ahead or behind they are; see `lookup` in direct.wgsl."""
     packed, near = pack(flat_scene(kind, 1.0)), 1e-3
     lit = lamp(packed, view_of((32, 18)), 32, near)
     stored = gpu.read_texture(lit.shadows.depth, np.float32)
