@@ -21,8 +21,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from drivers.pictures import SCENES
 from references.page import table
+
+from drivers.pictures import SCENES
 
 _BLOCK = 8  # pixels
 _MEAN, _OFF, _SHARE = 0.005, 0.05, 0.002

@@ -2,7 +2,7 @@
 
 python -m drivers.pictures FOLDER                       # in tests/; FOLDER/SCENE.npz and .png
 python -m drivers.pictures FOLDER --size 320x180 SCENE...  # names of built-ins, or files
-python -m drivers.pictures FOLDER --aside 0.0625        # for the edges that a driver may move; likewise --seed 1
+python -m drivers.pictures FOLDER --aside 0.0625  # pixels that a driver may move edges by; or --seed 1
 
 VK_DRIVER_FILES chooses the driver.
 """
