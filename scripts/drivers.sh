@@ -4,8 +4,8 @@
 #   scripts/drivers.sh [PART...]
 #
 #   llvmpipe     tests of stages, pictures and parity on Mesa's driver for processors
-#   swiftshader  and on Google's
-#   agreement    pictures of both, layer by layer; SIZE=640x360: how large
+#   swiftshader  those of stages and parity on Google's, too slow for the rest
+#   agreement    pictures of both, layer by layer: no further apart than edges and noise explain; SIZE=640x360: how large
 #   validation   all built-in scenes under the validation layer of Khronos
 #   tint         all pipelines in Chromium, whose compiler of WGSL is Tint
 #
@@ -64,18 +64,23 @@ on() { # on DRIVER COMMAND...: with that driver alone; the second variable is ol
     VK_DRIVER_FILES=$icd VK_ICD_FILENAMES=$icd "$@"
 }
 
-tests() { # with more patience than elsewhere: SwiftShader takes several times as long
-    on "$1" "$python" -m pytest -n auto --maxprocesses 8 --timeout 900 tests/stages tests/parity tests/image
+tests() { # tests DRIVER FOLDER...: with more patience than elsewhere, as SwiftShader takes several times as long
+    icd=$1
+    shift
+    on "$icd" "$python" -m pytest -n auto --maxprocesses 8 --timeout 900 "$@"
 }
 
-pictures() { # pictures DRIVER NAME
-    (cd tests && on "$1" "$python" -m drivers.pictures "$cache/pictures/$2" --size "${SIZE:-320x180}")
+pictures() { # pictures DRIVER NAME [OPTION...]
+    icd=$1 name=$2
+    shift 2
+    (cd tests && on "$icd" "$python" -m drivers.pictures "$cache/pictures/$name" --size "${SIZE:-320x180}" "$@")
 }
 
 compare() {
     rm -rf "$cache/pictures"
-    pictures "$1" llvmpipe && pictures "$2" swiftshader &&
-        (cd tests && "$python" -m drivers.agreement "$cache/pictures/swiftshader" "$cache/pictures/llvmpipe")
+    pictures "$1" llvmpipe && pictures "$1" aside --aside 0.0625 && pictures "$1" seed --seed 1 &&
+        pictures "$2" swiftshader && (cd tests && "$python" -m drivers.agreement "$cache/pictures/swiftshader" \
+            "$cache/pictures/llvmpipe" --aside "$cache/pictures/aside" --seed "$cache/pictures/seed")
 }
 
 validate() { (cd tests && VK_LAYER_PATH=$1 LD_LIBRARY_PATH=$1 "$python" -m drivers.validation); }
@@ -86,7 +91,8 @@ for part in ${*:-llvmpipe swiftshader agreement validation tint}; do
     say "$part"
     case $part in
     llvmpipe | swiftshader)
-        if icd=$(find_"$part"); then tests "$icd"; else skip "$part" 'apt brings no such driver'; fi ;;
+        [ "$part" = llvmpipe ] && more=tests/image || more=
+        if icd=$(find_"$part"); then tests "$icd" tests/stages tests/parity $more; else skip "$part" 'apt brings no such driver'; fi ;;
     agreement)
         if icd=$(find_llvmpipe) && other=$(find_swiftshader); then compare "$icd" "$other"
         else skip agreement 'it takes both drivers'; fi ;;

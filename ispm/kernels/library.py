@@ -113,6 +113,13 @@ class _Inner(JITCodeLibrary):
         self._ensure_finalized()
         return 0
 
+    def _get_module_for_linking(self) -> Any:
+        """Return all IR that this reaches, for callers that plain numba compiles: they look no further."""
+        module = super()._get_module_for_linking().clone()
+        for library in _reached(self._linking_libraries, {}):
+            module.link_in(JITCodeLibrary._get_module_for_linking(library), preserve=True)
+        return module
+
 
 class _Entry(JITCodeLibrary):
     """Machine code of a kernel with all that it calls."""
@@ -124,7 +131,7 @@ class _Entry(JITCodeLibrary):
         own = {f.name for f in self._final_module.functions if not f.is_declaration}
         for library in _reached(self._linking_libraries, {}):
             self._reload_init.update(library._reload_init)
-            self._final_module.link_in(library._get_module_for_linking(), preserve=True)
+            self._final_module.link_in(JITCodeLibrary._get_module_for_linking(library), preserve=True)
         for function in self._final_module.functions:
             if not function.is_declaration and function.name not in own:
                 function.linkage = "internal"

@@ -118,7 +118,7 @@ def _lamps(scene: GpuScene, shadows: ShadowMaps, first: int) -> np.ndarray:
     """The LAMPS record of the lights from row `first` on, as many as it holds."""
     lamps = np.zeros((), _LAMPS)
     count = min(scene.light_count - first, _AT_ONCE)
-    lamps["count"], lamps["first"] = count, first
+    lamps["count"], lamps["first"], lamps["extent"] = count, first, scene.packed.diagonal
     lamps["texel"] = 1.0 / np.array(shadows.depth.size)
     lamps["lights"][:count] = scene.packed.lights[first : first + count]
     lamps["maps"][:count] = shadows.maps[first : first + count]

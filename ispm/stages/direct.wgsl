@@ -13,6 +13,7 @@ struct Lamps {                      // uniform: on llvmpipe a storage buffer cos
     texel: vec2f,                   // 1 / the atlas's size
     count: u32,                     // of lights
     first: u32,                     // number of the first in the scene
+    extent: f32,                    // m, the scene's diagonal
     lights: array<Light, 128>,
     maps: array<ShadowMap, 128>,
     tiles: array<ShadowTile, 768>,
@@ -65,6 +66,9 @@ struct Lookup {
 // would be stored: depth in clip space is linear across the map. A rasteriser that moves corners stores the
 // plane's depth SNAP texels aside at most. What is nearer than that may shade; what is REACH texels nearer
 // still does, if all four are, for a corner's other wall may be as near as that and shade nothing.
+// A driver that interpolates from the corners of a triangle that reaches behind the light, and not from where it
+// is cut, moves the plane there by more: as corners |w| m ahead or behind it move by as many texels at |w|, a
+// point of weights k at w ahead moves by the sum of k |w| / w. Rays decide what shades by less than that.
 fn lookup(i: u32, position: vec3f, ng: vec3f) -> Lookup {
     let map = lamps.maps[i];
     let parallel = map.parallel != 0u;
@@ -87,12 +91,14 @@ fn lookup(i: u32, position: vec3f, ng: vec3f) -> Lookup {
     let f = fract(held - 0.5);
     let x = middle.x - texel.x + vec4f(-0.5, 0.5, 0.5, -0.5);
     let y = middle.y - texel.y + vec4f(0.5, 0.5, -0.5, -0.5);
-    let plane = slope.x * x + slope.y * y + SNAP * (abs(slope.x) + abs(slope.y));
+    let snap = SNAP * (abs(slope.x) + abs(slope.y));
+    let plane = slope.x * x + slope.y * y + snap;
+    let behind = select(max(lamps.extent / point.z - 1.0, 0.0), 0.0, parallel) * snap;
     return Lookup(
         middle,
         vec4f(1.0 - f.x, f.x, f.x, 1.0 - f.x) * vec4f(f.y, f.y, 1.0 - f.y, 1.0 - f.y),
         mix(depth.x, depth.y, ROUND) + plane,
-        depth.y + plane,
+        depth.y + plane + behind,
         wide,
         all(held == texel),
         tile.size.x > 0.0,

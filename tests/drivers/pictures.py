@@ -2,6 +2,7 @@
 
 python -m drivers.pictures FOLDER                       # in tests/; FOLDER/SCENE.npz and .png
 python -m drivers.pictures FOLDER --size 320x180 SCENE...  # names of built-ins, or files
+python -m drivers.pictures FOLDER --aside 0.0625  # pixels that a driver may move edges by; or --seed 1
 
 VK_DRIVER_FILES chooses the driver.
 """
@@ -31,17 +32,23 @@ def main() -> int:
     parser.add_argument("folder", type=Path)
     parser.add_argument("scenes", nargs="*", metavar="SCENE", help=f"default: {', '.join(SCENES)}, a level")
     parser.add_argument("--size", default="640x360", metavar="WxH")
-    given = parser.parse_args()
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--aside", type=float, default=0.0, help="pixels right and up that the view moves")
+    given = parser.parse_intermixed_args()
     warnings.simplefilter("ignore")
     given.folder.mkdir(parents=True, exist_ok=True)
-    size = tuple(map(int, given.size.split("x")))
+    width, height = size = tuple(map(int, given.size.split("x")))
     failed = False
     gpu = open_gpu()
     for name in given.scenes or default_scenes():
         started = time.perf_counter()
         try:
             scene = ispm.load(name) if Path(name).suffix else ispm.builtin(name)
-            with ispm.Renderer(scene, ispm.Settings(size=size), gpu=gpu) as renderer:
+            camera = scene.default_camera(size)
+            x, y = camera.principal
+            camera.principal = x + 2.0 * given.aside / width, y + 2.0 * given.aside / height
+            settings = ispm.Settings(size=size, seed=given.seed)
+            with ispm.Renderer(scene, settings, camera, gpu=gpu) as renderer:
                 frame = renderer.render()
         except ispm.IspmError as error:
             failed = True

@@ -27,12 +27,14 @@ from ispm.tracer.world import World
 class Lit:
     """What the stages made of a scene.
 
-    radiance  (h, w, 3);  ids  (h, w) instance rows + 1;  points  (h, w, 3) float64, nan where nothing is
-    doubts    (n,) DOUBT, which rays decided
+    radiance    (h, w, 3);  ids  (h, w) instance rows + 1;  points  (h, w, 3) float64, nan where nothing is
+    primitives  (h, w) triangles of the meshes
+    doubts      (n,) DOUBT, which rays decided
     """
 
     radiance: np.ndarray
     ids: np.ndarray
+    primitives: np.ndarray
     points: np.ndarray
     shadows: ShadowMaps
     doubts: np.ndarray
@@ -88,7 +90,7 @@ class Lamp:
         rays = ShadowRays(packed, world, surfaces, view, Settings(antialias=antialias), threads=2)
         places, light = rays.light(doubts)
         pixels.reshape(-1, 3)[places] += light
-        return Lit(pixels, ids[..., 0], points, maps, doubts)
+        return Lit(pixels, ids[..., 0], ids[..., 1], points, maps, doubts)
 
 
 def _points(view: CameraView, depth: np.ndarray) -> np.ndarray:
@@ -104,7 +106,8 @@ def _points(view: CameraView, depth: np.ndarray) -> np.ndarray:
 def seen_surfaces(
     lit: Lit, triangles: Triangles, eye: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Points, geometric normals on the eye's side and brightness of the pixels whose triangle is certain."""
+    """Points, geometric normals on the eye's side and brightness of the pixels whose triangle is certain:
+    a ray meets the one that the G-buffer has there, which snapped corners change at its edges."""
     points, ids = lit.points.reshape(-1, 3), lit.ids.ravel()
     some = np.flatnonzero(ids)
     ways = points[some] - eye
@@ -112,6 +115,7 @@ def seen_surfaces(
     d = ways / distance[:, None]
     same = triangles.instance[None] + 1 == ids[some][:, None]
     row, t, _ = cast(triangles, np.broadcast_to(eye, d.shape), d, same)
-    certain = (row >= 0) & (np.abs(t - distance) < 1e-3 * distance)
+    seen = (row >= 0) & (triangles.primitive[row] == lit.primitives.ravel()[some])
+    certain = seen & (np.abs(t - distance) < 1e-3 * distance)
     normals = triangles.front[row] * -np.sign(np.einsum("nk,nk->n", triangles.front[row], d))[:, None]
     return points[some][certain], normals[certain], lit.radiance.reshape(-1, 3)[some][certain].sum(-1)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from drivers.agreement import agreement
+from drivers.agreement import agreement, compare
 from drivers.validation import _MESSAGE
 
 
@@ -35,6 +35,24 @@ def test_noise_that_leaves_the_blocks_alone_agrees():
     flipped = noise()
     flipped[:, ::2], flipped[:, 1::2] = noise()[:, 1::2], noise()[:, ::2]
     assert agreement("direct", flipped, noise()).holds
+
+
+def test_as_many_blocks_may_be_off_as_moved_edges_or_a_tenth_of_other_seeds(tmp_path):
+    pictures = {name: noise() for name in ("folder", "reference", "aside", "seed")}
+    pictures["folder"][:8, :16] = 0.0  # 2 of 60 blocks
+    pictures["aside"][:8, :8] = 0.0
+    pictures["seed"] *= 1.1  # all of them: 6
+    for name, picture in pictures.items():
+        (tmp_path / name).mkdir()
+        np.savez(tmp_path / name / "scene.npz", indirect=picture)
+    folder, reference, aside, seed = (tmp_path / name for name in pictures)
+    strict, moved, sampled = (
+        compare("scene.npz", folder, reference, *others)["indirect"]
+        for others in ((None, None), (aside, None), (aside, seed))
+    )
+    assert strict.off == moved.off == sampled.off == pytest.approx(2 / 60)
+    assert [each.bound for each in (strict, moved, sampled)] == pytest.approx([0.002, 1 / 60, 6 / 60])
+    assert compare("none.npz", folder, reference) == {}
 
 
 def test_where_nothing_should_be_anything_is_too_much():
