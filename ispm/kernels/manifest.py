@@ -12,7 +12,9 @@ from __future__ import annotations
 
 import ast
 import importlib
+import re
 import sys
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -93,10 +95,11 @@ def _array(element: Any, dimensions: int) -> Any:
     return types.Array(element, dimensions, "C", aligned=aligned)
 
 
+@cache
 def _record_name(record: Any) -> str:
     """Return the full name of the dtype that `record` was made from, where it is defined."""
     found = [
-        f"{module.__name__}.{name}"
+        (_defines(module, name), f"{module.__name__}.{name}")
         for module in list(sys.modules.values())
         if getattr(module, "__name__", "").startswith("ispm.")
         for name, value in vars(module).items()
@@ -104,4 +107,10 @@ def _record_name(record: Any) -> str:
     ]
     if not found:
         raise ValueError(f"kernels are called with {record}; give that dtype a name in its module")
-    return min(found, key=lambda name: ("records" not in name, name))
+    return min(found, key=lambda each: (not each[0], "records" not in each[1], each[1]))[1]
+
+
+def _defines(module: Any, name: str) -> bool:
+    """Whether a module makes what `name` stands for, rather than imports it."""
+    source = Path(module.__file__).read_text("utf-8")
+    return re.search(rf"^[\w, ]*\b{name}\b[\w, ]*= ", source, re.MULTILINE) is not None

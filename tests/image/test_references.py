@@ -87,14 +87,16 @@ def test_light_gets_everywhere_in_rooms(gpu, name):
 
 @pytest.mark.parametrize("name", SAMPLED)
 def test_little_light_is_lost_past_the_edges_of_small_things(gpu, name):
-    """Mean of 4 seeds, which differ by 2 and 4 %, over pixels that paths looked at."""
+    """Three hundredths at most, within three standard errors of paths and of eight seeds. `atrium` lacks
+    3.3 ± .6 %, the level .7 ± 1.5; where kernels lost what fell past edges they lacked 14 and 9 %."""
     truth = stored_paths(name)
     with Renderer(SAMPLED[name](), Settings(size=SIZE), gpu=gpu) as renderer:
         found = []
-        for seed in range(4):
+        for seed in range(8):
             renderer.settings = Settings(size=SIZE, seed=seed)
             found.append(truth.bias(renderer.render().indirect))
-    assert abs(np.mean(found)) < 0.03 + 3.0 * truth.error
+    sigma = np.hypot(np.std(found, ddof=1) / np.sqrt(len(found)), truth.error)
+    assert abs(np.mean(found)) < 0.03 + 3.0 * sigma
 
 
 @pytest.mark.parametrize("name", ["mirror-ring", "mirror-ring-caustic"])
