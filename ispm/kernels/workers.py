@@ -62,7 +62,7 @@ def work() -> None:
         try:
             kernel, signature = manifest.parse(line.strip())
             kernel.compile(signature)
-        except Exception as error:
+        except Exception as error:  # numba raises many kinds; whoever asked is told which
             problem = " ".join(f"{type(error).__name__}: {error}".split())
         print(problem, flush=True)
 

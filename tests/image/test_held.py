@@ -58,7 +58,7 @@ def test_a_renderer_holds_the_camera_that_it_made(gpu):
         renderer.settings = renderer.settings.replace(size=(108, 192))
         assert (renderer.camera.pose == upright.pose).all()
     with pytest.raises(IspmError, match="closed"):
-        renderer.camera  # noqa: B018
+        renderer.camera  # noqa: B018  # to read it is what is tested
 
 
 def test_a_renderer_holds_the_light_that_it_made(gpu):
