@@ -50,18 +50,21 @@ fn short_id(pixel: vec2i) -> u32 {
 
 struct Depths {
     at: vec4f,             // depths in clip space
+    mirrored: vec4f,       // likewise, on the other side of the pixel's middle line
     slack: f32,            // by which a rasteriser may have them otherwise
 }
 
-// The depths in clip space that the plane seen in a pixel has at four places on the screen, x and y.
+// The depths in clip space that the plane seen in a pixel has at four places on the screen, x and y, and
+// at the same places with x mirrored in pixel `own`.
 // A plane is linear in clip space: with its equation there, depth follows from x and y alone.
-fn plane_depths(pixel: vec2i, x: vec4f, y: vec4f) -> Depths {
+fn plane_depths(pixel: vec2i, own: vec2i, x: vec4f, y: vec4f) -> Depths {
     let position = bitcast<vec3f>(textureLoad(points, pixel, 0).xyz);
     let ng = unpack_normal(textureLoad(normals, pixel, 0).y);
     let plane = vec4f(ng, -dot(ng, position)) * camera.world_from_clip;
     let scale = vec2f(2.0, -2.0) / camera.size;
     let depths = -(plane.x * (x * scale.x - 1.0) + plane.y * (y * scale.y + 1.0) + plane.w) / plane.z;
-    return Depths(depths, SNAPPED * length(plane.xy * scale / plane.z));
+    let across = 2.0 * (f32(own.x) + 0.5 - x);
+    return Depths(depths, depths - plane.x * scale.x / plane.z * across, SNAPPED * length(plane.xy * scale / plane.z));
 }
 
 // The number, 0 to 8, of the pixel among 3 x 3 about `own` that shows each sample's surface: the one of
@@ -82,8 +85,10 @@ fn best_pixels(own: vec2i, id: vec4u, d: vec4f) -> vec4i {
         let away = abs(x - f32(pixel.x) - 0.5) + abs(y - f32(pixel.y) - 0.5);
         var found = 0.1 * away;
         if (seen != 0u) {
-            let plane = plane_depths(pixel, x, y);
-            found += max((abs(plane.at - d) - plane.slack) / unit - OFF_PLANE, vec4f(0.0));
+            // SwiftShader interpolates a sample's depth at its place mirrored in x.
+            let plane = plane_depths(pixel, own, x, y);
+            let off = min(abs(plane.at - d), abs(plane.mirrored - d)) - plane.slack;
+            found += max(off / unit - OFF_PLANE, vec4f(0.0));
         }
         let better = (vec4u(seen) == id) & (found < least);
         least = select(least, found, better);

@@ -7,6 +7,7 @@ from transport import render
 from ispm.errors import SettingsError
 from ispm.scene.camera import Camera
 from ispm.scene.material import Material
+from ispm.scene.mesh import Mesh
 from ispm.scene.scene import Scene
 from ispm.scene.shapes import polygons
 
@@ -61,6 +62,21 @@ def test_materials_that_meet_in_one_plane_mix_at_their_border(gpu):
     white = frame.radiance[..., 0]
     assert frame.radiance[..., 1] == pytest.approx(white + 0.5 * (1.0 - white), abs=1e-3)
     assert ((white > 0.0) & (white < 1.0)).sum() > SIZE[1] // 2
+
+
+@pytest.mark.parametrize("side", [1, -1])
+def test_a_face_does_not_cover_the_side_that_leads_away_from_it(gpu, side):
+    # one mesh, so that depth alone tells the two; the side is 1.6 pixels wide and 6 m deep
+    edge, wide = (2.0 + 0.44) / SIZE[1], 1.6 / SIZE[1]
+    corners = [(edge, 0.0), (9.0, 0.0), (edge - wide, -6.0), (edge, 0.0)]
+    position = np.array([(side * x, y, z) for x, z in corners for y in (-1, 1)])
+    color = np.repeat([(1, 1, 1, 1), (0, 0, 0, 1)], 4, axis=0)
+    triangles = np.array([(0, 2, 3), (0, 3, 1), (4, 6, 7), (4, 7, 5)])
+    mesh = Mesh(position, triangles, colors=color.astype(np.float32))
+    frame = picture(gpu, (mesh, Material(unlit=True, double_sided=True)))
+    column = SIZE[0] // 2 + (2 if side > 0 else -3)
+    white = frame.radiance[4:-4, column + np.array([-side, 0, side]), 0]
+    assert white == pytest.approx(np.tile([0.0, 0.5, 1.0], (len(white), 1)))
 
 
 def test_a_transparent_background_shows_in_the_picture_s_alpha(gpu):
