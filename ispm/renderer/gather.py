@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -121,8 +121,7 @@ class PhotonLight:
         scattered, keys = self._parts.scattered(self._settings.bounces)
         scattered["radius"] *= _NARROW
         scattered["height"] *= _NARROW
-        self._keep_light(scattered, keys)
-        return PhotonGrid(scattered)
+        return PhotonGrid(scattered, finish=partial(self._keep_light, keys, solids=True))
 
     @cached_property
     def _straight(self) -> np.ndarray:
@@ -130,7 +129,7 @@ class PhotonLight:
         rows = np.flatnonzero(self._parts.straight)
         straight: np.ndarray = take(self._parts.smooth, rows)
         self._measure(straight)
-        self._keep_light(straight, self._parts.keys[rows])
+        self._keep_light(self._parts.keys[rows], straight)
         return straight
 
     @cached_property
@@ -143,13 +142,18 @@ class PhotonLight:
         if self._settings.is_plain:
             return self._parts.smooth
         smooth = self._parts.smooth.copy()
-        self._keep_light(smooth, self._parts.keys[: len(smooth)])
+        self._keep_light(self._parts.keys[: len(smooth)], smooth)
         return smooth
 
-    def _keep_light(self, photons: np.ndarray, keys: np.ndarray) -> None:
-        """Give photons back, in place, what their kernels lose past edges."""
+    def _keep_light(
+        self, keys: np.ndarray, photons: np.ndarray, rows: np.ndarray | None = None, *, solids: bool = False
+    ) -> None:
+        """Give photons back, in place, what their kernels lose past edges, and within solids."""
         seed, pass_index = self._settings.seed, self._view.pass_index
-        keep_light(photons, keys, self._world, self._surfaces, seed, pass_index, self._threads)
+        keep_light(
+            photons, keys, self._world, self._surfaces, seed, pass_index, self._threads, solids=solids,
+            rows=rows,
+        )  # fmt: skip
 
     def _measure(self, photons: np.ndarray) -> None:
         """Give kernels of the low resolution their size."""

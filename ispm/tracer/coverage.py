@@ -4,6 +4,9 @@ Points of the kernel are drawn, as dense as the kernel is, until one lies on a s
 light. Their mean number is the inverse of the share of the kernel on such surfaces, so that times it the flux
 that the kernel brings is the photon's, without bias. On slopes the share c is more than 1: what is summed up
 is the series 1 / c = 1 + (1 - c) + (1 - c)^2 + ..., each factor by a draw of its own, with roulette.
+Floors go on below what stands on them. Kernels light these parts as well, but no gather ray meets them: with
+`solids`, points within solids do not count. Photons alone have it otherwise: what they lose there is as much
+as leaks past thin walls.
 Source: Qin et al., Unbiased Photon Gathering for Light Transport Simulation, SIGGRAPH Asia 2015, section 4.
 """
 
@@ -16,15 +19,16 @@ import numpy as np
 
 from ispm.optics.density import SAME_SURFACE
 from ispm.optics.jit import jit
+from ispm.optics.records import MATERIAL_DOUBLE_SIDED
 from ispm.optics.rng import random4
 from ispm.optics.sampling import orthonormal_basis
-from ispm.optics.vector import add, cross, dot, scale
+from ispm.optics.vector import add, cross, dot, scale, sub
 from ispm.tracer.footprint import FRONT, REACH, U, V, axis_of
 from ispm.tracer.intersect import HIT_INSTANCE, HIT_PRIMITIVE, HIT_U, HIT_V, STACK_WORDS, closest
 from ispm.tracer.mesh import hit_plane
 from ispm.tracer.normals import unit
 from ispm.tracer.simd import address, alloca, atomic_add, ldf, ldu
-from ispm.tracer.surface import SurfaceTable
+from ispm.tracer.surface import SurfaceTable, material_flags
 from ispm.tracer.threads import run_threads
 from ispm.tracer.world import World
 
@@ -33,6 +37,7 @@ f32, i64, u32 = np.float32, np.int64, np.uint32
 _DRAWS_MAX = 32  # of a kernel: what is brighter by more would be fireflies, where next to nothing is lit
 _LAYERS = 4  # that are looked at about a point, until one is lit
 _PAST = f32(1e-3)  # of a kernel's reach, by which rays go on behind what they met
+_LIFT = f32(0.05)  # of the way to the photon, by which rays to it run above the surfaces
 _DIMENSION = 1 << 24  # of the first trial's random numbers
 _CHUNK = 256  # kernels a thread takes at a time
 
@@ -53,29 +58,37 @@ def keep_light(
     seed: int,
     pass_index: int,
     threads: int,
+    *,
+    solids: bool = False,
+    rows: np.ndarray | None = None,
 ) -> None:
     """Multiply the flux of photons by the inverse of the share of their kernels on surfaces, in expectation.
 
     photons  (N,) PHOTON with radius and height set, or CAUSTIC; flux changed in place
     keys     (N,) uint32, of the random numbers
+    solids   whether points on surfaces within solids do not count
+    rows     (n,) uint32, the photons to change; None: all
     """
-    if not len(photons):
+    rows = np.arange(len(photons), dtype=np.uint32) if rows is None else rows
+    if not len(rows):
         return
     words = photons.view(np.float32).reshape(len(photons), -1)
-    place, numbers = (address(world.table), surfaces.addresses), (keys, u32(pass_index), u32(seed))
+    place = address(world.table), surfaces.addresses, solids
+    numbers = keys, u32(pass_index), u32(seed)
     kernel: Callable[..., None] = _keep_ellipses if "front" in (photons.dtype.names or ()) else _keep_discs
     counter = np.zeros(8, np.int64)
-    run_threads(lambda _: kernel(place, words, numbers, address(counter)), threads)
+    run_threads(lambda _: kernel(place, words, rows, numbers, address(counter)), threads)
 
 
 @jit
-def _keep_discs(place, words, numbers, counter):
+def _keep_discs(place, words, rows, numbers, counter):
     scratch = alloca(STACK_WORDS), alloca(2)
     while True:
         first = atomic_add(counter, i64(_CHUNK))
-        if first >= len(words):
+        if first >= len(rows):
             return
-        for i in range(first, min(first + i64(_CHUNK), len(words))):
+        for k in range(first, min(first + i64(_CHUNK), len(rows))):
+            i = i64(rows[k])
             n = (words[i, _NORMAL], words[i, _NORMAL + 1], words[i, _NORMAL + 2])
             t, b = orthonormal_basis(n)
             u, v = scale(words[i, _RADIUS], t), scale(words[i, _RADIUS], b)
@@ -84,13 +97,14 @@ def _keep_discs(place, words, numbers, counter):
 
 
 @jit
-def _keep_ellipses(place, words, numbers, counter):
+def _keep_ellipses(place, words, rows, numbers, counter):
     scratch = alloca(STACK_WORDS), alloca(2)
     while True:
         first = atomic_add(counter, i64(_CHUNK))
-        if first >= len(words):
+        if first >= len(rows):
             return
-        for i in range(first, min(first + i64(_CHUNK), len(words))):
+        for k in range(first, min(first + i64(_CHUNK), len(rows))):
+            i = i64(rows[k])
             u, v = axis_of(words, i, U), axis_of(words, i, V)
             plane = axis_of(words, i, FRONT), words[i, REACH]
             n = unit(cross(u, v))
@@ -111,7 +125,7 @@ def _keep(place, words, i, u, v, n, height, plane, numbers, scratch):
         if dot(offset, plane[0]) < -plane[1]:
             continue  # cut off: the kernel holds its flux without it
         total += term
-        missing = f32(1) - _lit_share(place, add(at, offset), n, reach, wi, scratch)
+        missing = f32(1) - _lit_share(place, at, add(at, offset), n, reach, wi, scratch)
         if missing == f32(0):
             break
         chance, _, _, _ = random4(numbers[0][i], u32(_DIMENSION + 2 * draw + 1), numbers[1], numbers[2])
@@ -134,9 +148,9 @@ def _point_of(u, v, height, outside, turn):
 
 
 @jit
-def _lit_share(place, middle, n, reach, wi, scratch):
+def _lit_share(place, at, middle, n, reach, wi, scratch):
     """Return the kernel's light on the surface about a point of its middle section, per area of the section,
-    over the kernel at the point: 0 to 2; 0 where there is no surface that the photon lights."""
+    over the kernel at the point: 0 to 2; 0 where there is no surface that the photon at `at` lights."""
     top, down, length = add(middle, scale(reach, n)), scale(f32(-1), n), f32(2) * reach
     for _ in range(_LAYERS):
         t = closest(
@@ -150,10 +164,32 @@ def _lit_share(place, middle, n, reach, wi, scratch):
         facing = dot(front, n)
         if facing < f32(0):
             front, facing = scale(f32(-1), front), -facing
-        if facing >= SAME_SURFACE and dot(wi, front) > f32(0):
+        lit = facing >= SAME_SURFACE and dot(wi, front) > f32(0)
+        if lit and not (place[2] and _is_inside(place, at, n, add(top, scale(t, down)), front, scratch)):
             z = (length - t) / reach - f32(1)
             m = max(f32(1) - z * z, f32(0))
             return m * m / facing
         t += _PAST * reach
         top, length = add(top, scale(t, down)), length - t
     return f32(0)
+
+
+@jit
+def _is_inside(place, at, n, point, front, scratch):
+    """Whether a point lies within a solid: on the way to the photon at `at` stands the back of a surface.
+
+    Those of double-sided materials may be sheets, and are none.
+    n, front  the normals of the photon's surface and of the point's
+    """
+    lift = _LIFT * f32(math.sqrt(dot(sub(at, point), sub(at, point))))
+    start = add(point, scale(lift, front))
+    way = sub(add(at, scale(lift, n)), start)
+    length = f32(math.sqrt(dot(way, way)))
+    d = scale(f32(1) / max(length, f32(1e-30)), way)
+    t = closest(place[0], start[0], start[1], start[2], d[0], d[1], d[2], length, scratch[0], scratch[1])
+    if not t < length:
+        return False
+    found = scratch[1]
+    hit = (ldu(found, HIT_INSTANCE), ldu(found, HIT_PRIMITIVE), ldf(found, HIT_U), ldf(found, HIT_V))
+    _, front = hit_plane(place[1], hit)
+    return dot(front, d) > f32(0) and not material_flags(place[1], hit) & u32(MATERIAL_DOUBLE_SIDED)

@@ -5,6 +5,8 @@ It lights points that screen space cannot serve, at any place and in any number.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from ispm.optics.bsdf import gloss_terms
@@ -34,9 +36,16 @@ class PhotonGrid:
     They are made when first needed; few points are found their light without.
     photons  (N,) PHOTON with radius and height set
     kernels  (N,) CAUSTIC, the same photons with kernels of their own; None: they have none
+    finish   of photons whose flux is not final: called with them and (m,) uint32 rows, whose flux it changes
+             in place; once for each that has a point in one of its cells
     """
 
-    def __init__(self, photons: np.ndarray, kernels: np.ndarray | None = None) -> None:
+    def __init__(
+        self,
+        photons: np.ndarray,
+        kernels: np.ndarray | None = None,
+        finish: Callable[[np.ndarray, np.ndarray], None] | None = None,
+    ) -> None:
         self._kernels = np.zeros(0, CAUSTIC) if kernels is None else kernels
         if kernels is not None:  # balls round the kernels
             photons = photons.copy()
@@ -44,6 +53,7 @@ class PhotonGrid:
             photons["radius"] = photons["height"] = reach
         self._photons = np.ascontiguousarray(photons)  # kernels read by address
         self._listed = False
+        self._finish, self._final = finish, np.zeros(len(photons), bool)
 
     def _list(self) -> None:
         """Make the lists."""
@@ -71,7 +81,7 @@ class PhotonGrid:
         if not len(self._photons) or not len(receivers):
             return out
         receivers = np.ascontiguousarray(receivers)
-        if len(receivers) <= _SCANNED and not self._listed:
+        if len(receivers) <= _SCANNED and not self._listed and self._finish is None:
             if len(self._kernels):
                 _scan_kernels(receivers, self._kernels, out)
             else:
@@ -83,6 +93,12 @@ class PhotonGrid:
         order = np.empty(len(receivers), np.uint64)
         _find_cells(receivers, self._low, self._cell, self._shape, order)
         order.sort()
+        if self._finish is not None:
+            near = np.zeros(len(self._photons), bool)
+            _mark(order, self._starts, self._ids, near)
+            near &= ~self._final
+            self._finish(self._photons, np.flatnonzero(near).astype(np.uint32))
+            self._final |= near
 
         def work(_: int) -> None:
             if len(self._kernels):
@@ -177,6 +193,18 @@ def _run_end(order, first, most):
     while end < most and order[end] >> np.uint64(38) == order[first] >> np.uint64(38):
         end += i64(1)
     return end
+
+
+@jit
+def _mark(order, starts, ids, near):
+    """Set `near` of the photons whose lists the ordered receivers ask for."""
+    first = i64(0)
+    while first < len(order):
+        cell = i64(order[first] >> np.uint64(38))
+        if cell != _NOWHERE:
+            for k in range(starts[cell], starts[cell + 1]):
+                near[ids[k]] = True
+        first = _run_end(order, first, i64(len(order)))
 
 
 @jit

@@ -163,6 +163,13 @@ def glow(table, texels, rows, hit):
 
 
 @jit
+def material_flags(table, hit):
+    """Return the flags of the material that was hit."""
+    _, material, _ = triangle_at(table, hit)
+    return ldu(table[MATERIALS], material + _FLAGS)
+
+
+@jit
 def hit_position(table, hit):
     """Return the position of a hit in world space."""
     return hit_plane(table, hit)[0]

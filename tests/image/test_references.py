@@ -78,17 +78,14 @@ def test_light_stays_in_its_room_and_round_thin_columns(gpu, name, most):
 
 @pytest.mark.parametrize("name", ["steps", "level", "sunlit", "two-rooms"])
 def test_light_gets_everywhere_in_rooms(gpu, name):
-    """At 640x360. Four seeds: bias -1.2, -1.2, -.9 and -1.5 % in the mean, from seed to seed up to 1.5 % (one
-    sigma); with 8 bounces and what kernels lose past edges lost, -5, -6, -3 and -35 %."""
+    """At 640x360. Six seeds: bias -.9, -.6, +.3 and -.8 % in the mean, from seed to seed .2, .7, .6 and 1.4 %
+    (one sigma); with 8 bounces and what kernels lose past edges lost, -5, -6, -3 and -35 %."""
     found = error(gpu, name, finer=4)
-    assert abs(found.bias) < 0.03
+    assert abs(found.bias) < {"two-rooms": 0.03}.get(name, 0.02)
     assert found.relmse < 0.015
 
 
-_LACKING = pytest.mark.xfail(reason="lacks 3.3 +- .6 %, a third of it on columns; the cause is not found")
-
-
-@pytest.mark.parametrize("name", [pytest.param("atrium", marks=_LACKING), "level_zdm2_lit"])
+@pytest.mark.parametrize("name", ["atrium", "level_zdm2_lit"])
 def test_little_light_is_lost_past_the_edges_of_small_things(gpu, name):
     """Mean of 4 seeds, which differ by 2 and 4 %, over pixels that paths looked at."""
     truth = stored_paths(name)

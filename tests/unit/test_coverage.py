@@ -9,7 +9,7 @@ from transport import Tracer, lit
 from ispm.optics.records import CAUSTIC, PHOTON
 from ispm.scene.builtins_common import lambert
 from ispm.scene.scene import Scene
-from ispm.scene.shapes import polygons
+from ispm.scene.shapes import box, polygons
 from ispm.tracer.coverage import keep_light
 from ispm.tracer.footprint import end_kernel
 
@@ -31,11 +31,11 @@ def photons_at(position, normal=(0.0, 1.0, 0.0), wi=(0.0, 1.0, 0.0), count=_COUN
     return rows
 
 
-def kept(tracer, rows, seed=0, pass_index=0, threads=2) -> np.ndarray:
-    rows = rows.copy()
-    keys = np.arange(len(rows), dtype=np.uint32) * np.uint32(0x9E3779B1)
-    keep_light(rows, keys, tracer.world, tracer.surfaces, seed, pass_index, threads)
-    return rows["flux"]
+def kept(tracer, photons, seed=0, pass_index=0, threads=2, **options) -> np.ndarray:
+    photons = photons.copy()
+    keys = np.arange(len(photons), dtype=np.uint32) * np.uint32(0x9E3779B1)
+    keep_light(photons, keys, tracer.world, tracer.surfaces, seed, pass_index, threads, **options)
+    return photons["flux"]
 
 
 def five_sigma(flux) -> float:
@@ -87,6 +87,41 @@ def test_surfaces_that_a_photon_does_not_light_are_none():
     assert abs(alone.mean() - 2.0) < sigma5
     assert abs(walled.mean() - 2.0) < sigma5
     assert lower.mean() < 2.0 - sigma5
+
+
+@pytest.mark.parametrize("double_sided", [False, True])
+@pytest.mark.parametrize("clear", [0.1, 0.03])
+def test_a_floor_below_what_stands_on_it_does_not_count_at_rays_ends(clear, double_sided):
+    """A box on a floor, its side `clear` from the photon; of a double-sided one, nobody knows its inside."""
+    scene = Scene(name="box")
+    scene.add(polygons([np.array(floor(), float)]), material=lambert((0.5,) * 3))
+    scene.add(box((clear, 0, -1), (1, 1, 1)), material=lambert((0.5,) * 3, double_sided=double_sided))
+    tracer, rows = Tracer(lit(scene, (-0.3, 2.0, 0.2))), photons_at((0.0, 0.0, 0.0))
+    assert (kept(tracer, rows) == 1.0).all()
+    flux = kept(tracer, rows, solids=True)
+    share = 1.0 if double_sided else part_before(clear / _RADIUS)
+    assert abs(flux[:, 0].mean() - 1.0 / share) < five_sigma(flux)
+
+
+@pytest.mark.parametrize("thick", [0.0, 0.02])
+def test_the_floor_behind_a_wall_counts(thick):
+    """Light leaks to it, and rays meet it there: only the floor within the wall is lost."""
+    scene = Scene(name="wall")
+    scene.add(polygons([np.array(floor(), float)]), material=lambert((0.5,) * 3))
+    sheet = polygons([np.array([(0.05, 0, -1), (0.05, 0, 1), (0.05, 1, 1), (0.05, 1, -1)], float)])
+    solid = box((0.05, 0, -1), (0.05 + thick, 1, 1))
+    scene.add(solid if thick else sheet, material=lambert((0.5,) * 3, double_sided=not thick))
+    flux = kept(Tracer(lit(scene, (-0.3, 2.0, 0.2))), photons_at((0.0, 0.0, 0.0)), solids=True)
+    lost = part_before((0.05 + thick) / _RADIUS) - part_before(0.05 / _RADIUS)
+    assert abs(flux[:, 0].mean() - 1.0 / (1.0 - lost)) < five_sigma(flux)
+
+
+def test_only_the_rows_that_are_asked_for_change():
+    tracer, photons = scene_of(floor(high_x=0.0)), photons_at((0.0, 0.0, 0.0), count=2000)
+    some = np.arange(3, 2000, 7, dtype=np.uint32)
+    flux, whole = kept(tracer, photons, rows=some), kept(tracer, photons)
+    assert (flux[some] == whole[some]).all()
+    assert (np.delete(flux, some, axis=0) == 1.0).all()
 
 
 def test_ellipses_count_only_what_walls_leave_of_them():

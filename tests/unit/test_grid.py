@@ -56,6 +56,25 @@ def test_grid_repeats_to_the_bit_for_any_threads():
     assert found[0] == found[1] == found[2]
 
 
+def test_photons_are_finished_once_and_before_they_light_anything():
+    photons = photons_in_box(2000, 3)
+    receivers = receivers_near(photons, 60, 4)
+    asked = []
+
+    def finish(them, rows):
+        asked.append(rows)
+        them["flux"][rows] *= 2.0
+
+    grid = PhotonGrid(photons.copy(), finish=finish)
+    doubled = photons.copy()
+    doubled["flux"] *= 2.0
+    exact = PhotonGrid(doubled).estimate(receivers, 1)
+    for some in (slice(0, 10), slice(0, 50), slice(10, 60)):
+        assert (grid.estimate(receivers[some], 1) == exact[some]).all()
+    rows = np.concatenate(asked)
+    assert len(np.unique(rows)) == len(rows) < len(photons)
+
+
 def test_points_outside_and_no_photons_get_no_light():
     photons = photons_in_box(100, 5)
     receivers = receivers_near(photons, 10, 6)
