@@ -6,16 +6,22 @@ Flags, environment variables, TOML files and the documentation are made from thi
 from __future__ import annotations
 
 import dataclasses
-import difflib
 import functools
 import math
-import numbers
-import re
-from collections.abc import Iterable, Mapping
-from dataclasses import Field, dataclass, field, fields
-from typing import Any
+from collections.abc import Mapping
+from dataclasses import Field, dataclass, fields
+from typing import Any, Literal, TypedDict, Unpack, get_args
 
 from ispm.errors import SettingsError
+from ispm.knobs import convert as convert
+from ispm.knobs import knob
+from ispm.knobs import nearest as nearest
+
+Preset = Literal["default", "fast", "best", "talk"]
+Kernel = Literal["auto", "footprint", "measured", "class", "hint"]
+Estimator = Literal["auto", "volumes", "tiled", "grid"]
+Emission = Literal["auto", "map", "rays"]
+Tonemap = Literal["neutral", "agx", "none"]
 
 RENDERER_VIEWS = ("photons", "bounce-map", "overdraw")
 """Those of VIEWS that only a renderer can make: they show its photons."""
@@ -32,27 +38,6 @@ LAYERS = (
 
 _RAYS = 20_000  # gather rays of a picture: as smooth as larger pictures need small ones more of each pixel
 _SIDE_LEAST, _SIDE_MOST = 2, 8  # their square roots
-
-
-def knob(
-    default: Any,
-    help: str,
-    *,
-    low: float | None = None,
-    high: float | None = None,
-    choices: tuple[str, ...] = (),
-    words: Mapping[str, Any] | None = None,
-    unit: str = "",
-    metavar: str = "",
-    whole: bool = False,
-) -> Any:
-    """Return a dataclass field that carries its help, range, choices and unit.
-
-    words  what may stand instead of a number, and the value that each stands for
-    whole  numbers are whole, though the default is a word
-    """
-    about = dict(help=help, low=low, high=high, choices=choices, words=words or {}, unit=unit, whole=whole)
-    return field(default=default, metadata={**about, "metavar": metavar})
 
 
 @dataclass(frozen=True)
@@ -116,13 +101,13 @@ class Settings(_Checked):
         high=1.0,
         metavar="F",
     )
-    preset: str = knob(
+    preset: Preset = knob(
         "default",
         "a group of settings to start from; fast: no gather rays; best: 16 of them; "
         "talk: as near to the talk of 2009 as can be, for comparison",
-        choices=("default", "fast", "best", "talk"),
+        choices=get_args(Preset),
     )
-    gather: int | str = knob(
+    gather: int | Literal["auto"] = knob(
         "auto",
         "rays from each low-resolution pixel that look for the light around it, a square number; more: less "
         "noise and finer contact shadows, slower; 0: photons light the pixels themselves; "
@@ -143,12 +128,12 @@ class Settings(_Checked):
         high=100.0,
         metavar="S",
     )
-    kernel: str = knob(
+    kernel: Kernel = knob(
         "auto",
         "how a photon's kernel is sized; footprint (auto): in caustics by the beam that it stands for; "
         "measured: by the photons around it; for comparison, without gather rays and filter: class: by its "
         "bounce, hint: as in the talk of 2009",
-        choices=("auto", "footprint", "measured", "class", "hint"),
+        choices=get_args(Kernel),
     )
     subsampling: int = knob(
         4,
@@ -157,16 +142,16 @@ class Settings(_Checked):
         high=16,
         metavar="K",
     )
-    estimator: str = knob(
+    estimator: Estimator = knob(
         "auto",
         "how photons become light: raster volumes (the paper's), screen tiles, or a grid in world space",
-        choices=("auto", "volumes", "tiled", "grid"),
+        choices=get_args(Estimator),
     )
-    emission: str = knob(
+    emission: Emission = knob(
         "auto",
         "how photons leave the lights: rasterised bounce maps, or rays; auto: maps, but rays where a "
         "software adapter has much to draw",
-        choices=("auto", "map", "rays"),
+        choices=get_args(Emission),
     )
     shadow_resolution: int = knob(
         1024,
@@ -175,7 +160,7 @@ class Settings(_Checked):
         high=8192,
         metavar="N",
     )
-    exposure: float | str = knob(
+    exposure: float | Literal["auto", "hold"] = knob(
         "auto",
         "exposure in stops; auto: found for each picture; hold: for a renderer's first, and kept",
         low=-50.0,
@@ -183,12 +168,12 @@ class Settings(_Checked):
         words={"auto": "auto", "hold": "hold"},
         metavar="EV",
     )
-    tonemap: str = knob(
+    tonemap: Tonemap = knob(
         "neutral",
         "neutral: Khronos PBR Neutral, true colors; agx: AgX, softer, as film; none: clipped",
-        choices=("neutral", "agx", "none"),
+        choices=get_args(Tonemap),
     )
-    background: tuple[float, float, float] | str = knob(
+    background: tuple[float, float, float] | Literal["black", "transparent"] = knob(
         (0.0, 0.0, 0.0),
         "seen where nothing is and through glass: linear r,g,b of the screen, black, or transparent",
         low=0.0,
@@ -244,7 +229,7 @@ class Settings(_Checked):
         pixels = math.prod(-(-side // self.subsampling) for side in self.size)
         return min(max(math.ceil(math.sqrt(_RAYS / pixels)), _SIDE_LEAST), _SIDE_MOST) ** 2
 
-    def replace(self, **changes: Any) -> Settings:
+    def replace(self, **changes: Unpack[Changes]) -> Settings:
         """Return these settings with some changed; a preset changes what it holds and is not given here.
 
         Raises SettingsError for an unknown name.
@@ -252,6 +237,32 @@ class Settings(_Checked):
         for name in changes:
             knob_of(Settings, name)
         return dataclasses.replace(self, **_with_preset(changes))
+
+
+class Changes(TypedDict, total=False):
+    """The fields of Settings as arguments by name, for type checkers; a test holds the two together."""
+
+    size: tuple[int, int]
+    photons: int
+    bounces: int
+    passes: int
+    time_limit: float
+    target_error: float
+    caustic_photons: float
+    preset: Preset
+    gather: int | Literal["auto"]
+    talk_errors: bool
+    smoothing: float
+    kernel: Kernel
+    subsampling: int
+    estimator: Estimator
+    emission: Emission
+    shadow_resolution: int
+    exposure: float | Literal["auto", "hold"]
+    tonemap: Tonemap
+    background: tuple[float, float, float] | Literal["black", "transparent"]
+    antialias: bool
+    seed: int
 
 
 def _preset_first(owner: type[Settings]) -> None:
@@ -319,82 +330,3 @@ def knob_of(owner: type, name: str) -> Field[Any]:
     if name not in known:
         raise SettingsError(f"there is no setting '{name}'{nearest(name, known)}")
     return known[name]
-
-
-def nearest(name: str, known: Iterable[str]) -> str:
-    """Return '; did you mean ...?' for the known name closest to `name`, or an empty string."""
-    close = difflib.get_close_matches(str(name), sorted(known), 1)
-    return f"; did you mean '{close[0]}'?" if close else ""
-
-
-def convert(f: Field[Any], value: Any, called: str = "") -> Any:
-    """Return `value`, a Python value or text, as the knob `f` holds it.
-
-    called  how the user wrote the knob's name: `--photons`, `ISPM_PHOTONS`
-    Raises SettingsError where the value does not suit the knob.
-    """
-    try:
-        if f.metadata["choices"]:
-            return _choice(f, value)
-        if isinstance(f.default, bool):
-            return _switch(value)
-        return _numbers(f, value)
-    except (SettingsError, OverflowError) as error:
-        raise SettingsError(f"{called or f.name}: {error}") from None
-
-
-def _choice(f: Field[Any], value: Any) -> str:
-    choices: tuple[str, ...] = f.metadata["choices"]
-    if value in choices:
-        return str(value)
-    raise SettingsError(f"'{value}' is not one of {', '.join(choices)}{nearest(str(value), choices)}")
-
-
-def _switch(value: Any) -> bool:
-    yes, no = ("1", "true", "yes", "on"), ("0", "false", "no", "off")
-    words = dict.fromkeys(yes, True) | dict.fromkeys(no, False)
-    if isinstance(value, bool):
-        return value
-    if isinstance(value, str) and value.lower() in words:
-        return words[value.lower()]
-    raise SettingsError(f"{value!r} is not true or false")
-
-
-def _numbers(f: Field[Any], value: Any) -> Any:
-    words: Mapping[str, Any] = f.metadata["words"]
-    shape = f.default if isinstance(f.default, tuple) else (f.default,)
-    if isinstance(value, str):
-        if value in words:
-            return words[value]
-        hint = nearest(value, words) if value[:1].isalpha() else ""
-        parts = re.split(r"\s*[xX,]\s*", value) if isinstance(f.default, tuple) else [value]
-        if isinstance(f.default, tuple) and not all(parts):
-            raise SettingsError(f"'{value}' is not {len(shape)} numbers")
-        value = [_parse(part.strip(), words, hint) for part in parts]
-    given = list(value) if isinstance(value, Iterable) else [value]
-    if len(given) != len(shape):
-        raise SettingsError(f"needs {len(shape)} number{'s' * (len(shape) > 1)}, not {len(given)}")
-    result = tuple(_number(f, n, whole=isinstance(shape[0], int) or f.metadata["whole"]) for n in given)
-    return result if isinstance(f.default, tuple) else result[0]
-
-
-def _parse(text: str, words: Iterable[str] = (), hint: str = "") -> float:
-    """Return the number that `text` writes: 40000, 40_000, 40k, 1e6, 2M."""
-    match = re.fullmatch(r"([-+]?(?:\d[\d_]*\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)([kKMG]?)", text)
-    if not match:
-        other = "".join(f" or {word}" for word in words)
-        raise SettingsError(f"'{text}' is not a number{other}{hint}")
-    number = float(match[1].replace("_", ""))
-    return number * {"": 1, "k": 1e3, "K": 1e3, "M": 1e6, "G": 1e9}[match[2]]
-
-
-def _number(f: Field[Any], value: Any, *, whole: bool) -> float:
-    low, high, unit = f.metadata["low"], f.metadata["high"], f.metadata["unit"]
-    if isinstance(value, bool) or not isinstance(value, numbers.Real):
-        raise SettingsError(f"{value!r} is not a number")
-    number = float(value)
-    if not low <= number <= high:
-        raise SettingsError(f"{number:.10g} is outside {low} to {high}{' ' * bool(unit)}{unit}")
-    if whole and number != int(number):
-        raise SettingsError(f"{number} is not a whole number")
-    return int(number) if whole else number

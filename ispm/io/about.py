@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import zipfile
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -12,7 +13,8 @@ from typing import Any
 import numpy as np
 
 from ispm.errors import OutputError
-from ispm.io.image import ABOUT, ENDINGS
+from ispm.io.image import ABOUT, ENDINGS, EXR_NAMES, NAMES
+from ispm.scene.names import Names
 
 _MOST_TEXT = 1 << 20  # bytes; what is longer was not written here
 _PREFIX = "ispm:"
@@ -53,6 +55,31 @@ def read_about(path: str | Path) -> PictureFile:
         raise OutputError(f"{file}: cannot be read as {file.suffix}: {error}") from error
 
 
+def read_names(path: str | os.PathLike[str]) -> Names:
+    """Return what the ids in an .exr or .npz that a frame was saved to stand for.
+
+    Raises OutputError where there is no such file, or no table in it.
+    """
+    file = Path(path)
+    if file.suffix.lower() not in (".exr", ".npz"):
+        raise OutputError(f"{file}: names are kept in .exr and .npz")
+    if not file.is_file():
+        raise OutputError(f"{file}: there is no such file")
+    try:
+        return Names.from_json(_table(file))
+    except Exception as error:  # what a damaged file makes these libraries raise is not documented
+        raise OutputError(f"{file}: holds no names that can be read") from error
+
+
+def _table(path: Path) -> str:
+    if path.suffix.lower() == ".npz":
+        with np.load(path, allow_pickle=False) as arrays:
+            return str(arrays[NAMES])
+    import OpenEXR
+
+    return str(OpenEXR.File(str(path), header_only=True).header()[EXR_NAMES])
+
+
 def _png(path: Path) -> PictureFile:
     from PIL import Image, PngImagePlugin
 
@@ -81,7 +108,7 @@ def _exr(path: Path) -> PictureFile:
     with open(path, "rb") as file:
         kinds = _exr_channels(file.read(_MOST_TEXT))
     bits = sorted({_EXR_BITS[kind] for kind in kinds.values()})
-    words = _ours({key: value for key, value in header.items() if _is_text(value)})
+    words = _ours({key: value for key, value in header.items() if _is_text(value) and key != EXR_NAMES})
     return PictureFile(width, height, list(kinds), bits, words)
 
 
@@ -111,6 +138,7 @@ def _npz(path: Path) -> PictureFile:
                 shape, _, dtype = read(member)
                 arrays[name.removesuffix(".npy")] = shape, dtype
     about = arrays.pop(ABOUT, None)
+    arrays.pop(NAMES, None)
     made = {}
     if about is not None and about[1].itemsize < 4 * _MOST_TEXT:
         with np.load(path, allow_pickle=False) as file:

@@ -19,6 +19,8 @@ from ispm.io.png import encode_png
 
 ENDINGS = (".png", ".jpg", ".jpeg", ".exr", ".npy", ".npz")
 ABOUT = "__about__"  # the array of an NPZ that says how the others were made
+NAMES = "names"  # and that which says what ids stand for, as JSON
+EXR_NAMES = "ispm:names"  # likewise the attribute of an EXR
 
 _HALF_MAX = 65504.0
 _MAX_PIXELS = 1 << 28  # of an EXR; a broken header may ask for terabytes
@@ -206,7 +208,7 @@ def _read_npy(path: Path, _key: str | None) -> np.ndarray:
 
 def _read_npz(path: Path, key: str | None) -> np.ndarray:
     with np.load(path, allow_pickle=False) as arrays:
-        names = [name for name in arrays.files if name != ABOUT]
+        names = [name for name in arrays.files if name not in (ABOUT, NAMES)]
         if key is None and len(names) == 1:
             key = names[0]
         if key not in names:

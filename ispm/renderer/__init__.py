@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import Unpack
 
 from ispm.errors import SettingsError
 from ispm.io.named import open_named
@@ -12,7 +12,7 @@ from ispm.renderer.renderer import Renderer
 from ispm.renderer.statistics import Stats
 from ispm.scene.camera import Camera
 from ispm.scene.scene import Scene
-from ispm.settings import Settings
+from ispm.settings import Changes, Settings
 
 __all__ = ["Frame", "Renderer", "Stats", "render"]
 
@@ -23,7 +23,7 @@ def render(
     *,
     camera: Camera | str | int | None = None,
     time: float | None = None,
-    **changes: Any,
+    **changes: Unpack[Changes],
 ) -> Frame:
     """Render one picture.
 

@@ -38,8 +38,8 @@ def compose(
         behind = (1.0 - alpha[..., None] + rest[0][..., :3]) * color
         e[..., :3] += behind
         more = {LAYER: lambda: behind}
-    nodes, materials = (
-        np.append(np.int32(-1), packed.instances[name].astype(np.int32)) for name in ("node", "material")
+    copies, materials = (
+        np.append(np.int32(-1), rows.astype(np.int32)) for rows in (packed.ids, packed.instances["material"])
     )
     full = make.sum_layers(d, i, e, threads)
     layers = make.Layers({
@@ -48,8 +48,8 @@ def compose(
         "irradiance": lambda: make.rgb(irr),
         "depth": lambda: make.linear_depth(depth, view),
         "normal": lambda: make.decode_normals(normals, depth),
-        "albedo": lambda: base[..., :3].astype(f4), "instance": lambda: nodes[ids[..., 0]],
+        "albedo": lambda: base[..., :3].astype(f4), "instance": lambda: copies[ids[..., 0]],
         "material": lambda: materials[ids[..., 0]], **more,
     })  # fmt: skip
     camera = {"pose": view.pose, "clip_from_world": view.clip_from_world}
-    return Frame(layers, Stats(), settings, camera)
+    return Frame(layers, Stats(), settings, camera, names=packed.names)

@@ -62,11 +62,11 @@ def converge(renderer: Renderer, goal: Settings) -> Iterator[Frame]:
     Raises SettingsError where it is of another scene.
     """
     started = time.perf_counter()
-    progress, settings, threads = renderer.progress, renderer.settings, renderer.threads
+    progress, settings = renderer.progress, renderer.settings
     made_of, longest = renderer.fingerprint(), 0.0
     if progress:
         progress.require(made_of)
-        mean = renderer.chosen.expose(progress.frame(settings, threads))
+        mean = _mean(renderer, progress, settings)
         if _is_enough(mean.stats, goal):
             yield mean
             return
@@ -83,12 +83,19 @@ def converge(renderer: Renderer, goal: Settings) -> Iterator[Frame]:
             progress = renderer.progress = Progress.start(frame, made_of)
         else:
             progress.add(frame)
-        mean = renderer.chosen.expose(progress.frame(settings, threads))
+        mean = _mean(renderer, progress, settings)
         yield mean
         longest = max(longest, rendering_seconds() - begun)
         late = goal.time_limit and time.perf_counter() - started + longest > goal.time_limit
         if late or _is_enough(mean.stats, goal):
             return
+
+
+def _mean(renderer: Renderer, progress: Progress, settings: Settings) -> Frame:
+    """The mean so far, with the names of the renderer's scene and the exposure that it holds."""
+    frame = progress.frame(settings, renderer.threads)
+    frame.names = renderer.names
+    return renderer.chosen.expose(frame)
 
 
 def _is_enough(mean: Stats, goal: Settings) -> bool:

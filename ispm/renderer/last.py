@@ -54,7 +54,7 @@ class LastFrame:
             return overdraw_chart(counts.reshape(self.low[1], self.low[0]), self.view.size)
         if name == "bounce-map":
             return self._bounce_maps()
-        return self.frame.show(name)
+        return self.frame.view(name)
 
     def _bounce_maps(self) -> np.ndarray:
         settings = self.frame.settings

@@ -17,29 +17,27 @@ from ispm.io import image as files
 from ispm.io.atomic import as_path
 from ispm.io.png import encode_png
 from ispm.renderer.backdrop import shown, without_background
+from ispm.renderer.show import show_picture
 from ispm.renderer.statistics import Stats
 from ispm.renderer.views import display
+from ispm.scene.names import Names
 from ispm.settings import Settings, nearest
 from ispm.stages.tonemap import auto_exposure, tonemap, tonemap_transparent
 
 
 @dataclass(eq=False)
 class Frame:
-    """One picture. Arrays are (height, width, channels), row 0 on top, linear, float32 unless said.
+    """One picture: its layers as arrays (height, width, channels), row 0 on top, linear, float32 unless said.
 
-    image       uint8 sRGB, tone mapped when first asked for; with a fourth channel where the background is
-                transparent
-    radiance    cd/m2: (direct + indirect) + emission, in this order
-    direct, indirect, emission   cd/m2
-    irradiance  lx: incident indirect light before the surface
-    depth       (h, w) m along the view axis, infinite where nothing is
-    normal      shading normal, world space
-    albedo      base color
-    instance, material   (h, w) int32 ids, -1 where nothing is
-    camera      its pose (4, 4) camera-to-world and clip_from_world matrix
-    exposure    stops that `image` was made with
+    Each layer is an attribute, and comes by its name: `frame["indirect"]`. A notebook shows a frame as it is.
+
+    layers      all of them by name, each made at its first use
+    stats       numbers of this frame: photons, flux, milliseconds
+    settings    that it was made with
+    camera      by name: its `pose` (4, 4) camera-to-world and `clip_from_world` matrix (4, 4), float64
     scene       the scene's name
     command     the command line that makes this frame, where one did
+    names       what the ids in `instance` and `material` stand for
     """
 
     layers: Mapping[str, np.ndarray] = field(repr=False)
@@ -48,6 +46,7 @@ class Frame:
     camera: dict[str, np.ndarray] = field(repr=False)
     scene: str = ""
     command: str = ""
+    names: Names = field(default_factory=Names)
 
     def __repr__(self) -> str:
         height, width = self.radiance.shape[:2]
@@ -55,7 +54,7 @@ class Frame:
 
     @cached_property
     def exposure(self) -> float:
-        """Stops: the settings', or found for this picture, without its background."""
+        """Stops that `image` is made with: the settings', or found for it, without its background."""
         wanted = self.settings.exposure
         if not isinstance(wanted, str):
             return wanted
@@ -63,19 +62,68 @@ class Frame:
 
     @cached_property
     def image(self) -> np.ndarray:
-        """The picture as screens show it."""
+        """(h, w, 3) uint8 sRGB, tone mapped when first asked for; (h, w, 4) with a transparent background."""
         return self._toned(8)
 
     @property
     def radiance(self) -> np.ndarray:
-        """The whole picture, cd/m2."""
-        return self.layers["full"]
+        """(h, w, 3) cd/m2, the whole picture: (direct + indirect) + emission, in this order. Layer `full`."""
+        return self._named("full")
 
-    def __getattr__(self, name: str) -> np.ndarray:
-        layers = self.__dict__.get("layers", {})
-        if name in layers:
-            return np.asarray(layers[name])
-        raise AttributeError(f"a Frame has no '{name}'; it has {', '.join(layers)}")
+    @property
+    def direct(self) -> np.ndarray:
+        """(h, w, 3) cd/m2: light that comes to the surface from the lights themselves."""
+        return self._named("direct")
+
+    @property
+    def indirect(self) -> np.ndarray:
+        """(h, w, 3) cd/m2: light that comes by way of other surfaces; what mirrors and glass show."""
+        return self._named("indirect")
+
+    @property
+    def emission(self) -> np.ndarray:
+        """(h, w, 3) cd/m2: glow of the surface itself, and the background."""
+        return self._named("emission")
+
+    @property
+    def irradiance(self) -> np.ndarray:
+        """(h, w, 3) lx: incident indirect light before the surface."""
+        return self._named("irradiance")
+
+    @property
+    def depth(self) -> np.ndarray:
+        """(h, w) metres along the view axis, infinite where nothing is."""
+        return self._named("depth")
+
+    @property
+    def normal(self) -> np.ndarray:
+        """(h, w, 3) unit shading normal, world space, on the side that is seen; 0 where nothing is."""
+        return self._named("normal")
+
+    @property
+    def albedo(self) -> np.ndarray:
+        """(h, w, 3) base color, linear, 0 to 1."""
+        return self._named("albedo")
+
+    @property
+    def instance(self) -> np.ndarray:
+        """(h, w) int32: which copy of which part of which node is seen, -1 where nothing is; see `names`."""
+        return self._named("instance")
+
+    @property
+    def material(self) -> np.ndarray:
+        """(h, w) int32: which material is seen, an index of `names.materials`, -1 where nothing is."""
+        return self._named("material")
+
+    @property
+    def alpha(self) -> np.ndarray:
+        """(h, w) share of the pixel that something covers, 0 to 1."""
+        return self._named("alpha")
+
+    def _named(self, name: str) -> np.ndarray:
+        if name not in self.layers:  # AttributeError, for hasattr and getattr
+            raise AttributeError(f"this frame has no layer '{name}'; it has {', '.join(self.layers)}")
+        return self.layers[name]
 
     def __getitem__(self, layer: str) -> np.ndarray:
         """Return a layer by name. Raises KeyError naming the nearest."""
@@ -83,9 +131,21 @@ class Frame:
             raise KeyError(f"there is no layer '{layer}'{nearest(layer, self.layers)}")
         return self.layers[layer]
 
-    def show(self, view: str = "full", bits: int = 8) -> np.ndarray:
-        """Return a view of this frame as sRGB, uint8 or with 16 bits uint16.
+    def show(self, view: str = "full") -> None:
+        """Show a view of this frame: in the notebook, else in the system's window for pictures.
 
+        Without a display, warn in one line and go on; `view` has the picture as an array, `save` writes it.
+        Raises SettingsError for a view it does not have.
+        """
+        show_picture(self.view(view), f"{self.scene or 'scene'}, {view}")
+
+    def view(self, view: str = "full", bits: int = 8) -> np.ndarray:
+        """Return a view of this frame, (h, w, 3) sRGB for the eye: uint8 or with 16 bits uint16.
+
+        view  `full` (`image` with its background), `direct`, `indirect`, `emission`, `irradiance`, `albedo`,
+              `normal`, `depth`, `instance`, `material`; `ambient`: direct light and a constant, to compare;
+              `split`: direct light alone on the left. Those with photons: `renderer.view`
+        bits  8 or 16 a channel
         Raises SettingsError for a view it does not have.
         """
         if bits not in (8, 16):
@@ -111,8 +171,9 @@ class Frame:
         layers   of an EXR or NPZ; None: all
         float32  EXR: full precision instead of half
         bits     PNG: 8 or 16 a channel
-        All but NPY hold how they were made, which `ispm info` tells. A JPEG has black where a PNG is
-        transparent, with a SceneWarning. Nothing is left half written.
+        All but NPY hold how they were made, which `ispm info` tells; EXR and NPZ hold `names` as well, which
+        `ispm.read_names` reads. A JPEG has black where a PNG is transparent, with a SceneWarning. Nothing is
+        left half written.
         Raises OutputError, or SettingsError for an unknown layer or number of bits.
         """
         path = as_path(path)
@@ -122,7 +183,7 @@ class Frame:
         if layers is not None and not isinstance(layers, (list, tuple)):
             raise SettingsError(f"layers: {layers!r} is not a list of names, as ['full', 'depth']")
         if ending == ".png":
-            files.write_png(path, self.show(show, bits), self._about())
+            files.write_png(path, self.view(show, bits), self._about())
         elif ending in (".jpg", ".jpeg"):
             files.write_jpeg(path, self._opaque(show), self._about())
         elif ending == ".npy":
@@ -130,9 +191,11 @@ class Frame:
         else:
             chosen = {name: self._layer(name) for name in (layers or self.layers)}
             if ending == ".exr":
-                files.write_exr(path, chosen, {**self._about(), **self.camera}, float32)
+                about = {**self._about(), files.EXR_NAMES: self.names.to_json()}
+                files.write_exr(path, chosen, {**about, **self.camera}, float32)
             else:
-                files.write_npz(path, chosen, self._about())
+                table = {files.NAMES: np.array(self.names.to_json())}
+                files.write_npz(path, {**chosen, **table}, self._about())
         return path
 
     def _toned(self, bits: int) -> np.ndarray:
@@ -143,7 +206,7 @@ class Frame:
         return shown(self.layers, self.radiance, self.exposure, mode, bits)
 
     def _opaque(self, view: str) -> np.ndarray:
-        shown = self.show(view)
+        shown = self.view(view)
         if shown.shape[2] == 3:
             return shown
         line = "a JPEG has no transparency: the background is black; use .png"

@@ -9,6 +9,7 @@ from functools import partial
 from operator import attrgetter
 from pathlib import Path
 from types import TracebackType
+from typing import Any, Literal
 
 import numpy as np
 
@@ -33,6 +34,7 @@ from ispm.renderer.shadows import ShadowRays, join_pixels
 from ispm.renderer.statistics import collect
 from ispm.renderer.watch import Watch, rendering_seconds
 from ispm.scene.camera import Camera
+from ispm.scene.names import Names
 from ispm.scene.packed import Packed
 from ispm.scene.scene import Scene
 from ispm.settings import Settings
@@ -100,6 +102,7 @@ class Renderer:
         self._instances: np.ndarray | None = None  # of the last frame
         self._last: LastFrame | None = None
         self.progress: Progress | None = None
+        self.names = Names()
         self._said: set[str] = set()
         self._settings: Settings | None = None
         self.settings = Settings() if settings is None else settings
@@ -181,7 +184,7 @@ class Renderer:
         return last.exposure
 
     @exposure.setter
-    def exposure(self, wanted: float | str) -> None:
+    def exposure(self, wanted: float | Literal["auto", "hold"]) -> None:
         self.settings, self.chosen.exposure = self.settings.replace(exposure=wanted), None
 
     def render(self) -> Frame:
@@ -210,7 +213,7 @@ class Renderer:
         Errors as of `render`; SettingsError for a file that is of another scene, camera or settings, and
         SceneError where these change between passes: what was summed up stays in `progress`.
         """
-        wanted = dict(passes=passes, time_limit=time_limit, target_error=target_error)
+        wanted: dict[str, Any] = dict(passes=passes, time_limit=time_limit, target_error=target_error)
         goal = self.settings.replace(**{name: value for name, value in wanted.items() if value is not None})
         self.progress = Progress.load(resume) if resume is not None else None
         return converge(self, goal)
@@ -355,7 +358,9 @@ class Renderer:
     def _prepare(self, index: int) -> tuple[Packed, CameraView]:
         """Pack the scene, place it in the tracer, and find its camera and lights."""
         self._require_open()
-        return self._ready(require_scene(self.scene), self.settings.size, index)
+        packed, view = self._ready(require_scene(self.scene), self.settings.size, index)
+        self.names = packed.names
+        return packed, view
 
     def _say(self, line: str) -> None:
         """Warn once in this renderer's life."""

@@ -10,6 +10,7 @@ from ispm.scene.animation import Channel
 from ispm.scene.camera import Camera, look_at_pose
 from ispm.scene.light import SpotLight
 from ispm.scene.material import Material
+from ispm.scene.rotation import quaternion
 from ispm.scene.scene import Node, Scene
 
 
@@ -57,18 +58,3 @@ def turns_about(axis: tuple[float, float, float], angles: np.ndarray) -> np.ndar
     """Return (K, 4) quaternions that turn by `angles` (radians) about a unit axis."""
     half = 0.5 * np.asarray(angles)[:, None]
     return np.concatenate([np.sin(half) * np.asarray(axis), np.cos(half)], axis=1)
-
-
-def quaternion(rotation: np.ndarray) -> tuple[float, float, float, float]:
-    """Return the unit quaternion x, y, z, w of a (3, 3) rotation matrix."""
-    # the eigenvector of the largest eigenvalue (Bar-Itzhack 2000): sound for every rotation
-    (a, b, c), (d, e, f), (g, h, i) = rotation
-    k = np.array([
-        [a - e - i, b + d, c + g, h - f],
-        [b + d, e - a - i, f + h, c - g],
-        [c + g, f + h, i - a - e, d - b],
-        [h - f, c - g, d - b, a + e + i],
-    ])  # fmt: skip
-    x, y, z, w = np.linalg.eigh(k)[1][:, 3]
-    sign = -1.0 if w < 0.0 else 1.0
-    return float(sign * x), float(sign * y), float(sign * z), float(sign * w)

@@ -5,11 +5,15 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Literal
 
 import numpy as np
 
 from ispm.errors import SettingsError
-from ispm.scene.values import FARTHEST, LEAST, array_of, require
+from ispm.scene.rotation import facing
+from ispm.scene.values import FARTHEST, LEAST, Point, array_of, require
+
+Convention = Literal["opencv", "opengl"]
 
 _AXES = {"opencv": np.array([1.0, -1.0, -1.0, 1.0]), "opengl": np.ones(4)}  # signs of a pose's columns
 _WIDEST = math.nextafter(math.pi, 0.0)
@@ -56,17 +60,21 @@ class Camera:
     @classmethod
     def look_at(
         cls,
-        eye: tuple[float, float, float],
-        target: tuple[float, float, float],
+        eye: Point,
+        target: Point,
         yfov: float = math.radians(50.0),
+        up: Point = (0.0, 1.0, 0.0),
     ) -> Camera:
-        """Return a perspective camera at `eye` (metres) looking at `target`, +Y up.
+        """Return a perspective camera at `eye` that looks at `target`.
 
+        eye, target  (3,) metres, world space
+        yfov         vertical angle of view, radians
+        up           (3,) direction that points up in the picture; 0, 0, 1 where +Z is up
         Raises SettingsError where the two points are the same, or none.
         """
-        for name, place in (("eye", eye), ("target", target)):
+        for name, place in (("eye", eye), ("target", target), ("up", up)):
             _require(name, place, -FARTHEST, FARTHEST, 3)
-        return cls(yfov=yfov, pose=look_at_pose(np.asarray(eye, float), np.asarray(target, float)))
+        return cls(yfov=yfov, pose=look_at_pose(*(np.asarray(v, float) for v in (eye, target, up))))
 
     @classmethod
     def from_intrinsics(
@@ -74,7 +82,7 @@ class Camera:
         K: np.ndarray | Sequence[Sequence[float]],
         size: tuple[int, int],
         pose: np.ndarray,
-        convention: str = "opencv",
+        convention: Convention = "opencv",
     ) -> Camera:
         """Return the camera that projects as K [R | t] does, for pictures of any size.
 
@@ -91,20 +99,57 @@ class Camera:
             raise SettingsError("camera: K must have focal lengths above 0, in pixels")
         if abs(k[0, 1]) > 1e-9 * k[0, 0] or k[1, 0] or (k[2] != (0.0, 0.0, 1.0)).any():
             raise SettingsError("camera: K must be fx 0 cx; 0 fy cy; 0 0 1: skew is not supported")
-        if convention not in tuple(_AXES):
-            raise SettingsError(f"camera: the convention '{convention}' is not one of {', '.join(_AXES)}")
-        _require("size, width and height in pixels,", size, 1, FARTHEST, 2)
-        width, height = size
+        width, height = _size(size)
         return cls(
             yfov=2.0 * math.atan(height / (2.0 * k[1, 1])),
-            pose=_pose(pose) * _AXES[convention],
+            pose=_pose(pose) * _axes(convention),
             aspect=float((width / k[0, 0]) / (height / k[1, 1])),
             principal=(float(2.0 * k[0, 2] / width - 1.0), float(1.0 - 2.0 * k[1, 2] / height)),
         )
 
+    def intrinsics(self, size: tuple[int, int]) -> np.ndarray:
+        """Return K, (3, 3) float64: fx 0 cx; 0 fy cy; 0 0 1 in pixels of a picture of `size`.
+
+        Measured from the top left corner, as `from_intrinsics` takes it: the first pixel's centre is at 0.5,
+        0.5. For functions of OpenCV, where it is at 0, 0, take 0.5 off the principal point.
+        Raises SettingsError for an orthographic camera.
+        """
+        if self.orthographic:
+            raise SettingsError("camera: an orthographic camera has no K: its rays are parallel")
+        width, height = _size(size)
+        fy = height / (2.0 * math.tan(0.5 * self.yfov))
+        fx = fy if self.aspect is None else fy * width / (height * self.aspect)
+        x, y = self.principal
+        return np.array([
+            [fx, 0.0, 0.5 * width * (1.0 + x)], [0.0, fy, 0.5 * height * (1.0 - y)], [0.0, 0.0, 1.0]
+        ])  # fmt: skip
+
+    def extrinsics(self, convention: Convention = "opencv") -> np.ndarray:
+        """Return the pose, (4, 4) camera-to-world, with the axes of a convention, as `from_intrinsics`.
+
+        Its inverse is the [R | t] that goes with K. A node's camera has no pose of its own: take
+        `scene.default_camera()` or `renderer.camera`, which have.
+        Raises SettingsError where there is none.
+        """
+        if self.pose is None:
+            raise SettingsError("camera: it has no pose of its own; take renderer.camera, which has")
+        return np.asarray(_pose(self.pose) * _axes(convention))
+
 
 def _require(name: str, value: object, low: float, high: float = FARTHEST, *counts: int) -> None:
     require(f"camera: {name}", value, low, high, *counts, error=SettingsError)
+
+
+def _size(size: object) -> tuple[float, float]:
+    _require("size, width and height in pixels,", size, 1, FARTHEST, 2)
+    width, height = np.asarray(size).tolist()
+    return width, height
+
+
+def _axes(convention: str) -> np.ndarray:
+    if convention not in tuple(_AXES):
+        raise SettingsError(f"camera: the convention '{convention}' is not one of {', '.join(_AXES)}")
+    return _AXES[convention]
 
 
 def _pose(values: object) -> np.ndarray:
@@ -119,16 +164,9 @@ def _pose(values: object) -> np.ndarray:
     return pose
 
 
-def look_at_pose(eye: np.ndarray, target: np.ndarray) -> np.ndarray:
+def look_at_pose(eye: np.ndarray, target: np.ndarray, up: np.ndarray | None = None) -> np.ndarray:
     """Return the (4, 4) camera-to-world matrix of a camera at `eye` looking at `target`, +Y up."""
-    back = eye - target
-    length = float(np.linalg.norm(back))
-    if not length > 0.0:
-        raise SettingsError("the camera's position and the point it looks at are the same")
-    back /= length
-    up = np.array([0.0, 1.0, 0.0]) if abs(back[1]) < 0.9999 else np.array([0.0, 0.0, -1.0])
-    right = np.cross(up, back)
-    right /= np.linalg.norm(right)
     pose = np.eye(4)
-    pose[:3, 0], pose[:3, 1], pose[:3, 2], pose[:3, 3] = right, np.cross(back, right), back, eye
+    upwards = np.array([0.0, 1.0, 0.0]) if up is None else up
+    pose[:3, :3], pose[:3, 3] = facing(eye - target, upwards, SettingsError), eye
     return pose

@@ -1,11 +1,20 @@
-"""How large a scene is, however it is turned."""
+"""How large a scene is: its bounds along the axes, and its size however it is turned."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
+
 import numpy as np
+
+from ispm.errors import SceneError
+
+if TYPE_CHECKING:
+    from ispm.scene.node import Node
 
 _FARTHEST = 4096  # points that may lie on the sphere
 _STEPS = 64
+_AT_ONCE = 1 << 22  # coordinates that are held while copies are bounded
 
 
 def enclosing_diameter(points: np.ndarray) -> float:
@@ -27,3 +36,50 @@ def enclosing_diameter(points: np.ndarray) -> float:
         radius = min(radius, float(away[farthest]))
         center = center + (points[farthest] - center) / (step + 1)
     return 2.0 * float(np.sqrt(radius))
+
+
+def placed_bounds(placed: Iterable[tuple[Node, np.ndarray]]) -> np.ndarray:
+    """Return the (2, 3) float64 corners of the surfaces at nodes with their (4, 4) node-to-world matrices.
+
+    Raises SceneError where there is no surface.
+    """
+    low, high = np.full(3, np.inf), np.full(3, -np.inf)
+    for node, world in placed:
+        for part in node.parts:
+            places = node.places(world)
+            if len(part.mesh.triangles) and len(places):
+                first, last = _bounds_of_copies(used_points(part.mesh.positions, part.mesh.triangles), places)
+                low, high = np.minimum(low, first), np.maximum(high, last)
+    if not (low <= high).all():
+        raise SceneError("there is no surface, and so there are no bounds")
+    return np.stack([low, high])
+
+
+def used_points(positions: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    """Return the (n, 3) float64 positions that triangles use."""
+    return np.asarray(positions[np.unique(triangles)], np.float64)
+
+
+def _bounds_of_copies(points: np.ndarray, places: np.ndarray) -> np.ndarray:
+    """(2, 3) bounds of (n, 3) points at each of (k, 4, 4) places.
+
+    Only copies whose box, turned with them, reaches beyond what others do are looked at point by point.
+    """
+    turns, moves = places[:, :3, :3], places[:, :3, 3]
+    middle, half = (points.max(axis=0) + points.min(axis=0)) / 2.0, np.ptp(points, axis=0) / 2.0
+    centers, reach = turns @ middle + moves, np.abs(turns) @ half
+    loose = np.stack([centers - reach, centers + reach])
+    first = np.concatenate([loose[0].argmin(axis=0), loose[1].argmax(axis=0)])
+    bounds = _exact(points, turns[first], moves[first])
+    beyond = np.flatnonzero(((loose[0] < bounds[0]) | (loose[1] > bounds[1])).any(axis=1))
+    step = max(_AT_ONCE // (3 * len(points)), 1)
+    for k in range(0, len(beyond), step):
+        few = beyond[k : k + step]
+        more = _exact(points, turns[few], moves[few])
+        bounds = np.stack([np.minimum(bounds[0], more[0]), np.maximum(bounds[1], more[1])])
+    return bounds
+
+
+def _exact(points: np.ndarray, turns: np.ndarray, moves: np.ndarray) -> np.ndarray:
+    moved = turns @ points.T + moves[:, :, None]
+    return np.stack([moved.min(axis=(0, 2)), moved.max(axis=(0, 2))])

@@ -9,7 +9,7 @@ from enum import IntEnum
 import numpy as np
 
 from ispm.errors import SceneError
-from ispm.scene.values import BRIGHTEST, LEAST, array_of, member_of, require
+from ispm.scene.values import BRIGHTEST, LEAST, array_of, member_of, require, told
 
 IDENTITY_UV = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
 
@@ -164,6 +164,9 @@ class Material:
             if not isinstance(use, (Texture, TextureUse)):
                 raise SceneError(f"{where}: {name} must be a Texture, not a {type(use).__name__}")
             (use.texture if isinstance(use, TextureUse) else use).check()
+
+    def __repr__(self) -> str:
+        return told(self)
 
     @property
     def casts_caustics(self) -> bool:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from ispm.errors import SceneError
+from ispm.scene.extent import used_points
 from ispm.scene.values import FARTHEST, array_of
 
 _ROUNDING = 1.0 / 510.0  # half a step of the 8 bits that colors are kept in
@@ -45,6 +46,22 @@ class Mesh:
 
     def __post_init__(self) -> None:
         self.check()
+
+    def __repr__(self) -> str:
+        held = [name for name in _OTHERS if getattr(self, name) is not None]
+        counts = f"{len(self.positions):,} vertices, {len(self.triangles):,} triangles"
+        return f"<Mesh '{self.name}': {', '.join([counts, *held])}>"
+
+    @property
+    def bounds(self) -> np.ndarray:
+        """The (2, 3) least and greatest corner of its triangles, metres, object space.
+
+        Raises SceneError for a mesh without triangles.
+        """
+        points = used_points(self.positions, self.triangles)
+        if not len(points):
+            raise SceneError(f"mesh '{self.name}': has no triangles, and so no bounds")
+        return np.stack([points.min(axis=0), points.max(axis=0)])
 
     def check(self) -> None:
         """Make all arrays contiguous and of their types. Raises SceneError where one cannot be used."""

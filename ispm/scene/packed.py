@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from hashlib import sha256
 
@@ -17,6 +17,7 @@ from ispm.scene.light import DirectionalLight, Light, PointLight, SpotLight
 from ispm.scene.lightmap import LightMap, corners_of, light_map
 from ispm.scene.material import Material, Texture
 from ispm.scene.mesh import Mesh
+from ispm.scene.names import Names, Run
 from ispm.scene.packed_material import material_record
 from ispm.scene.scene import Scene
 from ispm.scene.values import FARTHEST
@@ -108,6 +109,7 @@ class Packed:
                there is nothing
     widths     (I,) float32 m: the second largest extent of each instance, what a kernel should fit into
     boxes      (I, 2, 3) float64 corners of each instance, world space
+    ids        (I,) what `names` calls each instance by: they count in the order of nodes, parts and copies
     """
 
     geometry: Geometry
@@ -121,7 +123,8 @@ class Packed:
     diagonal: float
     widths: np.ndarray
     boxes: np.ndarray
-    material_names: list[str] = field(default_factory=list)
+    ids: np.ndarray
+    names: Names
 
     def surface_area(self) -> float:
         """Return the area of all triangles, m2, world space."""
@@ -175,6 +178,7 @@ def pack(scene: Scene, geometry: Geometry | None = None) -> Packed:
     materials: dict[int, int] = {}
     material_list: list[Material] = []
     rows: list[tuple[int, int, int, np.ndarray]] = []
+    runs: list[Run] = []
     lights = np.zeros(sum(node.light is not None for node, _ in placed), records.LIGHT)
     light_count = 0
     for index, (node, world) in enumerate(placed):
@@ -185,7 +189,7 @@ def pack(scene: Scene, geometry: Geometry | None = None) -> Packed:
             lights[light_count] = _light_record(node.light, world)
             light_count += 1
         places = node.places(world) if node.parts else world[:0]
-        for part in node.parts:
+        for number, part in enumerate(node.parts):
             if not len(part.mesh.triangles) or not len(places):
                 continue
             mesh = meshes.setdefault(id(part.mesh), len(meshes))
@@ -195,6 +199,7 @@ def pack(scene: Scene, geometry: Geometry | None = None) -> Packed:
             if material == len(material_list):
                 material_list.append(part.material)
             rows.append((mesh, material, index, places))
+            runs.append(Run(node.name, index, number, part.mesh.name, material, len(places)))
 
     if geometry is None or not geometry.fits(mesh_list):
         geometry = pack_geometry(mesh_list)
@@ -202,14 +207,14 @@ def pack(scene: Scene, geometry: Geometry | None = None) -> Packed:
     material_rows = np.zeros(len(material_list), records.MATERIAL)
     for i, item in enumerate(material_list):
         material_rows[i] = material_record(item, textures)
-    instances, draws, widths, corners = _instances(rows, geometry)
+    instances, draws, widths, corners, ids = _instances(rows, geometry)
     boxes = np.stack([corners.min(axis=1), corners.max(axis=1)], axis=1)
     bounds = np.stack([boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)]) if len(boxes) else np.zeros((2, 3))
     diagonal = enclosing_diameter(corners.reshape(-1, 3)) or 1.0
     maps = [light_map(i, row, bounds) for i, row in enumerate(lights)]
     return Packed(
         geometry, instances, material_rows, textures, lights, maps, draws, bounds, diagonal, widths,
-        boxes,        [material.name for material in material_list],
+        boxes, ids, Names(tuple(runs), tuple(material.name for material in material_list)),
     )  # fmt: skip
 
 
@@ -222,8 +227,7 @@ def pack_geometry(meshes: list[Mesh]) -> Geometry:
     for mesh in meshes:
         mesh.check()
         rows, triangles = _vertices(mesh)
-        box = _mesh_box(mesh)
-        ranges.append(MeshRange(mesh, mesh.version, vertex_count, index_count, len(triangles), box))
+        ranges.append(MeshRange(mesh, mesh.version, vertex_count, index_count, len(triangles), mesh.bounds))
         vertices.append(rows)
         indices.append((triangles + np.uint32(vertex_count)).astype(np.uint32).ravel())
         vertex_count += len(rows)
@@ -326,14 +330,15 @@ def _cone(light: SpotLight) -> tuple[float, float]:
 
 def _instances(
     rows: list[tuple[int, int, int, np.ndarray]], geometry: Geometry
-) -> tuple[np.ndarray, list[Draw], np.ndarray, np.ndarray]:
-    """INSTANCE rows, the draws that show them, their widths, and (n, 8, 3) corners of their own boxes, turned
-    with them, in world space.
+) -> tuple[np.ndarray, list[Draw], np.ndarray, np.ndarray, np.ndarray]:
+    """INSTANCE rows, the draws that show them, their widths, (n, 8, 3) corners of their own boxes, turned
+    with them, in world space, and the place of each in the order of `rows`.
 
     rows  mesh, material, node, and the (n, 4, 4) places of n instances
     """
     if not rows:
-        return np.zeros(0, records.INSTANCE), [], np.zeros(0, np.float32), np.zeros((0, 8, 3))
+        none = np.zeros(0, np.int64)
+        return np.zeros(0, records.INSTANCE), [], np.zeros(0, np.float32), np.zeros((0, 8, 3)), none
     copies = [len(row[3]) for row in rows]
     mesh, material, node = (np.repeat([row[k] for row in rows], copies) for k in range(3))
     world = np.concatenate([row[3] for row in rows])
@@ -355,7 +360,7 @@ def _instances(
     extents = (boxes[:, 1] - boxes[:, 0]) * np.linalg.norm(world[:, :3, :3], axis=1)
     widths = np.sort(extents, axis=1)[:, 1].astype(np.float32)
     draws = _draws(mesh, material, mirrored)
-    return instances, draws, widths, corners
+    return instances, draws, widths, corners, order
 
 
 def _draws(mesh: np.ndarray, material: np.ndarray, mirrored: np.ndarray) -> list[Draw]:
@@ -368,12 +373,6 @@ def _draws(mesh: np.ndarray, material: np.ndarray, mirrored: np.ndarray) -> list
         Draw(int(mesh[i]), int(material[i]), int(i), int(n), bool(mirrored[i]))
         for i, n in zip(first, counts, strict=True)
     ]
-
-
-def _mesh_box(mesh: Mesh) -> np.ndarray:
-    """(2, 3) corners of a mesh's bounds in object space, of the vertices its triangles use."""
-    used = mesh.positions[np.unique(mesh.triangles)].astype(np.float64)
-    return np.stack([used.min(axis=0), used.max(axis=0)])
 
 
 def _cofactors(m: np.ndarray) -> np.ndarray:

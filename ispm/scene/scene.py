@@ -3,132 +3,40 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, field
-from typing import Any, NoReturn, TypeVar
+from typing import Any
 
 import numpy as np
 
 from ispm.errors import SceneError
 from ispm.scene.animation import Animation, Channel
 from ispm.scene.camera import Camera
-from ispm.scene.light import DirectionalLight, Light, PointLight, SpotLight
+from ispm.scene.extent import placed_bounds
+from ispm.scene.light import Light
 from ispm.scene.material import Material
 from ispm.scene.mesh import Mesh
-from ispm.scene.values import FARTHEST, array_of, require
+from ispm.scene.node import Branch, listed
+from ispm.scene.node import Node as Node
+from ispm.scene.node import Part as Part
+from ispm.scene.rotation import Quaternion
+from ispm.scene.values import Point, require
 
-_Kind = TypeVar("_Kind")
-_PLACE = ("translation", "rotation", "scale", "matrix")
 _MOMENTS = 64  # evenly over an animation, at which it is asked where it takes things
 _KEYS = 256  # likewise, of its own
 
 
 @dataclass(eq=False)
-class Part:
-    """A mesh with the material it wears."""
+class Scene(Branch):
+    """What is lit: right-handed, +Y up, metres. Change anything between frames; nothing is precomputed.
 
-    mesh: Mesh
-    material: Material
+    `scene[name]` is a node, `name in scene` asks for one, and a loop goes through all of them.
 
-
-@dataclass(eq=False)
-class Node:
-    """A place in the scene and what stands there. Compared by identity.
-
-    translation, scale   (3,) metres and factors
-    rotation             (4,) quaternion x, y, z, w, of any length but 0
-    matrix               (4, 4) used instead of the three where given; last row 0 0 0 1
-    instances            (n, 4, 4) where the parts stand n times, from each copy to this node; None: once
-    rest                 of a node that `Scene.at` moved: the one it was before, for its place
-    """
-
-    name: str = ""
-    translation: tuple[float, float, float] | np.ndarray = (0.0, 0.0, 0.0)
-    rotation: tuple[float, float, float, float] | np.ndarray = (0.0, 0.0, 0.0, 1.0)
-    scale: tuple[float, float, float] | np.ndarray = (1.0, 1.0, 1.0)
-    matrix: np.ndarray | None = None
-    parts: list[Part] = field(default_factory=list)
-    instances: np.ndarray | None = None
-    light: Light | None = None
-    camera: Camera | None = None
-    children: list[Node] = field(default_factory=list)
-    rest: Node | None = field(default=None, repr=False)
-
-    @property
-    def copies(self) -> int:
-        """How many times the parts are placed."""
-        return 1 if self.instances is None else len(self.instances)
-
-    def places(self, world: np.ndarray) -> np.ndarray:
-        """Return the (copies, 4, 4) matrices that take the parts to the world.
-
-        world  (4, 4), this node's own
-        """
-        return world[None] if self.instances is None else world @ self.instances
-
-    def check(self) -> None:
-        """Raise SceneError where something that cannot be drawn stands here."""
-        for part in _listed(self, "parts", Part):
-            mesh: object = part.mesh
-            material: object = part.material
-            if not (isinstance(mesh, Mesh) and isinstance(material, Material)):
-                held = f"{type(mesh).__name__} and a {type(material).__name__}"
-                raise SceneError(f"node '{self.name}': a part must be of a Mesh and a Material, not a {held}")
-        _require_kind(self, "light", PointLight | SpotLight | DirectionalLight | None)
-        _require_kind(self, "camera", Camera | None)
-        if self.instances is not None:
-            self.instances = array_of(f"node '{self.name}': instances", self.instances, (None, 4, 4))
-
-    def local_matrix(self) -> np.ndarray:
-        """Return the (4, 4) matrix that takes this node's space to its parent's.
-
-        Raises SceneError where there is none.
-        """
-        if self.matrix is not None:
-            matrix = np.asarray(array_of(f"node '{self.name}': matrix", self.matrix, (4, 4)), np.float64)
-            if matrix[3].tolist() != [0.0, 0.0, 0.0, 1.0]:
-                raise SceneError(
-                    f"node '{self.name}': the last row of its matrix must be 0 0 0 1; is it transposed?"
-                )
-            return matrix
-        result = np.eye(4)
-        try:
-            counts = len(self.translation), len(self.rotation), len(self.scale)
-            if not any(self.rotation):
-                self._refuse_place()
-            result[:3, :3] = rotation_matrix(np.asarray(self.rotation, np.float64)) * np.asarray(
-                self.scale, np.float64
-            )
-            result[:3, 3] = self.translation
-        except (TypeError, ValueError, ZeroDivisionError):
-            counts = 0, 0, 0
-        if counts != (3, 4, 3) or not np.abs(result).max() <= FARTHEST:  # NaN is not
-            self._refuse_place()
-        return result
-
-    def stand_as(self, other: Node) -> None:
-        """Take the place of another node."""
-        for name in _PLACE:
-            setattr(self, name, getattr(other, name))
-
-    def move(self, channels: list[Channel], time: float) -> None:
-        """Take the place that channels of this node give it at `time`, in seconds."""
-        self.matrix = None
-        for channel in channels:
-            setattr(self, channel.path, channel.at(time))
-
-    def _refuse_place(self) -> NoReturn:
-        """Raise SceneError that names what of the place cannot be used."""
-        for name, count in (("translation", 3), ("rotation", 4), ("scale", 3)):
-            require(f"node '{self.name}': {name}", getattr(self, name), -FARTHEST, FARTHEST, count)
-        raise SceneError(f"node '{self.name}': rotation must be a quaternion x, y, z, w, not all 0")
-
-
-@dataclass(eq=False)
-class Scene:
-    """What is lit. Change anything between frames; nothing is precomputed.
-
-    playing  the name of the animation that `at` played; None: all of them
+    roots       the nodes without a parent
+    animations  that `at` plays
+    warnings    what is amiss in the file it was loaded from, a line each
+    extensions_used, extensions_honoured   of glTF, in that file
+    playing     the name of the animation that `at` played; None: all of them
     """
 
     roots: list[Node] = field(default_factory=list)
@@ -176,7 +84,7 @@ class Scene:
 
         Raises SceneError where something else stands among them, or a node hangs below itself.
         """
-        stack = [(node, 0) for node in reversed(_listed(self, "roots", Node))]
+        stack = [(node, 0) for node in reversed(listed(self, "roots", Node))]
         above: list[int] = []  # ids of the nodes on the way to this one
         inside: set[int] = set()
         while stack:
@@ -188,7 +96,7 @@ class Scene:
             above.append(id(node))
             inside.add(id(node))
             yield node, depth
-            children = _listed(node, "children", Node)
+            children = listed(node, "children", Node)
             stack.extend((child, depth + 1) for child in reversed(children))
 
     @property
@@ -215,30 +123,22 @@ class Scene:
         """Triangles as placed: a mesh counts once for each place where it is shown."""
         return sum(node.copies * len(part.mesh.triangles) for node in self.nodes for part in node.parts)
 
-    def __getitem__(self, name: str) -> Node:
-        """Return the first node called `name`; KeyError names the nearest."""
-        for node in self.nodes:
-            if node.name == name:
-                return node
-        import difflib
-
-        near = difflib.get_close_matches(str(name), [n.name for n in self.nodes], 1)
-        hint = f"; did you mean '{near[0]}'?" if near else ""
-        raise KeyError(f"no node is called '{name}'{hint}")
-
     def add(
         self,
         item: Mesh | Light | Camera,
         *,
         material: Material | None = None,
         name: str = "",
-        translation: tuple[float, float, float] = (0.0, 0.0, 0.0),
-        rotation: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 1.0),
-        scale: tuple[float, float, float] = (1.0, 1.0, 1.0),
+        translation: Point = (0.0, 0.0, 0.0),
+        rotation: Quaternion | np.ndarray = (0.0, 0.0, 0.0, 1.0),
+        scale: Point = (1.0, 1.0, 1.0),
         parent: Node | None = None,
     ) -> Node:
         """Place a mesh, light or camera on a new node and return the node.
 
+        material     of a mesh; None: white and matt
+        translation, rotation, scale   as of `Node`: metres, quaternion x, y, z, w, factors
+        parent       the node in whose space it stands; None: the world
         Raises SceneError where one of them cannot be used.
         """
         if not isinstance(item, Mesh | Light | Camera):
@@ -250,11 +150,87 @@ class Scene:
             node.light = item
         else:
             node.camera = item
+        return self._hang(node, parent)
+
+    def merge(
+        self,
+        other: Scene,
+        *,
+        name: str = "",
+        translation: Point = (0.0, 0.0, 0.0),
+        rotation: Quaternion | np.ndarray = (0.0, 0.0, 0.0, 1.0),
+        scale: Point = (1.0, 1.0, 1.0),
+        parent: Node | None = None,
+    ) -> Node:
+        """Place copies of another scene's nodes, with its animations, below a new node; return that node.
+
+        Meshes, materials, lights and cameras are shared with `other`, nodes are not: it stays as it is, and
+        may be merged several times. Default name: the other scene's. The rest is as in `add`.
+        Raises SceneError where one of them cannot be used.
+        """
+        if not isinstance(other, Scene):
+            raise SceneError(f"cannot merge a {type(other).__name__}; give a Scene")
+        copied = other._copied()
+        node = Node(name or other.name, translation, rotation, scale, children=copied.roots)
+        self._hang(node, parent)
+        self.animations = [*self.animations, *copied.animations]
+        for kept in ("warnings", "extensions_used", "extensions_honoured"):
+            setattr(self, kept, list(dict.fromkeys([*getattr(self, kept), *getattr(other, kept)])))
+        return node
+
+    def _hang(self, node: Node, parent: Node | None) -> Node:
+        """Check a new node and give it its place."""
         node.check()
         node.local_matrix()
         if not isinstance(parent, Node | None):
             raise SceneError(f"node '{node.name}': parent must be a Node, not a {type(parent).__name__}")
         (self.roots if parent is None else parent.children).append(node)
+        return node
+
+    def remove(self, node: Node | str) -> Node:
+        """Take a node, or the first of that name, out of the scene with all below it, and return it.
+
+        Raises KeyError where no node has the name, SceneError where the node is not in the scene.
+        """
+        gone = self._own(node)
+        for held in (self.roots, *(above.children for above in self.nodes)):
+            held[:] = [child for child in held if child is not gone]
+        return gone
+
+    @property
+    def bounds(self) -> np.ndarray:
+        """The (2, 3) least and greatest corner of all surfaces as placed, metres, world space.
+
+        Raises SceneError for a scene without a surface.
+        """
+        return placed_bounds(self.placed())
+
+    def bounds_of(self, node: Node | str) -> np.ndarray:
+        """Return likewise the bounds of what stands at a node and below it, in world space.
+
+        Raises SceneError as `bounds` does, and as `world_matrix`.
+        """
+        world = self.world_matrix(node)
+        own = self._own(node)
+        below = Scene(own.children, name=own.name).placed()
+        return placed_bounds([(own, world), *((each, world @ local) for each, local in below)])
+
+    def world_matrix(self, node: Node | str) -> np.ndarray:
+        """Return the (4, 4) matrix from the space of a node, or of the first of that name, to the world.
+
+        Raises KeyError where no node has the name, SceneError where the node is not in the scene.
+        """
+        own = self._own(node)
+        return next(world for placed, world in self.placed() if placed is own)
+
+    def _own(self, node: Node | str) -> Node:
+        """A node of this scene, given itself or by name."""
+        if isinstance(node, str):
+            return self[node]
+        if not isinstance(node, Node):
+            raise SceneError(f"a {type(node).__name__} is no node; give a Node or a name")
+        if node not in self:
+            raise SceneError(f"node '{node.name}' is not in this scene")
         return node
 
     def at(self, time: float, animation: str | None = None) -> Scene:
@@ -277,13 +253,19 @@ class Scene:
 
     def at_rest(self) -> Scene:
         """Return the scene as it stood before `at` moved it; shared and not as by `at`."""
+        result = self._copied()
+        for node in result.nodes:
+            if node.rest is not None:
+                node.stand_as(node.rest)
+                node.rest = None
+        return result
+
+    def _copied(self) -> Scene:
+        """This scene with nodes and animations of its own."""
         clones: dict[int, Node] = {}
         for node in reversed(self.nodes):  # children before parents
             clone = clones[id(node)] = copy.copy(node)
             clone.children = [clones[id(child)] for child in node.children]
-            if clone.rest is not None:
-                clone.stand_as(clone.rest)
-                clone.rest = None
         result = copy.copy(self)
         result.roots = [clones[id(node)] for node in self.roots]
         result.animations = [animation.of(clones) for animation in self.animations]
@@ -334,31 +316,3 @@ class Scene:
         from ispm.renderer.framing import camera_of
 
         return camera_of(self, size)
-
-
-def _require_kind(owner: Node, name: str, kinds: Any) -> None:
-    value = getattr(owner, name)
-    if not isinstance(value, kinds):
-        raise SceneError(f"node '{owner.name}': {name} must be a {kinds}, not a {type(value).__name__}")
-
-
-def _listed(owner: Scene | Node, name: str, kind: type[_Kind]) -> Sequence[_Kind]:
-    """A field that is a list of this kind alone."""
-    values: Sequence[_Kind] = getattr(owner, name)
-    strays = [v for v in values if not isinstance(v, kind)] if isinstance(values, (list, tuple)) else [values]
-    if strays:
-        what = f"{type(owner).__name__.lower()} '{owner.name}': {name}"
-        raise SceneError(f"{what} must be a list of {kind.__name__}, not of {type(strays[0]).__name__}")
-    return values
-
-
-def rotation_matrix(quaternion: np.ndarray) -> np.ndarray:
-    """Return the (3, 3) matrix of a quaternion x, y, z, w; it need not be unit."""
-    x, y, z, w = quaternion / np.linalg.norm(quaternion)
-    return np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-        ]
-    )

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from dataclasses import Field, fields
 from enum import Enum
-from typing import TypeVar
+from fnmatch import fnmatchcase
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -13,6 +15,8 @@ FARTHEST = 1e18  # m; squares of larger coordinates do not fit a float32
 BRIGHTEST = 1e12  # cd/m2, cd and lx: beyond the sun's 2e9, and squares still fit a float32
 LEAST = 1e-37  # of what is divided by: the inverse still fits a float32
 _LONGEST = 60  # characters of a value that messages show
+
+Point = tuple[float, float, float] | np.ndarray
 
 _Member = TypeVar("_Member", bound=Enum)
 
@@ -67,6 +71,25 @@ def array_of(
         place = np.argwhere(~((array >= low) & (array <= high)))[0].tolist()
         raise error(f"{what} must be numbers {_of(low, high)}, but {place} is {array[tuple(place)]:g}")
     return array
+
+
+def matches(name: str, pattern: str) -> bool:
+    """Return whether a name is `pattern`, or matches it as files' names do: "ball *", "ball ?", "[ab]*"."""
+    return name == pattern or fnmatchcase(name, pattern)
+
+
+def told(item: object, *skipped: str) -> str:
+    """Return a dataclass as code that makes it, without fields at their defaults and those `skipped`."""
+    given = [
+        f"{f.name}={_shown(getattr(item, f.name))}"
+        for f in fields(item)  # type: ignore[arg-type]
+        if f.name not in skipped and not _is_default(f, getattr(item, f.name))
+    ]
+    return f"{type(item).__name__}({', '.join(given)})"
+
+
+def _is_default(f: Field[Any], value: object) -> bool:
+    return value is f.default or (not isinstance(value, np.ndarray) and bool(value == f.default))
 
 
 def member_of(what: str, value: object, kind: type[_Member]) -> _Member:

@@ -131,7 +131,7 @@ def test_a_background_is_shown_as_it_is_and_leaves_objects_as_they_were(gpu, exp
         assert (frame["alpha"] == black["alpha"]).all()
         expected = black.radiance + (1.0 - black["alpha"][..., None]) * np.float32(color)
         assert frame.radiance == pytest.approx(expected, abs=1e-5)
-        assert (frame.show("split")[:, -20:] == frame.image[:, -20:]).all()
+        assert (frame.view("split")[:, -20:] == frame.image[:, -20:]).all()
 
 
 ROUGH = (0.0, 0.02, 0.031, 0.032, 0.05, 0.1, 0.3)

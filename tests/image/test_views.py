@@ -39,7 +39,7 @@ def test_frame_says_which_views_need_the_renderer(sphere):
     frame = sphere.render()
     for name in RENDERER_VIEWS:
         with pytest.raises(SettingsError, match=rf"ask renderer\.view\('{name}'\)"):
-            frame.show(name)
+            frame.view(name)
 
 
 def test_ambient_term_has_the_mean_of_the_indirect_light():

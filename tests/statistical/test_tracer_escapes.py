@@ -10,7 +10,8 @@ from ispm.optics.jit import jit
 from ispm.optics.rng import random4
 from ispm.optics.vector import cross, dot, scale
 from ispm.scene.packed import pack
-from ispm.scene.scene import Scene, rotation_matrix
+from ispm.scene.rotation import rotation_matrix
+from ispm.scene.scene import Scene
 from ispm.tracer.intersect import STACK_WORDS, closest, instance_scale
 from ispm.tracer.leave import leave_triangle
 from ispm.tracer.simd import address, alloca, ldf, ldu

@@ -12,7 +12,8 @@ from ispm.scene.builtins_common import quaternion
 from ispm.scene.camera import look_at_pose
 from ispm.scene.mesh import Mesh
 from ispm.scene.packed import pack
-from ispm.scene.scene import Scene, rotation_matrix
+from ispm.scene.rotation import rotation_matrix
+from ispm.scene.scene import Scene
 from ispm.scene.shapes import ball, face_normals, icosphere, merge, moved, tube
 
 

@@ -84,7 +84,7 @@ def test_16_bits_are_those_of_the_light(tmp_path):
 @pytest.mark.parametrize("view", ["full", "direct", "split", "depth", "normal"])
 def test_views_of_16_bits_look_like_those_of_8(view):
     made = frame()
-    assert np.abs(made.show(view, bits=16) / 257.0 - made.show(view)).max() < 0.62
+    assert np.abs(made.view(view, bits=16) / 257.0 - made.view(view)).max() < 0.62
 
 
 def test_alpha_is_straight_in_a_png(tmp_path):

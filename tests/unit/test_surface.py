@@ -9,7 +9,8 @@ from ispm.optics.records import MATERIAL_UNLIT
 from ispm.scene.material import Material, Texture, TextureUse
 from ispm.scene.mesh import Mesh
 from ispm.scene.packed import pack
-from ispm.scene.scene import Scene, rotation_matrix
+from ispm.scene.rotation import rotation_matrix
+from ispm.scene.scene import Scene
 from ispm.scene.shapes import icosphere
 from ispm.tracer.surface import hit_position, surface
 

@@ -1,0 +1,109 @@
+"""Rotations: unit quaternions x, y, z, w, as glTF and SciPy write them. Angles are in radians."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ispm.errors import IspmError, SceneError
+from ispm.scene.values import FARTHEST, Point, require
+
+Quaternion = tuple[float, float, float, float]
+
+_LEAST = 1e-9  # length of an axis that still tells a direction
+_PARALLEL = 0.9999  # cosine from which `up` no longer tells which side of a view is its top
+
+
+def axis_angle(axis: Point, angle: float) -> Quaternion:
+    """Return the rotation by `angle` about `axis`, as a quaternion x, y, z, w for `Node.rotation`.
+
+    axis   three numbers, of any length but 0
+    angle  radians, counter-clockwise where the axis points at the viewer
+    Raises SceneError where one of them cannot be used.
+    """
+    require("axis_angle: axis", axis, -FARTHEST, FARTHEST, 3)
+    require("axis_angle: angle, in radians,", angle)
+    x, y, z = (float(value) for value in axis)
+    length = math.hypot(x, y, z)
+    if not length > _LEAST:
+        raise SceneError("axis_angle: axis must not be 0, 0, 0")
+    scale = math.sin(0.5 * angle) / length
+    return x * scale, y * scale, z * scale, math.cos(0.5 * angle)
+
+
+def euler(x: float = 0.0, y: float = 0.0, z: float = 0.0, order: str = "xyz") -> Quaternion:
+    """Return three rotations, one after the other, as a quaternion x, y, z, w for `Node.rotation`.
+
+    x, y, z  radians about the axis of that name
+    order    the axes in the order of the rotations, as in SciPy: "xyz" about the parent's axes, which stand
+             still; "XYZ" about the node's own, which turn with it. Blender's XYZ is "xyz" here.
+    Raises SceneError where one of them cannot be used.
+    """
+    angles = {"x": x, "y": y, "z": z}
+    for name, angle in angles.items():
+        require(f"euler: {name}, in radians,", angle)
+    if not isinstance(order, str) or sorted(order.lower()) != ["x", "y", "z"] or not (
+        order.islower() or order.isupper()
+    ):  # fmt: skip
+        raise SceneError(f"euler: order must be x, y and z in some order, as 'xyz' or 'ZYX', not {order!r}")
+    turns = [axis_angle(np.eye(3)["xyz".index(axis)], angles[axis]) for axis in order.lower()]
+    first, second, third = turns if order.islower() else turns[::-1]
+    return multiply(third, multiply(second, first))
+
+
+def multiply(a: Quaternion, b: Quaternion) -> Quaternion:
+    """Return the rotation that turns by b, then by a."""
+    ax, ay, az, aw = a
+    bx, by, bz, bw = b
+    return (
+        aw * bx + ax * bw + ay * bz - az * by,
+        aw * by - ax * bz + ay * bw + az * bx,
+        aw * bz + ax * by - ay * bx + az * bw,
+        aw * bw - ax * bx - ay * by - az * bz,
+    )
+
+
+def rotation_matrix(quaternion: np.ndarray) -> np.ndarray:
+    """Return the (3, 3) matrix of a quaternion x, y, z, w; it need not be unit."""
+    x, y, z, w = quaternion / np.linalg.norm(quaternion)
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+
+
+def quaternion(rotation: np.ndarray) -> Quaternion:
+    """Return the unit quaternion x, y, z, w of a (3, 3) rotation matrix."""
+    # the eigenvector of the largest eigenvalue (Bar-Itzhack 2000): sound for every rotation
+    (a, b, c), (d, e, f), (g, h, i) = rotation
+    k = np.array([
+        [a - e - i, b + d, c + g, h - f],
+        [b + d, e - a - i, f + h, c - g],
+        [c + g, f + h, i - a - e, d - b],
+        [h - f, c - g, d - b, a + e + i],
+    ])  # fmt: skip
+    x, y, z, w = np.linalg.eigh(k)[1][:, 3]
+    sign = -1.0 if w < 0.0 else 1.0
+    return float(sign * x), float(sign * y), float(sign * z), float(sign * w)
+
+
+def facing(back: np.ndarray, up: np.ndarray, error: type[IspmError] = SceneError) -> np.ndarray:
+    """Return the (3, 3) rotation whose +Z lies along `back` and whose +Y as near to `up` as can be.
+
+    Where the two are parallel, -Z stands in for `up`, and where `back` lies along that, +Y.
+    Raises `error` where one has no length.
+    """
+    for what, vector in (("the place and the point looked at are the same", back), ("up is 0, 0, 0", up)):
+        if not float(np.linalg.norm(vector)) > 0.0:
+            raise error(f"look_at: {what}")
+    back, up = back / np.linalg.norm(back), up / np.linalg.norm(up)
+    for other in ((0.0, 0.0, -1.0), (0.0, 1.0, 0.0)):
+        if abs(float(back @ up)) >= _PARALLEL:
+            up = np.array(other)
+    right = np.cross(up, back)
+    right /= np.linalg.norm(right)
+    return np.stack([right, np.cross(back, right), back], axis=1)
