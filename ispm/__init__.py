@@ -9,87 +9,115 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from ispm import shapes
     from ispm.bench.metrics import compare
-    from ispm.errors import AdapterError, IspmError, OutputError, SceneError, SettingsError
+    from ispm.errors import AdapterError, IspmError, OutputError, SceneError, SceneWarning, SettingsError
     from ispm.gpu.device import list_adapters as adapters
+    from ispm.io.about import read_names
     from ispm.io.load import load
     from ispm.io.named import builtin
     from ispm.io.save import save
     from ispm.renderer import Renderer, render
     from ispm.renderer.picture import Frame
-    from ispm.scene.animation import Animation
+    from ispm.renderer.statistics import Stats
+    from ispm.scene.animation import Animation, Channel
     from ispm.scene.camera import Camera
     from ispm.scene.light import DirectionalLight, PointLight, SpotLight
-    from ispm.scene.material import Material, Texture, TextureUse
+    from ispm.scene.material import AlphaMode, Material, Texture, TextureUse, Wrap
     from ispm.scene.mesh import Mesh
-    from ispm.scene.scene import Node, Scene
+    from ispm.scene.names import Names
+    from ispm.scene.rotation import axis_angle, euler
+    from ispm.scene.scene import Node, Part, Scene
     from ispm.settings import Settings
 
 __version__ = "0.1.0"
 
 _HOMES = {
     "AdapterError": "ispm.errors",
+    "AlphaMode": "ispm.scene.material",
     "Animation": "ispm.scene.animation",
     "Camera": "ispm.scene.camera",
+    "Channel": "ispm.scene.animation",
     "DirectionalLight": "ispm.scene.light",
     "Frame": "ispm.renderer.picture",
     "IspmError": "ispm.errors",
     "Material": "ispm.scene.material",
     "Mesh": "ispm.scene.mesh",
+    "Names": "ispm.scene.names",
     "Node": "ispm.scene.scene",
     "OutputError": "ispm.errors",
+    "Part": "ispm.scene.scene",
     "PointLight": "ispm.scene.light",
     "Renderer": "ispm.renderer",
     "Scene": "ispm.scene.scene",
     "SceneError": "ispm.errors",
+    "SceneWarning": "ispm.errors",
     "Settings": "ispm.settings",
     "SettingsError": "ispm.errors",
     "SpotLight": "ispm.scene.light",
+    "Stats": "ispm.renderer.statistics",
     "Texture": "ispm.scene.material",
     "TextureUse": "ispm.scene.material",
+    "Wrap": "ispm.scene.material",
     "adapters": "ispm.gpu.device:list_adapters",
+    "axis_angle": "ispm.scene.rotation",
     "builtin": "ispm.io.named",
     "compare": "ispm.bench.metrics",
+    "euler": "ispm.scene.rotation",
     "load": "ispm.io.load",
+    "read_names": "ispm.io.about",
     "render": "ispm.renderer",
     "save": "ispm.io.save",
+    "shapes": "ispm.shapes",
 }
 
 __all__ = [
     "AdapterError",
+    "AlphaMode",
     "Animation",
     "Camera",
+    "Channel",
     "DirectionalLight",
     "Frame",
     "IspmError",
     "Material",
     "Mesh",
+    "Names",
     "Node",
     "OutputError",
+    "Part",
     "PointLight",
     "Renderer",
     "Scene",
     "SceneError",
+    "SceneWarning",
     "Settings",
     "SettingsError",
     "SpotLight",
+    "Stats",
     "Texture",
     "TextureUse",
+    "Wrap",
     "__version__",
     "adapters",
+    "axis_angle",
     "builtin",
     "compare",
+    "euler",
     "load",
+    "read_names",
     "render",
     "save",
+    "shapes",
 ]
 
 
 def __getattr__(name: str) -> Any:
     if name not in _HOMES:
         raise AttributeError(f"module 'ispm' has no attribute '{name}'")
-    module, _, inside = _HOMES[name].partition(":")
-    value = getattr(import_module(module), inside or name)
+    home, _, inside = _HOMES[name].partition(":")
+    module = import_module(home)
+    value = module if home == f"{__name__}.{name}" else getattr(module, inside or name)
     globals()[name] = value
     return value
 

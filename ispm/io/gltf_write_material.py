@@ -14,7 +14,8 @@ from ispm.errors import SceneError, SceneWarning
 from ispm.io.gltf_image import MAG_LINEAR, MIN_MIPMAPS, WRAPS, Rows, uv_rows
 from ispm.io.gltf_schema_material import TextureTransform
 from ispm.io.gltf_write import Document
-from ispm.io.image import linear_to_srgb, srgb_to_linear
+from ispm.io.image import srgb_to_linear
+from ispm.scene.color import encoded
 from ispm.scene.material import IDENTITY_UV, Material, Texture, TextureUse
 
 _WRAP_CODES = {wrap: code for code, wrap in WRAPS.items()}
@@ -139,7 +140,7 @@ class MaterialWriter:
             if texture.srgb:
                 table = np.rint(srgb_to_linear(codes) * 255.0).astype(np.uint8)
             else:
-                table = np.rint(linear_to_srgb(codes / 255.0) * 255.0).astype(np.uint8)
+                table = np.rint(encoded(codes / 255.0) * 255.0).astype(np.uint8)
             pixels = texture.pixels.copy()
             pixels[..., :3] = table[pixels[..., :3]]
             self._encoded[key] = pixels

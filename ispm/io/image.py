@@ -147,11 +147,6 @@ def srgb_to_linear(values: np.ndarray) -> np.ndarray:
     return np.take(table.astype(np.float32), values)
 
 
-def linear_to_srgb(values: np.ndarray) -> np.ndarray:
-    """Return sRGB values in [0, 1] for linear ones in [0, 1] (IEC 61966-2-1)."""
-    return np.where(values <= 0.0031308, 12.92 * values, 1.055 * values ** (1 / 2.4) - 0.055)
-
-
 def _channels(layer: str, values: np.ndarray, float: bool) -> list[tuple[str, np.ndarray]]:
     if np.issubdtype(values.dtype, np.integer):
         return [(f"{layer}.ID", np.ascontiguousarray(values, np.uint32))]

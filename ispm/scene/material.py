@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import math
+import os
 from dataclasses import dataclass, field
 from enum import IntEnum
+from pathlib import Path
 
 import numpy as np
 
 from ispm.errors import SceneError
+from ispm.scene.pixels import rgba_of
 from ispm.scene.values import BRIGHTEST, LEAST, array_of, member_of, require, told
 
 IDENTITY_UV = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
@@ -34,31 +37,54 @@ class AlphaMode(IntEnum):
 class Texture:
     """A picture and how it is sampled. Compared by identity.
 
-    pixels  (height, width, 4) uint8, row 0 on top
-    srgb    whether RGB is sRGB-encoded (colours) or linear (data); alpha is always linear
+    pixels  a picture file (.png .jpg .webp), or an array, row 0 on top: (height, width) gray or (height,
+            width, 1 to 4): gray, gray and alpha, RGB, RGBA. uint8 and uint16 are encoded as `srgb` says,
+            floats are linear, 0 to 1. Kept as (height, width, 4) uint8.
+    srgb    whether RGB is kept sRGB-encoded, as glTF has colors (base color, emission), or linear, as it has
+            data (normals, metallic and roughness, transmission); alpha is always linear
+    wrap_u, wrap_v   what is seen outside of 0 to 1
     mipmaps whether smaller levels may be used
     linear  whether texels are interpolated or the nearest one is taken
+    name    default, of a file: its name without the ending
+    Raises SceneError for pixels, or a file, that cannot be used.
     """
 
     pixels: np.ndarray
-    srgb: bool = True
-    wrap_u: Wrap = Wrap.REPEAT
-    wrap_v: Wrap = Wrap.REPEAT
-    linear: bool = True
-    mipmaps: bool = True
-    name: str = ""
+    srgb: bool
+    wrap_u: Wrap
+    wrap_v: Wrap
+    linear: bool
+    mipmaps: bool
+    name: str
 
-    def __post_init__(self) -> None:
+    def __init__(
+        self,
+        pixels: np.ndarray | str | os.PathLike[str],
+        srgb: bool = True,
+        wrap_u: Wrap = Wrap.REPEAT,
+        wrap_v: Wrap = Wrap.REPEAT,
+        linear: bool = True,
+        mipmaps: bool = True,
+        name: str = "",
+    ) -> None:
+        self.srgb, self.wrap_u, self.wrap_v = srgb, wrap_u, wrap_v
+        self.linear, self.mipmaps, self.name = linear, mipmaps, name
+        if isinstance(pixels, str | os.PathLike):
+            from ispm.io.picture import read_pixels
+
+            self.name, self.pixels = name or Path(pixels).stem, read_pixels(pixels)
+        else:
+            self.pixels = pixels
         self.check()
 
+    def __repr__(self) -> str:
+        height, width = self.pixels.shape[:2]
+        return f"<Texture '{self.name}': {width}x{height}, {'sRGB' if self.srgb else 'linear'}>"
+
     def check(self) -> None:
-        """Raise SceneError where the pixels or a field cannot be used."""
-        where, pixels = f"texture '{self.name}'", self.pixels
-        if not isinstance(pixels, np.ndarray) or pixels.dtype != np.uint8:
-            kind = f"of {pixels.dtype}" if isinstance(pixels, np.ndarray) else f"a {type(pixels).__name__}"
-            raise SceneError(f"{where}: pixels must be a numpy array of uint8, not {kind}")
-        if pixels.ndim != 3 or pixels.shape[2] != 4 or not pixels.size:
-            raise SceneError(f"{where}: pixels must have shape (height, width, 4), not {pixels.shape}")
+        """Bring pixels to the form they are kept in. Raises SceneError where a field cannot be used."""
+        where = f"texture '{self.name}'"
+        self.pixels = rgba_of(where, self.pixels, bool(self.srgb))
         self.wrap_u = member_of(f"{where}: wrap_u", self.wrap_u, Wrap)
         self.wrap_v = member_of(f"{where}: wrap_v", self.wrap_v, Wrap)
 
@@ -121,6 +147,14 @@ class Material:
     attenuation_color, attenuation_distance   of what is inside: the color that white light has after
                       this many metres
     emission          (3,) cd/m2 per channel, strength included
+    alpha_mode        what opacity below 1 means: nothing, a hole where it is below alpha_cutoff, or a share
+    double_sided      whether the back is seen and lit as well
+    unlit             shows its base color as it is, whatever the light
+    normal_scale      factor on the normal map's x and y
+    base_color_texture, emission_texture   colors: `Texture(picture)`
+    normal_texture    data: `Texture(picture, srgb=False)`; so are the following
+    metallic_roughness_texture   G roughness, B metallic
+    transmission_texture         R
     Raises SceneError for a value out of range, as it is made and, if changed since, as it is rendered.
     """
 
@@ -141,10 +175,10 @@ class Material:
     unlit: bool = False
     normal_scale: float = 1.0
     base_color_texture: TextureUse | Texture | None = None
-    metallic_roughness_texture: TextureUse | Texture | None = None  # G roughness, B metallic
+    metallic_roughness_texture: TextureUse | Texture | None = None
     normal_texture: TextureUse | Texture | None = None
     emission_texture: TextureUse | Texture | None = None
-    transmission_texture: TextureUse | Texture | None = None  # R
+    transmission_texture: TextureUse | Texture | None = None
     name: str = field(default="", compare=False)
 
     def __post_init__(self) -> None:
@@ -162,7 +196,9 @@ class Material:
             if use is None:
                 continue
             if not isinstance(use, (Texture, TextureUse)):
-                raise SceneError(f"{where}: {name} must be a Texture, not a {type(use).__name__}")
+                hint = f"; write Texture({'...' if isinstance(use, np.ndarray) else repr(use)})"
+                hint *= isinstance(use, np.ndarray | str | os.PathLike)
+                raise SceneError(f"{where}: {name} must be a Texture, not a {type(use).__name__}{hint}")
             (use.texture if isinstance(use, TextureUse) else use).check()
 
     def __repr__(self) -> str:

@@ -7,9 +7,9 @@ from functools import cache
 
 import numpy as np
 
-from ispm.io.image import linear_to_srgb
 from ispm.optics.jit import jit
 from ispm.optics.vector import LUMINANCE
+from ispm.scene.color import encoded
 from ispm.tracer.threads import run_threads, thread_count
 
 MIDDLE_GREY = 0.18
@@ -131,7 +131,7 @@ def tonemap_transparent(
 def _srgb_table(bits: int) -> np.ndarray:
     """Return sRGB codes of linear values from 0 to 1, _TABLE_SIZE or, of 16 bits, 256 times as many."""
     linear = np.linspace(0.0, 1.0, _TABLE_SIZE << (bits - 8))
-    return np.asarray(np.rint(linear_to_srgb(linear) * (2**bits - 1)), _CODES[bits])
+    return np.asarray(np.rint(encoded(linear) * (2**bits - 1)), _CODES[bits])
 
 
 @jit

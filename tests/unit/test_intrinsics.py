@@ -94,3 +94,50 @@ def test_intrinsics_that_make_no_sense_are_refused(change, says):
 def test_a_camera_that_shows_nothing_is_refused(numbers):
     with pytest.raises(SettingsError, match="camera: "):
         Camera(**numbers)
+
+
+@pytest.mark.parametrize("convention", ["opencv", "opengl"])
+@pytest.mark.parametrize("seed", range(3))
+def test_intrinsics_and_pose_come_back(seed, convention):
+    random = np.random.default_rng(seed)
+    pose, size = random_pose(random), tuple(random.integers(50, 4000, 2))
+    k = np.diag([*random.uniform(0.3, 3.0, 2) * size[0], 1.0])
+    k[:2, 2] = random.uniform(-0.5, 1.5, 2) * size
+    camera = Camera.from_intrinsics(k, size, pose, convention)
+    np.testing.assert_allclose(camera.intrinsics(size), k, rtol=1e-12, atol=1e-9)
+    np.testing.assert_allclose(camera.extrinsics(convention), pose, atol=1e-12)
+    twice = (2 * size[0], size[1])  # of another size: the same view
+    np.testing.assert_allclose(camera.intrinsics(twice), np.diag([2.0, 1.0, 1.0]) @ k, rtol=1e-12, atol=1e-9)
+
+
+def test_a_plain_camera_has_square_pixels_and_its_middle_in_the_middle():
+    k = Camera(yfov=0.8).intrinsics(SIZE)
+    focal = 240.0 / math.tan(0.4)
+    np.testing.assert_allclose(k, [[focal, 0, 320], [0, focal, 240], [0, 0, 1]])
+
+
+@pytest.mark.parametrize("camera", [Camera(yfov=0.7), Camera(yfov=0.7, aspect=1.9, principal=(0.3, -0.2))])
+def test_k_and_pose_project_as_the_renderer_does(camera):
+    random = np.random.default_rng(3)
+    camera.pose = random_pose(random)
+    local = np.column_stack([random.uniform(-3.0, 3.0, (50, 2)), random.uniform(-30.0, -0.5, 50)])
+    world = local @ camera.pose[:3, :3].T + camera.pose[:3, 3]
+    x, y, z = (
+        camera.intrinsics(SIZE)
+        @ (np.linalg.inv(camera.extrinsics()) @ np.column_stack([world, np.ones(50)]).T)[:3]
+    )
+    np.testing.assert_allclose(project(camera, SIZE, world), np.column_stack([x / z, y / z]), atol=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("make", "says"),
+    [
+        (lambda: Camera(ymag=1.0).intrinsics(SIZE), "an orthographic camera has no K"),
+        (lambda: Camera().intrinsics((640,)), "size, width and height"),
+        (lambda: Camera().extrinsics(), "it has no pose of its own; take renderer.camera"),
+        (lambda: Camera(pose=np.eye(4)).extrinsics("opencl"), "'opencl' is not one of opencv, opengl"),
+    ],
+)
+def test_cameras_without_them_say_so(make, says):
+    with pytest.raises(SettingsError, match=says):
+        make()

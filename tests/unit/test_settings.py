@@ -2,6 +2,8 @@
 
 import contextlib
 import dataclasses
+from dataclasses import fields
+from typing import get_args, get_type_hints
 
 import numpy as np
 import pytest
@@ -9,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ispm.errors import SettingsError
-from ispm.settings import PRESETS, LoadLimits, Settings, resolve
+from ispm.settings import PRESETS, Changes, LoadLimits, Settings, resolve
 
 
 @pytest.mark.parametrize(
@@ -138,3 +140,16 @@ def test_every_knob_says_what_it_does():
 def test_load_limits_are_checked():
     with pytest.raises(SettingsError, match="max_texture: 0 is outside"):
         LoadLimits(max_texture=0)
+
+
+def test_arguments_by_name_are_typed_as_the_fields_are():
+    """One definition: what type checkers read of `replace` and `render` says what Settings says."""
+    assert get_type_hints(Changes) == get_type_hints(Settings)
+
+
+def test_choices_are_those_of_the_types():
+    hints = get_type_hints(Settings)
+    for f in fields(Settings):
+        words = [w for kind in (hints[f.name], *get_args(hints[f.name])) for w in get_args(kind)]
+        allowed = {word for word in words if isinstance(word, str)}
+        assert allowed == set(f.metadata["choices"]) | set(f.metadata["words"]), f.name
