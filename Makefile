@@ -5,12 +5,13 @@ LUXCORE ?=
 MITSUBA ?=
 run = .venv/bin
 
-.PHONY: help demo test drivers check bench accuracy biases peers kernels wheel clean
+.PHONY: help demo test docs drivers check bench accuracy biases peers kernels wheel clean
 
 help:
 	@echo 'make demo               render a few built-in scenes to out/'
 	@echo 'make demo SCENE=FILE    and that file to out/'
 	@echo 'make test               all checks and tests'
+	@echo 'make docs               write docs/api.md and the tables of settings again, and check all links'
 	@echo 'make drivers            tests on other Vulkan drivers, validation, Tint; PARTS=, see scripts/drivers.sh'
 	@echo 'make check              format, lint, types, imports'
 	@echo 'make bench              the benchmark'
@@ -31,6 +32,12 @@ demo:
 
 test: check
 	$(run)/pytest -n auto --maxprocesses 8
+
+docs:
+	@scripts/setup.sh all
+	$(run)/python scripts/settings_table.py
+	$(run)/python scripts/api_page.py
+	$(run)/pytest -q -n 0 tests/contract/test_documents.py
 
 drivers:
 	@scripts/setup.sh all

@@ -1,5 +1,7 @@
 """A mesh made by trimesh, in a scene built from nothing. Needs `pip install trimesh`."""
 
+import math
+
 import trimesh
 
 import ispm
@@ -11,7 +13,7 @@ floor = trimesh.creation.box(extents=(4.0, 4.0, 0.1))
 
 scene = ispm.Scene()
 red = ispm.Material((0.7, 0.1, 0.08), roughness=0.4)
-upright = (-(0.5**0.5), 0.0, 0.0, 0.5**0.5)  # z to y, as a quaternion x, y, z, w
+upright = ispm.euler(x=-math.pi / 2)  # z to y
 scene.add(ispm.Mesh.from_trimesh(capsule), material=red, translation=(0.0, 0.25, 0.0), rotation=upright)
 scene.add(ispm.Mesh.from_trimesh(floor), translation=(0.0, -0.05, 0.0), rotation=upright)
 scene.add(ispm.PointLight((60.0, 55.0, 45.0)), name="lamp", translation=(1.2, 2.0, 1.0))

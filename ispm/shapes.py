@@ -22,8 +22,9 @@ _MOST = 4096  # segments
 
 
 def plane(width: float = 1.0, depth: float = 1.0, *, name: str = "plane") -> Mesh:
-    """Return a rectangle on the floor, `width` along X and `depth` along Z, that faces +Y: 2 triangles.
+    """Return a rectangle on the floor that faces +Y: 2 triangles.
 
+    width, depth  along X and Z, metres
     A picture has its left at -X and its top at -Z.
     """
     _require("plane", "width", width)
@@ -34,7 +35,7 @@ def plane(width: float = 1.0, depth: float = 1.0, *, name: str = "plane") -> Mes
 def box(size: float | Point = 1.0, *, name: str = "box") -> Mesh:
     """Return a closed box: 12 triangles, sharp edges.
 
-    size  its edge, or (3,) its edges along X, Y and Z
+    size  its edge, or (3,) its edges along X, Y and Z, metres
     Each face has the whole picture; that on top has its top at -Z, that below at +Z.
     """
     if isinstance(size, int | float | np.integer | np.floating):
@@ -49,7 +50,9 @@ def box(size: float | Point = 1.0, *, name: str = "box") -> Mesh:
 def sphere(radius: float = 0.5, *, segments: int = 64, rings: int = 32, name: str = "sphere") -> Mesh:
     """Return a closed sphere, smooth: 2 segments (rings - 1) triangles between meridians and parallels.
 
-    segments  round the equator;  rings  from pole to pole
+    radius    metres
+    segments  round the equator
+    rings     from pole to pole
     A picture goes once round it: its middle looks to +Z, its top is the pole at +Y, as of maps of the earth.
     """
     _require("sphere", "radius", radius)
@@ -66,7 +69,9 @@ def cylinder(
 ) -> Mesh:
     """Return a cylinder, smooth round its axis, with sharp rims: 4 segments triangles, 2 without caps.
 
-    caps  whether its ends are closed
+    radius, height  metres
+    segments        round the axis
+    caps            whether its ends are closed
     A picture goes once round the side, its middle at +Z; each cap shows the disc cut out of one.
     """
     _require("cylinder", "radius", radius)
@@ -85,7 +90,9 @@ def cone(
 ) -> Mesh:
     """Return a cone with its tip at +Y, half the height above the origin: 2 segments triangles.
 
-    caps  whether its base is closed: without, segments triangles
+    radius, height  of its base and from there to the tip, metres
+    segments        round the axis
+    caps            whether its base is closed: without, segments triangles
     A picture goes once round the side, its middle at +Z, its top at the tip.
     """
     _require("cone", "radius", radius)
@@ -105,8 +112,10 @@ def torus(
 ) -> Mesh:
     """Return a closed ring that lies on the XZ plane, smooth: 2 segments sides triangles.
 
-    radius    from the axis to the middle of the tube;  tube  its own radius, less than the other
-    segments  round the axis;  sides  round the tube
+    radius    from the axis to the middle of the tube, metres
+    tube      its own radius, less than the other
+    segments  round the axis
+    sides     round the tube
     A picture goes once round the axis, its middle at +Z, and once round the tube, its top and bottom inside.
     """
     _require("torus", "radius", radius)

@@ -46,7 +46,11 @@ def compare(
     reference_error: float = 0.0,
     displayed: bool = False,
 ) -> Comparison:
-    """Compare the picture `a` with the reference `b`.
+    """Compare the picture `a` with the reference `b`; return numbers with these names, and how many `pixels`.
+
+    `bias` is mean(a) / mean(b) - 1; `relmse` the mean of (a - b)^2 / (b^2 + eps), eps = 0.001 mean(b)^2;
+    `mean_relative_error` the mean of |a - b| / sqrt(b^2 + eps); `flip` the mean of FLIP, both pictures tone
+    mapped at the exposure that suits the reference.
 
     a, b             (h, w, 3) linear radiance
     mask             (h, w) the pixels to compare, where it is not 0; default: all

@@ -69,7 +69,11 @@ class AdapterInfo:
 
 
 def list_adapters() -> list[AdapterInfo]:
-    """Return the adapters that can serve, the preferred one first."""
+    """Return the graphics adapters that can serve, the preferred one first.
+
+    Each has a `name`, a `backend` (Vulkan, Metal, D3D12), a `type` (DiscreteGPU, IntegratedGPU, CPU) and a
+    `driver`.
+    """
     return [_info(adapter) for adapter in _adapters()]
 
 

@@ -56,8 +56,9 @@ def read_about(path: str | Path) -> PictureFile:
 
 
 def read_names(path: str | os.PathLike[str]) -> Names:
-    """Return what the ids in an .exr or .npz that a frame was saved to stand for.
+    """Return what the ids in a picture that a frame was saved to stand for.
 
+    path  an .exr or .npz that `Frame.save` wrote
     Raises OutputError where there is no such file, or no table in it.
     """
     file = Path(path)

@@ -221,6 +221,7 @@ class Renderer:
     def save_progress(self, path: str | Path) -> Path:
         """Write what `converge` has summed up so far, to be continued with `resume`.
 
+        path  an .npz
         Raises IspmError where there is none, OutputError where it cannot be written.
         """
         if self.progress is None:
@@ -228,7 +229,7 @@ class Renderer:
         return self.progress.save(path)
 
     def render_pass(self, index: int) -> Frame:
-        """Render pass `index` alone; what `converge` takes the mean of."""
+        """Render pass `index`, from 0, alone; what `converge` takes the mean of."""
         self._require_open()
         if not isinstance(index, int) or not 0 <= index < _MOST_PASSES:
             raise SettingsError(f"pass {index!r}: passes are numbered from 0")
@@ -341,11 +342,16 @@ class Renderer:
         return fingerprint(packed, self._ready.textures, view, self.settings)
 
     def photons(self) -> np.ndarray:
-        """Return the last frame's photon map, (N,) PHOTON: a structured array, world space, lumen."""
+        """Return the last frame's photon map, (N,), world space: `position` (3,) m, `flux` (3,) lm, `normal`,
+        `wi` (3,) to where it came from, `bounce` (scatters before), a kernel's `radius` and `height`, m."""
         return self._photons
 
     def view(self, name: str) -> np.ndarray:
-        """Return a view of the last frame as uint8 sRGB, also those that need the renderer."""
+        """Return a view of the last frame, (h, w, 3) uint8 sRGB. Raises SettingsError where it has none.
+
+        name  as of `Frame.view`, or `photons`: the stored ones over the dimmed direct picture; `bounce-map`:
+              what each light's map saw; `overdraw`: how many kernels cover a pixel
+        """
         if self._last is None:
             self.render()
         assert self._last is not None

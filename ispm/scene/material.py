@@ -43,8 +43,8 @@ class Texture:
     srgb    whether RGB is kept sRGB-encoded, as glTF has colors (base color, emission), or linear, as it has
             data (normals, metallic and roughness, transmission); alpha is always linear
     wrap_u, wrap_v   what is seen outside of 0 to 1
-    mipmaps whether smaller levels may be used
-    linear  whether texels are interpolated or the nearest one is taken
+    mipmaps  whether smaller levels may be used
+    linear   whether texels are interpolated or the nearest one is taken
     name    default, of a file: its name without the ending
     Raises SceneError for pixels, or a file, that cannot be used.
     """

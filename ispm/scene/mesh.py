@@ -31,6 +31,7 @@ class Mesh:
     tangents   (V, 4) float32, w = handedness; None: derived from uv0 where a normal map needs them
     uv0, uv1   (V, 2) float32, v downwards as in glTF
     colors     (V, 4) float32, linear RGBA in [0, 1], multiplied into the base colour
+    version    counts what `touch` was told
     Raises SceneError where shapes disagree, an index points outside or a value is not finite.
     """
 
@@ -79,8 +80,9 @@ class Mesh:
 
     @classmethod
     def from_trimesh(cls, mesh: Any) -> Mesh:
-        """Return a copy of a trimesh.Trimesh: faces, vertex normals if given, uv, colors (as sRGB).
+        """Return a copy of one of trimesh's: faces, vertex normals if given, uv, colors (as sRGB).
 
+        mesh  a trimesh.Trimesh; metres, axes as they are
         Raises SceneError where the arrays cannot be used.
         """
         from ispm.scene.from_trimesh import to_mesh

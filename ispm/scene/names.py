@@ -49,6 +49,8 @@ class Copy(NamedTuple):
 class Names(Sequence[Copy]):
     """What ids stand for: `names[id]` of `instance`, `names.materials[id]`, a name, of `material`.
 
+    materials  names of the materials, by their ids
+    runs       the table as it is kept: a row for the copies of one part
     Ids count from 0 in the order of the scene's nodes, their parts, and the copies of these; what has no
     triangles has none. They stay the same from frame to frame while nothing comes or goes.
     """

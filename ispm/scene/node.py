@@ -26,7 +26,10 @@ _PLACE = ("translation", "rotation", "scale", "matrix")
 
 @dataclass(eq=False)
 class Part:
-    """A mesh with the material it wears."""
+    """A mesh with the material it wears.
+
+    Two parts of one mesh or one material share it: what changes, changes for both.
+    """
 
     mesh: Mesh
     material: Material
@@ -124,7 +127,7 @@ class Node(Branch):
         return world[None] if self.instances is None else world @ self.instances
 
     def check(self) -> None:
-        """Raise SceneError where something that cannot be drawn stands here."""
+        """Raise SceneError where something that cannot be drawn stands here, or it is not of its kind."""
         for part in listed(self, "parts", Part):
             mesh: object = part.mesh
             material: object = part.material
@@ -186,7 +189,7 @@ class Node(Branch):
         return self
 
     def stand_as(self, other: Node) -> None:
-        """Take the place of another node."""
+        """Take the place of the node `other`."""
         for name in _PLACE:
             setattr(self, name, getattr(other, name))
 

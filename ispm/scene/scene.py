@@ -49,8 +49,9 @@ class Scene(Branch):
 
     @classmethod
     def from_trimesh(cls, source: Any) -> Scene:
-        """Return the scene of a trimesh.Scene or Trimesh: geometry, places and materials, copied.
+        """Return the scene of trimesh's: geometry, places and materials, copied.
 
+        source  a trimesh.Scene or Trimesh; metres, axes as they are
         Raises SceneError where a geometry cannot be used.
         """
         from ispm.scene.from_trimesh import to_scene
@@ -67,7 +68,10 @@ class Scene(Branch):
         return f"<Scene '{self.name}': {held}>"
 
     def placed(self) -> Iterator[tuple[Node, np.ndarray]]:
-        """Yield each node with its (4, 4) node-to-world matrix, parents before children."""
+        """Yield each node with its (4, 4) node-to-world matrix, parents before children.
+
+        Raises SceneError where a node has no place that can be used.
+        """
         worlds = [np.eye(4)]  # of the node and those above it
         for node, depth in self._walk():
             del worlds[depth + 1 :]
@@ -136,6 +140,7 @@ class Scene(Branch):
     ) -> Node:
         """Place a mesh, light or camera on a new node and return the node.
 
+        item         stands at the node's origin, in its axes
         material     of a mesh; None: white and matt
         translation, rotation, scale   as of `Node`: metres, quaternion x, y, z, w, factors
         parent       the node in whose space it stands; None: the world
@@ -165,7 +170,9 @@ class Scene(Branch):
         """Place copies of another scene's nodes, with its animations, below a new node; return that node.
 
         Meshes, materials, lights and cameras are shared with `other`, nodes are not: it stays as it is, and
-        may be merged several times. Default name: the other scene's. The rest is as in `add`.
+        may be merged several times.
+        name         of the new node; default: the other scene's
+        translation, rotation, scale, parent   as in `add`
         Raises SceneError where one of them cannot be used.
         """
         if not isinstance(other, Scene):
@@ -188,8 +195,9 @@ class Scene(Branch):
         return node
 
     def remove(self, node: Node | str) -> Node:
-        """Take a node, or the first of that name, out of the scene with all below it, and return it.
+        """Take a node out of the scene with all below it, and return it.
 
+        node  itself, or the name of the first that has it
         Raises KeyError where no node has the name, SceneError where the node is not in the scene.
         """
         gone = self._own(node)
@@ -206,8 +214,9 @@ class Scene(Branch):
         return placed_bounds(self.placed())
 
     def bounds_of(self, node: Node | str) -> np.ndarray:
-        """Return likewise the bounds of what stands at a node and below it, in world space.
+        """Return likewise the (2, 3) bounds of what stands at a node and below it, metres, world space.
 
+        node  itself, or the name of the first that has it
         Raises SceneError as `bounds` does, and as `world_matrix`.
         """
         world = self.world_matrix(node)
@@ -216,8 +225,9 @@ class Scene(Branch):
         return placed_bounds([(own, world), *((each, world @ local) for each, local in below)])
 
     def world_matrix(self, node: Node | str) -> np.ndarray:
-        """Return the (4, 4) matrix from the space of a node, or of the first of that name, to the world.
+        """Return the (4, 4) matrix from a node's space to the world.
 
+        node  itself, or the name of the first that has it
         Raises KeyError where no node has the name, SceneError where the node is not in the scene.
         """
         own = self._own(node)

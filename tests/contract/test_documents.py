@@ -23,12 +23,32 @@ def test_changelog_and_readme_name_the_commands_there_are():
     assert named == {module.__name__.rpartition(".")[2] for module in COMMANDS}
 
 
-def test_python_in_the_readme_compiles():
-    readme = (ROOT / "README.md").read_text("utf-8")
-    blocks = re.findall(r"```python\n(.*?)```", readme, re.DOTALL)
-    assert blocks
-    for block in blocks:
-        compile(block, "README.md", "exec")
+def test_page_of_every_name_is_up_to_date():
+    script = [sys.executable, "scripts/api_page.py", "--check"]
+    run = subprocess.run(script, cwd=ROOT, env={**os.environ, "PYTHONPATH": str(ROOT)})
+    assert run.returncode == 0, "run: make docs"
+
+
+def test_links_between_documents_lead_to_headings_that_there_are():
+    anchors = {path: headings(path) for path in (ROOT / "README.md", *(ROOT / "docs").glob("*.md"))}
+    count = 0
+    for path in anchors:
+        for file, anchor in re.findall(r"\]\((?!https?:)([^)#\s]*)#([^)]+)\)", path.read_text("utf-8")):
+            target = (path.parent / file).resolve() if file else path
+            assert anchor in anchors[target], f"{path.name}: {file}#{anchor}"
+            count += 1
+    assert count > 30
+
+
+def headings(path):
+    """The anchors of a document's headings, as GitHub makes them: each once, code's are no headings."""
+    text = re.sub(r"^```.*?^```", "", path.read_text("utf-8"), flags=re.DOTALL | re.MULTILINE)
+    found = []
+    for title in re.findall(r"^#+ (.+)$", text, re.MULTILINE):
+        anchor = re.sub(r"[^\w\- ]", "", title.lower()).replace(" ", "-")
+        repeats = sum(re.sub(r"-\d+$", "", other) == anchor for other in found)
+        found.append(f"{anchor}-{repeats}" if repeats else anchor)
+    return found
 
 
 def test_files_that_documents_name_exist():
