@@ -27,6 +27,9 @@ class Layers(Mapping[str, np.ndarray]):
         self._made = made
         self._makers = dict.fromkeys(made, lambda: np.zeros(0, np.float32))
 
+    def __repr__(self) -> str:
+        return f"<Layers {', '.join(self)}>"
+
     def __getitem__(self, name: str) -> np.ndarray:
         if name not in self._made:
             self._made[name] = self._makers[name]()

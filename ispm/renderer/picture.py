@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import warnings
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -29,7 +29,8 @@ from ispm.stages.tonemap import auto_exposure, tonemap, tonemap_transparent
 class Frame:
     """One picture: its layers as arrays (height, width, channels), row 0 on top, linear, float32 unless said.
 
-    Each layer is an attribute, and comes by its name: `frame["indirect"]`. A notebook shows a frame as it is.
+    Each layer is an attribute, and comes by its name: `frame["indirect"]`; loops and `in` go through names.
+    A notebook shows a frame as it is.
 
     layers      all of them by name, each made at its first use
     stats       numbers of this frame: photons, flux, milliseconds
@@ -124,6 +125,12 @@ class Frame:
         if name not in self.layers:  # AttributeError, for hasattr and getattr
             raise AttributeError(f"this frame has no layer '{name}'; it has {', '.join(self.layers)}")
         return self.layers[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.layers)
+
+    def __contains__(self, layer: object) -> bool:
+        return layer in self.layers
 
     def __getitem__(self, layer: str) -> np.ndarray:
         """Return a layer by name. Raises KeyError naming the nearest."""

@@ -56,6 +56,9 @@ class Channel:
         if self.path == "rotation" and np.linalg.norm(keys, axis=1).min() < _SHORTEST:
             raise SceneError(f"{where}: a rotation is zero")
 
+    def __repr__(self) -> str:
+        return f"<Channel {self.path} of '{self.node.name}': {len(self.times)} keys>"
+
     def at(self, time: float) -> np.ndarray:
         """Return the value at `time` in seconds, held before the first and after the last key."""
         times = self.times
@@ -94,6 +97,10 @@ class Animation:
     def __post_init__(self) -> None:
         if not isinstance(self.channels, list) or not all(isinstance(c, Channel) for c in self.channels):
             raise SceneError(f"animation '{self.name}': channels must be a list of Channel")
+
+    def __repr__(self) -> str:
+        count = len(self.channels)
+        return f"<Animation '{self.name}': {count} channel{'s' * (count != 1)}, {self.duration:g} s>"
 
     @property
     def duration(self) -> float:

@@ -11,7 +11,7 @@ import numpy as np
 
 from ispm.errors import SettingsError
 from ispm.scene.rotation import facing
-from ispm.scene.values import FARTHEST, LEAST, Point, array_of, require
+from ispm.scene.values import FARTHEST, LEAST, Point, array_of, require, told
 
 Convention = Literal["opencv", "opengl"]
 
@@ -40,6 +40,9 @@ class Camera:
 
     def __post_init__(self) -> None:
         self.check()
+
+    def __repr__(self) -> str:
+        return told(self)
 
     def check(self) -> None:
         """Raise SettingsError for a value that shows nothing."""

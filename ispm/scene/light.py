@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, field
 
 from ispm.errors import SceneError
-from ispm.scene.values import BRIGHTEST, LEAST, require
+from ispm.scene.values import BRIGHTEST, LEAST, require, told
 
 _FLAT = math.pi / 2.0 + 1e-6  # files round it
 
@@ -25,6 +25,9 @@ class PointLight:
 
     def __post_init__(self) -> None:
         self.check()
+
+    def __repr__(self) -> str:
+        return told(self)
 
     def check(self) -> None:
         """Raise SceneError for a value out of range."""
@@ -50,6 +53,9 @@ class SpotLight:
     def __post_init__(self) -> None:
         self.check()
 
+    def __repr__(self) -> str:
+        return told(self)
+
     def check(self) -> None:
         """Raise SceneError for a value out of range."""
         _check_shine(self.name, self.intensity, self.range)
@@ -74,6 +80,9 @@ class DirectionalLight:
 
     def __post_init__(self) -> None:
         self.check()
+
+    def __repr__(self) -> str:
+        return told(self)
 
     def check(self) -> None:
         """Raise SceneError for a value out of range."""

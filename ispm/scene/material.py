@@ -189,7 +189,10 @@ class Material:
         where = f"material '{self.name}'"
         for name, limits in RANGES.items():
             if name != "ior" or self.ior != 0.0:
-                require(f"{where}: {name}", getattr(self, name), *limits)
+                value = getattr(self, name)
+                require(f"{where}: {name}", value, *limits)
+                if isinstance(value, list | np.ndarray):  # compared and shown as tuples are
+                    setattr(self, name, tuple(np.asarray(value).tolist()))
         self.alpha_mode = member_of(f"{where}: alpha_mode", self.alpha_mode, AlphaMode)
         for name in TEXTURES:
             use = getattr(self, name)

@@ -77,6 +77,9 @@ class Names(Sequence[Copy]):
 
     def __getitem__(self, id: int | slice) -> Copy | list[Copy]:
         """Return what an id stands for. IndexError for one that there is not, as -1, where nothing is."""
+        given: object = id
+        if isinstance(given, str):
+            raise TypeError(f"ids are numbers; find({given!r}) gives those of a name")
         if isinstance(id, slice):
             return [self[k] for k in range(*id.indices(len(self)))]
         if not 0 <= id < len(self):
@@ -90,6 +93,10 @@ class Names(Sequence[Copy]):
         for run in self.runs:
             for copy in range(run.copies):
                 yield Copy(run.name, run.node, run.part, copy, run.mesh, run.material)
+
+    def __contains__(self, wanted: object) -> bool:
+        """Whether a node of this name, or a `Copy`, has an id."""
+        return any(run.name == wanted for run in self.runs) or any(copy == wanted for copy in self)
 
     def find(self, pattern: str) -> np.ndarray:
         """Return the ids, (n,) int32, of the nodes whose name is `pattern` or matches it, as `Scene.find`.

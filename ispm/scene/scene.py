@@ -146,8 +146,11 @@ class Scene(Branch):
         parent       the node in whose space it stands; None: the world
         Raises SceneError where one of them cannot be used.
         """
-        if not isinstance(item, Mesh | Light | Camera):
-            raise SceneError(f"cannot add a {type(item).__name__}; give a mesh, a light or a camera")
+        given: object = item
+        if not isinstance(given, Mesh | Light | Camera):
+            others = {Scene: "; scenes are merged", Node: "; nodes are appended to roots or children"}
+            hint = others.get(type(given), "")
+            raise SceneError(f"cannot add a {type(given).__name__}; give a mesh, a light or a camera{hint}")
         node = Node(name or item.name, translation, rotation, scale)
         if isinstance(item, Mesh):
             node.parts.append(Part(item, Material() if material is None else material))

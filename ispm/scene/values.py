@@ -74,16 +74,22 @@ def array_of(
 
 
 def matches(name: str, pattern: str) -> bool:
-    """Return whether a name is `pattern`, or matches it as files' names do: "ball *", "ball ?", "[ab]*"."""
+    """Return whether a name is `pattern`, or matches it as files' names do: "ball *", "ball ?", "[ab]*".
+
+    Raises SceneError for a pattern that is no text.
+    """
+    if not isinstance(pattern, str):
+        raise SceneError(f"names are found by a text such as 'ball *', not by {_shown(pattern)}")
     return name == pattern or fnmatchcase(name, pattern)
 
 
-def told(item: object, *skipped: str) -> str:
-    """Return a dataclass as code that makes it, without fields at their defaults and those `skipped`."""
+def told(item: object) -> str:
+    """Return a dataclass as the code that makes it, without fields at their defaults."""
+    values = {f.name: (f, getattr(item, f.name)) for f in fields(item)}  # type: ignore[arg-type]
     given = [
-        f"{f.name}={_shown(getattr(item, f.name))}"
-        for f in fields(item)  # type: ignore[arg-type]
-        if f.name not in skipped and not _is_default(f, getattr(item, f.name))
+        f"{name}=<array {value.shape}>" if isinstance(value, np.ndarray) else f"{name}={value!r}"
+        for name, (f, value) in values.items()
+        if not _is_default(f, value)
     ]
     return f"{type(item).__name__}({', '.join(given)})"
 

@@ -77,7 +77,7 @@ def test_photons_in_a_mirror_light_as_in_the_mirrored_room(gpu):
         return np.mean([frame.radiance for frame in seeds], axis=0)
 
     pictures = [picture(scene), picture(both)]
-    shown = in_mirror(render(gpu, scene, EYE, size=SIZE, bounces=0)[0], scene)
+    shown = in_mirror(render(gpu, scene, EYE, size=SIZE, bounces=0)[0])
     ys, xs = np.nonzero(shown)
     for row in np.array_split(np.unique(ys), 3):
         for column in np.array_split(np.unique(xs), 3):

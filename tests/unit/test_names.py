@@ -48,6 +48,9 @@ def test_ids_count_nodes_then_parts_then_copies():
     assert names.of_node(4).tolist() == [6]
     assert names.find("lamp").tolist() == names.find("nothing").tolist() == []
     assert names.find_materials("b*").tolist() == [1]
+    assert "cup" in names and names[3] in names and "lamp" not in names and None not in names
+    with pytest.raises(TypeError, match=r"ids are numbers; find\('cup'\) gives those of a name"):
+        names["cup"]
     for wrong in (-1, 7):  # -1 is where nothing is: never the last
         with pytest.raises(IndexError, match=f"there is no id {wrong}; they are 0 to 6"):
             names[wrong]

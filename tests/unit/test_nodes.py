@@ -34,6 +34,9 @@ def test_nodes_are_found_by_name_and_pattern():
     assert names(scene.find("lamp [left]")) == ["lamp [left]"]  # itself, though it is a pattern
     assert scene.find("Cup *") == []
     assert scene["table"]["cup 2"] is scene["cup 2"]
+    for unnamed in (3, None, scene["spoon"]):
+        with pytest.raises(SceneError, match="names are found by a text"):
+            scene.find(unnamed)
     with pytest.raises(KeyError, match="no node is called 'spon'; did you mean 'spoon'"):
         scene["table"]["spon"]
 
@@ -51,6 +54,12 @@ def test_what_is_shown_of_them_is_a_line():
     red = ispm.Material((0.7, 0.1, 0.1), roughness=0.4, name="red")
     assert repr(red) == "Material(base_color=(0.7, 0.1, 0.1), roughness=0.4, name='red')"
     assert eval(repr(red), {"Material": ispm.Material}) == red
+    assert repr(ispm.Material([0.5, 0.5, 1.0])) == "Material(base_color=(0.5, 0.5, 1.0))"
+    assert repr(ispm.Camera.look_at((0, 0, 1), (0, 0, 0))) == "Camera(pose=<array (4, 4)>)"
+    assert repr(ispm.SpotLight((1, 2, 3))) == "SpotLight(intensity=(1, 2, 3))"
+    (swing,) = ispm.builtin("caustic-ring").animations
+    assert repr(swing) == "<Animation 'swing': 2 channels, 8 s>"
+    assert repr(swing.channels[0]) == "<Channel translation of 'ring': 33 keys>"
     assert repr(ispm.Texture(np.zeros((2, 3)), name="t")) == "<Texture 't': 3x2, sRGB>"
 
 

@@ -94,6 +94,7 @@ def test_an_unknown_view_is_refused_before_anything_is_shown(frame, viewer):
 def test_layers_are_attributes_that_editors_see(frame):
     assert set(LAYERS) - {"full"} | {"radiance", "image", "names"} <= set(dir(frame))
     assert frame.depth is frame["depth"] and frame.radiance is frame["full"]
+    assert list(frame) == ["full", "direct", "depth"] and "depth" in frame and "dpth" not in frame
     for missing in ("albedo", "dpth"):
         assert not hasattr(frame, missing)
     with pytest.raises(AttributeError, match="no layer 'albedo'; it has full, direct, depth"):

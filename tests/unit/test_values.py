@@ -224,3 +224,11 @@ def test_arrays_set_since_are_made_into_arrays_of_their_types():
     packed = pack(Scene([Node(parts=[Part(plain, Material())])]))
     assert packed.geometry.vertices["position"].tolist() == CORNERS[::-1]
     assert plain.positions.dtype == np.float32
+
+
+def test_materials_of_arrays_are_those_of_tuples():
+    made = Material(np.array([0.5, 0.25, 1.0]), emission=[0.0, 1, 2.5])
+    assert made == Material((0.5, 0.25, 1.0), emission=(0.0, 1.0, 2.5))
+    made.base_color = np.float32([0.5, 0.5, 0.5])
+    made.check()
+    assert made.base_color == (0.5, 0.5, 0.5)
