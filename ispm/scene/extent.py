@@ -10,6 +10,7 @@ import numpy as np
 from ispm.errors import SceneError
 
 if TYPE_CHECKING:
+    from ispm.scene.mesh import Mesh
     from ispm.scene.node import Node
 
 _FARTHEST = 4096  # points that may lie on the sphere
@@ -43,16 +44,18 @@ def placed_bounds(placed: Iterable[tuple[Node, np.ndarray]]) -> np.ndarray:
 
     Raises SceneError where there is no surface.
     """
-    low, high = np.full(3, np.inf), np.full(3, -np.inf)
+    shown: dict[int, tuple[Mesh, list[np.ndarray]]] = {}
     for node, world in placed:
         for part in node.parts:
-            places = node.places(world)
-            if len(part.mesh.triangles) and len(places):
-                first, last = _bounds_of_copies(used_points(part.mesh.positions, part.mesh.triangles), places)
-                low, high = np.minimum(low, first), np.maximum(high, last)
-    if not (low <= high).all():
+            if len(part.mesh.triangles) and node.copies:
+                shown.setdefault(id(part.mesh), (part.mesh, []))[1].append(node.places(world))
+    if not shown:
         raise SceneError("there is no surface, and so there are no bounds")
-    return np.stack([low, high])
+    boxes = np.stack([
+        _bounds_of_copies(used_points(mesh.positions, mesh.triangles), np.concatenate(places))
+        for mesh, places in shown.values()
+    ])  # fmt: skip
+    return np.stack([boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)])
 
 
 def used_points(positions: np.ndarray, triangles: np.ndarray) -> np.ndarray:
