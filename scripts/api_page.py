@@ -89,7 +89,7 @@ def _entry(name: str, value: Any) -> list[str]:
     else:
         _require_named(name, value)
     properties = [(n, m) for n, m in _members(value) if not callable(m)]
-    lines += [""] * bool(properties)
+    lines += ["", "Properties:", ""] * bool(properties)
     for inside, member in properties:
         text = " ".join(_text(f"{name}.{inside}", member.func if hasattr(member, "func") else member.fget))
         lines.append(f"- `.{inside}`: {' '.join(text.split())}")

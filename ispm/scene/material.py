@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ispm.errors import SceneError
+from ispm.errors import SceneError, warn_caller
 from ispm.scene.pixels import rgba_of
 from ispm.scene.values import BRIGHTEST, LEAST, array_of, member_of, require, told
 
@@ -133,6 +133,10 @@ TEXTURES = (
 )  # fmt: skip
 
 
+DATA = ("metallic_roughness_texture", "normal_texture", "transmission_texture")
+"""Those of TEXTURES that hold numbers, not colors: kept linear, as glTF has them."""
+
+
 @dataclass
 class Material:
     """Factors as glTF names them, linear; each texture multiplies its factor.
@@ -155,7 +159,8 @@ class Material:
     normal_texture    data: `Texture(picture, srgb=False)`; so are the following
     metallic_roughness_texture   G roughness, B metallic
     transmission_texture         R
-    Raises SceneError for a value out of range, as it is made and, if changed since, as it is rendered.
+    Raises SceneError for a value out of range, as it is made and, if changed since, as it is rendered; warns
+    where data is given as sRGB.
     """
 
     base_color: tuple[float, ...] = (1.0, 1.0, 1.0, 1.0)
@@ -183,6 +188,14 @@ class Material:
 
     def __post_init__(self) -> None:
         self.check()
+        for name in DATA:
+            use = getattr(self, name)
+            texture = use.texture if isinstance(use, TextureUse) else use
+            if texture is not None and texture.srgb:
+                warn_caller(
+                    f"material '{self.name}': {name} is read as sRGB colors, though it is data; "
+                    "make it by Texture(picture, srgb=False)"
+                )
 
     def check(self) -> None:
         """Raise SceneError where a field is of another kind or out of its range in RANGES."""

@@ -14,16 +14,24 @@ import numpy as np
 from ispm.errors import SceneError
 from ispm.scene.values import matches
 
+_MOST = 1 << 40  # copies; more are no scene
+
 
 class Run(NamedTuple):
     """The copies of one part, whose ids follow each other; fields as of `Copy`."""
 
-    name: str
     node: int
     part: int
     mesh: str
     material: int
     copies: int
+
+
+class Place(NamedTuple):
+    """A node's name, and its parent's place in `scene.nodes`; -1: it has none."""
+
+    name: str
+    parent: int
 
 
 class Copy(NamedTuple):
@@ -50,6 +58,7 @@ class Names(Sequence[Copy]):
     """What ids stand for: `names[id]` of `instance`, `names.materials[id]`, a name, of `material`.
 
     materials  names of the materials, by their ids
+    nodes      of each node its name and its parent's place among them, in the order of `scene.nodes`
     runs       the table as it is kept: a row for the copies of one part
     Ids count from 0 in the order of the scene's nodes, their parts, and the copies of these; what has no
     triangles has none. They stay the same from frame to frame while nothing comes or goes.
@@ -57,6 +66,7 @@ class Names(Sequence[Copy]):
 
     runs: tuple[Run, ...] = ()
     materials: tuple[str, ...] = ()
+    nodes: tuple[Place, ...] = ()
 
     @cached_property
     def _ends(self) -> list[int]:
@@ -87,23 +97,32 @@ class Names(Sequence[Copy]):
         row = bisect_right(self._ends, id)
         run = self.runs[row]
         first = self._ends[row] - run.copies
-        return Copy(run.name, run.node, run.part, int(id) - first, run.mesh, run.material)
+        return self._copy(run, int(id) - first)
 
     def __iter__(self) -> Iterator[Copy]:
         for run in self.runs:
             for copy in range(run.copies):
-                yield Copy(run.name, run.node, run.part, copy, run.mesh, run.material)
+                yield self._copy(run, copy)
+
+    def _copy(self, run: Run, copy: int) -> Copy:
+        return Copy(self.nodes[run.node].name, run.node, run.part, copy, run.mesh, run.material)
 
     def __contains__(self, wanted: object) -> bool:
         """Whether a node of this name, or a `Copy`, has an id."""
-        return any(run.name == wanted for run in self.runs) or any(copy == wanted for copy in self)
+        return any(self.nodes[run.node].name == wanted for run in self.runs) or any(
+            copy == wanted for copy in self
+        )
 
-    def find(self, pattern: str) -> np.ndarray:
+    def find(self, pattern: str, *, below: bool = False) -> np.ndarray:
         """Return the ids, (n,) int32, of the nodes whose name is `pattern` or matches it, as `Scene.find`.
 
+        below  whether those of the nodes below them count as well, as of an object made of several
         `np.isin(frame.instance, frame.names.find("ball *"))` is where these are in the picture.
         """
-        return self._ids([matches(run.name, pattern) for run in self.runs])
+        wanted: list[bool] = []
+        for name, parent in self.nodes:  # parents come first
+            wanted.append(matches(name, pattern) or (below and parent >= 0 and wanted[parent]))
+        return self._ids([wanted[run.node] for run in self.runs])
 
     def of_node(self, node: int) -> np.ndarray:
         """Return the ids, (n,) int32, of one node, by its place in `scene.nodes`."""
@@ -121,30 +140,46 @@ class Names(Sequence[Copy]):
         """Return the table as JSON, as EXR and NPZ hold it.
 
         {"instances": [{"id": 0, "name": "floor", "node": 2, "part": 0, "mesh": "floor", "material": 1,
-        "copies": 1}, ...], "materials": ["white", ...]}; the copies of one part have the ids from `id` on.
+        "copies": 1}, ...], "materials": ["white", ...], "nodes": [{"name": "room", "parent": -1}, ...]}; the
+        copies of one part have the ids from `id` on.
         """
-        firsts = [end - run.copies for end, run in zip(self._ends, self.runs, strict=True)]
-        rows = [{"id": first, **run._asdict()} for first, run in zip(firsts, self.runs, strict=True)]
-        return json.dumps({"instances": rows, "materials": self.materials}, ensure_ascii=False)
+        rows = [
+            {"id": end - run.copies, "name": self.nodes[run.node].name, **run._asdict()}
+            for end, run in zip(self._ends, self.runs, strict=True)
+        ]
+        nodes = [place._asdict() for place in self.nodes]
+        table = {"instances": rows, "materials": self.materials, "nodes": nodes}
+        return json.dumps(table, ensure_ascii=False)
 
     @classmethod
     def from_json(cls, text: str) -> Names:
         """Return the table that `to_json` wrote. Raises SceneError for another text."""
         try:
             table = json.loads(text)
-            runs = tuple(_run(row) for row in table["instances"])
-            names = cls(runs, tuple(str(name) for name in table["materials"]))
-            if [row["id"] for row in table["instances"]] != [0, *names._ends][: len(runs)]:
+            rows, materials = table["instances"], tuple(str(name) for name in table["materials"])
+            nodes = tuple(_place(node, k) for k, node in enumerate(table["nodes"]))
+            names = cls(tuple(_run(row, len(nodes), len(materials)) for row in rows), materials, nodes)
+            if json.loads(names.to_json())["instances"] != rows:
                 raise ValueError
         except (ValueError, TypeError, KeyError, RecursionError):
             raise SceneError("this is no table of names") from None
         return names
 
 
-def _run(row: dict[str, Any]) -> Run:
-    texts, counts = ("name", "mesh"), ("node", "part", "material", "copies")
-    if not all(isinstance(row[k], str) for k in texts):
-        raise TypeError
-    if not all(type(row[k]) is int and 0 <= row[k] < 1 << 40 for k in counts):
-        raise TypeError
+def _place(row: dict[str, Any], index: int) -> Place:
+    """The node at `index`, whose parent comes before it."""
+    if not isinstance(row["name"], str) or not _is_count(row["parent"] + 1, index):
+        raise ValueError
+    return Place(row["name"], row["parent"])
+
+
+def _run(row: dict[str, Any], nodes: int, materials: int) -> Run:
+    """A row of the table; there are so many nodes and materials."""
+    most = {"node": nodes - 1, "part": _MOST, "material": materials - 1, "copies": _MOST}
+    if not isinstance(row["mesh"], str) or not all(_is_count(row[k], n) for k, n in most.items()):
+        raise ValueError
     return Run(**{k: row[k] for k in Run._fields})
+
+
+def _is_count(value: object, most: int) -> bool:
+    return type(value) is int and 0 <= value <= most

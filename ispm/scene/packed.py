@@ -17,7 +17,7 @@ from ispm.scene.light import DirectionalLight, Light, PointLight, SpotLight
 from ispm.scene.lightmap import LightMap, corners_of, light_map
 from ispm.scene.material import Material, Texture
 from ispm.scene.mesh import Mesh
-from ispm.scene.names import Names, Run
+from ispm.scene.names import Names, Place, Run
 from ispm.scene.packed_material import material_record
 from ispm.scene.scene import Scene
 from ispm.scene.values import FARTHEST
@@ -199,7 +199,7 @@ def pack(scene: Scene, geometry: Geometry | None = None) -> Packed:
             if material == len(material_list):
                 material_list.append(part.material)
             rows.append((mesh, material, index, places))
-            runs.append(Run(node.name, index, number, part.mesh.name, material, len(places)))
+            runs.append(Run(index, number, part.mesh.name, material, len(places)))
 
     if geometry is None or not geometry.fits(mesh_list):
         geometry = pack_geometry(mesh_list)
@@ -211,10 +211,11 @@ def pack(scene: Scene, geometry: Geometry | None = None) -> Packed:
     boxes = np.stack([corners.min(axis=1), corners.max(axis=1)], axis=1)
     bounds = np.stack([boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)]) if len(boxes) else np.zeros((2, 3))
     diagonal = enclosing_diameter(corners.reshape(-1, 3)) or 1.0
+    nodes = tuple(map(Place, [node.name for node, _ in placed], scene.parents()))
     maps = [light_map(i, row, bounds) for i, row in enumerate(lights)]
     return Packed(
         geometry, instances, material_rows, textures, lights, maps, draws, bounds, diagonal, widths,
-        boxes, ids, Names(tuple(runs), tuple(material.name for material in material_list)),
+        boxes, ids, Names(tuple(runs), tuple(material.name for material in material_list), nodes),
     )  # fmt: skip
 
 

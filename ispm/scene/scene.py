@@ -83,6 +83,15 @@ class Scene(Branch):
         """All nodes, parents before children."""
         return [node for node, _ in self._walk()]
 
+    def parents(self) -> list[int]:
+        """Return of each of `nodes` the place of its parent among them, -1 where it has none."""
+        result: list[int] = []
+        above: list[int] = []
+        for index, (_, depth) in enumerate(self._walk()):
+            above[depth:] = [index]
+            result.append(above[depth - 1] if depth else -1)
+        return result
+
     def _walk(self) -> Iterator[tuple[Node, int]]:
         """Yield each node with how many are above it, parents before children.
 

@@ -14,7 +14,8 @@ from ispm.renderer.room import find_heart
 from ispm.scene.builtin import BUILTINS, builtin
 from ispm.scene.camera import Camera
 from ispm.scene.packed import pack
-from ispm.scene.scene import Scene, rotation_matrix
+from ispm.scene.rotation import rotation_matrix
+from ispm.scene.scene import Scene
 from ispm.scene.shapes import box, icosphere
 from ispm.tracer.world import World
 

@@ -9,12 +9,13 @@ import pytest
 import ispm
 from ispm.errors import OutputError, SceneError
 from ispm.io.about import read_about
-from ispm.scene.names import Names, Run
+from ispm.scene.names import Names, Place, Run
 from ispm.scene.packed import pack
 
 TABLE = Names(
-    (Run("floor", 0, 0, "box", 1, 1), Run("tree", 2, 0, "trunk", 0, 3), Run("tree", 2, 1, "crown", 2, 3)),
+    (Run(0, 0, "box", 1, 1), Run(2, 0, "trunk", 0, 3), Run(2, 1, "crown", 2, 3)),
     ("bark", "white", "leaf ☘"),
+    (Place("floor", -1), Place("garden", -1), Place("tree", 1)),
 )
 
 
@@ -73,6 +74,25 @@ def test_every_pixel_shows_what_its_id_says():
     assert (frame.material[frame.instance < 0] == -1).all()
 
 
+def test_an_object_of_several_nodes_is_found_with_all_below_it():
+    scene, chair = ispm.Scene(), ispm.Scene(name="chair")
+    seat = chair.add(ispm.shapes.box(), name="seat")
+    chair.add(ispm.shapes.cylinder(), name="leg", parent=seat)
+    scene.add(ispm.shapes.plane(), name="floor")
+    for k in range(2):
+        scene.merge(chair, name=f"chair {k}")
+    assert scene.parents() == [-1, -1, 1, 2, -1, 4, 5]
+    names = pack(scene).names
+    assert [node.name for node in names.nodes] == [node.name for node in scene]
+    assert names.find("chair 1").tolist() == []  # a node without a mesh of its own
+    assert names.find("chair 1", below=True).tolist() == [3, 4]
+    assert names.find("seat").tolist() == [1, 3]
+    assert (
+        names.find("seat", below=True).tolist() == names.find("chair *", below=True).tolist() == [1, 2, 3, 4]
+    )
+    assert names.find("floor", below=True).tolist() == [0]
+
+
 def test_ids_hold_while_things_move_and_passes_are_summed():
     scene = row_of_cups()
     with ispm.Renderer(scene, ispm.Settings(size=(32, 24), photons=100)) as renderer:
@@ -98,11 +118,12 @@ def test_files_bring_their_names(tmp_path, ending):
         id=3, name="cup", node=2, part=1, mesh="sphere", material=1, copies=3
     )
     assert table["materials"] == ["clay", "blue"]
+    assert table["nodes"][2] == {"name": "cup", "parent": -1}
 
 
 def test_a_million_copies_are_a_line():
-    table = Names((Run("grass", 1, 0, "blade", 0, 1_000_000),), ("green",))
-    assert len(table) == 1_000_000 and len(table.to_json()) < 200
+    table = Names((Run(0, 0, "blade", 0, 1_000_000),), ("green",), (Place("grass", -1),))
+    assert len(table) == 1_000_000 and len(table.to_json()) < 250
     assert table[999_999].copy == 999_999
     assert Names.from_json(table.to_json()) == table
 
@@ -119,7 +140,9 @@ def test_a_table_comes_back():
     ["", "[]", "{}", '{"instances": [3], "materials": []}', '{"instances": 3, "materials": []}', "[" * 5000,
      TABLE.to_json().replace('"id": 1', '"id": 2'), TABLE.to_json().replace('"copies": 3', '"copies": -3'),
      TABLE.to_json().replace('"copies": 3', '"copies": 1e400'),
-     TABLE.to_json().replace('"part": 0', '"part": null')],
+     TABLE.to_json().replace('"part": 0', '"part": null'), TABLE.to_json().replace('"node": 2', '"node": 3'),
+     TABLE.to_json().replace('"material": 2', '"material": 3'), TABLE.to_json().replace("floor", "roof", 1),
+     TABLE.to_json().replace('"parent": 1', '"parent": 2')],
 )  # fmt: skip
 def test_what_is_no_table_is_refused(text):
     with pytest.raises(SceneError, match="no table of names"):

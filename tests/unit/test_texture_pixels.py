@@ -1,11 +1,13 @@
 """Pictures given to textures: files, gray, RGB and RGBA, of bytes and of floats."""
 
+import warnings
+
 import numpy as np
 import pytest
 from PIL import Image
 
-from ispm.errors import SceneError
-from ispm.scene.material import Texture
+from ispm.errors import SceneError, SceneWarning
+from ispm.scene.material import DATA, Material, Texture, TextureUse
 
 RANDOM = np.random.default_rng(4)
 BYTES = RANDOM.integers(0, 256, (3, 5, 4), np.uint8)
@@ -82,3 +84,14 @@ def test_pixels_set_later_are_brought_to_form_as_well():
     texture.pixels = np.full((2, 2, 3), 2.0)
     with pytest.raises(SceneError, match="must be 0 to 1"):
         texture.check()
+
+
+@pytest.mark.parametrize("slot", DATA)
+@pytest.mark.parametrize("use", [Texture, lambda *given: TextureUse(Texture(*given))])
+def test_data_given_as_colors_is_told(slot, use):
+    with pytest.warns(SceneWarning, match=f"material 'tin': {slot} is read as sRGB colors") as said:
+        Material(name="tin", **{slot: use(BYTES)})
+    assert said[0].filename == __file__
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        Material(name="tin", base_color_texture=Texture(BYTES), **{slot: use(BYTES, False)})
