@@ -10,10 +10,11 @@ import numpy as np
 from ispm.errors import SceneError
 from ispm.io.folder import read_inside
 from ispm.io.notes import Notes
-from ispm.io.picture import MORE_FORMATS, decode, shrunk
+from ispm.io.picture import decode, shrunk
 from ispm.scene.material import Texture, TextureUse, Wrap
 from ispm.settings import LoadLimits
 
+MORE_FORMATS = ("BMP", "TGA", "GIF", "TIFF")
 WORDS = {"-blendu": 1, "-blendv": 1, "-bm": 1, "-boost": 1, "-cc": 1, "-clamp": 1, "-imfchan": 1,
          "-mm": 2, "-texres": 1, "-type": 1}  # fmt: skip
 VECTORS = {"-o": 0.0, "-s": 1.0, "-t": 0.0}  # one to three numbers, and what stands for the others

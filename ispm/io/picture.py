@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import io
-import os
 import warnings
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,7 +14,6 @@ from ispm.scene.material import Texture
 from ispm.settings import LoadLimits
 
 FORMATS = ("PNG", "JPEG", "WEBP")
-MORE_FORMATS = ("BMP", "TGA", "GIF", "TIFF")  # which glTF does not have
 
 
 def decode(data: memoryview, limits: LoadLimits, more: tuple[str, ...] = ()) -> np.ndarray:
@@ -45,18 +42,6 @@ def decode(data: memoryview, limits: LoadLimits, more: tuple[str, ...] = ()) -> 
             raise
         except Exception as error:  # Pillow's decoders raise a dozen kinds for broken pictures
             raise SceneError(f"it cannot be decoded: {error}") from None
-
-
-def read_pixels(path: str | os.PathLike[str]) -> np.ndarray:
-    """Return a picture file as (height, width, 4) uint8. Raises SceneError where it cannot be used."""
-    try:
-        data = Path(path).read_bytes()
-    except (OSError, ValueError) as error:  # ValueError: a null byte in the path
-        raise SceneError(f"{path}: cannot be read: {getattr(error, 'strerror', None) or error}") from None
-    try:
-        return decode(memoryview(data), LoadLimits(), MORE_FORMATS)
-    except SceneError as error:
-        raise SceneError(f"{path}: {error}") from None
 
 
 def rgba(image: Any) -> np.ndarray:

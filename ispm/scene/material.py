@@ -70,7 +70,7 @@ class Texture:
         self.srgb, self.wrap_u, self.wrap_v = srgb, wrap_u, wrap_v
         self.linear, self.mipmaps, self.name = linear, mipmaps, name
         if isinstance(pixels, str | os.PathLike):
-            from ispm.io.picture import read_pixels
+            from ispm.io.texture_file import read_pixels
 
             self.name, self.pixels = name or Path(pixels).stem, read_pixels(pixels)
         else:

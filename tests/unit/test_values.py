@@ -62,7 +62,7 @@ def test_materials_at_the_ends_of_their_ranges_are_taken():
     ("make", "says"),
     [
         (lambda: Texture(PIXELS.tolist()), "must be a path or a numpy array, not a list"),
-        (lambda: Texture("none.png"), "none.png: cannot be read: No such file"),
+        (lambda: Texture("none.png"), "none.png: there is no such file"),
         (lambda: Texture(PIXELS[None]), r"or \(height, width, 1 to 4\), not \(1, 2, 2, 4\)"),
         (lambda: Texture(PIXELS[0, 0]), "shape"),
         (lambda: Texture(PIXELS[:0]), "shape"),
