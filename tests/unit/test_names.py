@@ -95,7 +95,7 @@ def test_an_object_of_several_nodes_is_found_with_all_below_it():
 
 def test_ids_hold_while_things_move_and_passes_are_summed():
     scene = row_of_cups()
-    with ispm.Renderer(scene, ispm.Settings(size=(32, 24), photons=100)) as renderer:
+    with ispm.Renderer(scene, ispm.Settings(size=(32, 24), photons=4000)) as renderer:
         first = renderer.render()
         scene.nodes[2].translation = (0.1, 0, 0)
         assert renderer.render().names == first.names

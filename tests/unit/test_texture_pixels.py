@@ -70,7 +70,7 @@ def test_files_are_what_they_show(tmp_path, mode, as_text):
 
 def test_a_file_that_is_no_picture_is_one_line(tmp_path):
     (tmp_path / "a.png").write_bytes(b"no")
-    for path, says in ((tmp_path / "a.png", "a.png: it is none of PNG, JPEG"), (tmp_path, "there is no such file"),
+    for path, says in ((tmp_path / "a.png", "a.png: it is none of PNG, JPEG"), (tmp_path, "no such file"),
                        ("a\0b", "no such file"), ("/dev/null", "no such file")):  # fmt: skip
         with pytest.raises(SceneError, match=says):
             Texture(path)
