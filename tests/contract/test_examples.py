@@ -4,15 +4,18 @@ import re
 from pathlib import Path
 
 import pytest
+from PIL import ImageShow
 
 EXAMPLES = sorted((Path(__file__).parents[2] / "examples").glob("*.py"))
 
 
+@pytest.mark.filterwarnings("ignore:there is no display")
 @pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
 def test_example_runs(path, tmp_path, monkeypatch, capsys):
     if "trimesh" in path.stem:
         pytest.importorskip("trimesh", reason="trimesh is not installed")
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(ImageShow, "_viewers", [])  # no windows while tests run
     text, sizes = re.subn(r"^SIZE = .*$", "SIZE = (64, 48)", path.read_text("utf-8"), flags=re.MULTILINE)
     text = re.sub(r"^(STEPS|PICTURES) = .*$", r"\1 = 2", text, flags=re.MULTILINE)
     assert sizes == 1
