@@ -3,8 +3,8 @@
 .venv/bin/python scripts/soak.py                            6,000 calls, 300 frames, 30 renderers: an hour
 .venv/bin/python scripts/soak.py --calls 60 --frames 30 --renderers 6
 
-Each of the three is warm after its first half: caches of the driver are full, each kernel was called. What the
-other half takes more than that is a leak. Linux alone: it reads /proc.
+Each of the three is warm after its first half: caches of the driver are full, each kernel was called. What
+the other half takes more than that is a leak. Linux alone: it reads /proc.
 """
 
 from __future__ import annotations

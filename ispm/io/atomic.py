@@ -101,7 +101,7 @@ def _place(path: str | Path) -> tuple[Path, int | None]:
 
 
 def _create(path: Path, mode: int | None) -> None:
-    """Make an empty file that no more people may read than the one it will replace; None: it replaces none."""
+    """Make an empty file that no more people may read than the one it replaces; None: there is none."""
     allowed = 0o666 if mode is None else mode | stat.S_IWUSR
     os.close(os.open(path, os.O_CREAT | os.O_EXCL | os.O_WRONLY, allowed))
 

@@ -110,7 +110,7 @@ def write_npz(
     about = {ABOUT: np.array(json.dumps(text))} if text else {}
     out, method = io.BytesIO(), zipfile.ZIP_DEFLATED if compressed else zipfile.ZIP_STORED
     with zipfile.ZipFile(out, "w", method, compresslevel=_LEVEL) as archive:
-        for name, array in (layers | about).items():
+        for name, array in {**layers, **about}.items():
             with archive.open(f"{name}.npy", "w", force_zip64=True) as file:
                 np.lib.format.write_array(file, np.asanyarray(array), allow_pickle=False)
     write_whole(path, [out.getbuffer()])

@@ -225,8 +225,10 @@ pixels = (light * 255).astype(np.uint8)
 image.write_exr("warm.exr", {"full": light[:2]})  # what libraries open is open
 os.chdir("full")
 for ending, write in {
-    "exr": lambda path: image.write_exr(path, {"full": light}), "npy": lambda path: image.write_npy(path, light),
-    "npz": lambda path: image.write_npz(path, {"full": light}), "png": lambda path: image.write_png(path, pixels),
+    "exr": lambda path: image.write_exr(path, {"full": light}),
+    "npy": lambda path: image.write_npy(path, light),
+    "npz": lambda path: image.write_npz(path, {"full": light}),
+    "png": lambda path: image.write_png(path, pixels),
     "jpg": lambda path: image.write_jpeg(path, pixels),
 }.items():
     try:
@@ -244,7 +246,7 @@ print(os.listdir("."))
         capture_output=True, text=True,
     )  # fmt: skip
     assert run.returncode == 0, run.stderr
-    kinds = "exr npy npz png jpg".split()
+    kinds = ["exr", "npy", "npz", "png", "jpg"]
     assert run.stdout.splitlines() == [
         *(f"a.{kind}: cannot be written: No space left on device" for kind in kinds), "[]"
     ]  # fmt: skip
