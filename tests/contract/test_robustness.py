@@ -165,11 +165,38 @@ def test_a_damaged_cache_costs_a_compilation_only(tmp_path: Path):
         return done.stdout
 
     first = run()
-    kept = [*tmp_path.glob("kernels/*.kernel")]
-    assert kept
-    for file in kept:
-        file.write_bytes(file.read_bytes()[:10])
+    (file,) = tmp_path.glob("kernels/*.kernel")
+    whole = file.read_bytes()
+    for damaged in (b"", whole[:10], whole[:-1], whole[:40] + b"\0" * (len(whole) - 40), b"\xff" + whole[1:]):
+        file.write_bytes(damaged)
+        assert run() == first
+        mended = file.read_bytes()
+        assert len(mended) > 1000 and run() == first and file.read_bytes() == mended
+    file.unlink()
+    file.mkdir()
     assert run() == first
+
+
+def test_a_kernel_under_another_ones_name_is_not_run(tmp_path: Path):
+    """Whoever copies files about: one kernel's code under another's name would be called as the other."""
+    code = "from ispm.optics import rng; print(rng.{}(1, 2, 3, 4)[0])"
+    environment = {**os.environ, "ISPM_CACHE": str(tmp_path)}
+
+    def run(kernel: str) -> str:
+        done = subprocess.run(
+            [sys.executable, "-c", code.format(kernel)], env=environment, capture_output=True, text=True,
+            timeout=120,
+        )  # fmt: skip
+        assert done.returncode == 0, done.stderr
+        return done.stdout
+
+    first = run("random4"), run("pcg4d")
+    one, two = (next(tmp_path.glob(f"kernels/*{kernel}-*.kernel")) for kernel in ("random4", "pcg4d"))
+    kept = one.read_bytes(), two.read_bytes()
+    one.write_bytes(kept[1])
+    two.write_bytes(kept[0])
+    assert (run("random4"), run("pcg4d")) == first
+    assert one.read_bytes() != kept[1] and two.read_bytes() != kept[0]  # compiled again
 
 
 def test_frames_own_their_arrays_whatever_is_rendered_next(gpu):
