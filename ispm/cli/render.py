@@ -58,7 +58,10 @@ def render(
     threads: Annotated[int | None, Parameter(help="CPU threads; default: all cores", metavar="N")] = None,
     resume: Annotated[
         str | None,
-        Parameter(help="passes are kept in FILE.npz, and continued where it exists", metavar="FILE.npz"),
+        Parameter(
+            help="passes are kept in FILE.npz, each half minute, and continued where it exists",
+            metavar="FILE.npz",
+        ),
     ] = None,
     config: Annotated[str | None, Parameter(help="settings as TOML", metavar="FILE.toml")] = None,
     print_config: Annotated[
@@ -121,7 +124,7 @@ def render(
         ),
         Renderer(world, settings, camera=view, adapter=adapter, threads=threads) as renderer,
     ):
-        frame, interrupted = render_passes(console, renderer, resume)
+        frame, interrupted, not_kept = render_passes(console, renderer, resume)
         asked = show
         if show in RENDERER_VIEWS:
             frame.image, show = renderer.view(show), "full"
@@ -136,6 +139,9 @@ def render(
     _report(console, frame.stats, target, stats)
     if interrupted:
         console.say(f"interrupted: {target} is the mean of {frame.stats.passes} passes")
+    if not_kept:
+        raise not_kept
+    if interrupted:
         raise KeyboardInterrupt
 
 

@@ -234,3 +234,58 @@ def test_an_interrupt_keeps_the_passes_that_were_done(tmp_path, request_to_end):
     done = Progress.load(kept).passes
     assert done >= 2 and read_picture(picture).shape == (36, 64, 3)
     assert f"mean of {done} passes" in rest
+
+
+LONG = [
+    "render",
+    "cornell-box",
+    "--size",
+    "64x36",
+    "--photons",
+    "1000",
+    "--resume",
+    "kept.npz",
+    "-o",
+    "a.png",
+]
+
+
+def start(folder: Path, code: str, *words: str) -> subprocess.Popen[str]:
+    """A command line after some Python of a test."""
+    script = f"import sys\nfrom ispm.cli.main import main\n{code}\nsys.exit(main(sys.argv[1:]))"
+    return subprocess.Popen(
+        [sys.executable, "-c", script, *words], cwd=folder, text=True, stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+    )  # fmt: skip
+
+
+def test_a_killed_process_leaves_the_passes_that_it_kept_on_the_way(tmp_path):
+    with start(tmp_path, "from ispm.cli import passes; passes._EVERY = 0.0", *LONG, "--passes", "9k") as run:
+        for line in run.stderr:
+            if line.startswith("8 passes"):
+                run.kill()
+                break
+        run.communicate(timeout=120)
+    done = Progress.load(tmp_path / "kept.npz").passes
+    assert done >= 1 and not (tmp_path / "a.png").exists()
+    with start(tmp_path, "", *LONG, "--passes", str(done + 1)) as again:
+        out, err = again.communicate(timeout=120)
+    assert (again.returncode, out.split()) == (0, ["kept.npz", "a.png"]), err
+    assert Progress.load(tmp_path / "kept.npz").passes == done + 1
+
+
+def test_passes_that_cannot_be_kept_cost_no_picture(tmp_path):
+    full = """
+from ispm.cli import passes
+from ispm.errors import OutputError
+from ispm.renderer import Renderer
+def full(self, path):
+    raise OutputError(f"{path}: cannot be written: No space left on device")
+Renderer.save_progress, passes._EVERY = full, 0.0
+"""
+    with start(tmp_path, full, *LONG, "--passes", "3") as run:
+        out, err = run.communicate(timeout=120)
+    assert (run.returncode, out) == (2, "a.png\n")
+    assert err.count("rendering goes on") == 1
+    assert err.splitlines()[-1] == "ispm: kept.npz: cannot be written: No space left on device"
+    assert read_picture(tmp_path / "a.png").shape == (36, 64, 3)
