@@ -247,7 +247,7 @@ SPOILED = {
     **{f"about {k} {v}": about_with(**{k: v}) for k, v in (
         ("passes", None), ("passes", -1), ("passes", True), ("passes", "2"), ("passes", 10**30),
         ("passes", 1.5), ("scene", 3), ("made_of", None), ("made_of", 1), ("stats", None),
-        ("stats", {"nothing": 1}), ("stats", {"width": "wide"}), ("stats", {"total_ms": []}), ("stats", {"adapter": 1}),
+        ("stats", {"nothing": 1}), ("stats", {"width": "wide"}), ("stats", {"total_ms": []}),
     )},
     **{f"{name} {i}": array_with(name, change) for name in (
         "sum.direct", "indirect_moments", "first.normal", "first.instance", "camera.pose"

@@ -204,17 +204,47 @@ def test_compare_writes_the_difference(ispm_command, pictures, place):
     assert (place / "d.png").is_file()
 
 
-def test_a_closed_pipe_is_no_error():
+@pytest.mark.parametrize(
+    "line", ["scenes --json", "--help", "render --help", "--version", "info cornell-box --json"]
+)
+def test_a_closed_pipe_is_no_error(line):
     run = subprocess.Popen(
-        [sys.executable, "-m", "ispm", "scenes", "--json"],
+        [sys.executable, "-m", "ispm", *line.split()],
         cwd=Path(ispm.__file__).parents[1],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
     )
     run.stdout.close()
-    assert run.stderr.read() == b""
+    assert b"Traceback" not in (said := run.stderr.read()) and b"Broken" not in said
     assert run.wait() == 0
     run.stderr.close()
+
+
+def test_work_goes_on_where_nobody_reads_what_is_said(place):
+    write_npy("a.npy", np.ones((4, 4, 3), np.float32))
+    run = subprocess.Popen(
+        [sys.executable, "-m", "ispm", "compare", "a.npy", "a.npy", "--diff", "d.png"],
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+    )  # fmt: skip
+    run.stderr.close()
+    assert run.stdout.read() == b"d.png\n" and run.wait() == 0
+    run.stdout.close()
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows cannot send a process SIGINT")
+@pytest.mark.parametrize("module", ["cyclopts", "ispm.cli.render", "numpy"])
+def test_an_interrupt_while_modules_are_read_is_one_line(module):
+    code = (
+        "import os, signal, sys\n"
+        "class Interrupting:\n"
+        "    def find_spec(self, name, *_):\n"
+        f"        if name == {module!r}: os.kill(os.getpid(), signal.SIGINT)\n"
+        "sys.meta_path.insert(0, Interrupting())\n"
+        "from ispm.cli.main import main\n"
+        "sys.exit(main(['info', 'cornell-box']))"
+    )
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert (run.returncode, run.stdout, run.stderr) == (130, "", "ispm: interrupted\n")
 
 
 def test_python_m_ispm_is_the_command():
