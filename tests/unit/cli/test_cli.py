@@ -12,7 +12,7 @@ from unittest.mock import patch
 
 import numpy as np
 import pytest
-from fake import SMALL, FakeRenderer
+from fake import SMALL, FakeRenderer, FakeStats
 
 import ispm.renderer
 from ispm.cli.main import main
@@ -25,7 +25,14 @@ def test_render_writes_the_path_alone_to_stdout_and_the_table_to_stderr(ispm_com
     assert (code, out) == (0, "made/room.png\n")
     assert (place / "made" / "room.png").is_file()
     assert "rendering 8x6, 40,000 photons" in err
-    assert "stored_photons  123,456" in err
+    assert "stored_photons  123,456" in err and "flux" not in err
+
+
+def test_all_statistics_are_shown_on_demand(ispm_command, place):
+    code, out, err = ispm_command(SMALL + "-o a.png --stats -")
+    assert (code, out, [f.name for f in place.iterdir()]) == (0, "a.png\n", ["a.png"])
+    shown = [line.split()[0] for line in err.splitlines()[-len(fields(FakeStats)) :]]
+    assert shown == [f.name for f in fields(FakeStats)]
 
 
 def test_render_names_the_picture_after_the_scene(ispm_command, place):
