@@ -19,6 +19,7 @@ from ispm.scene.values import FARTHEST, array_of, require
 
 _Kind = TypeVar("_Kind")
 _PLACE = ("translation", "rotation", "scale", "matrix")
+_MOST_PLACES = 1_000_000  # of nodes
 _MOMENTS = 64  # evenly over an animation, at which it is asked where it takes things
 _KEYS = 256  # likewise, of its own
 
@@ -64,7 +65,8 @@ class Node:
 
         world  (4, 4), this node's own
         """
-        return world[None] if self.instances is None else world @ self.instances
+        instances = self.instances
+        return world[None] if instances is None else world @ instances
 
     def check(self) -> None:
         """Raise SceneError where something that cannot be drawn stands here."""
@@ -174,17 +176,26 @@ class Scene:
     def _walk(self) -> Iterator[tuple[Node, int]]:
         """Yield each node with how many are above it, parents before children.
 
-        Raises SceneError where something else stands among them, or a node hangs below itself.
+        A node that hangs in several places is met in each. Raises SceneError where something else stands
+        among them, a node hangs below itself, or there are too many places: a few dozen nodes, each twice
+        below the next, have more than can ever be visited.
         """
         stack = [(node, 0) for node in reversed(_listed(self, "roots", Node))]
         above: list[int] = []  # ids of the nodes on the way to this one
         inside: set[int] = set()
+        met = 0
         while stack:
             node, depth = stack.pop()
             inside.difference_update(above[depth:])
             del above[depth:]
             if id(node) in inside:
                 raise SceneError(f"node '{node.name}': hangs below itself; take it out of its descendants")
+            if met == _MOST_PLACES:
+                raise SceneError(
+                    f"node '{node.name}': nodes that hang in several places multiply, here to more than "
+                    f"{_MOST_PLACES:,}; let each hang in one, with instances where parts repeat"
+                )
+            met += 1
             above.append(id(node))
             inside.add(id(node))
             yield node, depth

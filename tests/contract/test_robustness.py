@@ -5,6 +5,7 @@ import pickle
 import signal
 import subprocess
 import sys
+import threading
 import warnings
 from pathlib import Path
 
@@ -23,7 +24,7 @@ from ispm.scene.light import DirectionalLight, Light, PointLight
 from ispm.scene.material import Material, Texture
 from ispm.scene.mesh import Mesh
 from ispm.scene.scene import Scene
-from ispm.scene.shapes import box
+from ispm.scene.shapes import box, icosphere
 from ispm.settings import Settings
 
 
@@ -105,6 +106,78 @@ def test_light_that_photons_miss_is_told(gpu):
         warnings.simplefilter("error")
         for side in (10.0, 1000.0):  # the sun is aimed at what the eye sees
             render(gpu, lit_plain(side, DirectionalLight(), 0.0), size=(32, 18), photons=4000)
+
+
+@pytest.mark.parametrize("name", ["positions", "triangles", "normals", "colors"])
+def test_other_arrays_of_a_mesh_are_seen_without_a_word(gpu, name):
+    """And the same ones are not read again, whatever others have."""
+    scene = lit(box_room())
+    scene.add(box((-0.2, 0.1, -0.2), (0.2, 0.5, 0.2)), name="box")
+    mesh = scene["box"].parts[0].mesh
+    with Renderer(scene, Settings(size=(64, 36), photons=500), gpu=gpu) as renderer:
+        before = renderer.render()
+        assert renderer.render().radiance.tobytes() == before.radiance.tobytes()
+        geometry = renderer._ready._packed.geometry
+        corners = len(mesh.positions)
+        other = {
+            "positions": lambda: mesh.positions * np.float32(0.5),
+            "triangles": lambda: mesh.triangles[:-2],
+            "normals": lambda: np.tile(np.float32([0.6, 0.0, 0.8]), (corners, 1)),
+            "colors": lambda: np.full((corners, 4), 0.5),
+        }[name]()
+        setattr(mesh, name, other)
+        after = renderer.render()
+        assert renderer.render().radiance.tobytes() == after.radiance.tobytes()
+        assert renderer._ready._packed.geometry is not geometry
+        camera = renderer.camera
+    with Renderer(scene, Settings(size=(64, 36), photons=500), camera=camera, gpu=gpu) as renderer:
+        fresh = renderer.render()
+    assert after.radiance.tobytes() == fresh.radiance.tobytes() != before.radiance.tobytes()
+
+
+def swap_meshes(scene, turn):
+    mesh, other = scene["spare"].parts[0].mesh, (icosphere(0.1, 2), icosphere(0.1, 7))[turn % 2]
+    mesh.positions, mesh.triangles, mesh.normals = other.positions, other.triangles, other.normals
+
+
+def swap_lights(scene, turn):
+    for node in scene.roots[-20:]:
+        node.light = PointLight() if turn % 2 else None
+
+
+def come_and_go(scene, turn):
+    scene.add(box((0, 0, 0), (0.01, 0.01, 0.01))) if turn % 2 else scene.roots.pop()
+
+
+@pytest.mark.parametrize("edit", [swap_meshes, swap_lights, come_and_go])
+def test_edits_by_another_thread_show_in_this_frame_or_the_next(gpu, edit):
+    """Or are refused by name, where the frame found a mesh that was half another one."""
+    scene = lit(box_room())
+    scene.add(icosphere(0.1, 3), name="spare")
+    for k in range(60):
+        scene.add(box((0, 0, 0), (0.01, 0.01, 0.01)), translation=(0.01 * k, 0.0, 0.0))
+    ended, before = threading.Event(), sys.getswitchinterval()
+
+    def edit_on():
+        turn = 0
+        while not ended.is_set():
+            turn += 1
+            edit(scene, turn)
+
+    other = threading.Thread(target=edit_on)
+    sys.setswitchinterval(1e-5)
+    try:
+        other.start()
+        with Renderer(scene, Settings(size=(32, 18), photons=200), gpu=gpu) as renderer:
+            for _ in range(20):
+                try:
+                    renderer.render()
+                except SceneError as error:
+                    assert "mesh ''" in str(error)
+    finally:
+        ended.set()
+        other.join()
+        sys.setswitchinterval(before)
 
 
 def test_a_sun_lights_what_is_seen_of_a_plain_however_wide(gpu):
