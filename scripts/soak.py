@@ -1,6 +1,6 @@
 """Render again and again, and fail where memory mappings, file descriptors or resident memory grow.
 
-.venv/bin/python scripts/soak.py                            6,000 calls, 300 frames, 30 renderers: an hour
+.venv/bin/python scripts/soak.py                    6,000 calls, 300 frames, 30 renderers: an hour and more
 .venv/bin/python scripts/soak.py --calls 60 --frames 30 --renderers 6
 
 Each of the three is warm after its first half: caches of the driver are full, each kernel was called. What

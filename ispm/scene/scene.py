@@ -19,7 +19,7 @@ from ispm.scene.values import FARTHEST, array_of, require
 
 _Kind = TypeVar("_Kind")
 _PLACE = ("translation", "rotation", "scale", "matrix")
-_MOST_PLACES = 1_000_000  # of nodes
+_MOST_AGAIN = 100_000  # places of nodes that hang in another one, too
 _MOMENTS = 64  # evenly over an animation, at which it is asked where it takes things
 _KEYS = 256  # likewise, of its own
 
@@ -183,19 +183,21 @@ class Scene:
         stack = [(node, 0) for node in reversed(_listed(self, "roots", Node))]
         above: list[int] = []  # ids of the nodes on the way to this one
         inside: set[int] = set()
-        met = 0
+        met: set[int] = set()
+        again = 0
         while stack:
             node, depth = stack.pop()
             inside.difference_update(above[depth:])
             del above[depth:]
             if id(node) in inside:
                 raise SceneError(f"node '{node.name}': hangs below itself; take it out of its descendants")
-            if met == _MOST_PLACES:
+            again += id(node) in met
+            if again > _MOST_AGAIN:
                 raise SceneError(
                     f"node '{node.name}': nodes that hang in several places multiply, here to more than "
-                    f"{_MOST_PLACES:,}; let each hang in one, with instances where parts repeat"
+                    f"{_MOST_AGAIN:,}; let each hang in one, with instances where parts repeat"
                 )
-            met += 1
+            met.add(id(node))
             above.append(id(node))
             inside.add(id(node))
             yield node, depth

@@ -161,7 +161,7 @@ def test_a_node_that_hangs_below_itself_is_refused():
 
 def test_nodes_of_too_many_places_are_refused_before_all_are_visited(monkeypatch):
     """Sixty of them, each twice below the next, have 2^60 places."""
-    monkeypatch.setattr(scenes, "_MOST_PLACES", 10_000)
+    monkeypatch.setattr(scenes, "_MOST_AGAIN", 10_000)
     node = Node("leaf")
     for _ in range(60):
         node = Node("twig", children=[node, node])

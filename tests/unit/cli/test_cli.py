@@ -320,6 +320,18 @@ def test_names_with_spaces_are_quoted(capsys, place):
     assert "made by: ispm render 'my room.glb' --size 8x6 -o 'a b.png'" in capsys.readouterr().err
 
 
+@pytest.mark.skipif(sys.platform != "linux", reason="other systems have no such names")
+def test_a_scene_whose_name_is_no_text_can_be_rendered(place, capsys):
+    from ispm.io.save import save
+    from ispm.scene.builtin import builtin
+
+    save(builtin("cornell-box"), "room.glb").rename("r\udcffom.glb")
+    for ending in ("png", "jpg", "exr", "npz"):
+        assert main(["render", "r\udcffom.glb", "--size", "8x6", "-o", f"a.{ending}"]) == 0
+        assert main(["info", f"a.{ending}"]) == 0
+    assert "r?om.glb" in capsys.readouterr().err
+
+
 def test_info_of_a_picture_prints_the_command_in_a_line_of_its_own(ispm_command):
     ispm_command(SMALL + "-o a.png")
     code, out, err = ispm_command("info a.png")
