@@ -5,7 +5,7 @@ LUXCORE ?=
 MITSUBA ?=
 run = .venv/bin
 
-.PHONY: help demo test docs drivers check bench accuracy biases peers kernels wheel clean
+.PHONY: help demo test docs drivers check bench soak accuracy biases peers kernels wheel clean
 
 help:
 	@echo 'make demo               render a few built-in scenes to out/'
@@ -15,6 +15,7 @@ help:
 	@echo 'make drivers            tests on other Vulkan drivers, validation, Tint; PARTS=, see scripts/drivers.sh'
 	@echo 'make check              format, lint, types, imports'
 	@echo 'make bench              the benchmark'
+	@echo 'make soak               thousands of pictures: does anything grow? an hour and a half'
 	@echo 'make accuracy           errors against a path tracer, to docs/accuracy.md'
 	@echo 'make peers              seconds for the same error, beside other renderers, to docs/accuracy.md'
 	@echo '                        LUXCORE=, MITSUBA=: interpreters that have them, if not this one'
@@ -50,6 +51,10 @@ check:
 bench:
 	@scripts/setup.sh all
 	$(run)/ispm bench
+
+soak:
+	@scripts/setup.sh core
+	$(run)/python scripts/soak.py
 
 accuracy:
 	@scripts/setup.sh all

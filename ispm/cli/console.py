@@ -5,11 +5,12 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
+import os
 import sys
 import time
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
-from typing import Any
+from contextlib import contextmanager, suppress
+from typing import Any, TextIO
 
 
 class Console:
@@ -27,13 +28,13 @@ class Console:
     def say(self, text: str) -> None:
         """Print a line on stderr."""
         if not self.quiet:
-            print(one_line(text), file=sys.stderr, flush=True)
+            tell(one_line(text))
 
     def warn(self, text: str) -> None:
         """Print a warning on stderr, each once."""
         if text not in self._warned and not self.quiet:
             self._warned.add(text)
-            print("ispm: warning: " + one_line(text), file=sys.stderr, flush=True)
+            tell("ispm: warning: " + one_line(text))
 
     def written(self, path: object) -> None:
         """Print the path of a file that was written, on stdout."""
@@ -79,7 +80,21 @@ class Console:
             return
         widths = [max(len(row[i]) for row in cells) for i in range(len(cells[0]))]
         for row in cells:
-            print("  ".join(c.ljust(w) for c, w in zip(row, widths, strict=True)).rstrip(), file=sys.stderr)
+            tell("  ".join(c.ljust(w) for c, w in zip(row, widths, strict=True)).rstrip())
+
+
+def tell(line: str) -> None:
+    """Print a line on stderr; where nobody reads it any more, the work goes on."""
+    try:
+        print(line, file=sys.stderr, flush=True)
+    except BrokenPipeError:
+        drop(sys.stderr)
+
+
+def drop(stream: TextIO) -> None:
+    """Send what a stream has, and all that it will get, to nowhere."""
+    with suppress(OSError, ValueError):  # it has no descriptor, or none any more
+        os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
 
 
 def to_json(value: Any) -> str:

@@ -11,35 +11,70 @@ from typing import TYPE_CHECKING
 
 from ispm.cli.console import Console
 from ispm.cli.interrupts import interrupts
+from ispm.errors import OutputError
 from ispm.settings import Settings
 
 if TYPE_CHECKING:
     from ispm.renderer import Frame, Renderer
     from ispm.renderer.statistics import Stats
 
+_EVERY = 30.0  # s from one writing of the passes to the next
 _Tell = Callable[["Stats"], None]
 
 
-def render_passes(console: Console, renderer: Renderer, resume: str | None) -> tuple[Frame, bool]:
-    """Render the settings' passes; an interrupt ends them after the one begun. Return whether one came.
+def render_passes(
+    console: Console, renderer: Renderer, resume: str | None
+) -> tuple[Frame, bool, OutputError | None]:
+    """Render the settings' passes; an interrupt ends them after the one begun.
 
-    resume  file whose passes are continued where it exists, and which then holds them all
+    resume  file whose passes are continued where it exists, and which then holds them all; it is written now
+            and then, so that not all is lost where this process is killed
+    ->  the mean, whether an interrupt came, and why the passes could not be kept
     """
     settings, frame, interrupted = renderer.settings, None, False
     if settings.most_passes == 1 and resume is None:
-        return renderer.render(), False
+        return renderer.render(), False, None
     continued = resume if resume is not None and Path(resume).exists() else None
     moving = console.is_live and settings.most_passes > 1
+    kept = None if resume is None else _Kept(console, renderer, resume)
     with interrupts() as interrupt, _bar(settings) if moving else _lines(console) as tell:
         for frame in renderer.converge(resume=continued):
             tell(frame.stats)
             interrupted = interrupt()
             if interrupted:
                 break
+            if kept:
+                kept.now_and_then()
     assert frame is not None
-    if resume is not None:
-        console.written(renderer.save_progress(resume))
-    return frame, interrupted
+    return frame, interrupted, kept.finish() if kept else None
+
+
+class _Kept:
+    """The file that passes are kept in, while they are made."""
+
+    def __init__(self, console: Console, renderer: Renderer, path: str) -> None:
+        self._console, self._renderer, self._path = console, renderer, path
+        self._last, self._wait = time.monotonic(), _EVERY
+
+    def now_and_then(self) -> None:
+        """Write the file where that is some time ago; no more than a tenth of all time goes into it."""
+        started = time.monotonic()
+        if started - self._last < self._wait:
+            return
+        try:
+            self._renderer.save_progress(self._path)
+        except OutputError as error:
+            self._console.warn(f"{error}; rendering goes on, and passes are not kept")
+        self._last = time.monotonic()
+        self._wait = max(_EVERY, 9.0 * (self._last - started))
+
+    def finish(self) -> OutputError | None:
+        """Write the file, say so, and return why it could not be: there still is a picture to write."""
+        try:
+            self._console.written(self._renderer.save_progress(self._path))
+        except OutputError as error:
+            return error
+        return None
 
 
 @contextmanager

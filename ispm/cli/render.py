@@ -18,6 +18,7 @@ from ispm.errors import OutputError, SettingsError
 from ispm.settings import LAYERS, RENDERER_VIEWS, VIEWS, LoadLimits, Settings, nearest
 
 _ARRAYS = [(".npy", layer) for layer in LAYERS]
+_TELLING = ("polygons", "emitters", "stored_photons", "passes", "error", "total_ms", "peak_memory", "adapter")
 _Point = Parameter(metavar="X,Y,Z", allow_leading_hyphen=True)
 
 
@@ -48,7 +49,12 @@ def render(
         bool, Parameter(help="32 bits a channel in an EXR, not 16", negative="", show_default=False)
     ] = False,
     bits: Annotated[int, Parameter(help="bits a channel in a PNG: 8 or 16", metavar="N")] = 8,
-    stats: Annotated[str | None, Parameter(help="write the statistics as JSON", metavar="FILE")] = None,
+    stats: Annotated[
+        str | None,
+        Parameter(
+            help="write all statistics as JSON; -: show them all", metavar="FILE", allow_leading_hyphen=True
+        ),
+    ] = None,
     adapter: Annotated[
         str | None, Parameter(help="part of a graphics adapter's name; default: the best", metavar="NAME")
     ] = None,
@@ -58,7 +64,10 @@ def render(
     threads: Annotated[int | None, Parameter(help="CPU threads; default: all cores", metavar="N")] = None,
     resume: Annotated[
         str | None,
-        Parameter(help="passes are kept in FILE.npz, and continued where it exists", metavar="FILE.npz"),
+        Parameter(
+            help="passes are kept in FILE.npz, each half minute, and continued where it exists",
+            metavar="FILE.npz",
+        ),
     ] = None,
     config: Annotated[str | None, Parameter(help="settings as TOML", metavar="FILE.toml")] = None,
     print_config: Annotated[
@@ -96,7 +105,7 @@ def render(
     _require_bits(bits, show, target)
     if resume is not None and Path(resume).suffix.lower() != ".npz":
         raise OutputError(f"--resume: {resume} would be an .npz; name it so")
-    outputs = [Path(path) for path in (target, stats, resume) if path is not None]
+    outputs = [Path(path) for path in (target, None if stats == "-" else stats, resume) if path is not None]
     _require_writable(outputs, scene)
 
     from ispm.kernels import background, store
@@ -121,7 +130,7 @@ def render(
         ),
         Renderer(world, settings, camera=view, adapter=adapter, threads=threads) as renderer,
     ):
-        frame, interrupted = render_passes(console, renderer, resume)
+        frame, interrupted, not_kept = render_passes(console, renderer, resume)
         asked = show
         if show in RENDERER_VIEWS:
             frame.image, show = renderer.view(show), "full"
@@ -136,6 +145,9 @@ def render(
     _report(console, frame.stats, target, stats)
     if interrupted:
         console.say(f"interrupted: {target} is the mean of {frame.stats.passes} passes")
+    if not_kept:
+        raise not_kept
+    if interrupted:
         raise KeyboardInterrupt
 
 
@@ -212,13 +224,13 @@ def _list_adapters(console: Console) -> None:
 
 
 def _report(console: Console, stats: Any, target: Path, file: str | None) -> None:
-    """Show every statistic, and write them to `file` where one is named."""
+    """Show the statistics that tell most, all where `file` is -; else write all where it is named."""
     values = {f.name: getattr(stats, f.name) for f in dataclasses.fields(stats)}
-    console.table("statistics", [(name, value) for name, value in values.items() if value is not None])
-    if file is not None:
-        from ispm.io.atomic import replacing
+    telling = [(name, values[name]) for name in _TELLING if name in values and values[name] == values[name]]
+    console.table("statistics", list(values.items()) if file == "-" else telling)
+    if file not in (None, "-"):
+        from ispm.io.atomic import write_whole
 
-        with replacing(file) as beside:
-            beside.write_text(to_json(values) + "\n", "utf-8")
+        write_whole(file, [(to_json(values) + "\n").encode()])
         console.written(file)
     console.result({"output": str(target), "stats": values})

@@ -5,8 +5,12 @@ Arrays are (height, width, channels), row 0 on top; colors are linear Rec. 709 u
 
 from __future__ import annotations
 
+import errno
+import io
 import json
+import os
 import re
+import zipfile
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -14,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from ispm.errors import OutputError
-from ispm.io.atomic import replacing
+from ispm.io.atomic import replacing, write_whole
 from ispm.io.png import encode_png
 
 ENDINGS = (".png", ".jpg", ".jpeg", ".exr", ".npy", ".npz")
@@ -22,6 +26,7 @@ ABOUT = "__about__"  # the array of an NPZ that says how the others were made
 NAMES = "names"  # and that which says what ids stand for, as JSON
 EXR_NAMES = "ispm:names"  # likewise the attribute of an EXR
 
+_LEVEL = 1  # of NPZ; numpy's 6 takes a quarter longer, for 2 per cent of the size
 _HALF_MAX = 65504.0
 _MAX_PIXELS = 1 << 28  # of an EXR; a broken header may ask for terabytes
 _REC709 = (0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290)  # primaries and white point, x and y
@@ -38,8 +43,7 @@ def require_ending(path: str | Path) -> str:
 
 def write_png(path: str | Path, pixels: np.ndarray, text: Mapping[str, str] | None = None) -> None:
     """Write (h, w, 3 or 4) uint8 or uint16 sRGB pixels, and `text` in text chunks. Raises OutputError."""
-    with replacing(path) as beside:
-        beside.write_bytes(encode_png(pixels, text))
+    write_whole(path, [encode_png(pixels, text)])
 
 
 def write_jpeg(path: str | Path, pixels: np.ndarray, text: Mapping[str, str] | None = None) -> None:
@@ -49,9 +53,9 @@ def write_jpeg(path: str | Path, pixels: np.ndarray, text: Mapping[str, str] | N
     """
     from PIL import Image
 
-    comment = json.dumps(text).encode() if text else b""
-    with replacing(path) as beside:
-        Image.fromarray(pixels).save(beside, format="jpeg", quality=95, subsampling=0, comment=comment)
+    comment, out = json.dumps(text).encode() if text else b"", io.BytesIO()  # Pillow overlooks full disks
+    Image.fromarray(pixels).save(out, format="jpeg", quality=95, subsampling=0, comment=comment)
+    write_whole(path, [out.getbuffer()])
 
 
 def write_exr(
@@ -85,22 +89,33 @@ def write_exr(
         try:
             OpenEXR.File(header, channels).write(str(beside))
         except RuntimeError as error:  # says "... "name". The reason."
-            raise OSError(str(error).rpartition('". ')[2]) from error
+            raise OSError(str(error).rpartition('". ')[2].rstrip(".")) from error
+        if not OpenEXR.File(str(beside)).parts:  # it does not look whether its last bytes were taken
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
 
 def write_npy(path: str | Path, radiance: np.ndarray) -> None:
     """Write one array. Raises OutputError."""
-    with replacing(path) as beside, open(beside, "wb") as file:
-        np.save(file, radiance)
+    out = io.BytesIO()
+    np.save(out, radiance)
+    write_whole(path, [out.getbuffer()])
 
 
 def write_npz(
-    path: str | Path, layers: Mapping[str, np.ndarray], text: Mapping[str, str] | None = None
+    path: str | Path,
+    layers: Mapping[str, np.ndarray],
+    text: Mapping[str, str] | None = None,
+    *,
+    compressed: bool = True,
 ) -> None:
     """Write arrays by name, and `text` as JSON in the array ABOUT. Raises OutputError."""
     about = {ABOUT: np.array(json.dumps(text))} if text else {}
-    with replacing(path) as beside, open(beside, "wb") as file:
-        np.savez(file, allow_pickle=False, **layers, **about)
+    out, method = io.BytesIO(), zipfile.ZIP_DEFLATED if compressed else zipfile.ZIP_STORED
+    with zipfile.ZipFile(out, "w", method, compresslevel=_LEVEL) as archive:
+        for name, array in {**layers, **about}.items():
+            with archive.open(f"{name}.npy", "w", force_zip64=True) as file:
+                np.lib.format.write_array(file, np.asanyarray(array), allow_pickle=False)
+    write_whole(path, [out.getbuffer()])
 
 
 def read_picture(path: str | Path, key: str | None = None) -> np.ndarray:

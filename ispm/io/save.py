@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
@@ -13,7 +12,7 @@ import numpy as np
 
 from ispm.errors import OutputError, SceneError
 from ispm.io.arrays import compact
-from ispm.io.atomic import as_path, replacing, require_writable
+from ispm.io.atomic import as_path, require_writable, write_whole
 from ispm.io.gltf_camera import camera_record
 from ispm.io.gltf_instances import instance_attributes
 from ispm.io.gltf_mesh import ATTRIBUTES
@@ -50,7 +49,7 @@ def save(scene: Scene, path: str | os.PathLike[str]) -> Path:
     try:
         document = _Writer(scene).document
         if ending == ".glb":
-            _write(target, document.glb())
+            write_whole(target, document.glb())
         else:
             _write_gltf(target, document)
     except SceneError as error:
@@ -64,15 +63,10 @@ def _write_gltf(target: Path, document: Document) -> None:
     names = [f"{folder}/{i}.png" for i in range(document.picture_count)]
     text, chunks, pictures = document.gltf(quote(target.stem), [quote(name) for name in names])
     for name, pixels in zip(names, pictures, strict=True):
-        _write(target.parent / name, [encode_png(pixels)])
+        write_whole(target.parent / name, [encode_png(pixels)])
     if chunks:
-        _write(target.with_suffix(".bin"), chunks)
-    _write(target, [text])
-
-
-def _write(path: Path, chunks: Iterable[bytes | memoryview]) -> None:
-    with replacing(path) as beside, open(beside, "wb") as file:
-        file.writelines(chunks)
+        write_whole(target.with_suffix(".bin"), chunks)
+    write_whole(target, [text])
 
 
 class _Writer:

@@ -1,7 +1,7 @@
 """Compiled kernels by content: whoever has the same function, types, versions and CPU finds them.
 
-Two folders: the one that a wheel carries, and the user's, which is written to. A file is a digest and what it
-is of; one that is damaged or cannot be written costs a compilation, no more.
+Two folders: the one that a wheel carries, and the user's, which is written to. A file is a digest of its
+name and content, and the content; one that is damaged or cannot be written costs a compilation, no more.
 """
 
 from __future__ import annotations
@@ -16,10 +16,12 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from ispm.cache import cache_folder
+from ispm.cache import cache_fault, cache_folder, fault_of
+from ispm.errors import warn_caller
 
 SHIPPED = Path(__file__).parent / "compiled"
 ENDING = ".kernel"
+_FORMAT = 2  # of the files
 _DIGEST = hashlib.sha256().digest_size
 _KEPT_DAYS = 30.0
 _DAY = 86400.0
@@ -33,7 +35,7 @@ def file_name(function: Any, signature: tuple[Any, ...], content: str, environme
     environment  what the code depends on besides
     """
     types = "\n".join(map(repr, signature))
-    digest = hashlib.sha256(f"{content}\n{environment}\n{types}".encode()).hexdigest()
+    digest = hashlib.sha256(f"{_FORMAT}\n{content}\n{environment}\n{types}".encode()).hexdigest()
     name = f"{function.__module__}.{function.__qualname__}".replace(
         "<locals>.", ""
     )  # no file name on Windows
@@ -43,14 +45,11 @@ def file_name(function: Any, signature: tuple[Any, ...], content: str, environme
 def read(name: str) -> tuple[Any, ...] | None:
     """Return what was written under `name`; None where there is nothing, or nothing whole."""
     for folder in _folders():
-        try:
-            data = (folder / name).read_bytes()
-        except OSError:
-            continue
-        if hashlib.sha256(data[_DIGEST:]).digest() != data[:_DIGEST]:
+        data = _content(folder / name)
+        if data is None:
             continue
         try:
-            parts: tuple[Any, ...] = pickle.loads(data[_DIGEST:])
+            parts: tuple[Any, ...] = pickle.loads(data)
         except Exception:  # of another version of a library, whatever it raises
             continue
         _touch(folder / name)
@@ -59,9 +58,24 @@ def read(name: str) -> tuple[Any, ...] | None:
 
 
 def find(name: str) -> Path | None:
-    """Return the file of that name; None where there is none."""
+    """Return the whole file of that name; None where there is none."""
     files = [folder / name for folder in _folders()]
-    return next((file for file in files if file.exists()), None)
+    return next((file for file in files if _content(file) is not None), None)
+
+
+def _content(file: Path) -> memoryview | None:
+    """What a file holds; None where it is not what was written under its name: LLVM ends the process then."""
+    try:
+        data = memoryview(file.read_bytes())
+    except OSError:
+        return None
+    content = data[_DIGEST:]
+    return content if _digest(file.name, content) == data[:_DIGEST] else None
+
+
+def _digest(name: str, content: bytes | memoryview) -> bytes:
+    """What tells that a file holds this kernel and not another, each bit of it."""
+    return hashlib.sha256(name.encode() + b"\0" + content).digest()
 
 
 def is_empty() -> bool:
@@ -76,7 +90,7 @@ def write(name: str, data: bytes) -> None:
         return
     beside = folder / f".{name}.{os.getpid()}"
     try:
-        beside.write_bytes(hashlib.sha256(data).digest() + data)
+        beside.write_bytes(_digest(name, data) + data)
         beside.replace(folder / name)
     except OSError:
         with suppress(OSError):
@@ -88,14 +102,23 @@ def written_folder() -> Path | None:
     """Return the user's folder of kernels, made where it is missing; None where nothing can be written."""
     root = cache_folder()
     if root is None:
+        _say(cache_fault())
         return None
     folder = root / "kernels"
     try:
-        folder.mkdir(exist_ok=True)
+        folder.mkdir(mode=0o700, exist_ok=True)
     except OSError:
+        return None
+    if fault := fault_of(folder):
+        _say(fault)
         return None
     _forget_old(root, folder)
     return folder
+
+
+def _say(fault: str) -> None:
+    if fault:
+        warn_caller(fault)
 
 
 def _folders() -> list[Path]:

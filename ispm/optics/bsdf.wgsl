@@ -29,7 +29,7 @@ fn surface_bsdf(base: vec3f, metallic: f32, roughness: f32, transmission: f32, m
     let dielectric = min(material.f0 * material.specular_color, vec3f(1.0)) * material.specular;
     let thin = (material.flags & MATERIAL_THIN) != 0u;
     let alpha = roughness * roughness;
-    let bends_nothing = clear > 0.0 && !thin && abs(material.ior - 1.0) < MIN_CONTRAST;
+    let bends_nothing = (clear > 0.0) & !thin & (abs(material.ior - 1.0) < MIN_CONTRAST);  // & : no branch, see stages/face.wgsl
     return Bsdf(
         base * opaque,
         mix(dielectric, base, metallic),
@@ -38,7 +38,7 @@ fn surface_bsdf(base: vec3f, metallic: f32, roughness: f32, transmission: f32, m
         max(dielectric.x, max(dielectric.y, dielectric.z)),
         material.specular,
         base * clear,
-        select(1.0 / material.ior, material.ior, thin || entering),
+        select(1.0 / material.ior, material.ior, thin | entering),
         select(0.0, 1.0, thin),
     );
 }

@@ -24,7 +24,6 @@ if TYPE_CHECKING:
     from ispm.renderer.renderer import Renderer
 
 _ALPHA = 2.0 / 3.0  # noise and bias of the mean fall alike, with the cube root of the passes
-_SURE = 4  # passes from which the estimated error may stop
 
 
 def of_pass(settings: Settings, index: int) -> Settings:
@@ -65,7 +64,7 @@ def converge(renderer: Renderer, goal: Settings) -> Iterator[Frame]:
     progress, settings = renderer.progress, renderer.settings
     made_of, longest = renderer.fingerprint(), 0.0
     if progress:
-        progress.require(made_of)
+        progress.require(made_of, settings)
         mean = _mean(renderer, progress, settings)
         if _is_enough(mean.stats, goal):
             yield mean
@@ -100,5 +99,5 @@ def _mean(renderer: Renderer, progress: Progress, settings: Settings) -> Frame:
 
 def _is_enough(mean: Stats, goal: Settings) -> bool:
     """Whether the passes asked for are made, or their noise is as low as was asked."""
-    low = goal.target_error > 0.0 and mean.passes >= _SURE and mean.error <= goal.target_error
+    low = goal.target_error > 0.0 and mean.error <= goal.target_error  # of one pass: not a number
     return mean.passes >= goal.most_passes or low

@@ -13,9 +13,10 @@ from ispm.optics.records import NO_HIT
 from ispm.renderer.room import find_heart
 from ispm.scene.camera import Camera, look_at_pose
 from ispm.scene.extent import enclosing_diameter
-from ispm.scene.light import PointLight
+from ispm.scene.light import DirectionalLight, Light, PointLight
 from ispm.scene.packed import Packed, farthest_points, pack
 from ispm.scene.scene import Node, Scene
+from ispm.scene.values import BRIGHTEST
 from ispm.settings import Settings
 from ispm.tracer.world import World
 
@@ -26,6 +27,9 @@ _CLEARANCE = 0.02  # of the diagonal, between the eye and the scene
 _MARGIN = 1.08  # about what is framed
 _WAYS = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [-1.0, 0.0, 0.0]])
 _NOWHERE = np.zeros((0, 3))
+_FAR_OFF = (
+    1e4  # times its size that a scene may stand from the origin; at 3e4 it has lost 5 % of its indirect light
+)
 _SMALLEST, _LARGEST = 1e-6, 1e9  # m that a scene may be across: beyond, its squares' squares leave float32
 _YFOV = math.radians(50.0)
 _ROOM_YFOV = math.radians(70.0)
@@ -96,6 +100,18 @@ def require_visible(scene: Scene, packed: Packed) -> None:
             f"{scene.name or 'the scene'}: is {packed.diagonal:.3g} m across; scale it to between "
             f"{_SMALLEST:g} and {_LARGEST:g} m, and its lights' intensity by the square"
         )
+
+
+def far_off(packed: Packed) -> str:
+    """Return a line about a scene that stands where float32 is too coarse for it; else an empty one."""
+    away = float(np.abs(packed.bounds).max())
+    if away <= _FAR_OFF * packed.diagonal:
+        return ""
+    step = float(np.spacing(np.float32(away)))
+    return (
+        f"the scene is {packed.diagonal:.3g} m across and stands {away:.3g} m from the origin, where places "
+        f"are rounded to {step:.2g} m: light is lost and edges are rough; move it to the origin"
+    )
 
 
 def passed_points(scene: Scene) -> np.ndarray:
@@ -235,5 +251,9 @@ def default_light(
         position = center + distance * _SUN / np.linalg.norm(_SUN)
         kind = "a lamp far away, like the sun,"
     intensity = math.pi * distance * distance
-    node = Node("default light", translation=position, light=PointLight((intensity,) * 3))
+    light: Light = PointLight((min(intensity, BRIGHTEST),) * 3)
+    node = Node("default light", translation=position, light=light)
+    if heart is None and intensity > BRIGHTEST:  # so far away that its rays are parallel
+        node.light = DirectionalLight((math.pi,) * 3)
+        node.matrix = look_at_pose(position, center)
     return node, f"the scene has no light; {kind} lights it"

@@ -180,7 +180,8 @@ class Frame:
         bits     PNG: 8 or 16 a channel
         All but NPY hold how they were made, which `ispm info` tells; EXR and NPZ hold `names` as well, which
         `ispm.read_names` reads. A JPEG has black where a PNG is transparent, with a SceneWarning. Nothing is
-        left half written.
+        left half written: the file is replaced when the new one is on the disk, and keeps its mode; of a link
+        to a file, that file is. Devices and the like are not.
         Raises OutputError, or SettingsError for an unknown layer or number of bits.
         """
         path = as_path(path)
@@ -239,7 +240,8 @@ class Frame:
             "ispm:seed": str(self.settings.seed),
             "ispm:camera": "" if pose is None else json.dumps(np.asarray(pose).tolist()),
         }
-        return {key: value for key, value in about.items() if value}
+        # names of files may hold what is no text
+        return {key: value.encode(errors="replace").decode() for key, value in about.items() if value}
 
     def _repr_png_(self) -> bytes:
         """How a notebook shows the frame."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import hashlib
+import io
 import json
 import math
 import zipfile
@@ -11,6 +12,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -19,7 +21,7 @@ from ispm.io.atomic import as_path
 from ispm.io.image import ABOUT, write_npz
 from ispm.optics.texture import TextureTable
 from ispm.optics.vector import LUMINANCE
-from ispm.renderer.backdrop import LAYER
+from ispm.renderer.backdrop import LAYER, background_color
 from ispm.renderer.layers import Layers, sum_layers
 from ispm.renderer.picture import Frame
 from ispm.renderer.statistics import Stats
@@ -29,6 +31,8 @@ from ispm.stages.camera import CameraView
 
 _SUMMED = ("direct", "indirect", "emission", "irradiance", "alpha")
 _KEPT = ("depth", "normal", "albedo", "instance", "material")  # of the first pass
+_CAMERA = ("pose", "clip_from_world")
+MOST_PASSES = 1 << 32  # random numbers are numbered by them
 _FREE = ("passes", "time_limit", "target_error", "exposure", "tonemap", "preset")  # may differ when resumed
 _DARK = 1e-3  # of the square of the picture's mean: below it errors count as in relMSE
 
@@ -112,47 +116,89 @@ class Progress:
         arrays |= {f"camera.{name}": array for name, array in self.camera.items()}
         about = {name: getattr(self, name) for name in ("passes", "scene", "made_of")}
         about |= {"error": self.error(), "stats": dataclasses.asdict(self.stats)}
-        write_npz(target, {**arrays, "indirect_moments": self.moments}, {"ispm:progress": json.dumps(about)})
+        arrays["indirect_moments"] = self.moments
+        write_npz(target, arrays, {"ispm:progress": json.dumps(about)}, compressed=False)  # noise stays long
         return target
 
     @classmethod
     def load(cls, path: str | Path) -> Progress:
         """Read what `save` wrote. Raises OutputError for a file that is none of these."""
         try:
-            with np.load(path, allow_pickle=False) as file:
-                arrays = dict(file)
+            arrays = _read(Path(path))
             about = json.loads(json.loads(str(arrays.pop(ABOUT)))["ispm:progress"])
             parts = {prefix: _part(arrays, prefix) for prefix in ("sum.", "first.", "camera.")}
             sums, first, camera = parts.values()
             progress = cls(
                 about["passes"], {name: sums[name] for name in (*_SUMMED, *sums.keys() & {LAYER})},
-                arrays["indirect_moments"], {name: first[name] for name in _KEPT}, camera, about["scene"],
-                Stats(**about["stats"]), about["made_of"], str(path),
+                arrays["indirect_moments"].copy(), {name: first[name] for name in _KEPT},
+                {name: camera[name] for name in _CAMERA}, about["scene"], _stats(about["stats"]),
+                about["made_of"], str(path),
             )  # fmt: skip
             progress._check()
             return progress
         except OSError as error:
             raise OutputError(f"{path}: cannot be read: {error.strerror or error}") from None
-        except (KeyError, ValueError, TypeError, EOFError, zipfile.BadZipFile):
+        except Exception:  # what damaged files make the libraries raise is not documented
             raise OutputError(f"{path}: does not hold passes to continue; name another file") from None
 
     def _check(self) -> None:
         """Raise ValueError where these cannot be passes."""
         size = self.moments.shape[1:]
-        if type(self.passes) is not int or self.passes < 1 or self.moments.shape != (2, *size):
+        arrays = {**self.sums, **self.first, **self.camera, "moments": self.moments}
+        shapes = {"moments": (2, *size), "pose": (4, 4), "clip_from_world": (4, 4)}
+        shapes |= dict.fromkeys(("alpha", "depth", "instance", "material"), size)
+        kinds = {"moments": "f8", "pose": "f8", "clip_from_world": "f8", "instance": "i4", "material": "i4"}
+        if type(self.passes) is not int or not 1 <= self.passes <= MOST_PASSES or len(size) != 2:
             raise ValueError
-        summed = (*self.sums.values(), self.moments)
-        shapes = {array.shape[:2] for array in (*self.sums.values(), *self.first.values())}
-        if shapes != {size} or not all(np.isfinite(array).all() for array in summed):
+        if type(self.scene) is not str or type(self.made_of) is not str:
+            raise ValueError
+        for name, array in arrays.items():
+            if array.shape != shapes.get(name, (*size, 3)) or array.dtype != kinds.get(name, "f4"):
+                raise ValueError
+            far = name == "depth" and not np.isnan(array).any()  # infinite where nothing is
+            if not (far or np.isfinite(array).all()):
+                raise ValueError
+        if (self.moments < 0.0).any():
             raise ValueError
 
-    def require(self, made_of: str) -> None:
+    def require(self, made_of: str, settings: Settings) -> None:
         """Raise SettingsError where these are passes of something else."""
-        if self.made_of != made_of:
+        colored = background_color(settings) is not None
+        fits = self.moments.shape[1:] == settings.size[::-1] and (LAYER in self.sums) == colored
+        if self.made_of != made_of or not fits:
             raise SettingsError(
                 f"{self.file}: holds {self.passes} passes of another scene, camera or settings; continue "
                 "with the same ones, or name another file"
             )
+
+
+def _read(path: Path) -> dict[str, np.ndarray]:
+    """The arrays of an .npz that is not compressed: no more bytes than the file has. Raises what it will."""
+    with zipfile.ZipFile(path) as archive:
+        entries = archive.infolist()
+        if sum(entry.file_size for entry in entries) > path.stat().st_size:
+            raise ValueError
+        return {entry.filename.removesuffix(".npy"): _array(archive.read(entry)) for entry in entries}
+
+
+def _array(data: bytes) -> np.ndarray:
+    """The array that the bytes of an .npy are, of no more bytes than these."""
+    file = io.BytesIO(data)
+    if np.lib.format.read_magic(file) != (1, 0):
+        raise ValueError
+    shape, fortran, dtype = np.lib.format.read_array_header_1_0(file)
+    if dtype.hasobject or math.prod(shape) * dtype.itemsize != len(data) - file.tell():
+        raise ValueError
+    return np.frombuffer(data, dtype, offset=file.tell()).reshape(shape, order="F" if fortran else "C")
+
+
+def _stats(values: Mapping[str, Any]) -> Stats:
+    """Statistics of which each is of its kind. Raises ValueError where one is not."""
+    for f in dataclasses.fields(Stats):
+        wanted = (int, float) if isinstance(f.default, float) else type(f.default)
+        if not isinstance(values.get(f.name, f.default), wanted):
+            raise ValueError
+    return Stats(**values)
 
 
 def _luminance(light: np.ndarray) -> np.ndarray:

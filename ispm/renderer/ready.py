@@ -9,7 +9,7 @@ import numpy as np
 from ispm.optics.texture import TextureTable
 from ispm.renderer.chosen import Chosen
 from ispm.renderer.converge import place_in_pixel
-from ispm.renderer.framing import require_visible
+from ispm.renderer.framing import far_off, require_visible
 from ispm.scene.packed import Packed, pack
 from ispm.scene.scene import Scene
 from ispm.stages.camera import CameraView
@@ -30,6 +30,7 @@ class Ready:
     """
 
     def __init__(self, threads: int, say: Callable[[str], None]) -> None:
+        self._say = say
         self.world = World(threads)
         self.textures = TextureTable.pack([])
         self.chosen = Chosen(self.place, self.world, say)
@@ -54,6 +55,8 @@ class Ready:
         require_visible(scene, packed)
         if old is None or [*map(id, old.textures)] != [*map(id, packed.textures)]:
             self.textures = TextureTable.pack(packed.textures)
+        if line := far_off(packed):
+            self._say(line)
         self.world.update(packed)
         self._packed = packed
         return packed

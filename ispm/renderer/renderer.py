@@ -28,7 +28,7 @@ from ispm.renderer.light import emission_of, map_plan, remarks, seen_places, tra
 from ispm.renderer.limits import require_drawable, require_scene
 from ispm.renderer.motion import moved
 from ispm.renderer.picture import Frame
-from ispm.renderer.progress import Progress, fingerprint
+from ispm.renderer.progress import MOST_PASSES, Progress, fingerprint
 from ispm.renderer.ready import Ready
 from ispm.renderer.shadows import ShadowRays, join_pixels
 from ispm.renderer.statistics import collect
@@ -53,7 +53,6 @@ from ispm.tracer.grid import PhotonGrid
 from ispm.tracer.threads import thread_count
 
 _NEAR = 1e-4  # of the scene's diagonal; reversed depth has precision to spare
-_MOST_PASSES = 1 << 32  # random numbers are numbered by them
 _ESTIMATOR_KNOBS = attrgetter("estimator", "kernel", "talk_errors")
 _OWNED = (
     "_upload", "_gbuffer", "_bounce", "_direct", "_caustic", "_chains", "_antialias", "_shadow",
@@ -231,7 +230,7 @@ class Renderer:
     def render_pass(self, index: int) -> Frame:
         """Render pass `index`, from 0, alone; what `converge` takes the mean of."""
         self._require_open()
-        if not isinstance(index, int) or not 0 <= index < _MOST_PASSES:
+        if not isinstance(index, int) or not 0 <= index < MOST_PASSES:
             raise SettingsError(f"pass {index!r}: passes are numbered from 0")
         width, height = self.settings.size
         with within_memory(f"a picture of {width}x{height} pixels and {self.settings.photons:,} photons"):

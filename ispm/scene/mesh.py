@@ -21,9 +21,15 @@ _OTHERS = {  # width, least and most
 }
 
 
+ARRAYS = ("positions", "triangles", *_OTHERS)
+"""The fields of a Mesh that hold arrays."""
+
+
 @dataclass(eq=False)
 class Mesh:
-    """Triangles in object space, metres. Compared by identity; call `touch` after editing an array.
+    """Triangles in object space, metres. Compared by identity.
+
+    Other arrays may be given at any time; call `touch` after editing one in place.
 
     positions  (V, 3) float32
     triangles  (T, 3) uint32, counter-clockwise seen from outside

@@ -124,7 +124,8 @@ class Node(Branch):
 
         world  (4, 4), this node's own
         """
-        return world[None] if self.instances is None else world @ self.instances
+        instances = self.instances
+        return world[None] if instances is None else world @ instances
 
     def check(self) -> None:
         """Raise SceneError where something that cannot be drawn stands here, or it is not of its kind."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import math
 from dataclasses import dataclass
 from functools import cached_property
@@ -16,7 +17,7 @@ from ispm.scene.extent import enclosing_diameter
 from ispm.scene.light import DirectionalLight, Light, PointLight, SpotLight
 from ispm.scene.lightmap import LightMap, corners_of, light_map
 from ispm.scene.material import Material, Texture
-from ispm.scene.mesh import Mesh
+from ispm.scene.mesh import ARRAYS, Mesh
 from ispm.scene.names import Names, Place, Run
 from ispm.scene.packed_material import material_record
 from ispm.scene.scene import Scene
@@ -36,14 +37,24 @@ _KINDS = {
 
 @dataclass
 class MeshRange:
-    """Where one mesh lies in the packed arrays."""
+    """Where one mesh lies in the packed arrays.
 
+    source  the mesh, which may change
+    mesh    a copy with the arrays that were packed, which are not to be edited
+    """
+
+    source: Mesh
     mesh: Mesh
-    version: int
     first_vertex: int
     first_index: int
     triangle_count: int
     box: np.ndarray  # (2, 3) corners in object space
+
+    def shows(self, mesh: Mesh) -> bool:
+        """Whether a mesh has the arrays that were packed, untouched since."""
+        return mesh.version == self.mesh.version and all(
+            getattr(mesh, name) is getattr(self.mesh, name) for name in ARRAYS
+        )
 
     @cached_property
     def piece_boxes(self) -> np.ndarray:
@@ -77,10 +88,9 @@ class Geometry:
         return sha256(self.vertices.tobytes() + self.indices.tobytes()).digest()
 
     def fits(self, meshes: list[Mesh]) -> bool:
-        """Whether these are exactly the meshes packed here, none touched since."""
+        """Whether these are exactly the meshes packed here, none touched nor given other arrays since."""
         return len(meshes) == len(self.ranges) and all(
-            mesh is kept.mesh and mesh.version == kept.version
-            for mesh, kept in zip(meshes, self.ranges, strict=True)
+            mesh is kept.source and kept.shows(mesh) for mesh, kept in zip(meshes, self.ranges, strict=True)
         )
 
 
@@ -178,16 +188,15 @@ def pack(scene: Scene, geometry: Geometry | None = None) -> Packed:
     materials: dict[int, int] = {}
     material_list: list[Material] = []
     rows: list[tuple[int, int, int, np.ndarray]] = []
+    light_rows: list[np.ndarray] = []
     runs: list[Run] = []
-    lights = np.zeros(sum(node.light is not None for node, _ in placed), records.LIGHT)
-    light_count = 0
     for index, (node, world) in enumerate(placed):
         node.check()
         if not np.abs(world).max() <= FARTHEST:
             raise SceneError(f"node '{node.name}': stands in nodes that together move or scale it too far")
-        if node.light is not None:
-            lights[light_count] = _light_record(node.light, world)
-            light_count += 1
+        light = node.light
+        if light is not None:
+            light_rows.append(_light_record(light, world))
         places = node.places(world) if node.parts else world[:0]
         for number, part in enumerate(node.parts):
             if not len(part.mesh.triangles) or not len(places):
@@ -211,6 +220,7 @@ def pack(scene: Scene, geometry: Geometry | None = None) -> Packed:
     boxes = np.stack([corners.min(axis=1), corners.max(axis=1)], axis=1)
     bounds = np.stack([boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)]) if len(boxes) else np.zeros((2, 3))
     diagonal = enclosing_diameter(corners.reshape(-1, 3)) or 1.0
+    lights = np.array(light_rows, records.LIGHT)
     nodes = tuple(map(Place, [node.name for node, _ in placed], scene.parents()))
     maps = [light_map(i, row, bounds) for i, row in enumerate(lights)]
     return Packed(
@@ -225,10 +235,12 @@ def pack_geometry(meshes: list[Mesh]) -> Geometry:
     vertices: list[np.ndarray] = []
     indices: list[np.ndarray] = []
     vertex_count = index_count = 0
-    for mesh in meshes:
+    for source in meshes:
+        source.check()
+        mesh = copy.copy(source)  # its arrays stay together, whoever gives the mesh others meanwhile
         mesh.check()
         rows, triangles = _vertices(mesh)
-        ranges.append(MeshRange(mesh, mesh.version, vertex_count, index_count, len(triangles), mesh.bounds))
+        ranges.append(MeshRange(source, mesh, vertex_count, index_count, len(triangles), mesh.bounds))
         vertices.append(rows)
         indices.append((triangles + np.uint32(vertex_count)).astype(np.uint32).ravel())
         vertex_count += len(rows)

@@ -22,6 +22,7 @@ from ispm.scene.node import Part as Part
 from ispm.scene.rotation import Quaternion
 from ispm.scene.values import Point, require
 
+_MOST_AGAIN = 100_000  # places of nodes that hang in another one, too
 _MOMENTS = 64  # evenly over an animation, at which it is asked where it takes things
 _KEYS = 256  # likewise, of its own
 
@@ -95,17 +96,28 @@ class Scene(Branch):
     def _walk(self) -> Iterator[tuple[Node, int]]:
         """Yield each node with how many are above it, parents before children.
 
-        Raises SceneError where something else stands among them, or a node hangs below itself.
+        A node that hangs in several places is met in each. Raises SceneError where something else stands
+        among them, a node hangs below itself, or there are too many places: a few dozen nodes, each twice
+        below the next, have more than can ever be visited.
         """
         stack = [(node, 0) for node in reversed(listed(self, "roots", Node))]
         above: list[int] = []  # ids of the nodes on the way to this one
         inside: set[int] = set()
+        met: set[int] = set()
+        again = 0
         while stack:
             node, depth = stack.pop()
             inside.difference_update(above[depth:])
             del above[depth:]
             if id(node) in inside:
                 raise SceneError(f"node '{node.name}': hangs below itself; take it out of its descendants")
+            again += id(node) in met
+            if again > _MOST_AGAIN:
+                raise SceneError(
+                    f"node '{node.name}': nodes that hang in several places multiply, here to more than "
+                    f"{_MOST_AGAIN:,}; let each hang in one, with instances where parts repeat"
+                )
+            met.add(id(node))
             above.append(id(node))
             inside.add(id(node))
             yield node, depth

@@ -65,7 +65,8 @@ fn fs_sheet(c: Corner) -> @location(0) vec4f {
     let texel = textureSample(transmission_map, transmission_sampler, texture_uv(material.transmission_texture, c.uv)).r;
     let base = cover(c);
     let b = surface_bsdf(base.rgb, material.metallic, 0.0, material.transmission * texel, material, true);
-    let clear = select(0.0, 1.0, (material.flags & MATERIAL_THIN) != 0u && material.roughness * material.roughness < MIN_ALPHA);
+    let smooth_sheet = material.roughness * material.roughness < MIN_ALPHA;
+    let clear = select(0.0, 1.0, ((material.flags & MATERIAL_THIN) != 0u) & smooth_sheet);  // & : no branch, see face.wgsl
     let passed = clear * facet_transmittance(b, fresnel_weight(b, abs(dot(n, wi))));
     return vec4f(mix(vec3f(1.0), passed, base.a), 1.0);
 }

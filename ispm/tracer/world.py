@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 
 from ispm.optics.jit import jit
-from ispm.scene.mesh import Mesh
-from ispm.scene.packed import Geometry, Packed
+from ispm.scene.packed import Geometry, MeshRange, Packed
 from ispm.tracer.build import BinaryTree
 from ispm.tracer.bvh import MeshBvh, build_mesh_bvh
 from ispm.tracer.collapse import BLOCK_WORDS, NODE_WORDS, collapse, empty_node, shift_refs
@@ -49,7 +48,7 @@ class World:
         self.table = np.zeros(16, np.uint64)
         self._geometry: Geometry | None = None
         self._scratch = np.empty(0, np.uint8)
-        self._trees: dict[int, tuple[Mesh, int, MeshBvh]] = {}
+        self._trees: dict[int, tuple[MeshRange, MeshBvh]] = {}
         self._roots = np.zeros(0, np.uint32)
         self._boxes = np.zeros((0, 2, 3), np.float32)
         self._nodes = self._blocks = self._rows = self._top = np.zeros(0, np.float32)
@@ -109,16 +108,16 @@ class World:
         kept, self._trees = self._trees, {}
         trees = []
         for part in geometry.ranges:
-            entry = kept.get(id(part.mesh))
-            if entry is None or entry[0] is not part.mesh or entry[1] != part.version:
+            entry = kept.get(id(part.source))
+            if entry is None or entry[0].source is not part.source or not entry[0].shows(part.mesh):
                 last = part.first_index + 3 * part.triangle_count
                 indices = geometry.indices[part.first_index : last].reshape(-1, 3)
                 first = part.first_vertex
                 positions = geometry.vertices["position"][first : int(indices.max()) + 1]
                 tree = build_mesh_bvh(positions, indices - np.uint32(first), self.threads)
-                entry = (part.mesh, part.version, tree)
-            self._trees[id(part.mesh)] = entry
-            trees.append(entry[2])
+                entry = part, tree
+            self._trees[id(part.source)] = entry
+            trees.append(entry[1])
         self._boxes = np.array([tree.bounds for tree in trees], np.float32).reshape(-1, 2, 3)
         self._nodes = aligned(sum(len(tree.nodes) for tree in trees))
         self._blocks = aligned(sum(len(tree.blocks) for tree in trees))

@@ -16,7 +16,7 @@ def test_settings_table_of_the_readme_is_up_to_date():
 
 
 def test_changelog_and_readme_name_the_commands_there_are():
-    from ispm.cli.main import COMMANDS
+    from ispm.cli.commands import COMMANDS
 
     readme = (ROOT / "README.md").read_text("utf-8")
     named = set(re.findall(r"^\| `ispm (\w+)", readme, re.MULTILINE))

@@ -5,6 +5,7 @@ import pickle
 import signal
 import subprocess
 import sys
+import threading
 import warnings
 from pathlib import Path
 
@@ -23,7 +24,7 @@ from ispm.scene.light import DirectionalLight, Light, PointLight
 from ispm.scene.material import Material, Texture
 from ispm.scene.mesh import Mesh
 from ispm.scene.scene import Scene
-from ispm.scene.shapes import box
+from ispm.scene.shapes import box, icosphere
 from ispm.settings import Settings
 
 
@@ -107,6 +108,78 @@ def test_light_that_photons_miss_is_told(gpu):
             render(gpu, lit_plain(side, DirectionalLight(), 0.0), size=(32, 18), photons=4000)
 
 
+@pytest.mark.parametrize("name", ["positions", "triangles", "normals", "colors"])
+def test_other_arrays_of_a_mesh_are_seen_without_a_word(gpu, name):
+    """And the same ones are not read again, whatever others have."""
+    scene = lit(box_room())
+    scene.add(box((-0.2, 0.1, -0.2), (0.2, 0.5, 0.2)), name="box")
+    mesh = scene["box"].parts[0].mesh
+    with Renderer(scene, Settings(size=(64, 36), photons=500), gpu=gpu) as renderer:
+        before = renderer.render()
+        assert renderer.render().radiance.tobytes() == before.radiance.tobytes()
+        geometry = renderer._ready._packed.geometry
+        corners = len(mesh.positions)
+        other = {
+            "positions": lambda: mesh.positions * np.float32(0.5),
+            "triangles": lambda: mesh.triangles[:-2],
+            "normals": lambda: np.tile(np.float32([0.6, 0.0, 0.8]), (corners, 1)),
+            "colors": lambda: np.full((corners, 4), 0.5),
+        }[name]()
+        setattr(mesh, name, other)
+        after = renderer.render()
+        assert renderer.render().radiance.tobytes() == after.radiance.tobytes()
+        assert renderer._ready._packed.geometry is not geometry
+        camera = renderer.camera
+    with Renderer(scene, Settings(size=(64, 36), photons=500), camera=camera, gpu=gpu) as renderer:
+        fresh = renderer.render()
+    assert after.radiance.tobytes() == fresh.radiance.tobytes() != before.radiance.tobytes()
+
+
+def swap_meshes(scene, turn):
+    mesh, other = scene["spare"].parts[0].mesh, (icosphere(0.1, 2), icosphere(0.1, 7))[turn % 2]
+    mesh.positions, mesh.triangles, mesh.normals = other.positions, other.triangles, other.normals
+
+
+def swap_lights(scene, turn):
+    for node in scene.roots[-20:]:
+        node.light = PointLight() if turn % 2 else None
+
+
+def come_and_go(scene, turn):
+    scene.add(box((0, 0, 0), (0.01, 0.01, 0.01))) if turn % 2 else scene.roots.pop()
+
+
+@pytest.mark.parametrize("edit", [swap_meshes, swap_lights, come_and_go])
+def test_edits_by_another_thread_show_in_this_frame_or_the_next(gpu, edit):
+    """Or are refused by name, where the frame found a mesh that was half another one."""
+    scene = lit(box_room())
+    scene.add(icosphere(0.1, 3), name="spare")
+    for k in range(60):
+        scene.add(box((0, 0, 0), (0.01, 0.01, 0.01)), translation=(0.01 * k, 0.0, 0.0))
+    ended, before = threading.Event(), sys.getswitchinterval()
+
+    def edit_on():
+        turn = 0
+        while not ended.is_set():
+            turn += 1
+            edit(scene, turn)
+
+    other = threading.Thread(target=edit_on)
+    sys.setswitchinterval(1e-5)
+    try:
+        other.start()
+        with Renderer(scene, Settings(size=(32, 18), photons=200), gpu=gpu) as renderer:
+            for _ in range(20):
+                try:
+                    renderer.render()
+                except SceneError as error:
+                    assert "mesh ''" in str(error)
+    finally:
+        ended.set()
+        other.join()
+        sys.setswitchinterval(before)
+
+
 def test_a_sun_lights_what_is_seen_of_a_plain_however_wide(gpu):
     stored = [
         render(gpu, lit_plain(side, DirectionalLight(), 0.0), size=(64, 36))[0].stats.stored_photons
@@ -165,11 +238,38 @@ def test_a_damaged_cache_costs_a_compilation_only(tmp_path: Path):
         return done.stdout
 
     first = run()
-    kept = [*tmp_path.glob("kernels/*.kernel")]
-    assert kept
-    for file in kept:
-        file.write_bytes(file.read_bytes()[:10])
+    (file,) = tmp_path.glob("kernels/*.kernel")
+    whole = file.read_bytes()
+    for damaged in (b"", whole[:10], whole[:-1], whole[:40] + b"\0" * (len(whole) - 40), b"\xff" + whole[1:]):
+        file.write_bytes(damaged)
+        assert run() == first
+        mended = file.read_bytes()
+        assert len(mended) > 1000 and run() == first and file.read_bytes() == mended
+    file.unlink()
+    file.mkdir()
     assert run() == first
+
+
+def test_a_kernel_under_another_ones_name_is_not_run(tmp_path: Path):
+    """Whoever copies files about: one kernel's code under another's name would be called as the other."""
+    code = "from ispm.optics import rng; print(rng.{}(1, 2, 3, 4)[0])"
+    environment = {**os.environ, "ISPM_CACHE": str(tmp_path)}
+
+    def run(kernel: str) -> str:
+        done = subprocess.run(
+            [sys.executable, "-c", code.format(kernel)], env=environment, capture_output=True, text=True,
+            timeout=120,
+        )  # fmt: skip
+        assert done.returncode == 0, done.stderr
+        return done.stdout
+
+    first = run("random4"), run("pcg4d")
+    one, two = (next(tmp_path.glob(f"kernels/*{kernel}-*.kernel")) for kernel in ("random4", "pcg4d"))
+    kept = one.read_bytes(), two.read_bytes()
+    one.write_bytes(kept[1])
+    two.write_bytes(kept[0])
+    assert (run("random4"), run("pcg4d")) == first
+    assert one.read_bytes() != kept[1] and two.read_bytes() != kept[0]  # compiled again
 
 
 def test_frames_own_their_arrays_whatever_is_rendered_next(gpu):
@@ -207,3 +307,58 @@ def test_an_interrupt_keeps_the_passes_that_were_done(tmp_path, request_to_end):
     done = Progress.load(kept).passes
     assert done >= 2 and read_picture(picture).shape == (36, 64, 3)
     assert f"mean of {done} passes" in rest
+
+
+LONG = [
+    "render",
+    "cornell-box",
+    "--size",
+    "64x36",
+    "--photons",
+    "1000",
+    "--resume",
+    "kept.npz",
+    "-o",
+    "a.png",
+]
+
+
+def start(folder: Path, code: str, *words: str) -> subprocess.Popen[str]:
+    """A command line after some Python of a test."""
+    script = f"import sys\nfrom ispm.cli.main import main\n{code}\nsys.exit(main(sys.argv[1:]))"
+    return subprocess.Popen(
+        [sys.executable, "-c", script, *words], cwd=folder, text=True, stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+    )  # fmt: skip
+
+
+def test_a_killed_process_leaves_the_passes_that_it_kept_on_the_way(tmp_path):
+    with start(tmp_path, "from ispm.cli import passes; passes._EVERY = 0.0", *LONG, "--passes", "9k") as run:
+        for line in run.stderr:
+            if line.startswith("8 passes"):
+                run.kill()
+                break
+        run.communicate(timeout=120)
+    done = Progress.load(tmp_path / "kept.npz").passes
+    assert done >= 1 and not (tmp_path / "a.png").exists()
+    with start(tmp_path, "", *LONG, "--passes", str(done + 1)) as again:
+        out, err = again.communicate(timeout=120)
+    assert (again.returncode, out.split()) == (0, ["kept.npz", "a.png"]), err
+    assert Progress.load(tmp_path / "kept.npz").passes == done + 1
+
+
+def test_passes_that_cannot_be_kept_cost_no_picture(tmp_path):
+    full = """
+from ispm.cli import passes
+from ispm.errors import OutputError
+from ispm.renderer import Renderer
+def full(self, path):
+    raise OutputError(f"{path}: cannot be written: No space left on device")
+Renderer.save_progress, passes._EVERY = full, 0.0
+"""
+    with start(tmp_path, full, *LONG, "--passes", "3") as run:
+        out, err = run.communicate(timeout=120)
+    assert (run.returncode, out) == (2, "a.png\n")
+    assert err.count("rendering goes on") == 1
+    assert err.splitlines()[-1] == "ispm: kept.npz: cannot be written: No space left on device"
+    assert read_picture(tmp_path / "a.png").shape == (36, 64, 3)

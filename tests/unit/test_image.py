@@ -1,14 +1,18 @@
 """Pictures in files: what is written comes back, and is whole or not there."""
 
 import os
+import socket
+import stat
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
 from PIL import Image
 
 from ispm.errors import OutputError
+from ispm.io import image
 from ispm.io.atomic import replacing, require_writable
 from ispm.io.image import (
     read_array,
@@ -170,18 +174,29 @@ def test_a_write_that_fails_leaves_the_old_file_and_nothing_else(tmp_path, error
 def test_a_full_disk_leaves_nothing_and_says_so(tmp_path):
     # A limit on the size of files stands in for the full disk: writing fails part way, as there.
     script = f"""
-import resource, sys
+import os, resource, sys
 import numpy as np
 from ispm.errors import OutputError
 from ispm.io import image
 import OpenEXR, PIL.PngImagePlugin
 noise = np.random.default_rng(1).random((200, 200, 3), np.float32)
+whole = {str(tmp_path)!r} + "/whole.exr"
+image.write_exr(whole, {{"full": noise}})
+size = os.path.getsize(whole)
+os.unlink(whole)
+resource.setrlimit(resource.RLIMIT_FSIZE, (size - 1, size - 1))
+try:
+    image.write_exr(whole, {{"full": noise}})
+    sys.exit("was written without its last byte")
+except OutputError:
+    pass
 resource.setrlimit(resource.RLIMIT_FSIZE, (5000, 5000))
 for write in (
     lambda: image.write_exr({str(tmp_path)!r} + "/a.exr", {{"full": noise}}),
     lambda: image.write_npy({str(tmp_path)!r} + "/a.npy", noise),
     lambda: image.write_npz({str(tmp_path)!r} + "/a.npz", {{"full": noise}}),
     lambda: image.write_png({str(tmp_path)!r} + "/a.png", (noise * 255).astype(np.uint8)),
+    lambda: image.write_jpeg({str(tmp_path)!r} + "/a.jpg", (noise * 255).astype(np.uint8)),
 ):
     try:
         write()
@@ -192,9 +207,49 @@ for write in (
     run = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True)
     assert run.returncode == 0, run.stderr
     lines = run.stdout.splitlines()
-    assert [line.split(":")[0][-3:] for line in lines] == ["exr", "npy", "npz", "png"]
+    assert [line.split(":")[0][-3:] for line in lines] == ["exr", "npy", "npz", "png", "jpg"]
     assert all("cannot be written: " in line for line in lines)
     assert os.listdir(tmp_path) == []
+
+
+@pytest.mark.parametrize("room", [20, 60])
+def test_a_disk_that_is_truly_full_leaves_nothing_and_says_so(tmp_path, room):
+    """Some libraries overlook that it is; files of every kind are longer than `room` KiB."""
+    script = """
+import os
+import numpy as np
+from ispm.errors import OutputError
+from ispm.io import image
+light = np.random.default_rng(1).random((200, 200, 3), np.float32)
+pixels = (light * 255).astype(np.uint8)
+image.write_exr("warm.exr", {"full": light[:2]})  # what libraries open is open
+os.chdir("full")
+for ending, write in {
+    "exr": lambda path: image.write_exr(path, {"full": light}),
+    "npy": lambda path: image.write_npy(path, light),
+    "npz": lambda path: image.write_npz(path, {"full": light}),
+    "png": lambda path: image.write_png(path, pixels),
+    "jpg": lambda path: image.write_jpeg(path, pixels),
+}.items():
+    try:
+        write("a." + ending)
+    except OutputError as error:
+        print(error)
+print(os.listdir("."))
+"""
+    (tmp_path / "full").mkdir()
+    mounted = f"mount -t tmpfs -o size={room}k none full && exec {sys.executable} -c '{script}'"
+    if subprocess.run(["unshare", "-rm", "true"], capture_output=True).returncode:
+        pytest.skip("this user may not mount anything")
+    run = subprocess.run(
+        ["unshare", "-rm", "sh", "-c", mounted], cwd=tmp_path,
+        capture_output=True, text=True,
+    )  # fmt: skip
+    assert run.returncode == 0, run.stderr
+    kinds = ["exr", "npy", "npz", "png", "jpg"]
+    assert run.stdout.splitlines() == [
+        *(f"a.{kind}: cannot be written: No space left on device" for kind in kinds), "[]"
+    ]  # fmt: skip
 
 
 def test_a_result_gets_the_usual_permissions_and_its_folders(tmp_path):
@@ -212,6 +267,77 @@ def test_a_link_is_written_through(tmp_path):
     write_npy(tmp_path / "link.npy", np.zeros(3))
     assert (tmp_path / "link.npy").is_symlink()
     assert (tmp_path / "there" / "a.npy").is_file()
+
+
+@pytest.mark.parametrize("mode", [0o600, 0o640, 0o444])
+def test_what_is_replaced_keeps_its_mode(tmp_path, mode):
+    path, mask = tmp_path / "a.npy", os.umask(0o022)
+    try:
+        path.touch()
+        path.chmod(mode)
+        write_npy(path, np.zeros(3))
+    finally:
+        os.umask(mask)
+    assert path.stat().st_mode & 0o777 == mode and np.load(path).shape == (3,)
+
+
+def bind_socket(path):
+    with socket.socket(socket.AF_UNIX) as made:
+        made.bind(str(path))
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows has none of these")
+@pytest.mark.parametrize(
+    ("make", "kind"),
+    [
+        (lambda path: path.symlink_to("/dev/null"), "a device"),
+        (os.mkfifo, "a FIFO"),
+        (bind_socket, "a socket"),
+        (Path.mkdir, "a folder"),
+        (lambda path: path.symlink_to(path.parent), "a folder"),
+        (lambda path: path.symlink_to(path), "symbolic links"),
+    ],
+)
+def test_what_is_no_file_is_not_replaced(tmp_path, monkeypatch, make, kind):
+    monkeypatch.chdir(tmp_path)  # a socket's path must be short
+    path = Path("n.png")
+    make(path)
+    before = path.lstat()
+    for write in (require_writable, lambda p: image.write_png(p, np.zeros((2, 2, 3), np.uint8))):
+        with pytest.raises(OutputError, match=kind):
+            write(path)
+    assert path.lstat().st_ino == before.st_ino
+    assert stat.S_ISCHR(os.stat("/dev/null").st_mode) and os.listdir() == ["n.png"]
+
+
+@pytest.mark.parametrize("name", ["é" * 121 + ".npy", "a" * 251 + ".npy"])
+def test_the_longest_names_can_be_written(tmp_path, name):
+    require_writable(tmp_path / name)
+    write_npy(tmp_path / name, np.zeros(3))
+    assert os.listdir(tmp_path) == [name]
+
+
+@pytest.mark.parametrize("name", ["é" * 126 + ".npy", "a\udcff.png"])
+def test_names_that_cannot_be_written_are_found_before_the_work(tmp_path, name):
+    with pytest.raises(OutputError, match=r"File name too long|is no UTF-8") as caught:
+        require_writable(tmp_path / name)
+    assert str(caught.value).isprintable()
+    assert os.listdir(tmp_path) == []
+
+
+def test_what_a_killed_process_left_is_swept(tmp_path):
+    old, new, other = (
+        tmp_path / name for name in (".ispm-01234567-a.npy", ".ispm-89abcdef-a.npy", ".ispm-x")
+    )
+    for path in (old, new, other):
+        path.touch()
+    for path in (old, other):
+        os.utime(path, (1e9, 1e9))
+    folder = tmp_path / ".ispm-00000000-folder"
+    folder.mkdir()
+    os.utime(folder, (1e9, 1e9))
+    write_npy(tmp_path / "b.npy", np.zeros(3))
+    assert {path.name for path in tmp_path.iterdir()} == {new.name, other.name, folder.name, "b.npy"}
 
 
 @pytest.mark.parametrize("path", ["/proc/none/a.png", "/dev/null/a.png"])

@@ -1,6 +1,5 @@
 """Compiled kernels: by what they are known, that they come back as they were, and that all are listed."""
 
-import hashlib
 import os
 import subprocess
 import sys
@@ -161,21 +160,22 @@ def test_kernels_come_back_and_are_never_stale(kept):
 @pytest.mark.parametrize(
     "damage",
     [
-        lambda data: b"",
-        lambda data: data[:100],
-        lambda data: data[:-1],
-        lambda data: data[:200] + bytes([data[200] ^ 1]) + data[201:],
-        lambda data: hashlib.sha256(b"no pickle").digest() + b"no pickle",
-        lambda data: hashlib.sha256(b"I1\n.").digest() + b"I1\n.",  # a pickle of something else
+        lambda data, _: b"",
+        lambda data, _: data[:100],
+        lambda data, _: data[:-1],
+        lambda data, _: data[:200] + bytes([data[200] ^ 1]) + data[201:],
+        lambda data, name: store._digest(name, b"no pickle") + b"no pickle",
+        lambda data, name: store._digest(name, b"I1\n.") + b"I1\n.",  # a pickle of something else
+        lambda data, name: store._digest("other" + name, data[32:]) + data[32:],  # another kernel's file
     ],
 )
 def test_a_damaged_file_costs_a_compilation_only(kept, damage):
     assert module().other(1.0) == 0.0
     (file,) = kept.iterdir()
-    file.write_bytes(damage(file.read_bytes()))
+    file.write_bytes(damage(file.read_bytes(), file.name))
     assert module().other(1.0) == 0.0
     data = file.read_bytes()
-    assert hashlib.sha256(data[32:]).digest() == data[:32] and len(data) > 1000
+    assert store._digest(file.name, data[32:]) == data[:32] and len(data) > 1000
 
 
 def test_kernels_that_a_wheel_carries_are_used_and_nothing_is_written(kept, monkeypatch):

@@ -9,6 +9,7 @@ from ispm.errors import OutputError, SceneError, SettingsError
 from ispm.io.load import load
 from ispm.io.named import builtin, open_named
 from ispm.io.save import save
+from ispm.scene import scene as scenes
 from ispm.scene.animation import Animation, Channel
 from ispm.scene.camera import Camera
 from ispm.scene.light import DirectionalLight, PointLight, SpotLight
@@ -164,6 +165,18 @@ def test_a_node_that_hangs_below_itself_is_refused():
     upper.children, lower.children = [lower], [upper]
     with pytest.raises(SceneError, match="node 'upper': hangs below itself"):
         pack(Scene([upper]))
+
+
+def test_nodes_of_too_many_places_are_refused_before_all_are_visited(monkeypatch):
+    """Sixty of them, each twice below the next, have 2^60 places."""
+    monkeypatch.setattr(scenes, "_MOST_AGAIN", 10_000)
+    node = Node("leaf")
+    for _ in range(60):
+        node = Node("twig", children=[node, node])
+    scene = Scene([node])
+    for use in (pack, repr, lambda s: s.nodes, lambda s: s.at_rest(), lambda s: s["none"]):
+        with pytest.raises(SceneError, match=r"nodes that hang in several places multiply, .* than 10,000"):
+            use(scene)
 
 
 def test_nodes_that_scale_each_other_beyond_all_numbers_are_refused():

@@ -12,7 +12,7 @@ from unittest.mock import patch
 
 import numpy as np
 import pytest
-from fake import SMALL, FakeRenderer
+from fake import SMALL, FakeRenderer, FakeStats
 
 import ispm.renderer
 from ispm.cli.main import main
@@ -25,7 +25,14 @@ def test_render_writes_the_path_alone_to_stdout_and_the_table_to_stderr(ispm_com
     assert (code, out) == (0, "made/room.png\n")
     assert (place / "made" / "room.png").is_file()
     assert "rendering 8x6, 40,000 photons" in err
-    assert "stored_photons  123,456" in err
+    assert "stored_photons  123,456" in err and "flux" not in err
+
+
+def test_all_statistics_are_shown_on_demand(ispm_command, place):
+    code, out, err = ispm_command(SMALL + "-o a.png --stats -")
+    assert (code, out, [f.name for f in place.iterdir()]) == (0, "a.png\n", ["a.png"])
+    shown = [line.split()[0] for line in err.splitlines()[-len(fields(FakeStats)) :]]
+    assert shown == [f.name for f in fields(FakeStats)]
 
 
 def test_render_names_the_picture_after_the_scene(ispm_command, place):
@@ -204,17 +211,47 @@ def test_compare_writes_the_difference(ispm_command, pictures, place):
     assert (place / "d.png").is_file()
 
 
-def test_a_closed_pipe_is_no_error():
+@pytest.mark.parametrize(
+    "line", ["scenes --json", "--help", "render --help", "--version", "info cornell-box --json"]
+)
+def test_a_closed_pipe_is_no_error(line):
     run = subprocess.Popen(
-        [sys.executable, "-m", "ispm", "scenes", "--json"],
+        [sys.executable, "-m", "ispm", *line.split()],
         cwd=Path(ispm.__file__).parents[1],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
     )
     run.stdout.close()
-    assert run.stderr.read() == b""
+    assert b"Traceback" not in (said := run.stderr.read()) and b"Broken" not in said
     assert run.wait() == 0
     run.stderr.close()
+
+
+def test_work_goes_on_where_nobody_reads_what_is_said(place):
+    write_npy("a.npy", np.ones((4, 4, 3), np.float32))
+    run = subprocess.Popen(
+        [sys.executable, "-m", "ispm", "compare", "a.npy", "a.npy", "--diff", "d.png"],
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+    )  # fmt: skip
+    run.stderr.close()
+    assert run.stdout.read() == b"d.png\n" and run.wait() == 0
+    run.stdout.close()
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows cannot send a process SIGINT")
+@pytest.mark.parametrize("module", ["cyclopts", "ispm.cli.render", "numpy"])
+def test_an_interrupt_while_modules_are_read_is_one_line(module):
+    code = (
+        "import os, signal, sys\n"
+        "class Interrupting:\n"
+        "    def find_spec(self, name, *_):\n"
+        f"        if name == {module!r}: os.kill(os.getpid(), signal.SIGINT)\n"
+        "sys.meta_path.insert(0, Interrupting())\n"
+        "from ispm.cli.main import main\n"
+        "sys.exit(main(['info', 'cornell-box']))"
+    )
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert (run.returncode, run.stdout, run.stderr) == (130, "", "ispm: interrupted\n")
 
 
 def test_python_m_ispm_is_the_command():
@@ -281,6 +318,18 @@ def test_names_with_spaces_are_quoted(capsys, place):
     capsys.readouterr()
     assert main(["info", "a b.png"]) == 0
     assert "made by: ispm render 'my room.glb' --size 8x6 -o 'a b.png'" in capsys.readouterr().err
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="other systems have no such names")
+def test_a_scene_whose_name_is_no_text_can_be_rendered(place, capsys):
+    from ispm.io.save import save
+    from ispm.scene.builtin import builtin
+
+    save(builtin("cornell-box"), "room.glb").rename("r\udcffom.glb")
+    for ending in ("png", "jpg", "exr", "npz"):
+        assert main(["render", "r\udcffom.glb", "--size", "8x6", "-o", f"a.{ending}"]) == 0
+        assert main(["info", f"a.{ending}"]) == 0
+    assert "r?om.glb" in capsys.readouterr().err
 
 
 def test_info_of_a_picture_prints_the_command_in_a_line_of_its_own(ispm_command):

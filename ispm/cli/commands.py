@@ -1,0 +1,74 @@
+"""Hand the arguments to a command, and turn errors into one line and an exit code."""
+
+from __future__ import annotations
+
+import os
+import sys
+import traceback
+import warnings
+from typing import Any
+
+from cyclopts import CycloptsError
+
+from ispm import __version__
+from ispm.cli import bench, compare, doctor, info, render, scenes
+from ispm.cli.console import Console, drop, one_line, tell
+from ispm.cli.main import INTERRUPTED
+from ispm.cli.options import app
+from ispm.errors import AdapterError, IspmError, SceneWarning
+
+COMMANDS = (render, compare, scenes, info, doctor, bench)  # importing a command registers it
+
+BAD_INPUT, NO_ADAPTER = 2, 3
+
+
+def run(arguments: list[str]) -> int:
+    """Run a command line and return its exit code, as `main` says."""
+    if sys.stdout is None or sys.stderr is None:  # closed by who started us; there is nobody to tell
+        sys.stdout, sys.stderr = (
+            s or os.fdopen(os.open(os.devnull, os.O_WRONLY), "w") for s in (sys.stdout, sys.stderr)
+        )
+    debug = "--debug" in arguments
+    app.version = __version__
+    try:
+        with warnings.catch_warnings():
+            _show_warnings(Console(quiet="--quiet" in arguments), everything=debug)
+            code = app(arguments, exit_on_error=False, print_error=False, result_action="return_value")
+        sys.stdout.flush()
+        return int(code or 0)
+    except (BrokenPipeError, SystemExit):  # who read the output has seen enough; rich answers by SystemExit
+        drop(sys.stdout)
+        return 0
+    except KeyboardInterrupt:
+        return interrupted(debug)
+    except AdapterError as error:
+        return _failed(NO_ADAPTER, str(error), debug)
+    except (IspmError, CycloptsError) as error:
+        return _failed(BAD_INPUT, str(error), debug)
+    except Exception as error:  # whatever it is, the user gets one line and an exit code
+        what = f"unexpected {type(error).__name__}: {error}; run again with --debug to see where"
+        return _failed(BAD_INPUT, what, debug)
+
+
+def interrupted(debug: bool = False) -> int:
+    """Say so, and return the exit code."""
+    return _failed(INTERRUPTED, "interrupted", debug)
+
+
+def _failed(code: int, message: str, debug: bool) -> int:
+    """Say in one line what went wrong; with the traceback where it is wanted."""
+    if debug:
+        tell(traceback.format_exc().rstrip())
+    tell("ispm: " + one_line(message))
+    return code
+
+
+def _show_warnings(console: Console, everything: bool) -> None:
+    """Print warnings about scenes in a line each; those of libraries only with --debug."""
+
+    def show(message: Any, category: type[Warning], *place: Any, **_: Any) -> None:
+        console.warn(str(message))
+
+    warnings.showwarning = show
+    warnings.simplefilter("default" if everything else "ignore")
+    warnings.simplefilter("always", SceneWarning)
