@@ -305,9 +305,31 @@ _preset_first(Settings)
 
 @dataclass(frozen=True)
 class LoadLimits(_Checked):
-    """What a scene file may ask for at most. Raises SettingsError for a value out of range."""
+    """What a scene file may ask for at most. Raises SettingsError for a value out of range.
 
-    max_file_bytes: int = knob(4 << 30, "largest scene file", low=1, high=1 << 50, unit="bytes", metavar="N")
+    `max_file_bytes`, `max_memory`, `max_work`, `max_nodes` and `max_triangles` are of a scene with all its
+    files, the others of single items.
+    """
+
+    max_file_bytes: int = knob(
+        4 << 30, "most bytes of a scene's files together", low=1, high=1 << 50, unit="bytes", metavar="N"
+    )
+    max_memory: int = knob(
+        640 << 20,
+        "most memory for arrays and pictures together, and 64 bytes more for each byte of the files; "
+        "pictures that take more than half of what is left are halved",
+        low=1,
+        high=1 << 50,
+        unit="bytes",
+        metavar="N",
+    )
+    max_work: int = knob(
+        1_500_000_000,
+        "most steps of loading, of some ten nanoseconds, and 100 more for each byte of the files",
+        low=1,
+        high=1 << 50,
+        metavar="N",
+    )
     max_elements: int = knob(200_000_000, "most elements of one accessor", low=1, high=1 << 40, metavar="N")
     max_nodes: int = knob(1_000_000, "most nodes", low=1, high=1 << 40, metavar="N")
     max_triangles: int = knob(100_000_000, "most triangles, as placed", low=1, high=1 << 40, metavar="N")
