@@ -304,6 +304,22 @@ _preset_first(Settings)
 
 
 @dataclass(frozen=True)
+class LoadOptions(_Checked):
+    """How a scene file is taken. Raises SettingsError for a value out of range."""
+
+    up: str = knob("y", "the axis of an OBJ, PLY or STL that points up; glTF's is y", choices=("y", "z"))
+    smooth_normals: bool = knob(False, "give smooth normals to meshes that bring none")
+    crease_degrees: float = knob(
+        30.0,
+        "with smooth_normals: faces at a larger angle keep their edge",
+        low=0.0,
+        high=180.0,
+        unit="degrees",
+        metavar="DEGREES",
+    )
+
+
+@dataclass(frozen=True)
 class LoadLimits(_Checked):
     """What a scene file may ask for at most. Raises SettingsError for a value out of range.
 
@@ -339,6 +355,10 @@ class LoadLimits(_Checked):
     max_texture: int = knob(
         4096, "larger textures are halved until they fit", low=1, high=1 << 20, unit="pixels", metavar="N"
     )
+
+
+LOADING = LoadOptions, LoadLimits
+"""What `load` takes the fields of."""
 
 
 def resolve(*layers: Mapping[str, Any]) -> Settings:

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import Parameter
 
 from ispm.cli.console import Console
-from ispm.cli.options import command, limits_from
+from ispm.cli.options import command, loading_from
 from ispm.cli.scene import open_scene
-from ispm.settings import LoadLimits
+from ispm.settings import LOADING
 
 ENDINGS = (".png", ".jpg", ".jpeg", ".exr", ".npz", ".npy")
 
@@ -22,13 +22,13 @@ if TYPE_CHECKING:
     from ispm.scene.scene import Scene
 
 
-@command(LoadLimits)
+@command(*LOADING)
 def info(
     console: Console,
     scene: str,
     /,
     *,
-    config: Annotated[str | None, Parameter(help="limits as TOML", metavar="FILE.toml")] = None,
+    config: Annotated[str | None, Parameter(help="options as TOML", metavar="FILE.toml")] = None,
     **given: Any,
 ) -> None:
     """Say what a scene holds, or how a picture was made.
@@ -42,7 +42,7 @@ def info(
     if Path(scene).suffix.lower() in ENDINGS:
         _tell_picture(console, scene)
         return
-    contents = summary(open_scene(console, scene, limits_from(given, config)))
+    contents = summary(open_scene(console, scene, loading_from(given, config)))
     console.table(scene, list(contents.items()))
     console.result(contents)
 

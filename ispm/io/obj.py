@@ -23,6 +23,7 @@ from ispm.io.polygons import triangulate
 from ispm.io.surface_mesh import check_counts, check_range, make_mesh
 from ispm.scene.color import linear
 from ispm.scene.scene import Node, Part, Scene
+from ispm.scene.smooth import angles_of
 from ispm.settings import LoadLimits
 
 
@@ -93,25 +94,12 @@ def _normals(text: ObjText, triangles: list[np.ndarray]) -> np.ndarray:
         every = np.concatenate(triangles)
         corners = text.positions[text.corners[every, 0]]
         with np.errstate(invalid="ignore", over="ignore"):
-            weighted = _by_angle(corners)
+            faces, angles = angles_of(corners)
+        weighted = angles[:, :, None] * faces[:, None, :]
         weighted[wild(weighted).any(axis=(1, 2))] = 0.0
         np.add.at(sums, group.ravel()[every], weighted)
         result[~written] = sums[group.ravel()[~written]]
     return result
-
-
-def _by_angle(corners: np.ndarray) -> np.ndarray:
-    """(T, 3, 3) unit normals of (T, 3, 3) triangles, times the angle at each corner."""
-    ahead = _unit(np.roll(corners, -1, axis=1) - corners)
-    behind = -np.roll(ahead, 1, axis=1)
-    angle = np.arccos(np.clip(np.einsum("tki,tki->tk", ahead, behind), -1.0, 1.0))
-    flat = _unit(np.cross(ahead[:, 0], -ahead[:, 2]))
-    return np.asarray(angle[:, :, None] * flat[:, None, :])
-
-
-def _unit(vectors: np.ndarray) -> np.ndarray:
-    length = np.linalg.norm(vectors, axis=-1, keepdims=True)
-    return np.asarray(vectors / np.where(length > 0.0, length, 1.0))
 
 
 def _uvs(text: ObjText) -> np.ndarray | None:
