@@ -9,6 +9,7 @@ Source: Thuermer and Wuethrich, "Computing vertex normals from polygonal facets"
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 
@@ -29,7 +30,7 @@ def smoothed(mesh: Mesh, crease: float) -> Mesh:
     pairs = np.stack([mesh.triangles.ravel(), fans.ravel()], axis=1)
     kept, numbers = np.unique(pairs, axis=0, return_inverse=True)
     rows = kept[:, 0]
-    others = {
+    others: dict[str, Any] = {
         name: None if values is None else values[rows]
         for name in ("tangents", "uv0", "uv1", "colors")
         for values in (getattr(mesh, name),)
