@@ -93,7 +93,11 @@ def fetch(name: str) -> Path:
 def _reason(error: Exception) -> str:
     if not isinstance(error, OSError):
         return "a file is not the one that is known: its checksum differs, and it was not kept"
-    kinds = {"ConnectionError": "there is no connection", "ConnectTimeout": "nobody answers"}
+    kinds = {
+        "ConnectionError": "there is no connection",
+        "ConnectTimeout": "nobody answers",
+        "InvalidURL": "this is no address",
+    }
     return kinds.get(type(error).__name__, _shown(" ".join(str(error).split())))
 
 

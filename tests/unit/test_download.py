@@ -122,7 +122,7 @@ def test_passwords_are_not_told(server, monkeypatch):
     there = os.environ["ISPM_DOWNLOADS"].removeprefix("http://")
     (server.folder / "box.gltf").unlink()
     for address in (f"http://me:s3cret@{there}", f"http://me:s3/c@ret@{there}", "ftp://me:s3cret@127.0.0.1/",
-                    "http://me:s3cret@127.0.0.1:9/", "http://me:s3cret@[/", "http://me:s3cret@/"):  # fmt: skip
+                    "http://me:s3cret@127.0.0.1:9", "http://me:s3cret@[/", "http://me:s3cret@/"):  # fmt: skip
         monkeypatch.setenv("ISPM_DOWNLOADS", address)
         with pytest.raises(SceneError) as caught:
             ispm.builtin("room")
