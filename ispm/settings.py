@@ -332,7 +332,7 @@ class LoadLimits(_Checked):
     )
     max_memory: int = knob(
         640 << 20,
-        "most memory for arrays and pictures together, and 64 bytes more for each byte of the files; "
+        "most memory for arrays and pictures together, and 16 bytes more for each byte of the files; "
         "pictures that take more than half of what is left are halved",
         low=1,
         high=1 << 50,

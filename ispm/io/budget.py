@@ -7,7 +7,7 @@ from pathlib import Path
 from ispm.errors import SceneError
 from ispm.settings import LoadLimits
 
-MEMORY_PER_BYTE = 64  # of a file: the longest way, from the text of an OBJ to its corners, takes 50
+MEMORY_PER_BYTE = 16  # of a file: four pixels; a strip of indices of a byte takes 12 for its triangles
 WORK_PER_BYTE = 100  # which is a second for a megabyte
 LOOK = 10_000  # steps to find a file, 0.1 ms
 MESH = 20_000  # steps to make a mesh, however small

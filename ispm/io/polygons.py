@@ -52,8 +52,9 @@ def _fans(polygons: np.ndarray) -> np.ndarray:
 def _cut(polygons: np.ndarray, points: np.ndarray, budget: Budget | None) -> np.ndarray:
     """(P (n - 2), 3) triangles of (P, n) polygons, n > 3."""
     size = polygons.shape[1]
-    flat = _flattened(points[polygons].astype(np.float64))
-    turns = _turns(flat, np.roll(flat, -1, axis=1), np.roll(flat, -2, axis=1))
+    with np.errstate(invalid="ignore", over="ignore"):  # of points that are not finite, which draw nothing
+        flat = _flattened(points[polygons].astype(np.float64))
+        turns = _turns(flat, np.roll(flat, -1, axis=1), np.roll(flat, -2, axis=1))
     bent = (turns < 0.0).any(axis=1) if size <= MOST_CORNERS else np.zeros(len(polygons), bool)
     triangles = _fans(polygons).reshape(len(polygons), size - 2, 3)
     if budget is not None:

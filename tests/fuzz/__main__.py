@@ -19,6 +19,7 @@ from queue import SimpleQueue
 from typing import Any
 
 import numpy as np
+
 from fuzz.attacks import Attack, attacks
 from fuzz.mutate import damaged
 from fuzz.seeds import Files, among, small
@@ -62,11 +63,9 @@ class Workers:
 
     def __init__(self, count: int) -> None:
         self._idle: SimpleQueue[subprocess.Popen[str]] = SimpleQueue()
-        self._all = [
-            subprocess.Popen([sys.executable, "-m", "fuzz.worker"], cwd=HERE, text=True, stdin=subprocess.PIPE,
-                             stdout=subprocess.PIPE)
-            for _ in range(count)
-        ]  # fmt: skip
+        command = [sys.executable, "-m", "fuzz.worker"]
+        pipes: dict[str, Any] = dict(stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+        self._all = [subprocess.Popen(command, cwd=HERE, text=True, **pipes) for _ in range(count)]
         for worker in self._all:
             self._idle.put(worker)
 
@@ -74,7 +73,9 @@ class Workers:
         """How loading a file ends."""
         worker = self._idle.get()
         try:
-            worker.stdin.write(json.dumps([os.fspath(path).encode("utf-8", "surrogatepass").hex(), options]) + "\n")
+            worker.stdin.write(
+                json.dumps([os.fspath(path).encode("utf-8", "surrogatepass").hex(), options]) + "\n"
+            )
             worker.stdin.flush()
             return dict(json.loads(worker.stdout.readline()))
         finally:
@@ -142,9 +143,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     beside = HERE.parents[1] / "shared" / "assets"
     folder = Path(os.environ.get("ISPM_ASSETS") or beside)
     start, failed = time.perf_counter(), False
+    every = seeds(folder if folder.is_dir() else None)
     for about, cases in (
         (f"targeted, bounds {SECONDS:g} s of a processor and {BYTES >> 20} MiB", attacks()),
-        (f"damaged, seed {given.seed}", mutated(given.count, given.seed, seeds(folder if folder.is_dir() else None))),
+        (
+            f"damaged, seed {given.seed}",
+            mutated(given.count, given.seed, every),
+        ),
     ):
         report = run([c for c in cases if given.only in c[0]], given.workers, given.keep)
         print(f"{about}: ", *report.lines(), sep="\n", flush=True)

@@ -8,13 +8,14 @@ import struct
 from typing import Any
 
 import numpy as np
+
 from fuzz.seeds import Files
 
-ODD = ["nan", "inf", "-inf", "-1", "0", "-0", "1e400", "1e-400", "1e38", "3.5", "255", "65535", "65536", "2147483647",
-       "2147483648", "4294967295", "4294967296", "9223372036854775807", "9223372036854775808",
+ODD = ["nan", "inf", "-inf", "-1", "0", "-0", "1e400", "1e-400", "1e38", "3.5", "255", "65535", "65536",
+       "2147483647", "2147483648", "4294967295", "4294967296", "9223372036854775807", "9223372036854775808",
        "99999999999999999999", "-9223372036854775809", "", "x", "0x10", "1_0", "9" * 5000]  # fmt: skip
-VALUES: list[Any] = [None, True, -1, 0, 1, 3, 1e300, -1e300, 2**31, 2**32, 2**63, 2**64, 0.5, "", "x", "../a", [], {},
-                     [0], [[]], {"a": {}}, "a" * 5000]  # fmt: skip
+VALUES: list[Any] = [None, True, -1, 0, 1, 3, 1e300, -1e300, 2**31, 2**32, 2**63, 2**64, 0.5, "", "x", "../a",
+                     [], {}, [0], [[]], {"a": {}}, "a" * 5000]  # fmt: skip
 NUMBER = re.compile(rb"-?\d+\.?\d*(?:[eE][-+]?\d+)?")
 
 
@@ -43,7 +44,8 @@ def _bytes(data: bytes, random: np.random.Generator) -> bytes:
     noise = random.integers(0, 256, near - at, np.uint8).tobytes()
     same = bytes([int(random.choice([0, 1, 32, 127, 128, 254, 255]))]) * (near - at)
     ways = [data[:at] + noise + data[near:], data[:at] + same + data[near:], data[:at] + data[near:],
-            data[:at] + noise + data[at:], data[:to] + data[at:to] + data[to:] if to - at < 4096 else data[:to],
+            data[:at] + noise + data[at:],
+            data[:to] + data[at:to] + data[to:] if to - at < 4096 else data[:to],
             data[to:] + data[:at] if random.random() < 0.2 else data[:at] + same + data[near:],
             data[:to]]  # fmt: skip
     return ways[int(random.integers(len(ways)))]

@@ -13,7 +13,9 @@ from PIL import Image
 Files = dict[str, bytes]
 LARGEST = 1 << 21  # bytes of an asset that is damaged
 
-TEXT = "v 0 0 0 1 0 0\nv 1 0 0 0 1 0\nv 1 1 0 0 0 1\nv 0 1 0 1 1 1\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nvn 0 0 1\n"
+TEXT = (
+    "v 0 0 0 1 0 0\nv 1 0 0 0 1 0\nv 1 1 0 0 0 1\nv 0 1 0 1 1 1\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nvn 0 0 1\n"
+)
 OBJ = f"""mtllib a.mtl
 {TEXT}o floor
 usemtl wood
@@ -86,9 +88,12 @@ def ply(form: str) -> bytes:
             "property uchar green\nproperty uchar blue\nelement face 2\n"
             "property list uchar int vertex_indices\nend_header\n").encode()  # fmt: skip
     if form == "ascii":
-        return head + b"0 0 0 0 0 255 0 0\n1 0 0 1 0 0 255 0\n1 1 0 1 1 0 0 255\n0 1 0 0 1 9 9 9\n4 0 1 2 3\n3 0 1 2\n"
+        rows = "0 0 0 0 0 255 0 0", "1 0 0 1 0 0 255 0", "1 1 0 1 1 0 0 255", "0 1 0 0 1 9 9 9", "4 0 1 2 3"
+        return head + "\n".join([*rows, "3 0 1 2", ""]).encode()
     order = "<" if "little" in form else ">"
-    body = b"".join(struct.pack(order + "5f3B", *p, *uv, 200, 9, 7) for p, uv in zip(QUAD, QUAD_UV, strict=True))
+    body = b"".join(
+        struct.pack(order + "5f3B", *p, *uv, 200, 9, 7) for p, uv in zip(QUAD, QUAD_UV, strict=True)
+    )
     return head + body + struct.pack(order + "B4iB3i", 4, 0, 1, 2, 3, 3, 0, 1, 2)
 
 
@@ -114,7 +119,8 @@ def small(folder: Path) -> list[tuple[str, Files]]:
     pictures = {"a.png": encoded("PNG"), "b.jpg": encoded("JPEG", progressive=True)}
     made = [("a.glb", {"a.glb": whole.save_glb(folder / "a.glb").read_bytes()}),
             ("a.gltf", {"a.gltf": whole.save(folder / "a.gltf").read_bytes()}),
-            ("a.gltf", {"a.gltf": parts.save(folder / "a.gltf").read_bytes(), "a.bin": parts.data, **pictures}),
+            ("a.gltf", {"a.gltf": parts.save(folder / "a.gltf").read_bytes(), "a.bin": parts.data,
+                        **pictures}),
             ("a.obj", {"a.obj": OBJ.encode(), "a.mtl": MTL.encode(), **pictures}),
             ("a.stl", {"a.stl": stl_bytes()}), ("a.stl", {"a.stl": stl_text()})]  # fmt: skip
     made += [("a.ply", {"a.ply": ply(form), "a.png": pictures["a.png"]})
