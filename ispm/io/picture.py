@@ -19,6 +19,7 @@ SCAN = b"\xff\xda"  # begins each scan of a JPEG (ITU T.81, B.2.3)
 OPENING = 20 * LOOK  # steps to find out what a picture is
 STEPS_A_PIXEL = 4
 SCANS_A_STEP = 10  # of a pixel's band: 0.75 ns each
+LONGEST = 1 << 16  # pixels of a side
 RESERVE = 256 << 20  # bytes above the limit while a picture is decoded
 
 
@@ -85,11 +86,14 @@ class Pictures:
         count, what = width * height, f"{width} x {height} pixels"
         if count > limits.max_image_pixels:
             raise SceneError(f"{what}; max_image_pixels={limits.max_image_pixels} is the most")
+        if max(width, height) > LONGEST:
+            raise SceneError(f"{what}; a side may have {LONGEST} at most")
         scans = bytes(data).count(SCAN) if image.format == "JPEG" else 0
         many = len(image.getbands()) * count
         self._budget.take(what, work=STEPS_A_PIXEL * count + many * scans // SCANS_A_STEP)
         # Pillow holds four bytes of each pixel, and so do we; and all coefficients where scans add to them.
-        passing = 8 * count + (2 * many if scans > 1 else 0)
+        # WebP's decoder keeps two pictures of its own.
+        passing = (16 if image.format == "WEBP" else 8) * count + (2 * many if scans > 1 else 0)
         self._budget.require(what, passing - RESERVE)
         halvings = 0
         while max(width, height) > limits.max_texture:
