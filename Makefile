@@ -3,9 +3,10 @@ SCENE ?=
 PARTS ?=
 LUXCORE ?=
 MITSUBA ?=
+ARGS ?=
 run = .venv/bin
 
-.PHONY: help demo test docs drivers check bench soak accuracy biases peers kernels wheel clean
+.PHONY: help demo test docs drivers check bench soak fuzz accuracy biases peers kernels wheel clean
 
 help:
 	@echo 'make demo               render a few built-in scenes to out/'
@@ -21,6 +22,7 @@ help:
 	@echo '                        LUXCORE=, MITSUBA=: interpreters that have them, if not this one'
 	@echo 'make biases             each bias of the estimate by itself, to docs/accuracy.md'
 	@echo 'make kernels            list again which kernels pictures call, to ispm/kernels/kernels.txt'
+	@echo 'make fuzz               load 3,000 damaged files and 570 harmful ones; ARGS=, see tests/fuzz'
 	@echo 'make wheel              a wheel with compiled kernels, for Linux x86-64, to dist/'
 	@echo 'make clean              remove what was made, .venv too'
 
@@ -71,6 +73,10 @@ biases:
 kernels:
 	@scripts/setup.sh all
 	cd tests && ../$(run)/python -m every_kernel --write
+
+fuzz:
+	@scripts/setup.sh all
+	cd tests && ../$(run)/python -m fuzz $(ARGS)
 
 wheel:
 	@scripts/setup.sh core

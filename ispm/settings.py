@@ -304,10 +304,48 @@ _preset_first(Settings)
 
 
 @dataclass(frozen=True)
-class LoadLimits(_Checked):
-    """What a scene file may ask for at most. Raises SettingsError for a value out of range."""
+class LoadOptions(_Checked):
+    """How a scene file is taken. Raises SettingsError for a value out of range."""
 
-    max_file_bytes: int = knob(4 << 30, "largest scene file", low=1, high=1 << 50, unit="bytes", metavar="N")
+    up: str = knob("y", "the axis of an OBJ, PLY or STL that points up; glTF's is y", choices=("y", "z"))
+    smooth_normals: bool = knob(False, "give smooth normals to meshes that bring none")
+    crease_degrees: float = knob(
+        30.0,
+        "with smooth_normals: faces at a larger angle keep their edge",
+        low=0.0,
+        high=180.0,
+        unit="degrees",
+        metavar="DEGREES",
+    )
+
+
+@dataclass(frozen=True)
+class LoadLimits(_Checked):
+    """What a scene file may ask for at most. Raises SettingsError for a value out of range.
+
+    `max_file_bytes`, `max_memory`, `max_work`, `max_nodes` and `max_triangles` are of a scene with all its
+    files, the others of single items.
+    """
+
+    max_file_bytes: int = knob(
+        4 << 30, "most bytes of a scene's files together", low=1, high=1 << 50, unit="bytes", metavar="N"
+    )
+    max_memory: int = knob(
+        640 << 20,
+        "most memory for arrays and pictures together, and 16 bytes more for each byte of the files; "
+        "pictures that take more than half of what is left are halved",
+        low=1,
+        high=1 << 50,
+        unit="bytes",
+        metavar="N",
+    )
+    max_work: int = knob(
+        1_500_000_000,
+        "most steps of loading, of some ten nanoseconds, and 100 more for each byte of the files",
+        low=1,
+        high=1 << 50,
+        metavar="N",
+    )
     max_elements: int = knob(200_000_000, "most elements of one accessor", low=1, high=1 << 40, metavar="N")
     max_nodes: int = knob(1_000_000, "most nodes", low=1, high=1 << 40, metavar="N")
     max_triangles: int = knob(100_000_000, "most triangles, as placed", low=1, high=1 << 40, metavar="N")
@@ -317,6 +355,10 @@ class LoadLimits(_Checked):
     max_texture: int = knob(
         4096, "larger textures are halved until they fit", low=1, high=1 << 20, unit="pixels", metavar="N"
     )
+
+
+LOADING = LoadOptions, LoadLimits
+"""What `load` takes the fields of."""
 
 
 def resolve(*layers: Mapping[str, Any]) -> Settings:

@@ -4,21 +4,22 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Iterator, Mapping
-from dataclasses import fields
+from dataclasses import asdict, fields
 from typing import Any
 
 from ispm.cli.options import as_text
-from ispm.settings import LoadLimits, Settings, resolve
+from ispm.settings import LOADING, Settings, resolve
 
 _DEFAULTS = {"time": None, "show": "full", "bits": 8}
 
 
 def command_line(
-    scene: str, options: Mapping[str, Any], settings: Settings, limits: LoadLimits, *, output: str
+    scene: str, options: Mapping[str, Any], settings: Settings, loading: Mapping[str, Any], *, output: str
 ) -> str:
     """Return `ispm render SCENE ... -o OUTPUT` with what differs from the defaults, quoted for a shell.
 
     options  those of the command itself, by the names of its parameters
+    loading  what `load` takes
     """
     words = ["ispm", "render", scene]
     for name, value in options.items():
@@ -26,14 +27,15 @@ def command_line(
             words += _option(name, value)
     if settings.preset != Settings.preset:
         words += _option("preset", settings.preset)
-    words += _changed(settings, resolve({"preset": settings.preset}))
-    words += _changed(limits, LoadLimits())
+    words += _changed(asdict(settings), resolve({"preset": settings.preset}))
+    for owner in LOADING:
+        words += _changed(loading, owner())
     return shlex.join([*words, "-o", output])
 
 
-def _changed(values: Any, defaults: Any) -> Iterator[str]:
-    for f in fields(values):
-        value = getattr(values, f.name)
+def _changed(values: Mapping[str, Any], defaults: Any) -> Iterator[str]:
+    for f in fields(defaults):
+        value = values[f.name]
         if value != getattr(defaults, f.name):
             yield from _option(f.name, value)
 

@@ -9,10 +9,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import Parameter
 
 from ispm.cli.console import Console
-from ispm.cli.options import command, limits_from
+from ispm.cli.options import command, loading_from
 from ispm.cli.scene import open_scene
-from ispm.settings import LoadLimits
+from ispm.settings import LOADING
 
+MOST_NODES = 40  # that are listed, or lights, or cameras
+DEEPEST = 12  # levels that are indented
 ENDINGS = (".png", ".jpg", ".jpeg", ".exr", ".npz", ".npy")
 
 if TYPE_CHECKING:
@@ -22,13 +24,13 @@ if TYPE_CHECKING:
     from ispm.scene.scene import Scene
 
 
-@command(LoadLimits)
+@command(*LOADING)
 def info(
     console: Console,
     scene: str,
     /,
     *,
-    config: Annotated[str | None, Parameter(help="limits as TOML", metavar="FILE.toml")] = None,
+    config: Annotated[str | None, Parameter(help="options as TOML", metavar="FILE.toml")] = None,
     **given: Any,
 ) -> None:
     """Say what a scene holds, or how a picture was made.
@@ -42,9 +44,15 @@ def info(
     if Path(scene).suffix.lower() in ENDINGS:
         _tell_picture(console, scene)
         return
-    contents = summary(open_scene(console, scene, limits_from(given, config)))
-    console.table(scene, list(contents.items()))
-    console.result(contents)
+    world = open_scene(console, scene, loading_from(given, config))
+    contents, placed = summary(world), nodes(world)
+    short = {name: v[:MOST_NODES] if isinstance(v, list) else v for name, v in contents.items()}
+    console.table(scene, list(short.items()))
+    for name in ("lights", "cameras", "animations"):
+        _tell_more(console, len(contents[name]), name)
+    if not console.as_json:
+        _tell_nodes(console, placed)
+    console.result({**contents, "nodes": placed})
 
 
 def _tell_picture(console: Console, path: str) -> None:
@@ -110,6 +118,56 @@ def summary(scene: Scene) -> dict[str, Any]:
         "bounds_high": high,
         "warnings": list(scene.warnings),
     }
+
+
+def nodes(scene: Scene) -> list[dict[str, Any]]:
+    """Return how deep each node hangs and what stands there, parents before children."""
+    found = []
+    stack = [(node, 0) for node in reversed(scene.roots)]
+    while stack:
+        node, depth = stack.pop()
+        stack.extend((child, depth + 1) for child in reversed(node.children))
+        meshes = [part.mesh for part in node.parts]
+        found.append({
+            "name": node.name,
+            "depth": depth,
+            "parts": len(meshes),
+            "triangles": sum(len(mesh.triangles) for mesh in meshes),
+            "copies": node.copies,
+            "light": None if node.light is None else type(node.light).__name__,
+            "camera": node.camera is not None,
+            "children": len(node.children),
+        })  # fmt: skip
+    return found
+
+
+def _tell_nodes(console: Console, found: list[dict[str, Any]]) -> None:
+    """List the first nodes, indented below those that they hang on, and count the others."""
+    rows = [
+        ("· " * min(told["depth"], DEEPEST) + (told["name"] or "(no name)"), _contents(told))
+        for told in found[:MOST_NODES]
+    ]
+    console.table("nodes", rows)
+    _tell_more(console, len(found), "nodes")
+
+
+def _tell_more(console: Console, count: int, what: str) -> None:
+    if count > MOST_NODES:
+        console.say(f"and {count - MOST_NODES:,} more {what}; --json lists all")
+
+
+def _contents(told: dict[str, Any]) -> str:
+    """What stands at a node, in words."""
+    words = []
+    if told["parts"]:
+        parts = f"{told['parts']:,} parts of " if told["parts"] > 1 else ""
+        words.append(f"{parts}{told['triangles']:,} triangles")
+    if told["copies"] != 1:
+        words.append(f"{told['copies']:,} copies")
+    words += [told["light"]] * bool(told["light"]) + ["camera"] * bool(told["camera"])
+    if told["children"]:
+        words.append(f"{told['children']:,} {'child' if told['children'] == 1 else 'children'}")
+    return ", ".join(words) or "nothing"
 
 
 def _textures(material: Material) -> list[Any]:

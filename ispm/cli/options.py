@@ -6,7 +6,7 @@ import inspect
 import os
 import re
 from collections.abc import Callable, Mapping
-from dataclasses import Field, fields
+from dataclasses import Field, asdict, fields
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -14,7 +14,7 @@ from cyclopts import App, Parameter
 
 from ispm.cli.console import Console
 from ispm.errors import SettingsError
-from ispm.settings import LoadLimits, Settings, convert, nearest, resolve
+from ispm.settings import LOADING, Settings, convert, nearest, resolve
 
 app = App(
     name="ispm",
@@ -73,12 +73,15 @@ def settings_from(given: Mapping[str, Any], config: str | None) -> Settings:
     return resolve(*_layers(Settings, given, config))
 
 
-def limits_from(given: Mapping[str, Any], config: str | None) -> LoadLimits:
-    """Return the loading limits, found as the settings are."""
-    merged: dict[str, Any] = {}
-    for layer in reversed(_layers(LoadLimits, given, config)):
-        merged |= layer
-    return LoadLimits(**merged)
+def loading_from(given: Mapping[str, Any], config: str | None) -> dict[str, Any]:
+    """Return all that `load` takes, found as the settings are."""
+    found: dict[str, Any] = {}
+    for owner in LOADING:
+        merged: dict[str, Any] = {}
+        for layer in reversed(_layers(owner, given, config)):
+            merged |= layer
+        found |= asdict(owner(**merged))
+    return found
 
 
 def vector(option: str, text: str) -> tuple[float, float, float]:
@@ -111,7 +114,7 @@ def _environment(owner: type) -> dict[str, str]:
 
 
 def _warn_of_unknown_variables(console: Console) -> None:
-    known = [f"ISPM_{f.name.upper()}" for owner in (Settings, LoadLimits) for f in fields(owner)]
+    known = [f"ISPM_{f.name.upper()}" for owner in (Settings, *LOADING) for f in fields(owner)]
     known += _OTHER_VARIABLES
     for name in os.environ:
         if name.startswith("ISPM_") and name not in known:
@@ -130,7 +133,7 @@ def _file(config: str | None) -> dict[str, Any]:
     except tomllib.TOMLDecodeError as error:
         raise SettingsError(f"{config}: is not TOML: {error}") from None
     values = {key.replace("-", "_"): value for key, value in table.items()}
-    known = [f.name for owner in (Settings, LoadLimits) for f in fields(owner)]
+    known = [f.name for owner in (Settings, *LOADING) for f in fields(owner)]
     for key in values:
         if key not in known:
             raise SettingsError(f"{config}: there is no setting '{key}'{nearest(key, known)}")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -11,18 +12,18 @@ from cyclopts import Parameter
 
 from ispm.cli.command_line import command_line
 from ispm.cli.console import Console, to_json
-from ispm.cli.options import command, limits_from, settings_from
+from ispm.cli.options import command, loading_from, settings_from
 from ispm.cli.passes import render_passes
 from ispm.cli.scene import choose_camera, open_scene, require_not_input
 from ispm.errors import OutputError, SettingsError
-from ispm.settings import LAYERS, RENDERER_VIEWS, VIEWS, LoadLimits, Settings, nearest
+from ispm.settings import LAYERS, LOADING, RENDERER_VIEWS, VIEWS, Settings, nearest
 
 _ARRAYS = [(".npy", layer) for layer in LAYERS]
 _TELLING = ("polygons", "emitters", "stored_photons", "passes", "error", "total_ms", "peak_memory", "adapter")
 _Point = Parameter(metavar="X,Y,Z", allow_leading_hyphen=True)
 
 
-@command(Settings, LoadLimits)
+@command(Settings, *LOADING)
 def render(
     console: Console,
     scene: str | None = None,
@@ -84,9 +85,9 @@ def render(
     from the environment (ISPM_PHOTONS=100k) or from --config.
     """
     settings = settings_from(given, config)
-    limits = limits_from(given, config)
+    loading = loading_from(given, config)
     if print_config:
-        _print_config(console, settings, limits)
+        _print_config(console, settings, loading)
         return
     if list_adapters:
         _list_adapters(console)
@@ -114,7 +115,7 @@ def render(
     if store.is_empty():
         background.start()  # while the scene is read
 
-    world = open_scene(console, scene, limits)
+    world = open_scene(console, scene, loading)
     if time is not None or animation is not None:
         world = world.at(time or 0.0, animation)
     view = choose_camera(world, camera, look_from, look_at, fov)
@@ -139,7 +140,7 @@ def render(
         time=time if world.animations else None,
         show=asked, layers=layers, float=float, bits=bits, adapter=adapter,
     )  # fmt: skip
-    frame.command = command_line(scene, options, settings, limits, output=str(target))
+    frame.command = command_line(scene, options, settings, loading, output=str(target))
     frame.save(target, layers=wanted, show=show, float32=float, bits=bits)
     console.written(target)
     _report(console, frame.stats, target, stats)
@@ -204,8 +205,8 @@ def _require_writable(outputs: list[Path], scene: str) -> None:
         raise OutputError(f"{outputs[0]}: is both the picture and the statistics; name two files")
 
 
-def _print_config(console: Console, settings: Settings, limits: LoadLimits) -> None:
-    values = dataclasses.asdict(settings) | dataclasses.asdict(limits)
+def _print_config(console: Console, settings: Settings, loading: Mapping[str, Any]) -> None:
+    values = {**dataclasses.asdict(settings), **loading}
     if console.as_json:
         console.result(values)
         return

@@ -4,25 +4,26 @@ from __future__ import annotations
 
 import json
 import os
-from dataclasses import asdict, replace
+from collections.abc import Mapping
+from dataclasses import replace
 from math import radians
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
 
 from ispm.cli.console import Console
 from ispm.cli.options import vector
 from ispm.errors import OutputError, SettingsError
-from ispm.settings import LoadLimits
 
 if TYPE_CHECKING:
     from ispm.scene.camera import Camera
     from ispm.scene.scene import Scene
 
 
-def open_scene(console: Console, name: str, limits: LoadLimits) -> Scene:
+def open_scene(console: Console, name: str, options: Mapping[str, Any]) -> Scene:
     """Return the built-in scene or the file called `name`; warnings are printed.
 
+    options  what `load` takes
     Raises SceneError where there is neither, or the file cannot be used.
     """
     from ispm.io.download import DOWNLOADS
@@ -30,9 +31,9 @@ def open_scene(console: Console, name: str, limits: LoadLimits) -> Scene:
     from ispm.scene.builtin import BUILTINS
 
     if name in BUILTINS:
-        return open_named(name)
+        return open_named(name, **options)
     with console.step(f"{'fetching' if name in DOWNLOADS else 'loading'} {name}"):
-        scene = open_named(name, **asdict(limits))
+        scene = open_named(name, **options)
     for warning in scene.warnings:
         console.warn(warning)
     return scene

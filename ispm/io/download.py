@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import os
+import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cache
@@ -14,6 +15,8 @@ from ispm.cache import cache_folder
 from ispm.errors import SceneError
 
 _SECONDS = 30.0  # that a server may be silent
+_MOST = 1 << 28  # bytes of a file; the largest that is known has 10 MB
+_PIECE = 1 << 16
 
 
 @dataclass(frozen=True)
@@ -73,19 +76,34 @@ def fetch(name: str) -> Path:
     if root is None:
         raise SceneError(f"'{name}' has no cache folder to be downloaded to: set ISPM_CACHE, or {cure}")
     mirror = os.environ.get("ISPM_DOWNLOADS")
+    if mirror and not mirror.lower().startswith(("http://", "https://")):
+        raise SceneError(
+            f"'{name}': ISPM_DOWNLOADS is '{_shown(mirror)}'; the address of a mirror begins with http:// or "
+            f"https://; or {cure}"
+        )
     address = f"{mirror.rstrip('/')}/{name}/" if mirror else wanted.address
     try:
         _fetch(root / "scenes" / name, address, wanted.registry())
     except (OSError, ValueError) as error:  # requests' errors are OSErrors, a wrong checksum a ValueError
-        raise SceneError(f"'{name}' cannot be downloaded from {address}: {_reason(error)}; {cure}") from error
+        why = _reason(error)
+        raise SceneError(f"'{name}' cannot be downloaded from {_shown(address)}: {why}; {cure}") from None
     return root / "scenes" / name / wanted.scene
 
 
 def _reason(error: Exception) -> str:
-    if isinstance(error, ValueError):
+    if not isinstance(error, OSError):
         return "a file is not the one that is known: its checksum differs, and it was not kept"
-    kinds = {"ConnectionError": "there is no connection", "ConnectTimeout": "nobody answers"}
-    return kinds.get(type(error).__name__, " ".join(str(error).split())[:200])
+    kinds = {
+        "ConnectionError": "there is no connection",
+        "ConnectTimeout": "nobody answers",
+        "InvalidURL": "this is no address",
+    }
+    return kinds.get(type(error).__name__, _shown(" ".join(str(error).split())))
+
+
+def _shown(text: str) -> str:
+    """`text` without names and passwords in the addresses that it holds."""
+    return re.sub(r"(?<=//)\S*@", "", text)[:200]
 
 
 def _given(name: str, scene: str) -> Path | None:
@@ -101,4 +119,18 @@ def _fetch(folder: Path, address: str, registry: Mapping[str, str]) -> None:
     pooch.get_logger().setLevel(logging.ERROR)
     shelf = pooch.create(path=folder, base_url=address, registry=dict(registry), retry_if_failed=1)
     for file in registry:
-        shelf.fetch(file, downloader=pooch.HTTPDownloader(timeout=_SECONDS))
+        shelf.fetch(file, downloader=_download)
+
+
+def _download(url: str, output_file: str, pooch: object) -> None:
+    """Write what a server sends, as pooch wants it. Raises OSError where it is too much, or not sent."""
+    import requests
+
+    with requests.get(url, stream=True, timeout=_SECONDS) as answer, open(output_file, "wb") as file:
+        answer.raise_for_status()
+        received = 0
+        for piece in answer.iter_content(_PIECE):
+            received += len(piece)
+            if received > _MOST:
+                raise OSError(f"a file has more than {_MOST:,} bytes")
+            file.write(piece)

@@ -11,9 +11,9 @@ from urllib.parse import unquote, unquote_to_bytes
 import msgspec
 
 from ispm.errors import SceneError
+from ispm.io.budget import Budget
 from ispm.io.folder import read_inside
 from ispm.io.gltf_schema import Gltf
-from ispm.settings import LoadLimits
 
 MAGIC = b"glTF"
 JSON_CHUNK, BINARY_CHUNK = 0x4E4F534A, 0x004E4942
@@ -72,14 +72,14 @@ def parse(text: memoryview) -> Gltf:
         raise SceneError("the JSON is nested too deeply") from None
 
 
-def read_uri(uri: str, folder: Path, limits: LoadLimits) -> memoryview:
+def read_uri(uri: str, folder: Path, budget: Budget) -> memoryview:
     """Return the bytes that `uri` names: a data: URI, or a file inside `folder`, links resolved.
 
     Raises SceneError for everything else: nothing is fetched, and nothing outside the folder is read.
     """
     if uri[:5].lower() == "data:":
         return memoryview(_data_uri(uri))
-    return read_inside(unquote(uri), folder, limits)
+    return read_inside(unquote(uri), folder, budget)
 
 
 def _data_uri(uri: str) -> bytes:

@@ -10,6 +10,7 @@ import numpy as np
 
 from ispm.errors import SceneError
 from ispm.io import gltf_schema as schema
+from ispm.io.budget import Budget
 from ispm.io.folder import map_file
 from ispm.io.gltf_container import BOM, parse, read_uri, unwrap
 from ispm.io.notes import Notes
@@ -31,12 +32,14 @@ class GltfFile:
     def __init__(self, path: Path, limits: LoadLimits) -> None:
         self.folder = path.parent
         self.limits = limits
+        self.budget = Budget(limits)
         self.notes = Notes()
-        text, self._binary = unwrap(map_file(path, limits))
+        text, self._binary = unwrap(map_file(path, self.budget))
         self.gltf = parse(text)
         if text[:3] == BOM:
             self.notes.add("the text begins with a byte order mark, which glTF does not allow")
         self._buffers: dict[int, memoryview] = {}
+        self._sparse: dict[int, np.ndarray] = {}
 
     def view(self, index: int) -> memoryview:
         """Return the bytes of a buffer view. Raises SceneError where they are not all there."""
@@ -51,7 +54,7 @@ class GltfFile:
 
     def uri(self, uri: str) -> memoryview:
         """Return the bytes that a URI of this file names."""
-        return read_uri(uri, self.folder, self.limits)
+        return read_uri(uri, self.folder, self.budget)
 
     def _buffer(self, index: int) -> memoryview:
         if index not in self._buffers:
@@ -94,7 +97,12 @@ class GltfFile:
             values = np.broadcast_to(np.zeros(1, dtype), shape)
         else:
             values = self._strided(accessor.buffer_view, accessor.byte_offset, dtype, shape, what)
-        return values if accessor.sparse is None else self._replaced(values, accessor.sparse, what)
+        if accessor.sparse is None:
+            return values
+        if index not in self._sparse:
+            self.budget.take(what, memory=values.nbytes)
+            self._sparse[index] = self._replaced(values, accessor.sparse, what)
+        return self._sparse[index]
 
     def _replaced(self, values: np.ndarray, sparse: schema.Sparse, what: str) -> np.ndarray:
         """A copy of `values` with the elements of `sparse` in their places."""
@@ -140,7 +148,10 @@ class GltfFile:
         accessor = item(self.gltf.accessors, index, "accessor")
         if accessor.type not in types:
             return None
-        stored = self.stored(index)[rows]
+        stored = self.stored(index)
+        count = len(stored) if isinstance(rows, slice) else len(rows)
+        self.budget.take(f"accessor {index}", memory=4 * stored.shape[1] * count)
+        stored = stored[rows]
         values = np.array(stored, np.float32, order="C")
         if stored.dtype.kind != "f" and (accessor.normalized or normalized):
             values /= np.float32(np.iinfo(stored.dtype).max)

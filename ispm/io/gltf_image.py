@@ -10,7 +10,7 @@ import numpy as np
 from ispm.errors import SceneError
 from ispm.io import gltf_schema_material as schema
 from ispm.io.gltf_file import GltfFile, item, label
-from ispm.io.picture import decode, shrunk
+from ispm.io.picture import Pictures
 from ispm.scene.material import IDENTITY_UV, Texture, TextureUse, Wrap
 
 WRAPS = {10497: Wrap.REPEAT, 33071: Wrap.CLAMP, 33648: Wrap.MIRROR}
@@ -23,12 +23,13 @@ Rows = tuple[tuple[float, float, float], tuple[float, float, float]]
 
 
 class Textures:
-    """The textures of a file, each picture decoded once; one Texture per picture, sampler and encoding."""
+    """The textures of a file: one for all that show equal pictures of one name in the same way."""
 
     def __init__(self, file: GltfFile) -> None:
         self._file = file
-        self._pictures: dict[int, np.ndarray | None] = {}
-        self._textures: dict[tuple[int, int | None, bool], Texture | None] = {}
+        self._pictures = Pictures(file.budget, file.notes)
+        self._pixels: dict[tuple[int, bool], np.ndarray | None] = {}
+        self._textures: dict[Any, Texture] = {}
 
     def use(self, slot: schema.TextureSlot | None, *, srgb: bool, where: str) -> TextureUse | None:
         """Return the texture of a material's slot; None, with a note, where it cannot be shown.
@@ -45,7 +46,7 @@ class Textures:
         if uv_set > 1:
             self._file.notes.add(f"{where}: a texture is left out: only TEXCOORD_0 and _1 are supported")
             return None
-        source = self._source(record)
+        source = self._source(record, srgb)
         if source is None:
             called = label("texture", slot.index, record.name)
             why = "; it is there as KTX2 only, which ispm does not read" * bool(record.extensions.basisu)
@@ -57,36 +58,31 @@ class Textures:
         texture = self._texture(source, record.sampler, srgb)
         return None if texture is None else TextureUse(texture, uv_set, uv_rows(transform))
 
-    def _source(self, record: schema.Texture) -> int | None:
+    def _source(self, record: schema.Texture, srgb: bool) -> int | None:
         """The picture to show: the WebP where there is one that can be decoded, else the plain one."""
         webp = record.extensions.webp
         if webp is None or webp.source is None:
             return record.source
-        shown = self._picture(webp.source) is not None
+        shown = self._picture(webp.source, srgb) is not None
         return webp.source if shown or record.source is None else record.source
 
     def _texture(self, source: int, sampler: int | None, srgb: bool) -> Texture | None:
-        key = source, sampler, srgb
-        if key not in self._textures:
-            self._textures[key] = self._make(source, sampler, srgb)
-        return self._textures[key]
-
-    def _make(self, source: int, sampler: int | None, srgb: bool) -> Texture | None:
         how = schema.Sampler() if sampler is None else item(self._file.gltf.samplers, sampler, "sampler")
-        pixels = self._picture(source)
+        pixels = self._picture(source, srgb)
         if pixels is None:
             return None
         image = self._file.gltf.images[source]
-        texture = Texture(
-            pixels,
-            srgb,
+        name = image.name or _short(image.uri)
+        ways: dict[str, Any] = dict(
             wrap_u=self._choose(WRAPS, how.wrap_s, Wrap.REPEAT, "wrapS"),
             wrap_v=self._choose(WRAPS, how.wrap_t, Wrap.REPEAT, "wrapT"),
             linear=self._choose(MAG_LINEAR, how.mag_filter, True, "magFilter"),
             mipmaps=self._choose(MIN_MIPMAPS, how.min_filter, True, "minFilter"),
-            name=image.name or _short(image.uri),
         )
-        return shrunk(texture, self._file.limits.max_texture)
+        key = id(pixels), srgb, name, *ways.values()
+        if key not in self._textures:
+            self._textures[key] = Texture(pixels, srgb, **ways, name=name)
+        return self._textures[key]
 
     def _choose(self, table: dict[int, Value], value: Any, default: Value, what: str) -> Value:
         if value is None:
@@ -96,16 +92,16 @@ class Textures:
         self._file.notes.add(f"a sampler's {what} {str(value)[:20]!r} is unknown; the default is used")
         return default
 
-    def _picture(self, index: int) -> np.ndarray | None:
+    def _picture(self, index: int, srgb: bool) -> np.ndarray | None:
         image = item(self._file.gltf.images, index, "image")
-        if index not in self._pictures:
+        if (index, srgb) not in self._pixels:
             try:
-                self._pictures[index] = decode(self._bytes(image), self._file.limits)
+                self._pixels[index, srgb] = self._pictures.decode(self._bytes(image), srgb=srgb)
             except (SceneError, OSError) as error:
                 what = label("picture", index, image.name or _short(image.uri))
                 self._file.notes.add(f"{what} is left out: {error}")
-                self._pictures[index] = None
-        return self._pictures[index]
+                self._pixels[index, srgb] = None
+        return self._pixels[index, srgb]
 
     def _bytes(self, image: schema.Image) -> memoryview:
         if image.uri is not None:

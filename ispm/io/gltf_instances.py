@@ -15,6 +15,7 @@ PLACING = {
     "ROTATION": ("VEC4", UNTURNED),
     "SCALE": ("VEC3", np.ones(3, np.float32)),
 }
+COPY_BYTES = 4 * 4 * 4
 ROWS = ("_ROW0", "_ROW1", "_ROW2")  # our own: of the matrices, to the last bit
 
 
@@ -29,6 +30,7 @@ def read_instances(file: GltfFile, record: schema.Instancing, where: str) -> np.
     count = counts.pop()
     if count > file.limits.max_nodes:
         raise SceneError(f"{where}: {count} instances are more than max_nodes={file.limits.max_nodes} allows")
+    file.budget.take(where, memory=COPY_BYTES * count)
     translation, rotation, scale = (
         _attribute(file, record, name, count, where, *about) for name, about in PLACING.items()
     )

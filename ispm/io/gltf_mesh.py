@@ -9,12 +9,14 @@ import numpy as np
 from ispm.errors import SceneError
 from ispm.io import gltf_schema as schema
 from ispm.io.arrays import compact, wild
+from ispm.io.budget import MESH
 from ispm.io.gltf_file import GltfFile, item, label
 from ispm.io.gltf_material import Materials
 from ispm.scene.material import Material
 from ispm.scene.mesh import Mesh
 
 TRIANGLES, STRIP, FAN = 4, 5, 6
+TRIANGLE_BYTES = 12
 ATTRIBUTES = {
     "normals": ("NORMAL", ("VEC3",)),
     "tangents": ("TANGENT", ("VEC4",)),
@@ -69,6 +71,7 @@ class Meshes:
             raise SceneError(
                 f"{where} uses KHR_draco_mesh_compression, which ispm does not read; export it without"
             )
+        self._file.budget.take(where, work=MESH)
         triangles, rows = compact(self._triangles(primitive, where))
         positions = self._file.floats(primitive.attributes["POSITION"], ("VEC3",), rows)
         if positions is None:
@@ -96,11 +99,13 @@ class Meshes:
         """(T, 3) numbers of the primitive's vertices; checked before memory is asked for."""
         vertex_count = len(self._file.stored(primitive.attributes["POSITION"]))
         corner_count = vertex_count if primitive.indices is None else self._file.count(primitive.indices)
-        self._triangle_count += corner_count // 3 if primitive.mode == TRIANGLES else max(0, corner_count - 2)
+        count = corner_count // 3 if primitive.mode == TRIANGLES else max(0, corner_count - 2)
+        self._triangle_count += count
         if self._triangle_count > self._file.limits.max_triangles:
             raise SceneError(
                 f"{where}: more triangles than max_triangles={self._file.limits.max_triangles} allows"
             )
+        self._file.budget.take(where, memory=TRIANGLE_BYTES * count)
         if primitive.indices is None:
             corners = np.arange(vertex_count, dtype=np.uint32)
         else:

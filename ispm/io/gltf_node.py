@@ -12,6 +12,8 @@ from ispm.io.gltf_file import GltfFile, item, label
 from ispm.scene.scene import Node
 from ispm.scene.values import FARTHEST
 
+NODE_BYTES = 1024  # of a node with its lists
+
 
 def chosen_scene(file: GltfFile) -> schema.Scene:
     """Return the file's default scene, else its first, else one of all nodes that have no parent."""
@@ -32,6 +34,7 @@ def build_tree(file: GltfFile, scene: schema.Scene) -> tuple[list[Node], list[No
     Raises SceneError where a node does not exist or is its own ancestor.
     """
     records = file.gltf.nodes
+    file.budget.take(f"{len(records)} nodes", memory=NODE_BYTES * len(records))
     nodes = [_node(file, i, record) for i, record in enumerate(records)]
     parents = [-1] * len(records)
     for i, record in enumerate(records):

@@ -15,5 +15,5 @@ Vec4 = tuple[float, float, float, float]
 Matrix = Annotated[list[float], Meta(min_length=16, max_length=16)]
 
 
-class Record(msgspec.Struct, rename="camel"):
-    """A JSON object; members that are not named here are passed over."""
+class Record(msgspec.Struct, rename="camel", frozen=True):
+    """A JSON object; members that are not named here are passed over, and absent ones share their default."""

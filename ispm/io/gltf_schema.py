@@ -15,29 +15,29 @@ from ispm.io.gltf_record import Count, Index, Matrix, Record, Vec3, Vec4
 from ispm.io.gltf_schema_material import Image, Material, Sampler, Texture
 
 
-class Asset(Record):
+class Asset(Record, frozen=True):
     """Which glTF this is."""
 
     version: str
     min_version: str | None = None
 
 
-class BufferExtensions(Record):
+class BufferExtensions(Record, frozen=True):
     """Extensions of a buffer: that its bytes are found only by decoding others."""
 
     meshopt: Any = field(name="EXT_meshopt_compression", default=None)
     khr_meshopt: Any = field(name="KHR_meshopt_compression", default=None)
 
 
-class Buffer(Record):
+class Buffer(Record, frozen=True):
     """Bytes: a file beside this one, a data: URI, or (without `uri`) the binary chunk of a GLB."""
 
     byte_length: Count
     uri: str | None = None
-    extensions: BufferExtensions = field(default_factory=BufferExtensions)
+    extensions: BufferExtensions = BufferExtensions()
 
 
-class BufferView(Record):
+class BufferView(Record, frozen=True):
     """A range of a buffer."""
 
     buffer: Index
@@ -46,7 +46,7 @@ class BufferView(Record):
     byte_stride: Count | None = None
 
 
-class SparseIndices(Record):
+class SparseIndices(Record, frozen=True):
     """Which elements of a sparse accessor are replaced."""
 
     buffer_view: Index
@@ -54,14 +54,14 @@ class SparseIndices(Record):
     byte_offset: Count = 0
 
 
-class SparseValues(Record):
+class SparseValues(Record, frozen=True):
     """What they are replaced by."""
 
     buffer_view: Index
     byte_offset: Count = 0
 
 
-class Sparse(Record):
+class Sparse(Record, frozen=True):
     """Elements that differ from the rest of an accessor."""
 
     count: Count
@@ -69,7 +69,7 @@ class Sparse(Record):
     values: SparseValues
 
 
-class Accessor(Record):
+class Accessor(Record, frozen=True):
     """An array of numbers or vectors in a buffer view; without one, zeros."""
 
     component_type: Literal[5120, 5121, 5122, 5123, 5125, 5126]
@@ -81,13 +81,13 @@ class Accessor(Record):
     sparse: Sparse | None = None
 
 
-class PrimitiveExtensions(Record):
+class PrimitiveExtensions(Record, frozen=True):
     """Extensions of a primitive."""
 
     draco: Any = field(name="KHR_draco_mesh_compression", default=None)
 
 
-class Primitive(Record):
+class Primitive(Record, frozen=True):
     """Triangles, lines or points of one material."""
 
     attributes: dict[str, Index]
@@ -95,17 +95,17 @@ class Primitive(Record):
     material: Index | None = None
     mode: int = 4
     targets: list[Any] = []
-    extensions: PrimitiveExtensions = field(default_factory=PrimitiveExtensions)
+    extensions: PrimitiveExtensions = PrimitiveExtensions()
 
 
-class Mesh(Record):
+class Mesh(Record, frozen=True):
     """Primitives that are placed together."""
 
     primitives: list[Primitive]
     name: str = ""
 
 
-class Perspective(Record):
+class Perspective(Record, frozen=True):
     """A camera whose rays meet in a point."""
 
     yfov: float
@@ -113,7 +113,7 @@ class Perspective(Record):
     zfar: float | None = None
 
 
-class Orthographic(Record):
+class Orthographic(Record, frozen=True):
     """A camera whose rays are parallel."""
 
     ymag: float
@@ -121,7 +121,7 @@ class Orthographic(Record):
     zfar: float | None = None
 
 
-class Camera(Record):
+class Camera(Record, frozen=True):
     """A camera of either kind."""
 
     type: str
@@ -131,44 +131,44 @@ class Camera(Record):
     extras: Any = None
 
 
-class Spot(Record):
+class Spot(Record, frozen=True):
     """The cones of a spot light, radians from its axis."""
 
     inner_cone_angle: float = 0.0
     outer_cone_angle: float = math.pi / 4.0
 
 
-class Light(Record):
+class Light(Record, frozen=True):
     """A light of KHR_lights_punctual."""
 
     type: str
     color: Vec3 = (1.0, 1.0, 1.0)
     intensity: float = 1.0
     range: float | None = None
-    spot: Spot = field(default_factory=Spot)
+    spot: Spot = Spot()
     name: str = ""
 
 
-class LightUse(Record):
+class LightUse(Record, frozen=True):
     """Which light stands at a node."""
 
     light: Index
 
 
-class Instancing(Record):
+class Instancing(Record, frozen=True):
     """EXT_mesh_gpu_instancing: where copies of the node's mesh stand."""
 
     attributes: dict[str, Index]
 
 
-class NodeExtensions(Record):
+class NodeExtensions(Record, frozen=True):
     """Extensions of a node."""
 
     light: LightUse | None = field(name="KHR_lights_punctual", default=None)
     instancing: Instancing | None = field(name="EXT_mesh_gpu_instancing", default=None)
 
 
-class Node(Record):
+class Node(Record, frozen=True):
     """A place in the scene."""
 
     name: str = ""
@@ -180,31 +180,31 @@ class Node(Record):
     mesh: Index | None = None
     camera: Index | None = None
     skin: Index | None = None
-    extensions: NodeExtensions = field(default_factory=NodeExtensions)
+    extensions: NodeExtensions = NodeExtensions()
 
 
-class Scene(Record):
+class Scene(Record, frozen=True):
     """The nodes that stand at the top."""
 
     nodes: list[Index] = []
     name: str = ""
 
 
-class ChannelTarget(Record):
+class ChannelTarget(Record, frozen=True):
     """What a channel moves."""
 
     path: str
     node: Index | None = None
 
 
-class Channel(Record):
+class Channel(Record, frozen=True):
     """A sampler's values, given to a node."""
 
     sampler: Index
     target: ChannelTarget
 
 
-class AnimationSampler(Record):
+class AnimationSampler(Record, frozen=True):
     """Keyframes: accessors of times and of values."""
 
     input: Index
@@ -212,7 +212,7 @@ class AnimationSampler(Record):
     interpolation: str = "LINEAR"
 
 
-class Animation(Record):
+class Animation(Record, frozen=True):
     """Channels that play together."""
 
     channels: list[Channel]
@@ -220,19 +220,19 @@ class Animation(Record):
     name: str = ""
 
 
-class Lights(Record):
+class Lights(Record, frozen=True):
     """All lights of the file."""
 
     lights: list[Light] = []
 
 
-class FileExtensions(Record):
+class FileExtensions(Record, frozen=True):
     """Extensions of the whole file."""
 
-    lights: Lights = field(name="KHR_lights_punctual", default_factory=Lights)
+    lights: Lights = field(name="KHR_lights_punctual", default=Lights())
 
 
-class Gltf(Record):
+class Gltf(Record, frozen=True):
     """A glTF 2.0 file's JSON."""
 
     asset: Asset
@@ -241,7 +241,7 @@ class Gltf(Record):
     buffers: list[Buffer] = []
     buffer_views: list[BufferView] = []
     cameras: list[Camera] = []
-    extensions: FileExtensions = field(default_factory=FileExtensions)
+    extensions: FileExtensions = FileExtensions()
     extensions_required: list[str] = []
     extensions_used: list[str] = []
     images: list[Image] = []

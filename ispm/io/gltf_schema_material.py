@@ -9,7 +9,7 @@ from msgspec import field
 from ispm.io.gltf_record import Index, Record, Vec2, Vec3, Vec4
 
 
-class Image(Record):
+class Image(Record, frozen=True):
     """A picture: a file, a data: URI, or a buffer view."""
 
     uri: str | None = None
@@ -17,7 +17,7 @@ class Image(Record):
     name: str = ""
 
 
-class Sampler(Record):
+class Sampler(Record, frozen=True):
     """How a texture is read; OpenGL's numbers."""
 
     mag_filter: Any = None
@@ -26,29 +26,29 @@ class Sampler(Record):
     wrap_t: Any = 10497
 
 
-class Source(Record):
+class Source(Record, frozen=True):
     """EXT_texture_webp: the picture to show instead."""
 
     source: Index | None = None
 
 
-class PictureExtensions(Record):
+class PictureExtensions(Record, frozen=True):
     """Extensions of a texture."""
 
     webp: Source | None = field(name="EXT_texture_webp", default=None)
     basisu: Source | None = field(name="KHR_texture_basisu", default=None)
 
 
-class Texture(Record):
+class Texture(Record, frozen=True):
     """A picture and a sampler."""
 
     source: Index | None = None
     sampler: Index | None = None
     name: str = ""
-    extensions: PictureExtensions = field(default_factory=PictureExtensions)
+    extensions: PictureExtensions = PictureExtensions()
 
 
-class TextureTransform(Record):
+class TextureTransform(Record, frozen=True):
     """KHR_texture_transform."""
 
     offset: Vec2 = (0.0, 0.0)
@@ -57,22 +57,22 @@ class TextureTransform(Record):
     tex_coord: Index | None = None
 
 
-class TextureExtensions(Record):
+class TextureExtensions(Record, frozen=True):
     """Extensions of a texture slot."""
 
     transform: TextureTransform | None = field(name="KHR_texture_transform", default=None)
 
 
-class TextureSlot(Record):
+class TextureSlot(Record, frozen=True):
     """A texture where a material uses it."""
 
     index: Index
     tex_coord: Index = 0
     scale: float = 1.0
-    extensions: TextureExtensions = field(default_factory=TextureExtensions)
+    extensions: TextureExtensions = TextureExtensions()
 
 
-class Pbr(Record):
+class Pbr(Record, frozen=True):
     """Metallic-roughness factors and textures."""
 
     base_color_factor: Vec4 = (1.0, 1.0, 1.0, 1.0)
@@ -82,7 +82,7 @@ class Pbr(Record):
     metallic_roughness_texture: TextureSlot | None = None
 
 
-class Specular(Record):
+class Specular(Record, frozen=True):
     """KHR_materials_specular."""
 
     specular_factor: float = 1.0
@@ -91,26 +91,26 @@ class Specular(Record):
     specular_color_texture: TextureSlot | None = None
 
 
-class Ior(Record):
+class Ior(Record, frozen=True):
     """KHR_materials_ior."""
 
     ior: float = 1.5
 
 
-class EmissiveStrength(Record):
+class EmissiveStrength(Record, frozen=True):
     """KHR_materials_emissive_strength."""
 
     emissive_strength: float = 1.0
 
 
-class Transmission(Record):
+class Transmission(Record, frozen=True):
     """KHR_materials_transmission."""
 
     transmission_factor: float = 0.0
     transmission_texture: TextureSlot | None = None
 
 
-class Volume(Record):
+class Volume(Record, frozen=True):
     """KHR_materials_volume; what its thickness texture says matters to flat pictures alone."""
 
     thickness_factor: float = 0.0
@@ -118,28 +118,28 @@ class Volume(Record):
     attenuation_distance: float | None = None
 
 
-class MaterialExtensions(Record):
+class MaterialExtensions(Record, frozen=True):
     """Extensions of a material."""
 
     specular: Specular | None = field(name="KHR_materials_specular", default=None)
-    ior: Ior = field(name="KHR_materials_ior", default_factory=Ior)
+    ior: Ior = field(name="KHR_materials_ior", default=Ior())
     emissive_strength: EmissiveStrength = field(
-        name="KHR_materials_emissive_strength", default_factory=EmissiveStrength
+        name="KHR_materials_emissive_strength", default=EmissiveStrength()
     )
-    transmission: Transmission = field(name="KHR_materials_transmission", default_factory=Transmission)
-    volume: Volume = field(name="KHR_materials_volume", default_factory=Volume)
+    transmission: Transmission = field(name="KHR_materials_transmission", default=Transmission())
+    volume: Volume = field(name="KHR_materials_volume", default=Volume())
     unlit: dict[str, Any] | None = field(name="KHR_materials_unlit", default=None)
 
 
-class Material(Record):
+class Material(Record, frozen=True):
     """A surface."""
 
     name: str = ""
-    pbr: Pbr = field(name="pbrMetallicRoughness", default_factory=Pbr)
+    pbr: Pbr = field(name="pbrMetallicRoughness", default=Pbr())
     normal_texture: TextureSlot | None = None
     emissive_texture: TextureSlot | None = None
     emissive_factor: Vec3 = (0.0, 0.0, 0.0)
     alpha_mode: str = "OPAQUE"
     alpha_cutoff: float = 0.5
     double_sided: bool = False
-    extensions: MaterialExtensions = field(default_factory=MaterialExtensions)
+    extensions: MaterialExtensions = MaterialExtensions()

@@ -6,6 +6,7 @@ import itertools
 import math
 import warnings
 from collections.abc import Iterator, Sequence
+from hashlib import sha256
 from typing import Any
 
 import numpy as np
@@ -26,13 +27,14 @@ _NEAR = 24  # doubles on either side that are tried for the one that was there
 
 
 class MaterialWriter:
-    """Writes each material, texture and picture once."""
+    """Writes each material, texture and picture once; pictures of one name with equal pixels are one."""
 
     def __init__(self, document: Document) -> None:
         self._document = document
         self._materials: dict[int, int] = {}
         self._textures: dict[tuple[int, int], int] = {}
-        self._images: dict[tuple[int, str], int] = {}
+        self._images: dict[tuple[bytes, str], int] = {}
+        self._digests: dict[int, bytes] = {}
         self._samplers: dict[tuple[int, ...], int] = {}
         self._encoded: dict[tuple[int, bool], np.ndarray] = {}
 
@@ -115,7 +117,9 @@ class MaterialWriter:
 
     def _texture(self, texture: Texture, srgb: bool) -> int:
         pixels = texture.pixels if texture.srgb == srgb else self._as_stored(texture)
-        image_key = id(pixels), texture.name
+        if id(pixels) not in self._digests:
+            self._digests[id(pixels)] = sha256(repr(pixels.shape).encode() + pixels.tobytes()).digest()
+        image_key = self._digests[id(pixels)], texture.name
         if image_key not in self._images:
             self._images[image_key] = self._document.picture(pixels, texture.name)
         key = self._images[image_key], self._sampler(texture)

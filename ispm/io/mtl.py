@@ -10,18 +10,21 @@ Source: Wavefront, "MTL material format", 1995; https://benhouston3d.com/blog/ex
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from ispm.errors import SceneError
+from ispm.io.budget import WORK_PER_BYTE, Budget
 from ispm.io.folder import read_inside
-from ispm.io.mtl_picture import MapUse, Pictures, parse_map, stacked
+from ispm.io.mtl_picture import Maps, MapUse, parse_map
 from ispm.io.notes import Notes
 from ispm.scene.material import TEXTURES, AlphaMode, Material, TextureUse
 from ispm.scene.mesh import Mesh
 from ispm.scene.values import BRIGHTEST
-from ispm.settings import LoadLimits
 
 MIRRORS, GLASS = (3, 5), (4, 6, 7, 9)
 PLAIN_F0 = 0.04  # of ior 1.5, which specular_color multiplies
@@ -37,24 +40,26 @@ Color = tuple[float, float, float]
 class Materials:
     """The materials of some MTL files, made as they are asked for."""
 
-    def __init__(self, libraries: list[str], folder: Path, notes: Notes, limits: LoadLimits) -> None:
+    def __init__(self, libraries: list[str], folder: Path, notes: Notes, budget: Budget) -> None:
         self._notes = notes
-        self._pictures = Pictures(folder, notes, limits)
+        self._maps = Maps(folder, notes, budget)
         self._records: dict[str, Statements] = {}
         self._made: dict[tuple[str, bool, bool], Material] = {}
         for library in dict.fromkeys(libraries):
-            self._read(library, folder, limits)
+            self._read(library, folder, budget)
 
-    def _read(self, library: str, folder: Path, limits: LoadLimits) -> None:
+    def _read(self, library: str, folder: Path, budget: Budget) -> None:
         """Read the file called `library`, or the several that it names."""
-        whole = (folder / library).is_file() or not library.split()
-        for name in [library] if whole else library.split():
+        whole = os.path.isfile(folder / library) or not library.split()
+        for name in [library] if whole else dict.fromkeys(library.split()):
             try:
-                text = bytes(read_inside(name.replace("\\", "/"), folder, limits))
+                data = read_inside(name.replace("\\", "/"), folder, budget)
+                budget.take(f"materials '{name[:80]}'", work=WORK_PER_BYTE * len(data))
             except (SceneError, OSError) as error:
                 self._notes.add(f"materials '{name[:80]}' are left out: {error}")
             else:
-                self._records = parse(text.decode("utf-8", "replace")) | self._records
+                for material, record in parse(bytes(data).decode("utf-8", "replace")).items():
+                    self._records.setdefault(material, record)
 
     def get(self, name: str, mesh: Mesh, solid: Callable[[], bool]) -> Material:
         """Return the material `name` as `mesh` can wear it: gray where there is none, plain without uv0.
@@ -99,39 +104,43 @@ class Materials:
         }
         if "map_d" in said.record:
             result["base_color_texture"] = self._cutout(said) or result["base_color_texture"]
-        rough, metal = (said.map(key) for key in ("map_pr", "map_pm"))
-        pixels = [None if m is None else self._pictures.pixels(m.name) for m in (rough, metal)]
+        rough, metal = said.map("map_pr"), said.map("map_pm")
+        pixels = [None if m is None else self._maps.pixels(m.name, srgb=False) for m in (rough, metal)]
         if any(p is not None for p in pixels):
-            packed = stacked([(pixels[0], 0), (pixels[1], 0)], (-1, 0, 1, -1))
-            what = rough or metal or MapUse("")
-            result["metallic_roughness_texture"] = self._pictures.use(
-                what,
-                packed,
+            result["metallic_roughness_texture"] = self._maps.use(
+                rough or metal or MapUse(""),
                 ("roughness", rough.name if rough else "", metal.name if metal else ""),
+                lambda: self._maps.stacked([(pixels[0], 0), (pixels[1], 0)], (-1, 0, 1, -1)),
                 srgb=False,
             )
         return result
 
     def _use(self, said: _Said, key: str, *, srgb: bool) -> TextureUse | None:
         what = said.map(key)
-        pixels = None if what is None else self._pictures.pixels(what.name)
+        pixels = None if what is None else self._maps.pixels(what.name, srgb=srgb)
         if what is None or pixels is None:
             return None
-        if srgb and (pixels[..., 3] != 255).any():  # opacity is for map_d to say
-            pixels = stacked([(pixels, 0), (pixels, 1), (pixels, 2)], (0, 1, 2, -1))
-        return self._pictures.use(what, pixels, (what.name,), srgb=srgb)
+
+        def make() -> np.ndarray:
+            if srgb and (pixels[..., 3] != 255).any():  # opacity is for map_d to say
+                return self._maps.stacked([(pixels, 0), (pixels, 1), (pixels, 2)], (0, 1, 2, -1))
+            return pixels
+
+        return self._maps.use(what, (what.name,), make, srgb=srgb)
 
     def _cutout(self, said: _Said) -> TextureUse | None:
         """The base color with the opacity of map_d: its alpha where it has one, else its red."""
         mask, color = said.map("map_d"), said.map("map_kd")
-        opacity = None if mask is None else self._pictures.pixels(mask.name)
+        opacity = None if mask is None else self._maps.pixels(mask.name, srgb=True)
         if mask is None or opacity is None:
             return None
-        base = None if color is None else self._pictures.pixels(color.name)
-        channel = 3 if (opacity[..., 3] != 255).any() else 0
-        pixels = stacked([(base, 0), (base, 1), (base, 2), (opacity, channel)], (0, 1, 2, 3))
-        what = color or mask
-        return self._pictures.use(what, pixels, ("cutout", what.name, mask.name), srgb=True)
+        base = None if color is None else self._maps.pixels(color.name, srgb=True)
+
+        def make() -> np.ndarray:
+            channel = 3 if (opacity[..., 3] != 255).any() else 0
+            return self._maps.stacked([(base, 0), (base, 1), (base, 2), (opacity, channel)], (0, 1, 2, 3))
+
+        return self._maps.use(color or mask, ("cutout", (color or mask).name, mask.name), make, srgb=True)
 
 
 def plain(mesh: Mesh, name: str = "") -> Material:

@@ -8,12 +8,13 @@ Blender write them.
 
 from __future__ import annotations
 
-from functools import partial
+from functools import cached_property, partial
 from pathlib import Path
 
 import numpy as np
 
 from ispm.io.arrays import wild
+from ispm.io.budget import Budget
 from ispm.io.folder import map_file
 from ispm.io.mtl import Materials
 from ispm.io.notes import Notes
@@ -21,26 +22,39 @@ from ispm.io.obj_text import FLAT, Group, ObjText, read_text
 from ispm.io.polygons import triangulate
 from ispm.io.surface_mesh import check_counts, check_range, make_mesh
 from ispm.scene.color import linear
-from ispm.scene.mesh import Mesh
 from ispm.scene.scene import Node, Part, Scene
+from ispm.scene.smooth import angles_of
 from ispm.settings import LoadLimits
 
 
 def read_obj(path: Path, limits: LoadLimits) -> Scene:
     """Return the scene of an OBJ file and its MTL files. Raises SceneError where it cannot be used."""
-    notes = Notes()
-    text = read_text(map_file(path, limits), notes)
+    notes, budget = Notes(), Budget(limits)
+    text = read_text(map_file(path, budget), notes)
     _check(text, notes, limits)
-    triangles = {group: _triangles(text, group) for group in text.groups}
-    normals = _normals(text, list(triangles.values()))
-    materials = Materials(text.libraries, path.parent, notes, limits)
+    points = text.positions[text.corners[:, 0]]
+    triangles = {
+        group: triangulate(np.array(faces.corners), np.array(faces.sizes), points, budget)
+        for group, faces in text.groups.items()
+    }
+    normals, uvs, colors = _normals(text, list(triangles.values())), _uvs(text), _colors(text)
+    solids = _Solids(text, triangles)
+    materials = Materials(text.libraries, path.parent, notes, budget)
     nodes: dict[str, Node] = {}
     for group, corners in triangles.items():
-        mesh = _mesh(text, group, corners, normals, notes)
+        mesh = make_mesh(
+            points,
+            corners,
+            notes,
+            budget,
+            group.object or group.material or "the mesh",
+            normals=normals if group.smooth else None,
+            uv0=uvs if uvs is not None and (text.corners[corners, 1] >= 0).any() else None,
+            colors=colors,
+        )
         if mesh is not None:
             node = nodes.setdefault(group.object, Node(group.object))
-            solid = partial(_closed, text, triangles, group.material)
-            material = materials.get(group.material, mesh, solid)
+            material = materials.get(group.material, mesh, partial(solids.closed, group.material))
             node.parts.append(Part(mesh, material))
     if not nodes:
         notes.add("it has no faces, so there is nothing to draw")
@@ -50,7 +64,7 @@ def read_obj(path: Path, limits: LoadLimits) -> Scene:
 def _check(text: ObjText, notes: Notes, limits: LoadLimits) -> None:
     """Raise SceneError where vertices are too many or missing; note where others are, and replace them."""
     placed = sum(len(faces.corners) - 2 * len(faces.sizes) for faces in text.groups.values())
-    check_counts(limits, len(text.positions), placed)
+    check_counts(limits, len(text.positions), placed, len({group.object for group in text.groups}))
     vertex, uv, normal = text.corners.T
     check_range(vertex, len(text.positions), first=1)
     missing = (uv >= len(text.uvs)) & (uv >= 0), (normal >= len(text.normals)) & (normal >= 0)
@@ -63,13 +77,6 @@ def _check(text: ObjText, notes: Notes, limits: LoadLimits) -> None:
     if missing[1].any():
         notes.add("normals that faces ask for are not there; the mean of their faces' is used")
         normal[missing[1]] = FLAT - 1
-
-
-def _triangles(text: ObjText, group: Group) -> np.ndarray:
-    """(T, 3) rows of text.corners."""
-    faces = text.groups[group]
-    points = text.positions[text.corners[:, 0]]
-    return triangulate(np.array(faces.corners), np.array(faces.sizes), points)
 
 
 def _normals(text: ObjText, triangles: list[np.ndarray]) -> np.ndarray:
@@ -87,53 +94,48 @@ def _normals(text: ObjText, triangles: list[np.ndarray]) -> np.ndarray:
         every = np.concatenate(triangles)
         corners = text.positions[text.corners[every, 0]]
         with np.errstate(invalid="ignore", over="ignore"):
-            weighted = _by_angle(corners)
+            faces, angles = angles_of(corners)
+        weighted = angles[:, :, None] * faces[:, None, :]
         weighted[wild(weighted).any(axis=(1, 2))] = 0.0
         np.add.at(sums, group.ravel()[every], weighted)
         result[~written] = sums[group.ravel()[~written]]
     return result
 
 
-def _by_angle(corners: np.ndarray) -> np.ndarray:
-    """(T, 3, 3) unit normals of (T, 3, 3) triangles, times the angle at each corner."""
-    ahead = _unit(np.roll(corners, -1, axis=1) - corners)
-    behind = -np.roll(ahead, 1, axis=1)
-    angle = np.arccos(np.clip(np.einsum("tki,tki->tk", ahead, behind), -1.0, 1.0))
-    flat = _unit(np.cross(ahead[:, 0], -ahead[:, 2]))
-    return np.asarray(angle[:, :, None] * flat[:, None, :])
+def _uvs(text: ObjText) -> np.ndarray | None:
+    """(C, 2) texture coordinates of all corners, v downwards, 0 where there are none."""
+    if not len(text.uvs):
+        return None
+    uv = text.corners[:, 1]
+    return np.asarray(np.where(uv[:, None] >= 0, text.uvs[uv], 0.0) * (1.0, -1.0) + (0.0, 1.0))
 
 
-def _unit(vectors: np.ndarray) -> np.ndarray:
-    length = np.linalg.norm(vectors, axis=-1, keepdims=True)
-    return np.asarray(vectors / np.where(length > 0.0, length, 1.0))
+def _colors(text: ObjText) -> np.ndarray | None:
+    """(C, 4) linear colors of all corners."""
+    if text.colors is None:
+        return None
+    colors = np.ones((len(text.corners), 4), np.float32)
+    colors[:, :3] = linear(np.clip(text.colors, 0.0, 1.0))[text.corners[:, 0]]
+    return colors
 
 
-def _closed(text: ObjText, triangles: dict[Group, np.ndarray], material: str) -> bool:
-    """Whether the faces of a material bound solids: every edge is met as often one way as the other."""
-    all_corners = np.concatenate([t for group, t in triangles.items() if group.material == material])
-    places = np.unique(text.positions, axis=0, return_inverse=True)[1].ravel()
-    rows = places[text.corners[all_corners, 0]]
-    edges = np.concatenate([rows[:, [0, 1]], rows[:, [1, 2]], rows[:, [2, 0]]])
-    forward, back = edges @ (len(places), 1), edges @ (1, len(places))
-    return bool((np.sort(forward) == np.sort(back)).all())
+class _Solids:
+    """Which materials' faces bound solids: every edge is met as often one way as the other."""
 
+    def __init__(self, text: ObjText, triangles: dict[Group, np.ndarray]) -> None:
+        self._text = text
+        self._triangles: dict[str, list[np.ndarray]] = {}
+        for group, corners in triangles.items():
+            self._triangles.setdefault(group.material, []).append(corners)
 
-def _mesh(
-    text: ObjText, group: Group, triangles: np.ndarray, normals: np.ndarray, notes: Notes
-) -> Mesh | None:
-    vertex, uv, _ = text.corners.T
-    uvs = colors = None
-    if len(text.uvs) and (uv[triangles] >= 0).any():
-        uvs = np.where(uv[:, None] >= 0, text.uvs[uv], 0.0) * (1.0, -1.0) + (0.0, 1.0)
-    if text.colors is not None:
-        colors = np.ones((len(vertex), 4), np.float32)
-        colors[:, :3] = linear(np.clip(text.colors[vertex], 0.0, 1.0))
-    return make_mesh(
-        text.positions[vertex],
-        triangles,
-        notes,
-        group.object or group.material or "the mesh",
-        normals=normals if group.smooth else None,
-        uv0=uvs,
-        colors=colors,
-    )
+    def closed(self, material: str) -> bool:
+        corners = np.concatenate(self._triangles[material])
+        rows = self._places[self._text.corners[corners, 0]]
+        edges = np.concatenate([rows[:, [0, 1]], rows[:, [1, 2]], rows[:, [2, 0]]])
+        forward, back = edges @ (len(self._places), 1), edges @ (1, len(self._places))
+        return bool((np.sort(forward) == np.sort(back)).all())
+
+    @cached_property
+    def _places(self) -> np.ndarray:
+        """(V,) numbers of vertices, the same for those at one place."""
+        return np.asarray(np.unique(self._text.positions, axis=0, return_inverse=True)[1].ravel())

@@ -75,6 +75,7 @@ class _Reader:
         self._names = {b"o": "", b"g": ""}
         self._material = ""
         self._smoothing = 0
+        self._smoothings: dict[bytes, int] = {}  # counted, whatever their numbers are
         self._tokens: dict[bytes, int] = {}
         self._faces: tuple[Faces, Faces] | None = None
 
@@ -132,7 +133,8 @@ class _Reader:
         self._material, self._faces = _rest(words), None
 
     def _smooth(self, words: list[bytes]) -> None:
-        self._smoothing = int(words[1]) if words[1:] and words[1].isdigit() else 0
+        number = words[1].lstrip(b"0") if words[1:] and words[1].isdigit() else b""
+        self._smoothing = self._smoothings.setdefault(number, len(self._smoothings) + 1) if number else 0
         self._tokens.clear()
 
     def _library(self, words: list[bytes]) -> None:
@@ -187,17 +189,17 @@ def read_text(data: memoryview, notes: Notes) -> ObjText:
 
 def _lines(data: memoryview) -> Iterator[bytes]:
     """The lines of a text, each with those that a backslash at its end adds; their number is of the last."""
-    text, waiting = bytes(data), b""
+    text, waiting = bytes(data), list[bytes]()
     if b"\n" not in text:
         text = text.replace(b"\r", b"\n")
     for line in io.BytesIO(text):
         if line.rstrip().endswith(b"\\"):
-            waiting += line.rstrip()[:-1] + b" "
+            waiting.append(line.rstrip()[:-1])
             yield b""
         else:
-            yield waiting + line
-            waiting = b""
-    yield waiting
+            yield b" ".join([*waiting, line])
+            waiting.clear()
+    yield b" ".join(waiting)
 
 
 def _colors(written: dict[int, tuple[float, ...]], count: int) -> np.ndarray | None:

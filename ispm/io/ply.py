@@ -11,9 +11,11 @@ from pathlib import Path
 import numpy as np
 
 from ispm.errors import SceneError
+from ispm.io.arrays import wild
+from ispm.io.budget import Budget
 from ispm.io.folder import map_file
 from ispm.io.mtl import plain
-from ispm.io.mtl_picture import MapUse, Pictures
+from ispm.io.mtl_picture import Maps, MapUse
 from ispm.io.notes import Notes
 from ispm.io.ply_text import Table, read_tables
 from ispm.io.polygons import triangulate
@@ -29,14 +31,14 @@ COLOR_NAMES = (("red", "green", "blue"), ("r", "g", "b"), ("diffuse_red", "diffu
 
 def read_ply(path: Path, limits: LoadLimits) -> Scene:
     """Return the scene of a PLY file. Raises SceneError where it cannot be used."""
-    notes = Notes()
-    tables, comments = read_tables(map_file(path, limits), limits)
+    notes, budget = Notes(), Budget(limits)
+    tables, comments = read_tables(map_file(path, budget), limits)
     vertices, faces = tables.get("vertex", Table()), tables.get("face", Table())
     points = _columns(vertices, ("x", "y", "z"))
     if points is None:
         raise SceneError("it has no vertices with x, y and z")
-    triangles = _triangles(faces, points, notes, limits)
-    mesh = _mesh(vertices, points, triangles, notes, path.stem) if len(triangles) else None
+    triangles = _triangles(faces, points, notes, budget)
+    mesh = _mesh(vertices, points, triangles, notes, budget, path.stem) if len(triangles) else None
     if mesh is None:
         what = f"a cloud of {len(points)} points" if not len(triangles) else "no whole triangle"
         notes.add(f"{what}: there is no surface to draw")
@@ -44,11 +46,11 @@ def read_ply(path: Path, limits: LoadLimits) -> Scene:
     material = plain(mesh, path.stem)
     named = [c[11:].strip() for c in comments if c.lower().startswith("texturefile")]
     if named and mesh.uv0 is not None:
-        pictures, what_map = Pictures(path.parent, notes, limits), MapUse(named[0])
-        pixels = pictures.pixels(named[0])
+        maps, name = Maps(path.parent, notes, budget), named[0]
+        pixels = maps.pixels(name, srgb=True)
         if pixels is not None:
-            material.base_color_texture = pictures.use(what_map, pixels, (named[0],), srgb=True)
-            material.base_color = (1.0, 1.0, 1.0)
+            use = maps.use(MapUse(name), (name,), lambda: pixels, srgb=True)
+            material.base_color_texture, material.base_color = use, (1.0, 1.0, 1.0)
     return Scene([Node(path.stem, parts=[Part(mesh, material)])], warnings=notes.lines())
 
 
@@ -59,27 +61,31 @@ def _columns(table: Table, names: tuple[str, ...]) -> np.ndarray | None:
     return np.stack([table.columns[name].astype(np.float64) for name in names], axis=1)
 
 
-def _triangles(faces: Table, points: np.ndarray, notes: Notes, limits: LoadLimits) -> np.ndarray:
+def _triangles(faces: Table, points: np.ndarray, notes: Notes, budget: Budget) -> np.ndarray:
     """(T, 3) rows of `points`."""
     listed = faces.lists.get("vertex_indices") or faces.lists.get("vertex_index")
     if listed is None:
         return np.zeros((0, 3), np.int64)
-    sizes, corners = listed[0], np.nan_to_num(listed[1].astype(np.float64), nan=-1.0).astype(np.int64)
+    sizes, named = listed[0], listed[1].astype(np.float64)
+    corners = np.where(wild(named), -1.0, named).astype(np.int64)
     check_range(corners, len(points))
     few = sizes < 3
     notes.count("face of fewer than three corners is left out",
                 "faces of fewer than three corners are left out", int(few.sum()))  # fmt: skip
     corners, sizes = corners[~np.repeat(few, sizes)], sizes[~few]
-    check_counts(limits, len(points), int((sizes - 2).sum()))
-    return triangulate(corners, sizes, points)
+    check_counts(budget.limits, len(points), int((sizes - 2).sum()))
+    return triangulate(corners, sizes, points, budget)
 
 
-def _mesh(vertices: Table, points: np.ndarray, triangles: np.ndarray, notes: Notes, name: str) -> Mesh | None:
+def _mesh(
+    vertices: Table, points: np.ndarray, triangles: np.ndarray, notes: Notes, budget: Budget, name: str
+) -> Mesh | None:
     uvs = next((uv for names in UV_NAMES if (uv := _columns(vertices, names)) is not None), None)
     return make_mesh(
         points,
         triangles,
         notes,
+        budget,
         name,
         normals=_columns(vertices, ("nx", "ny", "nz")),
         uv0=None if uvs is None else uvs * (1.0, -1.0) + (0.0, 1.0),  # v points down in our coordinates

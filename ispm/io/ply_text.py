@@ -80,6 +80,8 @@ def _header(data: memoryview) -> tuple[str, list[Element], list[str], int]:
         elif words[0] == "format":
             order = ORDERS.get(words[1] if len(words) > 1 else "")
         elif words[0] == "element" and len(words) == 3 and words[2].isdecimal():
+            if len(words[2]) > LONGEST_NUMBER:
+                raise SceneError(f"'{words[1][:40]}' has a count of {len(words[2])} digits")
             elements.append(Element(words[1], int(words[2])))
         elif not (words[0] == "property" and elements and _append(elements[-1], words[1:])):
             raise SceneError(f"the header's line '{line.strip()[:60]}' makes no sense")
@@ -154,11 +156,16 @@ def _text_lists(numbers: np.ndarray, at: int, element: Element) -> tuple[Table, 
                 raise _short(element)
             size = 1
             if p.count:
-                size, at = int(numbers[at]), at + 1
+                length = float(numbers[at])
+                if not np.isfinite(length):
+                    raise SceneError(f"a list of '{element.name}' has a length that is no number")
+                if not 0.0 <= length <= total:
+                    raise _short(element)
+                size, at = int(length), at + 1
             firsts[k].append(at)
             sizes[k].append(size)
             at += size
-            if not 0 <= size <= total or at > total:
+            if at > total:
                 raise _short(element)
     table = Table()
     for p, begins, lengths in zip(element.properties, firsts, sizes, strict=True):

@@ -1,6 +1,7 @@
 """Polygons cut into triangles: convex ones as fans, others by clipping ears.
 
-Source of the ear clipping: Meisters, "Polygons have ears", 1975; O(n^3) at worst, so large ones are fans.
+Source of the ear clipping: Meisters, "Polygons have ears", 1975. Cutting an ear off changes none but its
+neighbours (Eberly, "Triangulation by ear clipping"), so it takes O(n^2); large ones are fans all the same.
 """
 
 from __future__ import annotations
@@ -9,22 +10,30 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from ispm.io.budget import Budget
+
 MOST_CORNERS = 128  # of a polygon whose ears are clipped
+EAR = 60  # steps to look at a corner once for each corner: it is looked at three times, in Python
 
 
-def triangulate(corners: np.ndarray, sizes: np.ndarray, points: np.ndarray) -> np.ndarray:
+def triangulate(
+    corners: np.ndarray, sizes: np.ndarray, points: np.ndarray, budget: Budget | None = None
+) -> np.ndarray:
     """Return the (T, 3) triangles of polygons, each a run of `corners`, wound as they are.
 
     corners  (C,) numbers of rows of `points`, polygon after polygon
     sizes    (P,) corners of each polygon, 3 or more
     points   (V, 3) float
+    budget   of work
+    Raises SceneError where the polygons would take too long.
     """
     starts = np.cumsum(sizes) - sizes
+    by_size = np.argsort(sizes, kind="stable")
     found, order = [], []
-    for size in np.unique(sizes):
-        which = np.flatnonzero(sizes == size)
+    for which in np.split(by_size, np.flatnonzero(np.diff(sizes[by_size])) + 1) if len(sizes) else []:
+        size = int(sizes[which[0]])
         polygons = corners[starts[which, None] + np.arange(size)]
-        triangles = _fans(polygons) if size == 3 else _cut(polygons, points)
+        triangles = _fans(polygons) if size == 3 else _cut(polygons, points, budget)
         found.append(triangles)
         order.append(np.repeat(which, size - 2))
     if not found:
@@ -40,13 +49,16 @@ def _fans(polygons: np.ndarray) -> np.ndarray:
     return polygons[:, picks].reshape(count * (size - 2), 3)
 
 
-def _cut(polygons: np.ndarray, points: np.ndarray) -> np.ndarray:
+def _cut(polygons: np.ndarray, points: np.ndarray, budget: Budget | None) -> np.ndarray:
     """(P (n - 2), 3) triangles of (P, n) polygons, n > 3."""
     size = polygons.shape[1]
-    flat = _flattened(points[polygons].astype(np.float64))
-    turns = _turns(flat, np.roll(flat, -1, axis=1), np.roll(flat, -2, axis=1))
+    with np.errstate(invalid="ignore", over="ignore"):  # of points that are not finite, which draw nothing
+        flat = _flattened(points[polygons].astype(np.float64))
+        turns = _turns(flat, np.roll(flat, -1, axis=1), np.roll(flat, -2, axis=1))
     bent = (turns < 0.0).any(axis=1) if size <= MOST_CORNERS else np.zeros(len(polygons), bool)
     triangles = _fans(polygons).reshape(len(polygons), size - 2, 3)
+    if budget is not None:
+        budget.take("polygons that are not convex", work=EAR * size**2 * int(bent.sum()))
     for i in np.flatnonzero(bent):
         triangles[i] = polygons[i][_ears(flat[i].tolist())]
     return triangles.reshape(-1, 3)
@@ -74,17 +86,20 @@ def _turns(a: np.ndarray, b: np.ndarray, c: np.ndarray) -> np.ndarray:
 def _ears(outline: Sequence[Sequence[float]]) -> list[tuple[int, int, int]]:
     """Triangles of a simple polygon, counter-clockwise; a fan of the rest where no ear is left."""
     left = list(range(len(outline)))
+    ears = [_is_ear(outline, left, k) for k in range(len(left))]
     triangles = []
     while len(left) > 3:
-        ear = next((k for k in range(len(left)) if _is_ear(outline, left, k)), 1)
+        ear = ears.index(True) if True in ears else 1
         triangles.append((left[ear - 1], left[ear], left[(ear + 1) % len(left)]))
-        del left[ear]
+        del left[ear], ears[ear]
+        for k in (ear - 1, ear % len(left)):
+            ears[k] = _is_ear(outline, left, k)
     return [*triangles, (left[0], left[1], left[2])]
 
 
 def _is_ear(outline: Sequence[Sequence[float]], left: list[int], k: int) -> bool:
     """Whether corner k of those `left` turns left and no other lies in the triangle with its neighbours."""
-    trio = outline[left[k - 1]], outline[left[k]], outline[left[(k + 1) % len(left)]]
+    trio = outline[left[k - 1]], outline[left[k]], outline[left[(k + 1) % len(left)]]  # k may be -1
     (ax, ay), (bx, by), (cx, cy) = trio
     if (bx - ax) * (cy - by) - (by - ay) * (cx - bx) <= 0.0:
         return False

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from ispm.errors import SceneError
+from ispm.io.budget import Budget
 from ispm.io.folder import map_file
 from ispm.io.mtl import plain
 from ispm.io.notes import Notes
@@ -21,11 +22,11 @@ TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribu
 
 def read_stl(path: Path, limits: LoadLimits) -> Scene:
     """Return the scene of an STL file. Raises SceneError where it cannot be used."""
-    notes = Notes()
+    notes, budget = Notes(), Budget(limits)
     nodes = []
-    for name, corners in _solids(map_file(path, limits), limits):
+    for name, corners in _solids(map_file(path, budget), limits):
         triangles = np.arange(len(corners) * 3).reshape(-1, 3)
-        mesh = make_mesh(corners.reshape(-1, 3), triangles, notes, name or path.stem)
+        mesh = make_mesh(corners.reshape(-1, 3), triangles, notes, budget, name or path.stem)
         if mesh is not None:
             nodes.append(Node(mesh.name, parts=[Part(mesh, plain(mesh))]))
     if not nodes:
@@ -68,5 +69,6 @@ def _text(data: memoryview, limits: LoadLimits) -> list[tuple[str, np.ndarray]]:
     if not ended or any(len(numbers) % 9 for _, numbers in solids):
         raise SceneError("the file is cut short: a solid has no end, or a triangle not three corners")
     total = sum(len(numbers) // 9 for _, numbers in solids)
-    check_counts(limits, 3 * total, total)
-    return [(name, np.array(numbers).reshape(-1, 3, 3)) for name, numbers in solids]
+    whole = [(name, numbers) for name, numbers in solids if numbers]
+    check_counts(limits, 3 * total, total, len(whole))
+    return [(name, np.array(numbers).reshape(-1, 3, 3)) for name, numbers in whole]

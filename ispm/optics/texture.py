@@ -77,11 +77,15 @@ def mip_chain(texture: Texture) -> list[np.ndarray]:
     """
     levels = [np.ascontiguousarray(texture.pixels, dtype=u8)]
     while texture.mipmaps and levels[-1].shape[:2] != (1, 1):
-        source = levels[-1]
-        smaller = np.empty((max(1, source.shape[0] // 2), max(1, source.shape[1] // 2), 4), u8)
-        _halve(source, smaller, texture.srgb)
-        levels.append(smaller)
+        levels.append(halved(levels[-1], texture.srgb))
     return levels
+
+
+def halved(pixels: np.ndarray, srgb: bool) -> np.ndarray:
+    """Return (h, w, 4) uint8 `pixels` at half their size, rounded down; the mean is that of linear light."""
+    smaller = np.empty((max(1, pixels.shape[0] // 2), max(1, pixels.shape[1] // 2), 4), u8)
+    _halve(pixels, smaller, srgb)
+    return smaller
 
 
 @jit

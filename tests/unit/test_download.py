@@ -1,6 +1,7 @@
 """Scenes by download, from a server on this machine: whole and known files, or one line."""
 
 import hashlib
+import os
 import re
 import threading
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
@@ -103,6 +104,38 @@ def test_without_a_network_the_cure_is_told(server, monkeypatch):
     monkeypatch.setenv("ISPM_DOWNLOADS", "http://127.0.0.1:9")  # where nobody listens
     with pytest.raises(SceneError, match=r"there is no connection; put box.gltf .* ISPM_ASSETS names$"):
         ispm.builtin("room")
+
+
+@pytest.mark.parametrize(
+    "address", ["ftp://127.0.0.1/", "file:///srv", "s3://bucket", "127.0.0.1:80", "/srv/scenes"]
+)
+def test_other_schemes_are_named(server, tmp_path, monkeypatch, address):
+    monkeypatch.setenv("ISPM_DOWNLOADS", address)
+    with pytest.raises(
+        SceneError, match=rf"ISPM_DOWNLOADS is '{re.escape(address)}'; .* begins with http://"
+    ):
+        ispm.builtin("room")
+    assert kept(tmp_path) == []
+
+
+def test_passwords_are_not_told(server, monkeypatch):
+    there = os.environ["ISPM_DOWNLOADS"].removeprefix("http://")
+    (server.folder / "box.gltf").unlink()
+    for address in (f"http://me:s3cret@{there}", f"http://me:s3/c@ret@{there}", "ftp://me:s3cret@127.0.0.1/",
+                    "http://me:s3cret@127.0.0.1:9", "http://me:s3cret@[/", "http://me:s3cret@/"):  # fmt: skip
+        monkeypatch.setenv("ISPM_DOWNLOADS", address)
+        with pytest.raises(SceneError) as caught:
+            ispm.builtin("room")
+        told = str(caught.value) + repr(caught.value.__cause__)
+        assert "s3" not in told and "ret@" not in told and "checksum" not in told
+
+
+def test_an_endless_answer_is_cut_and_not_kept(server, tmp_path, monkeypatch):
+    monkeypatch.setattr(download, "_MOST", 1000)
+    (server.folder / "box.bin").write_bytes(bytes(1001))
+    with pytest.raises(SceneError, match="a file has more than 1,000 bytes"):
+        ispm.builtin("room")
+    assert "box.bin" not in kept(tmp_path)
 
 
 @pytest.mark.parametrize("place", ["box.gltf", "room/box.gltf"])

@@ -1,6 +1,7 @@
 """The command line: what goes where, and what is said."""
 
 import json
+import re
 import runpy
 import shlex
 import subprocess
@@ -17,6 +18,7 @@ from fake import SMALL, FakeRenderer, FakeStats
 import ispm.renderer
 from ispm.cli.main import main
 from ispm.io.image import write_npy, write_npz
+from ispm.scene.builtin import builtin
 from ispm.settings import LoadLimits, Settings
 
 
@@ -146,6 +148,40 @@ def test_info_counts_what_the_scene_holds(ispm_command):
     assert (contents["triangles"], contents["textures"]) == (30, 0)
     np.testing.assert_allclose(contents["bounds_low"], 0.0, atol=1e-6)
     assert contents["lights"] == ["light"]
+
+
+def test_info_lists_nodes(ispm_command, place):
+    code, out, _ = ispm_command("info glass-sphere --json")
+    listed = json.loads(out)["nodes"]
+    scene = builtin("glass-sphere")
+    assert (code, [node["name"] for node in listed]) == (0, [node.name for node in scene.nodes])
+    assert sum(node["triangles"] * node["copies"] for node in listed) == scene.triangle_count
+    assert [node["name"] for node in listed if node["light"]] == [node.name for node in scene.lights]
+
+
+def test_info_shows_what_hangs_on_what_and_counts_what_it_does_not_show(ispm_command, place):
+    children = [{"name": f"leg {k}"} for k in range(60)]
+    table = {"name": "table", "children": list(range(1, 61)), "mesh": 0}
+    points = {"componentType": 5126, "type": "VEC3", "count": 6}
+    file = {"asset": {"version": "2.0"}, "accessors": [points], "nodes": [table, *children],
+            "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}]}  # fmt: skip
+    (place / "t.gltf").write_text(json.dumps(file))
+    code, _, err = ispm_command("info t.gltf")
+    lines = err.splitlines()
+    assert code == 0
+    assert re.search(r"^table +2 triangles, 60 children$", err, re.MULTILINE)
+    assert sum("· leg" in line for line in lines) == 39
+    assert lines[-1] == "and 21 more nodes; --json lists all"
+    assert len(json.loads(ispm_command("info t.gltf --json")[1])["nodes"]) == 61
+
+
+def test_info_takes_the_options_of_loading(ispm_command, place):
+    (place / "a.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 2 3\nf 1 2 3\n")
+    bounds = [json.loads(ispm_command(f"info a.obj --json {option}")[1])["bounds_high"]
+              for option in ("", "--up z", "--up y --smooth-normals --crease-degrees 40")]  # fmt: skip
+    assert bounds == [[1, 2, 3], [1, 3, 0], [1, 2, 3]]
+    code, _, err = ispm_command("info a.obj --up x")
+    assert (code, "--up: 'x' is not one of y, z" in err) == (2, True)
 
 
 def test_doctor_reports_the_machine(ispm_command):
