@@ -6,6 +6,7 @@ import subprocess
 from pathlib import Path
 
 import pytest
+import trimesh
 from PIL import ImageShow
 
 import ispm
@@ -38,13 +39,14 @@ def smaller(text):
 
 @pytest.fixture
 def place(tmp_path, monkeypatch):
-    """A folder with the file that the documents speak of, and a system that shows no windows."""
+    """A folder with the files that the documents speak of, and a system that shows no windows."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(ImageShow, "_viewers", [])
     monkeypatch.setenv("ISPM_SIZE", "64x48")
     monkeypatch.setenv("ISPM_PHOTONS", "2000")
     scene = ispm.builtin("cornell-box")
     ispm.save(scene, "room.glb")
+    trimesh.creation.box().export("part.stl")
     return tmp_path
 
 
