@@ -333,14 +333,14 @@ class LoadLimits(_Checked):
     max_memory: int = knob(
         640 << 20,
         "most memory for arrays and pictures together, and 16 bytes more for each byte of the files; "
-        "pictures that take more than half of what is left are halved",
+        "pictures that take much of what is left are halved",
         low=1,
         high=1 << 50,
         unit="bytes",
         metavar="N",
     )
     max_work: int = knob(
-        1_500_000_000,
+        1_000_000_000,
         "most steps of loading, of some ten nanoseconds, and 100 more for each byte of the files",
         low=1,
         high=1 << 50,

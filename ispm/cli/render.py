@@ -202,7 +202,9 @@ def _require_writable(outputs: list[Path], scene: str) -> None:
         require_not_input(path, scene)
         require_writable(path)
     if len({path.resolve() for path in outputs}) < len(outputs):
-        raise OutputError(f"{outputs[0]}: is both the picture and the statistics; name two files")
+        raise OutputError(
+            f"{outputs[0]}: is to hold two results; name a file each for the picture, --stats and --resume"
+        )
 
 
 def _print_config(console: Console, settings: Settings, loading: Mapping[str, Any]) -> None:

@@ -74,7 +74,22 @@ def list_adapters() -> list[AdapterInfo]:
     Each has a `name`, a `backend` (Vulkan, Metal, D3D12), a `type` (DiscreteGPU, IntegratedGPU, CPU) and a
     `driver`.
     """
+    require_own_process()
     return [_info(adapter) for adapter in _adapters()]
+
+
+_first_process: int | None = None  # that opened an adapter, here or before it was forked to this one
+
+
+def require_own_process() -> None:
+    """Raise AdapterError in a process forked from one that has opened an adapter: its driver would hang."""
+    global _first_process
+    _first_process = _first_process or os.getpid()
+    if _first_process != os.getpid():
+        raise AdapterError(
+            "this process was forked from one that had opened a graphics adapter, and drivers do not survive "
+            "that; start processes by multiprocessing.get_context('spawn')"
+        )
 
 
 def open_gpu(adapter: str | None = None) -> Gpu:
@@ -83,6 +98,7 @@ def open_gpu(adapter: str | None = None) -> Gpu:
     adapter  part of a name, to choose by; default: the environment's ISPM_ADAPTER
     Raises AdapterError where there is none, none matches, or the driver refuses.
     """
+    require_own_process()
     wanted = str(adapter) if adapter is not None else os.environ.get("ISPM_ADAPTER", "")
     found = _adapters()
     if not found:
@@ -248,6 +264,7 @@ class Gpu:
 
         timed  measure stages by waiting for each where the adapter has no clock of its own
         """
+        require_own_process()
         return Recording(self.device, self._uniforms, self._readback, self._timer, timed)
 
     def read_texture(

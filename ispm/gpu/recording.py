@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import wgpu
 
+from ispm.errors import IspmError
 from ispm.gpu.raster import Canvas
 from ispm.gpu.readback import Readback
 from ispm.gpu.texture import Texture, View
@@ -80,7 +81,8 @@ class Recording:
         self.encoder = device.create_command_encoder()
 
     def __enter__(self) -> Recording:
-        assert not self._uniforms.in_use, "a frame is recorded inside another"
+        if self._uniforms.in_use:
+            raise IspmError("this renderer is at work in another thread; give each thread one of its own")
         self._uniforms.in_use = True
         return self
 

@@ -78,7 +78,12 @@ def tell(kernel: str, weight: int) -> None:
     global _said
     if enabled and weight > _LONG and not _said:
         _said = True
-        say(f"compiling {kernel} and what else is needed, once; that may take a minute")
+        kept = (
+            "once"
+            if store.written_folder()
+            else "which nothing keeps here: ISPM_CACHE names a folder that does"
+        )
+        say(f"compiling {kernel} and what else is needed, {kept}; that may take a minute")
 
 
 def _compile() -> None:

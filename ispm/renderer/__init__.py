@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Unpack
 
-from ispm.errors import SettingsError
+from ispm.errors import SettingsError, warn_caller
 from ispm.io.named import open_named
 from ispm.renderer.picture import Frame
 from ispm.renderer.renderer import Renderer
@@ -31,10 +31,12 @@ def render(
     camera   a Camera with a pose, or the name or index of one of the scene's
     time     seconds of the scene's animations; None: as the scene stands
     changes  settings by name, over `settings`
-    Raises SceneError, SettingsError or AdapterError.
+    Raises SceneError, SettingsError or AdapterError; warns of faults that the file has.
     """
     if not isinstance(scene, Scene):
         scene = open_named(scene)
+        for line in scene.warnings:
+            warn_caller(line)
     if time is not None:
         scene = scene.at(time)
     if settings is not None and not isinstance(settings, Settings):

@@ -32,7 +32,7 @@ class Ready:
     def __init__(self, threads: int, say: Callable[[str], None]) -> None:
         self._say = say
         self.world = World(threads)
-        self.textures = TextureTable.pack([])
+        self.textures, self._looks = TextureTable.pack([]), list[object]()
         self.chosen = Chosen(self.place, self.world, say)
         self._packed: Packed | None = None
 
@@ -53,8 +53,9 @@ class Ready:
         old = self._packed
         packed = pack(scene, old.geometry if old else None)
         require_visible(scene, packed)
-        if old is None or [*map(id, old.textures)] != [*map(id, packed.textures)]:
-            self.textures = TextureTable.pack(packed.textures)
+        looks: list[object] = [each for texture in packed.textures for each in (texture, texture.state)]
+        if looks != self._looks:
+            self.textures, self._looks = TextureTable.pack(packed.textures), looks
         if line := far_off(packed):
             self._say(line)
         self.world.update(packed)

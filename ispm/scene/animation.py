@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ispm.errors import SceneError
-from ispm.scene.values import array_of
+from ispm.scene.values import Strict, array_of
 
 if TYPE_CHECKING:
     from ispm.scene.scene import Node
@@ -88,7 +88,7 @@ class Channel:
 
 
 @dataclass(eq=False)
-class Animation:
+class Animation(Strict):
     """A named set of channels that play together."""
 
     channels: list[Channel] = field(default_factory=list)

@@ -11,7 +11,7 @@ import numpy as np
 
 from ispm.errors import SettingsError
 from ispm.scene.rotation import facing
-from ispm.scene.values import FARTHEST, LEAST, Point, array_of, require, told
+from ispm.scene.values import FARTHEST, LEAST, Point, Strict, array_of, require, told
 
 Convention = Literal["opencv", "opengl"]
 
@@ -21,7 +21,7 @@ _SQUARE = 1e-4  # what the axes of a pose may be off being at right angles and u
 
 
 @dataclass
-class Camera:
+class Camera(Strict):
     """A camera looks along -Z of its node, +Y up, +X to the right (glTF).
 
     yfov       vertical angle of view in radians; used where `ymag` is None (perspective)

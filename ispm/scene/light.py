@@ -6,13 +6,13 @@ import math
 from dataclasses import dataclass, field
 
 from ispm.errors import SceneError
-from ispm.scene.values import BRIGHTEST, LEAST, require, told
+from ispm.scene.values import BRIGHTEST, LEAST, Strict, require, told
 
 _FLAT = math.pi / 2.0 + 1e-6  # files round it
 
 
 @dataclass
-class PointLight:
+class PointLight(Strict):
     """Shines alike in all directions from its node's origin.
 
     intensity  (3,) cd per channel, linear
@@ -35,7 +35,7 @@ class PointLight:
 
 
 @dataclass
-class SpotLight:
+class SpotLight(Strict):
     """Shines from its node's origin along its -Z, full within one cone, fading to nothing at another.
 
     intensity     (3,) cd per channel within the inner cone, linear
@@ -60,7 +60,7 @@ class SpotLight:
         """Raise SceneError for a value out of range."""
         _check_shine(self.name, self.intensity, self.range)
         for name in ("inner_angle", "outer_angle"):
-            require(f"light '{self.name}': {name}", getattr(self, name), 0.0, _FLAT)
+            require(f"light '{self.name}': {name}, in radians,", getattr(self, name), 0.0, _FLAT)
         if not self.inner_angle < self.outer_angle:
             raise SceneError(
                 f"light '{self.name}': inner_angle {self.inner_angle:g} must be below "
@@ -69,7 +69,7 @@ class SpotLight:
 
 
 @dataclass
-class DirectionalLight:
+class DirectionalLight(Strict):
     """Shines along its node's -Z from infinitely far, like the sun.
 
     intensity  (3,) lx per channel on a surface that faces it, linear

@@ -12,7 +12,7 @@ import numpy as np
 
 from ispm.errors import SceneError, warn_caller
 from ispm.scene.pixels import rgba_of
-from ispm.scene.values import BRIGHTEST, LEAST, array_of, member_of, require, told
+from ispm.scene.values import BRIGHTEST, LEAST, Strict, array_of, member_of, require, told
 
 IDENTITY_UV = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
 
@@ -33,8 +33,24 @@ class AlphaMode(IntEnum):
     BLEND = 2
 
 
+@dataclass(frozen=True, eq=False)
+class TextureState:
+    """What was read of a texture, to be compared with what it has become."""
+
+    pixels: np.ndarray
+    version: int
+    srgb: bool
+    mipmaps: bool
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, TextureState) and (
+            self.pixels is other.pixels
+            and (self.version, self.srgb, self.mipmaps) == (other.version, other.srgb, other.mipmaps)
+        )
+
+
 @dataclass(eq=False)
-class Texture:
+class Texture(Strict):
     """A picture and how it is sampled. Compared by identity.
 
     pixels  a picture file (.png .jpg .webp), or an array, row 0 on top: (height, width) gray or (height,
@@ -46,6 +62,8 @@ class Texture:
     mipmaps  whether smaller levels may be used
     linear   whether texels are interpolated or the nearest one is taken
     name    default, of a file: its name without the ending
+    version counts calls of `touch`
+    Other pixels may be given at any time; call `touch` after editing them in place.
     Raises SceneError for pixels, or a file, that cannot be used.
     """
 
@@ -56,6 +74,7 @@ class Texture:
     linear: bool
     mipmaps: bool
     name: str
+    version: int
 
     def __init__(
         self,
@@ -68,7 +87,7 @@ class Texture:
         name: str = "",
     ) -> None:
         self.srgb, self.wrap_u, self.wrap_v = srgb, wrap_u, wrap_v
-        self.linear, self.mipmaps, self.name = linear, mipmaps, name
+        self.linear, self.mipmaps, self.name, self.version = linear, mipmaps, name, 0
         if isinstance(pixels, str | os.PathLike):
             from ispm.io.texture_file import read_pixels
 
@@ -80,6 +99,15 @@ class Texture:
     def __repr__(self) -> str:
         height, width = self.pixels.shape[:2]
         return f"<Texture '{self.name}': {width}x{height}, {'sRGB' if self.srgb else 'linear'}>"
+
+    @property
+    def state(self) -> TextureState:
+        """What its looks hang on."""
+        return TextureState(self.pixels, self.version, bool(self.srgb), bool(self.mipmaps))
+
+    def touch(self) -> None:
+        """Say that pixels were edited in place, so that renderers read them again."""
+        self.version += 1
 
     def check(self) -> None:
         """Bring pixels to the form they are kept in. Raises SceneError where a field cannot be used."""
@@ -138,7 +166,7 @@ DATA = ("metallic_roughness_texture", "normal_texture", "transmission_texture")
 
 
 @dataclass
-class Material:
+class Material(Strict):
     """Factors as glTF names them, linear; each texture multiplies its factor.
 
     base_color        (3,) or (4,), with opacity

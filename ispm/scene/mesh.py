@@ -9,7 +9,7 @@ import numpy as np
 
 from ispm.errors import SceneError
 from ispm.scene.extent import used_points
-from ispm.scene.values import FARTHEST, array_of
+from ispm.scene.values import FARTHEST, Strict, array_of
 
 _ROUNDING = 1.0 / 510.0  # half a step of the 8 bits that colors are kept in
 _OTHERS = {  # width, least and most
@@ -26,7 +26,7 @@ ARRAYS = ("positions", "triangles", *_OTHERS)
 
 
 @dataclass(eq=False)
-class Mesh:
+class Mesh(Strict):
     """Triangles in object space, metres. Compared by identity.
 
     Other arrays may be given at any time; call `touch` after editing one in place.

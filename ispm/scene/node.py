@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, NoReturn, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, NoReturn, TypeVar
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from ispm.scene.light import DirectionalLight, Light, PointLight, SpotLight
 from ispm.scene.material import Material
 from ispm.scene.mesh import Mesh
 from ispm.scene.rotation import facing, quaternion, rotation_matrix
-from ispm.scene.values import FARTHEST, Point, array_of, matches, require
+from ispm.scene.values import FARTHEST, Point, Strict, array_of, matches, require
 
 if TYPE_CHECKING:
     from ispm.scene.scene import Scene
@@ -25,7 +25,7 @@ _PLACE = ("translation", "rotation", "scale", "matrix")
 
 
 @dataclass(eq=False)
-class Part:
+class Part(Strict):
     """A mesh with the material it wears.
 
     Two parts of one mesh or one material share it: what changes, changes for both.
@@ -73,7 +73,7 @@ class Branch:
 
 
 @dataclass(eq=False)
-class Node(Branch):
+class Node(Branch, Strict):
     """A place in the scene and what stands there. Compared by identity.
 
     translation, scale   (3,) metres and factors, in the parent's space
@@ -85,6 +85,13 @@ class Node(Branch):
     children             nodes in the space of this one; loops, `in`, `find` and `node[name]` reach all below
     rest                 of a node that `Scene.at` moved: the one it was before, for its place
     """
+
+    ELSEWHERE: ClassVar[Mapping[str, str]] = {
+        "material": "its parts have one each: node.parts[0].material",
+        "mesh": "its parts have one each: node.parts[0].mesh",
+        "position": "it has a translation, or a matrix",
+        "visible": "take it out of the scene by scene.remove",
+    }
 
     name: str = ""
     translation: tuple[float, float, float] | np.ndarray = (0.0, 0.0, 0.0)

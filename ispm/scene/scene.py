@@ -20,7 +20,7 @@ from ispm.scene.node import Branch, listed
 from ispm.scene.node import Node as Node
 from ispm.scene.node import Part as Part
 from ispm.scene.rotation import Quaternion
-from ispm.scene.values import Point, require
+from ispm.scene.values import Point, Strict, require
 
 _MOST_AGAIN = 100_000  # places of nodes that hang in another one, too
 _MOMENTS = 64  # evenly over an animation, at which it is asked where it takes things
@@ -28,7 +28,7 @@ _KEYS = 256  # likewise, of its own
 
 
 @dataclass(eq=False)
-class Scene(Branch):
+class Scene(Branch, Strict):
     """What is lit: right-handed, +Y up, metres. Change anything between frames; nothing is precomputed.
 
     `scene[name]` is a node, `name in scene` asks for one, and a loop goes through all of them.
@@ -173,6 +173,8 @@ class Scene(Branch):
             hint = others.get(type(given), "")
             raise SceneError(f"cannot add a {type(given).__name__}; give a mesh, a light or a camera{hint}")
         node = Node(name or item.name, translation, rotation, scale)
+        if material is not None and not isinstance(item, Mesh):
+            raise SceneError(f"node '{node.name}': a {type(item).__name__} takes no material")
         if isinstance(item, Mesh):
             node.parts.append(Part(item, Material() if material is None else material))
         elif isinstance(item, Light):

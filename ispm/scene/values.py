@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import Field, fields
 from enum import Enum
 from fnmatch import fnmatchcase
-from typing import Any, TypeVar
+from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 
 from ispm.errors import IspmError, SceneError
+from ispm.knobs import nearest
 
 FARTHEST = 1e18  # m; squares of larger coordinates do not fit a float32
 BRIGHTEST = 1e12  # cd/m2, cd and lx: beyond the sun's 2e9, and squares still fit a float32
@@ -19,6 +21,23 @@ _LONGEST = 60  # characters of a value that messages show
 Point = tuple[float, float, float] | np.ndarray
 
 _Member = TypeVar("_Member", bound=Enum)
+
+
+class Strict:
+    """A base of dataclasses that refuse attributes which are not theirs: a misspelt one would change nothing.
+
+    ELSEWHERE  names that people try, and what to write instead
+    """
+
+    ELSEWHERE: ClassVar[Mapping[str, str]] = {}
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        own = self.__dataclass_fields__  # type: ignore[attr-defined]
+        if name not in own and not hasattr(type(self), name):
+            hint = self.ELSEWHERE.get(name)
+            hint = nearest(name, own) if hint is None else f"; {hint}"
+            raise AttributeError(f"a {type(self).__name__} has no '{name}'{hint}")
+        object.__setattr__(self, name, value)
 
 
 def require(
@@ -112,7 +131,7 @@ def member_of(what: str, value: object, kind: type[_Member]) -> _Member:
 def _of(low: float, high: float) -> str:
     """The range in words."""
     if (low, high) == (-FARTHEST, FARTHEST):
-        return f"that are finite, {high:g} at most"
+        return f"of finite size, {high:g} at most"
     return f"of {low:g} to {high:g}"
 
 

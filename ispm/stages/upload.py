@@ -33,7 +33,7 @@ class Upload:
         self._instances = gpu.buffer("instances")
         self._materials = gpu.buffer("materials")
         self._lights = gpu.buffer("lights")
-        self._textures: dict[int, tuple[scene_material.Texture, Texture]] = {}
+        self._textures: dict[int, tuple[scene_material.Texture, scene_material.TextureState, Texture]] = {}
         white = gpu.texture("white", "rgba8unorm", usage=["sampled"]).sized((1, 1))
         self._white = white.write(np.full((1, 1, 4), 255, np.uint8)), gpu.sampler()
 
@@ -84,12 +84,15 @@ class Upload:
         )
 
     def _keep(self, textures: list[scene_material.Texture]) -> None:
-        """Load textures that came, free those that went."""
+        """Load textures that came or changed, free those that went."""
         kept, self._textures = self._textures, {}
         for texture in textures:
-            known = kept.pop(id(texture)) if id(texture) in kept else (texture, self._load(texture))
-            self._textures[id(texture)] = known
-        for _, gone in kept.values():
+            known = kept.get(id(texture))
+            if known is not None and known[1] == texture.state:
+                self._textures[id(texture)] = kept.pop(id(texture))
+            else:
+                self._textures[id(texture)] = texture, texture.state, self._load(texture)
+        for *_, gone in kept.values():
             gone.close()
 
     def _load(self, texture: scene_material.Texture) -> Texture:
@@ -118,4 +121,4 @@ class Upload:
         texture = textures[row]
         wrap = (_WRAP[texture.wrap_u], _WRAP[texture.wrap_v])
         sampler = self._gpu.sampler(wrap, linear=texture.linear, mipmaps=texture.mipmaps)
-        return self._textures[id(texture)][1], sampler
+        return self._textures[id(texture)][2], sampler

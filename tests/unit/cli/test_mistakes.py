@@ -43,7 +43,7 @@ from ispm.errors import AdapterError, SceneWarning, SettingsError
         ("render cornell-box --config none.toml", "none.toml: cannot be read"),
         ("render cornell-box -o a.tif", "use one of .png"),
         ("render cornell-box -o /dev/null/a.png", "/dev/null/a.png: cannot be written"),
-        ("render cornell-box -o a.png --stats a.png", "name two files"),
+        ("render cornell-box -o a.png --stats a.png", "is to hold two results"),
         ("render cornel-box", "did you mean 'cornell-box'?"),
         ("render none.glb", "none.glb: there is no such file"),
         ("render", "no scene was named"),
