@@ -8,6 +8,7 @@ from ispm.errors import SceneError
 from ispm.io import gltf_schema as schema
 from ispm.io.arrays import wild
 from ispm.io.gltf_file import GltfFile
+from ispm.scene.rotation import quaternions
 
 UNTURNED = np.array((0.0, 0.0, 0.0, 1.0), np.float32)
 PLACING = {
@@ -59,22 +60,8 @@ def instance_attributes(matrices: np.ndarray) -> dict[str, np.ndarray]:
     scale = np.linalg.norm(turn, axis=1)
     scale[:, 0] *= np.where(np.linalg.det(turn) < 0.0, -1.0, 1.0)
     turn = turn / np.where(scale, scale, 1.0)[:, None, :]
-    values = exact[:, :3, 3], _quaternions(turn), scale
+    values = exact[:, :3, 3], quaternions(turn), scale
     return dict(zip(PLACING, values, strict=True)) | {name: exact[:, i] for i, name in enumerate(ROWS)}
-
-
-def _quaternions(turn: np.ndarray) -> np.ndarray:
-    """Unit quaternions x, y, z, w of (n, 3, 3) rotations."""
-    # the eigenvector of the largest eigenvalue (Bar-Itzhack 2000): sound for every rotation
-    (a, b, c), (d, e, f), (g, h, i) = np.moveaxis(turn, 0, -1)
-    k = np.array([
-        [a - e - i, b + d, c + g, h - f],
-        [b + d, e - a - i, f + h, c - g],
-        [c + g, f + h, i - a - e, d - b],
-        [h - f, c - g, d - b, a + e + i],
-    ])  # fmt: skip
-    largest: np.ndarray = np.linalg.eigh(np.moveaxis(k, -1, 0))[1][:, :, 3]
-    return largest * np.where(largest[:, 3:] < 0.0, -1.0, 1.0)
 
 
 def _attribute(

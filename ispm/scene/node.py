@@ -45,7 +45,7 @@ class Branch:
     @property
     def nodes(self) -> list[Node]:
         """All of them, parents before children."""
-        raise NotImplementedError
+        raise NotImplementedError  # a scene has roots, a node children
 
     def __iter__(self) -> Iterator[Node]:
         return iter(self.nodes)

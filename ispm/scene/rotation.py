@@ -78,17 +78,22 @@ def rotation_matrix(quaternion: np.ndarray) -> np.ndarray:
 
 def quaternion(rotation: np.ndarray) -> Quaternion:
     """Return the unit quaternion x, y, z, w of a (3, 3) rotation matrix."""
+    x, y, z, w = quaternions(np.asarray(rotation)[None])[0].tolist()
+    return x, y, z, w
+
+
+def quaternions(rotations: np.ndarray) -> np.ndarray:
+    """Return the unit quaternions x, y, z, w of (n, 3, 3) rotation matrices, (n, 4)."""
     # the eigenvector of the largest eigenvalue (Bar-Itzhack 2000): sound for every rotation
-    (a, b, c), (d, e, f), (g, h, i) = rotation
+    (a, b, c), (d, e, f), (g, h, i) = np.moveaxis(rotations, 0, -1)
     k = np.array([
         [a - e - i, b + d, c + g, h - f],
         [b + d, e - a - i, f + h, c - g],
         [c + g, f + h, i - a - e, d - b],
         [h - f, c - g, d - b, a + e + i],
     ])  # fmt: skip
-    x, y, z, w = np.linalg.eigh(k)[1][:, 3]
-    sign = -1.0 if w < 0.0 else 1.0
-    return float(sign * x), float(sign * y), float(sign * z), float(sign * w)
+    largest: np.ndarray = np.linalg.eigh(np.moveaxis(k, -1, 0))[1][:, :, 3]
+    return largest * np.where(largest[:, 3:] < 0.0, -1.0, 1.0)
 
 
 def facing(back: np.ndarray, up: np.ndarray, error: type[IspmError] = SceneError) -> np.ndarray:

@@ -32,7 +32,7 @@ class Strict:
     ELSEWHERE: ClassVar[Mapping[str, str]] = {}
 
     def __setattr__(self, name: str, value: Any) -> None:
-        own = self.__dataclass_fields__  # type: ignore[attr-defined]
+        own = self.__dataclass_fields__  # type: ignore[attr-defined]  # a base of dataclasses alone
         if name not in own and not hasattr(type(self), name):
             hint = self.ELSEWHERE.get(name)
             hint = nearest(name, own) if hint is None else f"; {hint}"

@@ -96,7 +96,7 @@ def test_materials_at_the_ends_of_their_ranges_are_taken():
         (lambda: DirectionalLight((-1, 0, 0)), "intensity must be"),
         (lambda: DirectionalLight((1e30, 0, 0)), "intensity must be"),
         *[(lambda r=r: PointLight(range=r), "range must be") for r in (0.0, -1.0, NAN, "far")],
-        (lambda: SpotLight(outer_angle=45.0), "outer_angle, in radians, must be a number of 0 to 1.57"),
+        (lambda: SpotLight(outer_angle=45.0), "in radians, must be a number of 0 to 1.5708, not 45.0"),
         (lambda: SpotLight(inner_angle=0.9), "inner_angle 0.9 must be below outer_angle 0.785398"),
         (lambda: Scene().add("box"), "cannot add a str"),
         (lambda: Scene().add(mesh(), material="red"), "a Mesh and a Material, not a Mesh and a str"),
