@@ -15,6 +15,7 @@ import wgpu
 
 from ispm.errors import AdapterError, SettingsError
 from ispm.gpu.buffer import Buffer
+from ispm.gpu.c_types import read_types_alone
 from ispm.gpu.compute import Compute
 from ispm.gpu.raster import Raster, Target
 from ispm.gpu.readback import Readback
@@ -128,16 +129,18 @@ def within_memory(task: str) -> Iterator[None]:
 
 
 @cache
-def _leave_out_opengl() -> None:
-    """Its backend is never used, and aborts the process where several threads look for adapters at once."""
+def _prepare_wgpu() -> None:
+    """Leave out OpenGL, which is never used and aborts where several threads look for adapters at once."""
+    from wgpu.backends.wgpu_native import ffi
     from wgpu.backends.wgpu_native.extras import set_instance_extras
 
+    read_types_alone(ffi)
     with suppress(RuntimeError):  # another user of wgpu was first
         set_instance_extras(backends=("Vulkan", "Metal", "DX12"))
 
 
 def _adapters() -> list[wgpu.GPUAdapter]:
-    _leave_out_opengl()
+    _prepare_wgpu()
     os.environ.setdefault("XDG_RUNTIME_DIR", tempfile.gettempdir())  # unset, drivers complain on stderr
     found = [a for a in wgpu.gpu.enumerate_adapters_sync() if a.info["backend_type"] in _BACKENDS]
     return sorted(found, key=lambda a: _rank(a.info["adapter_type"]))
