@@ -1,5 +1,5 @@
 import pytest
-from cffi import CDefError, FFI
+from cffi import FFI, CDefError
 
 from ispm.gpu.c_types import read_types_alone
 
