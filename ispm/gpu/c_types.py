@@ -9,9 +9,9 @@ from typing import Any
 def read_types_alone(ffi: Any) -> None:
     """Let an FFI of cffi read each C type with those declarations alone that its text names.
 
-    wgpu names its structs in text, `"WGPUBufferDescriptor *"`. cffi reads each of them, once, behind a typedef
-    for every type that webgpu.h declares: 20 ms apiece, and a first picture names 80. What cffi makes of a text
-    is the same, and where wgpu comes with compiled types there is nothing to do.
+    wgpu names its structs in text, `"WGPUBufferDescriptor *"`. cffi reads each of them, once, behind a
+    typedef for every type that webgpu.h declares: 20 ms apiece, and a first picture names 80. What cffi
+    makes of a text is the same, and where wgpu comes with compiled types there is nothing to do.
     """
     parser = getattr(ffi, "_parser", None)
     if not hasattr(parser, "_declarations"):
