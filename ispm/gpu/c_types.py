@@ -13,7 +13,7 @@ def read_types_alone(ffi: Any) -> None:
     typedef for every type that webgpu.h declares: 20 ms apiece, and a first picture names 80. What cffi
     makes of a text is the same, and where wgpu comes with compiled types there is nothing to do.
     """
-    parser = getattr(ffi, "_parser", None)
+    parser: Any = getattr(ffi, "_parser", None)
     if not hasattr(parser, "_declarations"):
         return
     read = parser.parse_type
