@@ -21,7 +21,7 @@ from ispm.tracer.rays import HIT
 from ispm.tracer.surface import SurfaceTable
 from ispm.tracer.world import World
 
-_FINER = 2  # blocks of ends are this much smaller than the picture's: curved mirrors show much in few pixels
+_FINER = 2  # blocks of ends, and of missed pixels, are this much smaller than the picture's: both are few
 SAMPLES = np.array([(-1, -3), (3, -1), (-3, 1), (1, 3)]) / 8.0  # pixels from the centre, as antialiasing's
 _FINE_SLACK = (5e-3, 2e-2)  # of the distance: a sample's first surface is known as its centre's plane
 
@@ -184,8 +184,8 @@ def light_missed(
         points, missed["low"], receivers, estimate, size, diagonal, settings.smoothing, threads
     )
     alone = np.flatnonzero(light[:, MET] < 1.0)
-    block, lone = settings.subsampling, points[alone]
-    lone["footprint"] /= block  # a pixel's, as an image wants
+    block, lone = max(settings.subsampling // _FINER, 1), points[alone]
+    lone["footprint"] /= settings.subsampling  # a pixel's, as an image wants
     image = light_by_image(
         lone, missed["pixel"][alone], photon_light, view, settings, block, diagonal, threads
     )

@@ -170,7 +170,21 @@ def test_taps_lie_next_to_points_on_what_is_narrower_than_strides():
     light[:, DENSITY] = 1600.0 / (np.pi * 3.0**2)
     out = filtered(receivers, light, size, diagonal=100.0)
     inner = strip & (y > 8) & (y < 52)
-    assert out[inner, MET].min() >= 1.0  # of the 16 receivers of a line
+    assert out[inner, MET].min() >= 1.0
+
+
+@pytest.mark.parametrize(("reach", "enough"), [(1.5, False), (3.0, False), (5.0, False), (7.0, True)])
+def test_a_line_of_receivers_is_enough_from_twelve_on(reach, enough):
+    """A strip a receiver wide holds 2 h - 1 of its own; of the floor beside it even the least reach has enough."""
+    size = (40, 60)
+    receivers = floor(size, pixel=1.0)
+    strip = receivers["position"][:, 0] == 20.0
+    receivers["position"][strip, 1] = 50.0
+    light = estimates(len(receivers))
+    light[:, DENSITY] = 1600.0 / (np.pi * reach * reach)
+    met = filtered(receivers, light, size, diagonal=1e3)[:, MET].reshape(60, 40)
+    assert (met[10:-10, 20] >= 1.0).all() == enough
+    assert (met[10:-10, 3:17] >= 1.0).all()
 
 
 def test_the_lattice_covers_the_reach_with_no_more_taps_than_it_may():
