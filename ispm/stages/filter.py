@@ -35,8 +35,8 @@ _SPARSE = 200.0  # photons within the radius, below which they are few
 # words of a RECEIVER
 _ALPHA, _NG, _VALID, _N, _FOOTPRINT, _WO, _SLANT = 3, 4, 7, 8, 11, 12, 15
 DENSITY, MET = 3, 7  # channels of an estimate: photons per m2; of how many receivers it is the mean, over
-# what is enough. Of fewer the mean is noise: dashes along faces one to three pixels wide. Of 12 none are seen at 1:1;
-# 16 and 24 ask for half and three times as many pixels that get light of their own.
+# what is enough. Of fewer the mean is noise: dashes along faces one to three pixels wide. Of 12 none are
+# seen at 1:1; 16 and 24 ask for half and three times as many pixels that get light of their own.
 _ENOUGH = 12
 
 

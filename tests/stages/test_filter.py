@@ -175,7 +175,7 @@ def test_taps_lie_next_to_points_on_what_is_narrower_than_strides():
 
 @pytest.mark.parametrize(("reach", "enough"), [(1.5, False), (3.0, False), (5.0, False), (7.0, True)])
 def test_a_line_of_receivers_is_enough_from_twelve_on(reach, enough):
-    """A strip a receiver wide holds 2 h - 1 of its own; of the floor beside it even the least reach has enough."""
+    """A strip a receiver wide holds 2 h - 1 of its own; the floor beside it has enough at the least reach."""
     size = (40, 60)
     receivers = floor(size, pixel=1.0)
     strip = receivers["position"][:, 0] == 20.0
