@@ -10,6 +10,7 @@ from ispm.renderer import layers as make
 from ispm.renderer.backdrop import LAYER, background_color
 from ispm.renderer.picture import Frame
 from ispm.renderer.statistics import Stats
+from ispm.scene.camera import Camera
 from ispm.scene.packed import Packed
 from ispm.settings import Settings
 from ispm.stages.camera import CameraView
@@ -52,4 +53,7 @@ def compose(
         "material": lambda: materials[ids[..., 0]], **more,
     })  # fmt: skip
     camera = {"pose": view.pose, "clip_from_world": view.clip_from_world}
+    if view.ymag is None:
+        eye = Camera(yfov=view.yfov, aspect=view.aspect, principal=view.principal)
+        camera["intrinsics"] = eye.intrinsics(view.size)
     return Frame(layers, Stats(), settings, camera, names=packed.names)

@@ -62,9 +62,9 @@ def converge(renderer: Renderer, goal: Settings) -> Iterator[Frame]:
     """
     started = time.perf_counter()
     progress, settings = renderer.progress, renderer.settings
-    made_of, longest = renderer.fingerprint(), 0.0
+    made_of, longest = renderer.made_of(), 0.0
     if progress:
-        progress.require(made_of, settings)
+        progress.require(made_of, renderer.scene.name)
         mean = _mean(renderer, progress, settings)
         if _is_enough(mean.stats, goal):
             yield mean
@@ -73,7 +73,7 @@ def converge(renderer: Renderer, goal: Settings) -> Iterator[Frame]:
         begun = rendering_seconds()
         done = progress.passes if progress else 0
         frame = renderer.render_pass(done)
-        if renderer.last_fingerprint() != made_of:
+        if renderer.last_made_of() != made_of:
             raise SceneError(
                 f"the scene, its camera or the settings changed after pass {done}, and the mean would be of "
                 "neither; call converge to start anew"

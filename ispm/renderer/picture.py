@@ -35,7 +35,8 @@ class Frame:
     layers      all of them by name, each made at its first use
     stats       numbers of this frame: photons, flux, milliseconds
     settings    that it was made with
-    camera      by name: its `pose` (4, 4) camera-to-world and `clip_from_world` matrix (4, 4), float64
+    camera      by name, float64: its `pose` (4, 4) camera-to-world, the matrix `clip_from_world` (4, 4) and,
+                unless it is orthographic, `intrinsics` (3, 3), K in pixels as of `Camera.intrinsics`
     scene       the scene's name
     command     the command line that makes this frame, where one did
     names       what the ids in `instance` and `material` stand for
@@ -230,7 +231,7 @@ class Frame:
         """How this frame was made, in words that every kind of file can hold."""
         from ispm import __version__
 
-        pose = self.camera.get("pose")
+        pose, intrinsics = (self.camera.get(name) for name in ("pose", "intrinsics"))
         about = {
             "Software": f"ispm {__version__}",
             "ispm:scene": self.scene,
@@ -239,6 +240,7 @@ class Frame:
             "ispm:exposure": f"{self.exposure:.6g}",
             "ispm:seed": str(self.settings.seed),
             "ispm:camera": "" if pose is None else json.dumps(np.asarray(pose).tolist()),
+            "ispm:intrinsics": "" if intrinsics is None else json.dumps(np.asarray(intrinsics).tolist()),
         }
         # names of files may hold what is no text
         return {key: value.encode(errors="replace").decode() for key, value in about.items() if value}

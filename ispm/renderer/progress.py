@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import dataclasses
-import hashlib
 import io
 import json
 import math
 import zipfile
+from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import partial
@@ -19,21 +19,23 @@ import numpy as np
 from ispm.errors import OutputError, SettingsError
 from ispm.io.atomic import as_path
 from ispm.io.image import ABOUT, write_npz
-from ispm.optics.texture import TextureTable
 from ispm.optics.vector import LUMINANCE
 from ispm.renderer.backdrop import LAYER, background_color
 from ispm.renderer.layers import Layers, sum_layers
+from ispm.renderer.made_of import MadeOf
 from ispm.renderer.picture import Frame
 from ispm.renderer.statistics import Stats
-from ispm.scene.packed import Packed
+from ispm.scene.values import FARTHEST
 from ispm.settings import Settings
-from ispm.stages.camera import CameraView
 
 _SUMMED = ("direct", "indirect", "emission", "irradiance", "alpha")
 _KEPT = ("depth", "normal", "albedo", "instance", "material")  # of the first pass
 _CAMERA = ("pose", "clip_from_world")
+_PERSPECTIVE = ("intrinsics",)  # of the camera, unless it is orthographic
+_IDS = ("instance", "material")
+_FLAT = ("alpha", "depth", *_IDS)  # one number a pixel
+_LEAST = {"moments": 0, "alpha": 0, "albedo": 0, "instance": -1, "material": -1, "depth": -FARTHEST}
 MOST_PASSES = 1 << 32  # random numbers are numbered by them
-_FREE = ("passes", "time_limit", "target_error", "exposure", "tonemap", "preset")  # may differ when resumed
 _DARK = 1e-3  # of the square of the picture's mean: below it errors count as in relMSE
 
 
@@ -46,7 +48,7 @@ class Progress:
     moments  (2, h, w) float64: sums of the luminance of indirect light and of its square
     first    layers and camera of the first pass
     stats    of the last pass
-    made_of  fingerprint of scene, camera and settings as passes began
+    made_of  scene, camera and settings as passes began
     file     that they were read from
     """
 
@@ -57,11 +59,11 @@ class Progress:
     camera: dict[str, np.ndarray] = field(repr=False)
     scene: str
     stats: Stats = field(repr=False)
-    made_of: str
+    made_of: MadeOf = field(repr=False)
     file: str = ""
 
     @classmethod
-    def start(cls, frame: Frame, made_of: str) -> Progress:
+    def start(cls, frame: Frame, made_of: MadeOf) -> Progress:
         """Begin with the frame of pass 0."""
         sums = {name: np.zeros_like(frame[name]) for name in (*_SUMMED, LAYER) if name in frame.layers}
         moments = np.zeros((2, *frame["depth"].shape))
@@ -114,90 +116,156 @@ class Progress:
         arrays = {f"sum.{name}": total for name, total in self.sums.items()}
         arrays |= {f"first.{name}": self.first[name] for name in _KEPT}
         arrays |= {f"camera.{name}": array for name, array in self.camera.items()}
-        about = {name: getattr(self, name) for name in ("passes", "scene", "made_of")}
-        about |= {"error": self.error(), "stats": dataclasses.asdict(self.stats)}
+        about = {"version": _version(), "passes": self.passes, "scene": self.scene, "error": self.error()}
+        about |= {"made_of": self.made_of.to_json(), "stats": dataclasses.asdict(self.stats)}
         arrays["indirect_moments"] = self.moments
         write_npz(target, arrays, {"ispm:progress": json.dumps(about)}, compressed=False)  # noise stays long
         return target
 
     @classmethod
     def load(cls, path: str | Path) -> Progress:
-        """Read what `save` wrote. Raises OutputError for a file that is none of these."""
+        """Read what `save` wrote. Raises OutputError for a file that is none of these, saying why."""
         try:
-            arrays = _read(Path(path))
-            about = json.loads(json.loads(str(arrays.pop(ABOUT)))["ispm:progress"])
-            parts = {prefix: _part(arrays, prefix) for prefix in ("sum.", "first.", "camera.")}
-            sums, first, camera = parts.values()
-            progress = cls(
-                about["passes"], {name: sums[name] for name in (*_SUMMED, *sums.keys() & {LAYER})},
-                arrays["indirect_moments"].copy(), {name: first[name] for name in _KEPT},
-                {name: camera[name] for name in _CAMERA}, about["scene"], _stats(about["stats"]),
-                about["made_of"], str(path),
-            )  # fmt: skip
-            progress._check()
-            return progress
+            return cls._read(Path(path))
         except OSError as error:
             raise OutputError(f"{path}: cannot be read: {error.strerror or error}") from None
+        except _SpoiledError as error:
+            why = str(error)
+        except zipfile.BadZipFile:
+            why = "it is no .npz, or cut short, or damaged"
         except Exception:  # what damaged files make the libraries raise is not documented
-            raise OutputError(f"{path}: does not hold passes to continue; name another file") from None
+            why = "it is damaged"
+        raise OutputError(f"{path}: does not hold passes to continue: {why}; name another file, or remove it")
+
+    @classmethod
+    def _read(cls, path: Path) -> Progress:
+        """Raises what it will for a file that holds no passes."""
+        arrays = _arrays(path)
+        if ABOUT not in arrays:
+            raise _SpoiledError("it was not written by --resume")
+        about = json.loads(str(arrays.pop(ABOUT))).get("ispm:progress")
+        if about is None:
+            raise _SpoiledError("it is a picture")
+        about = json.loads(about)
+        if about.get("version") != _version():
+            raise _SpoiledError(
+                f"they are of ispm {str(about.get('version'))[:20]}, and this is {_version()}"
+            )
+        try:
+            made_of = MadeOf.from_json(about.get("made_of"))
+        except ValueError as error:
+            raise _SpoiledError(str(error)) from None
+        behind = {f"sum.{LAYER}"} if background_color(made_of.settings) is not None else set()
+        _require_names(arrays, behind)
+        sums, first, camera = (_part(arrays, prefix) for prefix in ("sum.", "first.", "camera."))
+        progress = cls(
+            about.get("passes"), sums, arrays["indirect_moments"].copy(), first, camera, about.get("scene"),
+            _stats(about.get("stats")), made_of, str(path),
+        )  # fmt: skip
+        progress._check()
+        return progress
 
     def _check(self) -> None:
-        """Raise ValueError where these cannot be passes."""
-        size = self.moments.shape[1:]
-        arrays = {**self.sums, **self.first, **self.camera, "moments": self.moments}
-        shapes = {"moments": (2, *size), "pose": (4, 4), "clip_from_world": (4, 4)}
-        shapes |= dict.fromkeys(("alpha", "depth", "instance", "material"), size)
-        kinds = {"moments": "f8", "pose": "f8", "clip_from_world": "f8", "instance": "i4", "material": "i4"}
-        if type(self.passes) is not int or not 1 <= self.passes <= MOST_PASSES or len(size) != 2:
-            raise ValueError
-        if type(self.scene) is not str or type(self.made_of) is not str:
-            raise ValueError
-        for name, array in arrays.items():
-            if array.shape != shapes.get(name, (*size, 3)) or array.dtype != kinds.get(name, "f4"):
-                raise ValueError
-            far = name == "depth" and not np.isnan(array).any()  # infinite where nothing is
-            if not (far or np.isfinite(array).all()):
-                raise ValueError
-        if (self.moments < 0.0).any():
-            raise ValueError
+        """Raise _SpoiledError where these cannot be passes."""
+        if type(self.passes) is not int or not 1 <= self.passes <= MOST_PASSES:
+            raise _SpoiledError("their number makes no sense")
+        if type(self.scene) is not str:
+            raise _SpoiledError("the scene has no name")
+        size = self.made_of.settings.size[::-1]
+        shapes: dict[str, tuple[int, ...]] = dict.fromkeys(_FLAT, size)
+        shapes |= {"moments": (2, *size), "pose": (4, 4), "clip_from_world": (4, 4), "intrinsics": (3, 3)}
+        kinds = dict.fromkeys(("moments", "pose", "clip_from_world", "intrinsics"), "f8")
+        kinds |= dict.fromkeys(_IDS, "i4")
+        for name, array in {**self.sums, **self.first, **self.camera, "moments": self.moments}.items():
+            shape, kind = shapes.get(name, (*size, 3)), np.dtype(kinds.get(name, "f4"))
+            if array.shape != shape or array.dtype != kind:
+                raise _SpoiledError(f"{name} is {_form(array.dtype, array.shape)}, not {_form(kind, shape)}")
+            least = _LEAST.get(name, -math.inf)
+            if not (array >= least).all():  # NaN is not
+                raise _SpoiledError(f"{name} has values that are no number, or below {least:g}")
+            if name != "depth" and not np.isfinite(array).all():  # infinite where nothing is
+                raise _SpoiledError(f"{name} has values that are not finite")
 
-    def require(self, made_of: str, settings: Settings) -> None:
-        """Raise SettingsError where these are passes of something else."""
-        colored = background_color(settings) is not None
-        fits = self.moments.shape[1:] == settings.size[::-1] and (LAYER in self.sums) == colored
-        if self.made_of != made_of or not fits:
-            raise SettingsError(
-                f"{self.file}: holds {self.passes} passes of another scene, camera or settings; continue "
-                "with the same ones, or name another file"
-            )
+    def require(self, made_of: MadeOf, scene: str) -> None:
+        """Raise SettingsError, which says what differs, where these are passes of something else.
+
+        scene  the name of the one to be rendered
+        """
+        if self.made_of == made_of:
+            return
+        renamed = self.scene != scene and self.made_of.scene != made_of.scene
+        found = [f"scene '{self.scene}' (here '{scene}')"] * renamed + self.made_of.differences(made_of)
+        raise SettingsError(
+            f"{self.file}: holds {self.passes} pass{'es' * (self.passes > 1)} of another picture, with "
+            f"{', '.join(found)}; continue with the same, or name another file"
+        )
 
 
-def _read(path: Path) -> dict[str, np.ndarray]:
+class _SpoiledError(Exception):
+    """Why a file holds no passes."""
+
+
+def _version() -> str:
+    from ispm import __version__
+
+    return __version__
+
+
+def _arrays(path: Path) -> dict[str, np.ndarray]:
     """The arrays of an .npz that is not compressed: no more bytes than the file has. Raises what it will."""
     with zipfile.ZipFile(path) as archive:
         entries = archive.infolist()
+        if any(entry.compress_type != zipfile.ZIP_STORED for entry in entries):
+            raise _SpoiledError("it is compressed, which passes are not")
         if sum(entry.file_size for entry in entries) > path.stat().st_size:
-            raise ValueError
-        return {entry.filename.removesuffix(".npy"): _array(archive.read(entry)) for entry in entries}
+            raise _SpoiledError("its parts are larger than the file")
+        twice = [name for name, count in Counter(e.filename for e in entries).items() if count > 1]
+        if twice:
+            raise _SpoiledError(f"it has {twice[0]} twice")
+        return {e.filename.removesuffix(".npy"): _array(e.filename, archive.read(e)) for e in entries}
 
 
-def _array(data: bytes) -> np.ndarray:
+def _array(name: str, data: bytes) -> np.ndarray:
     """The array that the bytes of an .npy are, of no more bytes than these."""
     file = io.BytesIO(data)
-    if np.lib.format.read_magic(file) != (1, 0):
-        raise ValueError
-    shape, fortran, dtype = np.lib.format.read_array_header_1_0(file)
-    if dtype.hasobject or math.prod(shape) * dtype.itemsize != len(data) - file.tell():
-        raise ValueError
+    try:
+        version = np.lib.format.read_magic(file)
+        shape, fortran, dtype = np.lib.format.read_array_header_1_0(file)
+    except Exception:  # the header is an expression of Python
+        raise _SpoiledError(f"{name} is no array") from None
+    if version != (1, 0) or dtype.hasobject:
+        raise _SpoiledError(f"{name} is an array of another kind")
+    if math.prod(shape) * dtype.itemsize != len(data) - file.tell():
+        raise _SpoiledError(f"{name} is longer or shorter than it says")
     return np.frombuffer(data, dtype, offset=file.tell()).reshape(shape, order="F" if fortran else "C")
 
 
-def _stats(values: Mapping[str, Any]) -> Stats:
-    """Statistics of which each is of its kind. Raises ValueError where one is not."""
-    for f in dataclasses.fields(Stats):
-        wanted = (int, float) if isinstance(f.default, float) else type(f.default)
-        if not isinstance(values.get(f.name, f.default), wanted):
-            raise ValueError
+def _require_names(found: Mapping[str, Any], behind: set[str]) -> None:
+    """Raise _SpoiledError where arrays are missing or too many. `behind`: those of the background."""
+    wanted = {f"sum.{name}" for name in _SUMMED} | {f"first.{name}" for name in _KEPT} | behind
+    wanted |= {f"camera.{name}" for name in _CAMERA} | {"indirect_moments"}
+    optional = {f"camera.{name}" for name in _PERSPECTIVE}
+    missing, strange = sorted(wanted - found.keys()), sorted(found.keys() - wanted - optional)
+    if missing:
+        raise _SpoiledError(f"{missing[0]} is missing")
+    if strange:
+        raise _SpoiledError(f"it has {strange[0]}, which no passes have")
+
+
+def _form(dtype: np.dtype[Any], shape: tuple[int, ...]) -> str:
+    return f"{dtype} of shape {shape}"
+
+
+def _stats(values: Any) -> Stats:
+    """Statistics of which each is of its kind. Raises _SpoiledError where one is not."""
+    known = dataclasses.asdict(Stats())
+    if not isinstance(values, dict) or values.keys() != known.keys():
+        raise _SpoiledError("its statistics are incomplete, or of another kind")
+    for name, default in known.items():
+        value, kind = values[name], type(default)
+        fits = type(value) is kind or (kind is float and type(value) is int)
+        if not fits or (kind is int and value < 0):
+            raise _SpoiledError(f"the number {name} of its statistics makes no sense")
     return Stats(**values)
 
 
@@ -207,16 +275,3 @@ def _luminance(light: np.ndarray) -> np.ndarray:
 
 def _part(arrays: Mapping[str, np.ndarray], prefix: str) -> dict[str, np.ndarray]:
     return {name.removeprefix(prefix): a for name, a in arrays.items() if name.startswith(prefix)}
-
-
-def fingerprint(packed: Packed, textures: TextureTable, view: CameraView, settings: Settings) -> str:
-    """Return what tells one picture from another: scene, camera and all settings that passes share."""
-    from ispm import __version__
-
-    knobs = {name: value for name, value in dataclasses.asdict(settings).items() if name not in _FREE}
-    eye = (view.size, view.pose.tolist(), view.yfov, view.ymag, view.aspect, view.principal)
-    digest = hashlib.sha256(json.dumps([__version__, knobs, eye]).encode())
-    for table in (packed.instances, packed.materials, packed.lights):
-        digest.update(table.tobytes())
-    digest.update(packed.geometry.digest + textures.digest)
-    return digest.hexdigest()

@@ -26,9 +26,10 @@ from ispm.renderer.gather import PhotonLight
 from ispm.renderer.last import LastFrame
 from ispm.renderer.light import emission_of, map_plan, remarks, seen_places, trace_photons
 from ispm.renderer.limits import require_drawable, require_scene
+from ispm.renderer.made_of import MadeOf
 from ispm.renderer.motion import moved
 from ispm.renderer.picture import Frame
-from ispm.renderer.progress import MOST_PASSES, Progress, fingerprint
+from ispm.renderer.progress import MOST_PASSES, Progress
 from ispm.renderer.ready import Ready
 from ispm.renderer.shadows import ShadowRays, join_pixels
 from ispm.renderer.statistics import collect
@@ -328,17 +329,17 @@ class Renderer:
         self._instances = packed.instances
         return frame
 
-    def fingerprint(self) -> str:
+    def made_of(self) -> MadeOf:
         """Return what tells this scene, camera and settings, as they are now, from others."""
-        return self._fingerprint(*self._prepare(0))
+        return self._made_of(*self._prepare(0))
 
-    def last_fingerprint(self) -> str:
+    def last_made_of(self) -> MadeOf:
         """Return likewise what the last frame was made of."""
         assert self._last is not None
-        return self._fingerprint(self._last.packed, self._last.view)
+        return self._made_of(self._last.packed, self._last.view)
 
-    def _fingerprint(self, packed: Packed, view: CameraView) -> str:
-        return fingerprint(packed, self._ready.textures, view, self.settings)
+    def _made_of(self, packed: Packed, view: CameraView) -> MadeOf:
+        return MadeOf.of(packed, self._ready.textures, view, self.settings)
 
     def photons(self) -> np.ndarray:
         """Return the last frame's photon map, (N,), world space: `position` (3,) m, `flux` (3,) lm, `normal`,

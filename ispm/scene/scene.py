@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -60,10 +60,11 @@ class Scene(Branch, Strict):
         return to_scene(source)
 
     def __repr__(self) -> str:
+        nodes = self.nodes  # once: there may be a million
         counts = (
-            (self.triangle_count, "triangle"),
-            (len(self.lights), "light"),
-            (len(self.cameras), "camera"),
+            (_triangles(nodes), "triangle"),
+            (sum(node.light is not None for node in nodes), "light"),
+            (sum(node.camera is not None for node in nodes), "camera"),
         )
         held = ", ".join(f"{count:,} {what}{'s' * (count != 1)}" for count, what in counts)
         return f"<Scene '{self.name}': {held}>"
@@ -146,7 +147,7 @@ class Scene(Branch, Strict):
     @property
     def triangle_count(self) -> int:
         """Triangles as placed: a mesh counts once for each place where it is shown."""
-        return sum(node.copies * len(part.mesh.triangles) for node in self.nodes for part in node.parts)
+        return _triangles(self.nodes)
 
     def add(
         self,
@@ -352,3 +353,8 @@ class Scene(Branch, Strict):
         from ispm.renderer.framing import camera_of
 
         return camera_of(self, size)
+
+
+def _triangles(nodes: Sequence[Node]) -> int:
+    """How many stand at nodes, copy by copy."""
+    return sum(node.copies * len(part.mesh.triangles) for node in nodes for part in node.parts)

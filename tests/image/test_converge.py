@@ -1,21 +1,15 @@
 """Progressive passes: their mean, its error, its end, and going on with it."""
 
-import contextlib
 import dataclasses
-import io
-import json
 import math
-import tracemalloc
-import zipfile
 
 import numpy as np
 import pytest
 
-from ispm.errors import IspmError, OutputError, SceneError, SettingsError
+from ispm.errors import OutputError, SceneError
 from ispm.io.named import builtin
 from ispm.renderer import Renderer
 from ispm.renderer.converge import place_in_pixel, shrunk
-from ispm.renderer.progress import Progress
 from ispm.settings import Settings
 
 SETTINGS = Settings(size=(160, 90), photons=4000)
@@ -104,28 +98,6 @@ def test_passes_repeat_and_continue_to_the_bit(gpu, scene, tmp_path):
         assert frame.stats.passes == 5
 
 
-def test_passes_of_something_else_are_not_continued(gpu, scene, tmp_path):
-    kept = tmp_path / "passes.npz"
-    with renderer(gpu, scene) as first:
-        with pytest.raises(IspmError, match="no passes"):
-            first.save_progress(kept)
-        next(first.converge(2))
-        first.save_progress(kept)
-    for passes in (1, 2):  # at its end already, or not
-        with (
-            renderer(gpu, scene, seed=1) as other,
-            pytest.raises(SettingsError, match=r"passes.npz: holds 1 passes of another scene"),
-        ):
-            next(other.converge(passes, resume=kept))
-    moved = builtin("cornell-box")
-    moved.lights[0].translation = (0.1, 0.1, 0.1)
-    with renderer(gpu, moved) as other, pytest.raises(SettingsError, match="another scene"):
-        next(other.converge(2, resume=kept))
-    (tmp_path / "broken.npz").write_bytes(kept.read_bytes()[:1000])
-    with renderer(gpu, scene) as other, pytest.raises(OutputError, match="broken"):
-        next(other.converge(2, resume=tmp_path / "broken.npz"))
-
-
 def squeeze(mesh):
     mesh.positions *= np.float32(0.9)
     mesh.touch()
@@ -168,157 +140,6 @@ def test_passes_are_kept_in_an_npz(gpu, scene, tmp_path):
         next(other.converge(1))
         with pytest.raises(OutputError, match="passes are kept in an"):
             other.save_progress(tmp_path / "a.png")
-
-
-@pytest.mark.parametrize(
-    ("name", "spoil"),
-    [
-        ("sum.direct", lambda a: a * np.nan),
-        ("moments", lambda a: a[:1]),
-        ("moments", lambda a: a * np.inf),
-        ("sum.direct", lambda a: a[:-1]),
-        ("passes", lambda n: 0),
-        ("passes", lambda n: 2.5),
-    ],
-)
-def test_a_file_of_spoiled_passes_is_refused(gpu, scene, tmp_path, name, spoil):
-    with renderer(gpu, scene) as other:
-        next(other.converge(2))
-        kept = other.save_progress(tmp_path / "kept.npz")
-    progress = Progress.load(kept)
-    if name == "passes":
-        progress.passes = spoil(progress.passes)
-    elif name == "moments":
-        progress.moments = spoil(progress.moments)
-    else:
-        progress.sums["direct"] = spoil(progress.sums["direct"])
-    progress.save(kept)
-    with pytest.raises(OutputError, match="does not hold passes"):
-        Progress.load(kept)
-
-
-def npy(array):
-    out = io.BytesIO()
-    np.save(out, array, allow_pickle=True)
-    return out.getvalue()
-
-
-def zipped(parts, method=zipfile.ZIP_STORED):
-    out = io.BytesIO()
-    with zipfile.ZipFile(out, "w", method) as archive:
-        for name, data in parts.items():
-            archive.writestr(name, data)
-    return out.getvalue()
-
-
-def about_with(**changes):
-    """The JSON of kept passes with parts of it changed; None: left out."""
-
-    def spoil(parts):
-        array = np.load(io.BytesIO(parts["__about__.npy"]))
-        about = json.loads(json.loads(str(array))["ispm:progress"])
-        for name, value in changes.items():
-            about[name] = {**about["stats"], **value} if name == "stats" and value else value
-        about = {name: value for name, value in about.items() if value is not None}
-        parts["__about__.npy"] = npy(np.array(json.dumps({"ispm:progress": json.dumps(about)})))
-
-    return spoil
-
-
-def array_with(name, change):
-    def spoil(parts):
-        parts[f"{name}.npy"] = npy(change(np.load(io.BytesIO(parts[f"{name}.npy"]))))
-
-    return spoil
-
-
-def header_of_a_terabyte(parts):
-    head = io.BytesIO()
-    np.lib.format.write_array_header_1_0(
-        head, {"shape": (1 << 20, 1 << 20, 3), "fortran_order": False, "descr": "<f4"}
-    )
-    parts["sum.direct.npy"] = head.getvalue() + b"0" * 100
-
-
-SPOILED = {
-    **{f"without {name}": (lambda parts, n=name: parts.pop(f"{n}.npy")) for name in (
-        "__about__", "indirect_moments", "sum.direct", "first.depth", "camera.pose",
-    )},
-    **{f"about {k} {v}": about_with(**{k: v}) for k, v in (
-        ("passes", None), ("passes", -1), ("passes", True), ("passes", "2"), ("passes", 10**30),
-        ("passes", 1.5), ("scene", 3), ("made_of", None), ("made_of", 1), ("stats", None),
-        ("stats", {"nothing": 1}), ("stats", {"width": "wide"}), ("stats", {"total_ms": []}),
-    )},
-    **{f"{name} {i}": array_with(name, change) for name in (
-        "sum.direct", "indirect_moments", "first.normal", "first.instance", "camera.pose"
-    ) for i, change in enumerate((
-        lambda a: a[..., :-1], lambda a: a[None], lambda a: a.astype(np.float16), lambda a: a.astype(object),
-        lambda a: a.astype("U3"), lambda a: np.float32(0.0), lambda a: a.astype(np.complex128),
-    ))},
-    "negative": array_with("indirect_moments", lambda a: a - 1e9),
-    "nan depth": array_with("first.depth", lambda a: a * np.float32(np.nan)),
-    "infinite": array_with("sum.direct", lambda a: np.full_like(a, np.inf)),
-    "terabyte": header_of_a_terabyte,
-    "no array": lambda parts: parts.update({"sum.direct.npy": b"\x93NUMPY"}),
-    "json": lambda parts: parts.update({"__about__.npy": npy(np.array("[" * 100_000))}),
-    "empty": lambda parts: parts.clear(),
-}  # fmt: skip
-
-
-@pytest.fixture(scope="module")
-def kept(gpu, scene, tmp_path_factory):
-    """The parts of a file of passes."""
-    path = tmp_path_factory.mktemp("kept") / "kept.npz"
-    with renderer(gpu, scene, size=(16, 9)) as other:
-        next(other.converge(2))
-        other.save_progress(path)
-    with zipfile.ZipFile(path) as archive:
-        return {name: archive.read(name) for name in archive.namelist()}
-
-
-@pytest.mark.parametrize("how", SPOILED)
-def test_every_spoiled_file_of_passes_is_refused_alike(kept, tmp_path, how):
-    path, parts = tmp_path / "spoiled.npz", dict(kept)
-    SPOILED[how](parts)
-    path.write_bytes(zipped(parts))
-    with pytest.raises(OutputError, match=r"spoiled.npz: does not hold passes to continue"):
-        Progress.load(path)
-
-
-@pytest.mark.parametrize("seed", range(40))
-def test_damaged_files_of_passes_are_refused_or_whole(kept, tmp_path, seed):
-    """Bits that are turned and bytes that are lost, anywhere."""
-    rng, path, data = np.random.default_rng(seed), tmp_path / "damaged.npz", bytearray(zipped(kept))
-    path.write_bytes(data)
-    Progress.load(path)
-    for _ in range(rng.integers(1, 4)):
-        data[rng.integers(len(data))] ^= 1 << rng.integers(8)
-    path.write_bytes(data[: rng.integers(len(data))] if seed % 4 == 0 else data)
-    with contextlib.suppress(OutputError):
-        Progress.load(path)
-
-
-def test_bombs_are_not_expanded(kept, tmp_path):
-    path = tmp_path / "bomb.npz"
-    bomb = dict(kept) | {"sum.direct.npy": npy(np.zeros((4000, 4000, 3), np.float32))}
-    path.write_bytes(zipped(bomb, zipfile.ZIP_DEFLATED))
-    tracemalloc.start()
-    with pytest.raises(OutputError, match="does not hold passes"):
-        Progress.load(path)
-    peak = tracemalloc.get_traced_memory()[1]
-    tracemalloc.stop()
-    assert path.stat().st_size < 1e6 and peak < 4e6
-
-
-def test_passes_of_another_size_are_not_continued_whatever_they_say(gpu, scene, kept, tmp_path):
-    path = tmp_path / "kept.npz"
-    path.write_bytes(zipped(kept))
-    with renderer(gpu, scene, size=(32, 18)) as other:
-        progress = Progress.load(path)
-        progress.made_of = other.fingerprint()
-        progress.save(path)
-        with pytest.raises(SettingsError, match="holds 1 passes of another scene"):
-            next(other.converge(2, resume=path))
 
 
 def test_limits_end_the_passes(gpu, scene):
