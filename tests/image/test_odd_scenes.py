@@ -187,6 +187,7 @@ def test_parallel_and_central_projection_see_the_same_light(gpu):
     pose = look_at_pose(np.array([1.9, 0.0, 0.0]), np.array([-2.0, 0.0, 0.0]))
     central = render(gpu, scene, Camera(yfov=0.25, pose=pose))[0]
     parallel = render(gpu, scene, Camera(ymag=0.5, pose=pose))[0]
+    assert "intrinsics" in central.camera and "intrinsics" not in parallel.camera
     assert sound(parallel).direct.mean() == pytest.approx(central.direct.mean(), rel=1e-3)
     # some 15 filters of 3 to 4 % noise see the same photons partly
     assert parallel.indirect.mean() == pytest.approx(sound(central).indirect.mean(), rel=0.04)

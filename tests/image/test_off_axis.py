@@ -29,6 +29,9 @@ def test_a_part_of_a_picture_is_an_off_axis_picture(gpu: Gpu) -> None:
         wide = renderer.render()
         renderer.settings, renderer.camera = settings.replace(size=(60, 70)), part
         cut = renderer.render()
+    np.testing.assert_allclose(
+        cut.camera["intrinsics"], intrinsics(130.0, 110.0, 60.0 - 50.0, 45.0 - 8.0), rtol=1e-12
+    )
     window = slice(8, 78), slice(50, 110)
     assert np.isfinite(cut.depth).mean() > 0.5
     # The two views round their samples apart; on edges one may see another surface.

@@ -19,6 +19,7 @@ from ispm.settings import Settings
 from ispm.stages.tonemap import tonemap
 
 SIZE = (12, 7)
+K = np.array([[10.1, 0.0, 6.0], [0.0, 10.3, 3.5], [0.0, 0.0, 1.0]])
 COMMAND = "ispm render 'my room.glb' --photons 4000 --seed 7 -o a.png"
 
 
@@ -29,7 +30,7 @@ def frame(**changes):
     alpha = np.repeat([0.0, 0.5, 1.0], 4).astype(np.float32) * np.ones((7, 1), np.float32)
     full = random.random((7, 12, 3), np.float32) * alpha[..., None]
     layers = {"full": full, "direct": full / 2, "alpha": alpha, "depth": full[..., 0] + 1, "normal": full}
-    camera = {"pose": np.eye(4), "clip_from_world": np.eye(4)}
+    camera = {"pose": np.eye(4), "clip_from_world": np.eye(4), "intrinsics": K}
     return Frame(layers, Stats(), settings, camera, "my room", COMMAND)
 
 
@@ -131,6 +132,15 @@ def test_every_file_says_how_it_was_made(tmp_path, ending):
     assert found.made["Software"].startswith("ispm ")
     assert Settings(**json.loads(found.made["settings"])) == frame().settings
     assert json.loads(found.made["camera"]) == np.eye(4).tolist()
+    assert json.loads(found.made["intrinsics"]) == K.tolist()
+
+
+def test_an_exr_has_its_camera_as_matrices(tmp_path):
+    import OpenEXR
+
+    header = OpenEXR.File(str(frame().save(tmp_path / "a.exr")), header_only=True).header()
+    np.testing.assert_array_equal(header["pose"], np.eye(4))
+    np.testing.assert_array_equal(header["intrinsics"], K.astype(np.float32))
 
 
 @pytest.mark.parametrize(
