@@ -12,7 +12,7 @@ from cyclopts import CycloptsError
 
 from ispm import __version__
 from ispm.cli import bench, compare, doctor, info, render, scenes
-from ispm.cli.console import Console, drop, one_line, tell
+from ispm.cli.console import Console, drop, fault_of, one_line, tell
 from ispm.cli.main import INTERRUPTED
 from ispm.cli.options import app
 from ispm.errors import AdapterError, IspmError, SceneWarning
@@ -46,6 +46,10 @@ def run(arguments: list[str]) -> int:
     except (IspmError, CycloptsError) as error:
         return _failed(BAD_INPUT, str(error), debug)
     except Exception as error:  # whatever it is, the user gets one line and an exit code
+        unnamed = isinstance(error, OSError) and error.filename is None
+        if unnamed and (fault := fault_of(sys.stdout)):
+            drop(sys.stdout)
+            return _failed(BAD_INPUT, f"stdout: cannot be written: {fault}", debug)
         what = f"unexpected {type(error).__name__}: {error}; run again with --debug to see where"
         return _failed(BAD_INPUT, what, debug)
 

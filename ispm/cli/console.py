@@ -12,6 +12,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from typing import Any, TextIO
 
+from ispm.errors import OutputError
+
 
 class Console:
     """Says things to the user.
@@ -38,8 +40,14 @@ class Console:
 
     def written(self, path: object) -> None:
         """Print the path of a file that was written, on stdout."""
-        if not self.as_json:
+        if self.as_json:
+            return
+        try:
             print(path, flush=True)
+        except UnicodeEncodeError as error:
+            raise OutputError(
+                f"stdout: is {error.encoding}, which cannot name {str(path)!a}; set PYTHONIOENCODING=utf-8"
+            ) from None
 
     def result(self, value: Any) -> None:
         """Print a result as one JSON object on stdout, where JSON is wanted."""
@@ -84,11 +92,20 @@ class Console:
 
 
 def tell(line: str) -> None:
-    """Print a line on stderr; where nobody reads it any more, the work goes on."""
+    """Print a line on stderr; where nobody can read it any more, the work goes on."""
     try:
         print(line, file=sys.stderr, flush=True)
-    except BrokenPipeError:
+    except OSError:
         drop(sys.stderr)
+
+
+def fault_of(stream: TextIO) -> str:
+    """Return why a stream takes nothing more, not so much as a line's end; else an empty text."""
+    try:
+        print(file=stream, flush=True)
+    except OSError as error:
+        return error.strerror or str(error)
+    return ""
 
 
 def drop(stream: TextIO) -> None:

@@ -87,6 +87,8 @@ def _place(path: str | Path) -> tuple[Path, int | None]:
         str(path).encode()
     except UnicodeEncodeError:
         raise OutputError(f"{str(path)!r}: the name is no UTF-8; give another one") from None
+    if "\0" in str(path):
+        raise OutputError(f"{str(path)!r}: no name holds a NUL; give another one")
     target = Path(os.path.realpath(path))
     target.parent.mkdir(parents=True, exist_ok=True)
     try:

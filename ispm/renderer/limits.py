@@ -4,11 +4,18 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from ispm.errors import SceneError, SettingsError
 from ispm.gpu import Gpu
 from ispm.optics.records import RECEIVER
+from ispm.scene.mesh import Mesh
+from ispm.scene.packed import Geometry
 from ispm.scene.scene import Scene
 from ispm.settings import Settings
+
+_SOME = 4096  # triangles looked at together
+_NARROW = 1e-7  # of a triangle's longest side: its width where float32 rounds it from nothing
 
 
 def require_drawable(settings: Settings, gpu: Gpu) -> None:
@@ -31,3 +38,26 @@ def require_scene(scene: object) -> Scene:
     if isinstance(scene, Scene):
         return scene
     raise SceneError(f"a Renderer takes a Scene, not a {type(scene).__name__}; see ispm.load")
+
+
+def without_area(geometry: Geometry) -> str:
+    """Return a line about meshes all of whose triangles are lines or points; else an empty one."""
+    found = [piece for piece in geometry.ranges if _is_flat(piece.mesh)]
+    if not found:
+        return ""
+    count, more = sum(piece.triangle_count for piece in found), len(found) - 1
+    others = f" and {more:,} other{'s' * (more > 1)}" * bool(more)
+    return (
+        f"mesh '{found[0].mesh.name}'{others}: of {count:,} triangles, none has an area, so they show nothing"
+    )
+
+
+def _is_flat(mesh: Mesh) -> bool:
+    """Whether no triangle is wider than its corners are rounded; mostly the first ones tell."""
+    for begin in range(0, len(mesh.triangles), _SOME):
+        corners = mesh.positions[mesh.triangles[begin : begin + _SOME]].astype(np.float64)
+        edges = corners - np.roll(corners, 1, axis=1)
+        areas = np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1)
+        if (areas > _NARROW * np.square(edges).sum(axis=-1).max(axis=-1)).any():
+            return False
+    return True

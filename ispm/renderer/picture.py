@@ -21,8 +21,11 @@ from ispm.renderer.show import show_picture
 from ispm.renderer.statistics import Stats
 from ispm.renderer.views import display
 from ispm.scene.names import Names
+from ispm.scene.values import strict_call
 from ispm.settings import Settings, nearest
 from ispm.stages.tonemap import auto_exposure, tonemap, tonemap_transparent
+
+_LAYERED = (".exr", ".npz")
 
 
 @dataclass(eq=False)
@@ -164,6 +167,7 @@ class Frame:
             return self._toned(bits)
         return display(self.layers, view, self.exposure, self.settings.tonemap, bits)
 
+    @strict_call
     def save(
         self,
         path: str | Path,
@@ -183,14 +187,23 @@ class Frame:
         `ispm.read_names` reads. A JPEG has black where a PNG is transparent, with a SceneWarning. Nothing is
         left half written: the file is replaced when the new one is on the disk, and keeps its mode; of a link
         to a file, that file is. Devices and the like are not.
-        Raises OutputError, or SettingsError for an unknown layer or number of bits.
+        Raises OutputError; SettingsError for an unknown layer or number of bits, and for what a file of this
+        kind does not have.
         """
         path = as_path(path)
         ending = files.require_ending(path)
         if bits != 8 and (bits != 16 or ending != ".png"):
             raise SettingsError(f"bits: {bits} is not possible in a {ending}; a PNG has 8 or 16, others 8")
-        if layers is not None and not isinstance(layers, (list, tuple)):
+        if layers is not None and (not isinstance(layers, (list, tuple)) or not layers):
             raise SettingsError(f"layers: {layers!r} is not a list of names, as ['full', 'depth']")
+        if layers is not None and ending not in _LAYERED:
+            raise SettingsError(
+                f"layers: a {ending} holds one picture; choose it with show, or write .exr or .npz"
+            )
+        if show != "full" and ending in _LAYERED:
+            raise SettingsError(f"show: choose what a {ending} holds with layers, as layers=['{show}']")
+        if float32 and ending != ".exr":
+            raise SettingsError(f"float32: is for .exr, not '{ending}'")
         if ending == ".png":
             files.write_png(path, self.view(show, bits), self._about())
         elif ending in (".jpg", ".jpeg"):

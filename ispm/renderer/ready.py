@@ -10,6 +10,7 @@ from ispm.optics.texture import TextureTable
 from ispm.renderer.chosen import Chosen
 from ispm.renderer.converge import place_in_pixel
 from ispm.renderer.framing import far_off, require_visible
+from ispm.renderer.limits import without_area
 from ispm.scene.packed import Packed, pack
 from ispm.scene.scene import Scene
 from ispm.stages.camera import CameraView
@@ -57,6 +58,8 @@ class Ready:
         if looks != self._looks:
             self.textures, self._looks = TextureTable.pack(packed.textures), looks
         if line := far_off(packed):
+            self._say(line)
+        if (old is None or old.geometry is not packed.geometry) and (line := without_area(packed.geometry)):
             self._say(line)
         self.world.update(packed)
         self._packed = packed

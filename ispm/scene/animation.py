@@ -21,7 +21,7 @@ _SHORTEST = 1e-3  # quaternion that still tells a rotation
 
 
 @dataclass(eq=False)
-class Channel:
+class Channel(Strict):
     """Keyframes of one property of one node.
 
     node           the node that moves
@@ -39,6 +39,12 @@ class Channel:
     interpolation: str = "LINEAR"
 
     def __post_init__(self) -> None:
+        from ispm.scene.node import Node  # which needs this module
+
+        node: object = self.node
+        if not isinstance(node, Node):
+            hint = f"; scene[{node!r}] is one" if isinstance(node, str) else ""
+            raise SceneError(f"a channel moves a Node, not a {type(node).__name__}{hint}")
         where = f"channel of node '{self.node.name}'"
         if self.path not in tuple(WIDTHS):
             raise SceneError(f"{where}: path '{self.path}' is not one of {', '.join(WIDTHS)}")

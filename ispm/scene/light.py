@@ -29,9 +29,10 @@ class PointLight(Strict):
     def __repr__(self) -> str:
         return told(self)
 
-    def check(self) -> None:
-        """Raise SceneError for a value out of range."""
-        _check_shine(self.name, self.intensity, self.range)
+    def check(self, called: str = "") -> None:
+        """Raise SceneError for a value out of range, which calls this light so."""
+        called = called or light_called(self)
+        _check_shine(called, self.intensity, self.range)
 
 
 @dataclass
@@ -56,15 +57,15 @@ class SpotLight(Strict):
     def __repr__(self) -> str:
         return told(self)
 
-    def check(self) -> None:
-        """Raise SceneError for a value out of range."""
-        _check_shine(self.name, self.intensity, self.range)
+    def check(self, called: str = "") -> None:
+        """Raise SceneError for a value out of range, which calls this light so."""
+        called = called or light_called(self)
+        _check_shine(called, self.intensity, self.range)
         for name in ("inner_angle", "outer_angle"):
-            require(f"light '{self.name}': {name}, in radians,", getattr(self, name), 0.0, _FLAT)
+            require(f"{called}: {name}, in radians,", getattr(self, name), 0.0, _FLAT)
         if not self.inner_angle < self.outer_angle:
             raise SceneError(
-                f"light '{self.name}': inner_angle {self.inner_angle:g} must be below "
-                f"outer_angle {self.outer_angle:g}"
+                f"{called}: inner_angle {self.inner_angle:g} must be below outer_angle {self.outer_angle:g}"
             )
 
 
@@ -84,14 +85,22 @@ class DirectionalLight(Strict):
     def __repr__(self) -> str:
         return told(self)
 
-    def check(self) -> None:
-        """Raise SceneError for a value out of range."""
-        _check_shine(self.name, self.intensity)
+    def check(self, called: str = "") -> None:
+        """Raise SceneError for a value out of range, which calls this light so."""
+        called = called or light_called(self)
+        _check_shine(called, self.intensity)
 
 
 Light = PointLight | SpotLight | DirectionalLight
 
 
-def _check_shine(name: str, intensity: object, range: object = math.inf) -> None:
-    require(f"light '{name}': intensity", intensity, 0.0, BRIGHTEST, 3)
-    require(f"light '{name}': range", range, LEAST, math.inf)
+def light_called(light: Light, node: str = "", index: int | None = None) -> str:
+    """Return what messages call a light: by its name or its node's, else by its kind and number."""
+    name = light.name or node
+    number = "" if index is None else f" {index}"
+    return f"light '{name}'" if name else f"{type(light).__name__}{number} without a name"
+
+
+def _check_shine(called: str, intensity: object, range: object = math.inf) -> None:
+    require(f"{called}: intensity", intensity, 0.0, BRIGHTEST, 3)
+    require(f"{called}: range", range, LEAST, math.inf)

@@ -14,7 +14,7 @@ from ispm.errors import SceneError
 from ispm.optics import records
 from ispm.scene.directions import even_directions
 from ispm.scene.extent import enclosing_diameter
-from ispm.scene.light import DirectionalLight, Light, PointLight, SpotLight
+from ispm.scene.light import DirectionalLight, Light, PointLight, SpotLight, light_called
 from ispm.scene.lightmap import LightMap, corners_of, light_map
 from ispm.scene.material import Material, Texture
 from ispm.scene.mesh import ARRAYS, Mesh
@@ -196,7 +196,7 @@ def pack(scene: Scene, geometry: Geometry | None = None) -> Packed:
             raise SceneError(f"node '{node.name}': stands in nodes that together move or scale it too far")
         light = node.light
         if light is not None:
-            light_rows.append(_light_record(light, world))
+            light_rows.append(_light_record(light, world, light_called(light, node.name, len(light_rows))))
         places = node.places(world) if node.parts else world[:0]
         for number, part in enumerate(node.parts):
             if not len(part.mesh.triangles) or not len(places):
@@ -318,8 +318,8 @@ def _unit(vectors: np.ndarray) -> np.ndarray:
     return np.where(good, vectors / np.where(good, length, 1.0), (0.0, 1.0, 0.0))
 
 
-def _light_record(light: Light, world: np.ndarray) -> np.ndarray:
-    light.check()
+def _light_record(light: Light, world: np.ndarray, called: str) -> np.ndarray:
+    light.check(called)
     row = np.zeros((), records.LIGHT)
     row["position"] = world[:3, 3]
     row["kind"] = _KINDS[type(light)]

@@ -6,24 +6,54 @@ import math
 
 import numpy as np
 
-from ispm.errors import IspmError, SceneError
-from ispm.scene.values import FARTHEST, Point, require
+from ispm.errors import IspmError, SceneError, warn_caller
+from ispm.scene.values import FARTHEST, Point, require, strict_call
 
 Quaternion = tuple[float, float, float, float]
 
 _LEAST = 1e-9  # length of an axis that still tells a direction
+_TWO_TURNS = 4.0 * math.pi
 _PARALLEL = 0.9999  # cosine from which `up` no longer tells which side of a view is its top
 
 
-def axis_angle(axis: Point, angle: float) -> Quaternion:
+@strict_call
+def axis_angle(axis: Point, angle: float, *, degrees: bool = False) -> Quaternion:
     """Return the rotation by `angle` about `axis`, as a quaternion x, y, z, w for `Node.rotation`.
 
-    axis   three numbers, of any length but 0
-    angle  radians, counter-clockwise where the axis points at the viewer
-    Raises SceneError where one of them cannot be used.
+    axis     three numbers, of any length but 0
+    angle    radians, counter-clockwise where the axis points at the viewer
+    degrees  whether the angle is in degrees instead
+    Raises SceneError where one of them cannot be used; warns of radians that look like degrees.
     """
     require("axis_angle: axis", axis, -FARTHEST, FARTHEST, 3)
-    require("axis_angle: angle, in radians,", angle)
+    return _turn(axis, _radians("axis_angle: angle", angle, degrees))
+
+
+@strict_call
+def euler(
+    x: float = 0.0, y: float = 0.0, z: float = 0.0, order: str = "xyz", *, degrees: bool = False
+) -> Quaternion:
+    """Return three rotations, one after the other, as a quaternion x, y, z, w for `Node.rotation`.
+
+    x, y, z  radians about the axis of that name
+    order    the axes in the order of the rotations, as in SciPy: "xyz" about the parent's axes, which stand
+             still; "XYZ" about the node's own, which turn with it. Blender's XYZ is "xyz" here.
+    degrees  whether the angles are in degrees instead
+    Raises SceneError where one of them cannot be used; warns of radians that look like degrees.
+    """
+    given = {"x": x, "y": y, "z": z}
+    angles = {name: _radians(f"euler: {name}", angle, degrees) for name, angle in given.items()}
+    if not isinstance(order, str) or sorted(order.lower()) != ["x", "y", "z"] or not (
+        order.islower() or order.isupper()
+    ):  # fmt: skip
+        raise SceneError(f"euler: order must be x, y and z in some order, as 'xyz' or 'ZYX', not {order!r}")
+    turns = [_turn(np.eye(3)["xyz".index(axis)], angles[axis]) for axis in order.lower()]
+    first, second, third = turns if order.islower() else turns[::-1]
+    return multiply(third, multiply(second, first))
+
+
+def _turn(axis: Point, angle: float) -> Quaternion:
+    """The rotation by radians about an axis."""
     x, y, z = (float(value) for value in axis)
     length = math.hypot(x, y, z)
     if not length > _LEAST:
@@ -32,24 +62,14 @@ def axis_angle(axis: Point, angle: float) -> Quaternion:
     return x * scale, y * scale, z * scale, math.cos(0.5 * angle)
 
 
-def euler(x: float = 0.0, y: float = 0.0, z: float = 0.0, order: str = "xyz") -> Quaternion:
-    """Return three rotations, one after the other, as a quaternion x, y, z, w for `Node.rotation`.
-
-    x, y, z  radians about the axis of that name
-    order    the axes in the order of the rotations, as in SciPy: "xyz" about the parent's axes, which stand
-             still; "XYZ" about the node's own, which turn with it. Blender's XYZ is "xyz" here.
-    Raises SceneError where one of them cannot be used.
-    """
-    angles = {"x": x, "y": y, "z": z}
-    for name, angle in angles.items():
-        require(f"euler: {name}, in radians,", angle)
-    if not isinstance(order, str) or sorted(order.lower()) != ["x", "y", "z"] or not (
-        order.islower() or order.isupper()
-    ):  # fmt: skip
-        raise SceneError(f"euler: order must be x, y and z in some order, as 'xyz' or 'ZYX', not {order!r}")
-    turns = [axis_angle(np.eye(3)["xyz".index(axis)], angles[axis]) for axis in order.lower()]
-    first, second, third = turns if order.islower() else turns[::-1]
-    return multiply(third, multiply(second, first))
+def _radians(what: str, angle: float, degrees: bool) -> float:
+    """An angle in radians. Whole numbers of more than two turns are hardly meant as such: a warning."""
+    require(f"{what}, in {'degrees' if degrees else 'radians'},", angle)
+    if degrees:
+        return math.radians(angle)
+    if abs(angle) > _TWO_TURNS and float(angle).is_integer():
+        warn_caller(f"{what} is {angle:g} radians, more than two turns; for degrees say degrees=True")
+    return float(angle)
 
 
 def multiply(a: Quaternion, b: Quaternion) -> Quaternion:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import weakref
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -20,7 +21,7 @@ from ispm.scene.node import Branch, listed
 from ispm.scene.node import Node as Node
 from ispm.scene.node import Part as Part
 from ispm.scene.rotation import Quaternion
-from ispm.scene.values import Point, Strict, require
+from ispm.scene.values import Point, Strict, require, strict_call
 
 _MOST_AGAIN = 100_000  # places of nodes that hang in another one, too
 _MOMENTS = 64  # evenly over an animation, at which it is asked where it takes things
@@ -47,6 +48,7 @@ class Scene(Branch, Strict):
     extensions_used: list[str] = field(default_factory=list)
     extensions_honoured: list[str] = field(default_factory=list)
     playing: str | None = None
+    _hung: weakref.WeakSet[Node] = field(default_factory=weakref.WeakSet, init=False, repr=False)
 
     @classmethod
     def from_trimesh(cls, source: Any) -> Scene:
@@ -68,6 +70,13 @@ class Scene(Branch, Strict):
         )
         held = ", ".join(f"{count:,} {what}{'s' * (count != 1)}" for count, what in counts)
         return f"<Scene '{self.name}': {held}>"
+
+    def __getstate__(self) -> dict[str, Any]:
+        """All but what cannot be copied or sent elsewhere, for `copy` and `pickle`."""
+        return {name: value for name, value in vars(self).items() if name != "_hung"}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        vars(self).update(state, _hung=weakref.WeakSet())
 
     def placed(self) -> Iterator[tuple[Node, np.ndarray]]:
         """Yield each node with its (4, 4) node-to-world matrix, parents before children.
@@ -149,6 +158,7 @@ class Scene(Branch, Strict):
         """Triangles as placed: a mesh counts once for each place where it is shown."""
         return _triangles(self.nodes)
 
+    @strict_call
     def add(
         self,
         item: Mesh | Light | Camera,
@@ -165,7 +175,7 @@ class Scene(Branch, Strict):
         item         stands at the node's origin, in its axes
         material     of a mesh; None: white and matt
         translation, rotation, scale   as of `Node`: metres, quaternion x, y, z, w, factors
-        parent       the node in whose space it stands; None: the world
+        parent       the node of this scene in whose space it stands; None: the world
         Raises SceneError where one of them cannot be used.
         """
         given: object = item
@@ -184,6 +194,7 @@ class Scene(Branch, Strict):
             node.camera = item
         return self._hang(node, parent)
 
+    @strict_call
     def merge(
         self,
         other: Scene,
@@ -218,6 +229,11 @@ class Scene(Branch, Strict):
         node.local_matrix()
         if not isinstance(parent, Node | None):
             raise SceneError(f"node '{node.name}': parent must be a Node, not a {type(parent).__name__}")
+        if parent is not None and parent not in self._hung and not any(n is parent for n in self.nodes):
+            raise SceneError(
+                f"node '{node.name}': its parent '{parent.name}' is not in this scene; hang that in it first"
+            )
+        self._hung.update({node} if parent is None else {node, parent})  # not looked for again
         (self.roots if parent is None else parent.children).append(node)
         return node
 
@@ -228,6 +244,7 @@ class Scene(Branch, Strict):
         Raises KeyError where no node has the name, SceneError where the node is not in the scene.
         """
         gone = self._own(node)
+        self._hung.clear()
         for held in (self.roots, *(above.children for above in self.nodes)):
             held[:] = [child for child in held if child is not gone]
         return gone

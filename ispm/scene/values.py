@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import functools
+import inspect
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import Field, fields
 from enum import Enum
 from fnmatch import fnmatchcase
-from typing import Any, ClassVar, TypeVar
+from typing import Any, ClassVar, ParamSpec, Self, TypeVar
 
 import numpy as np
 
@@ -21,23 +23,61 @@ _LONGEST = 60  # characters of a value that messages show
 Point = tuple[float, float, float] | np.ndarray
 
 _Member = TypeVar("_Member", bound=Enum)
+_Takes = ParamSpec("_Takes")
+_Gives = TypeVar("_Gives")
+_OTHERWISE = {
+    "position": "translation", "location": "translation", "orientation": "rotation", "color": "base_color",
+    "albedo": "base_color", "emissive": "emission", "fov": "yfov", "power": "intensity",
+}  # fmt: skip  # what others call ours, where no name is spelt as much like it
 
 
 class Strict:
-    """A base of dataclasses that refuse attributes which are not theirs: a misspelt one would change nothing.
+    """A base of dataclasses that refuse names which are not theirs: a misspelt one would change nothing.
 
     ELSEWHERE  names that people try, and what to write instead
     """
 
     ELSEWHERE: ClassVar[Mapping[str, str]] = {}
 
+    def __new__(cls, *_: Any, **named: Any) -> Self:
+        own = cls.__dataclass_fields__  # type: ignore[attr-defined]  # a base of dataclasses alone
+        for name in named:
+            if name not in own:
+                raise TypeError(cls._lacks(name))
+        return super().__new__(cls)
+
     def __setattr__(self, name: str, value: Any) -> None:
-        own = self.__dataclass_fields__  # type: ignore[attr-defined]  # a base of dataclasses alone
+        own = self.__dataclass_fields__  # type: ignore[attr-defined]
         if name not in own and not hasattr(type(self), name):
-            hint = self.ELSEWHERE.get(name)
-            hint = nearest(name, own) if hint is None else f"; {hint}"
-            raise AttributeError(f"a {type(self).__name__} has no '{name}'{hint}")
+            raise AttributeError(self._lacks(name))
         object.__setattr__(self, name, value)
+
+    @classmethod
+    def _lacks(cls, name: str) -> str:
+        """What to say of a name that is none of the fields'."""
+        own = cls.__dataclass_fields__  # type: ignore[attr-defined]
+        hint = f"; {cls.ELSEWHERE[name]}" if name in cls.ELSEWHERE else _meant(name, own)
+        return f"a {cls.__name__} has no '{name}'{hint}"
+
+
+def strict_call(function: Callable[_Takes, _Gives]) -> Callable[_Takes, _Gives]:
+    """Have a function refuse arguments that it does not take by naming the nearest that it does."""
+    known = inspect.signature(function).parameters
+
+    @functools.wraps(function)
+    def call(*placed: _Takes.args, **named: _Takes.kwargs) -> _Gives:
+        for name in named:
+            if name not in known:
+                raise TypeError(f"{function.__name__} takes no '{name}'{_meant(name, known)}")
+        return function(*placed, **named)
+
+    return call
+
+
+def _meant(name: str, known: Iterable[str]) -> str:
+    """'; did you mean ...?' with what stands for this name here, or is spelt like it."""
+    other = _OTHERWISE.get(name)
+    return f"; did you mean '{other}'?" if other in list(known) else nearest(name, known)
 
 
 def require(

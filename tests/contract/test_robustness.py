@@ -323,12 +323,15 @@ LONG = [
 ]
 
 
-def start(folder: Path, code: str, *words: str) -> subprocess.Popen[str]:
+TINY = "render cornell-box --size 16x9 --photons 100 --quiet -o é.png"
+
+
+def start(folder: Path, code: str, *words: str, env: dict[str, str] | None = None) -> subprocess.Popen[str]:
     """A command line after some Python of a test."""
     script = f"import sys\nfrom ispm.cli.main import main\n{code}\nsys.exit(main(sys.argv[1:]))"
     return subprocess.Popen(
         [sys.executable, "-c", script, *words], cwd=folder, text=True, stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
+        stderr=subprocess.PIPE, env=os.environ | (env or {}),
     )  # fmt: skip
 
 
@@ -362,3 +365,36 @@ Renderer.save_progress, passes._EVERY = full, 0.0
     assert err.count("rendering goes on") == 1
     assert err.splitlines()[-1] == "ispm: kept.npz: cannot be written: No space left on device"
     assert read_picture(tmp_path / "a.png").shape == (36, 64, 3)
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="the system has no /dev/full")
+@pytest.mark.parametrize(
+    "words", ["scenes --json", "render --print-config", "--version", "render --help", TINY]
+)
+def test_results_that_stdout_cannot_take_are_told_in_a_line(tmp_path, words):
+    with open("/dev/full", "w") as full:
+        command = [sys.executable, "-m", "ispm", *words.split()]
+        run = subprocess.run(
+            command, cwd=tmp_path, stdout=full, stderr=subprocess.PIPE, text=True, timeout=120
+        )
+    assert run.returncode == 2
+    assert run.stderr == "ispm: stdout: cannot be written: No space left on device\n"
+    assert (tmp_path / "é.png").exists() == (words == TINY)
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="the system has no /dev/full")
+def test_work_goes_on_where_stderr_takes_nothing(tmp_path):
+    with open("/dev/full", "w") as full:
+        command = [sys.executable, "-m", "ispm", *TINY.replace("--quiet", "").split()]
+        run = subprocess.run(
+            command, cwd=tmp_path, stderr=full, stdout=subprocess.PIPE, text=True, timeout=120
+        )
+    assert (run.returncode, run.stdout) == (0, "é.png\n")
+
+
+def test_names_that_stdout_cannot_write_are_told_in_a_line(tmp_path):
+    with start(tmp_path, "", *TINY.split(), env={"PYTHONIOENCODING": "ascii"}) as run:
+        out, err = run.communicate(timeout=120)
+    assert (run.returncode, out) == (2, "")
+    assert err == "ispm: stdout: is ascii, which cannot name '\\xe9.png'; set PYTHONIOENCODING=utf-8\n"
+    assert read_picture(tmp_path / "é.png").shape == (9, 16, 3)

@@ -2,13 +2,14 @@
 
 import itertools
 import math
+import warnings
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
 import ispm
-from ispm.errors import SceneError, SettingsError
+from ispm.errors import SceneError, SceneWarning, SettingsError
 from ispm.scene.rotation import rotation_matrix
 
 ORDERS = ["".join(order) for order in itertools.permutations("xyz")]
@@ -31,6 +32,31 @@ def test_axis_angle_is_scipys(seed):
     axis, angle = random.normal(size=3), random.uniform(-10.0, 10.0)
     theirs = Rotation.from_rotvec(angle * axis / np.linalg.norm(axis))
     np.testing.assert_allclose(turn_of(ispm.axis_angle(axis, angle)), theirs.as_matrix(), atol=1e-12)
+
+
+@pytest.mark.parametrize("order", ["xyz", "ZXY"])
+def test_degrees_are_scipys(order):
+    angles = dict(x=30, y=-110.5, z=720)
+    theirs = Rotation.from_euler(order, [angles[axis] for axis in order.lower()], degrees=True)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        ours = ispm.euler(**angles, order=order, degrees=True)
+        assert ispm.axis_angle((0, 1, 0), 90, degrees=True) == ispm.axis_angle((0, 1, 0), math.pi / 2)
+    np.testing.assert_allclose(turn_of(ours), theirs.as_matrix(), atol=1e-12)
+
+
+def test_radians_that_look_like_degrees_are_told():
+    said = r"x is 90 radians, more than two turns; for degrees say degrees=True"
+    with pytest.warns(SceneWarning, match=said) as caught:
+        ispm.euler(x=90)
+    assert len(caught) == 1 and caught[0].filename == __file__
+    with pytest.warns(SceneWarning, match="axis_angle: angle is -45 radians"):
+        ispm.axis_angle((0, 1, 0), -45.0)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        ispm.euler(12, 0.5, -3)
+        for frame in range(1000):  # what spins is no slip
+            ispm.axis_angle((0, 1, 0), 0.1 * frame * math.pi / 3)
 
 
 def test_a_quarter_turn_about_y_takes_z_to_x():
