@@ -23,7 +23,8 @@ def doctor(console: Console) -> int:
 
     Example: ispm doctor
 
-    Lists the adapter, cores, versions and caches; what is missing, and the command that mends it.
+    Lists the adapter, cores, versions and caches; what is missing, and the command that mends it. The table
+    goes to stderr; for programs, --json prints it on stdout.
     """
     adapters, device = _graphics()
     packages = {"ispm": __version__} | {name: _version(name) for name in _PACKAGES}

@@ -40,6 +40,7 @@ def info(
     SCENE is a file (.glb .gltf .obj .ply .stl) or the name of a built-in scene, or
     a picture (.png .jpg .exr .npz .npy): its size, its channels and the command line that makes it again, or
     a file of `render --resume`: its passes and the error they leave.
+    The tables go to stderr; for programs, --json prints all of it on stdout.
     """
     if Path(scene).suffix.lower() in ENDINGS:
         _tell_picture(console, scene)

@@ -11,6 +11,8 @@ def scenes(console: Console) -> None:
     """List the built-in scenes, and those that are downloaded at their first use.
 
     Example: ispm scenes
+
+    The table goes to stderr; for programs, --json prints it on stdout.
     """
     from ispm.io.named import abouts
 

@@ -309,6 +309,8 @@ class Renderer:
                 self._gpu, packed, gbuffer, (direct, indirect, emission), through, irradiance, view,
                 settings, self.threads,
             )  # fmt: skip
+            if not points["valid"].any() and frame.instance.max() < 0:
+                self._say("the camera sees nothing, so the picture is empty; turn it, or move it")
             frame.scene = self.scene.name
             self.chosen.expose(frame)
 

@@ -1,11 +1,14 @@
 """What importing costs: a graphics adapter, numpy or a compiler only where they are used."""
 
+import ast
 import json
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
+ROOT = Path(__file__).parents[2]
 HEAVY = ("numpy", "numba", "wgpu", "OpenEXR", "PIL", "scipy", "trimesh")
 FRESH = """
 import json, sys, time
@@ -32,6 +35,15 @@ def test_help_and_mistakes_load_nothing_heavy(arguments):
 
 def test_importing_ispm_loads_nothing_heavy():
     assert fresh("import ispm; ispm.__version__; ispm.Settings; ispm.SceneError")[1] == []
+
+
+def test_an_interrupt_is_met_before_much_is_imported():
+    """`ispm.cli.main` takes it from there; `-S`: no module that an installation adds."""
+    code = "import sys; before = set(sys.modules); import ispm.cli.main; print(set(sys.modules) - before)"
+    run = subprocess.run(
+        [sys.executable, "-S", "-c", code], capture_output=True, text=True, check=True, cwd=ROOT
+    )
+    assert not {"typing", "re", "contextlib"} & ast.literal_eval(run.stdout)
 
 
 def test_command_line_starts_at_once():

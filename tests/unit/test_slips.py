@@ -146,6 +146,21 @@ def test_meshes_of_nothing_but_lines_and_points_are_told(gpu):
             renderer.render()
 
 
+@pytest.mark.filterwarnings("error::ispm.SceneWarning")
+def test_cameras_that_see_nothing_are_told(gpu):
+    scene, away = ispm.builtin("cornell-box"), ispm.Camera.look_at((0, 0, 9), (0, 0, 10))
+    with Renderer(scene, SMALL, away, gpu=gpu) as renderer:
+        with pytest.raises(ispm.SceneWarning, match="the camera sees nothing, so the picture is empty"):
+            renderer.render()
+        renderer.camera = None
+        renderer.render()
+    glass = ispm.Scene()  # which nothing lights the pixels of, but which is there
+    glass.add(box((-1, -1, -1), (1, 1, 1)), material=ispm.Material(transmission=1.0, roughness=0.0))
+    glass.add(ispm.PointLight(), translation=(0, 0, 5))
+    with Renderer(glass, SMALL, ispm.Camera.look_at((0, 0, 3), (0, 0, 0)), gpu=gpu) as renderer:
+        renderer.render()
+
+
 def test_one_triangle_with_an_area_is_enough():
     points = np.array([(0, 0, 0), (1, 1, 1), (2, 2, 2), (0, 1e-5, 0)])
     lines = np.tile([0, 1, 2], (9000, 1))
