@@ -22,7 +22,7 @@ help:
 	@echo '                        LUXCORE=, MITSUBA=: interpreters that have them, if not this one'
 	@echo 'make biases             each bias of the estimate by itself, to docs/accuracy.md'
 	@echo 'make kernels            list again which kernels pictures call, to ispm/kernels/kernels.txt'
-	@echo 'make fuzz               load 3,000 damaged files and 570 harmful ones; ARGS=, see tests/fuzz'
+	@echo 'make fuzz               load 3,000 damaged files and 580 harmful ones; ARGS=, see tests/fuzz'
 	@echo 'make wheel              a wheel with compiled kernels, for Linux x86-64, to dist/'
 	@echo 'make clean              remove what was made, .venv too'
 
