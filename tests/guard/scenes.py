@@ -51,6 +51,7 @@ def cases() -> list[Case]:
         *_case("cloth", cloth, _EYE, {"default": {}, "photons": dict(gather=0, subsampling=2)}),
         *_case("metals", metals, _EYE, {"default": {}, "photons": dict(gather=0), "eye": _FULL}),
         *_case("glass", glass, _EYE, {"default": {}, "photons": dict(gather=0), "eye": _FULL}),
+        Case("glass/close", glass, Camera.look_at((0.5, 0.7, 2.4), (0.45, 0.45, 0.0), yfov=0.5)),
         *_case("sheets", sheets, _EYE, {"default": {}, "transparent": dict(background="transparent")}),
         *_case("open", outdoors, _EYE, {"sky": dict(background=_SKY), "rays": dict(emission="rays")}),
         Case("open/orthographic", outdoors, Camera(ymag=2.2, pose=_EYE.pose), dict(emission="map")),
@@ -68,7 +69,7 @@ def cases() -> list[Case]:
     ]  # fmt: skip
 
 
-_EYE = Camera.look_at((0.3, 1.9, 5.2), (0.0, 1.0, 0.0))
+_EYE = Camera.look_at((0.3, 1.7, 4.2), (0.0, 0.95, 0.0))
 _ring = partial(ispm.builtin, "caustic-ring")
 _BUILTINS = ("cornell-box", "glass-sphere", "objects-in-box")
 _SKY = (0.2, 0.3, 0.5)
@@ -215,7 +216,7 @@ def glass() -> Scene:
         (
             Material(roughness=0.0, **solid),
             Material(roughness=0.0, **solid, **tint),
-            Material(roughness=0.3, **solid),
+            Material(roughness=0.6, **solid),
             Material((0.9, 0.6, 0.6), roughness=0.0, transmission=0.7, ior=2.2, thickness=0.5),
         )
     ):
