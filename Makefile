@@ -4,14 +4,17 @@ PARTS ?=
 LUXCORE ?=
 MITSUBA ?=
 ARGS ?=
+WRITE ?=
 run = .venv/bin
 
-.PHONY: help demo test docs drivers check bench soak fuzz accuracy biases peers kernels wheel clean
+.PHONY: help demo test guard docs drivers check bench soak fuzz accuracy biases peers kernels wheel clean
 
 help:
 	@echo 'make demo               render a few built-in scenes to out/'
 	@echo 'make demo SCENE=FILE    and that file to out/'
 	@echo 'make test               all checks and tests'
+	@echo 'make guard WRITE=1      keep small pictures of everything as they are now, in .guard/'
+	@echo 'make guard              are they still, number by number? ARGS=, see tests/guard'
 	@echo 'make docs               write docs/api.md and the tables of settings again, and check all links'
 	@echo 'make drivers            tests on other Vulkan drivers, validation, Tint; PARTS=, see scripts/drivers.sh'
 	@echo 'make check              format, lint, types, imports'
@@ -35,6 +38,10 @@ demo:
 
 test: check
 	$(run)/pytest -n auto --maxprocesses 8
+
+guard:
+	@scripts/setup.sh core
+	cd tests && ../$(run)/python -m guard $(if $(WRITE),--write) $(ARGS)
 
 docs:
 	@scripts/setup.sh all

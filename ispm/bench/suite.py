@@ -36,6 +36,7 @@ from ispm.tracer.walk import walk
 from ispm.tracer.world import World
 
 SCENE = "atrium"
+FORMAT = 2  # of a report as JSON; 1 had no number, and no quartiles
 STAGES = (
     "direct_ms", "bounce_map_ms", "copy_ms", "trace_ms", "radiance_ms", "upsample_ms", "compose_ms",
     "total_ms", "direct_only_ms", "fps_full", "fps_direct",
@@ -50,11 +51,13 @@ _TRACE_REPEATS = 8  # of the rays in one run, which outlasts the start of thread
 
 @dataclass(frozen=True)
 class Spread:
-    """Median, 5th and 95th percentile."""
+    """Median, 5th and 95th percentile, and the quartiles."""
 
     median: float
     low: float
     high: float
+    q1: float
+    q3: float
 
 
 @dataclass(frozen=True)
@@ -109,6 +112,7 @@ class Report:
     """The outcome of `run_bench`; `rates` is empty where Embree is not installed.
 
     peak_memory  resident bytes of the process after the frames, compilers and all
+    format       of the report in a file
     """
 
     machine: Machine
@@ -116,6 +120,7 @@ class Report:
     rays: int
     rates: list[TraceRate]
     peak_memory: int
+    format: int = FORMAT
 
 
 def run_bench(quick: bool = False, settings: Settings | None = None, frames: int | None = None) -> Report:
@@ -166,9 +171,8 @@ def moments(scene: Scene, count: int) -> Iterator[Scene]:
 
 
 def spread(values: list[float]) -> Spread:
-    """Return the median of values with their 5th and 95th percentile."""
-    low, median, high = np.percentile(values, (5.0, 50.0, 95.0))
-    return Spread(float(median), float(low), float(high))
+    """Return the median of values with their 5th and 95th percentile and quartiles."""
+    return Spread(*np.percentile(values, (50.0, 5.0, 95.0, 25.0, 75.0)).tolist())
 
 
 def measure_trace(scene: Scene, settings: Settings) -> tuple[int, list[TraceRate]]:

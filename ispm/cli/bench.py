@@ -2,43 +2,84 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
 from ispm.cli.console import Console, to_json
 from ispm.cli.options import command
+from ispm.errors import SettingsError
 from ispm.io.atomic import replacing, require_writable
+
+if TYPE_CHECKING:
+    from ispm.bench.change import Measured
+
+
+SLOWER = 1
 
 
 @command()
 def bench(
     console: Console,
+    report: Annotated[
+        str | None,
+        Parameter(help="with --compare: an earlier report instead of measuring", metavar="NEW.json"),
+    ] = None,
     /,
     *,
     quick: Annotated[bool, Parameter(help="a quarter of the pixels", negative="")] = False,
     output: Annotated[
         str | None, Parameter(name=("--output", "-o"), help="write the table as JSON", metavar="FILE")
     ] = None,
-) -> None:
+    compare: Annotated[
+        str | None,
+        Parameter(help="compare with what --output wrote earlier; exit with 1 if slower", metavar="OLD.json"),
+    ] = None,
+) -> int:
     """Measure this machine.
 
     Example: ispm bench --quick
 
     Times of a frame, stage by stage, while camera, light and an object move; photons traced per second,
     beside Embree where the package embreex is installed; memory. Medians, and the 5th and 95th percentile.
+    A stage is slower if its median grew by more than 3 % and what the frames of both runs scatter by.
     """
+    if report is not None and (compare is None or output is not None or quick):
+        raise SettingsError(
+            f"{report}: a report is given to --compare alone: ispm bench NEW.json --compare OLD.json"
+        )
     if output is not None:
         require_writable(output)
+    from ispm.bench.change import parse_report, read_report
+
+    before = None if compare is None else read_report(compare)
+    if report is not None and before is not None:
+        return _tell_changes(console, before, read_report(report))
     from ispm.bench.report import tables
     from ispm.bench.suite import run_bench
 
     with console.step("measuring"):
-        report = run_bench(quick)
-    for title, rows in tables(report):
+        measured = run_bench(quick)
+    for title, rows in tables(measured):
         console.table(title, rows)
     if output is not None:
         with replacing(output) as path:
-            path.write_text(to_json(report) + "\n", "utf-8")
+            path.write_text(to_json(measured) + "\n", "utf-8")
         console.written(output)
-    console.result(report)
+    if before is not None:
+        return _tell_changes(console, before, parse_report(to_json(measured), "this run"))
+    console.result(measured)
+    return 0
+
+
+def _tell_changes(console: Console, before: Measured, now: Measured) -> int:
+    """Say what changed between two reports; return the exit code."""
+    from ispm.bench.change import changes, rows
+
+    found = changes(before, now)
+    slower = [each.stage for each in found if each.is_slower]
+    console.table("times of a frame, before and now", rows(found))
+    console.say(f"slower: {', '.join(slower) or 'nothing'}")
+    console.result({"changes": [{**asdict(each), "ratio": each.ratio} for each in found], "slower": slower})
+    return SLOWER if slower else 0

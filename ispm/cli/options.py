@@ -21,8 +21,8 @@ app = App(
     help="Dynamic global illumination by image space photon mapping.",
     help_format="plaintext",
     suppress_keyboard_interrupt=False,
-    help_epilogue="Exit codes: 0 done; 1 a bound of compare exceeded; 2 bad input or usage; "
-    "3 no usable graphics adapter; 130 interrupted.",
+    help_epilogue="Exit codes: 0 done; 1 a bound of compare exceeded, or slower by bench --compare; "
+    "2 bad input or usage; 3 no usable graphics adapter; 130 interrupted.",
 )
 
 _OTHER_VARIABLES = ("ISPM_ADAPTER", "ISPM_ASSETS", "ISPM_CACHE", "ISPM_DOWNLOADS", "ISPM_REFS")

@@ -6,6 +6,7 @@ import math
 import numpy as np
 import pytest
 
+from ispm.bench.change import changes, parse_report
 from ispm.bench.rays import rays_of_walk
 from ispm.bench.report import tables
 from ispm.bench.suite import STAGES, measure_trace, moments, run_bench, spread
@@ -34,7 +35,7 @@ def test_report_has_every_column_with_its_spread(report):
     columns = report.frame.columns
     assert set(columns) == {*STAGES, "photons_per_s", "ns_per_stored_photon"}
     for values in (*columns.values(), report.frame.no_bounces):
-        assert 0.0 <= values.low <= values.median <= values.high
+        assert 0.0 <= values.low <= values.q1 <= values.median <= values.q3 <= values.high
     assert report.frame.frames == 2
 
 
@@ -55,6 +56,14 @@ def test_report_survives_json_and_makes_tables(report):
     assert values["peak_memory"] > 1e6 or not math.isfinite(values["peak_memory"])
     for _, rows in tables(report):
         assert len({len(row) for row in rows}) == 1
+
+
+def test_report_can_be_compared_with_later_ones(report):
+    measured = parse_report(to_json(report), "it")
+    found = changes(measured, measured)
+    assert [each.stage for each in found][-1] == "total at 0 bounces" and len(found) == len(STAGES) - 1
+    assert [each.ratio for each in found if each.before] == [1.0] * sum(each.before > 0.0 for each in found)
+    assert not any(each.is_slower for each in found)
 
 
 def test_without_embree_the_trace_is_skipped_in_a_line(report, monkeypatch):
