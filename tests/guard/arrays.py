@@ -21,7 +21,8 @@ def arrays(case: Case, renderer: ispm.Renderer, *, scale: int = 1) -> dict[str, 
     renderer  may have rendered anything before
     scale     factor on the sides of the picture; photons grow with its pixels
     ->        layers, `image` and views (h, w) or (h, w, c); `photons.FIELD` (N,) or (N, 3) as stored;
-              `stats.FIELD` and `exposure` (); `pose` and `clip_from_world` (4, 4)
+              `stats.FIELD` and `exposure` (); `pose` and `clip_from_world` (4, 4),
+              `intrinsics` (3, 3)
     """
     size = SIZE[0] * scale, SIZE[1] * scale
     scene = case.scene()

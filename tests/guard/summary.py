@@ -34,6 +34,7 @@ OFTEN, MEAN, IDS, NUMBERS = 1e-3, 3e-3, 0.005, 3e-3
 _BLOCKS = 0.9  # that keep below OFTEN
 _FLOOR = 0.1  # of a layer's mean: what dark blocks are relative to
 _IDS = ("instance", "material")
+_MATRICES = ("pose", "clip_from_world", "intrinsics")
 _SUMS = ("full", "view.overdraw")  # others add up to these, or show them in steps
 
 
@@ -45,7 +46,7 @@ def summary(arrays: dict[str, np.ndarray]) -> Summary:
             continue
         if name in _IDS:
             kept[name] = array.astype(np.int16)
-        elif array.ndim >= 2 and name not in ("pose", "clip_from_world") and not name.startswith("photons."):
+        elif array.ndim >= 2 and name not in _MATRICES and not name.startswith("photons."):
             kept[name] = _blocks(_comparable(name, array))
         elif name.startswith("photons."):
             values = array.astype(np.float64)
@@ -77,7 +78,7 @@ def differences(kept: Summary, found: Summary, slack: float = 1.0) -> list[str]:
         elif name in _IDS:
             share = float((old != new).mean())
             lines += [f"{name}: {share:.2%} of the pixels differ"] * (share > slack * IDS)
-        elif name.startswith("photons.") or old.ndim < 2 or name in ("pose", "clip_from_world"):
+        elif name.startswith("photons.") or old.ndim < 2 or name in _MATRICES:
             scale = np.abs(old).max()  # of photons the mean of |values| is among them
             off = float(np.abs(new - old).max() / scale) if scale else float(np.abs(new).max())
             lines += [f"{name}: off by {off:.1e}"] * (off > slack * NUMBERS)
