@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from ispm.gpu import Buffer, Canvas, Gpu, Group, Raster, Recording, Sampler, Texture
+from ispm.lights.lightmap import LightMap
 from ispm.optics import records
 from ispm.optics.records import VERTEX
-from ispm.scene.lightmap import LightMap
 from ispm.scene.packed import Draw, Packed
 
 SLOTS = ("base_color", "metallic_roughness", "normal", "emission", "transmission")

@@ -12,7 +12,7 @@ from PIL import Image, ImageDraw
 
 import ispm
 from ispm.io.named import open_named
-from ispm.scene.builtin import BUILTINS
+from ispm.library.builtin import BUILTINS
 
 _LINE = 14  # pixels of a caption
 

@@ -23,8 +23,8 @@ from pathlib import Path
 import numpy as np
 
 import ispm
+from ispm.library.shapes import box, icosphere
 from ispm.scene.material import AlphaMode
-from ispm.scene.shapes import box, icosphere
 
 SMALL = {"size": (64, 36), "photons": 500}
 LINES = 24  # printed of each part

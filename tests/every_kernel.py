@@ -37,8 +37,8 @@ TINY = [dict(size=(8, 6)), dict(size=(8, 6), gather=0)]
 
 def everything() -> ispm.Scene:
     """Return a scene of every kind of light and material, one of them with textures, and a moving box."""
+    from ispm.library.shapes import box, icosphere
     from ispm.scene.material import AlphaMode
-    from ispm.scene.shapes import box, icosphere
 
     use = ispm.TextureUse(ispm.Texture(TEXTURE))
     materials = [

@@ -7,23 +7,23 @@ from typing import Any
 
 import numpy as np
 
+from ispm.accel.surface import SurfaceTable
+from ispm.accel.world import World
 from ispm.gpu import Gpu
+from ispm.library.common import lambert
+from ispm.library.shapes import polygons
+from ispm.lights.emission import emit_rays
+from ispm.lights.plan import plan_maps
 from ispm.optics.records import EMITTED
 from ispm.optics.texture import TextureTable
+from ispm.photons.walk import Walk, walk
 from ispm.renderer.picture import Frame
 from ispm.renderer.renderer import Renderer
-from ispm.scene.builtins_common import lambert
 from ispm.scene.camera import Camera
 from ispm.scene.light import PointLight
 from ispm.scene.packed import Packed, pack
 from ispm.scene.scene import Scene
-from ispm.scene.shapes import polygons
 from ispm.settings import Settings
-from ispm.tracer.emission import emit_rays
-from ispm.tracer.plan import plan_maps
-from ispm.tracer.surface import SurfaceTable
-from ispm.tracer.walk import Walk, walk
-from ispm.tracer.world import World
 
 SMALL = (160, 90)
 SIDES = ("-x", "+x", "-y", "+y", "-z", "+z")

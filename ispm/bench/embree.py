@@ -18,13 +18,13 @@ import llvmlite.binding as llvm
 import numpy as np
 from numba import types
 
+from ispm.accel.rays import HIT
+from ispm.accel.world import World
+from ispm.kernels.simd import address, alloca, atomic_add, ldf, ldu, stf, stu
+from ispm.kernels.threads import run_threads, thread_count
 from ispm.optics.jit import jit
 from ispm.optics.records import NO_HIT
 from ispm.scene.packed import Packed
-from ispm.tracer.rays import HIT
-from ispm.tracer.simd import address, alloca, atomic_add, ldf, ldu, stf, stu
-from ispm.tracer.threads import run_threads, thread_count
-from ispm.tracer.world import World
 
 f32, i64, u32, u64 = np.float32, np.int64, np.uint32, np.uint64
 

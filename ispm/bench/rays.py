@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 
+from ispm.accel.intersect import STACK_WORDS
+from ispm.accel.surface import SurfaceTable, closest_surface, surface
+from ispm.accel.world import World
+from ispm.kernels.simd import address, alloca
 from ispm.optics.bsdf import is_smooth
 from ispm.optics.jit import jit
 from ispm.optics.records import NO_HIT
 from ispm.optics.vector import scale
-from ispm.scene.packed import Packed
-from ispm.tracer.intersect import STACK_WORDS
-from ispm.tracer.simd import address, alloca
-from ispm.tracer.surface import SurfaceTable, closest_surface, surface
-from ispm.tracer.walk import (
+from ispm.photons.walk import (
     SPECULAR_MAX,
     attenuated,
     depart,
@@ -22,7 +22,7 @@ from ispm.tracer.walk import (
     next_flight,
     nowhere,
 )  # fmt: skip
-from ispm.tracer.world import World
+from ispm.scene.packed import Packed
 
 f32, i64, u32 = np.float32, np.int64, np.uint32
 

@@ -21,19 +21,19 @@ from typing import Any
 import numpy as np
 
 from ispm import __version__
+from ispm.accel.surface import SurfaceTable
+from ispm.accel.world import World
 from ispm.bench.rays import rays_of_walk
+from ispm.kernels.threads import thread_count
+from ispm.library.builtin import builtin
+from ispm.lights.emission import emit_rays
 from ispm.optics.texture import TextureTable
+from ispm.photons.walk import walk
 from ispm.renderer import Renderer, Stats
 from ispm.renderer.light import map_plan
-from ispm.scene.builtin import builtin
 from ispm.scene.packed import pack
 from ispm.scene.scene import Scene
 from ispm.settings import Settings
-from ispm.tracer.emission import emit_rays
-from ispm.tracer.surface import SurfaceTable
-from ispm.tracer.threads import thread_count
-from ispm.tracer.walk import walk
-from ispm.tracer.world import World
 
 SCENE = "atrium"
 FORMAT = 2  # of a report as JSON; 1 had no number, and no quartiles

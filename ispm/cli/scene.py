@@ -28,7 +28,7 @@ def open_scene(console: Console, name: str, options: Mapping[str, Any]) -> Scene
     """
     from ispm.io.download import DOWNLOADS
     from ispm.io.named import open_named
-    from ispm.scene.builtin import BUILTINS
+    from ispm.library.builtin import BUILTINS
 
     if name in BUILTINS:
         return open_named(name, **options)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ispm.tracer.grid import PhotonGrid
-from ispm.tracer.threads import thread_count
+from ispm.kernels.threads import thread_count
+from ispm.photons.grid import PhotonGrid
 
 
 class Grid:

@@ -8,9 +8,11 @@ from typing import Any
 
 import numpy as np
 
+from ispm.kernels.simd import address, alloca, atomic_add, ldf
+from ispm.kernels.threads import run_threads, thread_count
 from ispm.optics.jit import jit
 from ispm.optics.records import PHOTON, RECEIVER
-from ispm.tracer.blocks import (
+from ispm.photons.blocks import (
     BLOCKS,
     BOX,
     CHANNELS,
@@ -31,8 +33,6 @@ from ispm.tracer.blocks import (
     take_out,
     vector,
 )  # fmt: skip
-from ispm.tracer.simd import address, alloca, atomic_add, ldf
-from ispm.tracer.threads import run_threads, thread_count
 
 f32, f64, i32, i64, uint64 = np.float32, np.float64, np.int32, np.int64, np.uint64
 

@@ -11,7 +11,7 @@ from typing import Any
 from ispm.errors import SceneError, SettingsError
 from ispm.io.download import DOWNLOADS, fetch
 from ispm.io.load import find, load, loading, require_path
-from ispm.scene import builtin as scenes
+from ispm.library import builtin as scenes
 from ispm.scene.scene import Scene
 from ispm.settings import LOADING, LoadOptions, nearest
 

@@ -1,7 +1,7 @@
 """All kernels that rendering asks for, with the types of their arguments: `kernels.txt`, a line each.
 
-    ispm.tracer.collapse.shift_refs(uint64, int64, int64, int64)
-    ispm.tracer.grid._find_cells(array(ispm.optics.records.RECEIVER, 1), tuple(int64, int64))
+    ispm.accel.collapse.shift_refs(uint64, int64, int64, int64)
+    ispm.photons.grid._find_cells(array(ispm.optics.records.RECEIVER, 1), tuple(int64, int64))
 
 Arrays are contiguous, rows first: a part of one in another order would have a type of its own. Elements are
 numbers, or records by the name of their dtype, so that a new field changes no line. `make kernels` writes the

@@ -9,19 +9,19 @@ from __future__ import annotations
 
 import numpy as np
 
+from ispm.accel.intersect import STACK_WORDS
+from ispm.accel.surface import SurfaceTable, closest_surface, glow, surface
+from ispm.accel.world import World
+from ispm.kernels.simd import address, alloca, atomic_add
+from ispm.kernels.threads import run_threads
+from ispm.lights.nee import direct_light, times
 from ispm.optics.bsdf import sample_bsdf
 from ispm.optics.jit import jit
 from ispm.optics.records import MATERIAL_UNLIT, NO_HIT
 from ispm.optics.rng import random4
 from ispm.optics.vector import add, scale
+from ispm.photons.walk import attenuated, depart, medium, nowhere
 from ispm.scene.packed import Packed
-from ispm.tracer.intersect import STACK_WORDS
-from ispm.tracer.lit import direct_light, times
-from ispm.tracer.simd import address, alloca, atomic_add
-from ispm.tracer.surface import SurfaceTable, closest_surface, glow, surface
-from ispm.tracer.threads import run_threads
-from ispm.tracer.walk import attenuated, depart, medium, nowhere
-from ispm.tracer.world import World
 
 f32, i64, u32 = np.float32, np.int64, np.uint32
 

@@ -7,19 +7,19 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ispm.accel.surface import SurfaceTable
+from ispm.accel.world import World
 from ispm.optics.records import CAUSTIC, take
+from ispm.photons.apriori import class_radii, hint_radii
+from ispm.photons.cells import SMALLEST, sort_by_cell
+from ispm.photons.coverage import keep_light
+from ispm.photons.density import CAUSTIC_NEIGHBORS, FOCUSED_NEIGHBORS, is_crowded, measure_caustic_radii
+from ispm.photons.footprint import shape_kernels
+from ispm.photons.walk import Walk
+from ispm.photons.walls import end_at_walls
 from ispm.scene.packed import Packed
 from ispm.settings import Settings
 from ispm.stages.camera import CameraView
-from ispm.tracer.apriori import class_radii, hint_radii
-from ispm.tracer.cells import SMALLEST, sort_by_cell
-from ispm.tracer.coverage import keep_light
-from ispm.tracer.density import CAUSTIC_NEIGHBORS, FOCUSED_NEIGHBORS, is_crowded, measure_caustic_radii
-from ispm.tracer.footprint import shape_kernels
-from ispm.tracer.surface import SurfaceTable
-from ispm.tracer.walk import Walk
-from ispm.tracer.walls import end_at_walls
-from ispm.tracer.world import World
 
 _SHARP = 3.0  # low-resolution pixels: kernels of a larger radius lose nothing at low resolution
 

@@ -6,20 +6,20 @@ from dataclasses import replace
 
 import numpy as np
 
+from ispm.accel.meet import meet_many
+from ispm.accel.rays import HIT
+from ispm.accel.surface import SurfaceTable
+from ispm.accel.world import World
+from ispm.paths.edges import edge_rows
+from ispm.paths.ends import image_of_ends, reflect_light, smooth_frost, spread_light
+from ispm.paths.eye import REFLECTED, SCATTERED, TRANSMITTED, EyePaths, EyeRays, join_paths, trace_eye
+from ispm.photons.grid import PhotonGrid
 from ispm.renderer.backdrop import background_color
 from ispm.renderer.gather import PhotonLight
 from ispm.scene.packed import Packed
 from ispm.settings import Settings
 from ispm.stages.camera import CameraView
 from ispm.stages.filter import MET, filter_estimate, filter_points
-from ispm.tracer.edges import edge_rows
-from ispm.tracer.ends import image_of_ends, reflect_light, smooth_frost, spread_light
-from ispm.tracer.eye import REFLECTED, SCATTERED, TRANSMITTED, EyePaths, EyeRays, join_paths, trace_eye
-from ispm.tracer.grid import PhotonGrid
-from ispm.tracer.meet import meet_many
-from ispm.tracer.rays import HIT
-from ispm.tracer.surface import SurfaceTable
-from ispm.tracer.world import World
 
 _FINER = 2  # blocks of ends, and of missed pixels, are this much smaller than the picture's: both are few
 SAMPLES = np.array([(-1, -3), (3, -1), (-3, 1), (1, 3)]) / 8.0  # pixels from the centre, as antialiasing's

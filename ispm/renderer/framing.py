@@ -8,6 +8,7 @@ from itertools import product
 
 import numpy as np
 
+from ispm.accel.world import World
 from ispm.errors import SceneError, SettingsError
 from ispm.optics.records import NO_HIT
 from ispm.renderer.room import find_heart
@@ -18,7 +19,6 @@ from ispm.scene.packed import Packed, farthest_points, pack
 from ispm.scene.scene import Node, Scene
 from ispm.scene.values import BRIGHTEST
 from ispm.settings import Settings
-from ispm.tracer.world import World
 
 _FROM = np.array([0.45, 0.35, 1.0])  # where an object is seen from: front, a little right and above
 _SUN = np.array([0.6, 1.0, 0.7])

@@ -1,6 +1,6 @@
 """The final gather: light at the receivers by rays, and by those photons that rays do not find.
 
-Which light goes which way: `tracer/gather.py`.
+Which light goes which way: `paths/gather.py`.
 """
 
 from __future__ import annotations
@@ -11,23 +11,24 @@ from functools import cached_property, partial
 
 import numpy as np
 
+from ispm.accel.surface import SurfaceTable
+from ispm.accel.world import World
+from ispm.lights.lightmap import light_maps
 from ispm.optics.records import take
 from ispm.optics.rng import random4
 from ispm.optics.sampling import LATTICE
+from ispm.paths.ends import reflect_light
+from ispm.paths.gather import gather_rays
+from ispm.paths.guide import Guide, square_blocks
+from ispm.photons.coverage import keep_light
+from ispm.photons.density import measure_radii
+from ispm.photons.grid import PhotonGrid
 from ispm.renderer.caustics import PhotonParts, sample_width
 from ispm.scene.packed import Packed
 from ispm.settings import Settings
 from ispm.stages.camera import CameraView
 from ispm.stages.filter import DENSITY, MET, filter_estimate, mean_around, set_reach
 from ispm.stages.upsample import UNUSED
-from ispm.tracer.coverage import keep_light
-from ispm.tracer.density import measure_radii
-from ispm.tracer.ends import reflect_light
-from ispm.tracer.gather import gather_rays
-from ispm.tracer.grid import PhotonGrid
-from ispm.tracer.guide import Guide, square_blocks
-from ispm.tracer.surface import SurfaceTable
-from ispm.tracer.world import World
 
 _BRIGHT = 9.0  # times the mean, from where light goes by photons; half or twice: under 10 % more error
 _NARROW = np.float32(0.7)  # of their own size, kernels at the rays' ends: rays average over many of them
@@ -46,7 +47,7 @@ def bright_limit(packed: Packed, settings: Settings) -> float:
     if not settings.gather_rays:
         return math.inf
     sphere = math.pi * packed.diagonal**2
-    measures = [sphere / 4.0 if map.orthographic else map.measure for map in packed.maps]
+    measures = [sphere / 4.0 if map.orthographic else map.measure for map in light_maps(packed)]
     power = packed.lights["intensity"].max(axis=1) @ np.array(measures)
     return float(_BRIGHT * power / sphere)
 

@@ -6,19 +6,19 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ispm.accel.surface import SurfaceTable
 from ispm.errors import SettingsError
+from ispm.lights.emission import place_photons
+from ispm.lights.lightmap import texel_measures
+from ispm.lights.plan import PlannedMap
 from ispm.optics.records import EMITTED
+from ispm.photons.first_hits import first_hits
+from ispm.photons.grid import PhotonGrid
 from ispm.renderer.charts import bounce_chart, overdraw_chart
 from ispm.renderer.picture import Frame
 from ispm.renderer.views import photon_points
-from ispm.scene.lightmap import texel_measures
 from ispm.scene.packed import Packed
 from ispm.stages.camera import CameraView
-from ispm.tracer.emission import place_photons
-from ispm.tracer.first_hits import first_hits
-from ispm.tracer.grid import PhotonGrid
-from ispm.tracer.plan import PlannedMap
-from ispm.tracer.surface import SurfaceTable
 
 
 @dataclass(frozen=True, eq=False)

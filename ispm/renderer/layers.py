@@ -6,9 +6,9 @@ from collections.abc import Callable, Iterator, Mapping
 
 import numpy as np
 
+from ispm.kernels.threads import run_threads
 from ispm.optics.jit import jit
 from ispm.stages.camera import CameraView
-from ispm.tracer.threads import run_threads
 
 f32 = np.float32
 

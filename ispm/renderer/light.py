@@ -6,15 +6,16 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from ispm.accel.surface import SurfaceTable
+from ispm.accel.world import World
+from ispm.lights.emission import emit_rays, emit_texels
+from ispm.lights.lightmap import light_maps
+from ispm.lights.plan import PlannedMap, plan_maps, share_photons
+from ispm.photons.walk import Walk, walk
 from ispm.renderer.gather import bright_limit
 from ispm.scene.packed import Packed
 from ispm.settings import Settings
 from ispm.stages.camera import CameraView
-from ispm.tracer.emission import emit_rays, emit_texels
-from ispm.tracer.plan import PlannedMap, plan_maps, share_photons
-from ispm.tracer.surface import SurfaceTable
-from ispm.tracer.walk import Walk, walk
-from ispm.tracer.world import World
 
 _COARSE = 48, 27  # rays of the eye, across and down
 _FEW = 1000  # photons of which one is stored: of fewer, light is noise
@@ -33,7 +34,7 @@ def map_plan(
 
 def seen_places(packed: Packed, world: World, view: CameraView) -> np.ndarray | None:
     """Return what a coarse picture shows, (n, 3) m world space; None where no light asks for it."""
-    if not any(map.orthographic for map in packed.maps):
+    if not any(map.orthographic for map in light_maps(packed)):
         return None
     width, height = view.size
     x, y = ((np.arange(n) + 0.5) / n for n in _COARSE)

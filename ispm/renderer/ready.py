@@ -6,6 +6,8 @@ from collections.abc import Callable
 
 import numpy as np
 
+from ispm.accel.surface import SurfaceTable
+from ispm.accel.world import World
 from ispm.optics.texture import TextureTable
 from ispm.renderer.chosen import Chosen
 from ispm.renderer.converge import place_in_pixel
@@ -14,8 +16,6 @@ from ispm.renderer.limits import without_area
 from ispm.scene.packed import Packed, pack
 from ispm.scene.scene import Scene
 from ispm.stages.camera import CameraView
-from ispm.tracer.surface import SurfaceTable
-from ispm.tracer.world import World
 
 _EYE_NEAR = 1e-9  # of the scene's diagonal: the eye may stand low over a wide plain
 _TEXTURE_FOOTPRINT = 0.005  # of the diagonal: over which photons see textures averaged

@@ -17,7 +17,9 @@ from ispm.errors import IspmError, SettingsError, warn_caller
 from ispm.estimators import make_estimator
 from ispm.frame import GBuffer, GpuScene
 from ispm.gpu import Gpu, Texture, open_gpu, within_memory
+from ispm.kernels.threads import thread_count
 from ispm.optics.records import PHOTON
+from ispm.photons.grid import PhotonGrid
 from ispm.renderer.caustics import part_photons
 from ispm.renderer.chains import chain_light, light_missed
 from ispm.renderer.compose import compose
@@ -50,8 +52,6 @@ from ispm.stages.gbuffer import GBufferStage
 from ispm.stages.shadow import ShadowStage
 from ispm.stages.upload import Upload
 from ispm.stages.upsample import Upsample
-from ispm.tracer.grid import PhotonGrid
-from ispm.tracer.threads import thread_count
 
 _NEAR = 1e-4  # of the scene's diagonal; reversed depth has precision to spare
 _ESTIMATOR_KNOBS = attrgetter("estimator", "kernel", "talk_errors")

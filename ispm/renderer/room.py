@@ -6,10 +6,10 @@ import math
 
 import numpy as np
 
+from ispm.accel.world import World
 from ispm.optics.records import NO_HIT
 from ispm.scene.directions import even_directions
 from ispm.scene.packed import Packed
-from ispm.tracer.world import World
 
 _GRID = 5  # places along each side of the bounds
 _PROBES = 128  # rays from each

@@ -6,15 +6,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ispm.accel.surface import SurfaceTable
+from ispm.accel.world import World
+from ispm.lights.passed import passed_light
 from ispm.optics.records import LIGHT_DIRECTIONAL
 from ispm.renderer.chains import SAMPLES
 from ispm.renderer.gather import clearance
 from ispm.scene.packed import Packed
 from ispm.settings import Settings
 from ispm.stages.camera import CameraView
-from ispm.tracer.passed import passed_light
-from ispm.tracer.surface import SurfaceTable
-from ispm.tracer.world import World
 
 _WIDE = 1.5  # pixels: texels that are wider leave in doubt all pixels beside an edge
 _ASIDE = 8.0  # pixels' sides that a sample lies from its pixel's centre at most, on surfaces seen aslant

@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 
 from ispm.estimators import estimator_name
+from ispm.photons.walk import Walk
 from ispm.renderer.watch import peak_memory
 from ispm.scene.packed import Packed
 from ispm.settings import Settings
 from ispm.stages.camera import CameraView
-from ispm.tracer.walk import Walk
 
 _STAGES = ("direct", "bounce_map", "copy", "trace", "radiance", "upsample", "compose")
 _COUNTED = 16384  # photons at most that overdraw is taken from

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from ispm.scene.mesh import Mesh
     from ispm.scene.node import Node
 
+_CORNERS = np.array([[i & 1, i >> 1 & 1, i >> 2 & 1] for i in range(8)])
 _FARTHEST = 4096  # points that may lie on the sphere
 _STEPS = 64
 _AT_ONCE = 1 << 22  # coordinates that are held while copies are bounded
@@ -37,6 +38,11 @@ def enclosing_diameter(points: np.ndarray) -> float:
         radius = min(radius, float(away[farthest]))
         center = center + (points[farthest] - center) / (step + 1)
     return 2.0 * float(np.sqrt(radius))
+
+
+def corners_of(boxes: np.ndarray) -> np.ndarray:
+    """Return the (..., 8, 3) corners of (..., 2, 3) boxes."""
+    return np.asarray(boxes[..., _CORNERS, [0, 1, 2]])
 
 
 def placed_bounds(placed: Iterable[tuple[Node, np.ndarray]]) -> np.ndarray:

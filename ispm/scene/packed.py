@@ -13,9 +13,8 @@ import numpy as np
 from ispm.errors import SceneError
 from ispm.optics import records
 from ispm.scene.directions import even_directions
-from ispm.scene.extent import enclosing_diameter
+from ispm.scene.extent import corners_of, enclosing_diameter
 from ispm.scene.light import DirectionalLight, Light, PointLight, SpotLight, light_called
-from ispm.scene.lightmap import LightMap, corners_of, light_map
 from ispm.scene.material import Material, Texture
 from ispm.scene.mesh import ARRAYS, Mesh
 from ispm.scene.names import Names, Place, Run
@@ -105,7 +104,7 @@ class Draw:
     mirrored: bool
 
 
-@dataclass
+@dataclass(frozen=True, eq=False)
 class Packed:
     """A scene at one moment.
 
@@ -113,7 +112,6 @@ class Packed:
     instances  (I,) INSTANCE, world space, sorted by mesh and material
     materials  (M,) MATERIAL;  textures: what their slots point to
     lights     (L,) LIGHT
-    maps       of each light, the one that holds all its light
     bounds     (2, 3) float64 corners of all instances, world space
     diagonal   m, of the smallest sphere about all of them: the scene's size, however it is turned; 1 where
                there is nothing
@@ -127,7 +125,6 @@ class Packed:
     materials: np.ndarray
     textures: list[Texture]
     lights: np.ndarray
-    maps: list[LightMap]
     draws: list[Draw]
     bounds: np.ndarray
     diagonal: float
@@ -222,9 +219,8 @@ def pack(scene: Scene, geometry: Geometry | None = None) -> Packed:
     diagonal = enclosing_diameter(corners.reshape(-1, 3)) or 1.0
     lights = np.array(light_rows, records.LIGHT)
     nodes = tuple(map(Place, [node.name for node, _ in placed], scene.parents()))
-    maps = [light_map(i, row, bounds) for i, row in enumerate(lights)]
     return Packed(
-        geometry, instances, material_rows, textures, lights, maps, draws, bounds, diagonal, widths,
+        geometry, instances, material_rows, textures, lights, draws, bounds, diagonal, widths,
         boxes, ids, Names(tuple(runs), tuple(material.name for material in material_list), nodes),
     )  # fmt: skip
 

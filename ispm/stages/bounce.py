@@ -13,11 +13,11 @@ import numpy as np
 from ispm.errors import SettingsError
 from ispm.frame import BounceMap, BounceMaps, GpuScene
 from ispm.gpu import Canvas, Gpu, Raster, Recording
+from ispm.lights.atlas import pack_shelves
+from ispm.lights.plan import PlannedMap
 from ispm.optics.records import NO_HIT
-from ispm.scene.atlas import pack_shelves
 from ispm.scene.packed import Draw
 from ispm.stages.face import face_uniforms, seen_by_faces
-from ispm.tracer.plan import PlannedMap
 
 
 class BounceStage:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ispm import wgsl
-from ispm.scene.lightmap import LightMap
+from ispm.lights.lightmap import LightMap
 
 FACE = wgsl.load("stages/face.wgsl").dtype("Face")
 

@@ -1,5 +1,5 @@
 // One face of a light's map: of a cube, a square view, or a parallel one. A shader that includes this
-// binds `face` itself. s points right and t down. The axes are those of scene/lightmap.py.
+// binds `face` itself. s points right and t down. The axes are those of lights/lightmap.py.
 
 struct Face {
     position: vec3f,     // of the light; of a parallel view its middle

@@ -12,10 +12,10 @@ from typing import Any
 
 import numpy as np
 
+from ispm.kernels.simd import address, aligned, atomic_add, splat8, stf, vfma, vload8, vmul, vstore8
+from ispm.kernels.threads import run_threads
 from ispm.optics.jit import jit
 from ispm.optics.vector import dot, scale, sub
-from ispm.tracer.simd import address, aligned, atomic_add, splat8, stf, vfma, vload8, vmul, vstore8
-from ispm.tracer.threads import run_threads
 
 f32, i64 = np.float32, np.int64
 

@@ -1,4 +1,4 @@
-// Where a ray meets a triangle that a rasteriser found at its pixel. Twin of tracer/meet.py.
+// Where a ray meets a triangle that a rasteriser found at its pixel. Twin of accel/meet.py.
 // include optics/sampling.wgsl
 
 const INSET = 4e-6;        // of the coordinates: 4 times what gather rays start above surfaces for rounding

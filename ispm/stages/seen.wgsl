@@ -75,7 +75,7 @@ fn bumped(n: vec3f, tangent: vec3f, turn: f32, m: vec3f) -> vec3f {
     return normalize(unit * m.x + cross(n, unit) * turn * m.y + n * m.z);
 }
 
-// `n`, or the unit vector next to it that is just on the side of `toward`. Twin of tracer/normals.py's.
+// `n`, or the unit vector next to it that is just on the side of `toward`. Twin of accel/normals.py's.
 fn bend(n: vec3f, toward: vec3f) -> vec3f {
     let beyond = dot(n, toward);
     if (beyond >= 0.0) {

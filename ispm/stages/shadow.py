@@ -10,9 +10,9 @@ from ispm import wgsl
 from ispm.errors import SceneError
 from ispm.frame import GpuScene, ShadowMaps, vertex_layout
 from ispm.gpu import Canvas, Gpu, Recording, Target, Texture
+from ispm.lights.atlas import GUARD, LEAST, Seen, ShadowAtlas, ShadowTile, plan_atlas
+from ispm.lights.lightmap import LightMap, light_maps
 from ispm.optics.records import MATERIAL_BLEND, MATERIAL_THIN, MATERIAL_TRANSMITS
-from ispm.scene.atlas import GUARD, LEAST, Seen, ShadowAtlas, ShadowTile, plan_atlas
-from ispm.scene.lightmap import LightMap
 from ispm.scene.packed import Draw, Geometry, Packed
 from ispm.scene.pieces import Pieces
 from ispm.stages.camera import CameraView
@@ -69,7 +69,7 @@ class ShadowStage:
         self._share(packed.geometry)
         seen = _seen(packed, receivers, view)
         limit = self._gpu.max_texture
-        atlas = plan_atlas(packed.lights, packed.maps, pieces.boxes, seen, self.resolution, limit)
+        atlas = plan_atlas(packed.lights, light_maps(packed), pieces.boxes, seen, self.resolution, limit)
         if atlas is None:
             raise SceneError(
                 f"the scene has {len(packed.lights)} lights, more than {self._gpu.name} can hold shadow maps "
@@ -87,7 +87,7 @@ class ShadowStage:
             self._draw_tints(frame, scene, pieces, atlas, views, sheets)
             self._draw_depth(frame, scene, pieces, atlas, views, self._sheets, sheets)
         return ShadowMaps(
-            map_rows(packed.maps, near), tile_rows(atlas, len(packed.maps)),
+            map_rows(light_maps(packed), near), tile_rows(atlas, len(light_maps(packed))),
             self._depth, self._sheets, self._tints, has_sheets,
         )  # fmt: skip
 

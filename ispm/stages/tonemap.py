@@ -7,10 +7,10 @@ from functools import cache
 
 import numpy as np
 
+from ispm.kernels.threads import run_threads, thread_count
 from ispm.optics.jit import jit
 from ispm.optics.vector import LUMINANCE
 from ispm.scene.color import encoded
-from ispm.tracer.threads import run_threads, thread_count
 
 MIDDLE_GREY = 0.18
 _TRIM = 10.0  # per cent left out at either end, so that lamps and corners do not set the exposure

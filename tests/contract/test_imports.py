@@ -52,7 +52,7 @@ def test_command_line_starts_at_once():
 
 
 def test_loading_and_tracing_need_no_graphics():
-    code = "import ispm.io.load, ispm.scene.builtin, ispm.tracer.walk, ispm.bench.metrics"
+    code = "import ispm.io.load, ispm.library.builtin, ispm.photons.walk, ispm.bench.metrics"
     assert "wgpu" not in fresh(code)[1]
 
 

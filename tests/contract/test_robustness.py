@@ -16,15 +16,15 @@ from transport import box_room, lit, render
 from ispm.cli.main import main
 from ispm.errors import IspmError, SceneError, SceneWarning, SettingsError
 from ispm.io.image import read_picture
+from ispm.library.builtin import builtin
+from ispm.library.shapes import box, icosphere
 from ispm.renderer import Renderer
 from ispm.renderer.progress import Progress
-from ispm.scene.builtin import builtin
 from ispm.scene.camera import Camera
 from ispm.scene.light import DirectionalLight, Light, PointLight
 from ispm.scene.material import Material, Texture
 from ispm.scene.mesh import Mesh
 from ispm.scene.scene import Scene
-from ispm.scene.shapes import box, icosphere
 from ispm.settings import Settings
 
 

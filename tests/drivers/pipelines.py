@@ -16,8 +16,8 @@ from ispm.estimators.tiled import Tiled
 from ispm.estimators.volumes import Volumes
 from ispm.gpu import Compute, Gpu, Raster
 from ispm.gpu.device import _adapters
+from ispm.library.shapes import polygons
 from ispm.scene.material import AlphaMode, Material
-from ispm.scene.shapes import polygons
 
 # Values of the constants that are no switch; switches are off and on.
 _VALUES: dict[str, tuple[float, ...]] = {"BLOCK": tuple(range(1, 17))}

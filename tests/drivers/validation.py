@@ -21,7 +21,7 @@ from typing import Any
 import ispm
 from ispm.gpu import Gpu
 from ispm.gpu.device import _adapters
-from ispm.scene.builtin import BUILTINS
+from ispm.library.builtin import BUILTINS
 
 _LAYER = "VK_LAYER_KHRONOS_validation"
 _ACTIVE = "Khronos Validation Layer Active"

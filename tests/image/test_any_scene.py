@@ -6,12 +6,12 @@ import numpy as np
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from ispm.library.shapes import box, icosphere, polygons
 from ispm.renderer import Renderer
 from ispm.scene.camera import Camera
 from ispm.scene.light import DirectionalLight, PointLight, SpotLight
 from ispm.scene.material import Material
 from ispm.scene.scene import Node, Scene
-from ispm.scene.shapes import box, icosphere, polygons
 from ispm.settings import Settings
 
 SETTINGS = Settings(size=(48, 27), photons=600)

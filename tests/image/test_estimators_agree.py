@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from transport import render
 
-from ispm.scene.builtin import builtin
+from ispm.library.builtin import builtin
 
 
 @pytest.mark.parametrize("name", ["volumes", "grid"])

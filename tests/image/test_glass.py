@@ -9,15 +9,15 @@ from transport import Tracer
 
 from ispm.gpu import Gpu
 from ispm.io.load import load
+from ispm.lights.emission import emit_rays
+from ispm.lights.plan import plan_maps
+from ispm.paths.eye import TRANSMITTED, EyeRays, trace_eye
 from ispm.reference.eye import eye_light
 from ispm.renderer import Renderer
 from ispm.scene.camera import Camera
 from ispm.scene.scene import Scene
 from ispm.settings import Settings
 from ispm.stages.camera import CameraView
-from ispm.tracer.emission import emit_rays
-from ispm.tracer.eye import TRANSMITTED, EyeRays, trace_eye
-from ispm.tracer.plan import plan_maps
 
 LIGHT, BALL = np.array([2.78, 5.0, 2.795]), np.array([3.7, 1.4, 3.4])  # of scene B; the ball's radius is 1
 CAUSTIC = LIGHT + (BALL - LIGHT) * LIGHT[1] / (LIGHT[1] - BALL[1])  # its middle, on the floor

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from ispm.errors import IspmError
+from ispm.library.shapes import box, icosphere
 from ispm.renderer.renderer import Renderer
 from ispm.scene.camera import Camera
 from ispm.scene.light import PointLight
 from ispm.scene.material import Material
 from ispm.scene.scene import Scene
-from ispm.scene.shapes import box, icosphere
 from ispm.settings import Settings
 
 SIZE = (96, 54)

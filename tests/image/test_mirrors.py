@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from transport import render
 
+from ispm.library.shapes import box, icosphere, polygons
 from ispm.scene.camera import Camera
 from ispm.scene.light import PointLight
 from ispm.scene.material import Material
 from ispm.scene.scene import Scene
-from ispm.scene.shapes import box, icosphere, polygons
 
 SIZE = (160, 120)
 EYE = Camera.look_at((0.1, 1.1, 1.9), (0.0, 0.9, 0.0), yfov=1.2)

@@ -7,12 +7,12 @@ import pytest
 from transport import box_room, lit, render
 
 from ispm.errors import SceneError, SceneWarning
-from ispm.scene.builtin import builtin
+from ispm.library.builtin import builtin
+from ispm.library.shapes import box, icosphere, moved, polygons
 from ispm.scene.camera import Camera, look_at_pose
 from ispm.scene.light import PointLight
 from ispm.scene.material import Material, Texture, TextureUse
 from ispm.scene.scene import Scene
-from ispm.scene.shapes import box, icosphere, moved, polygons
 
 LIGHT_LAYERS = ("full", "direct", "indirect", "emission", "irradiance")
 EYE = Camera.look_at((0.3, 0.4, 1.8), (0.0, -0.2, 0.0), yfov=1.1)

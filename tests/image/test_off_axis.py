@@ -5,9 +5,9 @@ import pytest
 from scipy.ndimage import maximum_filter, minimum_filter
 
 from ispm.gpu import Gpu
+from ispm.library.builtin import builtin
 from ispm.renderer import Renderer
 from ispm.renderer.framing import find_camera
-from ispm.scene.builtin import builtin
 from ispm.scene.camera import Camera
 from ispm.settings import Settings
 

@@ -16,6 +16,10 @@ from scipy.spatial.transform import Rotation
 from test_any_scene import NEVER_SLOW, lamps, things, turn
 from transport import SIDES, Tracer, box_room
 
+from ispm.accel.intersect import STACK_WORDS
+from ispm.accel.surface import closest_surface, surface
+from ispm.kernels.simd import address, alloca
+from ispm.lights.nee import direct_light
 from ispm.optics.jit import jit
 from ispm.optics.vector import LUMINANCE, dot, scale, sub
 from ispm.renderer import Renderer
@@ -23,10 +27,6 @@ from ispm.scene.camera import Camera
 from ispm.scene.scene import Node, Part, Scene
 from ispm.settings import Settings
 from ispm.stages.camera import CameraView
-from ispm.tracer.intersect import STACK_WORDS
-from ispm.tracer.lit import direct_light
-from ispm.tracer.simd import address, alloca
-from ispm.tracer.surface import closest_surface, surface
 
 f32 = np.float32
 

@@ -8,8 +8,8 @@ from transport import box_room, render
 
 import ispm
 from ispm.errors import SceneWarning
+from ispm.library.shapes import box, icosphere
 from ispm.scene.scene import Node, Scene
-from ispm.scene.shapes import box, icosphere
 
 
 def on_plate(size=1.0, at=(0.0, 0.0, 0.0)):

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from transport import box_room, lit, render
 
-from ispm.scene.builtins_common import lambert
+from ispm.library.common import lambert
+from ispm.library.shapes import box
 from ispm.scene.camera import Camera
 from ispm.scene.scene import Scene
-from ispm.scene.shapes import box
 
 WIDTH, APART = 0.005, 0.08  # m
 

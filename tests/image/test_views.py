@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 
 from ispm.errors import SettingsError
+from ispm.library.builtin import builtin
 from ispm.optics.records import PHOTON, RECEIVER
+from ispm.photons.first_hits import first_hits
+from ispm.photons.grid import PhotonGrid
 from ispm.renderer.charts import overdraw_chart
 from ispm.renderer.last import LastFrame, texels_as_photons
 from ispm.renderer.renderer import Renderer
 from ispm.renderer.views import _ambient
-from ispm.scene.builtin import builtin
 from ispm.settings import RENDERER_VIEWS, VIEWS, Settings
-from ispm.tracer.first_hits import first_hits
-from ispm.tracer.grid import PhotonGrid
 
 SIZE = (160, 90)
 

@@ -24,8 +24,8 @@ import numpy as np
 from ispm import Renderer, Scene, Settings, load
 from ispm.bench.metrics import Comparison, compare
 from ispm.gpu import Gpu, open_gpu
+from ispm.library.builtin import builtin
 from ispm.renderer.picture import Frame
-from ispm.scene.builtin import builtin
 from ispm.settings import PRESETS
 from references import Reference, larger, names, outside, stored
 from references.flicker import HEADINGS as FLICKER_HEADINGS

@@ -12,12 +12,12 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from transport import SIDES, box_room
 
-from ispm.scene.builtins_common import add_camera, lambert
-from ispm.scene.builtins_rooms import cornell_box, integrating_sphere
+from ispm.library.common import add_camera, lambert
+from ispm.library.rooms import cornell_box, integrating_sphere
+from ispm.library.shapes import box, icosphere, lathe, polygons
 from ispm.scene.light import PointLight
 from ispm.scene.material import Texture
 from ispm.scene.scene import Scene
-from ispm.scene.shapes import box, icosphere, lathe, polygons
 
 Triple = tuple[float, float, float]
 Masks = dict[str, np.ndarray]

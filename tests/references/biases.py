@@ -16,12 +16,12 @@ import numpy as np
 from transport import Tracer
 
 from ispm import Renderer, Scene, Settings
+from ispm.accel.surface import SurfaceTable
 from ispm.gpu import Gpu, open_gpu
 from ispm.optics.texture import TextureTable
 from ispm.reference.paths import path_light
 from ispm.renderer.picture import Frame
 from ispm.stages.camera import CameraView
-from ispm.tracer.surface import SurfaceTable
 from references.bias_scenes import BOUNCES, Case, Seen, cases
 from references.page import table, write_between
 

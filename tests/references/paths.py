@@ -15,10 +15,10 @@ from assets import assets
 from transport import Tracer
 
 from ispm import Scene, builtin, load
+from ispm.accel.surface import SurfaceTable
 from ispm.optics.texture import TextureTable
 from ispm.reference.paths import path_light
 from ispm.stages.camera import CameraView
-from ispm.tracer.surface import SurfaceTable
 from references import FOLDER
 
 SIZE = 640, 360  # of the picture whose pixels are looked at

@@ -9,10 +9,10 @@ import math
 
 import numpy as np
 
-from ispm.scene.builtins_common import add_camera, add_spot, lambert
+from ispm.library.common import add_camera, add_spot, lambert
+from ispm.library.shapes import box
 from ispm.scene.light import DirectionalLight, PointLight, SpotLight
 from ispm.scene.scene import Scene
-from ispm.scene.shapes import box
 
 Triple = tuple[float, float, float]
 

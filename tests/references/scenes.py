@@ -12,13 +12,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from ispm.scene.builtins_common import add_camera, add_spot, lambert
-from ispm.scene.builtins_rooms import cornell_box
+from ispm.library.common import add_camera, add_spot, lambert
+from ispm.library.rooms import cornell_box
+from ispm.library.shapes import box, icosphere, lathe, polygons
 from ispm.scene.light import DirectionalLight, PointLight, SpotLight
 from ispm.scene.material import Material, Texture
 from ispm.scene.mesh import Mesh
 from ispm.scene.scene import Scene
-from ispm.scene.shapes import box, icosphere, lathe, polygons
 from references.rooms import ROOMS
 
 Triple = tuple[float, float, float]

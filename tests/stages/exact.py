@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from ispm.lights.lightmap import CUBE_AXES, LightMap, face_directions
 from ispm.scene.camera import look_at_pose
 from ispm.scene.light import PointLight
-from ispm.scene.lightmap import CUBE_AXES, LightMap, face_directions
 from ispm.scene.material import Material
 from ispm.scene.mesh import Mesh
 from ispm.scene.packed import Packed, pack

@@ -7,6 +7,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from exact import Triangles, cast
 
+from ispm.accel.surface import SurfaceTable
+from ispm.accel.world import World
 from ispm.frame import ShadowMaps
 from ispm.gpu import Gpu
 from ispm.optics.texture import TextureTable
@@ -19,8 +21,6 @@ from ispm.stages.downsample import Downsample
 from ispm.stages.gbuffer import GBufferStage
 from ispm.stages.shadow import ShadowStage
 from ispm.stages.upload import Upload
-from ispm.tracer.surface import SurfaceTable
-from ispm.tracer.world import World
 
 
 @dataclass

@@ -8,11 +8,11 @@ import numpy as np
 from exact import quad
 from scipy.spatial.transform import Rotation
 
+from ispm.library.shapes import box
 from ispm.scene.camera import look_at_pose
 from ispm.scene.light import DirectionalLight, PointLight
 from ispm.scene.material import Material
 from ispm.scene.scene import Node, Scene
-from ispm.scene.shapes import box
 from ispm.stages.camera import CameraView
 
 _PLAIN = Material(specular=0.0, roughness=1.0, double_sided=True)

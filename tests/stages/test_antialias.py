@@ -5,11 +5,11 @@ import pytest
 from transport import render
 
 from ispm.errors import SettingsError
+from ispm.library.shapes import polygons
 from ispm.scene.camera import Camera
 from ispm.scene.material import Material
 from ispm.scene.mesh import Mesh
 from ispm.scene.scene import Scene
-from ispm.scene.shapes import polygons
 
 SIZE = (64, 36)
 

@@ -9,16 +9,17 @@ from exact import cast, interior, map_rays, mixed_scene, packed_mixed, quad, tri
 from ispm.errors import SettingsError
 from ispm.frame import BounceMaps
 from ispm.gpu import Gpu
+from ispm.lights.aim import aimed_maps
+from ispm.lights.lightmap import LightMap, light_maps
+from ispm.lights.plan import PlannedMap
 from ispm.optics.records import NO_HIT
-from ispm.scene.aim import aimed_maps
+from ispm.scene.extent import corners_of
 from ispm.scene.light import DirectionalLight, Light, PointLight, SpotLight
-from ispm.scene.lightmap import LightMap, corners_of
 from ispm.scene.material import AlphaMode, Material, Texture, TextureUse
 from ispm.scene.packed import Packed, pack
 from ispm.scene.scene import Scene
 from ispm.stages.bounce import BounceStage, _arrange
 from ispm.stages.upload import Upload
-from ispm.tracer.plan import PlannedMap
 
 SHIFTS = [(0.0, 0.0), (0.31, -0.44), (-0.5, 0.5)]
 DOWN = (-(0.5**0.5), 0.0, 0.0, 0.5**0.5)
@@ -56,7 +57,7 @@ def mixed_with(light: Light) -> Packed:
 @pytest.mark.parametrize("shift", SHIFTS)
 def test_bounce_map_matches_exact_rays(gpu: Gpu, kind: str, shift: tuple[float, float]) -> None:
     packed, width = mixed_with(LIGHTS[kind]), 40
-    map = packed.maps[0]
+    map = light_maps(packed)[0]
     (got,) = draw(gpu, packed, [planned(map, width, shift)])
     assert got.shape == (6 if "cube" in kind else 1, width, width, 2)
     triangles = triangles_of(packed)
@@ -79,7 +80,7 @@ def test_crop_of_a_parallel_map_sees_what_stands_before_it(gpu: Gpu) -> None:
     scene.add(quad(1.0), translation=(9.0, 0.0, 0.0))
     scene.add(DirectionalLight(), rotation=DOWN)
     packed = pack(scene)
-    (map,) = packed.maps
+    (map,) = light_maps(packed)
     part = aimed_maps(map, packed.lights[0], corners_of(packed.boxes[:1]), 8)[0]
     assert part.measure == pytest.approx(4.0 * 1.02**2, rel=1e-6)
     (got,) = draw(gpu, packed, [planned(part, 16)])
@@ -88,7 +89,7 @@ def test_crop_of_a_parallel_map_sees_what_stands_before_it(gpu: Gpu) -> None:
 
 def test_bounce_map_does_not_depend_on_near(gpu: Gpu) -> None:
     packed = packed_mixed()
-    plan = [planned(packed.maps[0], 32, (0.1, 0.1))]
+    plan = [planned(light_maps(packed)[0], 32, (0.1, 0.1))]
     first, second = (draw(gpu, packed, plan, near)[0] for near in (1e-5, 1e-2))
     assert (first[..., :2] == second[..., :2]).mean() > 0.999
 
@@ -106,8 +107,8 @@ def test_masked_texels_let_photons_through(gpu: Gpu) -> None:
     scene.add(quad(9.0))
     scene.add(PointLight(), translation=(0.0, 2.0, 0.0))
     packed = pack(scene)
-    (got,) = draw(gpu, packed, [planned(packed.maps[0], 64)])
-    d = map_rays(packed.maps[0], 64)[1][3]  # downwards; the upper quad fills it just so
+    (got,) = draw(gpu, packed, [planned(light_maps(packed)[0], 64)])
+    d = map_rays(light_maps(packed)[0], 64)[1][3]  # downwards; the upper quad fills it just so
     through = (d[..., 0] < 0.0) & (d[..., 2] < 0.0)
     assert (got[3, ..., 0] == np.where(through, 1, 0)).all()
 
@@ -117,7 +118,7 @@ def test_blended_surface_stops_its_share(gpu: Gpu) -> None:
     scene.add(quad(9.0), material=Material(base_color=(1, 1, 1, 0.3), alpha_mode=AlphaMode.BLEND))
     scene.add(PointLight(), translation=(0.0, 1.0, 0.0))
     packed = pack(scene)
-    (got,) = draw(gpu, packed, [planned(packed.maps[0], 128)])
+    (got,) = draw(gpu, packed, [planned(light_maps(packed)[0], 128)])
     # 16 384 texels: standard deviation 0.0036; 5 of them
     assert (got[3, ..., 0] == 0).mean() == pytest.approx(0.3, abs=0.018)
 
@@ -132,7 +133,7 @@ def test_opacity_is_that_of_the_finest_texels(gpu: Gpu) -> None:
     scene.add(quad(1.0), material=Material(alpha_mode=AlphaMode.BLEND, base_color_texture=use))
     scene.add(PointLight(), translation=(0.0, 1.0, 0.0))
     packed = pack(scene)
-    got = draw(gpu, packed, 40 * [planned(packed.maps[0], 1)])
+    got = draw(gpu, packed, 40 * [planned(light_maps(packed)[0], 1)])
     assert all(map[3, 0, 0, 0] == 0 for map in got)
 
 
@@ -142,7 +143,7 @@ def test_maps_lie_side_by_side_without_touching(gpu: Gpu) -> None:
     scene.add(SpotLight(), translation=(0.0, 4.0, 0.0), rotation=DOWN)
     scene.add(DirectionalLight(), rotation=DOWN)
     packed = pack(scene)
-    of_light = packed.maps
+    of_light = light_maps(packed)
     plan = [
         planned(of_light[0], 16),
         planned(of_light[1], 2100, (0.3, 0.1)),
@@ -161,7 +162,7 @@ def test_faces_do_not_overlap() -> None:
     packed = packed_mixed()
     random = np.random.default_rng(0)
     for count, widest in ((1, 9), (64, 40), (30, 900), (5, 3000)):
-        plan = [planned(packed.maps[0], int(w)) for w in random.integers(1, widest + 1, count)]
+        plan = [planned(light_maps(packed)[0], int(w)) for w in random.integers(1, widest + 1, count)]
         maps, size = _arrange(plan, 8192)
         taken = np.zeros(size[::-1], np.uint8)
         for each in maps:
@@ -175,4 +176,4 @@ def test_faces_do_not_overlap() -> None:
 def test_maps_beyond_the_adapter_name_the_cure(gpu: Gpu) -> None:
     packed = packed_mixed()
     with pytest.raises(SettingsError, match=r"photons: 1000 .*fewer.*rays"):
-        draw(gpu, packed, [planned(packed.maps[0], gpu.max_texture // 2 + 1)])
+        draw(gpu, packed, [planned(light_maps(packed)[0], gpu.max_texture // 2 + 1)])

@@ -7,9 +7,11 @@ import pytest
 from exact import mixed_scene, quad, view_of
 
 from ispm.gpu import Target
+from ispm.library.common import lambert
 from ispm.optics.records import CAUSTIC, PHOTON
+from ispm.photons.footprint import OVERLAP, shape_kernels
+from ispm.photons.grid import PhotonGrid
 from ispm.reference.gather import gather
-from ispm.scene.builtins_common import lambert
 from ispm.scene.camera import look_at_pose
 from ispm.scene.material import Material
 from ispm.scene.packed import pack
@@ -21,8 +23,6 @@ from ispm.stages.filter import MET
 from ispm.stages.gbuffer import GBufferStage
 from ispm.stages.upload import Upload
 from ispm.stages.upsample import Upsample
-from ispm.tracer.footprint import OVERLAP, shape_kernels
-from ispm.tracer.grid import PhotonGrid
 
 NO_BEAMS = np.zeros((0, 9), np.float32)
 

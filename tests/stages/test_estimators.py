@@ -14,9 +14,9 @@ from ispm.estimators.tiled import Tiled
 from ispm.estimators.tiled_cpu import TiledCpu
 from ispm.estimators.volumes import Volumes, icosahedron_corners, icosahedron_faces
 from ispm.gpu import Target
+from ispm.library.builtin import builtin
 from ispm.optics.records import PHOTON, RECEIVER
 from ispm.reference.gather import gather
-from ispm.scene.builtin import builtin
 
 LOW, HIGH = np.array([-2.0, -1.5, -6.0]), np.array([2.0, 1.5, 1.0])  # of a room around the eye
 SIZE = (45, 27)  # not a multiple of a tile

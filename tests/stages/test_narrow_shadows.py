@@ -10,9 +10,9 @@ from exact import triangles_of
 from lit import Lamp, seen_surfaces
 from odd_shadows import ODD
 
+from ispm.accel.world import World
 from ispm.gpu import Gpu
 from ispm.scene.packed import Packed, pack
-from ispm.tracer.world import World
 
 # Shares of pixels that may be wrong: what casts their shadow lies between the texels of the map.
 WRONG = {"fence": 1e-3, "blind": 1e-4, "table": 5e-4, "corridor": 5e-4, "partition": 5e-4, "wires": 3e-3}

@@ -8,23 +8,24 @@ import numpy as np
 import pytest
 from exact import Triangles, cast, map_rays, mixed_scene, packed_mixed, triangles_of, view_of
 
+from ispm.accel.surface import SurfaceTable
 from ispm.frame import GBuffer
 from ispm.gpu import Gpu
+from ispm.library.shapes import polygons
+from ispm.lights.emission import place_photons
+from ispm.lights.lightmap import light_maps
+from ispm.lights.plan import PlannedMap
 from ispm.optics.records import EMITTED, NO_HIT
 from ispm.optics.texture import TextureTable
 from ispm.renderer.chains import eye_rays
 from ispm.scene.light import DirectionalLight, PointLight
 from ispm.scene.packed import Packed, pack
 from ispm.scene.scene import Scene
-from ispm.scene.shapes import polygons
 from ispm.stages.camera import CameraView
 from ispm.stages.chain import SEEN
 from ispm.stages.downsample import Downsample
 from ispm.stages.gbuffer import GBufferStage
 from ispm.stages.upload import Upload
-from ispm.tracer.emission import place_photons
-from ispm.tracer.plan import PlannedMap
-from ispm.tracer.surface import SurfaceTable
 
 ULP = 2.0**-24
 VIEWS: dict[str, dict[str, Any]] = {
@@ -236,7 +237,7 @@ def test_photons_meet_what_their_texels_rays_meet(kind: str, step: tuple[int, in
     scene.roots.pop()
     scene.add(LIGHTS[kind], translation=(0.3, 3.0, 0.8), rotation=(-0.6, 0.15, 0.1, 0.78))
     packed, width, shift = pack(scene), 64, (0.31, -0.44)
-    (map,) = packed.maps
+    (map,) = light_maps(packed)
     triangles = triangles_of(packed)
     row, _, exact = nearest(triangles, *map_rays(map, width, shift))
     content = np.zeros((len(map.axes), width, width, 2), np.uint32)
@@ -266,7 +267,7 @@ def test_nothing_is_met_beyond_a_light_s_range() -> None:
     scene.add(polygons([corners]))
     scene.add(PointLight(range=2.0), translation=(0.0, 1.0, 0.0))
     packed = pack(scene)
-    planned = PlannedMap(packed.maps[0], 1000, 32, (0.0, 0.0), 0.5)
+    planned = PlannedMap(light_maps(packed)[0], 1000, 32, (0.0, 0.0), 0.5)
     row, distance, _ = nearest(triangles_of(packed), *map_rays(planned.map, 32))
     content = np.zeros((*row.shape, 2), np.uint32)
     content[..., 0], content[..., 1] = np.where(row >= 0, 0, NO_HIT), np.maximum(row, 0)

@@ -9,16 +9,16 @@ import pytest
 from exact import cast, mixed_scene, quad, triangles_of, view_of
 from lit import Lamp, seen_surfaces
 
+from ispm.accel.world import World
 from ispm.gpu import Gpu
+from ispm.library.shapes import box
 from ispm.scene.camera import look_at_pose
 from ispm.scene.light import DirectionalLight, Light, PointLight, SpotLight
 from ispm.scene.material import AlphaMode, Material
 from ispm.scene.packed import Packed, pack
 from ispm.scene.scene import Scene
-from ispm.scene.shapes import box
 from ispm.stages.camera import CameraView
 from ispm.stages.shadow import shared_indices
-from ispm.tracer.world import World
 
 LAMPS: dict[str, tuple[Light, tuple[float, float, float]]] = {
     "point": (PointLight((10.0, 20.0, 30.0)), (0.3, 3.0, 0.8)),

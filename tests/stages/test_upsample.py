@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from exact import mixed_scene, quad, view_of
 
-from ispm.scene.builtins_common import lambert
+from ispm.library.common import lambert
+from ispm.library.shapes import polygons
 from ispm.scene.camera import look_at_pose
 from ispm.scene.material import Texture
 from ispm.scene.packed import pack
 from ispm.scene.scene import Scene
-from ispm.scene.shapes import polygons
 from ispm.stages.camera import CameraView
 from ispm.stages.downsample import Downsample
 from ispm.stages.filter import DENSITY, MET

@@ -7,10 +7,10 @@ import pytest
 from test_specular_paths import BLACK, glass, mirror, rectangle
 from transport import Tracer, aim, box_room, lit
 
+from ispm.library.shapes import icosphere
 from ispm.optics.sampling import orthonormal_basis
 from ispm.scene.light import DirectionalLight, SpotLight
 from ispm.scene.scene import Scene
-from ispm.scene.shapes import icosphere
 
 STEP = 2e-4  # between directions, radian
 SIDE = 1e-2  # of the square of directions that is a photon's own

@@ -11,13 +11,13 @@ import pytest
 from test_specular_paths import BLACK, glass, mirror, rectangle
 from transport import Tracer, aim, lit
 
+from ispm.library.shapes import icosphere
 from ispm.optics.records import RECEIVER
+from ispm.photons.density import measure_caustic_radii
 from ispm.reference.gather import gather
 from ispm.scene.light import DirectionalLight
 from ispm.scene.mesh import Mesh
 from ispm.scene.scene import Scene
-from ispm.scene.shapes import icosphere
-from ispm.tracer.density import measure_caustic_radii
 
 
 def half_ring(height, columns=256, rows=8):

@@ -11,8 +11,8 @@ from scipy import integrate
 from transport import trace
 
 from ispm.estimators.grid import Grid
+from ispm.library.builtin import builtin
 from ispm.optics.records import PHOTON, RECEIVER
-from ispm.scene.builtin import builtin
 
 WIDTH = 0.5  # m, the standard deviation of a Gaussian blob of light of 1 lm
 PEAK = 1 / (2 * math.pi * WIDTH**2)

@@ -9,20 +9,20 @@ from scipy import stats
 from scipy.spatial.transform import Rotation
 from transport import Tracer, box_room, lit, on_instance
 
+from ispm.accel.surface import SurfaceTable
+from ispm.library.common import lambert
+from ispm.library.shapes import box, icosphere, polygons
+from ispm.lights.emission import emit_rays, emit_texels
+from ispm.lights.lightmap import light_maps, texel_measures
+from ispm.lights.plan import PlannedMap, map_width, plan_maps, share_photons
 from ispm.optics.texture import TextureTable
-from ispm.scene.builtins_common import lambert
 from ispm.scene.camera import look_at_pose
 from ispm.scene.light import DirectionalLight, PointLight, SpotLight
-from ispm.scene.lightmap import texel_measures
 from ispm.scene.material import AlphaMode, Material, Texture, TextureUse
 from ispm.scene.packed import pack
 from ispm.scene.scene import Scene
-from ispm.scene.shapes import box, icosphere, polygons
 from ispm.stages.bounce import BounceStage
 from ispm.stages.upload import Upload
-from ispm.tracer.emission import emit_rays, emit_texels
-from ispm.tracer.plan import PlannedMap, map_width, plan_maps, share_photons
-from ispm.tracer.surface import SurfaceTable
 
 
 def packed_with(light, **where):
@@ -43,7 +43,7 @@ LIGHTS = {
 
 
 def planned(packed, wanted, offset=0.3, shift=(0.2, -0.4)):
-    (map,) = packed.maps
+    (map,) = light_maps(packed)
     return PlannedMap(map, wanted, map_width(map, packed.lights[0], wanted), shift, offset)
 
 
@@ -58,7 +58,7 @@ def thinned(packed, each):
 def test_thinned_photons_have_equal_flux_and_the_wanted_number(kind, wanted):
     packed = LIGHTS[kind]()
     photons = thinned(packed, planned(packed, wanted))
-    expected = packed.lights["intensity"][0] * packed.maps[0].measure / wanted
+    expected = packed.lights["intensity"][0] * light_maps(packed)[0].measure / wanted
     assert (photons["flux"] == photons["flux"][:1]).all()
     assert photons["flux"][:1] == pytest.approx(expected[None], rel=1e-6)
     # each texel survives with a chance of its own: at most as uncertain as so many coins
@@ -152,7 +152,7 @@ def far_lit_blocks():
     for x in (-0.5, 0.4):
         scene.add(box((0, 0, 0), (0.3, 0.5, 0.3)), material=lambert((0.5,) * 3), translation=(x, 0, x / 2))
     scene.add(PointLight((9e3,) * 3), translation=(18.0, 30.0, 20.0))
-    assert len(pack(scene).maps[0].axes) == 1
+    assert len(light_maps(pack(scene))[0].axes) == 1
     return scene
 
 
@@ -233,7 +233,7 @@ class Emitter:
     def aimed(self, share, photons=8000):
         """Return how many maps are aimed."""
         plan = plan_maps(self.packed, share_photons(self.packed, photons), share, 0, 0)
-        return len(plan) - len(self.packed.maps)
+        return len(plan) - len(light_maps(self.packed))
 
 
 def agree(one, other):
@@ -296,7 +296,7 @@ def test_looking_at_what_the_eye_sees_changes_no_flux(gpu, emission):
 def test_emitted_flux_is_that_of_the_lights(gpu, emission, kind):
     """Without aimed maps each pass has it, to the chance of the thinning; with them it has in the mean."""
     emit = Emitter(gpu, ROOMS[kind]())
-    measures = np.array([map.measure for map in emit.packed.maps])
+    measures = np.array([map.measure for map in light_maps(emit.packed)])
     flux = float(measures @ emit.packed.lights["intensity"].astype(float).sum(axis=1))
     alone = emit(emission, 20_000)["flux"].astype(float).sum()
     # maps: 20 000 photons, at most as uncertain as coins of 1 in 2, 4 sigma; rays of equal flux: exact

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from transport import box_room, lit, render
 
+from ispm.library.builtin import builtin
+from ispm.library.shapes import box, icosphere, polygons
 from ispm.renderer import renderer as renderer_module
-from ispm.scene.builtin import builtin
 from ispm.scene.camera import Camera, look_at_pose
 from ispm.scene.light import PointLight
 from ispm.scene.material import Material
 from ispm.scene.scene import Scene
-from ispm.scene.shapes import box, icosphere, polygons
 
 _SPREAD = 1.8  # of the biweight kernel: pi r^2 times its square's integral (method, 1.7)
 

@@ -7,11 +7,11 @@ import pytest
 from scipy import integrate
 from transport import Tracer, aim, box_room, lit, on_instance, total, trace
 
-from ispm.scene.builtins_common import lambert
+from ispm.library.common import lambert
+from ispm.library.shapes import polygons
+from ispm.photons.walk import ROULETTE_AFTER
 from ispm.scene.material import Material
 from ispm.scene.scene import Scene
-from ispm.scene.shapes import polygons
-from ispm.tracer.walk import ROULETTE_AFTER
 
 
 @pytest.mark.parametrize("albedo", [0.25, 0.8])

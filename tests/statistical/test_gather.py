@@ -7,18 +7,18 @@ import pytest
 from test_specular_paths import still_life
 from transport import Tracer, box_room, lit, render, total
 
+from ispm.library.builtin import builtin
+from ispm.library.shapes import icosphere
 from ispm.optics.records import RECEIVER
+from ispm.paths.ends import reflect_light
+from ispm.paths.gather import gather_rays
+from ispm.paths.guide import even_guide
+from ispm.photons.density import measure_radii
+from ispm.photons.grid import PhotonGrid
 from ispm.renderer import gather as gather_module
 from ispm.renderer.gather import even_numbers
-from ispm.scene.builtin import builtin
 from ispm.scene.camera import Camera
 from ispm.scene.material import Material
-from ispm.scene.shapes import icosphere
-from ispm.tracer.density import measure_radii
-from ispm.tracer.ends import reflect_light
-from ispm.tracer.gather import gather_rays
-from ispm.tracer.grid import PhotonGrid
-from ispm.tracer.guide import even_guide
 
 
 def receivers_at(position, normal):

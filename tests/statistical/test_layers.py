@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 from transport import Tracer
 
+from ispm.accel.intersect import STACK_WORDS
+from ispm.accel.surface import closest_surface
+from ispm.kernels.simd import address, alloca
 from ispm.optics.jit import jit
 from ispm.optics.rng import random4
 from ispm.scene.material import AlphaMode, Material
 from ispm.scene.mesh import Mesh
 from ispm.scene.scene import Scene
-from ispm.tracer.intersect import STACK_WORDS
-from ispm.tracer.simd import address, alloca
-from ispm.tracer.surface import closest_surface
 
 f32, u32 = np.float32, np.uint32
 

@@ -7,15 +7,15 @@ import pytest
 from test_specular_paths import BLACK, glass, rectangle
 from transport import Tracer, aim, box_room, lit
 
+from ispm.accel.intersect import STACK_WORDS
+from ispm.accel.surface import closest_surface, leave_surface, surface
+from ispm.kernels.simd import address, alloca
+from ispm.library.shapes import icosphere
 from ispm.optics.bsdf import smooth_split
 from ispm.optics.jit import jit
 from ispm.optics.vector import scale
 from ispm.scene.light import DirectionalLight
 from ispm.scene.scene import Scene
-from ispm.scene.shapes import icosphere
-from ispm.tracer.intersect import STACK_WORDS
-from ispm.tracer.simd import address, alloca
-from ispm.tracer.surface import closest_surface, leave_surface, surface
 
 f32 = np.float32
 

@@ -8,12 +8,12 @@ from test_bsdf import integrate, surface, towards
 from test_flux import bounced_irradiance, plate
 from transport import lit, render
 
-from ispm.scene.builtin import builtin
-from ispm.scene.builtins_common import lambert
+from ispm.library.builtin import builtin
+from ispm.library.common import lambert
+from ispm.library.shapes import polygons
 from ispm.scene.camera import Camera, look_at_pose
 from ispm.scene.material import Material
 from ispm.scene.scene import Scene
-from ispm.scene.shapes import polygons
 
 
 @pytest.mark.parametrize(("metallic", "roughness"), [(0.0, 1.0), (0.0, 0.6), (1.0, 0.6), (1.0, 1.0)])

@@ -9,10 +9,10 @@ from references.scenes import pictured
 from test_specular_paths import glass, rectangle
 from transport import Tracer, box_room, lit
 
+from ispm.library.common import lambert
+from ispm.library.shapes import icosphere
 from ispm.reference.paths import path_light
-from ispm.scene.builtins_common import lambert
 from ispm.scene.scene import Scene
-from ispm.scene.shapes import icosphere
 from ispm.stages.camera import CameraView
 
 

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from transport import Tracer, aim, box_room, lit, total, trace
 
-from ispm.scene.builtins_common import lambert
+from ispm.library.common import lambert
+from ispm.library.shapes import box, polygons
 from ispm.scene.light import DirectionalLight
 from ispm.scene.material import Material
 from ispm.scene.scene import Scene
-from ispm.scene.shapes import box, polygons
 
 BLACK = lambert((0.0,) * 3)
 

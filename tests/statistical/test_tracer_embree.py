@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from tracer_scenes import corners_of, crowd, hall, intersect64, rays_inside
 
+from ispm.accel.world import World
+from ispm.library.builtin import builtin
 from ispm.optics.records import NO_HIT
-from ispm.scene.builtin import builtin
 from ispm.scene.packed import pack
 from ispm.scene.scene import Scene
-from ispm.tracer.world import World
 
 pytest.importorskip("embreex", reason="embreex, the reference tracer, is not installed")
 

@@ -6,17 +6,17 @@ import numpy as np
 import pytest
 from tracer_scenes import merged, shell
 
+from ispm.accel.intersect import STACK_WORDS, closest, instance_scale
+from ispm.accel.leave import leave_triangle
+from ispm.accel.world import World
+from ispm.kernels.simd import address, alloca, ldf, ldu
+from ispm.kernels.threads import run_threads
 from ispm.optics.jit import jit
 from ispm.optics.rng import random4
 from ispm.optics.vector import cross, dot, scale
 from ispm.scene.packed import pack
 from ispm.scene.rotation import rotation_matrix
 from ispm.scene.scene import Scene
-from ispm.tracer.intersect import STACK_WORDS, closest, instance_scale
-from ispm.tracer.leave import leave_triangle
-from ispm.tracer.simd import address, alloca, ldf, ldu
-from ispm.tracer.threads import run_threads
-from ispm.tracer.world import World
 
 f32, i64, u32 = np.float32, np.int64, np.uint32
 

@@ -6,13 +6,14 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from ispm.scene.aim import aimed_maps, seen_maps
+from ispm.library.shapes import box, icosphere
+from ispm.lights.aim import aimed_maps, seen_maps
+from ispm.lights.lightmap import LightMap, light_maps
+from ispm.scene.extent import corners_of
 from ispm.scene.light import DirectionalLight, Light, PointLight, SpotLight
-from ispm.scene.lightmap import LightMap, corners_of
 from ispm.scene.material import Material
 from ispm.scene.packed import Packed, pack
 from ispm.scene.scene import Scene
-from ispm.scene.shapes import box, icosphere
 
 ROOM = ((-10.0, 0.0, -10.0), (10.0, 8.0, 10.0))
 
@@ -26,7 +27,7 @@ def lit_room(light: Light, position: tuple[float, ...] = (0.0, 6.0, 0.0)) -> Pac
 
 def aimed(light: Light, boxes: np.ndarray, most: int = 8, **where: tuple[float, ...]) -> list[LightMap]:
     packed = lit_room(light, **where)
-    return aimed_maps(packed.maps[0], packed.lights[0], corners_of(boxes), most)
+    return aimed_maps(light_maps(packed)[0], packed.lights[0], corners_of(boxes), most)
 
 
 def boxes_at(centers: object, half: float = 0.3) -> np.ndarray:
@@ -75,8 +76,8 @@ def test_a_box_behind_another_shares_its_map():
 def test_maps_are_narrow_and_take_little_of_their_light():
     boxes = boxes_at(grid(9, 2.2), 0.2)
     packed = lit_room(PointLight())
-    for map in aimed_maps(packed.maps[0], packed.lights[0], corners_of(boxes), 8):
-        assert map.spread < math.tan(0.6) and map.measure < packed.maps[0].measure / 3
+    for map in aimed_maps(light_maps(packed)[0], packed.lights[0], corners_of(boxes), 8):
+        assert map.spread < math.tan(0.6) and map.measure < light_maps(packed)[0].measure / 3
 
 
 def test_no_map_for_a_box_round_the_light_or_close_to_it():
@@ -91,8 +92,8 @@ def test_no_map_where_a_spot_does_not_shine():
     packed = lit_room(SpotLight(outer_angle=0.3))
     ahead = packed.lights["direction"][0].astype(float)
     for way, count in ((ahead, 1), (-ahead, 0), (np.cross(ahead, (0.3, 0.9, 0.1)), 0)):
-        boxes = boxes_at([packed.maps[0].origin + 5.0 * way], 0.2)
-        assert len(aimed_maps(packed.maps[0], packed.lights[0], corners_of(boxes), 8)) == count
+        boxes = boxes_at([light_maps(packed)[0].origin + 5.0 * way], 0.2)
+        assert len(aimed_maps(light_maps(packed)[0], packed.lights[0], corners_of(boxes), 8)) == count
 
 
 def test_thousands_of_boxes_are_grouped():
@@ -108,7 +109,7 @@ def test_a_ball_fills_its_view():
     scene.add(PointLight(), translation=(0, 4, 0))
     packed = pack(scene)
     far = float(np.linalg.norm(np.subtract(ball.translation, (0, 4, 0))))
-    (map,) = aimed_maps(packed.maps[0], packed.lights[0], packed.caustic_hulls, 8)
+    (map,) = aimed_maps(light_maps(packed)[0], packed.lights[0], packed.caustic_hulls, 8)
     exact = 1.0 / math.sqrt(far * far - 1.0)  # tangent of half the angle under which a ball is seen
     assert 0.97 * exact < map.spread < 1.06 * exact
 
@@ -120,14 +121,14 @@ def plain_seen(side: float, light: Light, spread: float = 1.0) -> tuple[list[Lig
     scene.add(light, rotation=(-0.5, 0.3, 0.0, 0.8), translation=(0.0, 5.0, 0.0))
     packed = pack(scene)
     seen = np.random.default_rng(0).normal((2.0, 0.0, 3.0), (spread, 0.0, spread), (1000, 3))
-    return seen_maps(packed.maps[0], seen), packed, seen
+    return seen_maps(light_maps(packed)[0], seen), packed, seen
 
 
 @pytest.mark.parametrize("side", [100.0, 1e4])
 def test_the_sun_looks_at_what_the_eye_sees(side):
     """Not at all of the plain, however large it is."""
     maps, packed, seen = plain_seen(side, DirectionalLight())
-    sizes = [packed.maps[0].measure, *(map.measure for map in maps)]
+    sizes = [light_maps(packed)[0].measure, *(map.measure for map in maps)]
     assert len(maps) >= 1 and all(small < large / 3.0 for large, small in pairwise(sizes))
     assert sizes[1] < 200.0  # m2: places lie within some 6 m, and a quarter of that about them
     points = np.stack([seen - 0.01, seen + 0.01], axis=1)
@@ -138,17 +139,17 @@ def test_the_sun_looks_closer_where_places_are_close():
     """Half the places within 1 m, the others within 300 m: a map of all, and one of the middle."""
     _, packed, near = plain_seen(1e4, DirectionalLight(), 0.3)
     far = np.random.default_rng(1).normal((2.0, 0.0, 3.0), (100.0, 0.0, 100.0), (500, 3))
-    wide, *_, narrow = seen_maps(packed.maps[0], np.concatenate([near, far]))
+    wide, *_, narrow = seen_maps(light_maps(packed)[0], np.concatenate([near, far]))
     assert narrow.measure < 0.01 * wide.measure
 
 
 def test_nothing_is_gained_by_looking_at_all_or_from_a_point():
     _, packed, _ = plain_seen(6.0, DirectionalLight())
     everywhere = np.random.default_rng(0).uniform((-3.0, 0.0, -3.0), (3.0, 0.0, 3.0), (1000, 3))
-    assert seen_maps(packed.maps[0], everywhere) == []
+    assert seen_maps(light_maps(packed)[0], everywhere) == []
     assert plain_seen(100.0, PointLight())[0] == []
     _, packed, _ = plain_seen(100.0, DirectionalLight())
-    assert seen_maps(packed.maps[0], np.zeros((0, 3))) == []
+    assert seen_maps(light_maps(packed)[0], np.zeros((0, 3))) == []
 
 
 def test_hulls_of_caustic_instances_are_packed():

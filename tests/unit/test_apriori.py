@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from transport import render
 
+from ispm.library.builtin import builtin
 from ispm.optics.records import PHOTON
-from ispm.scene.builtin import builtin
-from ispm.tracer.apriori import class_radii, hint_radii
+from ispm.photons.apriori import class_radii, hint_radii
 
 
 def radii(bounces, **changes):

@@ -7,7 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from ispm.scene.atlas import (
+from ispm.library.shapes import box
+from ispm.lights.atlas import (
     LEAST,
     Seen,
     ShadowAtlas,
@@ -17,10 +18,10 @@ from ispm.scene.atlas import (
     shares,
     tile_sizes,
 )
+from ispm.lights.lightmap import light_maps
 from ispm.scene.light import DirectionalLight, Light, PointLight, SpotLight
 from ispm.scene.packed import Packed, pack
 from ispm.scene.scene import Scene
-from ispm.scene.shapes import box
 
 DOWN = (-(0.5**0.5), 0.0, 0.0, 0.5**0.5)  # a rotation that turns -Z to -Y
 EYE = np.array([0.0, 1.0, 6.0])
@@ -49,7 +50,7 @@ def plan(
     if receivers is None:
         x, z = np.meshgrid(np.linspace(-4.0, 4.0, 20), np.linspace(-4.0, 4.0, 20))
         receivers = np.stack([x.ravel(), 0.0 * x.ravel(), z.ravel()], axis=1)
-    atlas = plan_atlas(packed.lights, packed.maps, boxes, seen(receivers), resolution, limit)
+    atlas = plan_atlas(packed.lights, light_maps(packed), boxes, seen(receivers), resolution, limit)
     assert atlas is not None
     return atlas
 
@@ -96,7 +97,7 @@ def test_least_tiles_may_exceed_the_budget() -> None:
 def test_an_atlas_that_cannot_hold_all_lights_is_none() -> None:
     packed = packed_with(*[(PointLight(), (x, 2.0, 0.0)) for x in np.linspace(-4.0, 4.0, 30)])
     boxes = np.array([[[-5.0, -5.0, -5.0], [5.0, 5.0, 5.0]]])
-    args = packed.lights, packed.maps, boxes, seen(np.zeros(3)), 256
+    args = packed.lights, light_maps(packed), boxes, seen(np.zeros(3)), 256
     fits = plan_atlas(*args, 448)
     assert fits is not None and max(fits.size) <= 448 and len(fits.tiles) == 180
     assert plan_atlas(*args, 416) is None

@@ -6,22 +6,22 @@ import math
 import numpy as np
 import pytest
 
+from ispm.accel.surface import SurfaceTable
+from ispm.accel.world import World
 from ispm.bench.change import changes, parse_report
 from ispm.bench.rays import rays_of_walk
 from ispm.bench.report import tables
 from ispm.bench.suite import STAGES, measure_trace, moments, run_bench, spread
 from ispm.cli.console import to_json
+from ispm.library.builtin import builtin
+from ispm.lights.emission import emit_rays
+from ispm.lights.plan import plan_maps
 from ispm.optics.records import INSTANCE, NO_HIT
 from ispm.optics.texture import TextureTable
+from ispm.photons.walk import walk
 from ispm.renderer.motion import moved
-from ispm.scene.builtin import builtin
 from ispm.scene.packed import pack
 from ispm.settings import Settings
-from ispm.tracer.emission import emit_rays
-from ispm.tracer.plan import plan_maps
-from ispm.tracer.surface import SurfaceTable
-from ispm.tracer.walk import walk
-from ispm.tracer.world import World
 
 TINY = Settings(size=(64, 36), photons=400, shadow_resolution=64, bounces=3)
 

@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 
 from ispm.errors import SceneError, SettingsError
-from ispm.scene.builtin import BUILTINS, builtin
-from ispm.scene.builtins_common import quaternion
+from ispm.library.builtin import BUILTINS, builtin
+from ispm.library.common import quaternion
+from ispm.library.shapes import ball, face_normals, icosphere, merge, moved, tube
 from ispm.scene.camera import look_at_pose
 from ispm.scene.mesh import Mesh
 from ispm.scene.packed import pack
 from ispm.scene.rotation import rotation_matrix
 from ispm.scene.scene import Scene
-from ispm.scene.shapes import ball, face_normals, icosphere, merge, moved, tube
 
 
 def meshes(scene: Scene) -> Iterator[Mesh]:

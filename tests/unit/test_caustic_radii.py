@@ -8,8 +8,8 @@ from scipy.spatial import cKDTree
 from test_density import photons_on_plane
 
 from ispm.optics.records import PHOTON
-from ispm.tracer.density import measure_caustic_radii
-from ispm.tracer.nearest import NearestTree
+from ispm.photons.density import measure_caustic_radii
+from ispm.photons.nearest import NearestTree
 
 LIMITS = 1e-4, 0.5  # m, where the diagonal is 10 m
 

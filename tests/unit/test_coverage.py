@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from transport import Tracer, lit
 
+from ispm.library.common import lambert
+from ispm.library.shapes import box, polygons
 from ispm.optics.records import CAUSTIC, PHOTON
-from ispm.scene.builtins_common import lambert
+from ispm.photons.coverage import keep_light
+from ispm.photons.footprint import end_kernel
 from ispm.scene.scene import Scene
-from ispm.scene.shapes import box, polygons
-from ispm.tracer.coverage import keep_light
-from ispm.tracer.footprint import end_kernel
 
 _COUNT = 40_000
 _RADIUS, _HEIGHT = 0.2, 0.05

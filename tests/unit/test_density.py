@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from ispm.optics.records import PHOTON
-from ispm.tracer.density import NEIGHBORS, is_crowded, measure_radii
+from ispm.photons.density import NEIGHBORS, is_crowded, measure_radii
 
 
 def photons_on_plane(count, size=1.0, normal=(0.0, 1.0, 0.0), seed=0):

@@ -14,7 +14,7 @@ from ispm.errors import SceneError, SettingsError
 from ispm.io import download
 from ispm.io.named import abouts, open_named
 from ispm.io.save import save
-from ispm.scene.builtin import builtin
+from ispm.library.builtin import builtin
 
 
 class Server(ThreadingHTTPServer):

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from ispm.optics.records import RECEIVER
-from ispm.tracer.edges import edge_rows
-from ispm.tracer.eye import REFLECTED, SCATTERED, EyePaths
-from ispm.tracer.found import END, FIRST
+from ispm.paths.edges import edge_rows
+from ispm.paths.eye import REFLECTED, SCATTERED, EyePaths
+from ispm.paths.vertices import END, FIRST
 
 # A mirror of 3 x 2 pixels in a picture 4 wide; the rays, row by row:  0 1 2 / 3 4 5
 PIXELS, WIDTH = np.array([0, 1, 2, 4, 5, 6]), 4

@@ -3,7 +3,7 @@
 import numpy as np
 
 from ispm.optics.records import RECEIVER
-from ispm.tracer.ends import image_of_ends
+from ispm.paths.ends import image_of_ends
 
 
 def test_passes_take_the_ends_of_a_cell_in_turn():

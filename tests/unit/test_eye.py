@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from transport import Tracer
 
+from ispm.library.shapes import box, icosphere, polygons
+from ispm.paths.eye import REFLECTED, SCATTERED, TRANSMITTED, EyeRays, trace_eye
 from ispm.scene.light import PointLight
 from ispm.scene.material import Material
 from ispm.scene.scene import Scene
-from ispm.scene.shapes import box, icosphere, polygons
-from ispm.tracer.eye import REFLECTED, SCATTERED, TRANSMITTED, EyeRays, trace_eye
 
 MIRROR = Material((0.9, 0.8, 0.7), metallic=1.0, roughness=0.0)
 GLASS = Material((1, 1, 1), roughness=0.0, transmission=1.0, thickness=1.0)

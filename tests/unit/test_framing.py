@@ -7,17 +7,17 @@ import pytest
 from assets import assets
 from transport import box_room
 
+from ispm.accel.world import World
 from ispm.errors import SceneError
 from ispm.io.load import load
+from ispm.library.builtin import BUILTINS, builtin
+from ispm.library.shapes import box, icosphere
 from ispm.renderer.framing import default_camera, default_light, find_camera, rigid
 from ispm.renderer.room import find_heart
-from ispm.scene.builtin import BUILTINS, builtin
 from ispm.scene.camera import Camera
 from ispm.scene.packed import pack
 from ispm.scene.rotation import rotation_matrix
 from ispm.scene.scene import Scene
-from ispm.scene.shapes import box, icosphere
-from ispm.tracer.world import World
 
 
 def ready(scene):

@@ -11,7 +11,7 @@ from transport import render
 from ispm.errors import AdapterError
 from ispm.gpu import Gpu
 from ispm.gpu.device import _BASELINE, _GENEROUS, _adapters
-from ispm.scene.builtin import builtin
+from ispm.library.builtin import builtin
 
 SIZE = (64, 36)
 # WebGPU specification, section 3.6.2, of what `Gpu` else asks as much of as there is.

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from ispm.optics.records import CAUSTIC, PHOTON, RECEIVER
+from ispm.photons.grid import PhotonGrid
 from ispm.reference.gather import gather
-from ispm.tracer.grid import PhotonGrid
 
 
 def unit(vectors):

@@ -9,8 +9,8 @@ from scipy import stats
 from ispm.optics.jit import jit
 from ispm.optics.records import PHOTON, RECEIVER
 from ispm.optics.sampling import cosine_hemisphere
-from ispm.tracer.cells import BITS, sort_by_cell
-from ispm.tracer.guide import Guide, guided, square_blocks
+from ispm.paths.guide import Guide, guided, square_blocks
+from ispm.photons.cells import BITS, sort_by_cell
 
 UP = (0.0, 0.0, 1.0)
 

@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from ispm.scene.light import DirectionalLight, Light, PointLight, SpotLight
-from ispm.scene.lightmap import (
+from ispm.library.shapes import box
+from ispm.lights.lightmap import (
     CUBE_AXES,
     LightMap,
     cone_measure,
@@ -14,13 +14,14 @@ from ispm.scene.lightmap import (
     face_directions,
     falloff,
     light_map,
+    light_maps,
     square_map,
     texel_measures,
     view_of,
 )
+from ispm.scene.light import DirectionalLight, Light, PointLight, SpotLight
 from ispm.scene.packed import pack
 from ispm.scene.scene import Scene
-from ispm.scene.shapes import box
 
 ROOM = np.array([(-2.0, 0.0, -3.0), (3.0, 2.5, 1.0)])
 SHIFTS = [(0.0, 0.0), (0.31, -0.44), (-0.5, 0.5)]
@@ -200,4 +201,4 @@ def test_an_empty_scene_packs_with_any_light():
     for light in (PointLight(), SpotLight(), DirectionalLight()):
         scene.add(light, translation=(0.0, 1.0, 0.0))
     scene.add(box((0, 0, 0), (0, 0, 0)))
-    assert len(pack(scene).maps) == 3
+    assert len(light_maps(pack(scene))) == 3

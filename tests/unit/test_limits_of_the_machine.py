@@ -8,8 +8,8 @@ import pytest
 from ispm.errors import SettingsError
 from ispm.gpu import Gpu, within_memory
 from ispm.kernels.store import _forget_old
+from ispm.library.builtin import builtin
 from ispm.renderer.renderer import Renderer
-from ispm.scene.builtin import builtin
 from ispm.settings import Settings
 
 

@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 from transport import Tracer, box_room
 
+from ispm.accel.intersect import STACK_WORDS
+from ispm.accel.surface import closest_surface, surface
+from ispm.kernels.simd import address, alloca
+from ispm.library.shapes import box
+from ispm.lights.nee import direct_light, light_from_one
 from ispm.optics.jit import jit
 from ispm.optics.vector import scale
 from ispm.scene.light import PointLight
-from ispm.scene.shapes import box
-from ispm.tracer.intersect import STACK_WORDS
-from ispm.tracer.lit import direct_light, light_from_one
-from ispm.tracer.simd import address, alloca
-from ispm.tracer.surface import closest_surface, surface
 
 f32 = np.float32
 

@@ -8,11 +8,11 @@ from transport import box_room
 from ispm.errors import SceneError, SettingsError
 from ispm.io.load import load
 from ispm.io.save import save
+from ispm.library.shapes import box, icosphere
 from ispm.renderer.ready import Ready
 from ispm.scene.animation import Animation, Channel
 from ispm.scene.camera import Camera
 from ispm.scene.scene import Scene
-from ispm.scene.shapes import box, icosphere
 
 SIZE = (160, 90)
 TIMES = (0.0, 0.3, 1.0, 1.7, 2.0, 5.0)

@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
+from ispm.library.shapes import box, icosphere
+from ispm.lights.lightmap import texel_measures
 from ispm.renderer.light import emission_of, map_plan
 from ispm.scene.light import PointLight
-from ispm.scene.lightmap import texel_measures
 from ispm.scene.material import Material
 from ispm.scene.packed import Packed, pack
 from ispm.scene.scene import Scene
-from ispm.scene.shapes import box, icosphere
 from ispm.settings import Settings
 
 MIRROR = Material(metallic=1.0, roughness=0.0)

@@ -20,14 +20,14 @@ from ispm.io.gltf_schema_material import TextureTransform
 from ispm.io.gltf_write_material import split, transform
 from ispm.io.load import load
 from ispm.io.save import save
+from ispm.library.builtin import BUILTINS, builtin
+from ispm.library.shapes import box, icosphere
 from ispm.scene.animation import Animation, Channel
-from ispm.scene.builtin import BUILTINS, builtin
 from ispm.scene.camera import Camera, look_at_pose
 from ispm.scene.light import DirectionalLight, PointLight, SpotLight
 from ispm.scene.material import AlphaMode, Material, Texture, TextureUse, Wrap
 from ispm.scene.mesh import Mesh
 from ispm.scene.scene import Node, Part, Scene
-from ispm.scene.shapes import box, icosphere
 
 ENDINGS = ("glb", "gltf")
 

@@ -10,11 +10,11 @@ import pytest
 
 import ispm
 from ispm.io.atomic import require_writable
+from ispm.library.common import lambert
+from ispm.library.shapes import box
 from ispm.renderer.limits import without_area
 from ispm.renderer.renderer import Renderer
-from ispm.scene.builtins_common import lambert
 from ispm.scene.packed import pack_geometry
-from ispm.scene.shapes import box
 
 SMALL = ispm.Settings(size=(32, 18), photons=500, antialias=False)
 

@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 from transport import Tracer
 
+from ispm.accel.surface import hit_position, surface
+from ispm.library.shapes import icosphere
 from ispm.optics.jit import jit
 from ispm.optics.records import MATERIAL_UNLIT
 from ispm.scene.material import Material, Texture, TextureUse
@@ -11,8 +13,6 @@ from ispm.scene.mesh import Mesh
 from ispm.scene.packed import pack
 from ispm.scene.rotation import rotation_matrix
 from ispm.scene.scene import Scene
-from ispm.scene.shapes import icosphere
-from ispm.tracer.surface import hit_position, surface
 
 TURN = (0.2, 0.3, 0.1, 0.9)
 SCALES = [(1.0, 1.0, 1.0), (2.0, 0.3, 1.2), (-1.0, 1.0, 1.0), (-1.0, -0.5, 2.0), (-1.0, -2.0, -0.7)]

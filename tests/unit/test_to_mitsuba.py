@@ -6,10 +6,10 @@ from references import SMALL, stored
 from references.scenes import SCENES
 
 from ispm.bench.metrics import compare
-from ispm.scene.builtins_common import add_camera
+from ispm.library.common import add_camera
+from ispm.library.shapes import box
 from ispm.scene.material import Material
 from ispm.scene.scene import Scene
-from ispm.scene.shapes import box
 
 mi = pytest.importorskip("mitsuba", reason="the extra `references` is not installed")
 

@@ -2,14 +2,14 @@
 
 import numpy as np
 import pytest
+from ispm.tracer import build, collapse
 
+from ispm.accel.bvh import build_mesh_bvh
+from ispm.accel.world import World
+from ispm.kernels.simd import address, aligned
 from ispm.scene.mesh import Mesh
 from ispm.scene.packed import pack
 from ispm.scene.scene import Scene
-from ispm.tracer import build, collapse
-from ispm.tracer.bvh import build_mesh_bvh
-from ispm.tracer.simd import address, aligned
-from ispm.tracer.world import World
 
 
 def soup(count, seed, spread=10.0, size=0.3):

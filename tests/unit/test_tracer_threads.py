@@ -4,7 +4,7 @@ import threading
 
 import pytest
 
-from ispm.tracer.threads import run_threads, thread_count
+from ispm.kernels.threads import run_threads, thread_count
 
 
 def test_results_come_in_order():

@@ -4,14 +4,14 @@ import numba
 import numpy as np
 import pytest
 
+from ispm.accel.intersect import any_hit, closest, instance_scale
+from ispm.accel.leave import leave_triangle
+from ispm.accel.world import World
 from ispm.optics.jit import jit
 from ispm.optics.records import NO_HIT
 from ispm.scene.mesh import Mesh
 from ispm.scene.packed import pack
 from ispm.scene.scene import Scene
-from ispm.tracer.intersect import any_hit, closest, instance_scale
-from ispm.tracer.leave import leave_triangle
-from ispm.tracer.world import World
 
 SQUARE = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], np.float32)
 HALVES = np.array([[0, 1, 2], [0, 2, 3]], np.uint32)

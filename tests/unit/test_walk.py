@@ -2,15 +2,15 @@
 
 import numpy as np
 import pytest
+from ispm.tracer import walk as walk_module
 from transport import Tracer, box_room, lit, on_instance, trace
 
+from ispm.library.common import lambert
+from ispm.lights.nee import SPOT_PARTS
 from ispm.optics.records import EMITTED, NO_HIT
-from ispm.scene.builtins_common import lambert
 from ispm.scene.material import Material, Texture, TextureUse
 from ispm.scene.mesh import Mesh
 from ispm.scene.scene import Scene
-from ispm.tracer import walk as walk_module
-from ispm.tracer.lit import SPOT_PARTS
 
 
 def test_photons_lie_on_the_walls_and_point_back_to_the_last_one():

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from transport import Tracer, lit
 
+from ispm.library.common import lambert
+from ispm.library.shapes import icosphere, polygons
 from ispm.optics.records import CAUSTIC
-from ispm.scene.builtins_common import lambert
+from ispm.photons.walls import end_at_walls
 from ispm.scene.scene import Scene
-from ispm.scene.shapes import icosphere, polygons
-from ispm.tracer.walls import end_at_walls
 
 WALL = 0.06  # m from the kernels' middle
 

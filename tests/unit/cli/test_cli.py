@@ -18,7 +18,7 @@ from fake import SMALL, FakeRenderer, FakeStats
 import ispm.renderer
 from ispm.cli.main import main
 from ispm.io.image import write_npy, write_npz
-from ispm.scene.builtin import builtin
+from ispm.library.builtin import builtin
 from ispm.settings import LoadLimits, Settings
 
 
@@ -130,7 +130,7 @@ def test_a_picture_is_never_written_over_an_input(ispm_command, place):
 
 def test_scenes_lists_every_built_in(ispm_command):
     from ispm.io.download import DOWNLOADS
-    from ispm.scene.builtin import BUILTINS
+    from ispm.library.builtin import BUILTINS
 
     code, out, err = ispm_command("scenes")
     assert (code, out) == (0, "")
@@ -347,7 +347,7 @@ def test_the_command_holds_what_came_from_the_environment_and_the_file(ispm_comm
 
 def test_names_with_spaces_are_quoted(capsys, place):
     from ispm.io.save import save
-    from ispm.scene.builtin import builtin
+    from ispm.library.builtin import builtin
 
     save(builtin("cornell-box"), place / "my room.glb")
     assert main(["render", "my room.glb", "--size", "8x6", "-o", "a b.png"]) == 0
@@ -359,7 +359,7 @@ def test_names_with_spaces_are_quoted(capsys, place):
 @pytest.mark.skipif(sys.platform != "linux", reason="other systems have no such names")
 def test_a_scene_whose_name_is_no_text_can_be_rendered(place, capsys):
     from ispm.io.save import save
-    from ispm.scene.builtin import builtin
+    from ispm.library.builtin import builtin
 
     save(builtin("cornell-box"), "room.glb").rename("r\udcffom.glb")
     for ending in ("png", "jpg", "exr", "npz"):

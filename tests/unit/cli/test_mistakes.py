@@ -153,7 +153,7 @@ def test_a_mistyped_variable_is_told_once_with_the_nearest(ispm_command, monkeyp
 
 def test_limits_have_one_name_in_options_and_messages(ispm_command, place):
     from ispm.io.save import save
-    from ispm.scene.builtin import builtin
+    from ispm.library.builtin import builtin
 
     save(builtin("cornell-box"), place / "a.glb")
     code, _, err = ispm_command("info a.glb --max-triangles 3")

@@ -1,0 +1,43 @@
+"""The tree of one mesh."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ispm.accel.build import BinaryTree, triangle_refs
+from ispm.accel.collapse import BLOCK, BLOCK_WORDS, LEAF_SIZE, collapse, empty_node, triangle_blocks
+from ispm.kernels.simd import aligned
+
+
+@dataclass
+class MeshBvh:
+    """Nodes and triangle blocks of one mesh, in object space, as `collapse` lays them out.
+
+    nodes   (64 N,) float32 words, the root first
+    blocks  (40 B,) float32 words
+    bounds  (2, 3) float32 corners of the box; zeros without a usable triangle
+    """
+
+    nodes: np.ndarray
+    blocks: np.ndarray
+    bounds: np.ndarray
+
+
+def build_mesh_bvh(positions: np.ndarray, triangles: np.ndarray, threads: int = 1) -> MeshBvh:
+    """Build the tree of a mesh; the same bytes for any number of threads.
+
+    positions  (V, 3) float32, any strides;  triangles  (T, 3) uint32
+    Triangles with a corner that is not finite, or beyond 1e18 m, are left out.
+    """
+    positions = np.ascontiguousarray(positions, np.float32)
+    triangles = np.ascontiguousarray(triangles, np.uint32)
+    refs = triangle_refs(positions, triangles, threads)
+    if not len(refs):
+        return MeshBvh(empty_node(), aligned(BLOCK_WORDS), np.zeros((2, 3), np.float32))
+    tree = BinaryTree(refs, BLOCK.bit_length() - 1, LEAF_SIZE, threads)
+    nodes, leaves = collapse(tree, rows=False)
+    blocks = triangle_blocks(positions, triangles, refs, leaves, threads)
+    whole = tree.boxes[0]
+    return MeshBvh(nodes, blocks, np.stack([whole[:3], -whole[4:7]]))

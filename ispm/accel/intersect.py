@@ -1,0 +1,355 @@
+"""Rays against the two-level tree, for other kernels to call.
+
+Boxes are met conservatively and triangles with their edges: what a ray does at an edge depends on the
+edge alone, so it never passes between two triangles that share it. Hits come in order of distance, and at
+the same distance in order of instance and triangle.
+
+Source of the boxes: Ize, "Robust BVH ray traversal", 2013.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ispm.accel.build import LEAF, MAX_DEPTH
+from ispm.accel.collapse import BLOCK_WORDS, IDS, NEEDLE, NODE_WORDS, REFS
+from ispm.accel.triangle import meet_block, meet_needle
+from ispm.kernels.simd import (
+    alloca,
+    count_trailing_zeros,
+    f2u,
+    ldf,
+    ldq,
+    ldu,
+    mask_inside,
+    mask_le,
+    splat4,
+    splat8,
+    stf,
+    stq,
+    stu,
+    u2f,
+    vdiv,
+    vfma,
+    vget,
+    vkeep,
+    vload4,
+    vload8,
+    vmax,
+    vmin,
+    vmul,
+    vstore8,
+)  # fmt: skip
+from ispm.optics.jit import jit
+
+f32, f64, i64, u32, u64 = np.float32, np.float64, np.int64, np.uint32, np.uint64
+
+# Slots of a world's table.
+# The last: largest coordinate of all instances' boxes, as the bits of a float32.
+TOP_NODES, ROWS, NODES, BLOCKS, TOP_REACH = range(5)
+
+# An instance's row: 16 words, the inverse 3x4 matrix first.
+ROW_WORDS = 16
+ROW_ROOT = 12  # uint32: its mesh's root node
+ROW_REACH = 13  # largest coordinate of its mesh's box, object space
+ROW_SCALE = 14  # m: rounding errors of its points and rays, in units of 2^-24
+
+# Words of a hit.
+HIT_PRIMITIVE, HIT_U, HIT_V, HIT_INSTANCE = range(4)
+
+# What a mesh's hits come between: the hit before (distance, float32; key) and the nearest so far, its key.
+# A key is instance << 32 | primitive.
+ORDER_KEY, ORDER_FIRST_KEY = range(2)
+ORDER_FIRST, ORDER_INSTANCE = 4, 5  # words of 4 bytes; the instance whose mesh is met
+
+# uint64 words of a stack: each level of a path leaves at most 7 children waiting, in either tree, and one
+# node pushes 8 before it takes the nearest back.
+STACK_WORDS = 2 * (7 * MAX_DEPTH + 8)
+
+_NOWHERE = -1
+_LOW = 0xFFFFFFFF
+_NOT_NEEDLE = np.uint32(NEEDLE ^ 0xFFFFFFFF)
+# After all keys: a hit at distance 0 does not come after it.
+_NO_KEY = np.uint64(0xFFFFFFFFFFFFFFFF)
+# Never 0, so that no sign of zero gets into the integer keys on the stack.
+_NEAREST = np.float32(1e-30)
+_SMALLEST = np.float32(1e-18)
+# Boxes grow by this share of the largest coordinates met. Between the box test (1/d, the product and the
+# sum, o/d) and the triangle test (corner - o, the slope, the product) lie 8 roundings of 2^-24.
+_SLACK = np.float32(2.0**-21)
+# m; with d = 0 (1/d = 1e18) it lets a ray through that lies in the plane of a box's face.
+_SLACK_AT_ZERO = np.float32(1e-12)
+# Covers the roundings between a distance and its product with a size.
+_A_LITTLE_MORE = np.float32(1 + 2.0**-21)
+# The share of a mesh's reach within which needles are met in float64, see `meet_needle`.
+_NEAR = np.float32(1 / 256)
+
+
+@jit(inline=True)
+def slab(o, d, reach, word):
+    """Prepare one axis: (1/d, word of the near planes, -o/d for near planes, -o/d for far planes).
+
+    1/d is finite at 0.
+    reach  largest coordinate of the boxes;  word  of the axis' lower planes
+    """
+    r = f32(1) / (d if abs(d) > _SMALLEST else (_SMALLEST if d >= f32(0) else -_SMALLEST))
+    slack = abs(r) * ((abs(o) + reach) * _SLACK + _SLACK_AT_ZERO)
+    return r, i64(word) if r >= f32(0) else i64(word + 8), -o * r - slack, slack - o * r
+
+
+@jit(inline=True)
+def descend(
+    nodes, node, nx, ny, nz, rx, ry, rz, ax, ay, az, bx, by, bz, limit, nearest, keys, stack, waiting
+):
+    """Meet the 8 boxes of a node: the nearest one met is next, farther ones wait on the stack.
+
+    nx ..  words of the near planes;  rx ..  1/d;  ax .., bx ..  -o/d for near and far planes
+    keys   address of 8 floats to work in
+    ->     (next ref or _NOWHERE, waiting). A waiting word is distance bits << 32 | ref, so that
+           comparing integers compares distances.
+    """
+    word = node * NODE_WORDS
+    near = vmax(
+        vmax(vfma(vload8(nodes, word + nx), rx, ax), vfma(vload8(nodes, word + ny), ry, ay)),
+        vmax(vfma(vload8(nodes, word + nz), rz, az), nearest),
+    )
+    far = vmin(
+        vmin(vfma(vload8(nodes, word + 8 - nx), rx, bx), vfma(vload8(nodes, word + 40 - ny), ry, by)),
+        vmin(vfma(vload8(nodes, word + 72 - nz), rz, bz), limit),
+    )
+    met = i64(mask_le(near, far))
+    found = i64(_NOWHERE)
+    if met != 0:
+        word += REFS
+        k = i64(count_trailing_zeros(u32(met)))
+        met &= met - 1
+        found = i64(ldu(nodes, word + k))
+        if met != 0:
+            vstore8(keys, 0, near)
+            key0 = (u64(ldu(keys, k)) << u64(32)) | u64(found)
+            k = i64(count_trailing_zeros(u32(met)))
+            met &= met - 1
+            key1 = (u64(ldu(keys, k)) << u64(32)) | u64(ldu(nodes, word + k))
+            lower, upper = min(key0, key1), max(key0, key1)
+            stq(stack, waiting, upper)
+            bottom = waiting
+            waiting += 1
+            if met != 0:
+                stq(stack, waiting, lower)
+                waiting += 1
+                while met != 0:
+                    k = i64(count_trailing_zeros(u32(met)))
+                    met &= met - 1
+                    key0 = (u64(ldu(keys, k)) << u64(32)) | u64(ldu(nodes, word + k))
+                    place = waiting
+                    while place > bottom:
+                        other = ldq(stack, place - 1)
+                        if other >= key0:
+                            break
+                        stq(stack, place, other)
+                        place -= 1
+                    stq(stack, place, key0)
+                    waiting += 1
+                waiting -= 1
+                lower = ldq(stack, waiting)
+            found = i64(lower & u64(_LOW))
+    return found, waiting
+
+
+@jit(inline=True)
+def next_waiting(stack, bottom, waiting, t):
+    """Take refs off the stack down to one no farther than t; (_NOWHERE, bottom) where there is none."""
+    bits = u64(f2u(t))
+    found = i64(_NOWHERE)
+    while waiting > bottom:
+        waiting -= 1
+        key = ldq(stack, waiting)
+        if (key >> u64(32)) <= bits:
+            found = i64(key & u64(_LOW))
+            break
+    return found, waiting
+
+
+@jit(inline=True)
+def is_between(order, t, distance, primitive):
+    """Whether a hit comes before the one at t and after the one in `order`; it is then the one at t."""
+    key = (u64(ldu(order, ORDER_INSTANCE)) << u64(32)) | u64(primitive)
+    first = ldf(order, ORDER_FIRST)
+    before = distance < t or (distance == t and key < ldq(order, ORDER_KEY))
+    between = before and (distance > first or (distance == first and key > ldq(order, ORDER_FIRST_KEY)))
+    if between:
+        stq(order, ORDER_KEY, key)
+    return between
+
+
+@jit
+def meet_mesh(nodes, blocks, root, reach, ox, oy, oz, dx, dy, dz, t, any_hit, stack, bottom, order, hit):
+    """First hit of one mesh, in its object space; the direction need not be unit.
+
+    bottom  words of the stack that are in use;  order  what hits come between, see ORDER_KEY
+    ->      its distance, t where there is none before; the rest goes to `hit` and `order`
+    """
+    rx, nx, ax, bx = slab(ox, dx, reach, 0)
+    ry, ny, ay, by = slab(oy, dy, reach, 16)
+    rz, nz, az, bz = slab(oz, dz, reach, 32)
+    # What is not a number would get lost in minima and meet all boxes, empty ones too.
+    if not abs(ax) + abs(ay) + abs(az) < f32(np.inf):
+        return t
+    vrx, vry, vrz = splat8(rx), splat8(ry), splat8(rz)
+    vax, vay, vaz = splat8(ax), splat8(ay), splat8(az)
+    vbx, vby, vbz = splat8(bx), splat8(by), splat8(bz)
+    limit, nearest = splat8(t), splat8(ldf(order, ORDER_FIRST))
+    keys = alloca(4)
+
+    # Shear space: the axis the ray runs along most becomes its z.
+    if abs(dx) >= abs(dy) and abs(dx) >= abs(dz):
+        wx, wy, wz = i64(4), i64(8), i64(0)
+        kx, ky, kz, slope_x, slope_y, rate = oy, oz, ox, dy * rx, dz * rx, rx
+    elif abs(dy) >= abs(dz):
+        wx, wy, wz = i64(8), i64(0), i64(4)
+        kx, ky, kz, slope_x, slope_y, rate = oz, ox, oy, dz * ry, dx * ry, ry
+    else:
+        wx, wy, wz = i64(0), i64(4), i64(8)
+        kx, ky, kz, slope_x, slope_y, rate = ox, oy, oz, dx * rz, dy * rz, rz
+    vkx, vky, vkz = splat4(kx), splat4(ky), splat4(kz)
+    minus_x, minus_y, vrate = splat4(-slope_x), splat4(-slope_y), splat4(rate)
+    near = abs(rate) * reach * _NEAR
+    back, farthest = splat4(-near), splat4(t * _A_LITTLE_MORE)
+
+    waiting = bottom
+    ref = i64(root)
+    while True:
+        if (ref & i64(LEAF)) == 0:
+            ref, waiting = descend(
+                nodes, ref, nx, ny, nz, vrx, vry, vrz, vax, vay, vaz, vbx, vby, vbz,
+                limit, nearest, keys, stack, waiting,
+            )  # fmt: skip
+            if ref >= 0:
+                continue
+        else:
+            word = (ref & i64(0x7FFFFFF)) * BLOCK_WORDS
+            for _ in range(((ref >> 27) & 15) + 1):
+                b, c, size, inside, scaled = meet_block(
+                    blocks, word, wx, wy, wz, vkx, vky, vkz, minus_x, minus_y, vrate
+                )
+                lowest = vmul(vkeep(vload4(blocks, word + IDS), back), size)
+                met = i64(mask_inside(inside, scaled, lowest, vmul(farthest, size)))
+                if met == 0:
+                    word += BLOCK_WORDS
+                    continue
+                inverse = vdiv(splat4(f32(1)), size)
+                distances = vmul(scaled, inverse)
+                while met != 0:
+                    k = i64(count_trailing_zeros(u32(met)))
+                    met &= met - 1
+                    distance, primitive = vget(distances, k), ldu(blocks, word + IDS + k)
+                    u = v = f32(0)
+                    needle = distance < near and primitive & u32(NEEDLE) != u32(0)  # near is the rarer
+                    if needle:
+                        distance, u, v = meet_needle(blocks, word + k, ox, oy, oz, dx, dy, dz)
+                    if is_between(order, t, distance, primitive & _NOT_NEEDLE):
+                        t = distance
+                        if not needle:
+                            u, v = vget(vmul(b, inverse), k), vget(vmul(c, inverse), k)
+                        stf(hit, HIT_U, u)
+                        stf(hit, HIT_V, v)
+                        if any_hit:
+                            return t
+                        limit, farthest = splat8(t), splat4(t * _A_LITTLE_MORE)
+                word += BLOCK_WORDS
+        ref, waiting = next_waiting(stack, bottom, waiting, t)
+        if ref < 0:
+            return t
+
+
+@jit
+def meet_world(table, ox, oy, oz, dx, dy, dz, first, first_key, t_max, any_hit, stack, hit):
+    """First hit over all instances after the one at `first`, or any; its distance, t_max without one."""
+    nodes, rows = ldq(table, TOP_NODES), ldq(table, ROWS)
+    mesh_nodes, blocks = ldq(table, NODES), ldq(table, BLOCKS)
+    reach = u2f(u32(ldq(table, TOP_REACH)))
+    rx, nx, ax, bx = slab(ox, dx, reach, 0)
+    ry, ny, ay, by = slab(oy, dy, reach, 16)
+    rz, nz, az, bz = slab(oz, dz, reach, 32)
+    # What is not a number would get lost in minima and meet all boxes, empty ones too.
+    if not abs(ax) + abs(ay) + abs(az) < f32(np.inf):
+        return t_max
+    vrx, vry, vrz = splat8(rx), splat8(ry), splat8(rz)
+    vax, vay, vaz = splat8(ax), splat8(ay), splat8(az)
+    vbx, vby, vbz = splat8(bx), splat8(by), splat8(bz)
+    order = alloca(3)
+    stq(order, ORDER_KEY, u64(0))  # which no key is below: hits are nearer than t_max
+    stq(order, ORDER_FIRST_KEY, first_key)
+    stf(order, ORDER_FIRST, max(first, _NEAREST))
+    t = t_max
+    limit, nearest = splat8(t), splat8(max(first, _NEAREST))
+    keys = alloca(4)
+    waiting = i64(0)
+    ref = i64(0)
+    while True:
+        if (ref & i64(LEAF)) == 0:
+            ref, waiting = descend(
+                nodes, ref, nx, ny, nz, vrx, vry, vrz, vax, vay, vaz, vbx, vby, vbz,
+                limit, nearest, keys, stack, waiting,
+            )  # fmt: skip
+            if ref >= 0:
+                continue
+        else:
+            instance = ref & i64(0x7FFFFFF)
+            m = rows + u64(4 * ROW_WORDS) * u64(instance)
+            stu(order, ORDER_INSTANCE, u32(instance))
+            t = meet_mesh(
+                mesh_nodes, blocks, ldu(m, ROW_ROOT), ldf(m, ROW_REACH),
+                ldf(m, 0) * ox + ldf(m, 1) * oy + ldf(m, 2) * oz + ldf(m, 3),
+                ldf(m, 4) * ox + ldf(m, 5) * oy + ldf(m, 6) * oz + ldf(m, 7),
+                ldf(m, 8) * ox + ldf(m, 9) * oy + ldf(m, 10) * oz + ldf(m, 11),
+                ldf(m, 0) * dx + ldf(m, 1) * dy + ldf(m, 2) * dz,
+                ldf(m, 4) * dx + ldf(m, 5) * dy + ldf(m, 6) * dz,
+                ldf(m, 8) * dx + ldf(m, 9) * dy + ldf(m, 10) * dz,
+                t, any_hit, stack, waiting, order, hit,
+            )  # fmt: skip
+            if any_hit and t < t_max:
+                return t
+            limit = splat8(t)
+        ref, waiting = next_waiting(stack, i64(0), waiting, t)
+        if ref < 0:
+            break
+    if t < t_max:
+        key = ldq(order, ORDER_KEY)
+        stu(hit, HIT_INSTANCE, u32(key >> u64(32)))
+        stu(hit, HIT_PRIMITIVE, u32(key))
+    return t
+
+
+@jit
+def closest(table, ox, oy, oz, dx, dy, dz, t_max, stack, hit):
+    """Return the distance of the nearest hit in units of d, t_max where nothing is nearer.
+
+    table  address of `World.table`;  stack  of STACK_WORDS uint64 words
+    hit    of 4 words, written only where something is hit: primitive, u, v (barycentric coordinates of
+           the second and third corner), instance
+    """
+    return meet_world(table, ox, oy, oz, dx, dy, dz, f32(0), _NO_KEY, t_max, False, stack, hit)
+
+
+@jit
+def closest_after(table, ox, oy, oz, dx, dy, dz, first, stack, hit):
+    """Return the distance of the next hit after the one in `hit`, infinity where nothing follows.
+
+    first  distance of that one; 0, and in `hit` NO_HIT for instance and primitive, for the nearest
+    Every triangle along the ray comes once, those that coincide too. Arguments as of `closest`.
+    """
+    key = (u64(ldu(hit, HIT_INSTANCE)) << u64(32)) | u64(ldu(hit, HIT_PRIMITIVE))
+    return meet_world(table, ox, oy, oz, dx, dy, dz, first, key, f32(np.inf), False, stack, hit)
+
+
+@jit
+def any_hit(table, ox, oy, oz, dx, dy, dz, t_max, stack):
+    """Return whether anything lies nearer than t_max along a ray."""
+    return meet_world(table, ox, oy, oz, dx, dy, dz, f32(0), _NO_KEY, t_max, True, stack, alloca(2)) < t_max
+
+
+@jit
+def instance_scale(table, instance):
+    """Return the scale of an instance's rounding errors in metres, see `leave_triangle`."""
+    return ldf(ldq(table, ROWS), i64(instance) * i64(ROW_WORDS) + i64(ROW_SCALE))

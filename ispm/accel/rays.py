@@ -1,0 +1,66 @@
+"""Many rays at once, from arrays."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ispm.accel.intersect import (
+    HIT_INSTANCE,
+    HIT_PRIMITIVE,
+    HIT_U,
+    HIT_V,
+    STACK_WORDS,
+    any_hit,
+    closest,
+)  # fmt: skip
+from ispm.kernels.simd import alloca, atomic_add, ldf, ldu, stf, stu
+from ispm.optics.jit import jit
+from ispm.optics.records import NO_HIT
+
+f32, i64, u32 = np.float32, np.int64, np.uint32
+
+# u, v: barycentric coordinates of the second and third corner; instance is NO_HIT where nothing was hit.
+HIT = np.dtype([("t", "<f4"), ("instance", "<u4"), ("primitive", "<u4"), ("u", "<f4"), ("v", "<f4")])
+
+_CHUNK = 256  # rays a thread takes at a time
+
+
+@jit
+def trace_rays(table, origins, directions, limits, count, counter, hits):
+    """Write a HIT for each ray; threads share `counter`. Arrays by address, three floats a vector."""
+    stack, hit = alloca(STACK_WORDS), alloca(2)
+    while True:
+        first = atomic_add(counter, i64(1)) * _CHUNK
+        if first >= count:
+            return
+        for i in range(first, min(first + _CHUNK, count)):
+            stu(hit, HIT_PRIMITIVE, u32(NO_HIT))
+            stu(hit, HIT_INSTANCE, u32(NO_HIT))
+            stf(hit, HIT_U, f32(0))
+            stf(hit, HIT_V, f32(0))
+            t = closest(
+                table, ldf(origins, 3 * i), ldf(origins, 3 * i + 1), ldf(origins, 3 * i + 2),
+                ldf(directions, 3 * i), ldf(directions, 3 * i + 1), ldf(directions, 3 * i + 2),
+                ldf(limits, i), stack, hit,
+            )  # fmt: skip
+            stf(hits, 5 * i, t)
+            stu(hits, 5 * i + 1, ldu(hit, HIT_INSTANCE))
+            stu(hits, 5 * i + 2, ldu(hit, HIT_PRIMITIVE))
+            stf(hits, 5 * i + 3, ldf(hit, HIT_U))
+            stf(hits, 5 * i + 4, ldf(hit, HIT_V))
+
+
+@jit
+def occlude_rays(table, origins, directions, limits, count, counter, blocked):
+    """Write to blocked[i] whether something lies on ray i before its limit; as `trace_rays`."""
+    stack = alloca(STACK_WORDS)
+    while True:
+        first = atomic_add(counter, i64(1)) * _CHUNK
+        if first >= count:
+            return
+        for i in range(first, min(first + _CHUNK, count)):
+            blocked[i] = any_hit(
+                table, ldf(origins, 3 * i), ldf(origins, 3 * i + 1), ldf(origins, 3 * i + 2),
+                ldf(directions, 3 * i), ldf(directions, 3 * i + 1), ldf(directions, 3 * i + 2),
+                ldf(limits, i), stack,
+            )  # fmt: skip

@@ -1,0 +1,345 @@
+"""The surface at a hit: position, normals and BSDF from instance, primitive and barycentrics.
+
+The twin of what the G-buffer shader does from interpolated vertices. Vectors are tuples of float32.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ispm.accel.intersect import (
+    HIT_INSTANCE,
+    HIT_PRIMITIVE,
+    HIT_U,
+    HIT_V,
+    closest_after,
+    instance_scale,
+)  # fmt: skip
+from ispm.accel.leave import leave_triangle
+from ispm.accel.mesh import (
+    FOOTPRINT,
+    INSTANCES,
+    MATERIALS,
+    NORMAL,
+    TO_WORLD,
+    VERTICES,
+    edges_at,
+    hit_plane,
+    interpolated,
+    rows_times,
+    triangle_at,
+    vector_at,
+    word_of,
+    world_normal,
+    world_point,
+)  # fmt: skip
+from ispm.accel.normals import bend, unit
+from ispm.kernels.simd import address, ldf, ldu, stu
+from ispm.optics.bsdf import surface_bsdf
+from ispm.optics.jit import jit
+from ispm.optics.records import (
+    INSTANCE,
+    INSTANCE_MIRRORED,
+    MATERIAL,
+    MATERIAL_BLEND,
+    MATERIAL_MASK,
+    MATERIAL_THIN,
+    MATERIAL_TRANSMITS,
+    MATERIAL_UNLIT,
+    NO_HIT,
+    TEXTURE_USE,
+    VERTEX,
+)  # fmt: skip
+from ispm.optics.texture import HEIGHT, WIDTH, TextureTable, sample_texture
+from ispm.optics.vector import add, cross, dot, scale, sub
+from ispm.scene.packed import Packed
+
+f32, i64, u32 = np.float32, np.int64, np.uint32
+
+
+_COLOR, _TANGENT = word_of(VERTEX, "color"), word_of(VERTEX, "tangent")
+_UV0, _UV1 = word_of(VERTEX, "uv0"), word_of(VERTEX, "uv1")
+_INSTANCE_FLAGS = word_of(INSTANCE, "flags")
+_METALLIC, _ROUGHNESS = word_of(MATERIAL, "metallic"), word_of(MATERIAL, "roughness")
+_SPECULAR, _SPECULAR_COLOR = word_of(MATERIAL, "specular"), word_of(MATERIAL, "specular_color")
+_F0, _CUTOFF, _FLAGS = (word_of(MATERIAL, n) for n in ("f0", "alpha_cutoff", "flags"))
+_NORMAL_SCALE = word_of(MATERIAL, "normal_scale")
+_TRANSMISSION, _IOR, _ATTENUATION = (word_of(MATERIAL, n) for n in ("transmission", "ior", "attenuation"))
+_BASE_MAP = word_of(MATERIAL, "base_color_texture")
+_ROUGHNESS_MAP = word_of(MATERIAL, "metallic_roughness_texture")
+_NORMAL_MAP = word_of(MATERIAL, "normal_texture")
+_EMISSION, _EMISSION_MAP = word_of(MATERIAL, "emission"), word_of(MATERIAL, "emission_texture")
+_TRANSMISSION_MAP = word_of(MATERIAL, "transmission_texture")
+_TEXTURE, _UV_SET, _ROW1 = (word_of(TEXTURE_USE, n) for n in ("texture", "uv_set", "row1"))
+
+_HOLES_MAX = 64  # layers of a masked material that one ray passes
+
+
+class SurfaceTable:
+    """A packed scene's arrays as kernels read them; keeps them alive.
+
+    footprint  metres on a surface over which a photon sees textures averaged
+    addresses  (8,) uint64;  texels, rows: a TextureTable's
+    """
+
+    def __init__(self, packed: Packed, textures: TextureTable, footprint: float) -> None:
+        self._kept = [
+            np.ascontiguousarray(array)
+            for array in (
+                packed.geometry.vertices, packed.geometry.indices, packed.instances, packed.materials,
+                np.array([footprint], np.float32),
+            )
+        ]  # fmt: skip
+        self.addresses = np.array([*map(address, self._kept), 0, 0, 0], np.uint64)
+        self.texels, self.rows = textures.texels, textures.rows
+
+    def own_footprint(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return addresses whose footprint is the caller's to set, and the (1,) float32 that holds it."""
+        footprint = np.array(self._kept[FOOTPRINT])
+        addresses = self.addresses.copy()
+        addresses[FOOTPRINT] = address(footprint)
+        return addresses, footprint
+
+
+@jit
+def surface(table, texels, rows, hit, d):
+    """Return (position, ng, n, bsdf, flags, entering) at a hit.
+
+    hit  (instance, primitive, u, v), barycentrics of the second and third vertex
+    d    direction of the ray that hit; both normals are turned against it
+    entering: it met the front, the outside of a solid
+    """
+    instance, material, corners = triangle_at(table, hit)
+    u, v = hit[2], hit[3]
+    p0, e1, e2 = edges_at(table, corners)
+    position = world_point(table[INSTANCES], instance, add(p0, add(scale(u, e1), scale(v, e2))))
+    ng = world_normal(table[INSTANCES], instance, cross(e1, e2))
+    n = world_normal(table[INSTANCES], instance, interpolated(table, corners, NORMAL, u, v))
+    texel_area = f32(0)
+    if _has_texture(table, material):
+        texel_area = _footprint(table, instance, corners, e1, e2)
+    entering = dot(ng, d) <= f32(0)
+    if not entering:
+        ng = scale(f32(-1), ng)
+    side = f32(-1) if dot(n, ng) < f32(0) else f32(1)
+    if _texture(table, material, _NORMAL_MAP) >= i64(0):
+        n = _mapped_normal(table, texels, rows, instance, material, corners, u, v, n, texel_area)
+    n = bend(bend(scale(side, n), ng), scale(f32(-1), d))
+    flags = ldu(table[MATERIALS], material + _FLAGS)
+    bsdf = _bsdf(table, texels, rows, material, flags, corners, u, v, texel_area, entering)
+    return position, ng, n, bsdf, flags, entering
+
+
+@jit
+def attenuation(table, hit, distance):
+    """Return the share of light, RGB, left after `distance` metres of what the hit's material bounds.
+
+    Source: KHR_materials_volume, attenuation.
+    """
+    _, material, _ = triangle_at(table, hit)
+    rate = vector_at(table[MATERIALS], material + _ATTENUATION)
+    return math.exp(-distance * rate[0]), math.exp(-distance * rate[1]), math.exp(-distance * rate[2])
+
+
+@jit
+def glow(table, texels, rows, hit):
+    """Return the radiance that a hit sends everywhere: emission, or the base color of unlit materials."""
+    instance, material, corners = triangle_at(table, hit)
+    materials = table[MATERIALS]
+    unlit = ldu(materials, material + _FLAGS) & u32(MATERIAL_UNLIT) != u32(0)
+    emission = vector_at(materials, material + _EMISSION)
+    texture = _texture(table, material, _EMISSION_MAP)
+    if not unlit and (texture < i64(0) or emission[0] + emission[1] + emission[2] == f32(0)):
+        return emission
+    _, e1, e2 = edges_at(table, corners)
+    area = _footprint(table, instance, corners, e1, e2)
+    if unlit:
+        color, _ = _base_color(table, texels, rows, material, corners, hit[2], hit[3], area)
+        return color
+    r, g, b, _ = _sample(table, texels, rows, material, _EMISSION_MAP, corners, hit[2], hit[3], area)
+    return emission[0] * r, emission[1] * g, emission[2] * b
+
+
+@jit
+def material_flags(table, hit):
+    """Return the flags of the material that was hit."""
+    _, material, _ = triangle_at(table, hit)
+    return ldu(table[MATERIALS], material + _FLAGS)
+
+
+@jit
+def hit_position(table, hit):
+    """Return the position of a hit in world space."""
+    return hit_plane(table, hit)[0]
+
+
+@jit
+def leave_surface(world, table, hit, ng):
+    """Return where a ray starts that leaves a hit on the side of the geometric normal `ng`."""
+    instance, _, corners = triangle_at(table, hit)
+    p0, e1, e2 = edges_at(table, corners)
+    matrix = instance + TO_WORLD
+    return leave_triangle(
+        world_point(table[INSTANCES], instance, p0), rows_times(table[INSTANCES], matrix, e1),
+        rows_times(table[INSTANCES], matrix, e2), hit[2], hit[3], ng, instance_scale(world, hit[0]),
+    )  # fmt: skip
+
+
+@jit
+def closest_surface(world, table, texels, rows, origin, d, u, stack, words):
+    """Return (found, hit) of the nearest surface that is not a hole of its material.
+
+    u  random in [0, 1): a blended surface is met where u is below its opacity
+    """
+    t, edge = f32(0), False
+    stu(words, HIT_INSTANCE, u32(NO_HIT))
+    stu(words, HIT_PRIMITIVE, u32(NO_HIT))
+    for _ in range(_HOLES_MAX):
+        before = t
+        t = closest_after(world, origin[0], origin[1], origin[2], d[0], d[1], d[2], before, stack, words)
+        hit = (ldu(words, HIT_INSTANCE), ldu(words, HIT_PRIMITIVE), ldf(words, HIT_U), ldf(words, HIT_V))
+        if t == f32(np.inf):
+            return False, hit
+        edge = (edge and t == before) or min(hit[2], min(hit[3], f32(1) - hit[2] - hit[3])) <= f32(0)
+        if edge and t == before:  # two triangles of one surface, met at the edge they share
+            continue
+        opacity = _opacity(table, texels, rows, hit)
+        if u < opacity:
+            return True, hit
+        u = (u - opacity) / (f32(1) - opacity)  # uniform again, whatever lies behind
+    return False, (u32(0), u32(0), f32(0), f32(0))
+
+
+@jit
+def _opacity(table, texels, rows, hit):
+    """Opacity at a hit as a probability; cheap where the material is opaque."""
+    _, material, corners = triangle_at(table, hit)
+    flags = ldu(table[MATERIALS], material + _FLAGS)
+    if flags & u32(MATERIAL_MASK | MATERIAL_BLEND) == u32(0):
+        return f32(1)
+    _, alpha = _base_color(table, texels, rows, material, corners, hit[2], hit[3], f32(0))
+    if flags & u32(MATERIAL_MASK):
+        cutoff = ldf(table[MATERIALS], material + _CUTOFF)
+        return f32(1) if alpha >= cutoff else f32(0)
+    return alpha
+
+
+@jit
+def _texture(table, material, use):
+    """The texture in one slot of a material, -1: none."""
+    return i64(np.int32(ldu(table[MATERIALS], material + use + _TEXTURE)))
+
+
+@jit
+def _has_texture(table, material):
+    base, rough = _texture(table, material, _BASE_MAP), _texture(table, material, _ROUGHNESS_MAP)
+    normal, clear = _texture(table, material, _NORMAL_MAP), _texture(table, material, _TRANSMISSION_MAP)
+    return max(max(base, rough), max(normal, clear)) >= i64(0)
+
+
+@jit
+def _uv(table, corners, field, k):
+    return (
+        ldf(table[VERTICES], corners[k] + field),
+        ldf(table[VERTICES], corners[k] + field + i64(1)),
+    )
+
+
+@jit
+def _footprint(table, instance, corners, e1, e2):
+    """The photon's footprint in units of uv area: that of the triangle's first uv set."""
+    m = instance + TO_WORLD
+    area = cross(rows_times(table[INSTANCES], m, e1), rows_times(table[INSTANCES], m, e2))
+    a, b, c = _uv(table, corners, _UV0, 0), _uv(table, corners, _UV0, 1), _uv(table, corners, _UV0, 2)
+    uv_area = abs((b[0] - a[0]) * (c[1] - a[1]) - (c[0] - a[0]) * (b[1] - a[1]))
+    footprint = ldf(table[FOOTPRINT], i64(0))
+    return uv_area / max(math.sqrt(dot(area, area)), f32(1e-30)) * footprint * footprint
+
+
+@jit
+def _sample(table, texels, rows, material, use, corners, u, v, uv_area):
+    """RGBA of the texture in slot `use`, averaged over `uv_area` of texture space."""
+    materials = table[MATERIALS]
+    slot = material + use
+    field = _UV1 if ldu(materials, slot + _UV_SET) == u32(1) else _UV0
+    a, b, c = _uv(table, corners, field, 0), _uv(table, corners, field, 1), _uv(table, corners, field, 2)
+    w = f32(1) - u - v
+    place = (w * a[0] + u * b[0] + v * c[0], w * a[1] + u * b[1] + v * c[1], f32(1))
+    texture = _texture(table, material, use)
+    texel_count = uv_area * f32(rows[texture, WIDTH]) * f32(rows[texture, HEIGHT])
+    level = f32(0.5) * math.log2(texel_count) if texel_count > f32(1) else f32(0)
+    return sample_texture(
+        texels, rows, texture,
+        dot(vector_at(materials, slot), place), dot(vector_at(materials, slot + _ROW1), place), level,
+    )  # fmt: skip
+
+
+@jit
+def _base_color(table, texels, rows, material, corners, u, v, uv_area):
+    """Base color and opacity: factor, texture and vertex color multiplied."""
+    color = vector_at(table[MATERIALS], material)
+    alpha = ldf(table[MATERIALS], material + i64(3))
+    if _texture(table, material, _BASE_MAP) >= i64(0):
+        r, g, b, a = _sample(table, texels, rows, material, _BASE_MAP, corners, u, v, uv_area)
+        color, alpha = (color[0] * r, color[1] * g, color[2] * b), alpha * a
+    c0 = ldu(table[VERTICES], corners[0] + _COLOR)
+    c1 = ldu(table[VERTICES], corners[1] + _COLOR)
+    c2 = ldu(table[VERTICES], corners[2] + _COLOR)
+    if c0 & c1 & c2 != u32(0xFFFFFFFF):
+        color = (
+            color[0] * _mix_channel(c0, c1, c2, u32(0), u, v),
+            color[1] * _mix_channel(c0, c1, c2, u32(8), u, v),
+            color[2] * _mix_channel(c0, c1, c2, u32(16), u, v),
+        )
+        alpha *= _mix_channel(c0, c1, c2, u32(24), u, v)
+    return color, alpha
+
+
+@jit
+def _mix_channel(c0, c1, c2, shift, u, v):
+    """One channel of three packed colors, interpolated."""
+    a, b, c = f32((c0 >> shift) & u32(255)), f32((c1 >> shift) & u32(255)), f32((c2 >> shift) & u32(255))
+    return ((f32(1) - u - v) * a + u * b + v * c) * f32(1 / 255)
+
+
+@jit
+def _bsdf(table, texels, rows, material, flags, corners, u, v, uv_area, entering):
+    """The Bsdf at a point of a material."""
+    materials = table[MATERIALS]
+    color, _ = _base_color(table, texels, rows, material, corners, u, v, uv_area)
+    metallic = ldf(materials, material + _METALLIC)
+    roughness = ldf(materials, material + _ROUGHNESS)
+    if _texture(table, material, _ROUGHNESS_MAP) >= i64(0):
+        _, g, b, _ = _sample(table, texels, rows, material, _ROUGHNESS_MAP, corners, u, v, uv_area)
+        roughness, metallic = roughness * g, metallic * b
+    transmission = f32(0)
+    if flags & u32(MATERIAL_TRANSMITS):
+        transmission = ldf(materials, material + _TRANSMISSION)
+        if _texture(table, material, _TRANSMISSION_MAP) >= i64(0):
+            r, _, _, _ = _sample(table, texels, rows, material, _TRANSMISSION_MAP, corners, u, v, uv_area)
+            transmission *= r
+    return surface_bsdf(
+        color, metallic, roughness, ldf(materials, material + _F0),
+        vector_at(materials, material + _SPECULAR_COLOR), ldf(materials, material + _SPECULAR), transmission,
+        ldf(materials, material + _IOR), flags & u32(MATERIAL_THIN) != u32(0), entering,
+    )  # fmt: skip
+
+
+@jit
+def _mapped_normal(table, texels, rows, instance, material, corners, u, v, n, uv_area):
+    """The normal map's normal in world space; `n` where the mesh has no tangents there."""
+    side = ldf(table[VERTICES], corners[0] + _TANGENT + i64(3))
+    tangent = interpolated(table, corners, _TANGENT, u, v)
+    if side == f32(0) or dot(tangent, tangent) < f32(1e-12):
+        return n
+    if ldu(table[INSTANCES], instance + _INSTANCE_FLAGS) & u32(INSTANCE_MIRRORED):
+        side = -side
+    t = rows_times(table[INSTANCES], instance + TO_WORLD, tangent)
+    t = unit(sub(t, scale(dot(t, n), n)))
+    b = scale(side, cross(n, t))
+    r, g, blue, _ = _sample(table, texels, rows, material, _NORMAL_MAP, corners, u, v, uv_area)
+    s = ldf(table[MATERIALS], material + _NORMAL_SCALE)
+    x, y, z = (f32(2) * r - f32(1)) * s, (f32(2) * g - f32(1)) * s, f32(2) * blue - f32(1)
+    return unit(add(add(scale(x, t), scale(y, b)), scale(z, n)))

@@ -1,0 +1,233 @@
+"""All instances of a scene, ready for rays: a tree over instances above one tree per mesh."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from ispm.accel.build import BinaryTree
+from ispm.accel.bvh import MeshBvh, build_mesh_bvh
+from ispm.accel.collapse import BLOCK_WORDS, NODE_WORDS, collapse, empty_node, shift_refs
+from ispm.accel.intersect import (
+    BLOCKS,
+    NODES,
+    ROW_REACH,
+    ROW_ROOT,
+    ROW_SCALE,
+    ROW_WORDS,
+    ROWS,
+    TOP_NODES,
+    TOP_REACH,
+)  # fmt: skip
+from ispm.accel.rays import HIT, occlude_rays, trace_rays
+from ispm.kernels.simd import address, aligned, stf, stu
+from ispm.kernels.threads import run_threads, thread_count
+from ispm.optics.jit import jit
+from ispm.scene.packed import Geometry, MeshRange, Packed
+
+f32, f64, u32 = np.float32, np.float64, np.uint32
+
+# Rounding errors of a point count in units of 2^-24 of its instance's scale; a box takes four of them.
+_BOX_MARGIN = 4.0 * 2.0**-24
+# A matrix that loses more than 20 of float32's 24 bits has no usable inverse.
+_WORST_GROWTH = 2.0**20
+
+
+class World:
+    """Two-level tree over the instances of a packed scene.
+
+    table  (16,) uint64: addresses of the arrays, for kernels (slots: `ispm.accel.intersect`); they stay
+           valid until the next `update`
+    """
+
+    def __init__(self, threads: int | None = None) -> None:
+        """threads: how many work at once; None: one for each usable core."""
+        self.threads = thread_count(threads)
+        self.table = np.zeros(16, np.uint64)
+        self._geometry: Geometry | None = None
+        self._scratch = np.empty(0, np.uint8)
+        self._trees: dict[int, tuple[MeshRange, MeshBvh]] = {}
+        self._roots = np.zeros(0, np.uint32)
+        self._boxes = np.zeros((0, 2, 3), np.float32)
+        self._nodes = self._blocks = self._rows = self._top = np.zeros(0, np.float32)
+        self._place(np.zeros((0, 3, 4), np.float32), np.zeros(0, np.uint32))
+
+    def update(self, packed: Packed) -> None:
+        """Follow a scene: build trees of meshes that came or changed, place all instances anew."""
+        if packed.geometry is not self._geometry:
+            self._join(packed.geometry)
+            self._geometry = packed.geometry
+        rows = packed.instances
+        matrices = np.stack([rows["world0"], rows["world1"], rows["world2"]], axis=1)
+        self._place(matrices, np.ascontiguousarray(rows["mesh"]))
+
+    def scratch(self, count: int, dtype: np.dtype) -> np.ndarray:
+        """Return room for `count` records, contents unknown; the next call takes it back.
+
+        Kept between frames: fresh memory costs the system more than filling it.
+        """
+        nbytes = count * dtype.itemsize
+        if self._scratch.nbytes < nbytes:
+            self._scratch = np.empty(nbytes, np.uint8)
+        return self._scratch[:nbytes].view(dtype)
+
+    def trace(
+        self, origins: np.ndarray, directions: np.ndarray, t_max: float | np.ndarray = np.inf
+    ) -> np.ndarray:
+        """Return the nearest hits, (N,) HIT.
+
+        origins, directions  (N, 3) float32; t counts in lengths of the direction
+        t_max                hits must be nearer; (N,) or one for all
+        """
+        hits = np.empty(len(origins), HIT)
+        self._share(trace_rays, origins, directions, t_max, address(hits))
+        return hits
+
+    def occluded(self, origins: np.ndarray, directions: np.ndarray, t_max: float | np.ndarray) -> np.ndarray:
+        """Return whether anything is nearer than t_max, (N,) bool; arguments as for `trace`."""
+        blocked = np.empty(len(origins), np.bool_)
+        self._share(occlude_rays, origins, directions, t_max, blocked)
+        return blocked
+
+    def _share(
+        self, kernel: Any, origins: np.ndarray, directions: np.ndarray, t_max: float | np.ndarray, out: Any
+    ) -> None:
+        """Run a kernel over rays on all threads."""
+        count = len(origins)
+        origins = np.ascontiguousarray(origins, np.float32)
+        directions = np.ascontiguousarray(directions, np.float32)
+        limits = np.ascontiguousarray(np.broadcast_to(np.asarray(t_max, np.float32), count))
+        counter = np.zeros(1, np.int64)
+        places = [address(a) for a in (self.table, origins, directions, limits)]
+        run_threads(lambda _: kernel(*places, count, address(counter), out), self.threads)
+
+    def _join(self, geometry: Geometry) -> None:
+        """Put the trees of all meshes into one array of nodes and one of blocks."""
+        kept, self._trees = self._trees, {}
+        trees = []
+        for part in geometry.ranges:
+            entry = kept.get(id(part.source))
+            if entry is None or entry[0].source is not part.source or not entry[0].shows(part.mesh):
+                last = part.first_index + 3 * part.triangle_count
+                indices = geometry.indices[part.first_index : last].reshape(-1, 3)
+                first = part.first_vertex
+                positions = geometry.vertices["position"][first : int(indices.max()) + 1]
+                tree = build_mesh_bvh(positions, indices - np.uint32(first), self.threads)
+                entry = part, tree
+            self._trees[id(part.source)] = entry
+            trees.append(entry[1])
+        self._boxes = np.array([tree.bounds for tree in trees], np.float32).reshape(-1, 2, 3)
+        self._nodes = aligned(sum(len(tree.nodes) for tree in trees))
+        self._blocks = aligned(sum(len(tree.blocks) for tree in trees))
+        self._roots = np.zeros(len(trees), np.uint32)
+        node = block = 0
+        for k, tree in enumerate(trees):
+            nodes, blocks = len(tree.nodes) // NODE_WORDS, len(tree.blocks) // BLOCK_WORDS
+            self._roots[k] = node
+            place = self._nodes[NODE_WORDS * node : NODE_WORDS * (node + nodes)]
+            place[:] = tree.nodes
+            self._blocks[BLOCK_WORDS * block : BLOCK_WORDS * (block + blocks)] = tree.blocks
+            shift_refs(address(place), nodes, node, block)
+            node, block = node + nodes, block + blocks
+
+    def _place(self, matrices: np.ndarray, meshes: np.ndarray) -> None:
+        """Build the tree over instances and write the table."""
+        count = len(matrices)
+        refs = aligned(8 * count).reshape(-1, 8)
+        self._rows = aligned(ROW_WORDS * count)
+        used = write_rows(matrices, meshes, self._boxes, self._roots, address(refs), address(self._rows))
+        reach = np.float32(0.0)
+        if used:
+            tree = BinaryTree(refs[:used], 0, 1, 1)
+            self._top, _ = collapse(tree, rows=True)
+            reach = np.abs(tree.boxes[0, [0, 1, 2, 4, 5, 6]]).max()
+        else:
+            self._top = empty_node()
+        self.table[[TOP_NODES, ROWS, NODES, BLOCKS]] = [
+            a.ctypes.data for a in (self._top, self._rows, self._nodes, self._blocks)
+        ]
+        self.table[TOP_REACH] = reach.view(np.uint32)
+
+
+@jit
+def write_rows(matrices, meshes, boxes, roots, refs, rows):
+    """Write the row of each instance and a reference to each that rays can hit; return their count.
+
+    An instance without a usable inverse is a plane or less: it is left out.
+    Its scale is the largest number met on the way of a point to the world, times how much an error grows
+    that goes through the inverse and back, the norm of |M| |M^-1|.
+    """
+    inverse = np.empty((3, 4), np.float64)
+    count = 0
+    for i in range(len(matrices)):
+        mesh = meshes[i]
+        if not invert(matrices, i, inverse):
+            continue
+        scale, growth, reach = f64(0), f64(0), f64(0)
+        for r in range(3):
+            size, row_growth = abs(f64(matrices[i, r, 3])), f64(0)
+            for k in range(3):
+                largest = f64(max(abs(boxes[mesh, 0, k]), abs(boxes[mesh, 1, k])))
+                reach = max(reach, largest)
+                size += abs(f64(matrices[i, r, k])) * largest
+                for c in range(3):
+                    row_growth += abs(f64(matrices[i, r, k]) * inverse[k, c])
+            scale, growth = max(scale, size), max(growth, row_growth)
+        scale *= growth
+        # written so that NaN is left out too
+        if not (growth < _WORST_GROWTH and scale < 1e18):
+            continue
+        margin = scale * _BOX_MARGIN
+        for r in range(3):
+            low = high = f64(matrices[i, r, 3])
+            for k in range(3):
+                a = f64(matrices[i, r, k]) * f64(boxes[mesh, 0, k])
+                b = f64(matrices[i, r, k]) * f64(boxes[mesh, 1, k])
+                low += min(a, b)
+                high += max(a, b)
+            stf(refs, 8 * count + r, f32(low - margin))
+            stf(refs, 8 * count + 4 + r, f32(-high - margin))
+            for k in range(4):
+                stf(rows, ROW_WORDS * i + 4 * r + k, f32(inverse[r, k]))
+        stu(refs, 8 * count + 3, u32(i))
+        stu(rows, ROW_WORDS * i + ROW_ROOT, roots[mesh])
+        stf(rows, ROW_WORDS * i + ROW_REACH, f32(reach))
+        stf(rows, ROW_WORDS * i + ROW_SCALE, f32(scale))
+        count += 1
+    return count
+
+
+@jit
+def invert(matrices, i, inverse):
+    """Invert the 3x4 matrix i; return False where it has no inverse."""
+    a, b, c = f64(matrices[i, 0, 0]), f64(matrices[i, 0, 1]), f64(matrices[i, 0, 2])
+    d, e, f = f64(matrices[i, 1, 0]), f64(matrices[i, 1, 1]), f64(matrices[i, 1, 2])
+    g, h, k = f64(matrices[i, 2, 0]), f64(matrices[i, 2, 1]), f64(matrices[i, 2, 2])
+    determinant = a * (e * k - f * h) - b * (d * k - f * g) + c * (d * h - e * g)
+    if determinant == f64(0) or not math.isfinite(determinant):
+        return False
+    q = f64(1) / determinant
+    inverse[0, 0], inverse[0, 1], inverse[0, 2] = (
+        (e * k - f * h) * q,
+        (c * h - b * k) * q,
+        (b * f - c * e) * q,
+    )
+    inverse[1, 0], inverse[1, 1], inverse[1, 2] = (
+        (f * g - d * k) * q,
+        (a * k - c * g) * q,
+        (c * d - a * f) * q,
+    )
+    inverse[2, 0], inverse[2, 1], inverse[2, 2] = (
+        (d * h - e * g) * q,
+        (b * g - a * h) * q,
+        (a * e - b * d) * q,
+    )
+    for r in range(3):
+        inverse[r, 3] = -(
+            inverse[r, 0] * f64(matrices[i, 0, 3])
+            + inverse[r, 1] * f64(matrices[i, 1, 3])
+            + inverse[r, 2] * f64(matrices[i, 2, 3])
+        )
+    return True

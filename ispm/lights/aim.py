@@ -1,0 +1,114 @@
+"""Where photons are aimed: narrow views of what casts caustics, about a light, and of what the eye sees."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ispm.lights.lightmap import LightMap, cropped, square_map, view_of
+
+_WIDEST = math.tan(0.6)  # of half a view's angle: wider ones gain little
+_LARGEST = 1.0 / 3.0  # of what the light's own map takes, likewise
+_GAIN = 0.9  # of the size of a group, below which its two parts must be to be parted
+_SEEN_SHARES = 0.98, 0.75, 0.5  # of the places that the eye sees, along each of a map's axes
+_AROUND = 0.25  # of what holds them, on each side: what lies there lights what the eye sees
+_MARGIN = 0.02  # of a crop's half width, for sub-texel shifts
+
+
+def aimed_maps(base: LightMap, light: np.void, hulls: np.ndarray, most: int) -> list[LightMap]:
+    """Return at most `most` maps about the light of `base` that together see the hulls, near ones joined.
+
+    base   the light's own map;  light  LIGHT
+    hulls  (n, k, 3) points round each object, world space
+    There is none of what the light is inside of, nor of what already fills much of its own map.
+    """
+    points = hulls - base.origin
+    patches = _patches(base, points)
+    near = ~base.orthographic & ((patches[:, 1] - patches[:, 0]) > 2.0 * math.sin(0.6)).any(axis=1)
+    within = (points.min(axis=1) < 0.0) & (points.max(axis=1) > 0.0)
+    inside = ~base.orthographic & within.all(axis=1)
+    kept = np.flatnonzero(~near & ~inside)
+    maps = [_view(base, light, points[kept[group]]) for group in _groups(patches[kept], most)]
+    return [map for map in maps if map and 0.0 < map.measure < _LARGEST * base.measure]
+
+
+def seen_maps(base: LightMap, seen: np.ndarray) -> list[LightMap]:
+    """Return maps of a directional light of what the eye sees, the widest first; other lights have none.
+
+    seen  (n, 3) m, places in the picture, each for as much of it as another
+    The widest holds nearly all places, narrower ones the middle of them: a picture that goes to the horizon
+    is near the eye in most of its pixels. Each is at most a third of the one before, the first of `base`.
+    """
+    if not base.orthographic or not len(seen):
+        return []
+    places = (seen - base.origin) @ base.axes[0, :2].T
+    maps: list[LightMap] = []
+    for share in _SEEN_SHARES:
+        low, high = np.quantile(places, (0.5 - share / 2.0, 0.5 + share / 2.0), axis=0)
+        room = np.maximum(_AROUND * (high - low), 1e-6)
+        low, high = np.maximum(low - room, -1.0), np.minimum(high + room, 1.0)
+        if (low < high).all():
+            map = cropped(base, low, high)
+            if map.measure < _LARGEST * (maps[-1] if maps else base).measure:
+                maps.append(map)
+    return maps
+
+
+def _patches(base: LightMap, points: np.ndarray) -> np.ndarray:
+    """(n, 2, 3) bounds of the directions, or of the places across the rays, of (n, k, 3) points."""
+    if base.orthographic:
+        frame = base.axes[0] / np.linalg.norm(base.axes[0], axis=1, keepdims=True)
+        places = points @ frame.T * (1.0, 1.0, 0.0)
+    else:
+        places = points / np.maximum(np.linalg.norm(points, axis=-1, keepdims=True), 1e-30)
+    return np.stack([places.min(axis=1), places.max(axis=1)], axis=1)
+
+
+def _groups(patches: np.ndarray, most: int) -> list[np.ndarray]:
+    """Indices of patches that one map sees together: all of them, parted where that gains most."""
+    groups = [np.arange(len(patches))] if len(patches) else []
+    parted = [_parted(patches, group) for group in groups]
+    while len(groups) < most:
+        best = max(range(len(groups)), key=lambda k: parted[k][0], default=-1)
+        if best < 0 or parted[best][0] <= 0.0:
+            break
+        _, *halves = parted.pop(best)
+        groups[best : best + 1] = halves
+        parted[best:best] = [_parted(patches, half) for half in halves]
+    return groups
+
+
+def _parted(patches: np.ndarray, group: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
+    """What is gained by parting a group where that leaves the smallest parts, and the parts."""
+    best = 0.0, group, group
+    whole = float(_size(patches[group].min(axis=0)[0], patches[group].max(axis=0)[1]))
+    for axis in range(3):
+        order = group[np.argsort(patches[group, :, axis].sum(axis=1), kind="stable")]
+        low, high = patches[order, 0], patches[order, 1]
+        left = _size(np.minimum.accumulate(low), np.maximum.accumulate(high))[:-1]
+        right = _size(np.minimum.accumulate(low[::-1]), np.maximum.accumulate(high[::-1]))[-2::-1]
+        if not len(left):
+            continue
+        place = int((left + right).argmin())
+        gain = _GAIN * whole - float(left[place] + right[place])
+        if gain > best[0]:
+            best = gain, order[: place + 1], order[place + 1 :]
+    return best
+
+
+def _size(low: np.ndarray, high: np.ndarray) -> np.ndarray:
+    """Half the surface of boxes: of directions, which lie on a sphere, about what they cover."""
+    x, y, z = np.moveaxis(high - low, -1, 0)
+    return np.asarray(x * y + y * z + z * x)
+
+
+def _view(base: LightMap, light: np.void, points: np.ndarray) -> LightMap | None:
+    """The map that sees (n, k, 3) points, relative to the base's origin; None where it were too wide."""
+    if base.orthographic:
+        places = points.reshape(-1, 3) @ base.axes[0, :2].T
+        low, high = places.min(axis=0), places.max(axis=0)
+        room = np.maximum(_MARGIN * (high - low) / 2.0, 1e-6)
+        return cropped(base, np.maximum(low - room, -1.0), np.minimum(high + room, 1.0))
+    frame, spread = view_of(points.reshape(-1, 3))
+    return square_map(base.light, light, frame, spread) if spread < _WIDEST else None

@@ -1,0 +1,83 @@
+"""How eye paths go on from mirrors and glass: by one facet of the surface, and where one path serves for both
+branches, by the stronger one."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ispm.lights.nee import greatest
+from ispm.optics.bsdf import is_smooth, smooth_split, specular_split, transmits
+from ispm.optics.jit import jit
+from ispm.optics.microfacet import smith, visible_normal
+from ispm.optics.rng import random4
+from ispm.optics.sampling import LATTICE, to_local, to_world
+from ispm.optics.vector import add, dot, luminance, scale, sub
+
+f32, u32 = np.float32, np.uint32
+
+ROUGH_SAMPLES = 8  # facets that are drawn where a pixel shows rough glass; a power of 2
+_ALPHA, _THIN = 7, 14  # places in a Bsdf tuple
+
+
+@jit
+def go_on(b, n, ng, wo, entering, u1, u2, may_part):
+    """Where a path goes on from a surface: (whether it does, wi, factor of its weight; whether another goes
+    beside it, that one's wi and factor).
+
+    From within a solid it leaves wherever it can: reflected, it would run round under a ball's rim. If it may
+    part where the face is smooth, the other is reflected; else one stands for both.
+    """
+    if not is_smooth(b) and not transmits(b):
+        return False, wo, wo, False, wo, wo
+    reflectance, transmittance, above, beyond_, through = facet_split(b, n, ng, wo, u1, u2)
+    both = add(reflectance, transmittance)
+    if through and (not entering or luminance(transmittance) > luminance(reflectance)):
+        if may_part and not entering and is_smooth(b) and greatest(reflectance) > f32(0):
+            return True, beyond_, transmittance, True, above, reflectance
+        return True, beyond_, both, False, wo, wo
+    return greatest(both) > f32(0), above, both, False, wo, wo
+
+
+@jit
+def facet_split(b, n, ng, wo, u1, u2):
+    """Return what a surface that a path goes on from makes of light along `wo`, see `specular_split`.
+
+    Rough: by one facet, drawn by u1 and u2 as wo sees them, times the share that others do not shadow.
+    """
+    if is_smooth(b):
+        return smooth_split(b, n, ng, wo)
+    alpha, nv = b[_ALPHA], dot(n, wo)
+    h = to_world(visible_normal(alpha, to_local(wo, n), u1, u2), n)
+    reflectance, transmittance, above, beyond_, through = specular_split(b, h, wo)
+    if b[_THIN] > f32(0):
+        beyond_ = sub(above, scale(f32(2) * dot(n, above), n))
+    shown = dot(above, ng) > f32(0) and dot(above, n) > f32(0)
+    through = through and dot(beyond_, ng) < f32(0) and dot(beyond_, n) < f32(0)
+    reflected = _unshadowed(alpha, nv, dot(n, above)) if shown else f32(0)
+    passed = _unshadowed(alpha, nv, -dot(n, beyond_)) if through else f32(0)
+    return scale(reflected, reflectance), scale(passed, transmittance), above, beyond_, through
+
+
+@jit
+def _unshadowed(alpha, nv, nl):
+    """G2 / G1 of directions at these cosines."""
+    a2 = alpha * alpha
+    g1 = f32(2) * nv / (nv + math.sqrt(nv * nv * (f32(1) - a2) + a2))
+    return smith(alpha, nv, nl) * f32(4) * nv * nl / g1
+
+
+@jit
+def facet_numbers(key, dimension, pass_index, seed):
+    """Return three random numbers for an event of a path, `dimension`: 256 times the sample, and the event.
+
+    A lattice (Roberts's R2) even over the samples, in another order and elsewhere for each event.
+    """
+    event, k = dimension & u32(255), dimension >> u32(8)
+    k = k * (u32(2) * event + u32(1)) & u32(ROUGH_SAMPLES - 1)
+    u1, u2, u3, _ = random4(key, event, pass_index, seed)
+    u1 += f32(k) * f32(1.0 / ROUGH_SAMPLES)
+    u2 += f32(k) * f32(LATTICE[0])
+    u3 += f32(k) * f32(LATTICE[1])
+    return u1 - f32(math.floor(u1)), u2 - f32(math.floor(u2)), u3 - f32(math.floor(u3))

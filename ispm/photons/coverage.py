@@ -1,0 +1,195 @@
+"""Kernels lose the light that falls past edges; here each photon gets back what its own loses.
+
+Points of the kernel are drawn, as dense as the kernel is, until one lies on a surface that the photon may
+light. Their mean number is the inverse of the share of the kernel on such surfaces, so that times it the flux
+that the kernel brings is the photon's, without bias. On slopes the share c is more than 1: what is summed up
+is the series 1 / c = 1 + (1 - c) + (1 - c)^2 + ..., each factor by a draw of its own, with roulette.
+Floors go on below what stands on them. Kernels light these parts as well, but no gather ray meets them: with
+`solids`, points within solids do not count. Photons alone have it otherwise: what they lose there is as much
+as leaks past thin walls.
+Source: Qin et al., Unbiased Photon Gathering for Light Transport Simulation, SIGGRAPH Asia 2015, section 4.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+
+from ispm.accel.intersect import HIT_INSTANCE, HIT_PRIMITIVE, HIT_U, HIT_V, STACK_WORDS, closest
+from ispm.accel.mesh import hit_plane
+from ispm.accel.normals import unit
+from ispm.accel.surface import SurfaceTable, material_flags
+from ispm.accel.world import World
+from ispm.kernels.simd import address, alloca, atomic_add, ldf, ldu
+from ispm.kernels.threads import run_threads
+from ispm.optics.density import SAME_SURFACE
+from ispm.optics.jit import jit
+from ispm.optics.records import MATERIAL_DOUBLE_SIDED
+from ispm.optics.rng import random4
+from ispm.optics.sampling import orthonormal_basis
+from ispm.optics.vector import add, cross, dot, scale, sub
+from ispm.photons.footprint import FRONT, REACH, U, V, axis_of
+
+f32, i64, u32 = np.float32, np.int64, np.uint32
+
+_DRAWS_MAX = 32  # of a kernel: what is brighter by more would be fireflies, where next to nothing is lit
+_LAYERS = 4  # that are looked at about a point, until one is lit
+_PAST = f32(1e-3)  # of a kernel's reach, by which rays go on behind what they met
+_LIFT = f32(0.05)  # of the way to the photon, by which rays to it run above the surfaces
+_DIMENSION = 1 << 24  # of the first trial's random numbers
+_CHUNK = 256  # kernels a thread takes at a time
+
+_TURNS = 2.0 * np.pi * (np.arange(256) + 0.5) / 256
+_CIRCLE = np.stack([np.cos(_TURNS), np.sin(_TURNS)], axis=1).astype(np.float32)
+
+# columns of PHOTON and CAUSTIC records seen as words
+_FLUX, _WI = 4, 8
+_RADIUS, _NORMAL, _HEIGHT = 3, 12, 15
+_CAUSTIC_HEIGHT = 3
+
+
+def keep_light(
+    photons: np.ndarray,
+    keys: np.ndarray,
+    world: World,
+    surfaces: SurfaceTable,
+    seed: int,
+    pass_index: int,
+    threads: int,
+    *,
+    solids: bool = False,
+    rows: np.ndarray | None = None,
+) -> None:
+    """Multiply the flux of photons by the inverse of the share of their kernels on surfaces, in expectation.
+
+    photons  (N,) PHOTON with radius and height set, or CAUSTIC; flux changed in place
+    keys     (N,) uint32, of the random numbers
+    solids   whether points on surfaces within solids do not count
+    rows     (n,) uint32, the photons to change; None: all
+    """
+    rows = np.arange(len(photons), dtype=np.uint32) if rows is None else rows
+    if not len(rows):
+        return
+    words = photons.view(np.float32).reshape(len(photons), -1)
+    place = address(world.table), surfaces.addresses, solids
+    numbers = keys, u32(pass_index), u32(seed)
+    kernel: Callable[..., None] = _keep_ellipses if "front" in (photons.dtype.names or ()) else _keep_discs
+    counter = np.zeros(8, np.int64)
+    run_threads(lambda _: kernel(place, words, rows, numbers, address(counter)), threads)
+
+
+@jit
+def _keep_discs(place, words, rows, numbers, counter):
+    scratch = alloca(STACK_WORDS), alloca(2)
+    while True:
+        first = atomic_add(counter, i64(_CHUNK))
+        if first >= len(rows):
+            return
+        for k in range(first, min(first + i64(_CHUNK), len(rows))):
+            i = i64(rows[k])
+            n = (words[i, _NORMAL], words[i, _NORMAL + 1], words[i, _NORMAL + 2])
+            t, b = orthonormal_basis(n)
+            u, v = scale(words[i, _RADIUS], t), scale(words[i, _RADIUS], b)
+            uncut = (f32(0), f32(0), f32(0)), f32(1)
+            _keep(place, words, i, u, v, n, words[i, _HEIGHT], uncut, numbers, scratch)
+
+
+@jit
+def _keep_ellipses(place, words, rows, numbers, counter):
+    scratch = alloca(STACK_WORDS), alloca(2)
+    while True:
+        first = atomic_add(counter, i64(_CHUNK))
+        if first >= len(rows):
+            return
+        for k in range(first, min(first + i64(_CHUNK), len(rows))):
+            i = i64(rows[k])
+            u, v = axis_of(words, i, U), axis_of(words, i, V)
+            plane = axis_of(words, i, FRONT), words[i, REACH]
+            n = unit(cross(u, v))
+            _keep(place, words, i, u, v, n, words[i, _CAUSTIC_HEIGHT], plane, numbers, scratch)
+
+
+@jit
+def _keep(place, words, i, u, v, n, height, plane, numbers, scratch):
+    """Multiply the flux of kernel `i` by the number of points drawn until one is lit."""
+    at = (words[i, 0], words[i, 1], words[i, 2])
+    wi = (words[i, _WI], words[i, _WI + 1], words[i, _WI + 2])
+    total, term = f32(0), f32(1)
+    for draw in range(_DRAWS_MAX):
+        turn, a, b, c = random4(numbers[0][i], u32(_DIMENSION + 2 * draw), numbers[1], numbers[2])
+        # The greatest of three is below x with the chance x^3: within s lies 1 - (1 - s^2)^3 of a kernel.
+        outside = max(max(a, b), max(c, f32(1e-6)))
+        offset, reach = _point_of(u, v, height, outside, turn)
+        if dot(offset, plane[0]) < -plane[1]:
+            continue  # cut off: the kernel holds its flux without it
+        total += term
+        missing = f32(1) - _lit_share(place, at, add(at, offset), n, reach, wi, scratch)
+        if missing == f32(0):
+            break
+        chance, _, _, _ = random4(numbers[0][i], u32(_DIMENSION + 2 * draw + 1), numbers[1], numbers[2])
+        if chance >= abs(missing):
+            break
+        term = term if missing > f32(0) else -term
+    for c in range(3):
+        words[i, _FLUX + c] *= total
+
+
+@jit
+def _point_of(u, v, height, outside, turn):
+    """Return the offset in m of a point of a kernel's middle section, and the kernel's reach across it, m.
+
+    outside  1 - s^2 of its distance s from the middle, 1 at the rim;  turn  in [0, 1), of a whole one
+    """
+    s, k = f32(math.sqrt(f32(1) - outside)), i64(turn * f32(len(_CIRCLE)))
+    offset = add(scale(s * _CIRCLE[k, 0], u), scale(s * _CIRCLE[k, 1], v))
+    return offset, height * f32(math.sqrt(outside))
+
+
+@jit
+def _lit_share(place, at, middle, n, reach, wi, scratch):
+    """Return the kernel's light on the surface about a point of its middle section, per area of the section,
+    over the kernel at the point: 0 to 2; 0 where there is no surface that the photon at `at` lights."""
+    top, down, length = add(middle, scale(reach, n)), scale(f32(-1), n), f32(2) * reach
+    for _ in range(_LAYERS):
+        t = closest(
+            place[0], top[0], top[1], top[2], down[0], down[1], down[2], length, scratch[0], scratch[1]
+        )
+        if not t < length:
+            break
+        found = scratch[1]
+        hit = (ldu(found, HIT_INSTANCE), ldu(found, HIT_PRIMITIVE), ldf(found, HIT_U), ldf(found, HIT_V))
+        _, front = hit_plane(place[1], hit)
+        facing = dot(front, n)
+        if facing < f32(0):
+            front, facing = scale(f32(-1), front), -facing
+        lit = facing >= SAME_SURFACE and dot(wi, front) > f32(0)
+        if lit and not (place[2] and _is_inside(place, at, n, add(top, scale(t, down)), front, scratch)):
+            z = (length - t) / reach - f32(1)
+            m = max(f32(1) - z * z, f32(0))
+            return m * m / facing
+        t += _PAST * reach
+        top, length = add(top, scale(t, down)), length - t
+    return f32(0)
+
+
+@jit
+def _is_inside(place, at, n, point, front, scratch):
+    """Whether a point lies within a solid: on the way to the photon at `at` stands the back of a surface.
+
+    Those of double-sided materials may be sheets, and are none.
+    n, front  the normals of the photon's surface and of the point's
+    """
+    lift = _LIFT * f32(math.sqrt(dot(sub(at, point), sub(at, point))))
+    start = add(point, scale(lift, front))
+    way = sub(add(at, scale(lift, n)), start)
+    length = f32(math.sqrt(dot(way, way)))
+    d = scale(f32(1) / max(length, f32(1e-30)), way)
+    t = closest(place[0], start[0], start[1], start[2], d[0], d[1], d[2], length, scratch[0], scratch[1])
+    if not t < length:
+        return False
+    found = scratch[1]
+    hit = (ldu(found, HIT_INSTANCE), ldu(found, HIT_PRIMITIVE), ldf(found, HIT_U), ldf(found, HIT_V))
+    _, front = hit_plane(place[1], hit)
+    return dot(front, d) > f32(0) and not material_flags(place[1], hit) & u32(MATERIAL_DOUBLE_SIDED)

@@ -1,0 +1,398 @@
+"""Follow photons from their first hits until they are absorbed, leave, or have scattered enough."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numba import literal_unroll
+
+from ispm.accel.intersect import STACK_WORDS
+from ispm.accel.surface import (
+    SurfaceTable,
+    attenuation,
+    closest_surface,
+    hit_position,
+    leave_surface,
+    surface,
+)  # fmt: skip
+from ispm.accel.world import World
+from ispm.kernels.simd import address, alloca, atomic_add
+from ispm.kernels.threads import run_threads
+from ispm.lights.nee import is_gathered, is_spot, parts_at_spot
+from ispm.optics.bsdf import adjoint_factor, eta_of, has_finite, is_smooth, sample_bsdf
+from ispm.optics.jit import jit
+from ispm.optics.light import range_window
+from ispm.optics.records import (
+    LIGHT_DIRECTIONAL,
+    MATERIAL_THIN,
+    MATERIAL_TRANSMITS,
+    MATERIAL_UNLIT,
+    NO_HIT,
+    PHOTON,
+)  # fmt: skip
+from ispm.optics.rng import random4
+from ispm.optics.vector import dot, scale, sub
+from ispm.photons.beam import beam_at, emitted_beam, redirected_beam
+from ispm.scene.packed import Packed
+
+f32, i64, u32 = np.float32, np.int64, np.uint32
+
+ROULETTE_AFTER = 4  # scatters; living photons lower the error more than they cost before that
+SPECULAR_MAX = 8  # events at smooth surfaces without roulette
+_SPECULAR_SURVIVAL = 0.9  # chance at each later one: ends paths between lossless surfaces without fireflies
+_HEIR_DIMENSION = 1 << 23  # of the random number that draws which part of a photon goes on
+_PART_BIT = 28  # of a key, from which it tells parts: maps have fewer texels
+_EVENT_STEP = 0x9E3779B1  # between the keys of two hits of a photon, from 2^32 over the golden ratio
+BEAM = 9  # floats that describe what a photon alone lights
+_CHUNK = 256  # photons a thread takes at a time; results do not depend on it or on the threads
+_ROOM = 12 * _CHUNK  # hits that a chunk has room for at first; the few that need more are walked again
+
+# rows of a chunk's sums
+_EMITTED, _ABSORBED, _ESCAPED, _DROPPED, _STORED = range(5)
+
+
+@dataclass(frozen=True)
+class Walk:
+    """What became of the photons.
+
+    photons    (M,) PHOTON in the order of the emitted ones; radius and height not yet set
+    focused    (M,) bool, whether it met a mirror or glass since it last scattered, if ever; thin sheets that
+               it passed do not count
+    beams      (C, 9) float32 of the photons that have not scattered: the two vectors in m that span what the
+               photon lights there, and the normal of the surface that it comes from
+    straight   (M,) bool, whether gather rays do not find the light that it brings: it is focused, or comes
+               from where it last scattered as caustic light, in a bright spot, or on what lets light through
+    keys       (M,) uint32, which tell each hit's random numbers from those of others
+    emitted, absorbed, escaped, dropped   (3,) float64 lumen; the first is the sum of the others
+    stored     (3,) float64 lumen, each photon counted at each hit
+    rays       traced
+    """
+
+    photons: np.ndarray
+    focused: np.ndarray
+    straight: np.ndarray
+    keys: np.ndarray
+    beams: np.ndarray
+    emitted: np.ndarray
+    absorbed: np.ndarray
+    escaped: np.ndarray
+    dropped: np.ndarray
+    stored: np.ndarray
+    photon_count: int
+    rays: int
+
+
+def walk(
+    packed: Packed,
+    world: World,
+    surfaces: SurfaceTable,
+    emitted: np.ndarray,
+    bounces: int,
+    seed: int,
+    pass_index: int,
+    threads: int,
+    limit: float = math.inf,
+) -> Walk:
+    """Trace photons from their first hits, storing one at each later hit.
+
+    emitted  (N,) EMITTED
+    bounces  scatters at most, the one at the first hit included; events at smooth surfaces, where light
+             goes one way, do not count
+    limit    of bright spots, see `lit.is_bright`; from there photons fly in `SPOT_PARTS` parts
+    The first hit is direct light, which shadow maps show, also behind thin sheets, so it is not stored. Flux
+    changes by f cos / pdf, and between hits by what is in between; after `ROULETTE_AFTER` scatters and
+    `SPECULAR_MAX` specular events roulette keeps the expectation (method, 1.3).
+    Returns the same bytes for any number of threads.
+    """
+    chunks = np.arange(-(-len(emitted) // _CHUNK))
+    place = address(world.table), surfaces.addresses, surfaces.texels, surfaces.rows
+    scene = packed.lights, emitted, i64(bounces), u32(seed), u32(pass_index), f32(limit)
+    # Mostly pages that are never touched.
+    found = _walk_some(place, scene, chunks, world.scratch(len(chunks) * _ROOM, PHOTON), threads)
+    stored, (focused, straight, keys, beams), counts, sums = found
+    hits = [tuple(each[c * _ROOM : c * _ROOM + n] for each in (stored, focused, straight, keys, beams))
+            for c, n in enumerate(counts[:, 0])]  # fmt: skip
+    for chunk in np.flatnonzero(counts[:, 0] > _ROOM):
+        room = np.empty(counts[chunk, 0], PHOTON)
+        stored, ways, _, sums[chunk : chunk + 1] = _walk_some(place, scene, chunks[chunk:][:1], room, 1)
+        hits[chunk] = stored, *ways
+    hits = hits or [tuple(each[:0] for each in (stored, focused, straight, keys, beams))]
+    beams = np.concatenate([each[4][each[0]["bounce"] == 0] for each in hits])
+    photons, focused, straight, keys = (np.concatenate([each[k] for each in hits]) for k in range(4))
+    total = sums.sum(axis=0)
+    return Walk(
+        photons, focused, straight, keys, beams, total[_EMITTED], total[_ABSORBED], total[_ESCAPED],
+        total[_DROPPED], total[_STORED], len(emitted), int(counts[:, 1].sum()),
+    )  # fmt: skip
+
+
+def _walk_some(
+    place: tuple[Any, ...], scene: tuple[Any, ...], chunks: np.ndarray, stored: np.ndarray, threads: int
+) -> tuple[np.ndarray, tuple[np.ndarray, ...], np.ndarray, np.ndarray]:
+    """Walk the photons of some chunks, each with its part of the room in `stored`.
+
+    Return `stored`; of each hit (focused, straight, key, beam); of each chunk how many hits it has, whether
+    there is room for them or not, and rays; and its sums of flux.
+    """
+    focused, straight = np.zeros((2, len(stored)), np.bool_)
+    ways = focused, straight, np.empty(len(stored), np.uint32), np.empty((len(stored), BEAM), np.float32)
+    counts, sums = np.zeros((len(chunks), 2), np.int64), np.zeros((len(chunks), 5, 3))
+    room, counter = i64(len(stored) // max(len(chunks), 1)), np.zeros(8, np.int64)
+    run_threads(
+        lambda _: _walk_chunks(*place, *scene, address(counter), chunks, room, stored, ways, counts, sums),
+        threads,
+    )
+    return stored, ways, counts, sums
+
+
+@jit
+def _walk_chunks(
+    world, table, texels, rows, lights, emitted, bounces, seed, pass_index, limit, counter, chunks, room,
+    stored, ways, counts, sums,
+):  # fmt: skip
+    stack, words = alloca(STACK_WORDS), alloca(2)
+    while True:
+        slot = atomic_add(counter, i64(1))
+        if slot >= len(chunks):
+            return
+        row, end = slot * room, (slot + i64(1)) * room
+        rays, first = i64(0), chunks[slot] * i64(_CHUNK)
+        for i in range(first, min(first + i64(_CHUNK), len(emitted))):
+            parts = parts_at_spot(table, texels, rows, lights, emitted[i], limit)
+            heir = i64(0)
+            if parts > 1:
+                u, _, _, _ = random4(emitted[i].key, u32(_HEIR_DIMENSION), pass_index, seed)
+                heir = i64(u * f32(parts))
+            for part in range(parts):
+                row, traced = _walk_one(
+                    world, table, texels, rows, lights, emitted, i, (part, parts, heir), bounces, seed,
+                    pass_index, limit, stack, words, stored, ways, row, end, sums, slot,
+                )  # fmt: skip
+                rays += traced
+        counts[slot, 0] = row - slot * room
+        counts[slot, 1] = rays
+
+
+@jit
+def _walk_one(
+    world, table, texels, rows, lights, emitted, i, split, bounces, seed, pass_index, limit, stack, words,
+    stored, ways, row, end, sums, chunk,
+):  # fmt: skip
+    """Follow one part of photon `i`; return the next row of `stored` and the number of rays traced. Rows from
+    `end` on are counted, not written.
+
+    split  which part of how many, and which of them goes on where they scatter next
+    """
+    photon, (part, parts, heir) = emitted[i], split
+    key = photon.key ^ u32(part << i64(_PART_BIT))
+    whole = (photon.flux[0], photon.flux[1], photon.flux[2])
+    flux = scale(f32(1) / f32(parts), whole)
+    _add(sums, chunk, _EMITTED, flux)
+    if photon.instance == u32(NO_HIT):
+        _add(sums, chunk, _ESCAPED, flux)
+        return row, i64(0)
+    hit = (photon.instance, photon.primitive, photon.u, photon.v)
+    light = lights[i64(photon.light)]
+    origin, d, within = first_segment(table, light, hit)
+    beam = emitted_beam(light, whole, d)
+    kept = scale(within, flux)
+    _add_difference(sums, chunk, _ESCAPED, flux, kept)
+    flux = kept
+    direct, mirrored = True, False  # but for thin sheets: straight from the light; focused
+    hidden = False  # from gather rays, where it last scattered
+    inside, plane = nowhere(), d  # of the surface that the photon comes from
+    scatters, speculars, rays = i64(0), i64(0), i64(0)
+    while True:
+        position, ng, n, bsdf, flags, entering = surface(table, texels, rows, hit, d)
+        inside = medium(inside, hit, flags, entering)
+        if inside[0] != u32(NO_HIT):
+            kept = attenuated(table, inside, origin, position, flux)
+            _add_difference(sums, chunk, _ABSORBED, flux, kept)
+            flux = kept
+        way = sub(position, origin)
+        flown = f32(math.sqrt(dot(way, way)))
+        if scatters == i64(0):
+            beam = beam_at(beam, flown, d, ng)
+        if not direct and has_finite(bsdf):
+            if row < end:
+                _store(stored, row, position, ng, flux, d, abs(dot(way, plane)), flown, hit[0], scatters)
+                ways[0][row], ways[1][row] = mirrored, mirrored or hidden
+                ways[2][row] = key + u32(scatters + speculars) * u32(_EVENT_STEP)
+                if scatters == i64(0):
+                    _store_beam(ways[3], row, beam, plane)
+            _add(sums, chunk, _STORED, flux)
+            row += 1
+        last = scatters == bounces
+        if last and not is_smooth(bsdf):
+            _add(sums, chunk, _DROPPED, flux)
+            break
+        alive, wi, scattered, specular = next_flight(
+            key, pass_index, seed, scatters, speculars, ng, n, bsdf, flags, d, flux
+        )
+        if alive and last and not specular:
+            _add(sums, chunk, _DROPPED, flux)
+            break
+        if alive and not specular and scatters == i64(1):
+            alive = part == heir
+            scattered = scale(f32(parts), scattered)
+        if not alive:
+            _add(sums, chunk, _ABSORBED, flux)
+            break
+        _add_difference(sums, chunk, _ABSORBED, flux, scattered)
+        if not specular:
+            hidden = not is_gathered(bsdf)
+            if scatters == i64(0):
+                hidden = hidden or not direct or is_spot(light, position, ng, bsdf, wi, limit)
+        elif scatters == i64(0):
+            eta = f32(1) if flags & u32(MATERIAL_THIN) else eta_of(bsdf)
+            beam = redirected_beam(table, hit, beam, d, wi, ng, n, eta)
+        flux, d, origin, plane = scattered, wi, position, ng
+        u = flight_number(key, pass_index, seed, scatters + speculars)
+        speculars += i64(specular)
+        scatters += i64(not specular)
+        straight = specular and passed_sheet(flags, ng, d)
+        direct = direct and straight
+        mirrored = mirrored if straight else specular
+        start, inside = depart(world, table, hit, flags, entering, inside, ng, d)
+        rays += i64(1)
+        found, hit = closest_surface(world, table, texels, rows, start, d, u, stack, words)
+        if not found:
+            _add(sums, chunk, _ESCAPED, flux)
+            break
+    return row, rays
+
+
+@jit
+def first_segment(table, light, hit):
+    """Return where the flight from a light to the first hit begins, its direction, and the share of the
+    flux within the light's range. A directional light's begins at the hit: it is not in what it shines on.
+    """
+    position = hit_position(table, hit)
+    if light.kind == u32(LIGHT_DIRECTIONAL):
+        return position, (light.direction[0], light.direction[1], light.direction[2]), f32(1)
+    origin = (light.position[0], light.position[1], light.position[2])
+    way = sub(position, origin)
+    square = dot(way, way)
+    distance = f32(math.sqrt(square if square > f32(0) else f32(1e-30)))
+    return origin, scale(f32(1) / distance, way), range_window(distance, light.range)
+
+
+@jit
+def nowhere():
+    """Return the hit that bounds nothing."""
+    return u32(NO_HIT), u32(0), f32(0), f32(0)
+
+
+@jit
+def medium(inside, hit, flags, entering):
+    """Return a hit on what bounds the solid that a flight to `hit` went through: that one if met from within,
+    else what the path last entered, `inside`."""
+    solid = flags & u32(MATERIAL_TRANSMITS | MATERIAL_THIN) == u32(MATERIAL_TRANSMITS)
+    return hit if solid and not entering else inside
+
+
+@jit
+def depart(world, table, hit, flags, entering, inside, ng, d):
+    """Return where a flight along `d` from a hit starts, and a hit on what bounds the solid it is in."""
+    side = f32(1) if dot(d, ng) > f32(0) else f32(-1)
+    start = leave_surface(world, table, hit, scale(side, ng))
+    if side > f32(0) or flags & u32(MATERIAL_THIN):
+        return start, inside
+    return start, hit if entering else nowhere()
+
+
+@jit
+def attenuated(table, inside, origin, position, flux):
+    """Return the flux that is left of a flight through a solid."""
+    way = sub(position, origin)
+    left = attenuation(table, inside, f32(math.sqrt(dot(way, way))))
+    return left[0] * flux[0], left[1] * flux[1], left[2] * flux[2]
+
+
+@jit
+def passed_sheet(flags, ng, wi):
+    """Return whether a specular event was a straight passage through a thin sheet."""
+    return flags & u32(MATERIAL_THIN) != u32(0) and dot(wi, ng) < f32(0)
+
+
+@jit
+def next_flight(key, pass_index, seed, scatters, speculars, ng, n, bsdf, flags, d, flux):
+    """Sample where the photon goes, with roulette: (alive, wi, flux after it, specular)."""
+    u0, u1, u2, u3 = random4(key, u32(2 * (scatters + speculars)), pass_index, seed)
+    alive, wi, scattered, specular = scatter(ng, n, bsdf, flags, d, flux, u0, u1, u2)
+    if alive and specular and speculars >= SPECULAR_MAX:
+        alive = u3 < f32(_SPECULAR_SURVIVAL)
+        scattered = scale(f32(1 / _SPECULAR_SURVIVAL), scattered)
+    if alive and not specular and scatters >= ROULETTE_AFTER:
+        survival = min(f32(1), _sum(scattered) / _sum(flux))
+        alive = u3 < survival
+        scattered = scale(f32(1) / survival, scattered)
+    return alive, wi, scattered, specular
+
+
+@jit
+def flight_number(key, pass_index, seed, event):
+    """Return the random number for holes that the flight after an event meets."""
+    _, _, _, u3 = random4(key, u32(2 * event + 1), pass_index, seed)
+    return u3
+
+
+@jit
+def scatter(ng, n, bsdf, flags, d, flux, u0, u1, u2):
+    """Sample where the photon goes: (alive, wi, flux after it, specular)."""
+    wo = scale(f32(-1), d)
+    if flags & u32(MATERIAL_UNLIT):
+        return False, wo, flux, False
+    alive, wi, weight, specular = sample_bsdf(bsdf, n, ng, wo, u0, u1, u2, False)
+    if not alive:
+        return False, wo, flux, False
+    if not specular:  # of the others flux is kept
+        weight = scale(adjoint_factor(dot(wo, n), dot(wo, ng), dot(wi, n), dot(wi, ng)), weight)
+    scattered = (weight[0] * flux[0], weight[1] * flux[1], weight[2] * flux[2])
+    return _sum(scattered) > f32(0), wi, scattered, specular
+
+
+@jit
+def _store(stored, row, position, ng, flux, d, clear, flown, instance, scatters):
+    """Write a PHOTON record. Its kernel is measured later; until then `radius` is how far away, in m, the
+    plane of the surface is that the photon comes from, and `height` how far that surface is along its way."""
+    photon = stored[row]
+    for k in literal_unroll((0, 1, 2)):
+        photon.position[k] = position[k]
+        photon.normal[k] = ng[k]
+        photon.flux[k] = flux[k]
+        photon.wi[k] = -d[k]
+    photon.radius = clear
+    photon.height = flown
+    photon.bounce = u32(scatters)
+    photon.instance = instance
+
+
+@jit
+def _store_beam(beams, row, beam, plane):
+    for k in literal_unroll((0, 1, 2)):
+        beams[row, k] = beam[0][k]
+        beams[row, k + 3] = beam[1][k]
+        beams[row, k + 6] = plane[k]
+
+
+@jit
+def _sum(flux):
+    return flux[0] + flux[1] + flux[2]
+
+
+@jit
+def _add(sums, chunk, kind, flux):
+    sums[chunk, kind, 0] += flux[0]
+    sums[chunk, kind, 1] += flux[1]
+    sums[chunk, kind, 2] += flux[2]
+
+
+@jit
+def _add_difference(sums, chunk, kind, before, after):
+    sums[chunk, kind, 0] += np.float64(before[0]) - np.float64(after[0])
+    sums[chunk, kind, 1] += np.float64(before[1]) - np.float64(after[1])
+    sums[chunk, kind, 2] += np.float64(before[2]) - np.float64(after[2])
