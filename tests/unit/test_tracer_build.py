@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from ispm.tracer import build, collapse
+from ispm.accel import build, collapse
 
 from ispm.accel.bvh import build_mesh_bvh
 from ispm.accel.world import World

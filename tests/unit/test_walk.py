@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from ispm.tracer import walk as walk_module
+from ispm.photons import walk as walk_module
 from transport import Tracer, box_room, lit, on_instance, trace
 
 from ispm.library.common import lambert
