@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from ispm.accel import build, collapse
 
+from ispm.accel import build, collapse
 from ispm.accel.bvh import build_mesh_bvh
 from ispm.accel.world import World
 from ispm.kernels.simd import address, aligned

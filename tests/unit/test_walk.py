@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
-from ispm.photons import walk as walk_module
 from transport import Tracer, box_room, lit, on_instance, trace
 
 from ispm.library.common import lambert
 from ispm.lights.nee import SPOT_PARTS
 from ispm.optics.records import EMITTED, NO_HIT
+from ispm.photons import walk as walk_module
 from ispm.scene.material import Material, Texture, TextureUse
 from ispm.scene.mesh import Mesh
 from ispm.scene.scene import Scene
