@@ -62,7 +62,7 @@ def choose_camera(
 
 
 def _with_fov(scene: Scene, camera: str | None, fov: float) -> Camera:
-    from ispm.renderer.framing import find_camera
+    from ispm.framing.camera import find_camera
 
     found = find_camera(scene, camera)
     if found is None:

@@ -5,7 +5,7 @@ weak symbols: the process that compiles then runs other copies than one that rea
 otherwise. Here a kernel takes in all that it reaches, as functions of its own, and is optimised and emitted
 once: fewer instructions to emit, and the same bits whoever compiled it.
 
-This file alone uses private names of numba; `tests/unit/test_kernels.py` holds it to them.
+This file alone uses private names of numba; `tests/kernels/test_kernels.py` holds it to them.
 """
 
 from __future__ import annotations

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from ispm.accel.world import World
-from ispm.renderer.framing import default_camera, default_light, given_camera, passed_points
+from ispm.framing.camera import default_camera, default_light, given_camera, passed_points
 from ispm.renderer.picture import Frame
 from ispm.scene.camera import Camera
 from ispm.scene.packed import Packed

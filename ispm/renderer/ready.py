@@ -8,10 +8,10 @@ import numpy as np
 
 from ispm.accel.surface import SurfaceTable
 from ispm.accel.world import World
+from ispm.framing.camera import far_off, require_visible
 from ispm.optics.texture import TextureTable
 from ispm.renderer.chosen import Chosen
 from ispm.renderer.converge import place_in_pixel
-from ispm.renderer.framing import far_off, require_visible
 from ispm.renderer.limits import without_area
 from ispm.scene.packed import Packed, pack
 from ispm.scene.scene import Scene

@@ -367,7 +367,7 @@ class Scene(Branch, Strict):
         wherever its animations take it, so that all moments of `at` share one camera.
         Raises SceneError for a scene without a surface.
         """
-        from ispm.renderer.framing import camera_of
+        from ispm.framing.camera import camera_of
 
         return camera_of(self, size)
 

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from scipy.ndimage import maximum_filter, minimum_filter
 
+from ispm.framing.camera import find_camera
 from ispm.gpu import Gpu
 from ispm.library.builtin import builtin
 from ispm.renderer import Renderer
-from ispm.renderer.framing import find_camera
 from ispm.scene.camera import Camera
 from ispm.settings import Settings
 

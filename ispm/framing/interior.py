@@ -21,7 +21,7 @@ _LEVEL = 500.0  # m3 seen from one place of a level without a roof: 960, 32 of t
 _R3 = np.array([0.8191725, 0.6710436, 0.5497005])  # Roberts 2018: evenly spread points
 
 
-def find_heart(packed: Packed, world: World) -> np.ndarray | None:
+def interior_viewpoint(packed: Packed, world: World) -> np.ndarray | None:
     """Return a place (3,) near the middle of a room, in m; None for an object, to be seen from outside.
 
     A place is enclosed where most rays from it meet front faces. A room has mostly such places, or one from

@@ -10,8 +10,8 @@ import numpy as np
 
 from ispm.accel.world import World
 from ispm.errors import SceneError, SettingsError
+from ispm.framing.interior import interior_viewpoint
 from ispm.optics.records import NO_HIT
-from ispm.renderer.room import find_heart
 from ispm.scene.camera import Camera, look_at_pose
 from ispm.scene.extent import enclosing_diameter
 from ispm.scene.light import DirectionalLight, Light, PointLight
@@ -157,9 +157,9 @@ def default_camera(
 
     passed  (n, 3) m, points where moving things come by
     """
-    heart = find_heart(packed, world)
-    if heart is not None:
-        return _camera_of_room(packed, world, heart, aspect)
+    viewpoint = interior_viewpoint(packed, world)
+    if viewpoint is not None:
+        return _camera_of_room(packed, world, viewpoint, aspect)
     low, high, diagonal = _extent(packed, passed)
     center = (low + high) / 2.0
     back = _FROM / np.linalg.norm(_FROM)
@@ -186,14 +186,14 @@ def _extent(packed: Packed, passed: np.ndarray) -> tuple[np.ndarray, np.ndarray,
 
 
 def _camera_of_room(
-    packed: Packed, world: World, heart: np.ndarray, aspect: float
+    packed: Packed, world: World, viewpoint: np.ndarray, aspect: float
 ) -> tuple[Camera, np.ndarray]:
     """A camera that looks through a room along the way that is longest, at an eye's height; or that sees its
     open side whole, from before it."""
     low, high = packed.bounds
     size = high - low
-    up, down = np.minimum(_free(world, heart, np.array([[0.0, 1.0, 0.0], [0.0, -1.0, 0.0]])), size[1])
-    eye = heart + np.array([0.0, 0.45 * (up + down) - down, 0.0])
+    up, down = np.minimum(_free(world, viewpoint, np.array([[0.0, 1.0, 0.0], [0.0, -1.0, 0.0]])), size[1])
+    eye = viewpoint + np.array([0.0, 0.45 * (up + down) - down, 0.0])
     free = np.minimum(_free(world, eye, _WAYS), np.abs(_WAYS) @ size)
     way = int((free + 0.5 * np.roll(free, 2)).argmax())  # an open side is one to look in by
     back, aside = _WAYS[way], np.abs(_WAYS[way - 1])
@@ -239,9 +239,9 @@ def default_light(
     """
     low, high, diagonal = _extent(packed, passed)
     center = (low + high) / 2.0
-    heart = find_heart(packed, world)
-    if heart is not None:
-        position = eye + 0.15 * (heart - eye)
+    viewpoint = interior_viewpoint(packed, world)
+    if viewpoint is not None:
+        position = eye + 0.15 * (viewpoint - eye)
         free = float(_free(world, position, np.array([[0.0, 1.0, 0.0]]))[0])
         position[1] += min(0.3 * (packed.bounds[1, 1] - position[1]), 0.5 * free)
         kind = "a lamp near the camera"
@@ -253,7 +253,7 @@ def default_light(
     intensity = math.pi * distance * distance
     light: Light = PointLight((min(intensity, BRIGHTEST),) * 3)
     node = Node("default light", translation=position, light=light)
-    if heart is None and intensity > BRIGHTEST:  # so far away that its rays are parallel
+    if viewpoint is None and intensity > BRIGHTEST:  # so far away that its rays are parallel
         node.light = DirectionalLight((math.pi,) * 3)
         node.matrix = look_at_pose(position, center)
     return node, f"the scene has no light; {kind} lights it"

@@ -9,11 +9,11 @@ from transport import box_room
 
 from ispm.accel.world import World
 from ispm.errors import SceneError
+from ispm.framing.camera import default_camera, default_light, find_camera, rigid
+from ispm.framing.interior import interior_viewpoint
 from ispm.io.load import load
 from ispm.library.builtin import BUILTINS, builtin
 from ispm.library.shapes import box, icosphere
-from ispm.renderer.framing import default_camera, default_light, find_camera, rigid
-from ispm.renderer.room import find_heart
 from ispm.scene.camera import Camera
 from ispm.scene.packed import pack
 from ispm.scene.rotation import rotation_matrix
@@ -44,7 +44,7 @@ def seen_from(camera, pose, points):
 @pytest.mark.parametrize("scale", [(1, 1, 1), (20, 1, 1), (1, 0.01, 1), (0.01, 0.01, 30)])
 def test_an_object_fills_the_picture_but_stays_within(aspect, scale):
     packed, world = ready(object_scene(scale))
-    assert find_heart(packed, world) is None
+    assert interior_viewpoint(packed, world) is None
     camera, pose = default_camera(packed, world, aspect)
     points = []
     for row in packed.instances:
@@ -62,7 +62,7 @@ def test_a_room_is_seen_from_within():
     low, high = (-3.0, 0.0, -1.0), (3.0, 2.5, 1.0)
     for scene in (box_room(low, high), box_room((1e3, 0, 0), (1e3 + 4, 3, 5))):
         packed, world = ready(scene)
-        assert find_heart(packed, world) == pytest.approx(packed.bounds.mean(axis=0))
+        assert interior_viewpoint(packed, world) == pytest.approx(packed.bounds.mean(axis=0))
         _, pose = default_camera(packed, world, 1.5)
         assert (pose[:3, 3] > packed.bounds[0]).all() and (pose[:3, 3] < packed.bounds[1]).all()
     # along the longer side, towards the middle
@@ -74,7 +74,7 @@ def test_a_room_is_seen_from_within():
 def test_a_box_seen_from_outside_is_no_room():
     scene = Scene()
     scene.add(box((0, 0, 0), (1, 1, 1)))
-    assert find_heart(*ready(scene)) is None
+    assert interior_viewpoint(*ready(scene)) is None
 
 
 @pytest.mark.parametrize("aspect", [0.5, 1.0, 1.5])
@@ -112,7 +112,7 @@ def test_rooms_are_told_from_objects_in_all_assets():
         if not scene.triangle_count or kind == "generator" or name in HARD_TO_TELL:
             continue
         room = name in ROOMS or "cornell" in name.lower()
-        if (find_heart(*ready(scene)) is not None) != room:
+        if (interior_viewpoint(*ready(scene)) is not None) != room:
             wrong.append(name)
     assert len(scenes) > 100
     assert not wrong
