@@ -1,4 +1,8 @@
-"""How photons become incident light at receivers: several ways to one sum."""
+"""How photons become incident light at receivers: several ways to one sum.
+
+In come receivers and photons with measured kernels; out goes the light at each receiver, channel by
+channel. A test holds all of them to the same sums.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""All that speaks to the graphics adapter; nothing outside this package imports wgpu."""
+"""All that speaks to the graphics adapter; nothing outside this package imports wgpu.
+
+In come shaders, arrays and commands; out go textures, buffers and what is read back. It knows of no scene.
+"""
 
 from ispm.gpu.buffer import Buffer
 from ispm.gpu.compute import Compute

@@ -1,4 +1,8 @@
-"""The frame, and the pictures it gives."""
+"""The frame, and the pictures it gives.
+
+In come a scene, a camera and settings; a frame runs the stages and kernels in order, joins what they give,
+and goes out as layers, statistics and files. All rooms below are joined here and nowhere else.
+"""
 
 from __future__ import annotations
 
