@@ -1,4 +1,4 @@
-"""The passes over images, in frame order: G-buffer, receivers, bounce maps, shadows, direct light, ... tone map.
+"""The passes over images, in frame order: G-buffer, receivers, bounce maps, shadows, direct light and so on.
 
 In come GPU images and buffers of the stages before, and the packed scene; out go images of the next. `x.py`
 prepares and calls `x.wgsl`. `filter` is numba alone, as the light that it filters was gathered by rays on the
