@@ -131,6 +131,37 @@ class GBuffer:
 
 
 @dataclass(frozen=True, eq=False)
+class Receivers:
+    """Points to be lit that make up an image, so that those beside each other are found.
+
+    points  (h w,) RECEIVER, row by row from the top left
+    size    (w, h)
+    """
+
+    points: np.ndarray
+    size: tuple[int, int]
+
+
+@dataclass(frozen=True, eq=False)
+class LitFrame:
+    """The light of a frame's pixels, still on the device: (W, H) rgba32float, linear, cd/m2.
+
+    gbuffer     what the pixels show
+    direct      light of lamps; indirect: of photons; emission: what surfaces give off. Their alpha is the
+                share of a pixel that shows a surface
+    irradiance  of photons, lx
+    through     the share of a background that glass shows, or one black texel
+    """
+
+    gbuffer: GBuffer
+    direct: Texture
+    indirect: Texture
+    irradiance: Texture
+    emission: Texture
+    through: Texture
+
+
+@dataclass(frozen=True, eq=False)
 class ShadowMaps:
     """The shadow maps of all lights, tiles of one atlas; depth is reversed.
 
