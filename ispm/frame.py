@@ -54,9 +54,11 @@ class GpuScene:
         """Draw through the canvas's vertex and index buffers, so that corners share work."""
         mesh = self.packed.geometry.ranges[draw.mesh]
         canvas.draw_indexed(
-            3 * mesh.triangle_count, draw.instance_count,
-            first_index=mesh.first_index, first_instance=draw.first_instance,
-        )  # fmt: skip
+            3 * mesh.triangle_count,
+            draw.instance_count,
+            first_index=mesh.first_index,
+            first_instance=draw.first_instance,
+        )
 
     def is_masked(self, material: int) -> bool:
         """Whether a material has holes: alpha mode MASK or BLEND."""

@@ -136,10 +136,18 @@ def render(
         if show in RENDERER_VIEWS:
             frame.image, show = renderer.view(show), "full"
     options = dict(
-        camera=camera, look_from=look_from, look_at=look_at, fov=fov, animation=animation,
+        camera=camera,
+        look_from=look_from,
+        look_at=look_at,
+        fov=fov,
+        animation=animation,
         time=time if world.animations else None,
-        show=asked, layers=layers, float=float, bits=bits, adapter=adapter,
-    )  # fmt: skip
+        show=asked,
+        layers=layers,
+        float=float,
+        bits=bits,
+        adapter=adapter,
+    )
     frame.command = command_line(scene, options, settings, loading, output=str(target))
     frame.save(target, layers=wanted, show=show, float32=float, bits=bits)
     console.written(target)

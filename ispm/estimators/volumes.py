@@ -40,11 +40,16 @@ class Volumes:
         self._gpu = gpu
         self._diffuse, self._light, self._gloss = (
             gpu.raster(
-                _PATH, [_SUM] * targets, depth=None, cull="front", fragment=fragment,
-                TALK=talk, TALK_ERRORS=errors,
+                _PATH,
+                [_SUM] * targets,
+                depth=None,
+                cull="front",
+                fragment=fragment,
+                TALK=talk,
+                TALK_ERRORS=errors,
             )
             for fragment, targets in (("fs_diffuse", 1), ("fs_light", 2), ("fs_gloss", 2))
-        )  # fmt: skip
+        )
         self._sums = [
             gpu.texture(name, "rgba32float") for name in ("light", "fresnel", "gloss f0", "gloss f90")
         ]

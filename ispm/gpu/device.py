@@ -54,9 +54,12 @@ _BASELINE = {
 }
 # Sizes that follow the scene and the picture: all the adapter has.
 _GENEROUS = (
-    "max-texture-dimension-2d", "max-texture-array-layers",
-    "max-storage-buffer-binding-size", "max-buffer-size", "max-compute-workgroups-per-dimension",
-)  # fmt: skip
+    "max-texture-dimension-2d",
+    "max-texture-array-layers",
+    "max-storage-buffer-binding-size",
+    "max-buffer-size",
+    "max-compute-workgroups-per-dimension",
+)
 
 
 @dataclass(frozen=True)
@@ -227,9 +230,20 @@ class Gpu:
         fragment       None where only depth is drawn
         """
         return Raster(
-            self.device, path, targets, depth, depth_write, cull, front, topology,
-            vertex_layout, vertex, fragment, samples, constants,
-        )  # fmt: skip
+            self.device,
+            path,
+            targets,
+            depth,
+            depth_write,
+            cull,
+            front,
+            topology,
+            vertex_layout,
+            vertex,
+            fragment,
+            samples,
+            constants,
+        )
 
     def texture(
         self,

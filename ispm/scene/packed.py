@@ -220,9 +220,19 @@ def pack(scene: Scene, geometry: Geometry | None = None) -> Packed:
     lights = np.array(light_rows, records.LIGHT)
     nodes = tuple(map(Place, [node.name for node, _ in placed], scene.parents()))
     return Packed(
-        geometry, instances, material_rows, textures, lights, draws, bounds, diagonal, widths,
-        boxes, ids, Names(tuple(runs), tuple(material.name for material in material_list), nodes),
-    )  # fmt: skip
+        geometry,
+        instances,
+        material_rows,
+        textures,
+        lights,
+        draws,
+        bounds,
+        diagonal,
+        widths,
+        boxes,
+        ids,
+        Names(tuple(runs), tuple(material.name for material in material_list), nodes),
+    )
 
 
 def pack_geometry(meshes: list[Mesh]) -> Geometry:

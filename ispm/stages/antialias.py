@@ -99,9 +99,13 @@ class Antialias:
             masked = key[0]
             fields = ("position", "color", "uv0", "uv1") if masked else ("position",)
             self._pipelines[key] = self._gpu.raster(
-                "stages/coverage.wgsl", ["r16uint"], samples=_SAMPLES,
-                cull="none" if double_sided else "back", front="cw" if draw.mirrored else "ccw",
-                vertex="vs_masked" if masked else "vs", fragment="fs_masked" if masked else "fs",
+                "stages/coverage.wgsl",
+                ["r16uint"],
+                samples=_SAMPLES,
+                cull="none" if double_sided else "back",
+                front="cw" if draw.mirrored else "ccw",
+                vertex="vs_masked" if masked else "vs",
+                fragment="fs_masked" if masked else "fs",
                 vertex_layout=vertex_layout(*fields),
-            )  # fmt: skip
+            )
         return self._pipelines[key]

@@ -75,9 +75,11 @@ class BounceStage:
             if not visible.any():
                 continue
             shared = {
-                "face": frame.uniform(uniform), "vertices": scene.vertices, "indices": scene.indices,
+                "face": frame.uniform(uniform),
+                "vertices": scene.vertices,
+                "indices": scene.indices,
                 "instances": scene.instances,
-            }  # fmt: skip
+            }
             canvas.viewport(x, y, map.width, map.width)
             for draw in scene.each(frame, canvas, compress(scene.draws, visible), pipeline, shared):
                 scene.draw_corners(canvas, draw)

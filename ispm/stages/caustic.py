@@ -36,9 +36,16 @@ class CausticStage:
             return None
         radiance, irradiance = (texture.sized(gbuffer.size) for texture in self._sums)
         group = self._splat.bind(
-            0, frame, camera=view.uniform(), photons=self._photons.write(photons), materials=scene.materials,
-            points=gbuffer.points, normals=gbuffer.normals, base=gbuffer.base, emission=gbuffer.emission,
-        )  # fmt: skip
+            0,
+            frame,
+            camera=view.uniform(),
+            photons=self._photons.write(photons),
+            materials=scene.materials,
+            points=gbuffer.points,
+            normals=gbuffer.normals,
+            base=gbuffer.base,
+            emission=gbuffer.emission,
+        )
         with frame.draw_into(radiance, irradiance) as canvas:
             canvas.use(self._splat, group)
             canvas.draw(3 * len(photons))

@@ -134,9 +134,15 @@ def _words(receivers: np.ndarray) -> np.ndarray:
 
 
 def _run(
-    kernel: Any, points: Any, words: np.ndarray, estimate: np.ndarray, size: tuple[int, int],
-    diagonal: float, smoothing: float, threads: int,
-) -> np.ndarray:  # fmt: skip
+    kernel: Any,
+    points: Any,
+    words: np.ndarray,
+    estimate: np.ndarray,
+    size: tuple[int, int],
+    diagonal: float,
+    smoothing: float,
+    threads: int,
+) -> np.ndarray:
     """Call `kernel` from all threads with a shared counter; return what it writes."""
     count = len(points[0]) if isinstance(points, tuple) else len(points)
     out = aligned(16 * count).reshape(-1, 16)

@@ -44,9 +44,11 @@ class GBufferStage:
             for targets in (self._drawn, self._placed)
         )
         shared = {
-            "camera": frame.uniform(view.uniform()), "vertices": scene.vertices, "indices": scene.indices,
+            "camera": frame.uniform(view.uniform()),
+            "vertices": scene.vertices,
+            "indices": scene.indices,
             "instances": scene.instances,
-        }  # fmt: skip
+        }
         groups: dict[Raster, Group] = {}
         seen = view.sees(scene.boxes)
         with frame.draw_into(*drawn.values(), depth=self._nearest.sized(view.size)) as canvas:
@@ -82,8 +84,11 @@ class GBufferStage:
         if key not in self._pipelines:
             masked, textured, double_sided, mirrored = key
             self._pipelines[key] = self._gpu.raster(
-                "stages/gbuffer.wgsl", tuple(_DRAWN.values()),
-                cull="none" if double_sided else "back", front="cw" if mirrored else "ccw",
-                MASKED=masked, TEXTURED=textured,
-            )  # fmt: skip
+                "stages/gbuffer.wgsl",
+                tuple(_DRAWN.values()),
+                cull="none" if double_sided else "back",
+                front="cw" if mirrored else "ccw",
+                MASKED=masked,
+                TEXTURED=textured,
+            )
         return self._pipelines[key]

@@ -42,9 +42,13 @@ class ShadowStage:
         self._opaque = gpu.raster(path, fragment=None, vertex_layout=vertex_layout("position"))
         self._masked = gpu.raster(path, vertex="vs_masked", fragment="fs_masked", vertex_layout=layout)
         self._sheet = gpu.raster(
-            path, [Target("rgba8unorm", "multiply")], depth_write=False, vertex="vs_masked",
-            fragment="fs_sheet", vertex_layout=layout,
-        )  # fmt: skip
+            path,
+            [Target("rgba8unorm", "multiply")],
+            depth_write=False,
+            vertex="vs_masked",
+            fragment="fs_sheet",
+            vertex_layout=layout,
+        )
         self._geometry: Geometry | None = None
         self._indices = gpu.buffer("shared indices", "index")
         self._depth = gpu.texture("shadow atlas", "depth32float")
@@ -87,9 +91,13 @@ class ShadowStage:
             self._draw_tints(frame, scene, pieces, atlas, views, sheets)
             self._draw_depth(frame, scene, pieces, atlas, views, self._sheets, sheets)
         return ShadowMaps(
-            map_rows(light_maps(packed), near), tile_rows(atlas, len(light_maps(packed))),
-            self._depth, self._sheets, self._tints, has_sheets,
-        )  # fmt: skip
+            map_rows(light_maps(packed), near),
+            tile_rows(atlas, len(light_maps(packed))),
+            self._depth,
+            self._sheets,
+            self._tints,
+            has_sheets,
+        )
 
     def close(self) -> None:
         """Free the maps."""
