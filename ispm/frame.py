@@ -60,6 +60,11 @@ class GpuScene:
             first_instance=draw.first_instance,
         )
 
+    @property
+    def corners(self) -> dict[str, Buffer]:
+        """What shaders that fetch their own vertices bind, as they name it."""
+        return dict(vertices=self.vertices, indices=self.indices, instances=self.instances)
+
     def is_masked(self, material: int) -> bool:
         """Whether a material has holes: alpha mode MASK or BLEND."""
         flags = self.packed.materials[material]["flags"]
@@ -130,6 +135,11 @@ class GBuffer:
     def size(self) -> tuple[int, int]:
         """Width and height in pixels."""
         return self.depth.size
+
+    @property
+    def surfaces(self) -> dict[str, Texture]:
+        """What shaders that shade pixels bind, as they name it."""
+        return dict(points=self.points, normals=self.normals, base=self.base, emission=self.emission)
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,7 +9,7 @@ import numpy as np
 
 from ispm import wgsl
 from ispm.errors import AdapterError
-from ispm.gpu import Gpu, Target
+from ispm.gpu import Gpu, RasterState, Target
 
 _PATH = "estimators/volumes.wgsl"
 _SCREEN = wgsl.load(_PATH).dtype("Screen")
@@ -42,9 +42,7 @@ class Volumes:
             gpu.raster(
                 _PATH,
                 [_SUM] * targets,
-                depth=None,
-                cull="front",
-                fragment=fragment,
+                RasterState(depth=None, cull="front", fragment=fragment),
                 TALK=talk,
                 TALK_ERRORS=errors,
             )

@@ -9,7 +9,7 @@ import numpy as np
 
 from ispm import wgsl
 from ispm.frame import GpuScene, LitFrame, vertex_layout
-from ispm.gpu import Gpu, Raster, Recording
+from ispm.gpu import Gpu, Raster, RasterState, Recording
 from ispm.optics import records
 from ispm.scene.packed import Draw
 from ispm.stages.camera import CameraView
@@ -96,16 +96,15 @@ class Antialias:
         double_sided = bool(flags & records.MATERIAL_DOUBLE_SIDED)
         key = (scene.is_masked(draw.material), double_sided, draw.mirrored)
         if key not in self._pipelines:
-            masked = key[0]
+            masked = scene.is_masked(draw.material)
             fields = ("position", "color", "uv0", "uv1") if masked else ("position",)
-            self._pipelines[key] = self._gpu.raster(
-                "stages/coverage.wgsl",
-                ["r16uint"],
-                samples=_SAMPLES,
+            state = RasterState(
                 cull="none" if double_sided else "back",
                 front="cw" if draw.mirrored else "ccw",
                 vertex="vs_masked" if masked else "vs",
                 fragment="fs_masked" if masked else "fs",
+                samples=_SAMPLES,
                 vertex_layout=vertex_layout(*fields),
             )
+            self._pipelines[key] = self._gpu.raster("stages/coverage.wgsl", ["r16uint"], state)
         return self._pipelines[key]

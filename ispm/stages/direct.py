@@ -6,7 +6,7 @@ import numpy as np
 
 from ispm import wgsl
 from ispm.frame import GBuffer, GpuScene, ShadowMaps
-from ispm.gpu import Gpu, Raster, Recording, Texture
+from ispm.gpu import FLAT, Gpu, Raster, Recording, Texture
 from ispm.optics.records import MATERIAL_TRANSMITS
 from ispm.stages.camera import CameraView
 
@@ -100,10 +100,7 @@ class DirectStage:
             camera=view.uniform(),
             lamps=_lamps(scene, shadows, first),
             materials=scene.materials,
-            points=gbuffer.points,
-            normals=gbuffer.normals,
-            base=gbuffer.base,
-            emission=gbuffer.emission,
+            **gbuffer.surfaces,
             before=before,
             atlas=shadows.depth,
             sheets=shadows.sheets,
@@ -122,7 +119,7 @@ class DirectStage:
             self._pipelines[key] = self._gpu.raster(
                 "stages/direct.wgsl",
                 ["rgba32float"],
-                depth=None,
+                FLAT,
                 ADDS=adds,
                 TRANSMITS=transmits,
                 SHEETS=sheets,

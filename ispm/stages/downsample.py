@@ -34,10 +34,7 @@ class Downsample:
             over=(width, height),
             camera=view.uniform(),
             materials=scene.materials,
-            points=gbuffer.points,
-            normals=gbuffer.normals,
-            base=gbuffer.base,
-            emission=gbuffer.emission,
+            **gbuffer.surfaces,
             depth=gbuffer.depth,
             receivers=self.receivers,
         )

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from ispm import wgsl
 from ispm.frame import GBuffer, GpuScene
-from ispm.gpu import Buffer, Gpu, Recording, Texture
+from ispm.gpu import FLAT, Buffer, Gpu, Recording, Texture
 from ispm.optics.records import RECEIVER
 from ispm.stages.camera import CameraView
 
@@ -30,8 +31,8 @@ class Upsample:
     def __init__(self, gpu: Gpu, subsampling: int) -> None:
         self._gpu, self._block = gpu, subsampling
         path = "stages/upsample.wgsl"
-        self._main = gpu.raster(path, ["rgba32float"] * 2, depth=None, BLOCK=subsampling)
-        self._glow = gpu.raster(path, ["rgba32float"], depth=None, fragment="fs_glow")
+        self._main = gpu.raster(path, ["rgba32float"] * 2, FLAT, BLOCK=subsampling)
+        self._glow = gpu.raster(path, ["rgba32float"], replace(FLAT, fragment="fs_glow"))
         self._patch = gpu.compute(path, "patch_missed", BLOCK=subsampling)
         self._light = gpu.buffer("incident light")
         self._count = gpu.buffer("missed count")
@@ -111,10 +112,7 @@ class Upsample:
         return {
             "camera": view.uniform(),
             "materials": scene.materials,
-            "points": gbuffer.points,
-            "normals": gbuffer.normals,
-            "base": gbuffer.base,
-            "emission": gbuffer.emission,
+            **gbuffer.surfaces,
         }
 
     def _sharp(self, caustic: tuple[Texture, Texture] | None) -> dict[str, Any]:
