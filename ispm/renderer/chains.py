@@ -10,6 +10,7 @@ from ispm.accel.meet import meet_many
 from ispm.accel.rays import HIT
 from ispm.accel.surface import SurfaceTable
 from ispm.frame import Receivers
+from ispm.optics.incident import channels, no_light
 from ispm.paths.edges import edge_rows
 from ispm.paths.ends import image_of_ends, reflect_light, smooth_frost, spread_light
 from ispm.paths.eye import REFLECTED, SCATTERED, TRANSMITTED, EyePaths, EyeRays, join_paths, trace_eye
@@ -17,7 +18,7 @@ from ispm.renderer.backdrop import background_color
 from ispm.renderer.gather import PhotonLight
 from ispm.renderer.one_pass import Pass
 from ispm.stages.camera import CameraView
-from ispm.stages.filter import MET, filter_estimate, filter_points
+from ispm.stages.filter import filter_estimate, filter_points
 
 _FINER = 2  # blocks of ends, and of missed pixels, are this much smaller than the picture's: both are few
 SAMPLES = np.array([(-1, -3), (3, -1), (-3, 1), (1, 3)]) / 8.0  # pixels from the centre, as antialiasing's
@@ -105,7 +106,7 @@ def light_ends(this: Pass, paths: EyePaths, pixels: np.ndarray, light: PhotonLig
     estimated at every end.
     """
     points, lanes = paths.points, paths.ends["lane"]
-    found = np.zeros((len(points), 16), np.float32)
+    found = no_light(len(points))
     if len(points):
         for lane in (REFLECTED, TRANSMITTED):
             rows = np.flatnonzero(lanes == lane)
@@ -125,7 +126,7 @@ def light_by_image(this: Pass, points: np.ndarray, pixels: np.ndarray, light: Ph
     The image is as large as the part of the picture that shows them, so that nothing is done for the rest.
     """
     if not len(points):
-        return np.zeros((0, 16), np.float32)
+        return no_light(0)
     diagonal, smoothing, threads = this.packed.diagonal, this.settings.smoothing, this.threads
     width, block = this.view.size[0], max(this.settings.subsampling // _FINER, 1)
     x, y = (side.astype(np.int64) for side in (pixels % width, pixels // width))
@@ -142,7 +143,7 @@ def light_by_image(this: Pass, points: np.ndarray, pixels: np.ndarray, light: Ph
         spread[lost] = filter_points(
             points[lost], cells[lost], image, raw, size, diagonal, smoothing, threads
         )
-        alone = lost[spread[lost, MET] == 0.0]
+        alone = lost[channels(spread)["met"][lost] == 0.0]
         if len(alone):
             spread[alone] = light.at(Receivers(points[alone], (len(alone), 1)))
     return spread
@@ -173,9 +174,10 @@ def light_missed(
         settings.smoothing,
         this.threads,
     )
-    alone = np.flatnonzero(found[:, MET] < 1.0)
+    met = channels(found)["met"]
+    alone = np.flatnonzero(met < 1.0)
     lone = points[alone]
     lone["footprint"] /= settings.subsampling  # a pixel's, as an image wants
     image = light_by_image(this, lone, missed["pixel"][alone], light)
-    found[alone] = image + found[alone, MET, None] * (found[alone] - image)
+    found[alone] = image + met[alone, None] * (found[alone] - image)
     return found

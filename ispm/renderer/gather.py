@@ -14,6 +14,7 @@ import numpy as np
 from ispm.estimators import Estimator
 from ispm.frame import Receivers
 from ispm.lights.lightmap import light_maps
+from ispm.optics.incident import channels, no_light
 from ispm.optics.records import take
 from ispm.optics.rng import random4
 from ispm.optics.sampling import LATTICE
@@ -27,7 +28,7 @@ from ispm.renderer.caustics import PhotonParts, sample_width
 from ispm.renderer.one_pass import Pass
 from ispm.scene.packed import Packed
 from ispm.settings import Settings
-from ispm.stages.filter import DENSITY, MET, filter_estimate, mean_around, set_reach
+from ispm.stages.filter import filter_estimate, mean_around, set_reach
 from ispm.stages.upsample import UNUSED
 
 _BRIGHT = 9.0  # times the mean, from where light goes by photons; half or twice: under 10 % more error
@@ -85,7 +86,7 @@ class PhotonLight:
             return estimator(receivers.points, photons, clip_from_world, receivers.size)
 
         if not len(self.parts.smooth):
-            return np.zeros((len(receivers.points), 16), np.float32)
+            return no_light(len(receivers.points))
         if not self._this.settings.gather_rays:
             return estimate(self._smooth)
         return self._gathered(receivers, lambda: estimate(self._smooth), estimate(self._straight))
@@ -98,7 +99,8 @@ class PhotonLight:
         filtered = filter_estimate(
             receivers.points, raw, receivers.size, this.packed.diagonal, this.settings.smoothing, this.threads
         )
-        filtered[filtered[:, MET] < 1.0, DENSITY] = UNUSED
+        light = channels(filtered)
+        light["density"][light["met"] < 1.0] = UNUSED
         return filtered
 
     def at(self, receivers: Receivers) -> np.ndarray:
@@ -182,7 +184,8 @@ class PhotonLight:
         this, points, size = self._this, image.points, image.size
         packed, settings, threads = this.packed, this.settings, this.threads
         glossy = (points["alpha"] > 0.0).any()
-        light = smooth() if glossy else np.zeros((len(points), 16), np.float32)
+        light = smooth() if glossy else no_light(len(points))
+        incident = channels(light)
         nearness = np.zeros(len(points), np.float32)
         rays, limit = settings.gather_rays, bright_limit(packed, settings)
         most = np.float32(1.0 / (_NEAREST * packed.diagonal))
@@ -212,11 +215,11 @@ class PhotonLight:
             )
             ends = self._scattered.estimate(found.points, threads)
             radiance = found.radiance + reflect_light(found.ends, ends, len(found.ends))
-            light[part, 0:3] = math.pi * _mean(radiance, rays)
-            light[part, 4:7] = math.pi * _mean(found.fresnel[:, None] * radiance, rays)
+            incident["irradiance"][part] = math.pi * _mean(radiance, rays)
+            incident["fresnel"][part] = math.pi * _mean(found.fresnel[:, None] * radiance, rays)
             nearness[part] = _mean(np.minimum(found.nearness, most), rays)
-        light[:, 0:3] += straight[:, 0:3]
-        light[:, 4:7] += straight[:, 4:7]
+        for name in ("irradiance", "fresnel"):
+            incident[name] += channels(straight)[name]
         passes = 1 + this.index
         within = np.float32(_RAYS_WITHIN / (math.pi * rays * passes))
         least = points["footprint"] * np.sqrt(points["slant"] * within)
