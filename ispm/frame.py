@@ -54,9 +54,16 @@ class GpuScene:
         """Draw through the canvas's vertex and index buffers, so that corners share work."""
         mesh = self.packed.geometry.ranges[draw.mesh]
         canvas.draw_indexed(
-            3 * mesh.triangle_count, draw.instance_count,
-            first_index=mesh.first_index, first_instance=draw.first_instance,
-        )  # fmt: skip
+            3 * mesh.triangle_count,
+            draw.instance_count,
+            first_index=mesh.first_index,
+            first_instance=draw.first_instance,
+        )
+
+    @property
+    def corners(self) -> dict[str, Buffer]:
+        """What shaders that fetch their own vertices bind, as they name it."""
+        return dict(vertices=self.vertices, indices=self.indices, instances=self.instances)
 
     def is_masked(self, material: int) -> bool:
         """Whether a material has holes: alpha mode MASK or BLEND."""
@@ -128,6 +135,42 @@ class GBuffer:
     def size(self) -> tuple[int, int]:
         """Width and height in pixels."""
         return self.depth.size
+
+    @property
+    def surfaces(self) -> dict[str, Texture]:
+        """What shaders that shade pixels bind, as they name it."""
+        return dict(points=self.points, normals=self.normals, base=self.base, emission=self.emission)
+
+
+@dataclass(frozen=True, eq=False)
+class Receivers:
+    """Points to be lit that make up an image, so that those beside each other are found.
+
+    points  (h w,) RECEIVER, row by row from the top left
+    size    (w, h)
+    """
+
+    points: np.ndarray
+    size: tuple[int, int]
+
+
+@dataclass(frozen=True, eq=False)
+class LitFrame:
+    """The light of a frame's pixels, still on the device: (W, H) rgba32float, linear, cd/m2.
+
+    gbuffer     what the pixels show
+    direct      light of lamps; indirect: of photons; emission: what surfaces give off. Their alpha is the
+                share of a pixel that shows a surface
+    irradiance  of photons, lx
+    through     the share of a background that glass shows, or one black texel
+    """
+
+    gbuffer: GBuffer
+    direct: Texture
+    indirect: Texture
+    irradiance: Texture
+    emission: Texture
+    through: Texture
 
 
 @dataclass(frozen=True, eq=False)

@@ -21,7 +21,7 @@ from ispm.photons.walk import (
     medium,
     next_flight,
     nowhere,
-)  # fmt: skip
+)
 from ispm.scene.packed import Packed
 
 f32, i64, u32 = np.float32, np.int64, np.uint32
@@ -36,9 +36,16 @@ def rays_of_walk(
     """
     rays = np.empty((len(emitted) * (max(bounces, 1) + SPECULAR_MAX), 2, 3), np.float32)
     count = _record(
-        address(world.table), surfaces.addresses, surfaces.texels, surfaces.rows, packed.lights, emitted,
-        i64(bounces), u32(seed), rays,
-    )  # fmt: skip
+        address(world.table),
+        surfaces.addresses,
+        surfaces.texels,
+        surfaces.rows,
+        packed.lights,
+        emitted,
+        i64(bounces),
+        u32(seed),
+        rays,
+    )
     return np.ascontiguousarray(rays[:count, 0]), np.ascontiguousarray(rays[:count, 1])
 
 

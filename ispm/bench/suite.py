@@ -37,10 +37,8 @@ from ispm.settings import Settings
 
 SCENE = "atrium"
 FORMAT = 2  # of a report as JSON; 1 had no number, and no quartiles
-STAGES = (
-    "direct_ms", "bounce_map_ms", "copy_ms", "trace_ms", "radiance_ms", "upsample_ms", "compose_ms",
-    "total_ms", "direct_only_ms", "fps_full", "fps_direct",
-)  # fmt: skip
+_TIMES = ("direct", "bounce_map", "copy", "trace", "radiance", "upsample", "compose", "total", "direct_only")
+STAGES = (*(f"{name}_ms" for name in _TIMES), "fps_full", "fps_direct")
 _FRAMES, _QUICK_FRAMES = 20, 8
 _WARM_UP = 3  # frames that are not counted: kernels compile, memory grows
 _CAMERA_SWAY = 0.3  # m, to either side
@@ -217,9 +215,13 @@ def _machine(adapter: str, others: float) -> Machine:
     packages = [name for name in ("numba", "numpy", "wgpu", "embreex") if find_spec(name)]
     versions = {"ispm": __version__, "python": platform.python_version()}
     return Machine(
-        _processor(), thread_count(None), others, adapter, platform.platform(),
+        _processor(),
+        thread_count(None),
+        others,
+        adapter,
+        platform.platform(),
         versions | {name: version(name) for name in packages},
-    )  # fmt: skip
+    )
 
 
 def _others() -> Callable[[], float]:

@@ -74,8 +74,9 @@ def _tell_picture(console: Console, path: str) -> None:
         console.table("settings", list(settings.items()))
     else:
         console.say(f"made by: {command}")
-    console.result({**about, "width": found.width, "height": found.height, "command": command,
-                    "settings": settings})  # fmt: skip
+    console.result(
+        {**about, "width": found.width, "height": found.height, "command": command, "settings": settings}
+    )
 
 
 def _tell_passes(console: Console, path: str, size: str, kept: dict[str, Any]) -> None:
@@ -129,16 +130,18 @@ def nodes(scene: Scene) -> list[dict[str, Any]]:
         node, depth = stack.pop()
         stack.extend((child, depth + 1) for child in reversed(node.children))
         meshes = [part.mesh for part in node.parts]
-        found.append({
-            "name": node.name,
-            "depth": depth,
-            "parts": len(meshes),
-            "triangles": sum(len(mesh.triangles) for mesh in meshes),
-            "copies": node.copies,
-            "light": None if node.light is None else type(node.light).__name__,
-            "camera": node.camera is not None,
-            "children": len(node.children),
-        })  # fmt: skip
+        found.append(
+            {
+                "name": node.name,
+                "depth": depth,
+                "parts": len(meshes),
+                "triangles": sum(len(mesh.triangles) for mesh in meshes),
+                "copies": node.copies,
+                "light": None if node.light is None else type(node.light).__name__,
+                "camera": node.camera is not None,
+                "children": len(node.children),
+            }
+        )
     return found
 
 

@@ -5,10 +5,11 @@ from __future__ import annotations
 import inspect
 import os
 import re
-from collections.abc import Callable, Mapping
-from dataclasses import Field, asdict, fields
+import sys
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import Field, asdict, fields, is_dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, get_type_hints
 
 from cyclopts import App, Parameter
 
@@ -37,7 +38,8 @@ def command(*owners: type) -> Callable[[Callable[..., int | None]], Callable[...
     """Make a function a command of `app`; the knobs of `owners` become options.
 
     The function takes a Console first, then its own parameters, then as `**given` the knobs the user
-    gave, as text or bool. Its return value is the exit code; None is 0.
+    gave, as text or bool. The fields of a parameter that is a dataclass are options too. Its return value is
+    the exit code; None is 0.
     """
 
     def register(function: Callable[..., int | None]) -> Callable[..., int | None]:
@@ -47,10 +49,15 @@ def command(*owners: type) -> Callable[[Callable[..., int | None]], Callable[...
             known = {name: value for name, value in given.items() if value is not None}
             console = Console(quiet=quiet, as_json=json)
             _warn_of_unknown_variables(console)
+            for name, kind in nouns.items():
+                known[name] = kind(**{f.name: known.pop(f.name) for f in fields(kind) if f.name in known})
             return function(console, *args, **known)
 
-        own = list(inspect.signature(function, eval_str=True).parameters.values())[1:]
-        own = [p for p in own if p.kind is not inspect.Parameter.VAR_KEYWORD]
+        taken = list(inspect.signature(function, eval_str=True).parameters.values())[1:]
+        taken = [p for p in taken if p.kind is not inspect.Parameter.VAR_KEYWORD]
+        nouns: dict[str, Any] = {p.name: p.annotation for p in taken if is_dataclass(p.annotation)}
+        own = [p for p in taken if p.name not in nouns]
+        own += [p for kind in nouns.values() for p in _parameters(kind)]
         own += [_option(f) for owner in owners for f in fields(owner)]
         own += [
             _keyword(name, bool, help, default=False, negative="", show_default=False)
@@ -138,6 +145,15 @@ def _file(config: str | None) -> dict[str, Any]:
         if key not in known:
             raise SettingsError(f"{config}: there is no setting '{key}'{nearest(key, known)}")
     return values
+
+
+def _parameters(kind: type) -> Iterator[inspect.Parameter]:
+    """The options that the fields of a dataclass are, annotated as a command's own parameters."""
+    hints = get_type_hints(kind, vars(sys.modules[kind.__module__]), {}, include_extras=True)
+    for f in fields(kind):
+        yield inspect.Parameter(
+            f.name, inspect.Parameter.KEYWORD_ONLY, default=f.default, annotation=hints[f.name]
+        )
 
 
 def _option(f: Field[Any]) -> inspect.Parameter:

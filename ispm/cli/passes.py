@@ -107,10 +107,12 @@ def _bar(settings: Settings) -> Iterator[_Tell]:
             left = seconds_left(settings, stats.passes, spent / (stats.passes - first), spent)
             of = f" of {settings.most_passes}" if math.isfinite(settings.most_passes) else ""
             shown.update(
-                bar, description=f"{stats.passes}{of} pass{'es' * (stats.passes > 1)}{_error(stats)}",
-                completed=spent, total=spent + left if math.isfinite(left) else None,
+                bar,
+                description=f"{stats.passes}{of} pass{'es' * (stats.passes > 1)}{_error(stats)}",
+                completed=spent,
+                total=spent + left if math.isfinite(left) else None,
                 left=f"{left:.0f} s left" if math.isfinite(left) else f"{spent:.0f} s",
-            )  # fmt: skip
+            )
 
         yield tell
 

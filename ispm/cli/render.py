@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -23,60 +24,65 @@ _TELLING = ("polygons", "emitters", "stored_photons", "passes", "error", "total_
 _Point = Parameter(metavar="X,Y,Z", allow_leading_hyphen=True)
 
 
-@command(Settings, *LOADING)
-def render(
-    console: Console,
-    scene: str | None = None,
-    /,
-    *,
+@dataclass(frozen=True)
+class Asked:
+    """What a user asks of a picture, besides settings."""
+
     output: Annotated[
         str | None, Parameter(name=("--output", "-o"), help="the picture; default SCENE.png", metavar="FILE")
-    ] = None,
+    ] = None
     camera: Annotated[
         str | None, Parameter(help="one of the scene's; default: its first", metavar="NAME or INDEX")
-    ] = None,
-    look_from: Annotated[str | None, _Point, Parameter(help="where the camera stands, metres")] = None,
-    look_at: Annotated[str | None, _Point, Parameter(help="what it looks at, metres")] = None,
-    fov: Annotated[float | None, Parameter(help="vertical angle of view", metavar="DEGREES")] = None,
+    ] = None
+    look_from: Annotated[str | None, _Point, Parameter(help="where the camera stands, metres")] = None
+    look_at: Annotated[str | None, _Point, Parameter(help="what it looks at, metres")] = None
+    fov: Annotated[float | None, Parameter(help="vertical angle of view", metavar="DEGREES")] = None
     time: Annotated[
         float | None, Parameter(help="animation time; default: as the file stands", metavar="SECONDS")
-    ] = None,
-    animation: Annotated[str | None, Parameter(help="the one to play; default: all", metavar="NAME")] = None,
-    show: Annotated[str, Parameter(help=f"what to show ({', '.join(VIEWS)})", metavar="VIEW")] = "full",
+    ] = None
+    animation: Annotated[str | None, Parameter(help="the one to play; default: all", metavar="NAME")] = None
+    show: Annotated[str, Parameter(help=f"what to show ({', '.join(VIEWS)})", metavar="VIEW")] = "full"
     layers: Annotated[
         str | None, Parameter(help="layers of an EXR or NPZ; default: all", metavar="A,B,...")
-    ] = None,
+    ] = None
     float: Annotated[
         bool, Parameter(help="32 bits a channel in an EXR, not 16", negative="", show_default=False)
-    ] = False,
-    bits: Annotated[int, Parameter(help="bits a channel in a PNG: 8 or 16", metavar="N")] = 8,
+    ] = False
+    bits: Annotated[int, Parameter(help="bits a channel in a PNG: 8 or 16", metavar="N")] = 8
     stats: Annotated[
         str | None,
         Parameter(
             help="write all statistics as JSON; -: show them all", metavar="FILE", allow_leading_hyphen=True
         ),
-    ] = None,
+    ] = None
     adapter: Annotated[
         str | None, Parameter(help="part of a graphics adapter's name; default: the best", metavar="NAME")
-    ] = None,
+    ] = None
     list_adapters: Annotated[
         bool, Parameter(help="list the adapters and stop", negative="", show_default=False)
-    ] = False,
-    threads: Annotated[int | None, Parameter(help="CPU threads; default: all cores", metavar="N")] = None,
+    ] = False
+    threads: Annotated[int | None, Parameter(help="CPU threads; default: all cores", metavar="N")] = None
     resume: Annotated[
         str | None,
         Parameter(
             help="passes are kept in FILE.npz, each half minute, and continued where it exists",
             metavar="FILE.npz",
         ),
-    ] = None,
-    config: Annotated[str | None, Parameter(help="settings as TOML", metavar="FILE.toml")] = None,
+    ] = None
+    config: Annotated[str | None, Parameter(help="settings as TOML", metavar="FILE.toml")] = None
     print_config: Annotated[
         bool,
         Parameter(help="print the settings as TOML on stdout and stop", negative="", show_default=False),
-    ] = False,
-    **given: Any,
-) -> None:
+    ] = False
+
+
+# what of it makes a picture again
+_VIEW = ("camera", "look_from", "look_at", "fov", "animation", "time")
+_REPEATED = (*_VIEW, "show", "layers", "float", "bits", "adapter")
+
+
+@command(Settings, *LOADING)
+def render(console: Console, scene: str | None = None, /, *, asked: Asked, **given: Any) -> None:
     """Render one picture.
 
     Example: ispm render cornell-box -o room.png --photons 100k --size 640x360
@@ -84,30 +90,17 @@ def render(
     SCENE is a file (.glb .gltf .obj .ply .stl) or the name of a built-in scene. The settings may also come
     from the environment (ISPM_PHOTONS=100k) or from --config.
     """
-    settings = settings_from(given, config)
-    loading = loading_from(given, config)
-    if print_config:
+    settings = settings_from(given, asked.config)
+    loading = loading_from(given, asked.config)
+    if asked.print_config:
         _print_config(console, settings, loading)
         return
-    if list_adapters:
+    if asked.list_adapters:
         _list_adapters(console)
         return
     if not scene:
         raise SettingsError("no scene was named; give a file or a built-in scene, such as cornell-box")
-    if threads is not None and threads < 1:
-        raise SettingsError(f"--threads: {threads} is less than 1")
-    if time is not None and not math.isfinite(time):
-        raise SettingsError(f"--time: {time} is not a time")
-    target = _target(scene, output)
-    wanted = _layers(layers, target)
-    _require_view(show, target)
-    if float and target.suffix.lower() != ".exr":
-        raise SettingsError(f"--float: is for .exr, not '{target.suffix}'")
-    _require_bits(bits, show, target)
-    if resume is not None and Path(resume).suffix.lower() != ".npz":
-        raise OutputError(f"--resume: {resume} would be an .npz; name it so")
-    outputs = [Path(path) for path in (target, None if stats == "-" else stats, resume) if path is not None]
-    _require_writable(outputs, scene)
+    target, layers = _checked(scene, asked)
 
     from ispm.kernels import background, store
 
@@ -116,40 +109,57 @@ def render(
         background.start()  # while the scene is read
 
     world = open_scene(console, scene, loading)
-    if time is not None or animation is not None:
-        world = world.at(time or 0.0, animation)
-    view = choose_camera(world, camera, look_from, look_at, fov)
+    if asked.time is not None or asked.animation is not None:
+        world = world.at(asked.time or 0.0, asked.animation)
+    view = choose_camera(world, asked.camera, asked.look_from, asked.look_at, asked.fov)
 
     from ispm.renderer import Renderer
 
     background.finish()
     background.bar = False  # below, something else moves on the terminal
+    show = asked.show
     with (
         console.step(
             f"rendering {settings.size[0]}x{settings.size[1]}, {settings.photons:,} photons",
             spin=settings.most_passes == 1,
         ),
-        Renderer(world, settings, camera=view, adapter=adapter, threads=threads) as renderer,
+        Renderer(world, settings, camera=view, adapter=asked.adapter, threads=asked.threads) as renderer,
     ):
-        frame, interrupted, not_kept = render_passes(console, renderer, resume)
-        asked = show
+        frame, interrupted, not_kept = render_passes(console, renderer, asked.resume)
         if show in RENDERER_VIEWS:
             frame.image, show = renderer.view(show), "full"
-    options = dict(
-        camera=camera, look_from=look_from, look_at=look_at, fov=fov, animation=animation,
-        time=time if world.animations else None,
-        show=asked, layers=layers, float=float, bits=bits, adapter=adapter,
-    )  # fmt: skip
+    options = {name: getattr(asked, name) for name in _REPEATED}
+    if not world.animations:
+        options["time"] = None
     frame.command = command_line(scene, options, settings, loading, output=str(target))
-    frame.save(target, layers=wanted, show=show, float32=float, bits=bits)
+    frame.save(target, layers=layers, show=show, float32=asked.float, bits=asked.bits)
     console.written(target)
-    _report(console, frame.stats, target, stats)
+    _report(console, frame.stats, target, asked.stats)
     if interrupted:
         console.say(f"interrupted: {target} is the mean of {frame.stats.passes} passes")
     if not_kept:
         raise not_kept
     if interrupted:
         raise KeyboardInterrupt
+
+
+def _checked(scene: str, asked: Asked) -> tuple[Path, list[str] | None]:
+    """Find out before the work whether what is asked makes sense; return the picture's path and layers."""
+    if asked.threads is not None and asked.threads < 1:
+        raise SettingsError(f"--threads: {asked.threads} is less than 1")
+    if asked.time is not None and not math.isfinite(asked.time):
+        raise SettingsError(f"--time: {asked.time} is not a time")
+    target = _target(scene, asked.output)
+    layers = _layers(asked.layers, target)
+    _require_view(asked.show, target)
+    if asked.float and target.suffix.lower() != ".exr":
+        raise SettingsError(f"--float: is for .exr, not '{target.suffix}'")
+    _require_bits(asked.bits, asked.show, target)
+    resume, stats = asked.resume, None if asked.stats == "-" else asked.stats
+    if resume is not None and Path(resume).suffix.lower() != ".npz":
+        raise OutputError(f"--resume: {resume} would be an .npz; name it so")
+    _require_writable([Path(path) for path in (target, stats, resume) if path is not None], scene)
+    return target, layers
 
 
 def _target(scene: str, output: str | None) -> Path:

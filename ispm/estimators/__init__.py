@@ -20,23 +20,19 @@ from ispm.settings import Settings
 
 
 class Estimator(Protocol):
-    """What every estimator does. Phi: a photon's flux; kappa: its density kernel; c: `cosine_ratio`."""
+    """What every estimator does."""
 
     def __call__(
         self, receivers: np.ndarray, photons: np.ndarray, clip_from_world: np.ndarray, size: tuple[int, int]
     ) -> np.ndarray:
-        """Return (h*w, 16) float32: sums over all photons that count at each receiver.
+        """Return (h*w, 16) float32, INCIDENT: sums over all photons that count at each receiver.
 
         receivers        (h*w,) RECEIVER, row by row from the top left
         photons          (n,) PHOTON with radius and height set
         clip_from_world  (4, 4) float64, perspective or orthographic, columns on the right; a receiver is seen
                          within its pixel, or within one of it
         size             width and height of the receivers' screen
-        channels         0-2   Phi kappa c, irradiance in lx
-                         3     kappa, photons per m2
-                         4-6   Phi kappa c Fc
-                         8-10  Phi kappa c D V (1 - Fc)
-                         12-14 Phi kappa c D V Fc; 7, 11 and 15 are 0, and so are 4 to 15 where alpha is 0
+        channels         of `optics.incident`; `met` is 0, and so are fresnel and gloss where alpha is 0
         """
 
     def close(self) -> None:

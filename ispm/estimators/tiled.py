@@ -6,6 +6,7 @@ import numpy as np
 
 from ispm import wgsl
 from ispm.gpu import Gpu
+from ispm.optics.incident import no_light
 
 _PATH = "estimators/tiled.wgsl"
 _SCREEN = wgsl.load(_PATH).dtype("Screen")
@@ -32,7 +33,7 @@ class Tiled:
     ) -> np.ndarray:
         """Return (h*w, 16) float32 channels, see `estimators.Estimator`."""
         if not len(photons) or not len(receivers):
-            return np.zeros((len(receivers), 16), np.float32)
+            return no_light(len(receivers))
         screen = np.zeros((), _SCREEN)
         screen["clip_from_world"], screen["size"] = np.transpose(clip_from_world), size
         screen["tiles"] = -(-size[0] // _SIDE), -(-size[1] // _SIDE)

@@ -32,7 +32,7 @@ from ispm.photons.blocks import (
     put,
     take_out,
     vector,
-)  # fmt: skip
+)
 
 f32, f64, i32, i64, uint64 = np.float32, np.float64, np.int32, np.int64, np.uint64
 

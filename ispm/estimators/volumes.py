@@ -9,7 +9,7 @@ import numpy as np
 
 from ispm import wgsl
 from ispm.errors import AdapterError
-from ispm.gpu import Gpu, Target
+from ispm.gpu import Gpu, RasterState, Target
 
 _PATH = "estimators/volumes.wgsl"
 _SCREEN = wgsl.load(_PATH).dtype("Screen")
@@ -40,11 +40,14 @@ class Volumes:
         self._gpu = gpu
         self._diffuse, self._light, self._gloss = (
             gpu.raster(
-                _PATH, [_SUM] * targets, depth=None, cull="front", fragment=fragment,
-                TALK=talk, TALK_ERRORS=errors,
+                _PATH,
+                [_SUM] * targets,
+                RasterState(depth=None, cull="front", fragment=fragment),
+                TALK=talk,
+                TALK_ERRORS=errors,
             )
             for fragment, targets in (("fs_diffuse", 1), ("fs_light", 2), ("fs_gloss", 2))
-        )  # fmt: skip
+        )
         self._sums = [
             gpu.texture(name, "rgba32float") for name in ("light", "fresnel", "gloss f0", "gloss f90")
         ]

@@ -6,11 +6,11 @@ In come shaders, arrays and commands; out go textures, buffers and what is read 
 from ispm.gpu.buffer import Buffer
 from ispm.gpu.compute import Compute
 from ispm.gpu.device import AdapterInfo, Gpu, list_adapters, open_gpu, within_memory
-from ispm.gpu.raster import Canvas, Group, Raster, Target
+from ispm.gpu.raster import FLAT, Canvas, Group, Raster, RasterState, Target
 from ispm.gpu.recording import Recording
 from ispm.gpu.texture import Sampler, Texture, View
 
 __all__ = [
-    "AdapterInfo", "Buffer", "Canvas", "Compute", "Gpu", "Group", "Raster", "Recording", "Sampler", "Target",
-    "Texture", "View", "list_adapters", "open_gpu", "within_memory",
+    "FLAT", "AdapterInfo", "Buffer", "Canvas", "Compute", "Gpu", "Group", "Raster", "RasterState",
+    "Recording", "Sampler", "Target", "Texture", "View", "list_adapters", "open_gpu", "within_memory",
 ]  # fmt: skip

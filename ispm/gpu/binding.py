@@ -174,8 +174,10 @@ def _layout(binding: wgsl.Binding, visibility: int, text: str) -> dict[str, Any]
     elif kind.startswith("texture_storage"):
         format, access = inner.split(",")
         entry["storage_texture"] = {
-            "format": format, "access": _ACCESS[access], "view_dimension": _dimension(kind),
-        }  # fmt: skip
+            "format": format,
+            "access": _ACCESS[access],
+            "view_dimension": _dimension(kind),
+        }
         entry["visibility"] &= ~wgpu.ShaderStage.VERTEX
     else:
         entry["texture"] = {

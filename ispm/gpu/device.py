@@ -17,7 +17,7 @@ from ispm.errors import AdapterError, SettingsError
 from ispm.gpu.buffer import Buffer
 from ispm.gpu.c_types import read_types_alone
 from ispm.gpu.compute import Compute
-from ispm.gpu.raster import Raster, Target
+from ispm.gpu.raster import DEPTH_TESTED, Raster, RasterState, Target
 from ispm.gpu.readback import Readback
 from ispm.gpu.recording import Recording, UniformPool
 from ispm.gpu.texture import Sampler, Texture, make_sampler
@@ -54,9 +54,12 @@ _BASELINE = {
 }
 # Sizes that follow the scene and the picture: all the adapter has.
 _GENEROUS = (
-    "max-texture-dimension-2d", "max-texture-array-layers",
-    "max-storage-buffer-binding-size", "max-buffer-size", "max-compute-workgroups-per-dimension",
-)  # fmt: skip
+    "max-texture-dimension-2d",
+    "max-texture-array-layers",
+    "max-storage-buffer-binding-size",
+    "max-buffer-size",
+    "max-compute-workgroups-per-dimension",
+)
 
 
 @dataclass(frozen=True)
@@ -207,29 +210,14 @@ class Gpu:
         self,
         path: str,
         targets: Sequence[str | Target] = (),
-        *,
-        depth: str | None = "greater-equal",
-        depth_write: bool = True,
-        cull: str = "none",
-        front: str = "ccw",
-        topology: str = "triangle-list",
-        vertex_layout: Sequence[dict[str, Any]] = (),
-        vertex: str = "vs",
-        fragment: str | None = "fs",
-        samples: int = 1,
+        state: RasterState = DEPTH_TESTED,
         **constants: float,
     ) -> Raster:
         """Return a render pipeline of the file `path`; see `Raster`.
 
-        targets        formats of the color attachments, in order
-        depth          comparison of a depth32float attachment, None without one; depth is reversed
-        vertex_layout  WebGPU's vertex buffer layouts; empty where the shader fetches its own vertices
-        fragment       None where only depth is drawn
+        targets  formats of the color attachments, in order
         """
-        return Raster(
-            self.device, path, targets, depth, depth_write, cull, front, topology,
-            vertex_layout, vertex, fragment, samples, constants,
-        )  # fmt: skip
+        return Raster(self.device, path, targets, state, constants)
 
     def texture(
         self,

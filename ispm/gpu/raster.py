@@ -35,6 +35,30 @@ class Target:
         return {"format": self.format} | ({"blend": _BLENDS[self.blend]} if self.blend else {})
 
 
+@dataclass(frozen=True)
+class RasterState:
+    """What of a pipeline is fixed beside its shaders' file and targets.
+
+    depth          comparison of a depth32float attachment, None without one; depth is reversed
+    topology       of what is drawn, in WebGPU's words, as are the faces that are culled and those in front
+    vertex_layout  WebGPU's vertex buffer layouts; empty where the shader fetches its own vertices
+    vertex         entry point, as `fragment`, which is None where only depth is drawn
+    """
+
+    depth: str | None = "greater-equal"
+    depth_write: bool = True
+    cull: str = "none"
+    front: str = "ccw"
+    topology: str = "triangle-list"
+    vertex_layout: Sequence[dict[str, Any]] = ()
+    vertex: str = "vs"
+    fragment: str | None = "fs"
+    samples: int = 1
+
+
+DEPTH_TESTED, FLAT = RasterState(), RasterState(depth=None)
+
+
 class Raster:
     """A vertex and a fragment shader of one file with fixed state. Made by `Gpu.raster`.
 
@@ -46,32 +70,28 @@ class Raster:
         device: wgpu.GPUDevice,
         path: str,
         targets: Sequence[str | Target],
-        depth: str | None,
-        depth_write: bool,
-        cull: str,
-        front: str,
-        topology: str,
-        vertex_layout: Sequence[dict[str, Any]],
-        vertex: str,
-        fragment: str | None,
-        samples: int,
+        state: RasterState,
         constants: Mapping[str, float],
     ) -> None:
-        entries = [vertex, fragment] if fragment else [vertex]
+        entries = [state.vertex, state.fragment] if state.fragment else [state.vertex]
         visibility = wgpu.ShaderStage.VERTEX | wgpu.ShaderStage.FRAGMENT
         self._shader = shader = Shader(device, path, entries, visibility, constants)
         stage = {"module": shader.module, "constants": dict(constants)}
-        primitive: dict[str, Any] = {"topology": topology, "cull_mode": cull, "front_face": front}
-        states = [(t if isinstance(t, Target) else Target(t)).state() for t in targets]
+        attachments = [(t if isinstance(t, Target) else Target(t)).state() for t in targets]
+        fragment = stage | {"entry_point": state.fragment, "targets": attachments}
         with shader.explained():
             self.pipeline = device.create_render_pipeline(
                 label=shader.label,
                 layout=shader.pipeline_layout,
-                vertex=stage | {"entry_point": vertex, "buffers": list(vertex_layout)},
-                primitive=primitive,
-                multisample={"count": samples},
-                depth_stencil=_depth_state(depth, depth_write) if depth else None,
-                fragment=stage | {"entry_point": fragment, "targets": states} if fragment else None,
+                vertex=stage | {"entry_point": state.vertex, "buffers": list(state.vertex_layout)},
+                primitive={
+                    "topology": state.topology,
+                    "cull_mode": state.cull,
+                    "front_face": state.front,
+                },
+                multisample={"count": state.samples},
+                depth_stencil=_depth_state(state.depth, state.depth_write) if state.depth else None,
+                fragment=fragment if state.fragment else None,
             )
 
     def bind(self, group: int, frame: Recording | None = None, /, **resources: Any) -> Group:

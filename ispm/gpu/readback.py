@@ -112,11 +112,13 @@ class Readback:
             encoder.copy_texture_to_buffer(
                 {"texture": source.handle, "mip_level": 0, "origin": (0, 0, layer)},
                 {
-                    "buffer": self._staging, "offset": copy.offset,
-                    "bytes_per_row": row * copy.dtype.itemsize, "rows_per_image": height,
+                    "buffer": self._staging,
+                    "offset": copy.offset,
+                    "bytes_per_row": row * copy.dtype.itemsize,
+                    "rows_per_image": height,
                 },
                 (*source.size, layers),
-            )  # fmt: skip
+            )
         elif copy.nbytes:
             handle = source.handle if isinstance(source, Buffer) else source
             size = -(-copy.nbytes // 4) * 4

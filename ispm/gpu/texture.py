@@ -64,9 +64,13 @@ class Texture:
         if self._handle is None or (size, layers, levels) != (self.size, self.layers, self.levels):
             self._views.clear()  # not destroyed: commands that are not submitted yet may use them
             self._handle = self._device.create_texture(
-                label=self.name, size=(*size, layers), format=self.format, usage=self._usage,
-                mip_level_count=levels, sample_count=self._samples,
-            )  # fmt: skip
+                label=self.name,
+                size=(*size, layers),
+                format=self.format,
+                usage=self._usage,
+                mip_level_count=levels,
+                sample_count=self._samples,
+            )
             self.size, self.layers, self.levels = size, layers, levels
             self.version += 1
         return self
@@ -79,9 +83,11 @@ class Texture:
         if key not in self._views:
             self._views[key] = self.handle.create_view(
                 dimension="2d" if layer is not None else dimension or self.dimension,
-                base_array_layer=layer or 0, array_layer_count=1 if layer is not None else None,
-                base_mip_level=level or 0, mip_level_count=1 if level is not None else None,
-            )  # fmt: skip
+                base_array_layer=layer or 0,
+                array_layer_count=1 if layer is not None else None,
+                base_mip_level=level or 0,
+                mip_level_count=1 if level is not None else None,
+            )
         return self._views[key]
 
     def write(self, pixels: np.ndarray, *, level: int = 0, layer: int = 0) -> Texture:
@@ -110,7 +116,11 @@ def make_sampler(
     """Return a sampler; without `mipmaps` only level 0 is read."""
     mode = "linear" if linear else "nearest"
     return device.create_sampler(
-        address_mode_u=wrap[0], address_mode_v=wrap[1], mag_filter=mode, min_filter=mode,
-        mipmap_filter="linear" if mipmaps else "nearest", lod_max_clamp=32.0 if mipmaps else 0.0,
+        address_mode_u=wrap[0],
+        address_mode_v=wrap[1],
+        mag_filter=mode,
+        min_filter=mode,
+        mipmap_filter="linear" if mipmaps else "nearest",
+        lod_max_clamp=32.0 if mipmaps else 0.0,
         compare=compare,
-    )  # fmt: skip
+    )

@@ -176,5 +176,10 @@ def _is_text(value: Any) -> bool:
 
 
 _READERS: dict[str, Callable[[Path], PictureFile]] = {
-    ".png": _png, ".jpg": _jpeg, ".jpeg": _jpeg, ".exr": _exr, ".npy": _npy, ".npz": _npz,
-}  # fmt: skip
+    ".png": _png,
+    ".jpg": _jpeg,
+    ".jpeg": _jpeg,
+    ".exr": _exr,
+    ".npy": _npy,
+    ".npz": _npz,
+}

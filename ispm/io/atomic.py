@@ -18,9 +18,12 @@ _BESIDE = re.compile(r"\.ispm-[0-9a-f]{8}-")  # how names begin that are written
 _TAIL = 64  # bytes that are left of a target's name in these; the longest name that file systems take is 255
 _OLD = 3600.0  # s, after which one was left by a process that was killed: nothing takes as long to write
 _KINDS = {
-    stat.S_IFDIR: "a folder", stat.S_IFCHR: "a device", stat.S_IFBLK: "a device", stat.S_IFIFO: "a FIFO",
+    stat.S_IFDIR: "a folder",
+    stat.S_IFCHR: "a device",
+    stat.S_IFBLK: "a device",
+    stat.S_IFIFO: "a FIFO",
     stat.S_IFSOCK: "a socket",
-}  # fmt: skip
+}
 
 
 def as_path(path: object) -> Path:

@@ -59,21 +59,38 @@ class MaterialWriter:
         elif strength <= 1.0:  # as exporters write it
             factor, strength = numbers(m.emission), 1.0
         return given(
-            {"name": m.name, "pbrMetallicRoughness": self._base(m), **slots, "emissiveFactor": factor,
-             "alphaMode": m.alpha_mode.name, "alphaCutoff": float(m.alpha_cutoff),
-             "doubleSided": bool(m.double_sided), "extensions": self._extensions(m, strength)},
-            {"name": "", "pbrMetallicRoughness": {}, "emissiveFactor": [0.0] * 3, "alphaMode": "OPAQUE",
-             "alphaCutoff": 0.5, "doubleSided": False, "extensions": {}},
-        )  # fmt: skip
+            {
+                "name": m.name,
+                "pbrMetallicRoughness": self._base(m),
+                **slots,
+                "emissiveFactor": factor,
+                "alphaMode": m.alpha_mode.name,
+                "alphaCutoff": float(m.alpha_cutoff),
+                "doubleSided": bool(m.double_sided),
+                "extensions": self._extensions(m, strength),
+            },
+            {
+                "name": "",
+                "pbrMetallicRoughness": {},
+                "emissiveFactor": [0.0] * 3,
+                "alphaMode": "OPAQUE",
+                "alphaCutoff": 0.5,
+                "doubleSided": False,
+                "extensions": {},
+            },
+        )
 
     def _base(self, m: Material) -> dict[str, Any]:
         return given(
-            {"baseColorFactor": [*numbers(m.base_color), 1.0][:4], "metallicFactor": float(m.metallic),
-             "roughnessFactor": float(m.roughness),
-             "baseColorTexture": self._slot(m.base_color_texture, srgb=True),
-             "metallicRoughnessTexture": self._slot(m.metallic_roughness_texture, srgb=False)},
+            {
+                "baseColorFactor": [*numbers(m.base_color), 1.0][:4],
+                "metallicFactor": float(m.metallic),
+                "roughnessFactor": float(m.roughness),
+                "baseColorTexture": self._slot(m.base_color_texture, srgb=True),
+                "metallicRoughnessTexture": self._slot(m.metallic_roughness_texture, srgb=False),
+            },
             {"baseColorFactor": [1.0] * 4, "metallicFactor": 1.0, "roughnessFactor": 1.0},
-        )  # fmt: skip
+        )
 
     def _extensions(self, m: Material, strength: float) -> dict[str, Any]:
         white = [1.0] * 3
@@ -92,12 +109,14 @@ class MaterialWriter:
                 {"specularFactor": 1.0, "specularColorFactor": white},
             ),
             "transmission": given(
-                {"transmissionFactor": float(m.transmission),
-                 "transmissionTexture": self._slot(m.transmission_texture, srgb=False)},
+                {
+                    "transmissionFactor": float(m.transmission),
+                    "transmissionTexture": self._slot(m.transmission_texture, srgb=False),
+                },
                 {"transmissionFactor": 0.0},
             ),
             "volume": given(volume, {"thicknessFactor": 0.0, "attenuationColor": white}),
-        }  # fmt: skip
+        }
         found = {self._document.use(f"KHR_materials_{name}"): part for name, part in parts.items() if part}
         if m.unlit:
             found[self._document.use("KHR_materials_unlit")] = {}

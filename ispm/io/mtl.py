@@ -280,6 +280,8 @@ def _opacity(said: _Said) -> dict[str, Any]:
         return {}
     if opacity == 1.0:
         return {}
-    said.notes.count("material with an opacity below 1 is drawn as a stochastic mask",
-                     "materials with an opacity below 1 are drawn as stochastic masks")  # fmt: skip
+    said.notes.count(
+        "material with an opacity below 1 is drawn as a stochastic mask",
+        "materials with an opacity below 1 are drawn as stochastic masks",
+    )
     return dict(alpha_mode=AlphaMode.BLEND, base_color=(*_base(said)["base_color"], opacity))

@@ -94,8 +94,10 @@ class _Reader:
 
     def _face(self, words: list[bytes]) -> None:
         if len(words) < 4:
-            self.notes.count("face of fewer than three corners is left out",
-                             "faces of fewer than three corners are left out")  # fmt: skip
+            self.notes.count(
+                "face of fewer than three corners is left out",
+                "faces of fewer than three corners are left out",
+            )
             return
         tokens = self._tokens
         try:
@@ -144,8 +146,9 @@ class _Reader:
         if words[0] in CURVES:
             self.notes.add("free-form curves and surfaces are not drawn")
         else:
-            self.notes.count("element of points or lines is not drawn",
-                             "elements of points or lines are not drawn")  # fmt: skip
+            self.notes.count(
+                "element of points or lines is not drawn", "elements of points or lines are not drawn"
+            )
 
 
 def _rest(words: list[bytes]) -> str:

@@ -102,9 +102,11 @@ class Pictures:
         room = (self._budget.memory - limits.max_memory // 4) // 4  # what follows finds room, too
         while 4 * width * height > room and max(width, height) > 1:
             width, height, halvings = max(1, width // 2), max(1, height // 2), halvings + 1
-        self._notes.count("picture is halved, for want of memory; max_memory allows more",
-                          "pictures are halved, for want of memory; max_memory allows more",
-                          int(halvings > fitting))  # fmt: skip
+        self._notes.count(
+            "picture is halved, for want of memory; max_memory allows more",
+            "pictures are halved, for want of memory; max_memory allows more",
+            int(halvings > fitting),
+        )
         return halvings
 
 

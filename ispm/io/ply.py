@@ -70,8 +70,11 @@ def _triangles(faces: Table, points: np.ndarray, notes: Notes, budget: Budget) -
     corners = np.where(wild(named), -1.0, named).astype(np.int64)
     check_range(corners, len(points))
     few = sizes < 3
-    notes.count("face of fewer than three corners is left out",
-                "faces of fewer than three corners are left out", int(few.sum()))  # fmt: skip
+    notes.count(
+        "face of fewer than three corners is left out",
+        "faces of fewer than three corners are left out",
+        int(few.sum()),
+    )
     corners, sizes = corners[~np.repeat(few, sizes)], sizes[~few]
     check_counts(budget.limits, len(points), int((sizes - 2).sum()))
     return triangulate(corners, sizes, points, budget)

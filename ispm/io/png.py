@@ -43,10 +43,16 @@ def _encode_16(pixels: np.ndarray, text: Mapping[str, str]) -> bytes:
     np.subtract(rows[1:], rows[:-1], out=filtered[1:, 1:])
     header = struct.pack(">IIBBBBB", width, height, 16, _COLOR_TYPES[channels], 0, 0, 0)
     words = [key.encode("latin-1") + b"\0\0\0\0\0" + value.encode() for key, value in text.items()]
-    return b"".join([
-        _SIGNATURE, _chunk(b"IHDR", header), _chunk(b"sRGB", b"\0"), *(_chunk(b"iTXt", w) for w in words),
-        _chunk(b"IDAT", zlib.compress(filtered.data, _LEVEL)), _chunk(b"IEND", b""),
-    ])  # fmt: skip
+    return b"".join(
+        [
+            _SIGNATURE,
+            _chunk(b"IHDR", header),
+            _chunk(b"sRGB", b"\0"),
+            *(_chunk(b"iTXt", w) for w in words),
+            _chunk(b"IDAT", zlib.compress(filtered.data, _LEVEL)),
+            _chunk(b"IEND", b""),
+        ]
+    )
 
 
 def _chunk(kind: bytes, data: bytes) -> bytes:

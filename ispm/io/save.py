@@ -103,11 +103,21 @@ class _Writer:
             extensions |= self._instances(node.instances)
         camera = None if node.camera is None else self.document.put("cameras", camera_record(node.camera))
         return given(
-            {"name": node.name, **_place(node), "mesh": self._mesh(parts) if parts else None,
-             "camera": camera, "extensions": extensions},
-            {"name": "", "translation": [0.0] * 3, "rotation": [0.0, 0.0, 0.0, 1.0], "scale": [1.0] * 3,
-             "extensions": {}},
-        )  # fmt: skip
+            {
+                "name": node.name,
+                **_place(node),
+                "mesh": self._mesh(parts) if parts else None,
+                "camera": camera,
+                "extensions": extensions,
+            },
+            {
+                "name": "",
+                "translation": [0.0] * 3,
+                "rotation": [0.0, 0.0, 0.0, 1.0],
+                "scale": [1.0] * 3,
+                "extensions": {},
+            },
+        )
 
     def _mesh(self, parts: list[Part]) -> int:
         key = tuple((id(part.mesh), id(part.material)) for part in parts)

@@ -27,10 +27,17 @@ _EVENTS_MAX = 64
 _BEFORE = f32(1e-4)  # of the distance that a ray starts before what its pixel shows
 _SAME_SURFACE = 0.5  # cosine of two normals
 
-_END = np.dtype([
-    ("slot", "<u4"), ("position", "<f4", 3), ("n", "<f4", 3), ("ng", "<f4", 3), ("wo", "<f4", 3),
-    ("weight", "<f4", 3), ("bsdf", "<f4", 15),
-])  # fmt: skip
+_END = np.dtype(
+    [
+        ("slot", "<u4"),
+        ("position", "<f4", 3),
+        ("n", "<f4", 3),
+        ("ng", "<f4", 3),
+        ("wo", "<f4", 3),
+        ("weight", "<f4", 3),
+        ("bsdf", "<f4", 15),
+    ]
+)
 
 
 def eye_light(
@@ -62,9 +69,17 @@ def eye_light(
     for sample in range(samples):
         direct, ends = np.zeros((count, 3)), np.zeros(count * _EVENTS_MAX // 8, _END)
         used = _follow(
-            place, scene, foot, rays.origins, rays.directions, rays.distances, f32(rays.width[1]),
-            u32(sample), direct, ends,
-        )  # fmt: skip
+            place,
+            scene,
+            foot,
+            rays.origins,
+            rays.directions,
+            rays.distances,
+            f32(rays.width[1]),
+            u32(sample),
+            direct,
+            ends,
+        )
         light += direct
         if len(photons) and used:
             found = ends[:used]
@@ -155,7 +170,7 @@ def _path(place, scene, foot, start, d, length, spread, i, sample, stack, words,
                 return row
             lit, _ = direct_light(
                 place, lights, True, hit, position, ng, n, b, wo, u4, (stack, words), f32(np.inf)
-            )  # fmt: skip
+            )
             _add(light, i, lit, weight, focus)
             if has_finite(b):
                 _write(ends[row], i, position, n, ng, wo, scale(focus, weight), b)

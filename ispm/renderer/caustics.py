@@ -7,8 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ispm.accel.surface import SurfaceTable
-from ispm.accel.world import World
 from ispm.optics.records import CAUSTIC, take
 from ispm.photons.apriori import class_radii, hint_radii
 from ispm.photons.cells import SMALLEST, sort_by_cell
@@ -17,6 +15,7 @@ from ispm.photons.density import CAUSTIC_NEIGHBORS, FOCUSED_NEIGHBORS, is_crowde
 from ispm.photons.footprint import shape_kernels
 from ispm.photons.walk import Walk
 from ispm.photons.walls import end_at_walls
+from ispm.renderer.one_pass import Pass
 from ispm.scene.packed import Packed
 from ispm.settings import Settings
 from ispm.stages.camera import CameraView
@@ -52,26 +51,29 @@ class PhotonParts:
         return take(self.photons, rows), self.keys[rows]
 
     @property
+    def wide_kernels(self) -> np.ndarray:
+        """CAUSTIC, of the wide ones."""
+        return self.kernels[: len(self.wide)]
+
+    @property
+    def sharp_kernels(self) -> np.ndarray:
+        """CAUSTIC, of the sharp ones."""
+        return self.kernels[len(self.wide) :]
+
+    @property
     def caustic(self) -> np.ndarray:
         """The wide and the sharp ones."""
         return self.photons[len(self.smooth) :]
 
 
-def part_photons(
-    path: Walk,
-    packed: Packed,
-    world: World,
-    surfaces: SurfaceTable,
-    view: CameraView,
-    settings: Settings,
-    threads: int,
-) -> PhotonParts:
+def part_photons(this: Pass, path: Walk) -> PhotonParts:
     """Find the caustics among a walk's photons, and measure their kernels.
 
     Light that has scattered before it was focused makes a caustic where its photons crowd; elsewhere, as in
     a plane mirror's reflection of a room, it is as smooth as before.
     Plain kernels are as narrow as caustics need: with them all photons are smooth.
     """
+    packed, view, settings, threads = this.packed, this.view, this.settings, this.threads
     photons, straight = path.photons, path.straight
     if settings.is_plain:
         _measure_plain(path, packed, settings)
@@ -83,10 +85,9 @@ def part_photons(
     pixel = sample_width(view)
 
     def measured(part: np.ndarray, neighbors: int) -> np.ndarray:
-        measure_caustic_radii(
-            part, packed.diagonal, settings.smoothing, pixel, packed.widths, view.eye_or_direction,
-            neighbors, threads, part["radius"].copy(),
-        )  # fmt: skip
+        seen = pixel, packed.widths, view.eye_or_direction
+        clear = part["radius"].copy()
+        measure_caustic_radii(part, packed.diagonal, settings.smoothing, *seen, neighbors, threads, clear)
         return part
 
     caustic = np.concatenate(
@@ -103,13 +104,15 @@ def part_photons(
         caustic, beams, clear, packed.diagonal, settings.smoothing, pixel, view.eye_or_direction
     )
     keys = np.concatenate([path.keys[first], path.keys[later]])
-    end_at_walls(kernels, world, surfaces, threads)
-    keep_light(kernels, keys, world, surfaces, settings.seed, view.pass_index, threads)
+    end_at_walls(kernels, this.world, this.surfaces, threads)
+    keep_light(kernels, keys, this.world, this.surfaces, settings.seed, this.index, threads)
     kernels = np.concatenate([kernels[wide], kernels[~wide]])
     _, order = sort_by_cell(photons, packed.bounds[0], SMALLEST * packed.diagonal)
     order = order[smooth[order]]
     keys = np.concatenate([path.keys[order], keys[wide], keys[~wide]])
-    return _joined(take(photons, order), caustic[wide], caustic[~wide], kernels, straight[order], keys)
+    photons = np.concatenate([take(photons, order), caustic[wide], caustic[~wide]])
+    smooth, wide, sharp = np.split(photons, np.cumsum([len(order), np.count_nonzero(wide)]))
+    return PhotonParts(photons, smooth, wide, sharp, kernels, straight[order], keys)
 
 
 def _measure_plain(path: Walk, packed: Packed, settings: Settings) -> None:
@@ -126,12 +129,3 @@ def sample_width(view: CameraView) -> np.ndarray:
     One pass: a pixel; those of n passes lie sqrt(n) times as close. Light of narrower kernels falls between.
     """
     return np.asarray(view.footprint * view.clip_from_world[3] / math.sqrt(1 + view.pass_index))
-
-
-def _joined(
-    smooth: np.ndarray, wide: np.ndarray, sharp: np.ndarray, kernels: np.ndarray, straight: np.ndarray,
-    keys: np.ndarray,
-) -> PhotonParts:  # fmt: skip
-    photons = np.concatenate([smooth, wide, sharp])
-    smooth, wide, sharp = np.split(photons, [len(smooth), len(smooth) + len(wide)])
-    return PhotonParts(photons, smooth, wide, sharp, kernels, straight, keys)

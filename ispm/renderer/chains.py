@@ -9,63 +9,51 @@ import numpy as np
 from ispm.accel.meet import meet_many
 from ispm.accel.rays import HIT
 from ispm.accel.surface import SurfaceTable
-from ispm.accel.world import World
+from ispm.frame import Receivers
+from ispm.optics.incident import channels, no_light
 from ispm.paths.edges import edge_rows
 from ispm.paths.ends import image_of_ends, reflect_light, smooth_frost, spread_light
 from ispm.paths.eye import REFLECTED, SCATTERED, TRANSMITTED, EyePaths, EyeRays, join_paths, trace_eye
-from ispm.photons.grid import PhotonGrid
 from ispm.renderer.backdrop import background_color
 from ispm.renderer.gather import PhotonLight
-from ispm.scene.packed import Packed
-from ispm.settings import Settings
+from ispm.renderer.one_pass import Pass
 from ispm.stages.camera import CameraView
-from ispm.stages.filter import MET, filter_estimate, filter_points
+from ispm.stages.filter import filter_estimate, filter_points
 
 _FINER = 2  # blocks of ends, and of missed pixels, are this much smaller than the picture's: both are few
 SAMPLES = np.array([(-1, -3), (3, -1), (-3, 1), (1, 3)]) / 8.0  # pixels from the centre, as antialiasing's
 _FINE_SLACK = (5e-3, 2e-2)  # of the distance: a sample's first surface is known as its centre's plane
 
 
-def chain_light(
-    packed: Packed,
-    world: World,
-    surfaces: SurfaceTable,
-    seen: np.ndarray,
-    photon_light: PhotonLight,
-    caustics: PhotonGrid,
-    view: CameraView,
-    settings: Settings,
-    pass_index: int,
-    threads: int,
-) -> np.ndarray:
+def chain_light(this: Pass, seen: np.ndarray, light: PhotonLight) -> np.ndarray:
     """Return direct light, indirect light and emission that chains bring to (n,) SEEN pixels, and the share
     that these show of a colored background: (n, 12) float32.
 
-    photon_light  of photons that scattered before, and so light gently: a few ends are lit and filtered
-    caustics      those that did not: every end is estimated
     Pixels on edges of what is seen in a mirror or glass are sampled four times.
     """
-    count = len(seen)
+    settings, view, count = this.settings, this.view, len(seen)
     if not count:
         return np.zeros((0, 12), np.float32)
 
     def trace(rays: EyeRays) -> EyePaths:
-        return trace_eye(packed, world, surfaces, rays, settings.seed, pass_index, threads)
+        return trace_eye(
+            this.packed, this.world, this.surfaces, rays, settings.seed, this.index, this.threads
+        )
 
-    rays = eye_rays(seen, surfaces, view)
+    rays = eye_rays(seen, this.surfaces, view)
     paths, pixels = trace(rays), rays.keys
     edges = edge_rows(paths, pixels, view.size[0]) if settings.antialias else np.zeros(0, np.int64)
     if len(edges):
         fine = fine_rays(rays, paths, edges, view)
         paths = join_paths(paths, trace(fine))
         pixels = np.concatenate([pixels, np.repeat(pixels[edges], len(SAMPLES))])
-    light = light_ends(paths, pixels, photon_light, caustics, view, settings, packed.diagonal, threads)
+    found = light_ends(this, paths, pixels, light)
     through = paths.through if background_color(settings) is not None else np.zeros_like(paths.through)
-    for brought in (light, through):
+    for brought in (found, through):
         samples = brought[count:].reshape(-1, len(SAMPLES), brought.shape[1])
         brought[edges] = samples.mean(axis=1)
-        smooth_frost(brought[:count], rays.keys, view.size[0], paths.firsts, threads)
-    return np.concatenate([light[:count], through[:count]], axis=1)
+        smooth_frost(brought[:count], rays.keys, view.size[0], paths.firsts, this.threads)
+    return np.concatenate([found[:count], through[:count]], axis=1)
 
 
 def eye_rays(seen: np.ndarray, surfaces: SurfaceTable, view: CameraView) -> EyeRays:
@@ -80,10 +68,8 @@ def eye_rays(seen: np.ndarray, surfaces: SurfaceTable, view: CameraView) -> EyeR
     )
     hits["u"], hits["v"] = places.T
     f4 = np.float32
-    return EyeRays(
-        origins.astype(f4), directions.astype(f4), hits["t"].copy(), seen["pixel"].astype(np.uint32), wide,
-        hits=hits,
-    )  # fmt: skip
+    keys, distances = seen["pixel"].astype(np.uint32), hits["t"].copy()
+    return EyeRays(origins.astype(f4), directions.astype(f4), distances, keys, wide, hits=hits)
 
 
 def fine_rays(rays: EyeRays, paths: EyePaths, rows: np.ndarray, view: CameraView) -> EyeRays:
@@ -102,92 +88,96 @@ def fine_rays(rays: EyeRays, paths: EyePaths, rows: np.ndarray, view: CameraView
     keys = (pixels + len(SAMPLES) * (1 + np.arange(len(SAMPLES))) * 0x9E3779B1).astype(np.uint32)
     f4 = np.float32
     return replace(
-        rays, origins=origins.astype(f4), directions=directions.astype(f4), distances=distances.astype(f4),
-        keys=keys.reshape(-1), slack=_FINE_SLACK, hits=None,
-    )  # fmt: skip
+        rays,
+        origins=origins.astype(f4),
+        directions=directions.astype(f4),
+        distances=distances.astype(f4),
+        keys=keys.reshape(-1),
+        slack=_FINE_SLACK,
+        hits=None,
+    )
 
 
-def light_ends(
-    paths: EyePaths,
-    pixels: np.ndarray,
-    photon_light: PhotonLight,
-    caustics: PhotonGrid,
-    view: CameraView,
-    settings: Settings,
-    diagonal: float,
-    threads: int,
-) -> np.ndarray:
+def light_ends(this: Pass, paths: EyePaths, pixels: np.ndarray, light: PhotonLight) -> np.ndarray:
     """Return direct light, indirect light and emission of the rays, (n, 9) float32.
 
-    pixels  (n,) numbers of the rays' pixels;  photon_light, caustics  see `chain_light`
+    pixels  (n,) numbers of the rays' pixels
+    Photons that scattered before light gently: a few ends are lit and filtered. Those of caustics are
+    estimated at every end.
     """
-    light = np.zeros((len(paths.ends), 16), np.float32)
-    block = max(settings.subsampling // _FINER, 1)
-    if len(paths.ends):
+    points, lanes = paths.points, paths.ends["lane"]
+    found = no_light(len(points))
+    if len(points):
         for lane in (REFLECTED, TRANSMITTED):
-            rows = np.flatnonzero(paths.ends["lane"] == lane)
-            shown = pixels[paths.ends["slot"][rows]]
-            light[rows] = light_by_image(
-                paths.points[rows], shown, photon_light, view, settings, block, diagonal, threads
-            )
-        rows = np.flatnonzero(paths.ends["lane"] == SCATTERED)
+            rows = np.flatnonzero(lanes == lane)
+            found[rows] = light_by_image(this, points[rows], pixels[paths.ends["slot"][rows]], light)
+        rows = np.flatnonzero(lanes == SCATTERED)
         if len(rows):
-            light[rows] = photon_light.photons.estimate(paths.points[rows], threads)
-        light += caustics.estimate(paths.points, threads)
-    indirect = reflect_light(paths.ends, light, len(pixels))
+            found[rows] = light.photons.estimate(points[rows], this.threads)
+        found += light.caustics.estimate(points, this.threads)
+    indirect = reflect_light(paths.ends, found, len(pixels))
     return np.concatenate([paths.direct, indirect, paths.emission], axis=1)
 
 
-def light_by_image(
-    points: np.ndarray, pixels: np.ndarray, photon_light: PhotonLight, view: CameraView, settings: Settings,
-    block: int, diagonal: float, threads: int,
-) -> np.ndarray:  # fmt: skip
+def light_by_image(this: Pass, points: np.ndarray, pixels: np.ndarray, light: PhotonLight) -> np.ndarray:
     """Return light at (m,) RECEIVER points that some pixels show, (m, 16): from an image of few of them.
 
-    pixels  (m,) their numbers;  block  pixels to a side of one of the image's
+    pixels  (m,) their numbers
     The image is as large as the part of the picture that shows them, so that nothing is done for the rest.
     """
     if not len(points):
-        return np.zeros((0, 16), np.float32)
-    x, y = (side.astype(np.int64) for side in (pixels % view.size[0], pixels // view.size[0]))
+        return no_light(0)
+    diagonal, smoothing, threads = this.packed.diagonal, this.settings.smoothing, this.threads
+    width, block = this.view.size[0], max(this.settings.subsampling // _FINER, 1)
+    x, y = (side.astype(np.int64) for side in (pixels % width, pixels // width))
     x, y = x - x.min() // block * block, y - y.min() // block * block
     size = (int(x.max()) // block + 1, int(y.max()) // block + 1)
     cells = y // block * size[0] + x // block
-    image = image_of_ends(points, cells, size, block, view.pass_index)
-    raw = photon_light.at(image, size)
-    filtered = filter_estimate(image, raw, size, diagonal, settings.smoothing, threads)
+    image = image_of_ends(points, cells, size, block, this.index)
+    raw = light.at(Receivers(image, size))
+    filtered = filter_estimate(image, raw, size, diagonal, smoothing, threads)
     places = np.stack([(x + 0.5) / block - 0.5, (y + 0.5) / block - 0.5], axis=1).astype(np.float32)
-    light, found = spread_light(points, places, image, filtered, size, threads)
+    spread, found = spread_light(points, places, image, filtered, size, threads)
     lost = np.flatnonzero(~found)
     if len(lost):
-        light[lost] = filter_points(
-            points[lost], cells[lost], image, raw, size, diagonal, settings.smoothing, threads
+        spread[lost] = filter_points(
+            points[lost], cells[lost], image, raw, size, diagonal, smoothing, threads
         )
-        alone = lost[light[lost, MET] == 0.0]
+        alone = lost[channels(spread)["met"][lost] == 0.0]
         if len(alone):
-            light[alone] = photon_light.at(points[alone], (len(alone), 1))
-    return light
+            spread[alone] = light.at(Receivers(points[alone], (len(alone), 1)))
+    return spread
 
 
 def light_missed(
-    points: np.ndarray, missed: np.ndarray, receivers: np.ndarray, estimate: np.ndarray,
-    size: tuple[int, int], photon_light: PhotonLight, view: CameraView, settings: Settings, diagonal: float,
-    threads: int,
-) -> np.ndarray:  # fmt: skip
+    this: Pass,
+    points: np.ndarray,
+    missed: np.ndarray,
+    receivers: Receivers,
+    raw: np.ndarray,
+    light: PhotonLight,
+) -> np.ndarray:
     """Return light at (n,) RECEIVER points that a picture's receivers missed, (n, 16): by their filter, and
     the more by an image of these points the fewer of them that finds.
 
-    missed    (n,) their pixels, and the receivers in whose place they lie
-    estimate  of light at the receivers, an image of `size`
+    missed  (n,) MISSED, their pixels and the receivers in whose place they lie
+    raw     (h w, 16) of light at the receivers, not filtered
     """
-    light = filter_points(
-        points, missed["low"], receivers, estimate, size, diagonal, settings.smoothing, threads
+    settings = this.settings
+    found = filter_points(
+        points,
+        missed["low"],
+        receivers.points,
+        raw,
+        receivers.size,
+        this.packed.diagonal,
+        settings.smoothing,
+        this.threads,
     )
-    alone = np.flatnonzero(light[:, MET] < 1.0)
-    block, lone = max(settings.subsampling // _FINER, 1), points[alone]
+    met = channels(found)["met"]
+    alone = np.flatnonzero(met < 1.0)
+    lone = points[alone]
     lone["footprint"] /= settings.subsampling  # a pixel's, as an image wants
-    image = light_by_image(
-        lone, missed["pixel"][alone], photon_light, view, settings, block, diagonal, threads
-    )
-    light[alone] = image + light[alone, MET, None] * (light[alone] - image)
-    return light
+    image = light_by_image(this, lone, missed["pixel"][alone], light)
+    found[alone] = image + met[alone, None] * (found[alone] - image)
+    return found

@@ -4,35 +4,26 @@ from __future__ import annotations
 
 import numpy as np
 
-from ispm.frame import GBuffer
-from ispm.gpu import Gpu, Texture
+from ispm.frame import LitFrame
+from ispm.gpu import Gpu
 from ispm.renderer import layers as make
 from ispm.renderer.backdrop import LAYER, background_color
+from ispm.renderer.one_pass import Pass
 from ispm.renderer.picture import Frame
 from ispm.renderer.statistics import Stats
 from ispm.scene.camera import Camera
-from ispm.scene.packed import Packed
-from ispm.settings import Settings
-from ispm.stages.camera import CameraView
 
 
-def compose(
-    gpu: Gpu, packed: Packed, gbuffer: GBuffer, light: tuple[Texture, Texture, Texture], through: Texture,
-    irradiance: Texture, view: CameraView, settings: Settings, threads: int,
-) -> Frame:  # fmt: skip
-    """Read a picture's parts back and add them; its statistics are still empty.
-
-    light    direct, indirect and emission
-    through  share of the background that glass shows, or one black texel
-    """
+def compose(gpu: Gpu, this: Pass, lit: LitFrame) -> Frame:
+    """Read a picture's parts back and add them; its statistics are still empty."""
     f2, f4, u4 = np.float16, np.float32, np.uint32
-    color = background_color(settings)
-    glass = [(through, f4, 4)] if color is not None else []
-    glow = [(light[2], f4, 4)] if packed.glows else []
-    d, i, irr, base, normals, ids, depth, *rest = gpu.read_many([
-        (light[0], f4, 4), (light[1], f4, 4), (irradiance, f4, 4), (gbuffer.base, f2, 4),
-        (gbuffer.normals, u4, 2), (gbuffer.ids, u4, 2), (gbuffer.depth, f4), *glass, *glow,
-    ])  # fmt: skip
+    packed, view, gbuffer = this.packed, this.view, lit.gbuffer
+    color = background_color(this.settings)
+    glass = [(lit.through, f4, 4)] if color is not None else []
+    glow = [(lit.emission, f4, 4)] if packed.glows else []
+    light = [(texture, f4, 4) for texture in (lit.direct, lit.indirect, lit.irradiance)]
+    surfaces = [(gbuffer.base, f2, 4), (gbuffer.normals, u4, 2), (gbuffer.ids, u4, 2), (gbuffer.depth, f4)]
+    d, i, irr, base, normals, ids, depth, *rest = gpu.read_many([*light, *surfaces, *glass, *glow])
     e = rest[-1] if glow else np.zeros(d.shape, f4)  # untouched pages: zeros_like would write them
     alpha, more = i[..., 3], {}
     if color is not None:
@@ -42,18 +33,25 @@ def compose(
     copies, materials = (
         np.append(np.int32(-1), rows.astype(np.int32)) for rows in (packed.ids, packed.instances["material"])
     )
-    full = make.sum_layers(d, i, e, threads)
-    layers = make.Layers({
-        "full": lambda: full, "direct": lambda: make.rgb(d), "indirect": lambda: make.rgb(i),
-        "emission": lambda: make.rgb(e), "alpha": lambda: np.ascontiguousarray(alpha),
-        "irradiance": lambda: make.rgb(irr),
-        "depth": lambda: make.linear_depth(depth, view),
-        "normal": lambda: make.decode_normals(normals, depth),
-        "albedo": lambda: base[..., :3].astype(f4), "instance": lambda: copies[ids[..., 0]],
-        "material": lambda: materials[ids[..., 0]], **more,
-    })  # fmt: skip
+    full = make.sum_layers(d, i, e, this.threads)
+    layers = make.Layers(
+        {
+            "full": lambda: full,
+            "direct": lambda: make.rgb(d),
+            "indirect": lambda: make.rgb(i),
+            "emission": lambda: make.rgb(e),
+            "alpha": lambda: np.ascontiguousarray(alpha),
+            "irradiance": lambda: make.rgb(irr),
+            "depth": lambda: make.linear_depth(depth, view),
+            "normal": lambda: make.decode_normals(normals, depth),
+            "albedo": lambda: base[..., :3].astype(f4),
+            "instance": lambda: copies[ids[..., 0]],
+            "material": lambda: materials[ids[..., 0]],
+            **more,
+        }
+    )
     camera = {"pose": view.pose, "clip_from_world": view.clip_from_world}
     if view.ymag is None:
         eye = Camera(yfov=view.yfov, aspect=view.aspect, principal=view.principal)
         camera["intrinsics"] = eye.intrinsics(view.size)
-    return Frame(layers, Stats(), settings, camera, names=packed.names)
+    return Frame(layers, Stats(), this.settings, camera, names=packed.names)

@@ -11,9 +11,10 @@ from functools import cached_property, partial
 
 import numpy as np
 
-from ispm.accel.surface import SurfaceTable
-from ispm.accel.world import World
+from ispm.estimators import Estimator
+from ispm.frame import Receivers
 from ispm.lights.lightmap import light_maps
+from ispm.optics.incident import channels, no_light
 from ispm.optics.records import take
 from ispm.optics.rng import random4
 from ispm.optics.sampling import LATTICE
@@ -24,10 +25,10 @@ from ispm.photons.coverage import keep_light
 from ispm.photons.density import measure_radii
 from ispm.photons.grid import PhotonGrid
 from ispm.renderer.caustics import PhotonParts, sample_width
+from ispm.renderer.one_pass import Pass
 from ispm.scene.packed import Packed
 from ispm.settings import Settings
-from ispm.stages.camera import CameraView
-from ispm.stages.filter import DENSITY, MET, filter_estimate, mean_around, set_reach
+from ispm.stages.filter import filter_estimate, mean_around, set_reach
 from ispm.stages.upsample import UNUSED
 
 _BRIGHT = 9.0  # times the mean, from where light goes by photons; half or twice: under 10 % more error
@@ -58,58 +59,70 @@ class PhotonLight:
     Measures the kernels of the smooth photons, in place.
     """
 
-    def __init__(
-        self,
-        packed: Packed,
-        world: World,
-        surfaces: SurfaceTable,
-        parts: PhotonParts,
-        view: CameraView,
-        settings: Settings,
-        threads: int,
-    ) -> None:
-        self._packed, self._world, self._surfaces, self._parts = packed, world, surfaces, parts
-        self._view, self._settings, self._threads = view, settings, threads
-        if settings.gather_rays:
-            self._guide = Guide(parts.smooth, ~parts.straight, packed.bounds[0], packed.diagonal)
-        if not settings.is_plain:
+    def __init__(self, this: Pass, parts: PhotonParts) -> None:
+        self._this, self.parts = this, parts
+        if this.settings.gather_rays:
+            self._guide = Guide(parts.smooth, ~parts.straight, this.packed.bounds[0], this.packed.diagonal)
+        if not this.settings.is_plain:
             self._measure(parts.smooth)
 
-    def at_receivers(
-        self, points: np.ndarray, size: tuple[int, int], estimator: Callable[[np.ndarray], np.ndarray]
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Return the light at receivers, (n, 16): as estimated or gathered, and filtered for the picture.
+    def at_receivers(self, receivers: Receivers, estimator: Estimator) -> tuple[np.ndarray, np.ndarray]:
+        """Return the light at the picture's receivers, (h w, 16): as estimated or gathered, and filtered for
+        the picture with that of the wide caustics.
 
         Receivers that are alone on their surface have a density of UNUSED: their pixels count as missed.
-        points     (n,) RECEIVER, row by row, of `size`
-        estimator  of light at the points from (m,) PHOTON
         """
-        if not len(self._parts.smooth):
-            dark = np.zeros((len(points), 16), np.float32)
-            return dark, dark
-        if self._settings.gather_rays:
-            light = self._gathered(points, size, lambda: estimator(self._smooth), estimator(self._straight))
-        else:
-            light = estimator(self._smooth)
-        if self._settings.is_plain:
-            return light, light
-        diagonal, smoothing = self._packed.diagonal, self._settings.smoothing
-        filtered = filter_estimate(points, light, size, diagonal, smoothing, self._threads)
-        filtered[filtered[:, MET] < 1.0, DENSITY] = UNUSED
-        return light, filtered
+        raw = self._estimated(receivers, estimator)
+        filtered = self._filtered(receivers, raw)
+        if len(self.parts.wide):
+            filtered = filtered + self.wide.estimate(receivers.points, self._this.threads)
+        return raw, filtered
 
-    def at(self, points: np.ndarray, size: tuple[int, int]) -> np.ndarray:
-        """Return the light at points that are not the picture's receivers, (n, 16), to be filtered.
+    def _estimated(self, receivers: Receivers, estimator: Estimator) -> np.ndarray:
+        """Light at the picture's receivers, (h w, 16): as estimated or gathered."""
+        clip_from_world = self._this.view.clip_from_world
 
-        points  (n,) RECEIVER, row by row, of `size`
-        """
+        def estimate(photons: np.ndarray) -> np.ndarray:
+            return estimator(receivers.points, photons, clip_from_world, receivers.size)
+
+        if not len(self.parts.smooth):
+            return no_light(len(receivers.points))
+        if not self._this.settings.gather_rays:
+            return estimate(self._smooth)
+        return self._gathered(receivers, lambda: estimate(self._smooth), estimate(self._straight))
+
+    def _filtered(self, receivers: Receivers, raw: np.ndarray) -> np.ndarray:
+        """Such light without its noise; plain kernels are wide enough to have little."""
+        this = self._this
+        if this.settings.is_plain or not len(self.parts.smooth):
+            return raw
+        filtered = filter_estimate(
+            receivers.points, raw, receivers.size, this.packed.diagonal, this.settings.smoothing, this.threads
+        )
+        light = channels(filtered)
+        light["density"][light["met"] < 1.0] = UNUSED
+        return filtered
+
+    def at(self, receivers: Receivers) -> np.ndarray:
+        """Return the light at points that are not the picture's receivers, (n, 16), to be filtered."""
+        points, threads = receivers.points, self._this.threads
 
         def light() -> np.ndarray:
-            return self.photons.estimate(points, self._threads)
+            return self.photons.estimate(points, threads)
 
-        if not self._settings.gather_rays:
+        if not self._this.settings.gather_rays:
             return light()
-        return self._gathered(points, size, light, self._straight_grid.estimate(points, self._threads))
+        return self._gathered(receivers, light, self._straight_grid.estimate(points, threads))
+
+    @cached_property
+    def wide(self) -> PhotonGrid:
+        """Caustic photons that are estimated at low resolution, not filtered."""
+        return PhotonGrid(self.parts.wide, self.parts.wide_kernels)
+
+    @cached_property
+    def caustics(self) -> PhotonGrid:
+        """All caustic photons."""
+        return PhotonGrid(self.parts.caustic, self.parts.kernels)
 
     @cached_property
     def photons(self) -> PhotonGrid:
@@ -119,7 +132,7 @@ class PhotonLight:
     @cached_property
     def _scattered(self) -> PhotonGrid:
         """What lights the ends of gather rays."""
-        scattered, keys = self._parts.scattered(self._settings.bounces)
+        scattered, keys = self.parts.scattered(self._this.settings.bounces)
         scattered["radius"] *= _NARROW
         scattered["height"] *= _NARROW
         return PhotonGrid(scattered, finish=partial(self._keep_light, keys, solids=True))
@@ -127,10 +140,10 @@ class PhotonLight:
     @cached_property
     def _straight(self) -> np.ndarray:
         """(m,) PHOTON whose light gather rays leave out, their kernels measured among them alone."""
-        rows = np.flatnonzero(self._parts.straight)
-        straight: np.ndarray = take(self._parts.smooth, rows)
+        rows = np.flatnonzero(self.parts.straight)
+        straight: np.ndarray = take(self.parts.smooth, rows)
         self._measure(straight)
-        self._keep_light(self._parts.keys[rows], straight)
+        self._keep_light(self.parts.keys[rows], straight)
         return straight
 
     @cached_property
@@ -140,73 +153,74 @@ class PhotonLight:
     @cached_property
     def _smooth(self) -> np.ndarray:
         """(m,) PHOTON, copies of the smooth photons that bring all their light to surfaces."""
-        if self._settings.is_plain:
-            return self._parts.smooth
-        smooth = self._parts.smooth.copy()
-        self._keep_light(self._parts.keys[: len(smooth)], smooth)
+        if self._this.settings.is_plain:
+            return self.parts.smooth
+        smooth = self.parts.smooth.copy()
+        self._keep_light(self.parts.keys[: len(smooth)], smooth)
         return smooth
 
     def _keep_light(
         self, keys: np.ndarray, photons: np.ndarray, rows: np.ndarray | None = None, *, solids: bool = False
     ) -> None:
         """Give photons back, in place, what their kernels lose past edges, and within solids."""
-        seed, pass_index = self._settings.seed, self._view.pass_index
-        keep_light(
-            photons, keys, self._world, self._surfaces, seed, pass_index, self._threads, solids=solids,
-            rows=rows,
-        )  # fmt: skip
+        this = self._this
+        met, numbers = (this.world, this.surfaces), (this.settings.seed, this.index)
+        keep_light(photons, keys, *met, *numbers, this.threads, solids=solids, rows=rows)
 
     def _measure(self, photons: np.ndarray) -> None:
         """Give kernels of the low resolution their size."""
-        packed, view, settings = self._packed, self._view, self._settings
-        pixel = settings.subsampling * sample_width(view)
-        measure_radii(
-            photons, packed.diagonal, settings.smoothing, pixel, packed.widths, view.eye_or_direction,
-            self._threads,
-        )  # fmt: skip
+        packed, view, settings = self._this.packed, self._this.view, self._this.settings
+        seen = settings.subsampling * sample_width(view), packed.widths, view.eye_or_direction
+        measure_radii(photons, packed.diagonal, settings.smoothing, *seen, self._this.threads)
 
     def _gathered(
-        self,
-        points: np.ndarray,
-        size: tuple[int, int],
-        smooth: Callable[[], np.ndarray],
-        straight: np.ndarray,
+        self, image: Receivers, smooth: Callable[[], np.ndarray], straight: np.ndarray
     ) -> np.ndarray:
         """Light at points, (n, 16): gloss of the smooth photons, the rest by rays and of the straight ones.
 
         smooth    estimates the light of the smooth photons, which is asked for where there is gloss alone
         straight  (n, 16) light of the straight photons
         """
-        packed, view, settings = self._packed, self._view, self._settings
+        this, points, size = self._this, image.points, image.size
+        packed, settings, threads = this.packed, this.settings, this.threads
         glossy = (points["alpha"] > 0.0).any()
-        light = smooth() if glossy else np.zeros((len(points), 16), np.float32)
+        light = smooth() if glossy else no_light(len(points))
+        incident = channels(light)
         nearness = np.zeros(len(points), np.float32)
         rays, limit = settings.gather_rays, bright_limit(packed, settings)
         most = np.float32(1.0 / (_NEAREST * packed.diagonal))
         used = np.flatnonzero(points["valid"])  # which may be few
         receivers = take(points, used)
-        densities, rows = self._guide.densities(receivers, square_blocks(size)[used], self._threads)
+        densities, rows = self._guide.densities(receivers, square_blocks(size)[used], threads)
         numbers = (
-            clearance(receivers["position"], view.eye),
+            clearance(receivers["position"], this.view.eye),
             used.astype(np.uint32),
-            even_numbers(size, settings.seed, view.pass_index)[used],
+            even_numbers(size, settings.seed, this.index)[used],
         )
         for first in range(0, len(used), _BATCH // rays):
             some = slice(first, first + _BATCH // rays)
             part = used[some]
             found = gather_rays(
-                packed, self._world, self._surfaces, receivers[some], (densities, rows[some]),
-                tuple(each[some] for each in numbers), math.isqrt(rays), limit, settings.seed,
-                view.pass_index, self._threads,
-            )  # fmt: skip
-            ends = self._scattered.estimate(found.points, self._threads)
+                packed,
+                this.world,
+                this.surfaces,
+                receivers[some],
+                (densities, rows[some]),
+                tuple(each[some] for each in numbers),
+                math.isqrt(rays),
+                limit,
+                settings.seed,
+                this.index,
+                threads,
+            )
+            ends = self._scattered.estimate(found.points, threads)
             radiance = found.radiance + reflect_light(found.ends, ends, len(found.ends))
-            light[part, 0:3] = math.pi * _mean(radiance, rays)
-            light[part, 4:7] = math.pi * _mean(found.fresnel[:, None] * radiance, rays)
+            incident["irradiance"][part] = math.pi * _mean(radiance, rays)
+            incident["fresnel"][part] = math.pi * _mean(found.fresnel[:, None] * radiance, rays)
             nearness[part] = _mean(np.minimum(found.nearness, most), rays)
-        light[:, 0:3] += straight[:, 0:3]
-        light[:, 4:7] += straight[:, 4:7]
-        passes = 1 + view.pass_index
+        for name in ("irradiance", "fresnel"):
+            incident[name] += channels(straight)[name]
+        passes = 1 + this.index
         within = np.float32(_RAYS_WITHIN / (math.pi * rays * passes))
         least = points["footprint"] * np.sqrt(points["slant"] * within)
         widest = _REACH * passes**_NARROWER

@@ -8,6 +8,7 @@ import numpy as np
 
 from ispm.accel.surface import SurfaceTable
 from ispm.errors import SettingsError
+from ispm.frame import Receivers
 from ispm.lights.emission import place_photons
 from ispm.lights.lightmap import texel_measures
 from ispm.lights.plan import PlannedMap
@@ -15,43 +16,37 @@ from ispm.optics.records import EMITTED
 from ispm.photons.first_hits import first_hits
 from ispm.photons.grid import PhotonGrid
 from ispm.renderer.charts import bounce_chart, overdraw_chart
+from ispm.renderer.one_pass import Pass
 from ispm.renderer.picture import Frame
 from ispm.renderer.views import photon_points
 from ispm.scene.packed import Packed
-from ispm.stages.camera import CameraView
 
 
 @dataclass(frozen=True, eq=False)
 class LastFrame:
     """A frame, its photons and how they came about.
 
-    photons         (N,) PHOTON with their kernels
-    points          (rows * columns,) RECEIVER, of `low` columns and rows
-    plan, texels    bounce maps and what they held; no texels where photons left the lights as rays
+    made      what it was made of
+    photons   (N,) PHOTON with their kernels
+    maps      bounce maps, and texels that they held; none where photons left the lights as rays
     """
 
     frame: Frame
-    view: CameraView
-    packed: Packed
-    surfaces: SurfaceTable
+    made: Pass
     photons: np.ndarray
-    points: np.ndarray
-    low: tuple[int, int]
-    plan: list[PlannedMap]
+    receivers: Receivers
+    maps: list[PlannedMap]
     texels: list[np.ndarray]
-    threads: int
 
     def show(self, name: str) -> np.ndarray:
         """Return a view as uint8 sRGB. Raises SettingsError for one that cannot be made."""
         if name == "photons":
-            frame = self.frame
-            return photon_points(
-                self.photons, frame.layers, self.view.clip_from_world, self.view.near, frame.exposure,
-                frame.settings.tonemap,
-            )  # fmt: skip
+            exposure, mode = self.frame.exposure, self.frame.settings.tonemap
+            return photon_points(self.photons, self.frame.layers, self.made.view, exposure, mode)
         if name == "overdraw":
-            counts = PhotonGrid(self.photons).count(self.points, self.threads)
-            return overdraw_chart(counts.reshape(self.low[1], self.low[0]), self.view.size)
+            counts = PhotonGrid(self.photons).count(self.receivers.points, self.made.threads)
+            width, height = self.receivers.size
+            return overdraw_chart(counts.reshape(height, width), self.made.view.size)
         if name == "bounce-map":
             return self._bounce_maps()
         return self.frame.view(name)
@@ -62,22 +57,23 @@ class LastFrame:
             why = "photons left the lights as rays" if settings.bounces else "bounces is 0"
             raise SettingsError(f"bounce-map: there is none, {why}; use bounces 1 or more and emission 'map'")
         shown, names = [], []
-        emitted = texels_as_photons(self.packed, self.surfaces, self.plan, self.texels)
-        for each, batch in zip(self.plan, emitted, strict=True):
-            found = first_hits(self.packed, self.surfaces, batch, settings.seed, 0)
+        packed, surfaces = self.made.packed, self.made.surfaces
+        emitted = texels_as_photons(packed, surfaces, self.maps, self.texels)
+        for each, batch in zip(self.maps, emitted, strict=True):
+            found = first_hits(packed, surfaces, batch, settings.seed, 0)
             shown.append(found.reshape(-1, each.width, each.width, 12))
             faces = f"{len(shown[-1])} faces of " if len(shown[-1]) > 1 else ""
             names.append(f"light {each.map.light}: {faces}{each.width} x {each.width} texels")
-        return bounce_chart(shown, names, self.packed.bounds)
+        return bounce_chart(shown, names, packed.bounds)
 
 
 def texels_as_photons(
-    packed: Packed, surfaces: SurfaceTable, plan: list[PlannedMap], texels: list[np.ndarray]
+    packed: Packed, surfaces: SurfaceTable, maps: list[PlannedMap], texels: list[np.ndarray]
 ) -> list[np.ndarray]:
     """Return each map's texels as (faces W^2,) EMITTED of the flux they stand for, before any thinning."""
     batches = []
     first_key = 0
-    for each, content in zip(plan, texels, strict=True):
+    for each, content in zip(maps, texels, strict=True):
         row, rows = packed.lights[each.map.light], np.zeros(content.size // 2, EMITTED)
         place_photons(surfaces, each, content, rows, np.arange(len(rows)))
         measures = texel_measures(each.map, row, each.width, each.shift)

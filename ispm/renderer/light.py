@@ -3,22 +3,38 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
-from ispm.accel.surface import SurfaceTable
-from ispm.accel.world import World
 from ispm.lights.emission import emit_rays, emit_texels
 from ispm.lights.lightmap import light_maps
 from ispm.lights.plan import PlannedMap, plan_maps, share_photons
 from ispm.photons.walk import Walk, walk
 from ispm.renderer.gather import bright_limit
+from ispm.renderer.one_pass import Pass
 from ispm.scene.packed import Packed
 from ispm.settings import Settings
-from ispm.stages.camera import CameraView
 
 _COARSE = 48, 27  # rays of the eye, across and down
 _FEW = 1000  # photons of which one is stored: of fewer, light is noise
+
+
+@dataclass(frozen=True, eq=False)
+class EmissionPlan:
+    """How photons leave the lights in a pass.
+
+    maps  that emit them, light by light
+    by    "map": they are drawn, and photons come from their texels; or "rays": rays are sent through them
+    """
+
+    maps: list[PlannedMap]
+    by: str
+
+    @property
+    def drawn(self) -> list[PlannedMap]:
+        """Those maps that are drawn."""
+        return self.maps if self.by == "map" else []
 
 
 def map_plan(
@@ -26,20 +42,27 @@ def map_plan(
 ) -> list[PlannedMap]:
     """Return the maps that emit photons, light by light; none where nothing is to be traced.
 
-    seen  as `seen_places` returns them; None: unknown
+    seen  (n, 3) m, places that the picture shows; None: unknown
     """
     counts = share_photons(packed, settings.photons if settings.bounces else 0)
     return plan_maps(packed, counts, settings.caustic_photons, settings.seed, pass_index, seen)
 
 
-def seen_places(packed: Packed, world: World, view: CameraView) -> np.ndarray | None:
-    """Return what a coarse picture shows, (n, 3) m world space; None where no light asks for it."""
-    if not any(map.orthographic for map in light_maps(packed)):
+def plan_emission(this: Pass, software: bool) -> EmissionPlan:
+    """Return how the photons of a pass leave the lights; software: see `emission_of`."""
+    maps = map_plan(this.packed, this.settings, this.index, _seen_places(this))
+    return EmissionPlan(maps, emission_of(maps, this.packed, this.settings, software))
+
+
+def _seen_places(this: Pass) -> np.ndarray | None:
+    """What a coarse picture shows, (n, 3) m world space; None where no light asks for it."""
+    view = this.view
+    if not any(map.orthographic for map in light_maps(this.packed)):
         return None
     width, height = view.size
     x, y = ((np.arange(n) + 0.5) / n for n in _COARSE)
     origins, directions = (each.reshape(-1, 3) for each in view.rays_through(width * x, height * y[:, None]))
-    t = world.trace(origins.astype(np.float32), directions.astype(np.float32))["t"]
+    t = this.world.trace(origins.astype(np.float32), directions.astype(np.float32))["t"]
     met = np.isfinite(t)
     return np.asarray(origins[met] + t[met, None] * directions[met])
 
@@ -57,20 +80,16 @@ def emission_of(plan: list[PlannedMap], packed: Packed, settings: Settings, soft
     return "rays" if software and drawn > traced else "map"
 
 
-def trace_photons(
-    packed: Packed, world: World, surfaces: SurfaceTable, plan: Sequence[PlannedMap],
-    texels: Sequence[np.ndarray] | None, settings: Settings, pass_index: int, threads: int,
-) -> Walk:  # fmt: skip
-    """Emit the photons and follow them; texels: what the bounce maps hold, None: by rays."""
-    seed = settings.seed
-    if texels is None:
-        emitted = emit_rays(packed, world, surfaces, plan, seed, pass_index, threads)
+def trace_photons(this: Pass, plan: EmissionPlan, texels: Sequence[np.ndarray]) -> Walk:
+    """Emit the photons and follow them; texels: what the bounce maps hold, where there are any."""
+    packed, world, surfaces, threads = this.packed, this.world, this.surfaces, this.threads
+    settings, seed = this.settings, this.settings.seed
+    if plan.by == "rays":
+        emitted = emit_rays(packed, world, surfaces, plan.maps, seed, this.index, threads)
     else:
-        emitted = emit_texels(packed, surfaces, plan, texels)
-    return walk(
-        packed, world, surfaces, emitted, settings.bounces, seed, pass_index, threads,
-        bright_limit(packed, settings),
-    )  # fmt: skip
+        emitted = emit_texels(packed, surfaces, plan.maps, texels)
+    limit = bright_limit(packed, settings)
+    return walk(packed, world, surfaces, emitted, settings.bounces, seed, this.index, threads, limit)
 
 
 def remarks(packed: Packed, path: Walk) -> Iterator[str]:

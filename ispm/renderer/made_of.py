@@ -37,9 +37,12 @@ class MadeOf:
     def of(cls, packed: Packed, textures: TextureTable, view: CameraView, settings: Settings) -> MadeOf:
         """Return what a packed scene, seen so and with these settings, is made of."""
         tables = (
-            packed.geometry.digest, packed.instances.tobytes(), packed.materials.tobytes(), textures.digest,
+            packed.geometry.digest,
+            packed.instances.tobytes(),
+            packed.materials.tobytes(),
+            textures.digest,
             packed.lights.tobytes(),
-        )  # fmt: skip
+        )
         camera = {name: getattr(view, name) for name in _CAMERA}
         camera |= {"pose": view.pose.tolist(), "principal": list(view.principal)}
         digests = {name: sha256(data).hexdigest() for name, data in zip(_SCENE, tables, strict=True)}

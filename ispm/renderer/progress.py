@@ -159,9 +159,16 @@ class Progress:
         _require_names(arrays, behind)
         sums, first, camera = (_part(arrays, prefix) for prefix in ("sum.", "first.", "camera."))
         progress = cls(
-            about.get("passes"), sums, arrays["indirect_moments"].copy(), first, camera, about.get("scene"),
-            _stats(about.get("stats")), made_of, str(path),
-        )  # fmt: skip
+            about.get("passes"),
+            sums,
+            arrays["indirect_moments"].copy(),
+            first,
+            camera,
+            about.get("scene"),
+            _stats(about.get("stats")),
+            made_of,
+            str(path),
+        )
         progress._check()
         return progress
 

@@ -44,9 +44,17 @@ class Ready:
         reach = float(np.abs(packed.bounds - pose[:3, 3]).max()) + packed.diagonal
         near = _EYE_NEAR * packed.diagonal if camera.ymag is None else 0.0
         view = CameraView(
-            size, pose, camera.yfov, camera.ymag, near, reach,
-            jitter=place_in_pixel(index), pass_index=index, aspect=camera.aspect, principal=camera.principal,
-        )  # fmt: skip
+            size,
+            pose,
+            camera.yfov,
+            camera.ymag,
+            near,
+            reach,
+            jitter=place_in_pixel(index),
+            pass_index=index,
+            aspect=camera.aspect,
+            principal=camera.principal,
+        )
         return packed, view
 
     def place(self, scene: Scene) -> Packed:

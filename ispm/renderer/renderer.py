@@ -1,12 +1,10 @@
-"""The frame: photons from the lights to the picture, in one function one can read aloud."""
+"""The renderer: a scene, settings and a camera, and pictures of them as often as wanted."""
 
 from __future__ import annotations
 
 import gc
 from collections.abc import Iterator
 from dataclasses import replace
-from functools import partial
-from operator import attrgetter
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Literal
@@ -14,51 +12,28 @@ from typing import Any, Literal
 import numpy as np
 
 from ispm.errors import IspmError, SettingsError, warn_caller
-from ispm.estimators import make_estimator
-from ispm.frame import GBuffer, GpuScene
-from ispm.gpu import Gpu, Texture, open_gpu, within_memory
+from ispm.gpu import Gpu, open_gpu, within_memory
 from ispm.kernels.threads import thread_count
 from ispm.optics.records import PHOTON
-from ispm.photons.grid import PhotonGrid
-from ispm.renderer.caustics import part_photons
-from ispm.renderer.chains import chain_light, light_missed
 from ispm.renderer.compose import compose
 from ispm.renderer.converge import converge, of_pass
-from ispm.renderer.gather import PhotonLight
+from ispm.renderer.draw import draw
 from ispm.renderer.last import LastFrame
-from ispm.renderer.light import emission_of, map_plan, remarks, seen_places, trace_photons
+from ispm.renderer.light import remarks
 from ispm.renderer.limits import require_drawable, require_scene
 from ispm.renderer.made_of import MadeOf
 from ispm.renderer.motion import moved
+from ispm.renderer.one_pass import Pass
 from ispm.renderer.picture import Frame
 from ispm.renderer.progress import MOST_PASSES, Progress
 from ispm.renderer.ready import Ready
-from ispm.renderer.shadows import ShadowRays, join_pixels
+from ispm.renderer.stages import Stages
 from ispm.renderer.statistics import collect
-from ispm.renderer.watch import Watch, rendering_seconds
+from ispm.renderer.watch import Watch
 from ispm.scene.camera import Camera
 from ispm.scene.names import Names
-from ispm.scene.packed import Packed
 from ispm.scene.scene import Scene
 from ispm.settings import Settings
-from ispm.stages.antialias import Antialias
-from ispm.stages.bounce import BounceStage
-from ispm.stages.camera import CameraView
-from ispm.stages.caustic import CausticStage
-from ispm.stages.chain import ChainStage
-from ispm.stages.direct import DirectStage
-from ispm.stages.downsample import Downsample
-from ispm.stages.gbuffer import GBufferStage
-from ispm.stages.shadow import ShadowStage
-from ispm.stages.upload import Upload
-from ispm.stages.upsample import Upsample
-
-_NEAR = 1e-4  # of the scene's diagonal; reversed depth has precision to spare
-_ESTIMATOR_KNOBS = attrgetter("estimator", "kernel", "talk_errors")
-_OWNED = (
-    "_upload", "_gbuffer", "_bounce", "_direct", "_caustic", "_chains", "_antialias", "_shadow",
-    "_downsample", "_upsample", "_estimator", "_world", "_ready", "chosen",
-)  # fmt: skip
 
 
 class Renderer:
@@ -89,15 +64,9 @@ class Renderer:
         self.threads = thread_count(threads)
         self._gpu, self._owns_gpu = gpu or open_gpu(adapter), gpu is None
         self._ready = Ready(self.threads, self._say)
-        self._world, self.chosen = self._ready.world, self._ready.chosen
+        self.chosen = self._ready.chosen
         self.camera = camera
-        self._upload = Upload(self._gpu)
-        self._gbuffer = GBufferStage(self._gpu)
-        self._bounce = BounceStage(self._gpu)
-        self._direct = DirectStage(self._gpu)
-        self._caustic = CausticStage(self._gpu)
-        self._chains = ChainStage(self._gpu)
-        self._antialias = Antialias(self._gpu)
+        self._stages = Stages(self._gpu, self.threads)
         self._photons = np.zeros(0, PHOTON)
         self._instances: np.ndarray | None = None  # of the last frame
         self._last: LastFrame | None = None
@@ -128,8 +97,7 @@ class Renderer:
         self._closed, self._last = True, None
         if self._owns_gpu:
             self._gpu.close()
-        for name in _OWNED:
-            vars(self).pop(name, None)
+        del self._stages, self._ready, self.chosen
         gc.collect()  # device objects refer to each other, and each holds memory that Python does not see
 
     @property
@@ -142,15 +110,9 @@ class Renderer:
     def settings(self, new: Settings) -> None:
         if not isinstance(new, Settings):
             raise SettingsError(f"settings must be ispm.Settings, not a {type(new).__name__}")
+        self._require_open()
         require_drawable(new, self._gpu)
-        old = self._settings
-        if old is None or old.subsampling != new.subsampling:
-            self._downsample = Downsample(self._gpu, new.subsampling)
-            self._upsample = Upsample(self._gpu, new.subsampling)
-        if old is None or old.shadow_resolution != new.shadow_resolution:
-            self._shadow = ShadowStage(self._gpu, new.shadow_resolution)
-        if old is None or _ESTIMATOR_KNOBS(old) != _ESTIMATOR_KNOBS(new):
-            self._estimator = make_estimator(new, self._gpu, self.threads)
+        self._stages.fit(new)
         self._settings = new
 
     @property
@@ -238,110 +200,39 @@ class Renderer:
             return self._draw(index)
 
     def _draw(self, index: int) -> Frame:
-        settings = of_pass(self.settings, index)
-        started = rendering_seconds()
-        self._last = None  # so that its memory can be used again
         watch = Watch()
-        packed, view = self._prepare(index)
-        plan = map_plan(packed, settings, index, seen_places(packed, self._world, view))
-        surfaces = self._ready.surfaces(packed)
-        by = emission_of(plan, packed, settings, self._gpu.is_software)
-
-        with self._gpu.frame() as first:
-            scene = self._upload(packed)
-            first.stage("direct")
-            gbuffer = self._gbuffer(first, scene, view)
-            first.stage("upsample")
-            receivers = self._downsample(first, scene, gbuffer, view)
-            self._chains(first, scene, gbuffer)
-            first.stage("bounce_map")
-            drawn = plan if by == "map" else []
-            maps = self._bounce(first, scene, drawn, _NEAR * packed.diagonal, index)
-        with watch("copy"):
-            points = self._downsample.read(self._gpu, view)
-            texels = maps.read(self._gpu)
-            mirrors = self._chains.read()
-        with self._gpu.frame() as second:
-            second.stage("direct")
-            shadows = self._shadow(second, scene, points[points["valid"] > 0], view, _NEAR * packed.diagonal)
-            direct = self._direct(second, scene, gbuffer, shadows, view)
-
-        with watch("trace"):
-            path = trace_photons(
-                packed, self._world, surfaces, plan, texels if by == "map" else None, settings, index,
-                self.threads,
-            )  # fmt: skip
-        for line in remarks(packed, path):
+        self._last = None  # so that its memory can be used again
+        this = self._prepare(index)
+        drawn = draw(this, self._stages, watch)
+        for line in remarks(this.packed, drawn.path):
             self._say(line)
-        with watch("radiance"):
-            parts = part_photons(path, packed, self._world, surfaces, view, settings, self.threads)
-            size = self._downsample.size(view)
-            estimator = partial(self._estimator, points, clip_from_world=view.clip_from_world, size=size)
-            light = PhotonLight(packed, self._world, surfaces, parts, view, settings, self.threads)
-            raw, filtered = light.at_receivers(points, size, estimator)
-            wide = PhotonGrid(parts.wide, parts.kernels[: len(parts.wide)])
-            if len(parts.wide):
-                filtered = filtered + wide.estimate(points, self.threads)
-
-        with self._gpu.frame() as third:
-            third.stage("radiance")
-            caustic = self._caustic(third, scene, gbuffer, view, parts.kernels[len(parts.wide) :])
-            third.stage("upsample")
-            indirect, irradiance, emission = self._upsample(
-                third, scene, gbuffer, view, receivers, filtered, caustic
-            )
-        with watch("direct"):
-            brought = chain_light(
-                packed, self._world, surfaces, mirrors, light, PhotonGrid(parts.caustic, parts.kernels), view,
-                settings, index, self.threads,
-            )  # fmt: skip
-            rays = ShadowRays(packed, self._world, surfaces, view, settings, self.threads)
-            lit = join_pixels((mirrors["pixel"], brought), rays.light(self._direct.doubts()))
-        with watch("upsample"):
-            self._light_missed(points, raw, light, wide, scene, gbuffer, view, caustic, settings)
-        with self._gpu.frame() as fourth:
-            fourth.stage("compose")
-            through = self._chains.patch(fourth, *lit, direct, indirect, emission)
-            if settings.antialias:
-                self._antialias(fourth, scene, gbuffer, view, direct, indirect, emission, through)
         with watch("readback"):
-            frame = compose(
-                self._gpu, packed, gbuffer, (direct, indirect, emission), through, irradiance, view,
-                settings, self.threads,
-            )  # fmt: skip
-            if not points["valid"].any() and frame.instance.max() < 0:
+            frame = compose(self._gpu, this, drawn.lit)
+            if not drawn.sight.receivers.points["valid"].any() and frame.instance.max() < 0:
                 self._say("the camera sees nothing, so the picture is empty; turn it, or move it")
             frame.scene = self.scene.name
             self.chosen.expose(frame)
-
-        for recording in (first, second, third, fourth):
-            for name, spent in recording.milliseconds().items():
-                watch.add(name, spent)
-        total = (rendering_seconds() - started) * 1e3
-        frame.stats = collect(
-            packed, replace(path, photons=parts.photons), view, settings, watch.milliseconds, total,
-            adapter=self._gpu.name, emission=by, timing=first.timing,
-            moved=moved(packed.instances, self._instances),
-        )  # fmt: skip
-        self._photons = parts.photons
+        total = watch.stop()
+        instances, self._instances = self._instances, this.packed.instances
+        stats = collect(this, drawn.path, watch.milliseconds, total, moved(this.packed.instances, instances))
+        frame.stats = replace(stats, adapter=self._gpu.name, emission=drawn.plan.by, timing=watch.timing)
+        self._photons = drawn.path.photons
         self._last = LastFrame(
-            frame, view, packed, surfaces, parts.photons, points, self._downsample.size(view),
-            plan, texels, self.threads,
-        )  # fmt: skip
-        self._instances = packed.instances
+            frame, this, self._photons, drawn.sight.receivers, drawn.plan.maps, drawn.sight.texels
+        )
         return frame
 
     def made_of(self) -> MadeOf:
         """Return what tells this scene, camera and settings, as they are now, from others."""
-        return self._made_of(*self._prepare(0))
+        return self._made_of(self._prepare(0))
 
     def last_made_of(self) -> MadeOf:
         """Return likewise what the last frame was made of."""
         assert self._last is not None
-        return self._made_of(self._last.packed, self._last.view)
+        return self._made_of(self._last.made)
 
-    def _made_of(self, packed: Packed, view: CameraView) -> MadeOf:
-        return MadeOf.of(packed, self._ready.textures, view, self.settings)
+    def _made_of(self, this: Pass) -> MadeOf:
+        return MadeOf.of(this.packed, self._ready.textures, this.view, self.settings)
 
     def photons(self) -> np.ndarray:
         """Return the last frame's photon map, (N,), world space: `position` (3,) m, `flux` (3,) lm, `normal`,
@@ -363,37 +254,16 @@ class Renderer:
         if self._closed:
             raise IspmError("this renderer is closed; make another one")
 
-    def _prepare(self, index: int) -> tuple[Packed, CameraView]:
+    def _prepare(self, index: int) -> Pass:
         """Pack the scene, place it in the tracer, and find its camera and lights."""
         self._require_open()
         packed, view = self._ready(require_scene(self.scene), self.settings.size, index)
         self.names = packed.names
-        return packed, view
+        surfaces, settings = self._ready.surfaces(packed), of_pass(self.settings, index)
+        return Pass(packed, self._ready.world, surfaces, view, settings, self.threads)
 
     def _say(self, line: str) -> None:
         """Warn once in this renderer's life."""
         if line not in self._said:
             self._said.add(line)
             warn_caller(line)
-
-    def _light_missed(
-        self, points: np.ndarray, raw: np.ndarray, light: PhotonLight, wide: PhotonGrid, scene: GpuScene,
-        gbuffer: GBuffer, view: CameraView, caustic: tuple[Texture, Texture] | None, settings: Settings,
-    ) -> None:  # fmt: skip
-        """Light the pixels that upsampling could not serve: by the filter, else by an image of their own.
-
-        wide  caustic photons at low resolution, which are not filtered
-        """
-        missed, receivers = self._upsample.missed()
-        if not len(missed):
-            return
-        order = np.argsort(missed["pixel"])  # the GPU lists them as they come
-        receivers = receivers[order]
-        found = light_missed(
-            receivers, missed[order], points, raw, self._downsample.size(view), light, view, settings,
-            scene.packed.diagonal, self.threads,
-        )  # fmt: skip
-        found += wide.estimate(receivers, self.threads)
-        found[order] = found.copy()
-        with self._gpu.frame() as frame:
-            self._upsample.patch(frame, scene, gbuffer, view, found, caustic)

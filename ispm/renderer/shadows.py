@@ -2,34 +2,24 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
-from ispm.accel.surface import SurfaceTable
-from ispm.accel.world import World
 from ispm.lights.passed import passed_light
 from ispm.optics.records import LIGHT_DIRECTIONAL
 from ispm.renderer.chains import SAMPLES
 from ispm.renderer.gather import clearance
-from ispm.scene.packed import Packed
-from ispm.settings import Settings
+from ispm.renderer.one_pass import Pass
 from ispm.stages.camera import CameraView
 
 _WIDE = 1.5  # pixels: texels that are wider leave in doubt all pixels beside an edge
 _ASIDE = 8.0  # pixels' sides that a sample lies from its pixel's centre at most, on surfaces seen aslant
 
 
-@dataclass(frozen=True, eq=False)
 class ShadowRays:
-    """What rays from the eye's pixels to lights need; with antialiasing, those on edges send four more."""
+    """Rays from the eye's pixels to lights; with antialiasing, those on edges send four more."""
 
-    packed: Packed
-    world: World
-    surfaces: SurfaceTable
-    view: CameraView
-    settings: Settings
-    threads: int
+    def __init__(self, this: Pass) -> None:
+        self._this, self._view = this, this.view
 
     def light(self, doubts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return pixels' numbers, (m,) sorted, and the radiance that was in doubt there, (m, 3) float32.
@@ -40,8 +30,8 @@ class ShadowRays:
             return np.zeros(0, np.uint32), np.zeros((0, 3), np.float32)
         starts = self._raised(doubts["position"], doubts["ng"])
         seen = self._seen(doubts, starts, 0)
-        if self.settings.antialias:
-            edges = np.flatnonzero(_on_edges(doubts, seen, self.view))
+        if self._this.settings.antialias:
+            edges = np.flatnonzero(_on_edges(doubts, seen, self._view))
             seen[edges] = self._sampled(doubts[edges], starts[edges], seen[edges])
         pixels, rows = np.unique(doubts["pixel"], return_inverse=True)
         radiance = doubts["radiance"] * seen
@@ -50,24 +40,25 @@ class ShadowRays:
 
     def _raised(self, points: np.ndarray, ng: np.ndarray) -> np.ndarray:
         """Where rays start that leave points, (n, 3) float32."""
-        return np.asarray(points + clearance(points, self.view.eye)[:, None] * ng)
+        return np.asarray(points + clearance(points, self._view.eye)[:, None] * ng)
 
     def _seen(self, doubts: np.ndarray, starts: np.ndarray, sample: int) -> np.ndarray:
         """(n, 3) float32 share of light that comes from each doubt's light to where a ray starts."""
         ways, distances = np.empty_like(starts), np.empty(len(starts), np.float32)
         rows, first = np.unique(doubts["light"], return_index=True)
         for row, start, end in zip(rows, first, np.append(first, len(doubts))[1:], strict=True):
-            light, of = self.packed.lights[row], slice(start, end)
+            light, of = self._this.packed.lights[row], slice(start, end)
             if light["kind"] == LIGHT_DIRECTIONAL:
                 ways[of], distances[of] = -light["direction"], np.inf
             else:
                 way = light["position"] - starts[of]
                 distances[of] = np.sqrt(_dot(way, way))
                 ways[of] = way / distances[of, None]
+        this, pixels = self._this, doubts["pixel"]
+        numbers = sample, this.index, this.settings.seed
         return passed_light(
-            self.packed, self.world, self.surfaces, starts, ways, distances, doubts["pixel"], sample,
-            self.view.pass_index, self.settings.seed, self.threads,
-        )  # fmt: skip
+            this.packed, this.world, this.surfaces, starts, ways, distances, pixels, *numbers, this.threads
+        )
 
     def _sampled(self, doubts: np.ndarray, starts: np.ndarray, seen: np.ndarray) -> np.ndarray:
         """(n, 3) float32 mean of the share over four places of each pixel, on the plane of its surface.
@@ -77,12 +68,12 @@ class ShadowRays:
         middle is of another surface, and has the middle's share.
         """
         right, down = self._across(doubts)
-        near = np.square(_ASIDE * self.view.pixel_widths(doubts["position"]))
+        near = np.square(_ASIDE * self._view.pixel_widths(doubts["position"]))
         total = np.zeros_like(seen)
-        spread = np.float32(1.0 / np.sqrt(1.0 + self.view.pass_index))
+        spread = np.float32(1.0 / np.sqrt(1.0 + self._this.index))
         for sample, (x, y) in enumerate(spread * SAMPLES.astype(np.float32)):
             aside = x * right + y * down
-            same = (_dot(aside, aside) < near) & ~self.world.occluded(starts, aside, 1.0)
+            same = (_dot(aside, aside) < near) & ~self._this.world.occluded(starts, aside, 1.0)
             rows = np.flatnonzero(same)
             total += seen
             total[rows] += self._seen(doubts[rows], starts[rows] + aside[rows], 1 + sample) - seen[rows]
@@ -91,10 +82,10 @@ class ShadowRays:
     def _across(self, doubts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Ways on the planes of surfaces to the next pixel right and below, (n, 3) float32 m each."""
         points, ng = doubts["position"], doubts["ng"]
-        pose, eye = (a.astype(np.float32) for a in (self.view.pose, self.view.eye_or_direction))
+        pose, eye = (a.astype(np.float32) for a in (self._view.pose, self._view.eye_or_direction))
         ways = points - eye[:3] if eye[3] else -eye[:3]
         slope = _dot(ways, ng)
-        widths = self.view.pixel_widths(points)[:, None]
+        widths = self._view.pixel_widths(points)[:, None]
         flat = ways / np.where(slope == 0.0, np.float32(1e-30), slope)[:, None]
         right, down = (widths * (axis - (ng @ axis)[:, None] * flat) for axis in (pose[:3, 0], -pose[:3, 1]))
         return right, down

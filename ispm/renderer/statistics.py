@@ -12,9 +12,8 @@ import numpy as np
 
 from ispm.estimators import estimator_name
 from ispm.photons.walk import Walk
+from ispm.renderer.one_pass import Pass
 from ispm.renderer.watch import peak_memory
-from ispm.scene.packed import Packed
-from ispm.settings import Settings
 from ispm.stages.camera import CameraView
 
 _STAGES = ("direct", "bounce_map", "copy", "trace", "radiance", "upsample", "compose")
@@ -77,44 +76,43 @@ class Stats:
         return dataclasses.asdict(self)
 
 
-def collect(
-    packed: Packed,
-    path: Walk,
-    view: CameraView,
-    settings: Settings,
-    times: Mapping[str, float],
-    total_ms: float,
-    *,
-    adapter: str,
-    emission: str,
-    timing: str,
-    moved: np.ndarray,
-) -> Stats:
-    """Return a frame's statistics.
+def collect(this: Pass, path: Walk, times: Mapping[str, float], total_ms: float, moved: np.ndarray) -> Stats:
+    """Return a frame's statistics, but for what only its maker knows: adapter, emission and timing.
 
     times  ms of the stages by name;  total_ms of the whole frame
-    emission  how the photons left the lights: map or rays
     moved  (I,) bool: the instances that stand elsewhere than in the frame before
     """
+    packed, settings = this.packed, this.settings
     dynamic = packed.instances[moved]
     dynamic_polygons = int(dynamic["triangle_count"].sum())
     spent: dict[str, Any] = {f"{name}_ms": times.get(name, 0.0) for name in _STAGES}
     direct_only = max(total_ms - sum(spent[f"{name}_ms"] for name in _INDIRECT), spent["direct_ms"], 1e-3)
+    for name in ("emitted", "absorbed", "escaped", "dropped", "stored"):
+        spent[f"flux_{name}"] = float(getattr(path, name).sum())
     return Stats(
-        polygons=packed.triangle_count, static_polygons=packed.triangle_count - dynamic_polygons,
-        dynamic_polygons=dynamic_polygons, dynamic_objects=len(np.unique(dynamic["node"])),
-        emitters=len(packed.lights), emitted_photons=path.photon_count, indirect_photons=settings.bounces,
-        width=settings.size[0], height=settings.size[1], subsampling=settings.subsampling,
-        photon_hits=path.photon_count + path.rays, stored_photons=len(path.photons), **spent,
-        total_ms=total_ms, direct_only_ms=direct_only, fps_direct=1e3 / direct_only,
-        fps_full=1e3 / max(total_ms, 1e-3), flux_emitted=float(path.emitted.sum()),
-        flux_absorbed=float(path.absorbed.sum()), flux_escaped=float(path.escaped.sum()),
-        flux_dropped=float(path.dropped.sum()), flux_stored=float(path.stored.sum()),
-        overdraw=overdraw(path.photons, view), peak_memory=peak_memory(), adapter=adapter,
-        estimator=estimator_name(settings), emission=emission,
-        kernel="footprint" if settings.kernel == "auto" else settings.kernel, seed=settings.seed,
-        timing=timing,
-    )  # fmt: skip
+        **spent,
+        polygons=packed.triangle_count,
+        static_polygons=packed.triangle_count - dynamic_polygons,
+        dynamic_polygons=dynamic_polygons,
+        dynamic_objects=len(np.unique(dynamic["node"])),
+        emitters=len(packed.lights),
+        emitted_photons=path.photon_count,
+        indirect_photons=settings.bounces,
+        width=settings.size[0],
+        height=settings.size[1],
+        subsampling=settings.subsampling,
+        photon_hits=path.photon_count + path.rays,
+        stored_photons=len(path.photons),
+        total_ms=total_ms,
+        direct_only_ms=direct_only,
+        fps_direct=1e3 / direct_only,
+        fps_full=1e3 / max(total_ms, 1e-3),
+        overdraw=overdraw(path.photons, this.view),
+        peak_memory=peak_memory(),
+        estimator=estimator_name(settings),
+        kernel="footprint" if settings.kernel == "auto" else settings.kernel,
+        seed=settings.seed,
+    )
 
 
 def overdraw(photons: np.ndarray, view: CameraView) -> float:

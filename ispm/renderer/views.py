@@ -9,6 +9,7 @@ import numpy as np
 from ispm.errors import SettingsError
 from ispm.renderer.backdrop import shown
 from ispm.settings import RENDERER_VIEWS, VIEWS, nearest
+from ispm.stages.camera import CameraView
 from ispm.stages.tonemap import auto_exposure, tonemap
 
 _PHOTON_DIM = 0.15  # of the direct picture behind the photons
@@ -65,9 +66,8 @@ def _ambient(layers: Mapping[str, np.ndarray]) -> np.ndarray:
 
 
 def photon_points(
-    photons: np.ndarray, layers: Mapping[str, np.ndarray], clip_from_world: np.ndarray, near: float,
-    exposure: float, mode: str,
-) -> np.ndarray:  # fmt: skip
+    photons: np.ndarray, layers: Mapping[str, np.ndarray], seen_by: CameraView, exposure: float, mode: str
+) -> np.ndarray:
     """Return the photons as points of their own color over the dimmed direct picture, uint8 sRGB.
 
     photons  (N,) PHOTON; one is drawn where the eye sees its surface
@@ -76,7 +76,7 @@ def photon_points(
     height, width = layers["depth"].shape
     position = np.ones((len(photons), 4))
     position[:, :3] = photons["position"]
-    clip = position @ clip_from_world.T
+    clip = position @ seen_by.clip_from_world.T
     ahead = clip[:, 3] > 0.0
     ndc = clip[ahead] / clip[ahead, 3:]
     x = np.floor((ndc[:, 0] * 0.5 + 0.5) * width).astype(np.int64)
@@ -84,7 +84,7 @@ def photon_points(
     inside = (x >= 0) & (x < width) & (y >= 0) & (y < height) & (ndc[:, 2] > 0.0)
     x, y = x[inside], y[inside]
     distance = clip[ahead, 3][inside] if clip[ahead, 3].std() > 0.0 else np.zeros(len(x))
-    seen = distance <= layers["depth"][y, x] * 1.01 + near
+    seen = distance <= layers["depth"][y, x] * 1.01 + seen_by.near
     flux = photons["flux"][ahead][inside][seen].astype(np.float64)
     color = flux / np.maximum(flux.max(axis=1, keepdims=True), 1e-30)
     picture[y[seen], x[seen]] = np.rint(color ** (1 / 2.2) * 255.0).astype(np.uint8)

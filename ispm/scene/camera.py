@@ -123,9 +123,9 @@ class Camera(Strict):
         fy = height / (2.0 * math.tan(0.5 * self.yfov))
         fx = fy if self.aspect is None else fy * width / (height * self.aspect)
         x, y = self.principal
-        return np.array([
-            [fx, 0.0, 0.5 * width * (1.0 + x)], [0.0, fy, 0.5 * height * (1.0 - y)], [0.0, 0.0, 1.0]
-        ])  # fmt: skip
+        return np.array(
+            [[fx, 0.0, 0.5 * width * (1.0 + x)], [0.0, fy, 0.5 * height * (1.0 - y)], [0.0, 0.0, 1.0]]
+        )
 
     def extrinsics(self, convention: Convention = "opencv") -> np.ndarray:
         """Return the pose, (4, 4) camera-to-world, with the axes of a convention, as `from_intrinsics`.

@@ -57,10 +57,12 @@ def placed_bounds(placed: Iterable[tuple[Node, np.ndarray]]) -> np.ndarray:
                 shown.setdefault(id(part.mesh), (part.mesh, []))[1].append(node.places(world))
     if not shown:
         raise SceneError("there is no surface, and so there are no bounds")
-    boxes = np.stack([
-        _bounds_of_copies(used_points(mesh.positions, mesh.triangles), np.concatenate(places))
-        for mesh, places in shown.values()
-    ])  # fmt: skip
+    boxes = np.stack(
+        [
+            _bounds_of_copies(used_points(mesh.positions, mesh.triangles), np.concatenate(places))
+            for mesh, places in shown.values()
+        ]
+    )
     return np.stack([boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)])
 
 

@@ -156,9 +156,12 @@ RANGES: dict[str, tuple[float, float, *tuple[int, ...]]] = {
     "unlit": (False, True),
 }
 TEXTURES = (
-    "base_color_texture", "metallic_roughness_texture", "normal_texture", "emission_texture",
+    "base_color_texture",
+    "metallic_roughness_texture",
+    "normal_texture",
+    "emission_texture",
     "transmission_texture",
-)  # fmt: skip
+)
 
 
 DATA = ("metallic_roughness_texture", "normal_texture", "transmission_texture")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import copy
-import math
 from dataclasses import dataclass
 from functools import cached_property
 from hashlib import sha256
@@ -14,24 +13,17 @@ from ispm.errors import SceneError
 from ispm.optics import records
 from ispm.scene.directions import even_directions
 from ispm.scene.extent import corners_of, enclosing_diameter
-from ispm.scene.light import DirectionalLight, Light, PointLight, SpotLight, light_called
+from ispm.scene.light import light_called
 from ispm.scene.material import Material, Texture
 from ispm.scene.mesh import ARRAYS, Mesh
 from ispm.scene.names import Names, Place, Run
+from ispm.scene.packed_light import light_record
 from ispm.scene.packed_material import material_record
 from ispm.scene.scene import Scene
 from ispm.scene.values import FARTHEST
 
-_SHARPEST = 1e-6  # difference of the cosines of a spot's cones, in float32
-
 PIECE = 64  # triangles of a mesh; neighbours in its list mostly lie close together
 _HULL_WAYS = even_directions(64)
-
-_KINDS = {
-    PointLight: records.LIGHT_POINT,
-    SpotLight: records.LIGHT_SPOT,
-    DirectionalLight: records.LIGHT_DIRECTIONAL,
-}
 
 
 @dataclass
@@ -193,7 +185,7 @@ def pack(scene: Scene, geometry: Geometry | None = None) -> Packed:
             raise SceneError(f"node '{node.name}': stands in nodes that together move or scale it too far")
         light = node.light
         if light is not None:
-            light_rows.append(_light_record(light, world, light_called(light, node.name, len(light_rows))))
+            light_rows.append(light_record(light, world, light_called(light, node.name, len(light_rows))))
         places = node.places(world) if node.parts else world[:0]
         for number, part in enumerate(node.parts):
             if not len(part.mesh.triangles) or not len(places):
@@ -220,9 +212,19 @@ def pack(scene: Scene, geometry: Geometry | None = None) -> Packed:
     lights = np.array(light_rows, records.LIGHT)
     nodes = tuple(map(Place, [node.name for node, _ in placed], scene.parents()))
     return Packed(
-        geometry, instances, material_rows, textures, lights, draws, bounds, diagonal, widths,
-        boxes, ids, Names(tuple(runs), tuple(material.name for material in material_list), nodes),
-    )  # fmt: skip
+        geometry,
+        instances,
+        material_rows,
+        textures,
+        lights,
+        draws,
+        bounds,
+        diagonal,
+        widths,
+        boxes,
+        ids,
+        Names(tuple(runs), tuple(material.name for material in material_list), nodes),
+    )
 
 
 def pack_geometry(meshes: list[Mesh]) -> Geometry:
@@ -312,29 +314,6 @@ def _unit(vectors: np.ndarray) -> np.ndarray:
     length = np.linalg.norm(vectors, axis=1, keepdims=True)
     good = np.isfinite(length) & (length > 0.0)
     return np.where(good, vectors / np.where(good, length, 1.0), (0.0, 1.0, 0.0))
-
-
-def _light_record(light: Light, world: np.ndarray, called: str) -> np.ndarray:
-    light.check(called)
-    row = np.zeros((), records.LIGHT)
-    row["position"] = world[:3, 3]
-    row["kind"] = _KINDS[type(light)]
-    row["intensity"] = light.intensity
-    along = -world[:3, 2] / max(float(np.linalg.norm(world[:3, 2])), 1e-30)
-    row["direction"], row["cone_offset"] = along, 1.0
-    if isinstance(light, DirectionalLight):
-        return row
-    row["range"] = light.range if np.isfinite(light.range) else 0.0
-    if isinstance(light, SpotLight):
-        row["cone_scale"], row["cone_offset"] = _cone(light)
-    return row
-
-
-def _cone(light: SpotLight) -> tuple[float, float]:
-    """Scale and offset of a spot's falloff; KHR_lights_punctual, inner and outer cone angles."""
-    inner, outer = light.inner_angle, light.outer_angle
-    scale = 1.0 / max(math.cos(inner) - math.cos(outer), _SHARPEST)
-    return scale, -math.cos(outer) * scale
 
 
 def _instances(

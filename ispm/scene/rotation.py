@@ -43,9 +43,11 @@ def euler(
     """
     given = {"x": x, "y": y, "z": z}
     angles = {name: _radians(f"euler: {name}", angle, degrees) for name, angle in given.items()}
-    if not isinstance(order, str) or sorted(order.lower()) != ["x", "y", "z"] or not (
-        order.islower() or order.isupper()
-    ):  # fmt: skip
+    if (
+        not isinstance(order, str)
+        or sorted(order.lower()) != ["x", "y", "z"]
+        or not (order.islower() or order.isupper())
+    ):
         raise SceneError(f"euler: order must be x, y and z in some order, as 'xyz' or 'ZYX', not {order!r}")
     turns = [_turn(np.eye(3)["xyz".index(axis)], angles[axis]) for axis in order.lower()]
     first, second, third = turns if order.islower() else turns[::-1]
@@ -106,12 +108,14 @@ def quaternions(rotations: np.ndarray) -> np.ndarray:
     """Return the unit quaternions x, y, z, w of (n, 3, 3) rotation matrices, (n, 4)."""
     # the eigenvector of the largest eigenvalue (Bar-Itzhack 2000): sound for every rotation
     (a, b, c), (d, e, f), (g, h, i) = np.moveaxis(rotations, 0, -1)
-    k = np.array([
-        [a - e - i, b + d, c + g, h - f],
-        [b + d, e - a - i, f + h, c - g],
-        [c + g, f + h, i - a - e, d - b],
-        [h - f, c - g, d - b, a + e + i],
-    ])  # fmt: skip
+    k = np.array(
+        [
+            [a - e - i, b + d, c + g, h - f],
+            [b + d, e - a - i, f + h, c - g],
+            [c + g, f + h, i - a - e, d - b],
+            [h - f, c - g, d - b, a + e + i],
+        ]
+    )
     largest: np.ndarray = np.linalg.eigh(np.moveaxis(k, -1, 0))[1][:, :, 3]
     return largest * np.where(largest[:, 3:] < 0.0, -1.0, 1.0)
 

@@ -26,9 +26,15 @@ _Member = TypeVar("_Member", bound=Enum)
 _Takes = ParamSpec("_Takes")
 _Gives = TypeVar("_Gives")
 _OTHERWISE = {
-    "position": "translation", "location": "translation", "orientation": "rotation", "color": "base_color",
-    "albedo": "base_color", "emissive": "emission", "fov": "yfov", "power": "intensity",
-}  # fmt: skip  # what others call ours, where no name is spelt as much like it
+    "position": "translation",
+    "location": "translation",
+    "orientation": "rotation",
+    "color": "base_color",
+    "albedo": "base_color",
+    "emissive": "emission",
+    "fov": "yfov",
+    "power": "intensity",
+}  # what others call ours, where no name is spelt as much like it
 
 
 class Strict:

@@ -8,8 +8,8 @@ from itertools import compress
 import numpy as np
 
 from ispm import wgsl
-from ispm.frame import GBuffer, GpuScene, vertex_layout
-from ispm.gpu import Gpu, Raster, Recording, Texture
+from ispm.frame import GpuScene, LitFrame, vertex_layout
+from ispm.gpu import Gpu, Raster, RasterState, Recording
 from ispm.optics import records
 from ispm.scene.packed import Draw
 from ispm.stages.camera import CameraView
@@ -22,9 +22,8 @@ _EDGE = wgsl.load("stages/antialias.wgsl").dtype("Edge")
 class Antialias:
     """Draw ids and depth with four samples a pixel, then mix each pixel's light from its neighbours'.
 
-    In   gbuffer; direct, indirect, emission (W, H) rgba32float, alpha 1 where a surface is seen;
-         through, the share of the background that glass shows, likewise or one black texel
-    Out  the same textures: edge pixels are changed in place, their alpha the share of surface
+    In   a LitFrame (W, H), alpha 1 where a surface is seen
+    Out  its textures, but for irradiance: edge pixels are changed in place, their alpha the share of surface
     Source: Chajdas, McGuire and Luebke 2011.
     """
 
@@ -40,28 +39,38 @@ class Antialias:
         self._count = gpu.buffer("edge count")
         self._edges = gpu.buffer("edges")
 
-    def __call__(
-        self, frame: Recording, scene: GpuScene, gbuffer: GBuffer, view: CameraView, direct: Texture,
-        indirect: Texture, emission: Texture, through: Texture,
-    ) -> None:  # fmt: skip
+    def __call__(self, frame: Recording, scene: GpuScene, lit: LitFrame, view: CameraView) -> None:
+        gbuffer = lit.gbuffer
         self._draw(frame, scene, view)
         capacity = min(view.size[0] * view.size[1], self._gpu.max_binding // _EDGE.itemsize)
         self._count.write(np.zeros(4, np.uint32))
         edges = self._edges.sized(capacity * _EDGE.itemsize)
-        shared = {
-            "camera": view.uniform(), "sample_ids": self._ids, "sample_depth": self._depth,
-            "ids": gbuffer.ids, "edges": edges,
-        }  # fmt: skip
+        samples = dict(sample_ids=self._ids, sample_depth=self._depth)
+        shared = dict(camera=view.uniform(), ids=gbuffer.ids, edges=edges, **samples)
         self._find(frame, over=view.size, **shared, depth=gbuffer.depth, edge_count=self._count)
         self._mix(
-            frame, over=_THREADS, **shared, listed_count=self._count, points=gbuffer.points,
-            normals=gbuffer.normals, direct_in=direct, indirect_in=indirect, emission_in=emission,
-            through_in=through,
-        )  # fmt: skip
+            frame,
+            over=_THREADS,
+            **shared,
+            listed_count=self._count,
+            points=gbuffer.points,
+            normals=gbuffer.normals,
+            direct_in=lit.direct,
+            indirect_in=lit.indirect,
+            emission_in=lit.emission,
+            through_in=lit.through,
+        )
         self._write(
-            frame, over=_THREADS, camera=view.uniform(), mixed=edges, listed_count=self._count,
-            direct_out=direct, indirect_out=indirect, emission_out=emission, through_out=through,
-        )  # fmt: skip
+            frame,
+            over=_THREADS,
+            camera=view.uniform(),
+            mixed=edges,
+            listed_count=self._count,
+            direct_out=lit.direct,
+            indirect_out=lit.indirect,
+            emission_out=lit.emission,
+            through_out=lit.through,
+        )
 
     def close(self) -> None:
         """Free the textures and buffers."""
@@ -87,12 +96,15 @@ class Antialias:
         double_sided = bool(flags & records.MATERIAL_DOUBLE_SIDED)
         key = (scene.is_masked(draw.material), double_sided, draw.mirrored)
         if key not in self._pipelines:
-            masked = key[0]
+            masked = scene.is_masked(draw.material)
             fields = ("position", "color", "uv0", "uv1") if masked else ("position",)
-            self._pipelines[key] = self._gpu.raster(
-                "stages/coverage.wgsl", ["r16uint"], samples=_SAMPLES,
-                cull="none" if double_sided else "back", front="cw" if draw.mirrored else "ccw",
-                vertex="vs_masked" if masked else "vs", fragment="fs_masked" if masked else "fs",
+            state = RasterState(
+                cull="none" if double_sided else "back",
+                front="cw" if draw.mirrored else "ccw",
+                vertex="vs_masked" if masked else "vs",
+                fragment="fs_masked" if masked else "fs",
+                samples=_SAMPLES,
                 vertex_layout=vertex_layout(*fields),
-            )  # fmt: skip
+            )
+            self._pipelines[key] = self._gpu.raster("stages/coverage.wgsl", ["r16uint"], state)
         return self._pipelines[key]

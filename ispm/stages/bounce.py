@@ -12,7 +12,7 @@ import numpy as np
 
 from ispm.errors import SettingsError
 from ispm.frame import BounceMap, BounceMaps, GpuScene
-from ispm.gpu import Canvas, Gpu, Raster, Recording
+from ispm.gpu import Canvas, Gpu, Raster, RasterState, Recording
 from ispm.lights.atlas import pack_shelves
 from ispm.lights.plan import PlannedMap
 from ispm.optics.records import NO_HIT
@@ -31,7 +31,7 @@ class BounceStage:
         self._gpu = gpu
         path, formats = "stages/bounce.wgsl", ["rg32uint"]
         self._opaque = gpu.raster(path, formats)
-        self._masked = gpu.raster(path, formats, vertex="vs_masked", fragment="fs_masked")
+        self._masked = gpu.raster(path, formats, RasterState(vertex="vs_masked", fragment="fs_masked"))
         self._texels = gpu.texture("bounce maps", formats[0], usage=["attachment"])
         self._depth = gpu.texture("bounce depth", "depth32float", usage=["attachment"])
 
@@ -74,10 +74,7 @@ class BounceStage:
         for uniform, (x, y), visible in zip(uniforms, map.places.tolist(), seen, strict=True):
             if not visible.any():
                 continue
-            shared = {
-                "face": frame.uniform(uniform), "vertices": scene.vertices, "indices": scene.indices,
-                "instances": scene.instances,
-            }  # fmt: skip
+            shared = {"face": frame.uniform(uniform), **scene.corners}
             canvas.viewport(x, y, map.width, map.width)
             for draw in scene.each(frame, canvas, compress(scene.draws, visible), pipeline, shared):
                 scene.draw_corners(canvas, draw)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ispm.frame import GBuffer, GpuScene
-from ispm.gpu import Gpu, Recording, Target, Texture
+from ispm.gpu import FLAT, Gpu, Recording, Target, Texture
 from ispm.stages.camera import CameraView
 
 _PATH = "stages/caustic.wgsl"
@@ -24,7 +24,7 @@ class CausticStage:
     def __init__(self, gpu: Gpu) -> None:
         format = "rgba32float" if gpu.has("float32-blendable") else "rgba16float"
         sum_up = Target(format, blend="add")
-        self._splat = gpu.raster(_PATH, [sum_up, sum_up], depth=None)
+        self._splat = gpu.raster(_PATH, [sum_up, sum_up], FLAT)
         self._photons = gpu.buffer("caustic photons")
         self._sums = [gpu.texture(f"caustic {name}", format) for name in ("radiance", "irradiance")]
 
@@ -36,9 +36,13 @@ class CausticStage:
             return None
         radiance, irradiance = (texture.sized(gbuffer.size) for texture in self._sums)
         group = self._splat.bind(
-            0, frame, camera=view.uniform(), photons=self._photons.write(photons), materials=scene.materials,
-            points=gbuffer.points, normals=gbuffer.normals, base=gbuffer.base, emission=gbuffer.emission,
-        )  # fmt: skip
+            0,
+            frame,
+            camera=view.uniform(),
+            photons=self._photons.write(photons),
+            materials=scene.materials,
+            **gbuffer.surfaces,
+        )
         with frame.draw_into(radiance, irradiance) as canvas:
             canvas.use(self._splat, group)
             canvas.draw(3 * len(photons))

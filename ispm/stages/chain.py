@@ -46,10 +46,16 @@ class ChainStage:
         capacity = min(gbuffer.size[0] * gbuffer.size[1], self._gpu.max_binding // SEEN.itemsize)
         self._count.write(np.zeros(4, np.uint32))
         self._find(
-            frame, over=gbuffer.size, materials=scene.materials, ids=gbuffer.ids, points=gbuffer.points,
-            base=gbuffer.base, glow=gbuffer.emission, seen_count=self._count,
+            frame,
+            over=gbuffer.size,
+            materials=scene.materials,
+            ids=gbuffer.ids,
+            points=gbuffer.points,
+            base=gbuffer.base,
+            glow=gbuffer.emission,
+            seen_count=self._count,
             seen=self._seen.sized(capacity * SEEN.itemsize),
-        )  # fmt: skip
+        )
 
     def read(self) -> np.ndarray:
         """Return the pixels that were found; waits for them."""
@@ -61,9 +67,14 @@ class ChainStage:
         return np.asarray(found[np.argsort(found["pixel"])])
 
     def patch(
-        self, frame: Recording, pixels: np.ndarray, light: np.ndarray, direct: Texture, indirect: Texture,
+        self,
+        frame: Recording,
+        pixels: np.ndarray,
+        light: np.ndarray,
+        direct: Texture,
+        indirect: Texture,
         emission: Texture,
-    ) -> Texture:  # fmt: skip
+    ) -> Texture:
         """Add (n, 9) light, direct, indirect and emission RGB, to the numbered pixels of three textures.
 
         light  (n, 12): the last three are the share of a background that a pixel shows
@@ -82,13 +93,22 @@ class ChainStage:
             brought[name] = light[:, 3 * k : 3 * k + 3]
         threads = min(len(pixels), _THREADS)
         self._add(
-            frame, over=threads, brought=self._brought.write(brought), direct_in=direct,
-            indirect_in=indirect, emission_in=emission,
-        )  # fmt: skip
+            frame,
+            over=threads,
+            brought=self._brought.write(brought),
+            direct_in=direct,
+            indirect_in=indirect,
+            emission_in=emission,
+        )
         self._write(
-            frame, over=threads, summed=self._brought, direct_out=direct, indirect_out=indirect,
-            emission_out=emission, through_out=through,
-        )  # fmt: skip
+            frame,
+            over=threads,
+            summed=self._brought,
+            direct_out=direct,
+            indirect_out=indirect,
+            emission_out=emission,
+            through_out=through,
+        )
         return through
 
     def close(self) -> None:

@@ -6,7 +6,7 @@ import numpy as np
 
 from ispm import wgsl
 from ispm.frame import GBuffer, GpuScene, ShadowMaps
-from ispm.gpu import Gpu, Raster, Recording, Texture
+from ispm.gpu import FLAT, Gpu, Raster, Recording, Texture
 from ispm.optics.records import MATERIAL_TRANSMITS
 from ispm.stages.camera import CameraView
 
@@ -95,11 +95,20 @@ class DirectStage:
         transmits = bool((scene.packed.materials["flags"] & MATERIAL_TRANSMITS).any())
         raster = self._pipeline(first > 0, transmits, shadows.has_sheets, scene.light_count == 1)
         group = raster.bind(
-            0, frame, camera=view.uniform(), lamps=_lamps(scene, shadows, first), materials=scene.materials,
-            points=gbuffer.points, normals=gbuffer.normals, base=gbuffer.base, emission=gbuffer.emission,
-            before=before, atlas=shadows.depth, sheets=shadows.sheets, tints=shadows.tints,
-            nearest=self._nearest, doubt_count=self._count, doubts=self._doubts,
-        )  # fmt: skip
+            0,
+            frame,
+            camera=view.uniform(),
+            lamps=_lamps(scene, shadows, first),
+            materials=scene.materials,
+            **gbuffer.surfaces,
+            before=before,
+            atlas=shadows.depth,
+            sheets=shadows.sheets,
+            tints=shadows.tints,
+            nearest=self._nearest,
+            doubt_count=self._count,
+            doubts=self._doubts,
+        )
         with frame.draw_into(result) as canvas:
             canvas.use(raster, group)
             canvas.draw(3)
@@ -108,9 +117,14 @@ class DirectStage:
         key = adds, transmits, sheets, alone
         if key not in self._pipelines:
             self._pipelines[key] = self._gpu.raster(
-                "stages/direct.wgsl", ["rgba32float"], depth=None,
-                ADDS=adds, TRANSMITS=transmits, SHEETS=sheets, ALONE=alone,
-            )  # fmt: skip
+                "stages/direct.wgsl",
+                ["rgba32float"],
+                FLAT,
+                ADDS=adds,
+                TRANSMITS=transmits,
+                SHEETS=sheets,
+                ALONE=alone,
+            )
         return self._pipelines[key]
 
 

@@ -30,10 +30,14 @@ class Downsample:
         width, height = self.size(view)
         self.receivers.sized(width * height * RECEIVER.itemsize)
         self._shader(
-            frame, over=(width, height), camera=view.uniform(), materials=scene.materials,
-            points=gbuffer.points, normals=gbuffer.normals, base=gbuffer.base, emission=gbuffer.emission,
-            depth=gbuffer.depth, receivers=self.receivers,
-        )  # fmt: skip
+            frame,
+            over=(width, height),
+            camera=view.uniform(),
+            materials=scene.materials,
+            **gbuffer.surfaces,
+            depth=gbuffer.depth,
+            receivers=self.receivers,
+        )
         return self.receivers
 
     def read(self, gpu: Gpu, view: CameraView) -> np.ndarray:

@@ -8,13 +8,16 @@ small kernels and this filter halve the error of wide kernels at less cost.
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from ispm.accel.mesh import word_of
 from ispm.kernels.simd import address, aligned, atomic_add, splat8, stf, vfma, vload8, vmul, vstore8
 from ispm.kernels.threads import run_threads
+from ispm.optics.incident import CHANNELS, INCIDENT
 from ispm.optics.jit import jit
+from ispm.optics.records import RECEIVER
 from ispm.optics.vector import dot, scale, sub
 
 f32, i64 = np.float32, np.int64
@@ -32,12 +35,38 @@ _SAME_WAY = 0.9  # cosine of normals, above which receivers belong together ther
 _LEAST_MEAN = 1e-12  # it returns, as others divide by it
 _SPARSE = 200.0  # photons within the radius, below which they are few
 
-# words of a RECEIVER
-_ALPHA, _NG, _VALID, _N, _FOOTPRINT, _WO, _SLANT = 3, 4, 7, 8, 11, 12, 15
-DENSITY, MET = 3, 7  # channels of an estimate: photons per m2; of how many receivers it is the mean, over
-# what is enough. Of fewer the mean is noise: dashes along faces one to three pixels wide. Of 12 none are
-# seen at 1:1; 16 and 24 ask for half and three times as many pixels that get light of their own.
+_ALPHA, _NG, _N = word_of(RECEIVER, "alpha"), word_of(RECEIVER, "ng"), word_of(RECEIVER, "n")
+_FOOTPRINT, _WO, _SLANT = (word_of(RECEIVER, name) for name in ("footprint", "wo", "slant"))
+DENSITY, MET = word_of(INCIDENT, "density"), word_of(INCIDENT, "met")
+_GLOSS = word_of(INCIDENT, "gloss")  # what surfaces of another roughness do not share begins here
+# Receivers that a mean is enough of. Of fewer it is noise: dashes along faces one to three pixels wide. Of 12
+# none are seen at 1:1; 16 and 24 ask for half and three times as many pixels that get light of their own.
 _ENOUGH = 12
+
+
+class _Image(NamedTuple):
+    """What is filtered: words (h w, 16) of RECEIVER, estimate (h w, 16), size (w, h); gloss: is there any?"""
+
+    words: Any
+    estimate: Any
+    size: Any
+    gloss: Any
+
+
+class _Place(NamedTuple):
+    """What is filtered for: row `p` of points, (n, 16) words of RECEIVER, which lies in pixel (x, y)."""
+
+    points: Any
+    p: Any
+    x: Any
+    y: Any
+
+
+class _Lattice(NamedTuple):
+    """Taps: strides right and down in pixels, and how many of them on each side."""
+
+    strides: Any
+    taps: Any
 
 
 def filter_estimate(
@@ -134,14 +163,20 @@ def _words(receivers: np.ndarray) -> np.ndarray:
 
 
 def _run(
-    kernel: Any, points: Any, words: np.ndarray, estimate: np.ndarray, size: tuple[int, int],
-    diagonal: float, smoothing: float, threads: int,
-) -> np.ndarray:  # fmt: skip
+    kernel: Any,
+    points: Any,
+    words: np.ndarray,
+    estimate: np.ndarray,
+    size: tuple[int, int],
+    diagonal: float,
+    smoothing: float,
+    threads: int,
+) -> np.ndarray:
     """Call `kernel` from all threads with a shared counter; return what it writes."""
     count = len(points[0]) if isinstance(points, tuple) else len(points)
-    out = aligned(16 * count).reshape(-1, 16)
+    out = aligned(CHANNELS * count).reshape(-1, CHANNELS)
     if address(estimate) % 64:
-        estimate, given = aligned(estimate.size).reshape(-1, 16), estimate
+        estimate, given = aligned(estimate.size).reshape(-1, CHANNELS), estimate
         estimate[:] = given
     counter = np.zeros(8, np.int64)
     reach = np.array([diagonal * REACH * smoothing, smoothing], np.float32)
@@ -152,6 +187,7 @@ def _run(
 
 @jit
 def _spread(counter, points, words, estimate, size, limits, gloss, out):
+    image = _Image(words, estimate, size, gloss)
     while True:
         y = atomic_add(counter, i64(1))
         if y >= size[1]:
@@ -162,22 +198,25 @@ def _spread(counter, points, words, estimate, size, limits, gloss, out):
                 density = estimate[p, DENSITY]
                 reach = _reach(words[p, _FOOTPRINT], density, limits)
                 few = density * f32(math.pi) * reach * reach < f32(_SPARSE)
-                _spread_one(points, p, x, y, reach, few, words, estimate, size, gloss, out)
+                _spread_one(_Place(points, p, x, y), reach, few, image, out)
 
 
 @jit
 def _smooth(counter, points, words, estimate, size, limits, gloss, out):
-    _fill_gaps(counter, points, words, estimate, size, limits, gloss, out, i64(1), i64(_SMOOTH_TAPS))
+    image = _Image(words, estimate, size, gloss)
+    _fill_gaps(counter, points, image, limits, out, i64(1), i64(_SMOOTH_TAPS))
 
 
 @jit
 def _finish(counter, points, words, estimate, size, limits, gloss, out):
-    _fill_gaps(counter, points, words, estimate, size, limits, gloss, out, i64(_SMOOTH_TAPS), i64(64))
+    image = _Image(words, estimate, size, gloss)
+    _fill_gaps(counter, points, image, limits, out, i64(_SMOOTH_TAPS), i64(64))
 
 
 @jit
-def _fill_gaps(counter, points, words, estimate, size, limits, gloss, out, part, most):
+def _fill_gaps(counter, points, image, limits, out, part, most):
     """Average over gaps of 1 / `part` of the first pass's strides, with at most `most` taps a side."""
+    words, estimate, size = image.words, image.estimate, image.size
     while True:
         y = atomic_add(counter, i64(1))
         if y >= size[1]:
@@ -187,15 +226,15 @@ def _fill_gaps(counter, points, words, estimate, size, limits, gloss, out, part,
             if words[p, _SLANT] > f32(0):
                 foot = words[p, _FOOTPRINT]
                 reach = _reach(foot, estimate[p, DENSITY], limits)
-                wide, high = _widths(points, p, x, y, words, size)
-                strides, _ = _lattice(reach / foot * wide, reach / foot * high)
-                step_x, taps_x = _gap(strides[0], part, most)
-                step_y, taps_y = _gap(strides[1], part, most)
+                at = _Place(points, p, x, y)
+                wide, high = _widths(at, image)
+                stride_x, stride_y = _lattice(reach / foot * wide, reach / foot * high).strides
+                step_x, taps_x = _gap(stride_x, part, most)
+                step_y, taps_y = _gap(stride_y, part, most)
                 across = f32((taps_x + 1) * step_x) * min(f32(1) / wide, f32(3))
                 down = f32((taps_y + 1) * step_y) * min(f32(1) / high, f32(3))
-                reach = foot * max(across, down)
-                steps, taps = (step_x, step_y), (taps_x, taps_y)
-                _gather(points, p, x, y, reach, steps, taps, False, words, estimate, size, gloss, out)
+                lattice = _Lattice((step_x, step_y), (taps_x, taps_y))
+                _gather(at, foot * max(across, down), lattice, False, image, out)
 
 
 @jit
@@ -211,6 +250,7 @@ def _gap(stride, part, most):
 @jit
 def _spread_points(counter, points, words, estimate, size, limits, gloss, out):
     given, pixels = points
+    image = _Image(words, estimate, size, gloss)
     chunk = i64(64)
     while True:
         first = atomic_add(counter, chunk)
@@ -219,23 +259,23 @@ def _spread_points(counter, points, words, estimate, size, limits, gloss, out):
         for i in range(first, min(first + chunk, len(given))):
             p = pixels[i]
             reach = _reach(given[i, _FOOTPRINT], estimate[p, DENSITY], limits)
-            x, y = p % size[0], p // size[0]
-            _spread_one(given, i, x, y, reach, False, words, estimate, size, gloss, out)
+            _spread_one(_Place(given, i, p % size[0], p // size[0]), reach, False, image, out)
 
 
 @jit
-def _spread_one(points, p, x, y, reach, few, words, estimate, size, gloss, out):
-    """Average over the reach of point `p`, which lies in pixel (x, y)."""
-    wide, high = _widths(points, p, x, y, words, size)
-    pixels = reach / points[p, _FOOTPRINT]
-    strides, taps = _lattice(pixels * wide, pixels * high)
-    met = _gather(points, p, x, y, reach, strides, taps, few, words, estimate, size, gloss, out)
-    if met < i64(_ENOUGH) and max(strides[0], strides[1]) > i64(1):
-        taps = min(i64(_TAPS), strides[0] * taps[0]), min(i64(_TAPS), strides[1] * taps[1])
-        met = _gather(points, p, x, y, reach, (i64(1), i64(1)), taps, few, words, estimate, size, gloss, out)
-    box = (i64(2) * taps[0] + i64(1)) * (i64(2) * taps[1] + i64(1))
+def _spread_one(at, reach, few, image, out):
+    """Average over the reach of a point."""
+    wide, high = _widths(at, image)
+    pixels = reach / at.points[at.p, _FOOTPRINT]
+    lattice = _lattice(pixels * wide, pixels * high)
+    (stride_x, stride_y), (taps_x, taps_y) = lattice
+    met = _gather(at, reach, lattice, few, image, out)
+    if met < i64(_ENOUGH) and max(stride_x, stride_y) > i64(1):
+        taps_x, taps_y = min(i64(_TAPS), stride_x * taps_x), min(i64(_TAPS), stride_y * taps_y)
+        met = _gather(at, reach, _Lattice((i64(1), i64(1)), (taps_x, taps_y)), few, image, out)
+    box = (i64(2) * taps_x + i64(1)) * (i64(2) * taps_y + i64(1))
     enough = min(i64(_ENOUGH), (box + i64(1)) // i64(2))  # small things far away: short reach, no noise
-    stf(np.uint64(out.ctypes.data), p * 16 + MET, f32(met) / f32(enough))
+    stf(np.uint64(out.ctypes.data), at.p * CHANNELS + MET, f32(met) / f32(enough))
 
 
 @jit
@@ -247,12 +287,14 @@ def _reach(foot, density, limits):
 
 
 @jit
-def _widths(points, p, x, y, words, size):
+def _widths(at, image):
     """Half the width and the height on the screen of a disc on a point's surface, of a radius of 1.
 
-    The point lies in pixel (x, y). Along a unit axis a the disc of normal n is sqrt(1 - (n.a)^2) wide; which
+    Along a unit axis a the disc of normal n is sqrt(1 - (n.a)^2) wide; which
     way the picture's rows go in space is seen by the receivers beside it.
     """
+    points, p, x, y = at
+    words, size = image.words, image.size
     left, right = y * size[0] + max(x - i64(1), i64(0)), y * size[0] + min(x + i64(1), size[0] - i64(1))
     left = left if words[left, _SLANT] > f32(0) else y * size[0] + x
     right = right if words[right, _SLANT] > f32(0) else y * size[0] + x
@@ -276,7 +318,7 @@ def _widths(points, p, x, y, words, size):
 
 @jit
 def _lattice(wide, high):
-    """Strides of taps right and down, and how many on each side, for a reach of so many pixels."""
+    """The taps for a reach of so many pixels."""
     narrow, long = min(wide, high), max(wide, high)
     stride = max(i64(1), i64(math.ceil(narrow / f32(_TAPS))))
     taps = max(i64(1), i64(narrow / f32(stride)))
@@ -284,16 +326,16 @@ def _lattice(wide, high):
     longer = max(i64(1), i64(math.ceil(long / f32(most))))
     more = max(i64(1), i64(long / f32(longer)))
     if wide < high:
-        return (stride, longer), (taps, more)
-    return (longer, stride), (more, taps)
+        return _Lattice((stride, longer), (taps, more))
+    return _Lattice((longer, stride), (more, taps))
 
 
 @jit
-def _gather(points, p, x, y, reach, strides, taps, few, words, estimate, size, gloss, out):
-    """Write the weighted mean of the estimates around point `p`, which lies in pixel (x, y).
-
-    Return of how many.
-    """
+def _gather(at, reach, lattice, few, image, out):
+    """Write the weighted mean of the estimates around a point; return of how many."""
+    points, p, x, y = at
+    words, estimate, size, gloss = image
+    (stride_x, stride_y), (taps_x, taps_y) = lattice
     base = np.uint64(estimate.ctypes.data)
     px, py, pz = points[p, 0], points[p, 1], points[p, 2]
     nx, ny, nz = points[p, _NG], points[p, _NG + 1], points[p, _NG + 2]
@@ -306,10 +348,10 @@ def _gather(points, p, x, y, reach, strides, taps, few, words, estimate, size, g
     plain, glossy = splat8(f32(0)), splat8(f32(0))
     weight, gloss_weight = f32(0), f32(0)
     met = i64(0)
-    for row in range(y - taps[1] * strides[1], y + taps[1] * strides[1] + 1, strides[1]):
+    for row in range(y - taps_y * stride_y, y + taps_y * stride_y + 1, stride_y):
         if row < 0 or row >= size[1]:
             continue
-        for column in range(x - taps[0] * strides[0], x + taps[0] * strides[0] + 1, strides[0]):
+        for column in range(x - taps_x * stride_x, x + taps_x * stride_x + 1, stride_x):
             if column < 0 or column >= size[0]:
                 continue
             q = row * size[0] + column
@@ -334,15 +376,15 @@ def _gather(points, p, x, y, reach, strides, taps, few, words, estimate, size, g
             w = near * near * likeness * foot * foot * words[q, _SLANT]
             weight += w
             met += i64(1)
-            plain = vfma(vload8(base, q * 16), splat8(w), plain)
+            plain = vfma(vload8(base, q * CHANNELS), splat8(w), plain)
             same_gloss = f32(1) - f32(4) * abs(words[q, _ALPHA] - alpha)
             if gloss and words[q, _ALPHA] > f32(0) and same_gloss > f32(0):
                 w *= same_gloss
                 gloss_weight += w
-                glossy = vfma(vload8(base, q * 16 + 8), splat8(w), glossy)
+                glossy = vfma(vload8(base, q * CHANNELS + _GLOSS), splat8(w), glossy)
     place = np.uint64(out.ctypes.data)
-    vstore8(place, p * 16, vmul(plain, splat8(_inverse(weight))))
-    vstore8(place, p * 16 + 8, vmul(glossy, splat8(_inverse(gloss_weight))))
+    vstore8(place, p * CHANNELS, vmul(plain, splat8(_inverse(weight))))
+    vstore8(place, p * CHANNELS + _GLOSS, vmul(glossy, splat8(_inverse(gloss_weight))))
     return met
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from itertools import compress
 
 from ispm.frame import SLOTS, GBuffer, GpuScene
-from ispm.gpu import Gpu, Group, Raster, Recording
+from ispm.gpu import FLAT, Gpu, Group, Raster, RasterState, Recording
 from ispm.optics import records
 from ispm.scene.packed import Draw
 from ispm.stages.camera import CameraView
@@ -28,7 +28,7 @@ class GBufferStage:
         self._gpu = gpu
         self._pipelines: dict[tuple[bool, bool, bool, bool], Raster] = {}
         self._place = [
-            gpu.raster("stages/seen.wgsl", tuple(_PLACED.values()), depth=None, BUMPY=bumpy)
+            gpu.raster("stages/seen.wgsl", tuple(_PLACED.values()), FLAT, BUMPY=bumpy)
             for bumpy in (False, True)
         ]
         self._drawn, self._placed = (
@@ -43,10 +43,7 @@ class GBufferStage:
             {name: target.sized(view.size) for name, target in targets.items()}
             for targets in (self._drawn, self._placed)
         )
-        shared = {
-            "camera": frame.uniform(view.uniform()), "vertices": scene.vertices, "indices": scene.indices,
-            "instances": scene.instances,
-        }  # fmt: skip
+        shared = {"camera": frame.uniform(view.uniform()), **scene.corners}
         groups: dict[Raster, Group] = {}
         seen = view.sees(scene.boxes)
         with frame.draw_into(*drawn.values(), depth=self._nearest.sized(view.size)) as canvas:
@@ -81,9 +78,12 @@ class GBufferStage:
         )
         if key not in self._pipelines:
             masked, textured, double_sided, mirrored = key
+            cull, front = "none" if double_sided else "back", "cw" if mirrored else "ccw"
             self._pipelines[key] = self._gpu.raster(
-                "stages/gbuffer.wgsl", tuple(_DRAWN.values()),
-                cull="none" if double_sided else "back", front="cw" if mirrored else "ccw",
-                MASKED=masked, TEXTURED=textured,
-            )  # fmt: skip
+                "stages/gbuffer.wgsl",
+                tuple(_DRAWN.values()),
+                RasterState(cull=cull, front=front),
+                MASKED=masked,
+                TEXTURED=textured,
+            )
         return self._pipelines[key]

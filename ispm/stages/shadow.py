@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from ispm import wgsl
 from ispm.errors import SceneError
 from ispm.frame import GpuScene, ShadowMaps, vertex_layout
-from ispm.gpu import Canvas, Gpu, Recording, Target, Texture
+from ispm.gpu import Canvas, Gpu, RasterState, Recording, Target, Texture
 from ispm.lights.atlas import GUARD, LEAST, Seen, ShadowAtlas, ShadowTile, plan_atlas
 from ispm.lights.lightmap import LightMap, light_maps
 from ispm.optics.records import MATERIAL_BLEND, MATERIAL_THIN, MATERIAL_TRANSMITS
@@ -38,13 +39,12 @@ class ShadowStage:
         self._gpu = gpu
         self.resolution = max(min(resolution, gpu.max_texture), LEAST)
         path = "stages/shadow.wgsl"
-        layout = vertex_layout("position", "color", "uv0", "uv1")
-        self._opaque = gpu.raster(path, fragment=None, vertex_layout=vertex_layout("position"))
-        self._masked = gpu.raster(path, vertex="vs_masked", fragment="fs_masked", vertex_layout=layout)
-        self._sheet = gpu.raster(
-            path, [Target("rgba8unorm", "multiply")], depth_write=False, vertex="vs_masked",
-            fragment="fs_sheet", vertex_layout=layout,
-        )  # fmt: skip
+        corners, masked = vertex_layout("position"), vertex_layout("position", "color", "uv0", "uv1")
+        holes = RasterState(vertex="vs_masked", fragment="fs_masked", vertex_layout=masked)
+        tint = replace(holes, fragment="fs_sheet", depth_write=False)
+        self._opaque = gpu.raster(path, (), RasterState(fragment=None, vertex_layout=corners))
+        self._masked = gpu.raster(path, (), holes)
+        self._sheet = gpu.raster(path, [Target("rgba8unorm", "multiply")], tint)
         self._geometry: Geometry | None = None
         self._indices = gpu.buffer("shared indices", "index")
         self._depth = gpu.texture("shadow atlas", "depth32float")
@@ -87,9 +87,13 @@ class ShadowStage:
             self._draw_tints(frame, scene, pieces, atlas, views, sheets)
             self._draw_depth(frame, scene, pieces, atlas, views, self._sheets, sheets)
         return ShadowMaps(
-            map_rows(light_maps(packed), near), tile_rows(atlas, len(light_maps(packed))),
-            self._depth, self._sheets, self._tints, has_sheets,
-        )  # fmt: skip
+            map_rows(light_maps(packed), near),
+            tile_rows(atlas, len(light_maps(packed))),
+            self._depth,
+            self._sheets,
+            self._tints,
+            has_sheets,
+        )
 
     def close(self) -> None:
         """Free the maps."""

@@ -49,10 +49,15 @@ class Upload:
         self._write(self._lights, packed.lights)
         self._keep(packed.textures)
         return GpuScene(
-            packed, self._draw_boxes(packed),
-            self._vertices, self._indices, self._instances, self._materials, self._lights,
+            packed,
+            self._draw_boxes(packed),
+            self._vertices,
+            self._indices,
+            self._instances,
+            self._materials,
+            self._lights,
             [self._maps(row, packed.textures) for row in packed.materials],
-        )  # fmt: skip
+        )
 
     def close(self) -> None:
         """Free buffers and textures."""

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from ispm import wgsl
 from ispm.frame import GBuffer, GpuScene
-from ispm.gpu import Buffer, Gpu, Recording, Texture
+from ispm.gpu import FLAT, Buffer, Gpu, Recording, Texture
 from ispm.optics.records import RECEIVER
 from ispm.stages.camera import CameraView
 
@@ -30,8 +31,8 @@ class Upsample:
     def __init__(self, gpu: Gpu, subsampling: int) -> None:
         self._gpu, self._block = gpu, subsampling
         path = "stages/upsample.wgsl"
-        self._main = gpu.raster(path, ["rgba32float"] * 2, depth=None, BLOCK=subsampling)
-        self._glow = gpu.raster(path, ["rgba32float"], depth=None, fragment="fs_glow")
+        self._main = gpu.raster(path, ["rgba32float"] * 2, FLAT, BLOCK=subsampling)
+        self._glow = gpu.raster(path, ["rgba32float"], replace(FLAT, fragment="fs_glow"))
         self._patch = gpu.compute(path, "patch_missed", BLOCK=subsampling)
         self._light = gpu.buffer("incident light")
         self._count = gpu.buffer("missed count")
@@ -45,18 +46,30 @@ class Upsample:
         self._black = gpu.texture("no caustic", "rgba32float").sized((1, 1))
 
     def __call__(
-        self, frame: Recording, scene: GpuScene, gbuffer: GBuffer, view: CameraView,
-        receivers: Buffer, light: np.ndarray, caustic: tuple[Texture, Texture] | None = None,
-    ) -> tuple[Texture, Texture, Texture]:  # fmt: skip
+        self,
+        frame: Recording,
+        scene: GpuScene,
+        gbuffer: GBuffer,
+        view: CameraView,
+        receivers: Buffer,
+        light: np.ndarray,
+        caustic: tuple[Texture, Texture] | None = None,
+    ) -> tuple[Texture, Texture, Texture]:
         capacity = min(view.size[0] * view.size[1], self._gpu.max_binding // RECEIVER.itemsize)
         self._missed.sized(capacity * MISSED.itemsize)
         self._missed_receivers.sized(capacity * RECEIVER.itemsize)
         self._count.write(np.zeros(4, np.uint32))
         group = self._main.bind(
-            0, frame, **self._surface(scene, gbuffer, view), receivers=receivers,
-            light=self._light.write(light), missed_count=self._count, missed=self._missed,
-            missed_receivers=self._missed_receivers, **self._sharp(caustic),
-        )  # fmt: skip
+            0,
+            frame,
+            **self._surface(scene, gbuffer, view),
+            receivers=receivers,
+            light=self._light.write(light),
+            missed_count=self._count,
+            missed=self._missed,
+            missed_receivers=self._missed_receivers,
+            **self._sharp(caustic),
+        )
         with frame.draw_into(*self._targets(view).values()) as canvas:
             canvas.use(self._main, group)
             canvas.draw(3)
@@ -76,20 +89,31 @@ class Upsample:
         return pixels, receivers
 
     def patch(
-        self, frame: Recording, scene: GpuScene, gbuffer: GBuffer, view: CameraView, light: np.ndarray,
+        self,
+        frame: Recording,
+        scene: GpuScene,
+        gbuffer: GBuffer,
+        view: CameraView,
+        light: np.ndarray,
         caustic: tuple[Texture, Texture] | None = None,
-    ) -> None:  # fmt: skip
+    ) -> None:
         """Write the (M, 16) light of the missed pixels."""
         self._patch(
-            frame, over=len(light), **self._surface(scene, gbuffer, view), missed_list=self._missed,
-            missed_light=self._missed_light.write(light), **self._targets(view), **self._sharp(caustic),
-        )  # fmt: skip
+            frame,
+            over=len(light),
+            **self._surface(scene, gbuffer, view),
+            missed_list=self._missed,
+            missed_light=self._missed_light.write(light),
+            **self._targets(view),
+            **self._sharp(caustic),
+        )
 
     def _surface(self, scene: GpuScene, gbuffer: GBuffer, view: CameraView) -> dict[str, Any]:
         return {
-            "camera": view.uniform(), "materials": scene.materials, "points": gbuffer.points,
-            "normals": gbuffer.normals, "base": gbuffer.base, "emission": gbuffer.emission,
-        }  # fmt: skip
+            "camera": view.uniform(),
+            "materials": scene.materials,
+            **gbuffer.surfaces,
+        }
 
     def _sharp(self, caustic: tuple[Texture, Texture] | None) -> dict[str, Any]:
         radiance, irradiance = caustic or (self._black, self._black)

@@ -14,7 +14,7 @@ from transport import box_room, lit, render
 from ispm import wgsl
 from ispm.estimators.tiled import Tiled
 from ispm.estimators.volumes import Volumes
-from ispm.gpu import Compute, Gpu, Raster
+from ispm.gpu import Compute, Gpu, Raster, RasterState
 from ispm.gpu.device import _adapters
 from ispm.library.shapes import polygons
 from ispm.scene.material import AlphaMode, Material
@@ -44,7 +44,8 @@ class Pipeline:
         """The entry points used."""
         if self.method == "compute":
             return {self.given[0] if self.given else "main"}
-        return {self.named.get("vertex", "vs"), self.named.get("fragment", "fs")} - {None}
+        state = next((each for each in self.given if isinstance(each, RasterState)), RasterState())
+        return {state.vertex, state.fragment} - {None}
 
     def make(self, gpu: Gpu) -> Compute | Raster:
         """Return it, made on a device."""

@@ -5,7 +5,7 @@ import pytest
 
 from ispm import wgsl
 from ispm.errors import AdapterError, IspmError
-from ispm.gpu import Gpu, Target, list_adapters, open_gpu
+from ispm.gpu import FLAT, Gpu, Target, list_adapters, open_gpu
 
 SHADER = """
 struct Params {
@@ -116,7 +116,7 @@ def test_read_many_returns_each_in_order(gpu: Gpu) -> None:
 
 
 def test_raster_draws_and_blends(gpu: Gpu, shader: str) -> None:
-    raster = gpu.raster(shader, [Target("rgba16float", "add")], depth=None, BIAS=2.0)
+    raster = gpu.raster(shader, [Target("rgba16float", "add")], FLAT, BIAS=2.0)
     image = gpu.texture("image", "rgba16float").sized((9, 4))
     with gpu.frame() as frame, frame.draw_into(image) as canvas:
         canvas.use(raster, raster.bind(0, frame, params=params(0.5)))

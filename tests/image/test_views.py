@@ -55,9 +55,9 @@ def test_bounce_maps_hold_what_leaves_the_first_hits(sphere):
     """In the integrating sphere: points at its radius, normals inwards, albedo times the light's flux."""
     last = sphere._last
     assert isinstance(last, LastFrame)
-    (emitted,) = texels_as_photons(last.packed, last.surfaces, last.plan, last.texels)
+    (emitted,) = texels_as_photons(last.made.packed, last.made.surfaces, last.maps, last.texels)
     assert emitted["flux"].sum(axis=0, dtype=float) == pytest.approx([100.0] * 3, rel=1e-5)
-    found = first_hits(last.packed, last.surfaces, emitted, seed=0, pass_index=0).astype(float)
+    found = first_hits(last.made.packed, last.made.surfaces, emitted, seed=0, pass_index=0).astype(float)
     position, n, flux, wi = (found[:, k : k + 3] for k in (0, 3, 6, 9))
     # 32 cuts along an icosahedron's edge: chords sag by less than 0.1 % of the radius
     assert np.linalg.norm(position, axis=1) == pytest.approx(2.0, rel=1e-3)
@@ -108,7 +108,7 @@ def test_statistics_tell_the_overdraw(gpu):
         told = renderer.render().stats.overdraw
         last = renderer._last
         assert last is not None
-        counted = PhotonGrid(last.photons).count(last.points, 2).mean()
+        counted = PhotonGrid(last.photons).count(last.receivers.points, 2).mean()
     # the statistic counts hidden kernels too, and discs whole that the picture's edge cuts
     assert 0.5 * counted < told < 2.5 * counted
 

@@ -12,6 +12,7 @@ from ispm.accel.world import World
 from ispm.frame import ShadowMaps
 from ispm.gpu import Gpu
 from ispm.optics.texture import TextureTable
+from ispm.renderer.one_pass import Pass
 from ispm.renderer.shadows import ShadowRays
 from ispm.scene.packed import Packed
 from ispm.settings import Settings
@@ -87,7 +88,7 @@ class Lamp:
         surfaces = SurfaceTable(packed, TextureTable.pack(packed.textures), 0.005 * packed.diagonal)
         world = World(2)
         world.update(packed)
-        rays = ShadowRays(packed, world, surfaces, view, Settings(antialias=antialias), threads=2)
+        rays = ShadowRays(Pass(packed, world, surfaces, view, Settings(antialias=antialias), threads=2))
         places, light = rays.light(doubts)
         pixels.reshape(-1, 3)[places] += light
         return Lit(pixels, ids[..., 0], ids[..., 1], points, maps, doubts)

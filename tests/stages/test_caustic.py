@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from exact import mixed_scene, quad, view_of
 
-from ispm.gpu import Target
+from ispm.gpu import FLAT, Target
 from ispm.library.common import lambert
 from ispm.optics.records import CAUSTIC, PHOTON
 from ispm.photons.footprint import OVERLAP, shape_kernels
@@ -210,9 +210,7 @@ def test_triangles_hold_their_kernels_and_smaller_ones_do_not(gpu, make_view):
     drawn = {}
     sum_up = Target("rgba32float", blend="add")
     for scale in (0.9, 1.0, 3.0):
-        picture.stage._splat = gpu.raster(
-            "stages/caustic.wgsl", [sum_up, sum_up], depth=None, BOUND_SCALE=scale
-        )
+        picture.stage._splat = gpu.raster("stages/caustic.wgsl", [sum_up, sum_up], FLAT, BOUND_SCALE=scale)
         drawn[scale] = picture.draw(photons)[1]
     assert np.abs(drawn[3.0] - drawn[1.0]).max() < 1e-6 * drawn[1.0].max()
     assert np.abs(drawn[3.0] - drawn[0.9]).max() > 1e-5 * drawn[1.0].max()

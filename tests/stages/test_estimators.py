@@ -13,7 +13,7 @@ from ispm.estimators.grid import Grid
 from ispm.estimators.tiled import Tiled
 from ispm.estimators.tiled_cpu import TiledCpu
 from ispm.estimators.volumes import Volumes, icosahedron_corners, icosahedron_faces
-from ispm.gpu import Target
+from ispm.gpu import RasterState, Target
 from ispm.library.builtin import builtin
 from ispm.optics.records import PHOTON, RECEIVER
 from ispm.reference.gather import gather
@@ -318,9 +318,8 @@ def test_unscaled_volumes_lose_light(gpu):
     """The margin of a pixel is small against these kernels, so corners on the kernel's surface clip it."""
     volumes = Volumes(gpu)
     target = Target("rgba32float", blend="add")
-    volumes._diffuse = gpu.raster(
-        "estimators/volumes.wgsl", [target], depth=None, cull="front", fragment="fs_diffuse", BOUND_SCALE=1.0
-    )
+    state = RasterState(depth=None, cull="front", fragment="fs_diffuse")
+    volumes._diffuse = gpu.raster("estimators/volumes.wgsl", [target], state, BOUND_SCALE=1.0)
     receivers, clip = floor((64, 64), 1.0)
     photon = lattice(0.1, 0.05, 0.9, 5.0)
     found = volumes(receivers, photon, clip, (64, 64))

@@ -1,0 +1,30 @@
+"""Light that arrives at a point, as estimators sum it: which of its 16 channels is what."""
+
+from __future__ import annotations
+
+import numpy as np
+
+# Phi: a photon's flux; kappa: its density kernel; c: `cosine_ratio`; Fc, D, V: see bsdf.wgsl
+INCIDENT = np.dtype(
+    [
+        ("irradiance", np.float32, 3),  # Phi kappa c, lx
+        ("density", np.float32),  # kappa, photons per m2
+        ("fresnel", np.float32, 3),  # Phi kappa c Fc
+        ("met", np.float32),  # of light that was filtered: of how many receivers, over what is enough
+        ("gloss", np.float32, 3),  # Phi kappa c D V (1 - Fc)
+        ("spare0", np.float32),
+        ("grazing", np.float32, 3),  # Phi kappa c D V Fc
+        ("spare1", np.float32),
+    ]
+)
+CHANNELS = INCIDENT.itemsize // 4
+
+
+def no_light(count: int) -> np.ndarray:
+    """Return (count, 16) float32 of darkness."""
+    return np.zeros((count, CHANNELS), np.float32)
+
+
+def channels(light: np.ndarray) -> np.ndarray:
+    """Return (n, 16) float32 light as (n,) INCIDENT, the same memory under names."""
+    return np.asarray(light.view(INCIDENT)[:, 0])
