@@ -21,8 +21,6 @@ SPOT_PARTS = 4  # in which a photon leaves a bright spot
 _SHEETS_MAX = 8  # of glass that a shadow ray passes
 BEFORE = f32(1e-4)  # of the distance that a shadow ray ends before a light, which may hang on a wall
 
-_ALPHA, _ETA, _THIN = 7, 13, 14  # places in a Bsdf tuple
-
 
 @jit
 def direct_light(place, lights, porous, hit, position, ng, n, b, wo, u, scratch, limit):
@@ -76,8 +74,8 @@ def _unshadowed(light, position, ng, n, b, wo, limit):
     f = eval_bsdf(b, n, ng, wo, wi)
     if greatest(f) <= f32(0) or is_bright(b, ng, wo, irradiance, wi, limit):
         return none, distance, wi
-    if dot(wi, ng) < f32(0) and b[_THIN] == f32(0):  # refracted radiance
-        f = scale(f32(1) / (b[_ETA] * b[_ETA]), f)
+    if dot(wi, ng) < f32(0) and b.thin == f32(0):  # refracted radiance
+        f = scale(f32(1) / (b.eta * b.eta), f)
     return scale(abs(dot(n, wi)), times(f, irradiance)), distance, wi
 
 
@@ -148,7 +146,7 @@ def let_through(place, porous, start, d, distance, u, scratch):
         if limit <= f32(0):
             return share
         _, ng, n, b, _, _ = surface(table, texels, rows, hit, d)
-        if b[_THIN] == f32(0) or b[_ALPHA] > f32(0) or not transmits(b):
+        if b.thin == f32(0) or b.alpha > f32(0) or not transmits(b):
             return none
         share = times(share, smooth_split(b, n, ng, scale(f32(-1), d))[1])
         start = leave_surface(world, table, hit, scale(f32(-1), ng))

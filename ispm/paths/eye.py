@@ -49,7 +49,6 @@ _EVENTS_APART = 32  # numbers of the events of two paths that part
 _CHUNK = 64  # pixels a thread takes at a time; results do not depend on it or on the threads
 _BATCH = 1 << 15  # pixels whose ends lie in memory at their full number
 
-_ETA, _THIN = 13, 14  # places in a Bsdf tuple
 _WHITE = f32(1), f32(1), f32(1)
 _WEIGHT = 5  # and in a path, see `_leave`
 
@@ -265,9 +264,9 @@ def _leave(place, hit, ng, b, flags, entering, inside, focus, length, way):
     """
     key, dimension, lane, wi, weight, clear = way
     start, inside = depart(place[0], place[1], hit, flags, entering, inside, ng, wi)
-    passes, solid = dot(wi, ng) < f32(0), b[_THIN] == f32(0)
+    passes, solid = dot(wi, ng) < f32(0), b.thin == f32(0)
     if passes and solid:
-        focus = f32(1) / (b[_ETA] * b[_ETA]) if entering else f32(1)
+        focus = f32(1) / (b.eta * b.eta) if entering else f32(1)
     clear = clear and (passes or (solid and transmits(b) and not entering))
     return key, dimension, lane, start, wi, weight, inside, focus, length, clear
 

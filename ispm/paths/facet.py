@@ -18,7 +18,6 @@ from ispm.optics.vector import add, dot, luminance, scale, sub
 f32, u32 = np.float32, np.uint32
 
 ROUGH_SAMPLES = 8  # facets that are drawn where a pixel shows rough glass; a power of 2
-_ALPHA, _THIN = 7, 14  # places in a Bsdf tuple
 
 
 @jit
@@ -48,10 +47,10 @@ def facet_split(b, n, ng, wo, u1, u2):
     """
     if is_smooth(b):
         return smooth_split(b, n, ng, wo)
-    alpha, nv = b[_ALPHA], dot(n, wo)
+    alpha, nv = b.alpha, dot(n, wo)
     h = to_world(visible_normal(alpha, to_local(wo, n), u1, u2), n)
     reflectance, transmittance, above, beyond_, through = specular_split(b, h, wo)
-    if b[_THIN] > f32(0):
+    if b.thin > f32(0):
         beyond_ = sub(above, scale(f32(2) * dot(n, above), n))
     shown = dot(above, ng) > f32(0) and dot(above, n) > f32(0)
     through = through and dot(beyond_, ng) < f32(0) and dot(beyond_, n) < f32(0)

@@ -41,8 +41,6 @@ _DIMENSION = 1 << 22  # of the first random numbers; photons and maps take those
 _SHEETS_MAX = 8  # that a ray passes
 _CHUNK = 64  # receivers a thread takes at a time; results do not depend on it or on the threads
 
-_THIN = 14  # place in a Bsdf tuple
-
 
 @dataclass(frozen=True)
 class Gathered:
@@ -148,7 +146,7 @@ def _look(place, scene, start, d, share, u, u_shadow, numbers, scratch, row, out
         out[2][row] = share / max(dot(sub(position, origin), d), f32(1e-30))
         if is_gathered(b):
             break
-        if b[_THIN] == f32(0) or not is_smooth(b) or not transmits(b):
+        if b.thin == f32(0) or not is_smooth(b) or not transmits(b):
             return
         weight = times(weight, smooth_split(b, n, ng, wo)[1])
         start = leave_surface(world, table, hit, scale(f32(-1), ng))

@@ -22,7 +22,7 @@ from ispm.accel.world import World
 from ispm.kernels.simd import address, alloca, atomic_add
 from ispm.kernels.threads import run_threads
 from ispm.lights.nee import is_gathered, is_spot, parts_at_spot
-from ispm.optics.bsdf import adjoint_factor, eta_of, has_finite, is_smooth, sample_bsdf
+from ispm.optics.bsdf import adjoint_factor, has_finite, is_smooth, sample_bsdf
 from ispm.optics.jit import jit
 from ispm.optics.light import range_window
 from ispm.optics.records import (
@@ -247,7 +247,7 @@ def _walk_one(
             if scatters == i64(0):
                 hidden = hidden or not direct or is_spot(light, position, ng, bsdf, wi, limit)
         elif scatters == i64(0):
-            eta = f32(1) if flags & u32(MATERIAL_THIN) else eta_of(bsdf)
+            eta = f32(1) if flags & u32(MATERIAL_THIN) else bsdf.eta
             beam = redirected_beam(table, hit, beam, d, wi, ng, n, eta)
         flux, d, origin, plane = scattered, wi, position, ng
         u = flight_number(key, pass_index, seed, scatters + speculars)

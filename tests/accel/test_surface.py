@@ -28,8 +28,9 @@ def _surfaces(table, texels, rows, instances, primitives, uv, d, points, ng, n, 
             points[i, k], ng[i, k], n[i, k] = p[k], g[k], s[k]
             if p[k] != q[k]:
                 points[i, k] = np.float32(np.nan)
-        for k in range(15):
-            bsdf[i, k] = b[k]
+            bsdf[i, k], bsdf[i, 3 + k], bsdf[i, 10 + k] = b.diffuse[k], b.f0[k], b.tint[k]
+        bsdf[i, 6], bsdf[i, 7], bsdf[i, 8], bsdf[i, 9] = b.f90, b.alpha, b.dielectric_f0, b.dielectric_f90
+        bsdf[i, 13], bsdf[i, 14] = b.eta, b.thin
         flags[i] = f
 
 
