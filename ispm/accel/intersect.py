@@ -9,6 +9,8 @@ Source of the boxes: Ize, "Robust BVH ray traversal", 2013.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from ispm.accel.build import LEAF, MAX_DEPTH
@@ -83,6 +85,22 @@ _SLACK_AT_ZERO = np.float32(1e-12)
 _A_LITTLE_MORE = np.float32(1 + 2.0**-21)
 # The share of a mesh's reach within which needles are met in float64, see `meet_needle`.
 _NEAR = np.float32(1 / 256)
+
+
+class Hit(NamedTuple):
+    """What a ray meets. u, v: barycentrics of the triangle's second and third corner."""
+
+    instance: np.uint32
+    primitive: np.uint32
+    u: np.float32
+    v: np.float32
+
+
+class Scratch(NamedTuple):
+    """Addresses that one thread's rays work in: a stack of STACK_WORDS words, and the words of a hit."""
+
+    stack: np.uint64
+    found: np.uint64
 
 
 @jit(inline=True)
@@ -341,6 +359,12 @@ def closest_after(table, ox, oy, oz, dx, dy, dz, first, stack, hit):
     """
     key = (u64(ldu(hit, HIT_INSTANCE)) << u64(32)) | u64(ldu(hit, HIT_PRIMITIVE))
     return meet_world(table, ox, oy, oz, dx, dy, dz, first, key, f32(np.inf), False, stack, hit)
+
+
+@jit
+def read_hit(found):
+    """Return the hit whose words are at an address."""
+    return Hit(ldu(found, HIT_INSTANCE), ldu(found, HIT_PRIMITIVE), ldf(found, HIT_U), ldf(found, HIT_V))
 
 
 @jit

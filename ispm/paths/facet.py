@@ -21,16 +21,17 @@ ROUGH_SAMPLES = 8  # facets that are drawn where a pixel shows rough glass; a po
 
 
 @jit
-def go_on(b, n, ng, wo, entering, u1, u2, may_part):
+def go_on(x, wo, u1, u2, may_part):
     """Where a path goes on from a surface: (whether it does, wi, factor of its weight; whether another goes
     beside it, that one's wi and factor).
 
     From within a solid it leaves wherever it can: reflected, it would run round under a ball's rim. If it may
     part where the face is smooth, the other is reflected; else one stands for both.
     """
+    b, entering = x.bsdf, x.entering
     if not is_smooth(b) and not transmits(b):
         return False, wo, wo, False, wo, wo
-    reflectance, transmittance, above, beyond_, through = facet_split(b, n, ng, wo, u1, u2)
+    reflectance, transmittance, above, beyond_, through = facet_split(x, wo, u1, u2)
     both = add(reflectance, transmittance)
     if through and (not entering or luminance(transmittance) > luminance(reflectance)):
         if may_part and not entering and is_smooth(b) and greatest(reflectance) > f32(0):
@@ -40,11 +41,12 @@ def go_on(b, n, ng, wo, entering, u1, u2, may_part):
 
 
 @jit
-def facet_split(b, n, ng, wo, u1, u2):
+def facet_split(x, wo, u1, u2):
     """Return what a surface that a path goes on from makes of light along `wo`, see `specular_split`.
 
     Rough: by one facet, drawn by u1 and u2 as wo sees them, times the share that others do not shadow.
     """
+    b, n, ng = x.bsdf, x.n, x.ng
     if is_smooth(b):
         return smooth_split(b, n, ng, wo)
     alpha, nv = b.alpha, dot(n, wo)

@@ -34,7 +34,7 @@ FIRST = np.dtype([
 
 @jit
 def store_end(end, slot, lane, weight, b, instance):
-    """Write an END."""
+    """Write an END; b: its Bsdf."""
     gloss = f32(1) if b.alpha > f32(0) and not transmits(b) else f32(0)
     end.slot = u32(slot)
     end.lane = u32(lane)
@@ -49,30 +49,31 @@ def store_end(end, slot, lane, weight, b, instance):
 
 
 @jit
-def store_point(point, position, ng, n, wo, b, width):
-    """Write its RECEIVER."""
+def store_point(point, x, wo, b, width):
+    """Write the RECEIVER of an end at the SurfacePoint x, with the Bsdf b."""
     for k in literal_unroll((0, 1, 2)):
-        point.position[k] = position[k]
-        point.ng[k] = ng[k]
-        point.n[k] = n[k]
+        point.position[k] = x.position[k]
+        point.ng[k] = x.ng[k]
+        point.n[k] = x.n[k]
         point.wo[k] = wo[k]
     glossy = b.f90 > f32(0) or b.f0[0] + b.f0[1] + b.f0[2] > f32(0)
     point.alpha = max(b.alpha, _GLOSS_ALPHA_MIN) if glossy else f32(0)
     point.valid = u32(1)
     point.footprint = width
-    point.slant = f32(1) / max(abs(dot(wo, ng)), f32(0.02))
+    point.slant = f32(1) / max(abs(dot(wo, x.ng)), f32(0.02))
 
 
 @jit
-def store_first(first, n, ng, b, instance, angle):
+def store_first(first, x, instance, angle):
     """Write a FIRST: what lies behind is blurred by as much as facets turned by alpha deflect light.
 
     angle  over a pixel's width, by which neighbouring pixels look on what lies behind
     """
+    b = x.bsdf
     bent = f32(1) if b.thin > f32(0) else abs(f32(1) - f32(1) / b.eta)
     for k in literal_unroll((0, 1, 2)):
-        first.n[k] = n[k]
-        first.ng[k] = ng[k]
+        first.n[k] = x.n[k]
+        first.ng[k] = x.ng[k]
     first.alpha = b.alpha
     first.tint = luminance(b.tint)
     first.blur = _BLUR_SHARE * f32(2) * bent * b.alpha * angle

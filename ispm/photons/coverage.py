@@ -17,12 +17,12 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ispm.accel.intersect import HIT_INSTANCE, HIT_PRIMITIVE, HIT_U, HIT_V, STACK_WORDS, closest
+from ispm.accel.intersect import STACK_WORDS, Scratch, closest, read_hit
 from ispm.accel.mesh import hit_plane
 from ispm.accel.normals import unit
 from ispm.accel.surface import SurfaceTable, material_flags
 from ispm.accel.world import World
-from ispm.kernels.simd import address, alloca, atomic_add, ldf, ldu
+from ispm.kernels.simd import address, alloca, atomic_add
 from ispm.kernels.threads import run_threads
 from ispm.optics.density import SAME_SURFACE
 from ispm.optics.jit import jit
@@ -82,7 +82,7 @@ def keep_light(
 
 @jit
 def _keep_discs(place, words, rows, numbers, counter):
-    scratch = alloca(STACK_WORDS), alloca(2)
+    scratch = Scratch(alloca(STACK_WORDS), alloca(2))
     while True:
         first = atomic_add(counter, i64(_CHUNK))
         if first >= len(rows):
@@ -98,7 +98,7 @@ def _keep_discs(place, words, rows, numbers, counter):
 
 @jit
 def _keep_ellipses(place, words, rows, numbers, counter):
-    scratch = alloca(STACK_WORDS), alloca(2)
+    scratch = Scratch(alloca(STACK_WORDS), alloca(2))
     while True:
         first = atomic_add(counter, i64(_CHUNK))
         if first >= len(rows):
@@ -154,12 +154,11 @@ def _lit_share(place, at, middle, n, reach, wi, scratch):
     top, down, length = add(middle, scale(reach, n)), scale(f32(-1), n), f32(2) * reach
     for _ in range(_LAYERS):
         t = closest(
-            place[0], top[0], top[1], top[2], down[0], down[1], down[2], length, scratch[0], scratch[1]
+            place[0], top[0], top[1], top[2], down[0], down[1], down[2], length, scratch.stack, scratch.found
         )
         if not t < length:
             break
-        found = scratch[1]
-        hit = (ldu(found, HIT_INSTANCE), ldu(found, HIT_PRIMITIVE), ldf(found, HIT_U), ldf(found, HIT_V))
+        hit = read_hit(scratch.found)
         _, front = hit_plane(place[1], hit)
         facing = dot(front, n)
         if facing < f32(0):
@@ -186,10 +185,11 @@ def _is_inside(place, at, n, point, front, scratch):
     way = sub(add(at, scale(lift, n)), start)
     length = f32(math.sqrt(dot(way, way)))
     d = scale(f32(1) / max(length, f32(1e-30)), way)
-    t = closest(place[0], start[0], start[1], start[2], d[0], d[1], d[2], length, scratch[0], scratch[1])
+    t = closest(
+        place[0], start[0], start[1], start[2], d[0], d[1], d[2], length, scratch.stack, scratch.found
+    )
     if not t < length:
         return False
-    found = scratch[1]
-    hit = (ldu(found, HIT_INSTANCE), ldu(found, HIT_PRIMITIVE), ldf(found, HIT_U), ldf(found, HIT_V))
+    hit = read_hit(scratch.found)
     _, front = hit_plane(place[1], hit)
     return dot(front, d) > f32(0) and not material_flags(place[1], hit) & u32(MATERIAL_DOUBLE_SIDED)

@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from ispm.accel.intersect import STACK_WORDS
-from ispm.accel.surface import SurfaceTable, closest_surface, glow, hit_position, surface
+from ispm.accel.intersect import STACK_WORDS, Scratch
+from ispm.accel.surface import SurfaceTable, closest_surface, glow, hit_position, scene_tables, surface
 from ispm.accel.world import World
-from ispm.kernels.simd import address, alloca
+from ispm.kernels.simd import alloca
 from ispm.lights.nee import direct_light, times
 from ispm.optics.bsdf import Bsdf, has_finite, is_smooth, sample_bsdf, smooth_split, transmits
 from ispm.optics.jit import jit
@@ -57,15 +57,14 @@ def eye_light(
     """
     count = len(rays.origins)
     light = np.zeros((count, 3))
-    scene = packed.lights, u32(seed)
-    table, foot = surfaces.own_footprint()
-    place = address(world.table), table, surfaces.texels, surfaces.rows
+    own, foot = surfaces.own_footprint()
+    tables = scene_tables(packed, world, surfaces)._replace(surfaces=own)
     tree = _tree(photons)
     for sample in range(samples):
         direct, ends = np.zeros((count, 3)), np.zeros(count * _EVENTS_MAX // 8, _END)
         used = _follow(
-            place, scene, foot, rays.origins, rays.directions, rays.distances, f32(rays.width[1]),
-            u32(sample), direct, ends,
+            tables, foot, rays.origins, rays.directions, rays.distances, f32(rays.width[1]),
+            u32(sample), u32(seed), direct, ends,
         )  # fmt: skip
         light += direct
         if len(photons) and used:
@@ -123,55 +122,52 @@ def _tree(photons: np.ndarray) -> Any:
 
 
 @jit
-def _follow(place, scene, foot, origins, directions, distances, spread, sample, light, ends):
+def _follow(tables, foot, origins, directions, distances, spread, sample, seed, light, ends):
     """Follow one path of each ray; return how many ends were written."""
-    stack, words = alloca(STACK_WORDS), alloca(2)
+    scratch = Scratch(alloca(STACK_WORDS), alloca(2))
     row = i64(0)
     for i in range(len(origins)):
         near = distances[i] * (f32(1) - _BEFORE)
         d = directions[i, 0], directions[i, 1], directions[i, 2]
         start = origins[i, 0] + near * d[0], origins[i, 1] + near * d[1], origins[i, 2] + near * d[2]
-        row = _path(place, scene, foot, start, d, near, spread, i, sample, stack, words, light, ends, row)
+        row = _path(tables, foot, start, d, near, spread, i, sample, seed, scratch, light, ends, row)
     return row
 
 
 @jit
-def _path(place, scene, foot, start, d, length, spread, i, sample, stack, words, light, ends, row):
+def _path(tables, foot, start, d, length, spread, i, sample, seed, scratch, light, ends, row):
     """Follow one path; its first surface counts only as what it passes."""
-    world, table, texels, rows = place
-    lights, seed = scene
     weight, inside, focus = (f32(1), f32(1), f32(1)), nowhere(), f32(1)
     for event in range(_EVENTS_MAX):
         u1, u2, u3, u4 = random4(u32(i), u32(event), sample, seed)
-        found, hit = closest_surface(world, table, texels, rows, start, d, u4, stack, words)
+        found, hit = closest_surface(tables, start, d, u4, scratch)
         if not found:
             return row
-        way = sub(hit_position(table, hit), start)
+        way = sub(hit_position(tables.surfaces, hit), start)
         length += f32(math.sqrt(way[0] * way[0] + way[1] * way[1] + way[2] * way[2]))
         foot[0] = spread * length
-        position, ng, n, b, flags, entering = surface(table, texels, rows, hit, d)
+        x = surface(tables, hit, d)
+        b, n, ng = x.bsdf, x.n, x.ng
         wo = scale(f32(-1), d)
         if event > 0:
-            inside = medium(inside, hit, flags, entering)
-            if inside[0] != u32(NO_HIT):
-                weight = attenuated(table, inside, start, position, weight)
-            _add(light, i, glow(table, texels, rows, hit), weight, focus)
-            if flags & u32(MATERIAL_UNLIT):
+            inside = medium(inside, x)
+            if inside.instance != u32(NO_HIT):
+                weight = attenuated(tables, inside, start, x.position, weight)
+            _add(light, i, glow(tables, hit), weight, focus)
+            if x.flags & u32(MATERIAL_UNLIT):
                 return row
-            lit, _ = direct_light(
-                place, lights, True, hit, position, ng, n, b, wo, u4, (stack, words), f32(np.inf)
-            )  # fmt: skip
+            lit, _ = direct_light(tables, x, wo, u4, scratch, f32(np.inf))
             _add(light, i, lit, weight, focus)
             if has_finite(b):
-                _write(ends[row], i, position, n, ng, wo, scale(focus, weight), b)
+                _write(ends[row], i, x.position, n, ng, wo, scale(focus, weight), b)
                 row += 1
         alive, wi, factor = _draw(b, n, ng, wo, u1, u2, u3)
         if not alive:
             return row
         weight = times(weight, factor)
         if wi[0] * ng[0] + wi[1] * ng[1] + wi[2] * ng[2] < f32(0) and b.thin == f32(0):
-            focus = f32(1) / (b.eta * b.eta) if entering else f32(1)
-        start, inside = depart(world, table, hit, flags, entering, inside, ng, wi)
+            focus = f32(1) / (b.eta * b.eta) if x.entering else f32(1)
+        start, inside = depart(tables, x, inside, wi)
         d = wi
     return row
 
