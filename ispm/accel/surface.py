@@ -14,6 +14,7 @@ from ispm.accel.intersect import (
     HIT_INSTANCE,
     HIT_PRIMITIVE,
     Hit,
+    Ray,
     closest_after,
     instance_scale,
     read_hit,
@@ -251,14 +252,12 @@ def closest_surface(tables, origin, d, u, scratch):
     u  random in [0, 1): a blended surface is met where u is below its opacity
     """
     t, edge = f32(0), False
-    stack, words = scratch.stack, scratch.found
+    ray, words = Ray(origin, d, f32(np.inf)), scratch.found
     stu(words, HIT_INSTANCE, u32(NO_HIT))
     stu(words, HIT_PRIMITIVE, u32(NO_HIT))
     for _ in range(_HOLES_MAX):
         before = t
-        t = closest_after(
-            tables.world, origin[0], origin[1], origin[2], d[0], d[1], d[2], before, stack, words
-        )
+        t = closest_after(tables.world, ray, before, scratch)
         hit = read_hit(words)
         if t == f32(np.inf):
             return False, hit

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from ispm.accel.intersect import Hit, any_hit
+from ispm.accel.intersect import Hit, Ray, any_hit
 from ispm.accel.surface import closest_surface, hit_position, leave_surface, surface
 from ispm.optics.bsdf import eval_bsdf, has_finite, smooth_split, transmits
 from ispm.optics.jit import jit
@@ -130,7 +130,7 @@ def let_through(tables, start, d, distance, u, scratch):
     """
     none, share = (f32(0), f32(0), f32(0)), (f32(1), f32(1), f32(1))
     limit = distance * (f32(1) - BEFORE)
-    if not any_hit(tables.world, start[0], start[1], start[2], d[0], d[1], d[2], limit, scratch.stack):
+    if not any_hit(tables.world, Ray(start, d, limit), scratch.stack):
         return share
     if not tables.porous:
         return none

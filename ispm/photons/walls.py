@@ -9,7 +9,7 @@ import math
 
 import numpy as np
 
-from ispm.accel.intersect import STACK_WORDS, Scratch, closest, read_hit
+from ispm.accel.intersect import STACK_WORDS, Ray, Scratch, closest, read_hit
 from ispm.accel.mesh import hit_plane
 from ispm.accel.normals import unit
 from ispm.accel.surface import SurfaceTable
@@ -65,7 +65,7 @@ def _look(world, table, words, i, way, scratch):
     length = math.sqrt(dot(way, way))
     start = add(at, scale(_LIFT * length, n))
     d = scale(f32(1) / length, way)
-    t = closest(world, start[0], start[1], start[2], d[0], d[1], d[2], length, scratch.stack, scratch.found)
+    t = closest(world, Ray(start, d, f32(length)), scratch)
     if not t < length:
         return
     hit = read_hit(scratch.found)
