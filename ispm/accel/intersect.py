@@ -9,11 +9,13 @@ Source of the boxes: Ize, "Robust BVH ray traversal", 2013.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from ispm.accel.build import LEAF, MAX_DEPTH
 from ispm.accel.collapse import BLOCK_WORDS, IDS, NEEDLE, NODE_WORDS, REFS
-from ispm.accel.triangle import meet_block, meet_needle
+from ispm.accel.triangle import Shear, meet_block, meet_needle
 from ispm.kernels.simd import (
     alloca,
     count_trailing_zeros,
@@ -41,6 +43,7 @@ from ispm.kernels.simd import (
     vstore8,
 )  # fmt: skip
 from ispm.optics.jit import jit
+from ispm.optics.vector import Vector
 
 f32, f64, i64, u32, u64 = np.float32, np.float64, np.int64, np.uint32, np.uint64
 
@@ -85,37 +88,94 @@ _A_LITTLE_MORE = np.float32(1 + 2.0**-21)
 _NEAR = np.float32(1 / 256)
 
 
+class Hit(NamedTuple):
+    """What a ray meets. u, v: barycentrics of the triangle's second and third corner."""
+
+    instance: np.uint32
+    primitive: np.uint32
+    u: np.float32
+    v: np.float32
+
+
+class Ray(NamedTuple):
+    """Where a ray starts, its direction, which need not be unit, and the end in units of that."""
+
+    origin: Vector
+    direction: Vector
+    t_max: np.float32
+
+
+class Scratch(NamedTuple):
+    """Addresses that one thread's rays work in: a stack of STACK_WORDS words, and the words of a hit."""
+
+    stack: np.uint64
+    found: np.uint64
+
+
+class Mesh(NamedTuple):
+    """A mesh's tree: addresses of all nodes and blocks, its root, and the largest coordinate of its box."""
+
+    nodes: np.uint64
+    blocks: np.uint64
+    root: np.uint32
+    reach: np.float32
+
+
+class Slab(NamedTuple):
+    """A ray along one axis, or the same in eight lanes: 1/d, finite at 0, the word of the near planes, and
+    -o/d for near and far planes."""
+
+    rate: np.float32
+    word: np.int64
+    near: np.float32
+    far: np.float32
+
+
+class Slabs(NamedTuple):
+    """A ray against boxes."""
+
+    x: Slab
+    y: Slab
+    z: Slab
+
+
 @jit(inline=True)
 def slab(o, d, reach, word):
-    """Prepare one axis: (1/d, word of the near planes, -o/d for near planes, -o/d for far planes).
+    """Prepare one axis; return its Slab.
 
-    1/d is finite at 0.
     reach  largest coordinate of the boxes;  word  of the axis' lower planes
     """
     r = f32(1) / (d if abs(d) > _SMALLEST else (_SMALLEST if d >= f32(0) else -_SMALLEST))
     slack = abs(r) * ((abs(o) + reach) * _SLACK + _SLACK_AT_ZERO)
-    return r, i64(word) if r >= f32(0) else i64(word + 8), -o * r - slack, slack - o * r
+    return Slab(r, i64(word) if r >= f32(0) else i64(word + 8), -o * r - slack, slack - o * r)
 
 
 @jit(inline=True)
-def descend(
-    nodes, node, nx, ny, nz, rx, ry, rz, ax, ay, az, bx, by, bz, limit, nearest, keys, stack, waiting
-):
+def lanes(axis):
+    """Return a Slab in eight lanes."""
+    return Slab(splat8(axis.rate), axis.word, splat8(axis.near), splat8(axis.far))
+
+
+@jit(inline=True)
+def descend(nodes, node, slabs, limit, nearest, keys, stack, waiting):
     """Meet the 8 boxes of a node: the nearest one met is next, farther ones wait on the stack.
 
-    nx ..  words of the near planes;  rx ..  1/d;  ax .., bx ..  -o/d for near and far planes
+    slabs  of eight lanes, as limit and nearest, the distances between which boxes are met
     keys   address of 8 floats to work in
     ->     (next ref or _NOWHERE, waiting). A waiting word is distance bits << 32 | ref, so that
            comparing integers compares distances.
     """
+    x, y, z = slabs.x, slabs.y, slabs.z
     word = node * NODE_WORDS
+    lower_x, lower_y = vload8(nodes, word + x.word), vload8(nodes, word + y.word)
+    upper_x, upper_y = vload8(nodes, word + 8 - x.word), vload8(nodes, word + 40 - y.word)
     near = vmax(
-        vmax(vfma(vload8(nodes, word + nx), rx, ax), vfma(vload8(nodes, word + ny), ry, ay)),
-        vmax(vfma(vload8(nodes, word + nz), rz, az), nearest),
+        vmax(vfma(lower_x, x.rate, x.near), vfma(lower_y, y.rate, y.near)),
+        vmax(vfma(vload8(nodes, word + z.word), z.rate, z.near), nearest),
     )
     far = vmin(
-        vmin(vfma(vload8(nodes, word + 8 - nx), rx, bx), vfma(vload8(nodes, word + 40 - ny), ry, by)),
-        vmin(vfma(vload8(nodes, word + 72 - nz), rz, bz), limit),
+        vmin(vfma(upper_x, x.rate, x.far), vfma(upper_y, y.rate, y.far)),
+        vmin(vfma(vload8(nodes, word + 72 - z.word), z.rate, z.far), limit),
     )
     met = i64(mask_le(near, far))
     found = i64(_NOWHERE)
@@ -183,21 +243,21 @@ def is_between(order, t, distance, primitive):
 
 
 @jit
-def meet_mesh(nodes, blocks, root, reach, ox, oy, oz, dx, dy, dz, t, any_hit, stack, bottom, order, hit):
-    """First hit of one mesh, in its object space; the direction need not be unit.
+def meet_mesh(mesh, ray, any_hit, scratch, bottom, order):
+    """First hit of one Mesh by a Ray of its object space.
 
     bottom  words of the stack that are in use;  order  what hits come between, see ORDER_KEY
-    ->      its distance, t where there is none before; the rest goes to `hit` and `order`
+    ->      its distance, the ray's end where there is none before; the rest goes to `scratch.found` and
+            `order`
     """
-    rx, nx, ax, bx = slab(ox, dx, reach, 0)
-    ry, ny, ay, by = slab(oy, dy, reach, 16)
-    rz, nz, az, bz = slab(oz, dz, reach, 32)
+    nodes, blocks, stack, hit, t = mesh.nodes, mesh.blocks, scratch.stack, scratch.found, ray.t_max
+    (ox, oy, oz), (dx, dy, dz), reach = ray.origin, ray.direction, mesh.reach
+    sx, sy, sz = slab(ox, dx, reach, 0), slab(oy, dy, reach, 16), slab(oz, dz, reach, 32)
     # What is not a number would get lost in minima and meet all boxes, empty ones too.
-    if not abs(ax) + abs(ay) + abs(az) < f32(np.inf):
+    if not abs(sx.near) + abs(sy.near) + abs(sz.near) < f32(np.inf):
         return t
-    vrx, vry, vrz = splat8(rx), splat8(ry), splat8(rz)
-    vax, vay, vaz = splat8(ax), splat8(ay), splat8(az)
-    vbx, vby, vbz = splat8(bx), splat8(by), splat8(bz)
+    rx, ry, rz = sx.rate, sy.rate, sz.rate
+    slabs = Slabs(lanes(sx), lanes(sy), lanes(sz))
     limit, nearest = splat8(t), splat8(ldf(order, ORDER_FIRST))
     keys = alloca(4)
 
@@ -211,27 +271,23 @@ def meet_mesh(nodes, blocks, root, reach, ox, oy, oz, dx, dy, dz, t, any_hit, st
     else:
         wx, wy, wz = i64(0), i64(4), i64(8)
         kx, ky, kz, slope_x, slope_y, rate = ox, oy, oz, dx * rz, dy * rz, rz
-    vkx, vky, vkz = splat4(kx), splat4(ky), splat4(kz)
-    minus_x, minus_y, vrate = splat4(-slope_x), splat4(-slope_y), splat4(rate)
+    shear = Shear(
+        wx, wy, wz, splat4(kx), splat4(ky), splat4(kz), splat4(-slope_x), splat4(-slope_y), splat4(rate)
+    )
     near = abs(rate) * reach * _NEAR
     back, farthest = splat4(-near), splat4(t * _A_LITTLE_MORE)
 
     waiting = bottom
-    ref = i64(root)
+    ref = i64(mesh.root)
     while True:
         if (ref & i64(LEAF)) == 0:
-            ref, waiting = descend(
-                nodes, ref, nx, ny, nz, vrx, vry, vrz, vax, vay, vaz, vbx, vby, vbz,
-                limit, nearest, keys, stack, waiting,
-            )  # fmt: skip
+            ref, waiting = descend(nodes, ref, slabs, limit, nearest, keys, stack, waiting)
             if ref >= 0:
                 continue
         else:
             word = (ref & i64(0x7FFFFFF)) * BLOCK_WORDS
             for _ in range(((ref >> 27) & 15) + 1):
-                b, c, size, inside, scaled = meet_block(
-                    blocks, word, wx, wy, wz, vkx, vky, vkz, minus_x, minus_y, vrate
-                )
+                b, c, size, inside, scaled = meet_block(blocks, word, shear)
                 lowest = vmul(vkeep(vload4(blocks, word + IDS), back), size)
                 met = i64(mask_inside(inside, scaled, lowest, vmul(farthest, size)))
                 if met == 0:
@@ -246,7 +302,7 @@ def meet_mesh(nodes, blocks, root, reach, ox, oy, oz, dx, dy, dz, t, any_hit, st
                     u = v = f32(0)
                     needle = distance < near and primitive & u32(NEEDLE) != u32(0)  # near is the rarer
                     if needle:
-                        distance, u, v = meet_needle(blocks, word + k, ox, oy, oz, dx, dy, dz)
+                        distance, u, v = meet_needle(blocks, word + k, ray.origin, ray.direction)
                     if is_between(order, t, distance, primitive & _NOT_NEEDLE):
                         t = distance
                         if not needle:
@@ -263,20 +319,18 @@ def meet_mesh(nodes, blocks, root, reach, ox, oy, oz, dx, dy, dz, t, any_hit, st
 
 
 @jit
-def meet_world(table, ox, oy, oz, dx, dy, dz, first, first_key, t_max, any_hit, stack, hit):
-    """First hit over all instances after the one at `first`, or any; its distance, t_max without one."""
+def meet_world(table, ray, first, first_key, any_hit, scratch):
+    """First hit over all instances after the one at `first`, or any; its distance, the ray's end without."""
     nodes, rows = ldq(table, TOP_NODES), ldq(table, ROWS)
     mesh_nodes, blocks = ldq(table, NODES), ldq(table, BLOCKS)
+    stack, hit, t_max = scratch.stack, scratch.found, ray.t_max
     reach = u2f(u32(ldq(table, TOP_REACH)))
-    rx, nx, ax, bx = slab(ox, dx, reach, 0)
-    ry, ny, ay, by = slab(oy, dy, reach, 16)
-    rz, nz, az, bz = slab(oz, dz, reach, 32)
+    (ox, oy, oz), (dx, dy, dz) = ray.origin, ray.direction
+    sx, sy, sz = slab(ox, dx, reach, 0), slab(oy, dy, reach, 16), slab(oz, dz, reach, 32)
     # What is not a number would get lost in minima and meet all boxes, empty ones too.
-    if not abs(ax) + abs(ay) + abs(az) < f32(np.inf):
+    if not abs(sx.near) + abs(sy.near) + abs(sz.near) < f32(np.inf):
         return t_max
-    vrx, vry, vrz = splat8(rx), splat8(ry), splat8(rz)
-    vax, vay, vaz = splat8(ax), splat8(ay), splat8(az)
-    vbx, vby, vbz = splat8(bx), splat8(by), splat8(bz)
+    slabs = Slabs(lanes(sx), lanes(sy), lanes(sz))
     order = alloca(3)
     stq(order, ORDER_KEY, u64(0))  # which no key is below: hits are nearer than t_max
     stq(order, ORDER_FIRST_KEY, first_key)
@@ -288,26 +342,25 @@ def meet_world(table, ox, oy, oz, dx, dy, dz, first, first_key, t_max, any_hit, 
     ref = i64(0)
     while True:
         if (ref & i64(LEAF)) == 0:
-            ref, waiting = descend(
-                nodes, ref, nx, ny, nz, vrx, vry, vrz, vax, vay, vaz, vbx, vby, vbz,
-                limit, nearest, keys, stack, waiting,
-            )  # fmt: skip
+            ref, waiting = descend(nodes, ref, slabs, limit, nearest, keys, stack, waiting)
             if ref >= 0:
                 continue
         else:
             instance = ref & i64(0x7FFFFFF)
             m = rows + u64(4 * ROW_WORDS) * u64(instance)
             stu(order, ORDER_INSTANCE, u32(instance))
-            t = meet_mesh(
-                mesh_nodes, blocks, ldu(m, ROW_ROOT), ldf(m, ROW_REACH),
+            origin = (
                 ldf(m, 0) * ox + ldf(m, 1) * oy + ldf(m, 2) * oz + ldf(m, 3),
                 ldf(m, 4) * ox + ldf(m, 5) * oy + ldf(m, 6) * oz + ldf(m, 7),
                 ldf(m, 8) * ox + ldf(m, 9) * oy + ldf(m, 10) * oz + ldf(m, 11),
+            )
+            direction = (
                 ldf(m, 0) * dx + ldf(m, 1) * dy + ldf(m, 2) * dz,
                 ldf(m, 4) * dx + ldf(m, 5) * dy + ldf(m, 6) * dz,
                 ldf(m, 8) * dx + ldf(m, 9) * dy + ldf(m, 10) * dz,
-                t, any_hit, stack, waiting, order, hit,
-            )  # fmt: skip
+            )
+            mesh = Mesh(mesh_nodes, blocks, ldu(m, ROW_ROOT), ldf(m, ROW_REACH))
+            t = meet_mesh(mesh, Ray(origin, direction, t), any_hit, scratch, waiting, order)
             if any_hit and t < t_max:
                 return t
             limit = splat8(t)
@@ -322,31 +375,39 @@ def meet_world(table, ox, oy, oz, dx, dy, dz, first, first_key, t_max, any_hit, 
 
 
 @jit
-def closest(table, ox, oy, oz, dx, dy, dz, t_max, stack, hit):
-    """Return the distance of the nearest hit in units of d, t_max where nothing is nearer.
+def closest(table, ray, scratch):
+    """Return the distance of the nearest hit of a Ray in units of its direction, its end where nothing is
+    nearer.
 
-    table  address of `World.table`;  stack  of STACK_WORDS uint64 words
-    hit    of 4 words, written only where something is hit: primitive, u, v (barycentric coordinates of
-           the second and third corner), instance
+    table    address of `World.table`
+    scratch  Scratch, whose `found` is written only where something is hit; for `read_hit`
     """
-    return meet_world(table, ox, oy, oz, dx, dy, dz, f32(0), _NO_KEY, t_max, False, stack, hit)
+    return meet_world(table, ray, f32(0), _NO_KEY, False, scratch)
 
 
 @jit
-def closest_after(table, ox, oy, oz, dx, dy, dz, first, stack, hit):
-    """Return the distance of the next hit after the one in `hit`, infinity where nothing follows.
+def closest_after(table, ray, first, scratch):
+    """Return the distance of the next hit after the one in `scratch.found`, the ray's end where nothing
+    follows.
 
-    first  distance of that one; 0, and in `hit` NO_HIT for instance and primitive, for the nearest
+    first  distance of that one; 0, and in `found` NO_HIT for instance and primitive, for the nearest
     Every triangle along the ray comes once, those that coincide too. Arguments as of `closest`.
     """
-    key = (u64(ldu(hit, HIT_INSTANCE)) << u64(32)) | u64(ldu(hit, HIT_PRIMITIVE))
-    return meet_world(table, ox, oy, oz, dx, dy, dz, first, key, f32(np.inf), False, stack, hit)
+    instance, primitive = ldu(scratch.found, HIT_INSTANCE), ldu(scratch.found, HIT_PRIMITIVE)
+    key = (u64(instance) << u64(32)) | u64(primitive)
+    return meet_world(table, ray, first, key, False, scratch)
 
 
 @jit
-def any_hit(table, ox, oy, oz, dx, dy, dz, t_max, stack):
-    """Return whether anything lies nearer than t_max along a ray."""
-    return meet_world(table, ox, oy, oz, dx, dy, dz, f32(0), _NO_KEY, t_max, True, stack, alloca(2)) < t_max
+def read_hit(found):
+    """Return the hit whose words are at an address."""
+    return Hit(ldu(found, HIT_INSTANCE), ldu(found, HIT_PRIMITIVE), ldf(found, HIT_U), ldf(found, HIT_V))
+
+
+@jit
+def any_hit(table, ray, stack):
+    """Return whether anything lies on a Ray before its end."""
+    return meet_world(table, ray, f32(0), _NO_KEY, True, Scratch(stack, alloca(2))) < ray.t_max
 
 
 @jit

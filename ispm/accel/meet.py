@@ -9,6 +9,7 @@ import math
 
 import numpy as np
 
+from ispm.accel.intersect import Hit
 from ispm.accel.mesh import INSTANCES, MATERIALS, TO_WORLD, edges_at, triangle_at, word_of
 from ispm.accel.surface import SurfaceTable
 from ispm.kernels.simd import ldf, ldu
@@ -100,7 +101,7 @@ def _meet_texels(table, content, texels, origins, directions, parallel, found, p
 @jit
 def _has_holes(table, triangle):
     """Whether a triangle's material has holes, which are not looked into here."""
-    _, material, _ = triangle_at(table, (triangle[0], triangle[1], f32(0), f32(0)))
+    _, material, _ = triangle_at(table, Hit(triangle[0], triangle[1], f32(0), f32(0)))
     return ldu(table[MATERIALS], material + _FLAGS) & u32(MATERIAL_MASK | MATERIAL_BLEND) != u32(0)
 
 
@@ -141,7 +142,7 @@ def meet(table, instance, primitive, origin, direction, parallel):
 @jit
 def _placed(table, instance, primitive):
     """The first corner of a triangle and its edges to the second and third, world space."""
-    row, _, corners = triangle_at(table, (u32(instance), u32(primitive), f32(0), f32(0)))
+    row, _, corners = triangle_at(table, Hit(u32(instance), u32(primitive), f32(0), f32(0)))
     p0, e1, e2 = edges_at(table, corners)
     m = row + TO_WORLD
     moved = (_word(table, m + i64(3)), _word(table, m + i64(7)), _word(table, m + i64(11)))

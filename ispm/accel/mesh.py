@@ -34,9 +34,9 @@ _FIRST_INDEX, _INSTANCE_MATERIAL = word_of(INSTANCE, "first_index"), word_of(INS
 @jit
 def triangle_at(table, hit):
     """Return where a hit's instance, material and three vertices lie, in words."""
-    instance = i64(hit[0]) * _INSTANCE
+    instance = i64(hit.instance) * _INSTANCE
     material = i64(ldu(table[INSTANCES], instance + _INSTANCE_MATERIAL)) * _MATERIAL
-    first = i64(ldu(table[INSTANCES], instance + _FIRST_INDEX)) + i64(3) * i64(hit[1])
+    first = i64(ldu(table[INSTANCES], instance + _FIRST_INDEX)) + i64(3) * i64(hit.primitive)
     corners = (
         i64(ldu(table[INDICES], first)) * _VERTEX,
         i64(ldu(table[INDICES], first + i64(1))) * _VERTEX,
@@ -97,7 +97,7 @@ def hit_plane(table, hit):
     """Return a hit's position and its triangle's normal, on the front, unit; world space."""
     instance, _, corners = triangle_at(table, hit)
     p0, e1, e2 = edges_at(table, corners)
-    offset = add(scale(hit[2], e1), scale(hit[3], e2))
+    offset = add(scale(hit.u, e1), scale(hit.v, e2))
     position = world_point(table[INSTANCES], instance, add(p0, offset))
     return position, world_normal(table[INSTANCES], instance, cross(e1, e2))
 
@@ -119,7 +119,7 @@ def normal_change(table, hit, n, dx):
     n0 = vector_at(table[VERTICES], corners[0] + NORMAL)
     n1 = vector_at(table[VERTICES], corners[1] + NORMAL)
     n2 = vector_at(table[VERTICES], corners[2] + NORMAL)
-    there = add(n0, add(scale(hit[2], sub(n1, n0)), scale(hit[3], sub(n2, n0))))
+    there = add(n0, add(scale(hit.u, sub(n1, n0)), scale(hit.v, sub(n2, n0))))
     change = add(scale(du, sub(n1, n0)), scale(dv, sub(n2, n0)))
     there = rows_times(table[INSTANCES], instance + COFACTORS, there)
     change = rows_times(table[INSTANCES], instance + COFACTORS, change)

@@ -10,6 +10,8 @@ from ispm.accel.intersect import (
     HIT_U,
     HIT_V,
     STACK_WORDS,
+    Ray,
+    Scratch,
     any_hit,
     closest,
 )  # fmt: skip
@@ -26,9 +28,17 @@ _CHUNK = 256  # rays a thread takes at a time
 
 
 @jit
+def _ray(origins, directions, limits, i):
+    origin = (ldf(origins, 3 * i), ldf(origins, 3 * i + 1), ldf(origins, 3 * i + 2))
+    direction = (ldf(directions, 3 * i), ldf(directions, 3 * i + 1), ldf(directions, 3 * i + 2))
+    return Ray(origin, direction, ldf(limits, i))
+
+
+@jit
 def trace_rays(table, origins, directions, limits, count, counter, hits):
     """Write a HIT for each ray; threads share `counter`. Arrays by address, three floats a vector."""
-    stack, hit = alloca(STACK_WORDS), alloca(2)
+    scratch = Scratch(alloca(STACK_WORDS), alloca(2))
+    hit = scratch.found
     while True:
         first = atomic_add(counter, i64(1)) * _CHUNK
         if first >= count:
@@ -38,11 +48,7 @@ def trace_rays(table, origins, directions, limits, count, counter, hits):
             stu(hit, HIT_INSTANCE, u32(NO_HIT))
             stf(hit, HIT_U, f32(0))
             stf(hit, HIT_V, f32(0))
-            t = closest(
-                table, ldf(origins, 3 * i), ldf(origins, 3 * i + 1), ldf(origins, 3 * i + 2),
-                ldf(directions, 3 * i), ldf(directions, 3 * i + 1), ldf(directions, 3 * i + 2),
-                ldf(limits, i), stack, hit,
-            )  # fmt: skip
+            t = closest(table, _ray(origins, directions, limits, i), scratch)
             stf(hits, 5 * i, t)
             stu(hits, 5 * i + 1, ldu(hit, HIT_INSTANCE))
             stu(hits, 5 * i + 2, ldu(hit, HIT_PRIMITIVE))
@@ -59,8 +65,4 @@ def occlude_rays(table, origins, directions, limits, count, counter, blocked):
         if first >= count:
             return
         for i in range(first, min(first + _CHUNK, count)):
-            blocked[i] = any_hit(
-                table, ldf(origins, 3 * i), ldf(origins, 3 * i + 1), ldf(origins, 3 * i + 2),
-                ldf(directions, 3 * i), ldf(directions, 3 * i + 1), ldf(directions, 3 * i + 2),
-                ldf(limits, i), stack,
-            )  # fmt: skip
+            blocked[i] = any_hit(table, _ray(origins, directions, limits, i), stack)

@@ -6,17 +6,19 @@ The twin of what the G-buffer shader does from interpolated vertices. Vectors ar
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
 from ispm.accel.intersect import (
     HIT_INSTANCE,
     HIT_PRIMITIVE,
-    HIT_U,
-    HIT_V,
+    Hit,
+    Ray,
     closest_after,
     instance_scale,
-)  # fmt: skip
+    read_hit,
+)
 from ispm.accel.leave import leave_triangle
 from ispm.accel.mesh import (
     FOOTPRINT,
@@ -36,8 +38,9 @@ from ispm.accel.mesh import (
     world_point,
 )  # fmt: skip
 from ispm.accel.normals import bend, unit
+from ispm.accel.world import World
 from ispm.kernels.simd import address, ldf, ldu, stu
-from ispm.optics.bsdf import surface_bsdf
+from ispm.optics.bsdf import Bsdf, surface_bsdf
 from ispm.optics.jit import jit
 from ispm.optics.records import (
     INSTANCE,
@@ -53,7 +56,7 @@ from ispm.optics.records import (
     VERTEX,
 )  # fmt: skip
 from ispm.optics.texture import HEIGHT, WIDTH, TextureTable, sample_texture
-from ispm.optics.vector import add, cross, dot, scale, sub
+from ispm.optics.vector import Vector, add, cross, dot, scale, sub
 from ispm.scene.packed import Packed
 
 f32, i64, u32 = np.float32, np.int64, np.uint32
@@ -103,33 +106,86 @@ class SurfaceTable:
         return addresses, footprint
 
 
-@jit
-def surface(table, texels, rows, hit, d):
-    """Return (position, ng, n, bsdf, flags, entering) at a hit.
+class Tables(NamedTuple):
+    """What kernels are handed of a scene, see `scene_tables`.
 
-    hit  (instance, primitive, u, v), barycentrics of the second and third vertex
-    d    direction of the ray that hit; both normals are turned against it
-    entering: it met the front, the outside of a solid
+    world         address of `World.table`
+    surfaces      (8,) uint64, the addresses of a SurfaceTable
+    texels, rows  a TextureTable's
+    lights        (L,) LIGHT
+    porous        whether any material may let shadow rays pass
     """
+
+    world: np.uint64
+    surfaces: np.ndarray
+    texels: np.ndarray
+    rows: np.ndarray
+    lights: np.ndarray
+    porous: bool
+
+
+def scene_tables(packed: Packed, world: World | None, surfaces: SurfaceTable) -> Tables:
+    """Return what kernels are handed of a scene; it does not keep the arrays alive.
+
+    world  None for kernels that trace no rays
+    """
+    porous = bool((packed.materials["flags"] & (MATERIAL_MASK | MATERIAL_BLEND | MATERIAL_THIN)).any())
+    place = np.uint64(0) if world is None else address(world.table)
+    return Tables(place, surfaces.addresses, surfaces.texels, surfaces.rows, packed.lights, porous)
+
+
+class SurfacePoint(NamedTuple):
+    """A surface where a ray meets it; world space.
+
+    ng, n     geometric and shading normal, unit, both turned against the ray
+    flags     of the material
+    entering  whether the ray met the front, the outside of a solid
+    """
+
+    hit: Hit
+    position: Vector
+    ng: Vector
+    n: Vector
+    bsdf: Bsdf
+    flags: np.uint32
+    entering: bool
+
+
+class _TextureContext(NamedTuple):
+    """Where textures are read: rows of the instance, the material and its triangle's corners in their tables,
+    barycentrics, and the area in texture space over which is averaged."""
+
+    instance: np.int64
+    material: np.int64
+    corners: tuple[np.int64, np.int64, np.int64]
+    u: np.float32
+    v: np.float32
+    uv_area: np.float32
+
+
+@jit
+def surface(tables, hit, d):
+    """Return the SurfacePoint at a Hit of a ray along d."""
+    table = tables.surfaces
     instance, material, corners = triangle_at(table, hit)
-    u, v = hit[2], hit[3]
+    u, v = hit.u, hit.v
     p0, e1, e2 = edges_at(table, corners)
     position = world_point(table[INSTANCES], instance, add(p0, add(scale(u, e1), scale(v, e2))))
     ng = world_normal(table[INSTANCES], instance, cross(e1, e2))
     n = world_normal(table[INSTANCES], instance, interpolated(table, corners, NORMAL, u, v))
-    texel_area = f32(0)
+    uv_area = f32(0)
     if _has_texture(table, material):
-        texel_area = _footprint(table, instance, corners, e1, e2)
+        uv_area = _footprint(table, instance, corners, e1, e2)
+    context = _TextureContext(instance, material, corners, u, v, uv_area)
     entering = dot(ng, d) <= f32(0)
     if not entering:
         ng = scale(f32(-1), ng)
     side = f32(-1) if dot(n, ng) < f32(0) else f32(1)
     if _texture(table, material, _NORMAL_MAP) >= i64(0):
-        n = _mapped_normal(table, texels, rows, instance, material, corners, u, v, n, texel_area)
+        n = _mapped_normal(tables, context, n)
     n = bend(bend(scale(side, n), ng), scale(f32(-1), d))
     flags = ldu(table[MATERIALS], material + _FLAGS)
-    bsdf = _bsdf(table, texels, rows, material, flags, corners, u, v, texel_area, entering)
-    return position, ng, n, bsdf, flags, entering
+    return SurfacePoint(hit, position, ng, n, _bsdf(tables, context, flags, entering), flags, entering)
 
 
 @jit
@@ -144,8 +200,9 @@ def attenuation(table, hit, distance):
 
 
 @jit
-def glow(table, texels, rows, hit):
+def glow(tables, hit):
     """Return the radiance that a hit sends everywhere: emission, or the base color of unlit materials."""
+    table = tables.surfaces
     instance, material, corners = triangle_at(table, hit)
     materials = table[MATERIALS]
     unlit = ldu(materials, material + _FLAGS) & u32(MATERIAL_UNLIT) != u32(0)
@@ -155,10 +212,11 @@ def glow(table, texels, rows, hit):
         return emission
     _, e1, e2 = edges_at(table, corners)
     area = _footprint(table, instance, corners, e1, e2)
+    context = _TextureContext(instance, material, corners, hit.u, hit.v, area)
     if unlit:
-        color, _ = _base_color(table, texels, rows, material, corners, hit[2], hit[3], area)
+        color, _ = _base_color(tables, context)
         return color
-    r, g, b, _ = _sample(table, texels, rows, material, _EMISSION_MAP, corners, hit[2], hit[3], area)
+    r, g, b, _ = _sample(tables, context, _EMISSION_MAP)
     return emission[0] * r, emission[1] * g, emission[2] * b
 
 
@@ -176,50 +234,52 @@ def hit_position(table, hit):
 
 
 @jit
-def leave_surface(world, table, hit, ng):
+def leave_surface(tables, hit, ng):
     """Return where a ray starts that leaves a hit on the side of the geometric normal `ng`."""
+    table = tables.surfaces
     instance, _, corners = triangle_at(table, hit)
     p0, e1, e2 = edges_at(table, corners)
     matrix = instance + TO_WORLD
-    return leave_triangle(
-        world_point(table[INSTANCES], instance, p0), rows_times(table[INSTANCES], matrix, e1),
-        rows_times(table[INSTANCES], matrix, e2), hit[2], hit[3], ng, instance_scale(world, hit[0]),
-    )  # fmt: skip
+    corner = world_point(table[INSTANCES], instance, p0)
+    e1, e2 = rows_times(table[INSTANCES], matrix, e1), rows_times(table[INSTANCES], matrix, e2)
+    return leave_triangle(corner, e1, e2, hit.u, hit.v, ng, instance_scale(tables.world, hit.instance))
 
 
 @jit
-def closest_surface(world, table, texels, rows, origin, d, u, stack, words):
-    """Return (found, hit) of the nearest surface that is not a hole of its material.
+def closest_surface(tables, origin, d, u, scratch):
+    """Return (found, Hit) of the nearest surface that is not a hole of its material.
 
     u  random in [0, 1): a blended surface is met where u is below its opacity
     """
     t, edge = f32(0), False
+    ray, words = Ray(origin, d, f32(np.inf)), scratch.found
     stu(words, HIT_INSTANCE, u32(NO_HIT))
     stu(words, HIT_PRIMITIVE, u32(NO_HIT))
     for _ in range(_HOLES_MAX):
         before = t
-        t = closest_after(world, origin[0], origin[1], origin[2], d[0], d[1], d[2], before, stack, words)
-        hit = (ldu(words, HIT_INSTANCE), ldu(words, HIT_PRIMITIVE), ldf(words, HIT_U), ldf(words, HIT_V))
+        t = closest_after(tables.world, ray, before, scratch)
+        hit = read_hit(words)
         if t == f32(np.inf):
             return False, hit
-        edge = (edge and t == before) or min(hit[2], min(hit[3], f32(1) - hit[2] - hit[3])) <= f32(0)
+        edge = (edge and t == before) or min(hit.u, min(hit.v, f32(1) - hit.u - hit.v)) <= f32(0)
         if edge and t == before:  # two triangles of one surface, met at the edge they share
             continue
-        opacity = _opacity(table, texels, rows, hit)
+        opacity = _opacity(tables, hit)
         if u < opacity:
             return True, hit
         u = (u - opacity) / (f32(1) - opacity)  # uniform again, whatever lies behind
-    return False, (u32(0), u32(0), f32(0), f32(0))
+    return False, Hit(u32(0), u32(0), f32(0), f32(0))
 
 
 @jit
-def _opacity(table, texels, rows, hit):
+def _opacity(tables, hit):
     """Opacity at a hit as a probability; cheap where the material is opaque."""
-    _, material, corners = triangle_at(table, hit)
+    table = tables.surfaces
+    instance, material, corners = triangle_at(table, hit)
     flags = ldu(table[MATERIALS], material + _FLAGS)
     if flags & u32(MATERIAL_MASK | MATERIAL_BLEND) == u32(0):
         return f32(1)
-    _, alpha = _base_color(table, texels, rows, material, corners, hit[2], hit[3], f32(0))
+    _, alpha = _base_color(tables, _TextureContext(instance, material, corners, hit.u, hit.v, f32(0)))
     if flags & u32(MATERIAL_MASK):
         cutoff = ldf(table[MATERIALS], material + _CUTOFF)
         return f32(1) if alpha >= cutoff else f32(0)
@@ -259,30 +319,32 @@ def _footprint(table, instance, corners, e1, e2):
 
 
 @jit
-def _sample(table, texels, rows, material, use, corners, u, v, uv_area):
-    """RGBA of the texture in slot `use`, averaged over `uv_area` of texture space."""
+def _sample(tables, context, use):
+    """RGBA of the texture in slot `use` of a material."""
+    table, rows, corners = tables.surfaces, tables.rows, context.corners
+    u, v = context.u, context.v
     materials = table[MATERIALS]
-    slot = material + use
+    slot = context.material + use
     field = _UV1 if ldu(materials, slot + _UV_SET) == u32(1) else _UV0
     a, b, c = _uv(table, corners, field, 0), _uv(table, corners, field, 1), _uv(table, corners, field, 2)
     w = f32(1) - u - v
     place = (w * a[0] + u * b[0] + v * c[0], w * a[1] + u * b[1] + v * c[1], f32(1))
-    texture = _texture(table, material, use)
-    texel_count = uv_area * f32(rows[texture, WIDTH]) * f32(rows[texture, HEIGHT])
+    texture = _texture(table, context.material, use)
+    texel_count = context.uv_area * f32(rows[texture, WIDTH]) * f32(rows[texture, HEIGHT])
     level = f32(0.5) * math.log2(texel_count) if texel_count > f32(1) else f32(0)
-    return sample_texture(
-        texels, rows, texture,
-        dot(vector_at(materials, slot), place), dot(vector_at(materials, slot + _ROW1), place), level,
-    )  # fmt: skip
+    s, t = dot(vector_at(materials, slot), place), dot(vector_at(materials, slot + _ROW1), place)
+    return sample_texture(tables.texels, rows, texture, s, t, level)
 
 
 @jit
-def _base_color(table, texels, rows, material, corners, u, v, uv_area):
+def _base_color(tables, context):
     """Base color and opacity: factor, texture and vertex color multiplied."""
+    table, material, corners = tables.surfaces, context.material, context.corners
+    u, v = context.u, context.v
     color = vector_at(table[MATERIALS], material)
     alpha = ldf(table[MATERIALS], material + i64(3))
     if _texture(table, material, _BASE_MAP) >= i64(0):
-        r, g, b, a = _sample(table, texels, rows, material, _BASE_MAP, corners, u, v, uv_area)
+        r, g, b, a = _sample(tables, context, _BASE_MAP)
         color, alpha = (color[0] * r, color[1] * g, color[2] * b), alpha * a
     c0 = ldu(table[VERTICES], corners[0] + _COLOR)
     c1 = ldu(table[VERTICES], corners[1] + _COLOR)
@@ -305,20 +367,21 @@ def _mix_channel(c0, c1, c2, shift, u, v):
 
 
 @jit
-def _bsdf(table, texels, rows, material, flags, corners, u, v, uv_area, entering):
+def _bsdf(tables, context, flags, entering):
     """The Bsdf at a point of a material."""
+    table, material = tables.surfaces, context.material
     materials = table[MATERIALS]
-    color, _ = _base_color(table, texels, rows, material, corners, u, v, uv_area)
+    color, _ = _base_color(tables, context)
     metallic = ldf(materials, material + _METALLIC)
     roughness = ldf(materials, material + _ROUGHNESS)
     if _texture(table, material, _ROUGHNESS_MAP) >= i64(0):
-        _, g, b, _ = _sample(table, texels, rows, material, _ROUGHNESS_MAP, corners, u, v, uv_area)
+        _, g, b, _ = _sample(tables, context, _ROUGHNESS_MAP)
         roughness, metallic = roughness * g, metallic * b
     transmission = f32(0)
     if flags & u32(MATERIAL_TRANSMITS):
         transmission = ldf(materials, material + _TRANSMISSION)
         if _texture(table, material, _TRANSMISSION_MAP) >= i64(0):
-            r, _, _, _ = _sample(table, texels, rows, material, _TRANSMISSION_MAP, corners, u, v, uv_area)
+            r, _, _, _ = _sample(tables, context, _TRANSMISSION_MAP)
             transmission *= r
     return surface_bsdf(
         color, metallic, roughness, ldf(materials, material + _F0),
@@ -328,10 +391,11 @@ def _bsdf(table, texels, rows, material, flags, corners, u, v, uv_area, entering
 
 
 @jit
-def _mapped_normal(table, texels, rows, instance, material, corners, u, v, n, uv_area):
+def _mapped_normal(tables, context, n):
     """The normal map's normal in world space; `n` where the mesh has no tangents there."""
+    table, instance, material, corners = tables.surfaces, context.instance, context.material, context.corners
     side = ldf(table[VERTICES], corners[0] + _TANGENT + i64(3))
-    tangent = interpolated(table, corners, _TANGENT, u, v)
+    tangent = interpolated(table, corners, _TANGENT, context.u, context.v)
     if side == f32(0) or dot(tangent, tangent) < f32(1e-12):
         return n
     if ldu(table[INSTANCES], instance + _INSTANCE_FLAGS) & u32(INSTANCE_MIRRORED):
@@ -339,7 +403,7 @@ def _mapped_normal(table, texels, rows, instance, material, corners, u, v, n, uv
     t = rows_times(table[INSTANCES], instance + TO_WORLD, tangent)
     t = unit(sub(t, scale(dot(t, n), n)))
     b = scale(side, cross(n, t))
-    r, g, blue, _ = _sample(table, texels, rows, material, _NORMAL_MAP, corners, u, v, uv_area)
+    r, g, blue, _ = _sample(tables, context, _NORMAL_MAP)
     s = ldf(table[MATERIALS], material + _NORMAL_SCALE)
     x, y, z = (f32(2) * r - f32(1)) * s, (f32(2) * g - f32(1)) * s, f32(2) * blue - f32(1)
     return unit(add(add(scale(x, t), scale(y, b)), scale(z, n)))

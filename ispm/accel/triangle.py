@@ -5,6 +5,8 @@ Source: Woop, Benthin & Wald, "Watertight ray/triangle intersection", 2013.
 
 from __future__ import annotations
 
+from typing import Any, NamedTuple
+
 import numpy as np
 
 from ispm.kernels.simd import ldf, vadd, vfma, vload4, vmin, vmul, vsign, vsub, vxor
@@ -14,44 +16,62 @@ from ispm.optics.vector import cross, dot, sub
 f32, f64 = np.float32, np.float64
 
 
-@jit(inline=True)
-def meet_block(blocks, word, wx, wy, wz, kx, ky, kz, minus_x, minus_y, rate):
-    """Meet 4 triangles, in the space where the ray starts at 0 and runs along z.
+class Shear(NamedTuple):
+    """The way to the space where a ray starts at 0 and runs along z; all but words in four lanes.
 
     wx ..  words of the coordinates that become x, y and z;  kx ..  the ray's origin in them
+    minus_x, minus_y  what is added to x and y for each z;  rate  of the ray's parameter along z
+    """
+
+    wx: np.int64
+    wy: np.int64
+    wz: np.int64
+    kx: Any
+    ky: Any
+    kz: Any
+    minus_x: Any
+    minus_y: Any
+    rate: Any
+
+
+@jit(inline=True)
+def meet_block(blocks, word, shear):
+    """Meet 4 triangles, in the space of a Shear.
+
     ->     (b, c, size, inside, scaled): weights of the second and third corner and distance, all times
            size > 0; inside is not negative where all three weights are not
     A weight depends on the two corners of an edge alone, and is the exact negative in the triangle beyond
     it: no ray misses both, and one on the edge hits both.
     """
-    pz = vsub(vload4(blocks, word + wz), kz)
-    qz = vsub(vload4(blocks, word + 12 + wz), kz)
-    sz = vsub(vload4(blocks, word + 24 + wz), kz)
-    px = vfma(minus_x, pz, vsub(vload4(blocks, word + wx), kx))
-    py = vfma(minus_y, pz, vsub(vload4(blocks, word + wy), ky))
-    qx = vfma(minus_x, qz, vsub(vload4(blocks, word + 12 + wx), kx))
-    qy = vfma(minus_y, qz, vsub(vload4(blocks, word + 12 + wy), ky))
-    sx = vfma(minus_x, sz, vsub(vload4(blocks, word + 24 + wx), kx))
-    sy = vfma(minus_y, sz, vsub(vload4(blocks, word + 24 + wy), ky))
+    pz = vsub(vload4(blocks, word + shear.wz), shear.kz)
+    qz = vsub(vload4(blocks, word + 12 + shear.wz), shear.kz)
+    sz = vsub(vload4(blocks, word + 24 + shear.wz), shear.kz)
+    px = vfma(shear.minus_x, pz, vsub(vload4(blocks, word + shear.wx), shear.kx))
+    py = vfma(shear.minus_y, pz, vsub(vload4(blocks, word + shear.wy), shear.ky))
+    qx = vfma(shear.minus_x, qz, vsub(vload4(blocks, word + 12 + shear.wx), shear.kx))
+    qy = vfma(shear.minus_y, qz, vsub(vload4(blocks, word + 12 + shear.wy), shear.ky))
+    sx = vfma(shear.minus_x, sz, vsub(vload4(blocks, word + 24 + shear.wx), shear.kx))
+    sy = vfma(shear.minus_y, sz, vsub(vload4(blocks, word + 24 + shear.wy), shear.ky))
     a = vsub(vmul(sx, qy), vmul(sy, qx))
     b = vsub(vmul(px, sy), vmul(py, sx))
     c = vsub(vmul(qx, py), vmul(qy, px))
     whole = vadd(a, vadd(b, c))
     sign = vsign(whole)
     a, b, c = vxor(a, sign), vxor(b, sign), vxor(c, sign)
-    scaled = vmul(rate, vfma(a, pz, vfma(b, qz, vmul(c, sz))))
+    scaled = vmul(shear.rate, vfma(a, pz, vfma(b, qz, vmul(c, sz))))
     return b, c, vxor(whole, sign), vmin(a, vmin(b, c)), scaled
 
 
 @jit(inline=True)
-def meet_needle(blocks, word, ox, oy, oz, dx, dy, dz):
+def meet_needle(blocks, word, origin, direction):
     """Return (distance, u, v) of the triangle whose first word is `word`; NaN where it is seen from its edge.
 
     In float64. Products of coordinates are as large as the square of a needle's length, their sum is its
     area: in float32 one of 1:20 is off its plane by up to 20 roundings, more than rays start from it, and
     they meet it again. Weights below 0 are taken for 0: the hit is within the triangle.
     """
-    o, d = (f64(ox), f64(oy), f64(oz)), (f64(dx), f64(dy), f64(dz))
+    o = (f64(origin[0]), f64(origin[1]), f64(origin[2]))
+    d = (f64(direction[0]), f64(direction[1]), f64(direction[2]))
     p, q = sub(_corner(blocks, word), o), sub(_corner(blocks, word + 12), o)
     s = sub(_corner(blocks, word + 24), o)
     a, b, c = dot(d, cross(s, q)), dot(d, cross(p, s)), dot(d, cross(q, p))

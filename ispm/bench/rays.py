@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 
-from ispm.accel.intersect import STACK_WORDS
-from ispm.accel.surface import SurfaceTable, closest_surface, surface
+from ispm.accel.intersect import STACK_WORDS, Hit, Scratch
+from ispm.accel.surface import SurfaceTable, closest_surface, scene_tables, surface
 from ispm.accel.world import World
-from ispm.kernels.simd import address, alloca
+from ispm.kernels.simd import alloca
 from ispm.optics.bsdf import is_smooth
 from ispm.optics.jit import jit
 from ispm.optics.records import NO_HIT
 from ispm.optics.vector import scale
 from ispm.photons.walk import (
     SPECULAR_MAX,
+    Event,
     attenuated,
     depart,
     first_segment,
@@ -21,7 +22,7 @@ from ispm.photons.walk import (
     medium,
     next_flight,
     nowhere,
-)
+)  # fmt: skip
 from ispm.scene.packed import Packed
 
 f32, i64, u32 = np.float32, np.int64, np.uint32
@@ -35,56 +36,45 @@ def rays_of_walk(
     emitted  (N,) EMITTED
     """
     rays = np.empty((len(emitted) * (max(bounces, 1) + SPECULAR_MAX), 2, 3), np.float32)
-    count = _record(
-        address(world.table),
-        surfaces.addresses,
-        surfaces.texels,
-        surfaces.rows,
-        packed.lights,
-        emitted,
-        i64(bounces),
-        u32(seed),
-        rays,
-    )
+    count = _record(scene_tables(packed, world, surfaces), emitted, i64(bounces), u32(seed), rays)
     return np.ascontiguousarray(rays[:count, 0]), np.ascontiguousarray(rays[:count, 1])
 
 
 @jit
-def _record(world, table, texels, rows, lights, emitted, bounces, seed, rays):
+def _record(tables, emitted, bounces, seed, rays):
     """Walk each photon as `walk` does, and write its rays instead of what they hit; return how many."""
-    stack, words = alloca(STACK_WORDS), alloca(2)
+    scratch = Scratch(alloca(STACK_WORDS), alloca(2))
     count = i64(0)
     for i in range(len(emitted)):
         photon = emitted[i]
         if photon.instance == u32(NO_HIT):
             continue
-        hit = (photon.instance, photon.primitive, photon.u, photon.v)
-        origin, d, within = first_segment(table, lights[i64(photon.light)], hit)
+        hit = Hit(photon.instance, photon.primitive, photon.u, photon.v)
+        origin, d, within = first_segment(tables, photon)
         flux = scale(within, (photon.flux[0], photon.flux[1], photon.flux[2]))
         inside = nowhere()
         scatters, speculars = i64(0), i64(0)
         while count < len(rays):
-            position, ng, n, bsdf, flags, entering = surface(table, texels, rows, hit, d)
-            inside = medium(inside, hit, flags, entering)
-            if inside[0] != u32(NO_HIT):
-                flux = attenuated(table, inside, origin, position, flux)
-            if scatters == bounces and not is_smooth(bsdf):
+            x = surface(tables, hit, d)
+            inside = medium(inside, x)
+            if inside.instance != u32(NO_HIT):
+                flux = attenuated(tables, inside, origin, x.position, flux)
+            if scatters == bounces and not is_smooth(x.bsdf):
                 break
-            alive, wi, scattered, specular = next_flight(
-                photon.key, u32(0), seed, scatters, speculars, ng, n, bsdf, flags, d, flux
-            )
+            event = Event(photon.key, scatters, speculars, u32(0), seed)
+            alive, wi, scattered, specular = next_flight(event, x, d, flux)
             if not alive or (scatters == bounces and not specular):
                 break
-            flux, d, origin = scattered, wi, position
-            u = flight_number(photon.key, u32(0), seed, scatters + speculars)
+            flux, d, origin = scattered, wi, x.position
+            u = flight_number(event)
             speculars += i64(specular)
             scatters += i64(not specular)
-            start, inside = depart(world, table, hit, flags, entering, inside, ng, d)
+            start, inside = depart(tables, x, inside, d)
             for axis in range(3):
                 rays[count, 0, axis] = start[axis]
                 rays[count, 1, axis] = d[axis]
             count += 1
-            found, hit = closest_surface(world, table, texels, rows, start, d, u, stack, words)
+            found, hit = closest_surface(tables, start, d, u, scratch)
             if not found:
                 break
     return count

@@ -4,7 +4,8 @@
     ispm.photons.grid._find_cells(array(ispm.optics.records.RECEIVER, 1), tuple(int64, int64))
 
 Arrays are contiguous, rows first: a part of one in another order would have a type of its own. Elements are
-numbers, or records by the name of their dtype, so that a new field changes no line. `make kernels` writes the
+numbers, or records by the name of their dtype, so that a new field changes no line. Named tuples stand with
+the names of their classes. `make kernels` writes the
 file from what small renderings call.
 """
 
@@ -74,6 +75,8 @@ def _type(node: ast.expr) -> Any:
             return _array(_type(element), dimensions)
         case ast.Call(func=ast.Name("tuple"), args=parts):
             return types.Tuple([_type(part) for part in parts])
+        case ast.Call(func=ast.Attribute() as named, args=parts):
+            return types.BaseTuple.from_types([_type(part) for part in parts], _named(named))
     raise ValueError(f"{FILE.name}: '{ast.unparse(node)}' is no type; {MEND}")
 
 
@@ -82,6 +85,9 @@ def _text(kind: Any) -> str:
         return f"array({_text(kind.dtype)}, {kind.ndim})"
     if isinstance(kind, types.BaseAnonymousTuple):
         return f"tuple({', '.join(map(_text, kind))})"
+    if isinstance(kind, types.BaseNamedTuple):
+        name = f"{kind.instance_class.__module__}.{kind.instance_class.__qualname__}"
+        return f"{name}({', '.join(map(_text, kind))})"
     if isinstance(kind, types.Record):
         return _record_name(kind)
     if isinstance(kind, (types.Number, types.Boolean)):

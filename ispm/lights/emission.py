@@ -16,11 +16,11 @@ from typing import Any
 
 import numpy as np
 
-from ispm.accel.intersect import STACK_WORDS
+from ispm.accel.intersect import STACK_WORDS, Scratch
 from ispm.accel.meet import meet_texels
-from ispm.accel.surface import SurfaceTable, closest_surface
+from ispm.accel.surface import SurfaceTable, closest_surface, scene_tables
 from ispm.accel.world import World
-from ispm.kernels.simd import address, alloca
+from ispm.kernels.simd import alloca
 from ispm.kernels.threads import run_threads
 from ispm.lights.lightmap import LightMap, cone_measure, texel_measures, texel_rays
 from ispm.lights.plan import PlannedMap
@@ -117,6 +117,7 @@ def emit_rays(
     """
     batches = [np.zeros(0, EMITTED)]
     first_key = 0
+    tables = scene_tables(packed, world, surfaces)
     for index, maps in _by_light(plan):
         light = packed.lights[index : index + 1]
         views = _views(light[0], maps, [_density_of_rays(light[0], each) for each in maps])
@@ -126,9 +127,8 @@ def emit_rays(
             rows["key"] = np.arange(first_key, first_key + len(rows), dtype=np.uint32)
             first_key += len(rows)
             kernel = partial(
-                _emit_rays, address(world.table), surfaces.addresses, surfaces.texels, surfaces.rows,
-                light, maps[0].map.origin, views, i64(own), f64(each.shift[0]), f64(each.shift[1]),
-                u32(seed), u32(pass_index),
+                _emit_rays, tables, light, maps[0].map.origin, views, i64(own), f64(each.shift[0]),
+                f64(each.shift[1]), u32(seed), u32(pass_index),
             )  # fmt: skip
             _fill(kernel, rows, threads)
             batches.append(rows[rows["flux"].any(axis=1)])
@@ -208,11 +208,11 @@ def _thin(
 
 @jit
 def _emit_rays(
-    world, table, texels, texture_rows, lights, origin, views, own, shift_x, shift_y, seed,
+    tables, lights, origin, views, own, shift_x, shift_y, seed,
     pass_index, rows, first,
 ):  # fmt: skip
     light = lights[0]
-    stack, words = alloca(STACK_WORDS), alloca(2)
+    scratch = Scratch(alloca(STACK_WORDS), alloca(2))
     for i in range(len(rows)):
         x, y = _lattice(first + i, shift_x, shift_y)
         start, d, place = _ray(light, views[own], origin, x, y)
@@ -222,11 +222,11 @@ def _emit_rays(
         if density == f64(np.inf):
             continue  # outside a spot's cone
         u, _, _, _ = random4(rows[i].key, u32(_DIMENSION), pass_index, seed)
-        found, hit = closest_surface(world, table, texels, texture_rows, start, d, u, stack, words)
-        rows[i].instance = hit[0] if found else u32(NO_HIT)
-        rows[i].primitive = hit[1]
-        rows[i].u = hit[2]
-        rows[i].v = hit[3]
+        found, hit = closest_surface(tables, start, d, u, scratch)
+        rows[i].instance = hit.instance if found else u32(NO_HIT)
+        rows[i].primitive = hit.primitive
+        rows[i].u = hit.u
+        rows[i].v = hit.v
 
 
 @jit

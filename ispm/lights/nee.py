@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from ispm.accel.intersect import any_hit
+from ispm.accel.intersect import Hit, Ray, any_hit
 from ispm.accel.surface import closest_surface, hit_position, leave_surface, surface
 from ispm.optics.bsdf import eval_bsdf, has_finite, smooth_split, transmits
 from ispm.optics.jit import jit
@@ -21,36 +21,32 @@ SPOT_PARTS = 4  # in which a photon leaves a bright spot
 _SHEETS_MAX = 8  # of glass that a shadow ray passes
 BEFORE = f32(1e-4)  # of the distance that a shadow ray ends before a light, which may hang on a wall
 
-_ALPHA, _ETA, _THIN = 7, 13, 14  # places in a Bsdf tuple
-
 
 @jit
-def direct_light(place, lights, porous, hit, position, ng, n, b, wo, u, scratch, limit):
-    """Return (radiance along wo, rays traced) of the lobes at a hit that spread.
+def direct_light(tables, x, wo, u, scratch, limit):
+    """Return (radiance along wo, rays traced) of the lobes at a SurfacePoint that spread.
 
-    place    the world's and the surfaces' arrays: world, table, texels, rows
-    porous   whether any material may let shadow rays pass
-    scratch  a stack and a hit's words, for rays
-    limit    lights of which a bright spot is seen here are left out, see `is_bright`; infinite: none
+    u      random in [0, 1), for holes that shadow rays meet
+    limit  lights of which a bright spot is seen here are left out, see `is_bright`; infinite: none
     """
     total, traced = (f32(0), f32(0), f32(0)), i64(0)
-    for k in range(len(lights)):
-        radiance, distance, wi = _unshadowed(lights[k], position, ng, n, b, wo, limit)
+    for k in range(len(tables.lights)):
+        radiance, distance, wi = _unshadowed(tables.lights[k], x, wo, limit)
         if greatest(radiance) > f32(0):
-            start = leave_surface(place[0], place[1], hit, side_of(ng, wi))
-            passed = let_through(place, porous, start, wi, distance, u, scratch)
+            start = leave_surface(tables, x.hit, side_of(x.ng, wi))
+            passed = let_through(tables, start, wi, distance, u, scratch)
             total, traced = add(total, times(radiance, passed)), traced + i64(1)
     return total, traced
 
 
 @jit
-def light_from_one(place, lights, porous, hit, position, ng, n, b, wo, u, pick, scratch, limit):
+def light_from_one(tables, x, wo, u, pick, scratch, limit):
     """Return what `direct_light` does in the mean, by one ray: to a light that `pick`, of [0, 1), draws in
     proportion to the radiance that each makes without shadows."""
     total, none = f32(0), (f32(0), f32(0), f32(0))
     drawn, weight, farthest, toward = none, f32(1), f32(0), wo
-    for k in range(len(lights)):
-        radiance, distance, wi = _unshadowed(lights[k], position, ng, n, b, wo, limit)
+    for k in range(len(tables.lights)):
+        radiance, distance, wi = _unshadowed(tables.lights[k], x, wo, limit)
         value = radiance[0] + radiance[1] + radiance[2]
         if value > f32(0):
             total += value
@@ -61,24 +57,24 @@ def light_from_one(place, lights, porous, hit, position, ng, n, b, wo, u, pick, 
                 pick = (pick * total - value) / (total - value)
     if total <= f32(0):
         return none
-    start = leave_surface(place[0], place[1], hit, side_of(ng, toward))
-    passed = let_through(place, porous, start, toward, farthest, u, scratch)
+    start = leave_surface(tables, x.hit, side_of(x.ng, toward))
+    passed = let_through(tables, start, toward, farthest, u, scratch)
     return scale(total / weight, times(drawn, passed))
 
 
 @jit
-def _unshadowed(light, position, ng, n, b, wo, limit):
+def _unshadowed(light, x, wo, limit):
     """(radiance along wo of a light without shadows, its distance, wi); 0 where it makes a bright spot."""
-    irradiance, distance, wi = light_arriving(light, position)
+    irradiance, distance, wi = light_arriving(light, x.position)
     none = f32(0), f32(0), f32(0)
     if greatest(irradiance) <= f32(0):
         return none, distance, wi
-    f = eval_bsdf(b, n, ng, wo, wi)
-    if greatest(f) <= f32(0) or is_bright(b, ng, wo, irradiance, wi, limit):
+    f = eval_bsdf(x.bsdf, x.n, x.ng, wo, wi)
+    if greatest(f) <= f32(0) or is_bright(x.bsdf, x.ng, wo, irradiance, wi, limit):
         return none, distance, wi
-    if dot(wi, ng) < f32(0) and b[_THIN] == f32(0):  # refracted radiance
-        f = scale(f32(1) / (b[_ETA] * b[_ETA]), f)
-    return scale(abs(dot(n, wi)), times(f, irradiance)), distance, wi
+    if dot(wi, x.ng) < f32(0) and x.bsdf.thin == f32(0):  # refracted radiance
+        f = scale(f32(1) / (x.bsdf.eta * x.bsdf.eta), f)
+    return scale(abs(dot(x.n, wi)), times(f, irradiance)), distance, wi
 
 
 @jit
@@ -97,26 +93,27 @@ def is_bright(b, ng, wo, irradiance, wi, limit):
 
 
 @jit
-def is_spot(light, position, ng, b, wo, limit):
+def is_spot(light, x, wo, limit):
     """Return whether a light makes a bright spot of a point that is seen along wo."""
-    irradiance, _, wi = light_arriving(light, position)
-    return is_bright(b, ng, wo, irradiance, wi, limit)
+    irradiance, _, wi = light_arriving(light, x.position)
+    return is_bright(x.bsdf, x.ng, wo, irradiance, wi, limit)
 
 
 @jit
-def parts_at_spot(table, texels, rows, lights, photon, limit):
+def parts_at_spot(tables, photon, limit):
     """Return in how many parts an EMITTED photon goes on from its first hit: more from a bright spot.
 
     Its light reaches the picture by photons alone, and they would be most of the picture's noise.
     """
     if limit == f32(np.inf) or photon.instance == u32(NO_HIT):
         return i64(1)
-    light, hit = lights[i64(photon.light)], (photon.instance, photon.primitive, photon.u, photon.v)
-    irradiance, _, wi = light_arriving(light, hit_position(table, hit))
+    light = tables.lights[i64(photon.light)]
+    hit = Hit(photon.instance, photon.primitive, photon.u, photon.v)
+    irradiance, _, wi = light_arriving(light, hit_position(tables.surfaces, hit))
     if greatest(irradiance) <= limit:
         return i64(1)
-    _, ng, _, b, _, _ = surface(table, texels, rows, hit, scale(f32(-1), wi))
-    return i64(SPOT_PARTS) if is_bright(b, ng, ng, irradiance, wi, limit) else i64(1)
+    x = surface(tables, hit, scale(f32(-1), wi))
+    return i64(SPOT_PARTS) if is_bright(x.bsdf, x.ng, x.ng, irradiance, wi, limit) else i64(1)
 
 
 @jit
@@ -126,32 +123,32 @@ def is_gathered(b):
 
 
 @jit
-def let_through(place, porous, start, d, distance, u, scratch):
+def let_through(tables, start, d, distance, u, scratch):
     """Return the share of light, RGB, that comes to `start` from `distance` m along `d`.
 
     Thin smooth sheets let it through by their transmittance, holes wholly; all else blocks.
     """
-    world, table, texels, rows = place
-    stack, words = scratch
     none, share = (f32(0), f32(0), f32(0)), (f32(1), f32(1), f32(1))
     limit = distance * (f32(1) - BEFORE)
-    if not any_hit(world, start[0], start[1], start[2], d[0], d[1], d[2], limit, stack):
+    if not any_hit(tables.world, Ray(start, d, limit), scratch.stack):
         return share
-    if not porous:
+    if not tables.porous:
         return none
     for _ in range(_SHEETS_MAX):
-        found, hit = closest_surface(world, table, texels, rows, start, d, u, stack, words)
+        found, hit = closest_surface(tables, start, d, u, scratch)
         if not found:
             return share
-        way = sub(hit_position(table, hit), start)
+        way = sub(hit_position(tables.surfaces, hit), start)
         limit -= math.sqrt(dot(way, way))
         if limit <= f32(0):
             return share
-        _, ng, n, b, _, _ = surface(table, texels, rows, hit, d)
-        if b[_THIN] == f32(0) or b[_ALPHA] > f32(0) or not transmits(b):
+        x = surface(tables, hit, d)
+        b = x.bsdf
+        if b.thin == f32(0) or b.alpha > f32(0) or not transmits(b):
             return none
-        share = times(share, smooth_split(b, n, ng, scale(f32(-1), d))[1])
-        start = leave_surface(world, table, hit, scale(f32(-1), ng))
+        _, transmittance, _, _, _ = smooth_split(b, x.n, x.ng, scale(f32(-1), d))
+        share = times(share, transmittance)
+        start = leave_surface(tables, hit, scale(f32(-1), x.ng))
     return none
 
 

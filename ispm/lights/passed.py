@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
-from ispm.accel.intersect import STACK_WORDS
-from ispm.accel.surface import SurfaceTable
+from ispm.accel.intersect import STACK_WORDS, Scratch
+from ispm.accel.surface import SurfaceTable, scene_tables
 from ispm.accel.world import World
 from ispm.kernels.simd import address, alloca, atomic_add
 from ispm.kernels.threads import run_threads
@@ -19,6 +21,15 @@ f32, i64, u32 = np.float32, np.int64, np.uint32
 
 _DIMENSION = 3 << 20  # of the random numbers for holes
 _CHUNK = 64
+
+
+class _Numbers(NamedTuple):
+    """Random numbers of each ray: those of its key, uint32, at one dimension."""
+
+    keys: np.ndarray
+    dimension: np.uint32
+    pass_index: np.uint32
+    seed: np.uint32
 
 
 def passed_light(
@@ -43,17 +54,17 @@ def passed_light(
     if not (packed.materials["flags"] & (MATERIAL_MASK | MATERIAL_BLEND | MATERIAL_THIN)).any():
         free = ~world.occluded(starts, directions, distances * (f32(1) - BEFORE))
         return np.repeat(free[:, None], 3, axis=1).astype(np.float32)
-    place = address(world.table), surfaces.addresses, surfaces.texels, surfaces.rows
+    tables = scene_tables(packed, world, surfaces)
     rays = tuple(np.ascontiguousarray(a, np.float32) for a in (starts, directions, distances))
-    numbers = keys.astype(np.uint32), u32(_DIMENSION + sample), u32(pass_index), u32(seed)
+    numbers = _Numbers(keys.astype(np.uint32), u32(_DIMENSION + sample), u32(pass_index), u32(seed))
     counter, out = np.zeros(8, np.int64), np.empty((len(starts), 3), np.float32)
-    run_threads(lambda _: _pass_chunks(place, *rays, numbers, address(counter), out), threads)
+    run_threads(lambda _: _pass_chunks(tables, *rays, numbers, address(counter), out), threads)
     return out
 
 
 @jit
-def _pass_chunks(place, starts, directions, distances, numbers, counter, out):
-    scratch = alloca(STACK_WORDS), alloca(2)
+def _pass_chunks(tables, starts, directions, distances, numbers, counter, out):
+    scratch = Scratch(alloca(STACK_WORDS), alloca(2))
     while True:
         first = atomic_add(counter, i64(_CHUNK))
         if first >= len(starts):
@@ -61,7 +72,7 @@ def _pass_chunks(place, starts, directions, distances, numbers, counter, out):
         for i in range(first, min(first + i64(_CHUNK), len(starts))):
             start = (starts[i, 0], starts[i, 1], starts[i, 2])
             d = (directions[i, 0], directions[i, 1], directions[i, 2])
-            u = random4(numbers[0][i], numbers[1], numbers[2], numbers[3])[0]
-            passed = let_through(place, True, start, d, distances[i], u, scratch)
+            u, _, _, _ = random4(numbers.keys[i], numbers.dimension, numbers.pass_index, numbers.seed)
+            passed = let_through(tables, start, d, distances[i], u, scratch)
             for c in range(3):
                 out[i, c] = passed[c]

@@ -4,16 +4,6 @@ Twin of bsdf.wgsl. Directions leave the surface, tuples of three; the cosine is 
 `wi` is evaluated or sampled: the eye's `wo` is towards the eye, a photon's points back along its flight. Both
 normals, shading n and geometric ng, are on wo's side.
 
-A Bsdf is a tuple of 15 float32:
- 0 diffuse r, g, b        albedo of the Lambert lobe, before it gives way to reflection
- 3 f0 r, g, b             reflectance of the facets along their normal
- 6 f90                    and at grazing incidence
- 7 alpha                  roughness^2; exactly 0: smooth, reflection and transmission go one way each
- 8 dielectric_f0, _f90    the reflection that the Lambert lobe and transmission give way to
-10 tint r, g, b           transmittance before it does; 0: opaque
-13 eta                    index of refraction of the other side over this one's
-14 thin                   1: a sheet without inside, light goes straight through; 0: a solid's boundary
-
 Opaque surfaces take Schlick's Fresnel term, transmitting ones the exact one. glTF weighs the Lambert lobe by
 the half vector's, which gains energy at grazing angles: a smooth white dielectric reflects 1.4 times the
 light that comes in at 3 degrees above it, 1.01 at 37 degrees.
@@ -22,6 +12,7 @@ Sources: glTF 2.0 specification, appendix B; GGX and rough refraction: Walter et
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -36,7 +27,7 @@ from ispm.optics.microfacet import (
     visible_normal,
 )  # fmt: skip
 from ispm.optics.sampling import cosine_hemisphere, to_local, to_world
-from ispm.optics.vector import add, dot, luminance, normalize, scale, sub
+from ispm.optics.vector import Vector, add, dot, luminance, normalize, scale, sub
 
 f32 = np.float32
 
@@ -44,8 +35,29 @@ MIN_ALPHA = f32(1e-3)  # smoother surfaces are mirrors or clear
 MIN_CONTRAST = f32(1e-2)  # |index - 1| below which facets bend nothing, and rough solids count as clear
 _INV_PI = f32(1 / math.pi)
 
-# Places of the scalars in a Bsdf tuple.
-_F90, _ALPHA, _DIELECTRIC_F0, _DIELECTRIC_F90, _ETA, _THIN = 6, 7, 8, 9, 13, 14
+
+class Bsdf(NamedTuple):
+    """How a surface scatters at a point; fields as in bsdf.wgsl, float32, vectors RGB.
+
+    diffuse  albedo of the Lambert lobe, before it gives way to reflection
+    f0       reflectance of the facets along their normal
+    f90      and at grazing incidence
+    alpha    roughness^2; exactly 0: smooth, reflection and transmission go one way each
+    dielectric_f0, dielectric_f90   the reflection that the Lambert lobe and transmission give way to
+    tint     transmittance before it does; 0: opaque
+    eta      index of refraction of the other side over this one's
+    thin     1: a sheet without inside, light goes straight through; 0: a solid's boundary
+    """
+
+    diffuse: Vector
+    f0: Vector
+    f90: np.float32
+    alpha: np.float32
+    dielectric_f0: np.float32
+    dielectric_f90: np.float32
+    tint: Vector
+    eta: np.float32
+    thin: np.float32
 
 
 @jit
@@ -65,20 +77,14 @@ def surface_bsdf(
     b = min(f0 * specular_color[2], f32(1)) * specular
     alpha = roughness * roughness
     bends_nothing = clear > f32(0) and not thin and abs(ior - f32(1)) < MIN_CONTRAST
-    return (
-        base[0] * opaque,
-        base[1] * opaque,
-        base[2] * opaque,
-        _mix(r, base[0], metallic),
-        _mix(g, base[1], metallic),
-        _mix(b, base[2], metallic),
+    return Bsdf(
+        scale(opaque, base),
+        (_mix(r, base[0], metallic), _mix(g, base[1], metallic), _mix(b, base[2], metallic)),
         _mix(specular, f32(1), metallic),
         f32(0) if alpha < MIN_ALPHA or bends_nothing else alpha,
         max(r, max(g, b)),
         specular,
-        base[0] * clear,
-        base[1] * clear,
-        base[2] * clear,
+        scale(clear, base),
         ior if thin or entering else f32(1) / ior,
         f32(1) if thin else f32(0),
     )
@@ -92,25 +98,19 @@ def _mix(a, b, t):
 @jit
 def transmits(b):
     """Return whether some light goes through."""
-    return b[10] + b[11] + b[12] > f32(0)
+    return b.tint[0] + b.tint[1] + b.tint[2] > f32(0)
 
 
 @jit
 def is_lambert(b):
     """Return whether there are no facets: neither reflection nor transmission beside the Lambert lobe."""
-    return b[3] + b[4] + b[5] + b[_F90] == f32(0) and not transmits(b)
+    return b.f0[0] + b.f0[1] + b.f0[2] + b.f90 == f32(0) and not transmits(b)
 
 
 @jit
 def is_smooth(b):
     """Return whether reflection and transmission go one way each."""
-    return b[_ALPHA] == f32(0)
-
-
-@jit
-def eta_of(b):
-    """Return the index of refraction on the side that wi goes through to, over that on wo's side."""
-    return b[_ETA]
+    return b.alpha == f32(0)
 
 
 @jit
@@ -119,7 +119,7 @@ def has_finite(b):
 
     What rough glass shows is left to eye paths.
     """
-    return (b[_ALPHA] > f32(0) and not transmits(b)) or b[0] + b[1] + b[2] > f32(0)
+    return (b.alpha > f32(0) and not transmits(b)) or b.diffuse[0] + b.diffuse[1] + b.diffuse[2] > f32(0)
 
 
 @jit
@@ -137,21 +137,21 @@ def fresnel_weight(b, cosine):
     """
     if not transmits(b):
         return schlick(cosine)
-    root = (b[_ETA] - f32(1)) / (b[_ETA] + f32(1))
+    root = (b.eta - f32(1)) / (b.eta + f32(1))
     f0 = root * root
-    return (fresnel_dielectric(min(cosine, f32(1)), b[_ETA]) - f0) / (f32(1) - f0)
+    return (fresnel_dielectric(min(cosine, f32(1)), b.eta) - f0) / (f32(1) - f0)
 
 
 @jit
 def facet_reflectance(b, fc):
     """Return what facets reflect, RGB."""
-    return _mix(b[3], b[_F90], fc), _mix(b[4], b[_F90], fc), _mix(b[5], b[_F90], fc)
+    return _mix(b.f0[0], b.f90, fc), _mix(b.f0[1], b.f90, fc), _mix(b.f0[2], b.f90, fc)
 
 
 @jit
 def facet_transmittance(b, fc):
     """Return what facets let through, RGB."""
-    return scale(f32(1) - _mix(b[_DIELECTRIC_F0], b[_DIELECTRIC_F90], fc), (b[10], b[11], b[12]))
+    return scale(f32(1) - _mix(b.dielectric_f0, b.dielectric_f90, fc), b.tint)
 
 
 @jit
@@ -165,8 +165,8 @@ def specular_split(b, h, wo):
     through, beyond = False, scale(f32(-1), wo)
     if transmits(b):
         through = True
-        if b[_THIN] == f32(0):
-            through, beyond = refract(wo, h, b[_ETA])
+        if b.thin == f32(0):
+            through, beyond = refract(wo, h, b.eta)
     transmittance = facet_transmittance(b, fc) if through else (f32(0), f32(0), f32(0))
     return facet_reflectance(b, fc), transmittance, mirrored(wo, h), beyond, through
 
@@ -199,14 +199,14 @@ def eval_bsdf(b, n, ng, wo, wi):
         return _eval_transmission(b, n, wo, wi)
     h = normalize(add(wo, wi))
     fc = fresnel_weight(b, dot(wo, h))
-    lambert = (f32(1) - _mix(b[_DIELECTRIC_F0], b[_DIELECTRIC_F90], fc)) * _INV_PI
+    lambert = (f32(1) - _mix(b.dielectric_f0, b.dielectric_f90, fc)) * _INV_PI
     if is_smooth(b):
-        return b[0] * lambert, b[1] * lambert, b[2] * lambert
-    dv = ggx(b[_ALPHA], n, h) * smith(b[_ALPHA], dot(n, wo), nl)
+        return b.diffuse[0] * lambert, b.diffuse[1] * lambert, b.diffuse[2] * lambert
+    dv = ggx(b.alpha, n, h) * smith(b.alpha, dot(n, wo), nl)
     return (
-        b[0] * lambert + dv * _mix(b[3], b[_F90], fc),
-        b[1] * lambert + dv * _mix(b[4], b[_F90], fc),
-        b[2] * lambert + dv * _mix(b[5], b[_F90], fc),
+        b.diffuse[0] * lambert + dv * _mix(b.f0[0], b.f90, fc),
+        b.diffuse[1] * lambert + dv * _mix(b.f0[1], b.f90, fc),
+        b.diffuse[2] * lambert + dv * _mix(b.f0[2], b.f90, fc),
     )
 
 
@@ -218,7 +218,7 @@ def _eval_transmission(b, n, wo, wi):
     h, spread = transmitting_facet(b, n, wo, wi)
     if spread <= f32(0):
         return f32(0), f32(0), f32(0)
-    dvs = ggx(b[_ALPHA], n, h) * smith(b[_ALPHA], dot(n, wo), -dot(n, wi)) * spread
+    dvs = ggx(b.alpha, n, h) * smith(b.alpha, dot(n, wo), -dot(n, wi)) * spread
     return scale(dvs, facet_transmittance(b, fresnel_weight(b, dot(wo, h))))
 
 
@@ -229,9 +229,9 @@ def transmitting_facet(b, n, wo, wi):
     Reflecting facets have 1 for the latter. 0: there are none. Thin sheets mirror their reflection through;
     solids: Walter et al. 2007, equations 16 and 17.
     """
-    if b[_THIN] > f32(0):
+    if b.thin > f32(0):
         return normalize(add(wo, sub(wi, scale(f32(2) * dot(n, wi), n)))), f32(1)
-    sum_ = add(wo, scale(b[_ETA], wi))
+    sum_ = add(wo, scale(b.eta, wi))
     square = dot(sum_, sum_)
     if square <= f32(0):
         return n, f32(0)
@@ -239,7 +239,7 @@ def transmitting_facet(b, n, wo, wi):
     co, ci = dot(wo, h), dot(wi, h)
     if co <= f32(0) or ci >= f32(0):
         return n, f32(0)
-    return h, f32(-4) * co * ci * b[_ETA] * b[_ETA] / square
+    return h, f32(-4) * co * ci * b.eta * b.eta / square
 
 
 @jit
@@ -264,7 +264,7 @@ def gloss_share(b, n, wo):
         fc = fresnel_weight(b, dot(n, wo))
         glossy = luminance(facet_transmittance(b, fc))
     glossy += luminance(facet_reflectance(b, fc))
-    diffuse = luminance((b[0], b[1], b[2])) * (f32(1) - b[_DIELECTRIC_F0])
+    diffuse = luminance(b.diffuse) * (f32(1) - b.dielectric_f0)
     return glossy / (glossy + diffuse) if glossy > f32(0) else f32(0)
 
 
@@ -291,9 +291,9 @@ def pdf_bsdf(b, n, wo, wi):
         return lambert
     if nl > f32(0):
         h = normalize(add(wo, wi))
-        return lambert + share * reflection_chance(b, dot(wo, h)) * _visible(b[_ALPHA], n, nv, h)
+        return lambert + share * reflection_chance(b, dot(wo, h)) * _visible(b.alpha, n, nv, h)
     h, spread = transmitting_facet(b, n, wo, wi)
-    return share * (f32(1) - reflection_chance(b, dot(wo, h))) * _visible(b[_ALPHA], n, nv, h) * spread
+    return share * (f32(1) - reflection_chance(b, dot(wo, h))) * _visible(b.alpha, n, nv, h) * spread
 
 
 @jit
@@ -314,7 +314,12 @@ def sample_bsdf(b, n, ng, wo, u1, u2, u3, radiance):
     """
     if is_lambert(b):  # nothing for it to give way to, so that the weight is its albedo
         wi = to_world(cosine_hemisphere(u1, u2), n)
-        return dot(ng, wi) > f32(0) and b[0] + b[1] + b[2] > f32(0), wi, (b[0], b[1], b[2]), False
+        return (
+            dot(ng, wi) > f32(0) and b.diffuse[0] + b.diffuse[1] + b.diffuse[2] > f32(0),
+            wi,
+            b.diffuse,
+            False,
+        )
     share = gloss_share(b, n, wo)
     ok = True
     if u3 >= share:
@@ -335,7 +340,7 @@ def sample_bsdf(b, n, ng, wo, u1, u2, u3, radiance):
 @jit
 def _compression(b):
     """What refraction makes of radiance: 1 / eta^2; 1 for a sheet."""
-    return f32(1) if b[_THIN] > f32(0) else f32(1) / (b[_ETA] * b[_ETA])
+    return f32(1) if b.thin > f32(0) else f32(1) / (b.eta * b.eta)
 
 
 @jit
@@ -355,13 +360,13 @@ def _sample_smooth(b, n, ng, wo, u, share, radiance):
 @jit
 def _sample_facet(b, n, wo, u1, u2, u3):
     """(ok, wi) from a facet that wo sees; not ok: it leads to the wrong side of the surface."""
-    h = to_world(visible_normal(b[_ALPHA], to_local(wo, n), u1, u2), n)
+    h = to_world(visible_normal(b.alpha, to_local(wo, n), u1, u2), n)
     above = mirrored(wo, h)
     if not transmits(b) or u3 < reflection_chance(b, dot(wo, h)):
         return dot(n, above) > f32(0), above
-    if b[_THIN] > f32(0):
+    if b.thin > f32(0):
         return dot(n, above) > f32(0), sub(above, scale(f32(2) * dot(n, above), n))
-    through, beyond = refract(wo, h, b[_ETA])
+    through, beyond = refract(wo, h, b.eta)
     return through and dot(n, beyond) < f32(0), beyond
 
 

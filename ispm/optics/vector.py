@@ -11,6 +11,8 @@ from ispm.optics.jit import jit
 
 f32 = np.float32
 
+Vector = tuple[np.float32, np.float32, np.float32]
+
 LUMINANCE = (0.2126, 0.7152, 0.0722)  # of linear sRGB (BT.709)
 
 

@@ -11,12 +11,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
-from ispm.accel.intersect import STACK_WORDS
+from ispm.accel.intersect import STACK_WORDS, Hit, Scratch
 from ispm.accel.rays import HIT
-from ispm.accel.surface import SurfaceTable, closest_surface, glow, hit_position, surface
+from ispm.accel.surface import SurfaceTable, closest_surface, glow, hit_position, scene_tables, surface
 from ispm.accel.world import World
 from ispm.kernels.simd import address, alloca, atomic_add
 from ispm.kernels.threads import run_threads
@@ -24,14 +25,11 @@ from ispm.lights.nee import direct_light, greatest, times
 from ispm.optics.bsdf import has_finite, is_smooth, transmits
 from ispm.optics.jit import jit
 from ispm.optics.records import (
-    MATERIAL_BLEND,
-    MATERIAL_MASK,
-    MATERIAL_THIN,
     MATERIAL_UNLIT,
     NO_HIT,
     RECEIVER,
 )  # fmt: skip
-from ispm.optics.vector import add, dot, scale, sub
+from ispm.optics.vector import Vector, add, dot, scale, sub
 from ispm.paths.facet import ROUGH_SAMPLES, facet_numbers, facet_split, go_on
 from ispm.paths.vertices import BLACK, END, FIRST, store_end, store_first, store_point
 from ispm.photons.walk import attenuated, depart, medium, nowhere
@@ -49,9 +47,7 @@ _EVENTS_APART = 32  # numbers of the events of two paths that part
 _CHUNK = 64  # pixels a thread takes at a time; results do not depend on it or on the threads
 _BATCH = 1 << 15  # pixels whose ends lie in memory at their full number
 
-_ETA, _THIN = 13, 14  # places in a Bsdf tuple
 _WHITE = f32(1), f32(1), f32(1)
-_WEIGHT = 5  # and in a path, see `_leave`
 
 END_AND_POINT = np.dtype([("end", END), ("point", RECEIVER)])  # where a path ends, and its first surface
 
@@ -124,11 +120,9 @@ def trace_eye(
     if hits is None:
         hits = np.zeros(count, HIT)
         hits["instance"] = NO_HIT
-    porous = bool((packed.materials["flags"] & (MATERIAL_MASK | MATERIAL_BLEND | MATERIAL_THIN)).any())
-    scene = (
-        packed.lights, porous, tuple(map(f32, rays.width)), u32(seed), u32(pass_index),
-        tuple(map(f32, rays.slack)),
-    )  # fmt: skip
+    tables = scene_tables(packed, world, surfaces)
+    (width, spread), (near, past) = rays.width, rays.slack
+    view = _View(f32(width), f32(spread), f32(near), f32(past), u32(pass_index), u32(seed))
     capacity = _CHUNK * _PATHS_MAX * _ENDS_MAX * _samples(packed)
     ends, points, traced = [np.zeros(0, END)], [np.zeros(0, RECEIVER)], 0
     for first in range(0, count, _BATCH):
@@ -140,13 +134,12 @@ def trace_eye(
 
         def work(_: int, part: slice = part, room: np.ndarray = room, counts: np.ndarray = counts,
                  counter: np.ndarray = counter) -> None:  # fmt: skip
-            table, foot = surfaces.own_footprint()
+            own, footprint = surfaces.own_footprint()
             _follow_chunks(
-                (address(world.table), table, surfaces.texels, surfaces.rows), scene, foot,
-                (origins[part], directions[part], rays.distances[part], rays.keys[part],
-                 hits[part]),
+                tables._replace(surfaces=own), view, footprint,
+                _Rays(origins[part], directions[part], rays.distances[part], rays.keys[part], hits[part]),
                 i64(part.start), address(counter),
-                (direct[part], emission[part], room, firsts[part], through[part]), counts,
+                _Out(direct[part], emission[part], through[part], firsts[part], room, counts),
             )  # fmt: skip
 
         run_threads(work, threads)
@@ -175,53 +168,138 @@ def _samples(packed: Packed) -> int:
     return ROUGH_SAMPLES if rough.any() else 1
 
 
+class _View(NamedTuple):
+    """What holds for all rays: width, spread, near and past are `EyeRays.width` and `slack`."""
+
+    width: np.float32
+    spread: np.float32
+    near: np.float32
+    past: np.float32
+    pass_index: np.uint32
+    seed: np.uint32
+
+
+class _Rays(NamedTuple):
+    """Arrays of EyeRays."""
+
+    origins: np.ndarray
+    directions: np.ndarray
+    distances: np.ndarray
+    keys: np.ndarray
+    hits: np.ndarray
+
+
+class _Out(NamedTuple):
+    """What kernels write: arrays of EyePaths, and by chunks
+
+    ends    (m,) END_AND_POINT, of which each chunk has an equal part
+    counts  (chunks, 2) int64, ends and rays
+    """
+
+    direct: np.ndarray
+    emission: np.ndarray
+    through: np.ndarray
+    firsts: np.ndarray
+    ends: np.ndarray
+    counts: np.ndarray
+
+
+class _Thread(NamedTuple):
+    """What one thread works with: Scratch, and the (1,) float32 that is its surfaces' footprint, see
+    `SurfaceTable.own_footprint`."""
+
+    scratch: Scratch
+    footprint: np.ndarray
+
+
+class _Done(NamedTuple):
+    """How far a chunk is: the next free row of the ends, and the number of rays traced."""
+
+    row: np.int64
+    traced: np.int64
+
+
+class _Branch(NamedTuple):
+    """Where a path goes on from a surface; fields as those of a `_Path` there."""
+
+    key: np.uint32
+    dimension: np.uint32
+    lane: np.int64
+    d: Vector
+    weight: Vector
+    clear: bool
+
+
+class _Path(NamedTuple):
+    """A path on its way.
+
+    key, dimension  of its random numbers
+    lane            of its first end
+    start, d        of its next ray
+    weight          of the radiance that comes back along it
+    inside, focus   the hit at which it entered what it is in, see `medium`; what that makes of radiance
+    length          m from the eye to `start`
+    clear           whether it went through glass alone, so that it sees the background
+    """
+
+    key: np.uint32
+    dimension: np.uint32
+    lane: np.int64
+    start: Vector
+    d: Vector
+    weight: Vector
+    inside: Hit
+    focus: np.float32
+    length: np.float32
+    clear: bool
+
+
 @jit
-def _follow_chunks(place, scene, foot, rays, first, counter, out, counts):
-    room = out[2]
-    capacity = i64(len(room) // len(counts))
-    scratch = alloca(STACK_WORDS), alloca(2)
+def _follow_chunks(tables, view, footprint, rays, first, counter, out):
+    counts = out.counts
+    capacity = i64(len(out.ends) // len(counts))
+    thread = _Thread(Scratch(alloca(STACK_WORDS), alloca(2)), footprint)
     while True:
         chunk = atomic_add(counter, i64(1))
         if chunk >= len(counts):
             return
-        at = chunk * capacity, i64(0)
-        for i in range(chunk * i64(_CHUNK), min((chunk + 1) * i64(_CHUNK), len(rays[0]))):
-            at = _follow_pixel(place, scene, foot, scratch, rays, i, (first + i, i), out, at)
-        counts[chunk, 0] = at[0] - chunk * capacity
-        counts[chunk, 1] = at[1]
+        done = _Done(chunk * capacity, i64(0))
+        for i in range(chunk * i64(_CHUNK), min((chunk + 1) * i64(_CHUNK), len(rays.origins))):
+            done = _follow_pixel(tables, view, thread, rays, i, first + i, out, done)
+        counts[chunk, 0] = done.row - chunk * capacity
+        counts[chunk, 1] = done.traced
 
 
 @jit
-def _follow_pixel(place, scene, foot, scratch, rays, i, slot, out, at):
-    """Follow all paths of ray `i`; `at`: the next free row of the ends, and the number of rays traced."""
-    world, table, texels, rows = place
-    start, d, key = _vector(rays[0], i), _vector(rays[1], i), rays[3][i]
+def _follow_pixel(tables, view, thread, rays, i, slot, out, done):
+    """Follow all paths of ray `i`, whose ends have `slot`; return the _Done."""
+    start, d, key = _vector(rays.origins, i), _vector(rays.directions, i), rays.keys[i]
     near, past = f32(0), False
-    shown, length = rays[4][i], rays[2][i]
-    hit = shown.instance, shown.primitive, shown.u, shown.v
+    shown, length = rays.hits[i], rays.distances[i]
+    hit = Hit(shown.instance, shown.primitive, shown.u, shown.v)
     if shown.instance == u32(NO_HIT):
-        near = length * (f32(1) - scene[5][0])
+        near = length * (f32(1) - view.near)
         start = add(start, scale(near, d))
-        found, hit = closest_surface(world, table, texels, rows, start, d, f32(0), scratch[0], scratch[1])
+        found, hit = closest_surface(tables, start, d, f32(0), thread.scratch)
         if not found:
-            _add(out[4], slot[1], _WHITE, _WHITE)
-            return at[0], at[1] + i64(1)
-        length = near + _distance(table, hit, start)
-        past = length > rays[2][i] * (f32(1) + scene[5][1])  # the edge of what the rasteriser drew
-    foot[0] = _width(scene, length)
-    _, ng, n, b, flags, entering = surface(table, texels, rows, hit, d)
+            _add(out.through, i, _WHITE, _WHITE)
+            return _Done(done.row, done.traced + i64(1))
+        length = near + _distance(tables, hit, start)
+        past = length > rays.distances[i] * (f32(1) + view.past)  # the edge of what the rasteriser drew
+    thread.footprint[0] = _width(view, length)
+    x = surface(tables, hit, d)
     wo = scale(f32(-1), d)
     blurred = f32(0)
-    for k in range(1 if past else _branches(b)):
-        path = key, u32(0), SCATTERED, start, d, _WHITE, nowhere(), f32(1), near, True
+    for k in range(1 if past else _branches(x.bsdf)):
+        path = _Path(key, u32(0), i64(SCATTERED), start, d, _WHITE, nowhere(), f32(1), near, True)
         if not past:
-            path = _branch(place, scene, key, k, hit, ng, n, b, wo, flags, entering, length)
-        if greatest(path[_WEIGHT]) > _LEAST * f32(1.0 / ROUGH_SAMPLES):
-            at, end = _follow_often(place, scene, foot, scratch, path, slot, out, at)
+            path = _branch(tables, view, x, wo, key, k, length)
+        if greatest(path.weight) > _LEAST * f32(1.0 / ROUGH_SAMPLES):
+            done, end = _follow_often(tables, view, thread, path, i, slot, out, done)
             blurred += (end - length) / end if k < ROUGH_SAMPLES else f32(0)
-    angle = blurred * length / (f32(ROUGH_SAMPLES) * _width(scene, length))
-    store_first(out[3][slot[1]], n, ng, b, u32(NO_HIT) if past else hit[0], angle)
-    return at
+    angle = blurred * length / (f32(ROUGH_SAMPLES) * _width(view, length))
+    store_first(out.firsts[i], x, u32(NO_HIT) if past else hit.instance, angle)
+    return done
 
 
 @jit
@@ -233,13 +311,13 @@ def _branches(b):
 
 
 @jit
-def _branch(place, scene, key, k, hit, ng, n, b, wo, flags, entering, length):
-    """Path `k` of `_branches`: transmitted, or of the rest reflected; all as `_leave` returns them."""
-    smooth = is_smooth(b)
+def _branch(tables, view, x, wo, key, k, length):
+    """_Path `k` of `_branches`: transmitted, or of the rest reflected."""
+    smooth = is_smooth(x.bsdf)
     passes = k == 1 if smooth else k < ROUGH_SAMPLES
     sample = 0 if smooth else (k if passes else (k - ROUGH_SAMPLES) * _REFLECTED_EACH)
-    u1, u2, _ = facet_numbers(key, u32(sample << 8), scene[4], scene[3])
-    reflectance, transmittance, above, beyond, _ = facet_split(b, n, ng, wo, u1, u2)
+    u1, u2, _ = facet_numbers(key, u32(sample << 8), view.pass_index, view.seed)
+    reflectance, transmittance, above, beyond, _ = facet_split(x, wo, u1, u2)
     wi, weight, dimension = above, reflectance, u32(sample << 8 | 1)
     share = f32(1) if smooth else f32(_REFLECTED_EACH / ROUGH_SAMPLES)
     lane = REFLECTED if smooth else SCATTERED
@@ -247,137 +325,124 @@ def _branch(place, scene, key, k, hit, ng, n, b, wo, flags, entering, length):
         wi, weight, dimension = beyond, transmittance, u32(sample << 8 | 128)
         share = f32(1) if smooth else f32(1.0 / ROUGH_SAMPLES)
         lane = TRANSMITTED if smooth else SCATTERED
-    way = key, dimension, lane, wi, scale(share, weight), True
-    return _leave(place, hit, ng, b, flags, entering, nowhere(), f32(1), length, way)
+    branch = _Branch(key, dimension, i64(lane), wi, scale(share, weight), True)
+    return _leave(tables, x, nowhere(), f32(1), length, branch)
 
 
 @jit
-def _leave(place, hit, ng, b, flags, entering, inside, focus, length, way):
-    """A path that goes on from a hit; way: its key, dimension, lane, direction, weight and `clear`.
-
-    key, dimension  of its random numbers
-    lane            of its first end
-    start, d        of its next ray
-    weight          of the radiance that comes back along it
-    inside, focus   the hit at which it entered what it is in, see `medium`; what that makes of radiance
-    length          m from the eye to `start`
-    clear           whether it went through glass alone, so that it sees the background
-    """
-    key, dimension, lane, wi, weight, clear = way
-    start, inside = depart(place[0], place[1], hit, flags, entering, inside, ng, wi)
-    passes, solid = dot(wi, ng) < f32(0), b[_THIN] == f32(0)
+def _leave(tables, x, inside, focus, length, branch):
+    """Return the _Path that goes on from a SurfacePoint by a _Branch; the rest as of a _Path."""
+    start, inside = depart(tables, x, inside, branch.d)
+    passes, solid = dot(branch.d, x.ng) < f32(0), x.bsdf.thin == f32(0)
     if passes and solid:
-        focus = f32(1) / (b[_ETA] * b[_ETA]) if entering else f32(1)
-    clear = clear and (passes or (solid and transmits(b) and not entering))
-    return key, dimension, lane, start, wi, weight, inside, focus, length, clear
+        focus = f32(1) / (x.bsdf.eta * x.bsdf.eta) if x.entering else f32(1)
+    clear = branch.clear and (passes or (solid and transmits(x.bsdf) and not x.entering))
+    return _Path(
+        branch.key, branch.dimension, branch.lane, start, branch.d, branch.weight, inside, focus, length,
+        clear,
+    )  # fmt: skip
 
 
 @jit
-def _follow_often(place, scene, foot, scratch, path, slot, out, at):
-    """Follow one path and the other where it parts; where it is its pixel's first to meet rough glass, others
-    beside it.
+def _follow_often(tables, view, thread, path, i, slot, out, done):
+    """Follow one path of ray `i` and the other where it parts; where it is its pixel's first to meet rough
+    glass, others beside it.
 
-    -> `at`, and the length of the last in m
+    -> the _Done, and the length of the last in m
     """
-    first, i = at[0], slot[1]
-    direct, emission, through = _vector(out[0], i), _vector(out[1], i), _vector(out[4], i)
-    key, dimension, lane, start, d, weight, inside, focus, length, clear = path
+    first, lane, whole = done.row, path.lane, path
+    direct, emission, through = _vector(out.direct, i), _vector(out.emission, i), _vector(out.through, i)
     share, k, count, rough = f32(1), 0, 1, False
-    end = length
+    end = path.length
     while k < count:
-        at, met, end, parted, path = _follow(place, scene, foot, scratch, path, slot, out, at)
+        done, met, end, parted, path = _follow(tables, view, thread, path, i, slot, out, done)
         rough = rough or met
         if parted:
             continue
         if rough and k == 0 and lane != SCATTERED:
-            share, count, lane = f32(1.0 / ROUGH_SAMPLES), ROUGH_SAMPLES, SCATTERED
+            share, count, lane = f32(1.0 / ROUGH_SAMPLES), ROUGH_SAMPLES, i64(SCATTERED)
             for c in range(3):
-                out[0][i, c] = direct[c] + share * (out[0][i, c] - direct[c])
-                out[1][i, c] = emission[c] + share * (out[1][i, c] - emission[c])
-                out[4][i, c] = through[c] + share * (out[4][i, c] - through[c])
-                for row in range(first, at[0]):
-                    out[2][row].end.weight[c] *= share
+                out.direct[i, c] = direct[c] + share * (out.direct[i, c] - direct[c])
+                out.emission[i, c] = emission[c] + share * (out.emission[i, c] - emission[c])
+                out.through[i, c] = through[c] + share * (out.through[i, c] - through[c])
+                for row in range(first, done.row):
+                    out.ends[row].end.weight[c] *= share
         k += 1
-        path = (
-            key, u32(dimension + u32(k << 8)), lane, start, d, scale(share, weight), inside, focus, length,
-            clear,
+        path = _Path(
+            whole.key, u32(whole.dimension + u32(k << 8)), lane, whole.start, whole.d,
+            scale(share, whole.weight), whole.inside, whole.focus, whole.length, whole.clear,
         )  # fmt: skip
-    return at, end
+    return done, end
 
 
 @jit
-def _follow(place, scene, foot, scratch, path, slot, out, at):
-    """Follow one path to its end or ends.
+def _follow(tables, view, thread, path, i, slot, out, done):
+    """Follow one path of ray `i` to its end or ends.
 
-    -> `at`, whether it met rough glass, its length in m, whether it parted, and if so the other path
+    -> the _Done, whether it met rough glass, its length in m, whether it parted, and if so the other path
     """
-    world, table, texels, rows = place
-    lights, porous, _, _, _, _ = scene
-    row, traced = at
+    row, traced = done.row, done.traced
     key, dimension, lane, start, d, weight, inside, focus, length, clear = path
     stored, rough, parted, other = 0, False, False, path
     for _ in range(EVENTS_MAX + 1):
-        u1, u2, u0 = facet_numbers(key, dimension, scene[4], scene[3])
+        u1, u2, u0 = facet_numbers(key, dimension, view.pass_index, view.seed)
         traced += i64(1)
-        found, hit = closest_surface(world, table, texels, rows, start, d, u0, scratch[0], scratch[1])
+        found, hit = closest_surface(tables, start, d, u0, thread.scratch)
         if not found:
             if clear:
-                _add(out[4], slot[1], _WHITE, weight)
+                _add(out.through, i, _WHITE, weight)
             length = f32(1e30)
             break
-        length += _distance(table, hit, start)
-        foot[0] = _width(scene, length)
-        position, ng, n, b, flags, entering = surface(table, texels, rows, hit, d)
-        inside = medium(inside, hit, flags, entering)
-        if inside[0] != u32(NO_HIT):
-            weight = attenuated(table, inside, start, position, weight)
+        length += _distance(tables, hit, start)
+        thread.footprint[0] = _width(view, length)
+        x = surface(tables, hit, d)
+        b = x.bsdf
+        inside = medium(inside, x)
+        if inside.instance != u32(NO_HIT):
+            weight = attenuated(tables, inside, start, x.position, weight)
         seen = scale(focus, weight)
-        _add(out[1], slot[1], glow(table, texels, rows, hit), seen)
-        unlit = flags & u32(MATERIAL_UNLIT) != u32(0)
+        _add(out.emission, i, glow(tables, hit), seen)
+        unlit = x.flags & u32(MATERIAL_UNLIT) != u32(0)
         wo = scale(f32(-1), d)
         if not unlit and (has_finite(b) or not is_smooth(b)):
-            light, shadows = direct_light(
-                place, lights, porous, hit, position, ng, n, b, wo, u0, scratch, f32(np.inf)
-            )  # fmt: skip
-            _add(out[0], slot[1], light, seen)
+            light, shadows = direct_light(tables, x, wo, u0, thread.scratch, f32(np.inf))
+            _add(out.direct, i, light, seen)
             traced += shadows
         if has_finite(b) or unlit:
             if unlit:
                 b = BLACK
-            store_end(out[2][row].end, slot[0], lane, seen, b, hit[0])
-            store_point(out[2][row].point, position, ng, n, wo, b, foot[0])
-            row, stored, lane = row + i64(1), stored + 1, SCATTERED
+            store_end(out.ends[row].end, slot, lane, seen, b, hit.instance)
+            store_point(out.ends[row].point, x, wo, b, thread.footprint[0])
+            row, stored, lane = row + i64(1), stored + 1, i64(SCATTERED)
         if unlit:
             break
         rough = rough or (transmits(b) and not is_smooth(b))
         may_part = lane == TRANSMITTED and not parted
-        alive, wi, factor, parts, above, kept = go_on(b, n, ng, wo, entering, u1, u2, may_part)
-        for turn in range(2 if parts else 1):  # the last is the one to go on with
-            if turn < parts:
-                path = key, u32(dimension + u32(_EVENTS_APART)), SCATTERED, above, times(weight, kept), clear
-            else:
-                path = key, u32(dimension + u32(1)), lane, wi, times(weight, factor), clear
-            left = _leave(place, hit, ng, b, flags, entering, inside, focus, length, path)
-            if turn < parts:
-                parted, other = True, left
-        weight = left[_WEIGHT]
+        alive, wi, factor, parts, above, kept = go_on(x, wo, u1, u2, may_part)
+        branch = _Branch(key, u32(dimension + u32(1)), lane, wi, times(weight, factor), clear)
+        if parts:
+            parting = _Branch(
+                key, u32(dimension + u32(_EVENTS_APART)), i64(SCATTERED), above, times(weight, kept), clear
+            )
+            parted, other = True, _leave(tables, x, inside, focus, length, parting)
+        left = _leave(tables, x, inside, focus, length, branch)
+        weight = left.weight
         if not alive or stored == _ENDS_MAX or greatest(weight) < (_STRONG if stored > 0 else _LEAST):
             break
         key, dimension, lane, start, d, weight, inside, focus, length, clear = left
-    return (row, traced), rough, length, parted, other
+    return _Done(row, traced), rough, length, parted, other
 
 
 @jit
-def _distance(table, hit, start):
-    way = sub(hit_position(table, hit), start)
+def _distance(tables, hit, start):
+    way = sub(hit_position(tables.surfaces, hit), start)
     return f32(math.sqrt(dot(way, way)))
 
 
 @jit
-def _width(scene, length):
+def _width(view, length):
     """What a pixel covers after `length` m of its path, were all mirrors flat."""
-    wide, spread = scene[2]
-    return wide + spread * length
+    return view.width + view.spread * length
 
 
 @jit

@@ -18,20 +18,20 @@ from ispm.optics.vector import add, dot, luminance, scale, sub
 f32, u32 = np.float32, np.uint32
 
 ROUGH_SAMPLES = 8  # facets that are drawn where a pixel shows rough glass; a power of 2
-_ALPHA, _THIN = 7, 14  # places in a Bsdf tuple
 
 
 @jit
-def go_on(b, n, ng, wo, entering, u1, u2, may_part):
+def go_on(x, wo, u1, u2, may_part):
     """Where a path goes on from a surface: (whether it does, wi, factor of its weight; whether another goes
     beside it, that one's wi and factor).
 
     From within a solid it leaves wherever it can: reflected, it would run round under a ball's rim. If it may
     part where the face is smooth, the other is reflected; else one stands for both.
     """
+    b, entering = x.bsdf, x.entering
     if not is_smooth(b) and not transmits(b):
         return False, wo, wo, False, wo, wo
-    reflectance, transmittance, above, beyond_, through = facet_split(b, n, ng, wo, u1, u2)
+    reflectance, transmittance, above, beyond_, through = facet_split(x, wo, u1, u2)
     both = add(reflectance, transmittance)
     if through and (not entering or luminance(transmittance) > luminance(reflectance)):
         if may_part and not entering and is_smooth(b) and greatest(reflectance) > f32(0):
@@ -41,17 +41,18 @@ def go_on(b, n, ng, wo, entering, u1, u2, may_part):
 
 
 @jit
-def facet_split(b, n, ng, wo, u1, u2):
+def facet_split(x, wo, u1, u2):
     """Return what a surface that a path goes on from makes of light along `wo`, see `specular_split`.
 
     Rough: by one facet, drawn by u1 and u2 as wo sees them, times the share that others do not shadow.
     """
+    b, n, ng = x.bsdf, x.n, x.ng
     if is_smooth(b):
         return smooth_split(b, n, ng, wo)
-    alpha, nv = b[_ALPHA], dot(n, wo)
+    alpha, nv = b.alpha, dot(n, wo)
     h = to_world(visible_normal(alpha, to_local(wo, n), u1, u2), n)
     reflectance, transmittance, above, beyond_, through = specular_split(b, h, wo)
-    if b[_THIN] > f32(0):
+    if b.thin > f32(0):
         beyond_ = sub(above, scale(f32(2) * dot(n, above), n))
     shown = dot(above, ng) > f32(0) and dot(above, n) > f32(0)
     through = through and dot(beyond_, ng) < f32(0) and dot(beyond_, n) < f32(0)

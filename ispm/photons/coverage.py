@@ -14,15 +14,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 
-from ispm.accel.intersect import HIT_INSTANCE, HIT_PRIMITIVE, HIT_U, HIT_V, STACK_WORDS, closest
+from ispm.accel.intersect import STACK_WORDS, Ray, Scratch, closest, read_hit
 from ispm.accel.mesh import hit_plane
 from ispm.accel.normals import unit
 from ispm.accel.surface import SurfaceTable, material_flags
 from ispm.accel.world import World
-from ispm.kernels.simd import address, alloca, atomic_add, ldf, ldu
+from ispm.kernels.simd import address, alloca, atomic_add
 from ispm.kernels.threads import run_threads
 from ispm.optics.density import SAME_SURFACE
 from ispm.optics.jit import jit
@@ -73,16 +74,33 @@ def keep_light(
     if not len(rows):
         return
     words = photons.view(np.float32).reshape(len(photons), -1)
-    place = address(world.table), surfaces.addresses, solids
-    numbers = keys, u32(pass_index), u32(seed)
+    place = _Place(address(world.table), surfaces.addresses, solids)
+    numbers = _Numbers(keys, u32(pass_index), u32(seed))
     kernel: Callable[..., None] = _keep_ellipses if "front" in (photons.dtype.names or ()) else _keep_discs
     counter = np.zeros(8, np.int64)
     run_threads(lambda _: kernel(place, words, rows, numbers, address(counter)), threads)
 
 
+class _Place(NamedTuple):
+    """What rays meet: address of `World.table`, addresses of a SurfaceTable, and whether points within solids
+    do not count."""
+
+    world: np.uint64
+    surfaces: np.ndarray
+    solids: bool
+
+
+class _Numbers(NamedTuple):
+    """Random numbers of each kernel: those of its key, uint32."""
+
+    keys: np.ndarray
+    pass_index: np.uint32
+    seed: np.uint32
+
+
 @jit
 def _keep_discs(place, words, rows, numbers, counter):
-    scratch = alloca(STACK_WORDS), alloca(2)
+    scratch = Scratch(alloca(STACK_WORDS), alloca(2))
     while True:
         first = atomic_add(counter, i64(_CHUNK))
         if first >= len(rows):
@@ -98,7 +116,7 @@ def _keep_discs(place, words, rows, numbers, counter):
 
 @jit
 def _keep_ellipses(place, words, rows, numbers, counter):
-    scratch = alloca(STACK_WORDS), alloca(2)
+    scratch = Scratch(alloca(STACK_WORDS), alloca(2))
     while True:
         first = atomic_add(counter, i64(_CHUNK))
         if first >= len(rows):
@@ -118,7 +136,7 @@ def _keep(place, words, i, u, v, n, height, plane, numbers, scratch):
     wi = (words[i, _WI], words[i, _WI + 1], words[i, _WI + 2])
     total, term = f32(0), f32(1)
     for draw in range(_DRAWS_MAX):
-        turn, a, b, c = random4(numbers[0][i], u32(_DIMENSION + 2 * draw), numbers[1], numbers[2])
+        turn, a, b, c = random4(numbers.keys[i], u32(_DIMENSION + 2 * draw), numbers.pass_index, numbers.seed)
         # The greatest of three is below x with the chance x^3: within s lies 1 - (1 - s^2)^3 of a kernel.
         outside = max(max(a, b), max(c, f32(1e-6)))
         offset, reach = _point_of(u, v, height, outside, turn)
@@ -128,7 +146,9 @@ def _keep(place, words, i, u, v, n, height, plane, numbers, scratch):
         missing = f32(1) - _lit_share(place, at, add(at, offset), n, reach, wi, scratch)
         if missing == f32(0):
             break
-        chance, _, _, _ = random4(numbers[0][i], u32(_DIMENSION + 2 * draw + 1), numbers[1], numbers[2])
+        chance, _, _, _ = random4(
+            numbers.keys[i], u32(_DIMENSION + 2 * draw + 1), numbers.pass_index, numbers.seed
+        )
         if chance >= abs(missing):
             break
         term = term if missing > f32(0) else -term
@@ -153,19 +173,16 @@ def _lit_share(place, at, middle, n, reach, wi, scratch):
     over the kernel at the point: 0 to 2; 0 where there is no surface that the photon at `at` lights."""
     top, down, length = add(middle, scale(reach, n)), scale(f32(-1), n), f32(2) * reach
     for _ in range(_LAYERS):
-        t = closest(
-            place[0], top[0], top[1], top[2], down[0], down[1], down[2], length, scratch[0], scratch[1]
-        )
+        t = closest(place.world, Ray(top, down, length), scratch)
         if not t < length:
             break
-        found = scratch[1]
-        hit = (ldu(found, HIT_INSTANCE), ldu(found, HIT_PRIMITIVE), ldf(found, HIT_U), ldf(found, HIT_V))
-        _, front = hit_plane(place[1], hit)
+        hit = read_hit(scratch.found)
+        _, front = hit_plane(place.surfaces, hit)
         facing = dot(front, n)
         if facing < f32(0):
             front, facing = scale(f32(-1), front), -facing
         lit = facing >= SAME_SURFACE and dot(wi, front) > f32(0)
-        if lit and not (place[2] and _is_inside(place, at, n, add(top, scale(t, down)), front, scratch)):
+        if lit and not (place.solids and _is_inside(place, at, n, add(top, scale(t, down)), front, scratch)):
             z = (length - t) / reach - f32(1)
             m = max(f32(1) - z * z, f32(0))
             return m * m / facing
@@ -186,10 +203,9 @@ def _is_inside(place, at, n, point, front, scratch):
     way = sub(add(at, scale(lift, n)), start)
     length = f32(math.sqrt(dot(way, way)))
     d = scale(f32(1) / max(length, f32(1e-30)), way)
-    t = closest(place[0], start[0], start[1], start[2], d[0], d[1], d[2], length, scratch[0], scratch[1])
+    t = closest(place.world, Ray(start, d, length), scratch)
     if not t < length:
         return False
-    found = scratch[1]
-    hit = (ldu(found, HIT_INSTANCE), ldu(found, HIT_PRIMITIVE), ldf(found, HIT_U), ldf(found, HIT_V))
-    _, front = hit_plane(place[1], hit)
-    return dot(front, d) > f32(0) and not material_flags(place[1], hit) & u32(MATERIAL_DOUBLE_SIDED)
+    hit = read_hit(scratch.found)
+    _, front = hit_plane(place.surfaces, hit)
+    return dot(front, d) > f32(0) and not material_flags(place.surfaces, hit) & u32(MATERIAL_DOUBLE_SIDED)

@@ -4,25 +4,27 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 from numba import literal_unroll
 
-from ispm.accel.intersect import STACK_WORDS
+from ispm.accel.intersect import STACK_WORDS, Hit, Scratch
 from ispm.accel.surface import (
     SurfaceTable,
+    Tables,
     attenuation,
     closest_surface,
     hit_position,
     leave_surface,
+    scene_tables,
     surface,
 )  # fmt: skip
 from ispm.accel.world import World
 from ispm.kernels.simd import address, alloca, atomic_add
 from ispm.kernels.threads import run_threads
 from ispm.lights.nee import is_gathered, is_spot, parts_at_spot
-from ispm.optics.bsdf import adjoint_factor, eta_of, has_finite, is_smooth, sample_bsdf
+from ispm.optics.bsdf import adjoint_factor, has_finite, is_smooth, sample_bsdf
 from ispm.optics.jit import jit
 from ispm.optics.light import range_window
 from ispm.optics.records import (
@@ -108,21 +110,21 @@ def walk(
     Returns the same bytes for any number of threads.
     """
     chunks = np.arange(-(-len(emitted) // _CHUNK))
-    place = address(world.table), surfaces.addresses, surfaces.texels, surfaces.rows
-    scene = packed.lights, emitted, i64(bounces), u32(seed), u32(pass_index), f32(limit)
+    tables = scene_tables(packed, world, surfaces)
+    course = _Course(i64(bounces), f32(limit), u32(pass_index), u32(seed))
     # Mostly pages that are never touched.
-    found = _walk_some(place, scene, chunks, world.scratch(len(chunks) * _ROOM, PHOTON), threads)
-    stored, (focused, straight, keys, beams), counts, sums = found
-    hits = [tuple(each[c * _ROOM : c * _ROOM + n] for each in (stored, focused, straight, keys, beams))
-            for c, n in enumerate(counts[:, 0])]  # fmt: skip
+    room = world.scratch(len(chunks) * _ROOM, PHOTON)
+    found = _walk_some(tables, emitted, course, chunks, room, threads)
+    counts = found.counts
+    hits = [found.part(c * _ROOM, n) for c, n in enumerate(counts[:, 0])]
     for chunk in np.flatnonzero(counts[:, 0] > _ROOM):
         room = np.empty(counts[chunk, 0], PHOTON)
-        stored, ways, _, sums[chunk : chunk + 1] = _walk_some(place, scene, chunks[chunk:][:1], room, 1)
-        hits[chunk] = stored, *ways
-    hits = hits or [tuple(each[:0] for each in (stored, focused, straight, keys, beams))]
+        again = _walk_some(tables, emitted, course, chunks[chunk:][:1], room, 1)
+        hits[chunk], found.sums[chunk] = again.part(0, len(room)), again.sums[0]
+    hits = hits or [found.part(0, 0)]
     beams = np.concatenate([each[4][each[0]["bounce"] == 0] for each in hits])
     photons, focused, straight, keys = (np.concatenate([each[k] for each in hits]) for k in range(4))
-    total = sums.sum(axis=0)
+    total = found.sums.sum(axis=0)
     return Walk(
         photons, focused, straight, keys, beams, total[_EMITTED], total[_ABSORBED], total[_ESCAPED],
         total[_DROPPED], total[_STORED], len(emitted), int(counts[:, 1].sum()),
@@ -130,73 +132,120 @@ def walk(
 
 
 def _walk_some(
-    place: tuple[Any, ...], scene: tuple[Any, ...], chunks: np.ndarray, stored: np.ndarray, threads: int
-) -> tuple[np.ndarray, tuple[np.ndarray, ...], np.ndarray, np.ndarray]:
-    """Walk the photons of some chunks, each with its part of the room in `stored`.
-
-    Return `stored`; of each hit (focused, straight, key, beam); of each chunk how many hits it has, whether
-    there is room for them or not, and rays; and its sums of flux.
-    """
-    focused, straight = np.zeros((2, len(stored)), np.bool_)
-    ways = focused, straight, np.empty(len(stored), np.uint32), np.empty((len(stored), BEAM), np.float32)
+    tables: Tables, emitted: np.ndarray, course: _Course, chunks: np.ndarray, room: np.ndarray, threads: int
+) -> _Found:
+    """Walk the photons of some chunks, each with its part of `room`, PHOTON records, for its hits."""
+    focused, straight = np.zeros((2, len(room)), np.bool_)
+    keys, beams = np.empty(len(room), np.uint32), np.empty((len(room), BEAM), np.float32)
     counts, sums = np.zeros((len(chunks), 2), np.int64), np.zeros((len(chunks), 5, 3))
-    room, counter = i64(len(stored) // max(len(chunks), 1)), np.zeros(8, np.int64)
+    found, counter = _Found(room, focused, straight, keys, beams, counts, sums), np.zeros(8, np.int64)
     run_threads(
-        lambda _: _walk_chunks(*place, *scene, address(counter), chunks, room, stored, ways, counts, sums),
+        lambda _: _walk_chunks(tables, emitted, course, chunks, address(counter), found),
         threads,
     )
-    return stored, ways, counts, sums
+    return found
+
+
+class _Course(NamedTuple):
+    """How far photons go, see `walk`, and which random numbers they take."""
+
+    bounces: np.int64
+    limit: np.float32
+    pass_index: np.uint32
+    seed: np.uint32
+
+
+class _Found(NamedTuple):
+    """What a walk of some chunks of photons writes: n rows for hits, of which each chunk has an equal part.
+
+    photons            (n,) PHOTON
+    focused, straight  (n,) bool, keys (n,) uint32 and beams (n, BEAM) float32: as of a Walk
+    counts             (chunks, 2) int64, hits, whether there is room for them or not, and rays
+    sums               (chunks, 5, 3) float64 lm, emitted, absorbed, escaped, dropped and stored
+    """
+
+    photons: np.ndarray
+    focused: np.ndarray
+    straight: np.ndarray
+    keys: np.ndarray
+    beams: np.ndarray
+    counts: np.ndarray
+    sums: np.ndarray
+
+    def part(self, first: int, count: int) -> tuple[np.ndarray, ...]:
+        """Return photons, focused, straight, keys and beams of some rows."""
+        rows = slice(first, first + count)
+        return (
+            self.photons[rows], self.focused[rows], self.straight[rows], self.keys[rows], self.beams[rows]
+        )  # fmt: skip
+
+
+class _Split(NamedTuple):
+    """One part of a photon: which of how many, and which of them goes on where they scatter next."""
+
+    part: int
+    parts: int
+    heir: np.int64
+
+
+class _Room(NamedTuple):
+    """Where a photon writes: its next row of hits, the end of those that its chunk has, and the chunk."""
+
+    row: np.int64
+    end: np.int64
+    chunk: np.int64
+
+
+class Event(NamedTuple):
+    """Which random numbers a photon's next event takes: by its key and what it has met before."""
+
+    key: np.uint32
+    scatters: np.int64
+    speculars: np.int64
+    pass_index: np.uint32
+    seed: np.uint32
 
 
 @jit
-def _walk_chunks(
-    world, table, texels, rows, lights, emitted, bounces, seed, pass_index, limit, counter, chunks, room,
-    stored, ways, counts, sums,
-):  # fmt: skip
-    stack, words = alloca(STACK_WORDS), alloca(2)
+def _walk_chunks(tables, emitted, course, chunks, counter, found):
+    scratch = Scratch(alloca(STACK_WORDS), alloca(2))
+    room = i64(len(found.photons) // max(len(chunks), 1))
     while True:
-        slot = atomic_add(counter, i64(1))
-        if slot >= len(chunks):
+        chunk = atomic_add(counter, i64(1))
+        if chunk >= len(chunks):
             return
-        row, end = slot * room, (slot + i64(1)) * room
-        rays, first = i64(0), chunks[slot] * i64(_CHUNK)
+        row, end = chunk * room, (chunk + i64(1)) * room
+        rays, first = i64(0), chunks[chunk] * i64(_CHUNK)
         for i in range(first, min(first + i64(_CHUNK), len(emitted))):
-            parts = parts_at_spot(table, texels, rows, lights, emitted[i], limit)
+            photon = emitted[i]
+            parts = parts_at_spot(tables, photon, course.limit)
             heir = i64(0)
             if parts > 1:
-                u, _, _, _ = random4(emitted[i].key, u32(_HEIR_DIMENSION), pass_index, seed)
+                u, _, _, _ = random4(photon.key, u32(_HEIR_DIMENSION), course.pass_index, course.seed)
                 heir = i64(u * f32(parts))
             for part in range(parts):
-                row, traced = _walk_one(
-                    world, table, texels, rows, lights, emitted, i, (part, parts, heir), bounces, seed,
-                    pass_index, limit, stack, words, stored, ways, row, end, sums, slot,
-                )  # fmt: skip
+                split = _Split(part, parts, heir)
+                row, traced = _walk_one(tables, photon, split, course, scratch, found, _Room(row, end, chunk))
                 rays += traced
-        counts[slot, 0] = row - slot * room
-        counts[slot, 1] = rays
+        found.counts[chunk, 0] = row - chunk * room
+        found.counts[chunk, 1] = rays
 
 
 @jit
-def _walk_one(
-    world, table, texels, rows, lights, emitted, i, split, bounces, seed, pass_index, limit, stack, words,
-    stored, ways, row, end, sums, chunk,
-):  # fmt: skip
-    """Follow one part of photon `i`; return the next row of `stored` and the number of rays traced. Rows from
-    `end` on are counted, not written.
-
-    split  which part of how many, and which of them goes on where they scatter next
-    """
-    photon, (part, parts, heir) = emitted[i], split
-    key = photon.key ^ u32(part << i64(_PART_BIT))
+def _walk_one(tables, photon, split, course, scratch, found, room):
+    """Follow one part of a photon; return the next row for hits and the number of rays traced. Rows from
+    `room.end` on are counted, not written."""
+    row, chunk, sums = room.row, room.chunk, found.sums
+    key = photon.key ^ u32(split.part << i64(_PART_BIT))
     whole = (photon.flux[0], photon.flux[1], photon.flux[2])
-    flux = scale(f32(1) / f32(parts), whole)
+    flux = scale(f32(1) / f32(split.parts), whole)
     _add(sums, chunk, _EMITTED, flux)
     if photon.instance == u32(NO_HIT):
         _add(sums, chunk, _ESCAPED, flux)
         return row, i64(0)
-    hit = (photon.instance, photon.primitive, photon.u, photon.v)
-    light = lights[i64(photon.light)]
-    origin, d, within = first_segment(table, light, hit)
+    hit = Hit(photon.instance, photon.primitive, photon.u, photon.v)
+    light = tables.lights[i64(photon.light)]
+    origin, d, within = first_segment(tables, photon)
     beam = emitted_beam(light, whole, d)
     kept = scale(within, flux)
     _add_difference(sums, chunk, _ESCAPED, flux, kept)
@@ -206,71 +255,73 @@ def _walk_one(
     inside, plane = nowhere(), d  # of the surface that the photon comes from
     scatters, speculars, rays = i64(0), i64(0), i64(0)
     while True:
-        position, ng, n, bsdf, flags, entering = surface(table, texels, rows, hit, d)
-        inside = medium(inside, hit, flags, entering)
-        if inside[0] != u32(NO_HIT):
-            kept = attenuated(table, inside, origin, position, flux)
+        x = surface(tables, hit, d)
+        inside = medium(inside, x)
+        if inside.instance != u32(NO_HIT):
+            kept = attenuated(tables, inside, origin, x.position, flux)
             _add_difference(sums, chunk, _ABSORBED, flux, kept)
             flux = kept
-        way = sub(position, origin)
+        way = sub(x.position, origin)
         flown = f32(math.sqrt(dot(way, way)))
         if scatters == i64(0):
-            beam = beam_at(beam, flown, d, ng)
-        if not direct and has_finite(bsdf):
-            if row < end:
-                _store(stored, row, position, ng, flux, d, abs(dot(way, plane)), flown, hit[0], scatters)
-                ways[0][row], ways[1][row] = mirrored, mirrored or hidden
-                ways[2][row] = key + u32(scatters + speculars) * u32(_EVENT_STEP)
+            beam = beam_at(beam, flown, d, x.ng)
+        if not direct and has_finite(x.bsdf):
+            if row < room.end:
+                _store(found.photons[row], x, flux, d, abs(dot(way, plane)), flown, scatters)
+                found.focused[row], found.straight[row] = mirrored, mirrored or hidden
+                found.keys[row] = key + u32(scatters + speculars) * u32(_EVENT_STEP)
                 if scatters == i64(0):
-                    _store_beam(ways[3], row, beam, plane)
+                    _store_beam(found.beams, row, beam, plane)
             _add(sums, chunk, _STORED, flux)
             row += 1
-        last = scatters == bounces
-        if last and not is_smooth(bsdf):
+        last = scatters == course.bounces
+        if last and not is_smooth(x.bsdf):
             _add(sums, chunk, _DROPPED, flux)
             break
-        alive, wi, scattered, specular = next_flight(
-            key, pass_index, seed, scatters, speculars, ng, n, bsdf, flags, d, flux
-        )
+        event = Event(key, scatters, speculars, course.pass_index, course.seed)
+        alive, wi, scattered, specular = next_flight(event, x, d, flux)
         if alive and last and not specular:
             _add(sums, chunk, _DROPPED, flux)
             break
         if alive and not specular and scatters == i64(1):
-            alive = part == heir
-            scattered = scale(f32(parts), scattered)
+            alive = split.part == split.heir
+            scattered = scale(f32(split.parts), scattered)
         if not alive:
             _add(sums, chunk, _ABSORBED, flux)
             break
         _add_difference(sums, chunk, _ABSORBED, flux, scattered)
         if not specular:
-            hidden = not is_gathered(bsdf)
+            hidden = not is_gathered(x.bsdf)
             if scatters == i64(0):
-                hidden = hidden or not direct or is_spot(light, position, ng, bsdf, wi, limit)
+                hidden = hidden or not direct or is_spot(light, x, wi, course.limit)
         elif scatters == i64(0):
-            eta = f32(1) if flags & u32(MATERIAL_THIN) else eta_of(bsdf)
-            beam = redirected_beam(table, hit, beam, d, wi, ng, n, eta)
-        flux, d, origin, plane = scattered, wi, position, ng
-        u = flight_number(key, pass_index, seed, scatters + speculars)
+            eta = f32(1) if x.flags & u32(MATERIAL_THIN) else x.bsdf.eta
+            beam = redirected_beam(tables.surfaces, hit, beam, d, wi, x.ng, x.n, eta)
+        flux, d, origin, plane = scattered, wi, x.position, x.ng
+        u = flight_number(event)
         speculars += i64(specular)
         scatters += i64(not specular)
-        straight = specular and passed_sheet(flags, ng, d)
+        straight = specular and passed_sheet(x, d)
         direct = direct and straight
         mirrored = mirrored if straight else specular
-        start, inside = depart(world, table, hit, flags, entering, inside, ng, d)
+        start, inside = depart(tables, x, inside, d)
         rays += i64(1)
-        found, hit = closest_surface(world, table, texels, rows, start, d, u, stack, words)
-        if not found:
+        met, hit = closest_surface(tables, start, d, u, scratch)
+        if not met:
             _add(sums, chunk, _ESCAPED, flux)
             break
     return row, rays
 
 
 @jit
-def first_segment(table, light, hit):
-    """Return where the flight from a light to the first hit begins, its direction, and the share of the
-    flux within the light's range. A directional light's begins at the hit: it is not in what it shines on.
+def first_segment(tables, photon):
+    """Return where the flight of an EMITTED photon to its first hit begins, its direction, and the share
+    of the flux within the light's range. A directional light's begins at the hit: it is not in what it
+    shines on.
     """
-    position = hit_position(table, hit)
+    light = tables.lights[i64(photon.light)]
+    hit = Hit(photon.instance, photon.primitive, photon.u, photon.v)
+    position = hit_position(tables.surfaces, hit)
     if light.kind == u32(LIGHT_DIRECTIONAL):
         return position, (light.direction[0], light.direction[1], light.direction[2]), f32(1)
     origin = (light.position[0], light.position[1], light.position[2])
@@ -283,50 +334,53 @@ def first_segment(table, light, hit):
 @jit
 def nowhere():
     """Return the hit that bounds nothing."""
-    return u32(NO_HIT), u32(0), f32(0), f32(0)
+    return Hit(u32(NO_HIT), u32(0), f32(0), f32(0))
 
 
 @jit
-def medium(inside, hit, flags, entering):
-    """Return a hit on what bounds the solid that a flight to `hit` went through: that one if met from within,
-    else what the path last entered, `inside`."""
-    solid = flags & u32(MATERIAL_TRANSMITS | MATERIAL_THIN) == u32(MATERIAL_TRANSMITS)
-    return hit if solid and not entering else inside
+def medium(inside, x):
+    """Return a Hit on what bounds the solid that a flight to the SurfacePoint x went through: that one if
+    met from within, else what the path last entered, `inside`."""
+    solid = x.flags & u32(MATERIAL_TRANSMITS | MATERIAL_THIN) == u32(MATERIAL_TRANSMITS)
+    return x.hit if solid and not x.entering else inside
 
 
 @jit
-def depart(world, table, hit, flags, entering, inside, ng, d):
-    """Return where a flight along `d` from a hit starts, and a hit on what bounds the solid it is in."""
-    side = f32(1) if dot(d, ng) > f32(0) else f32(-1)
-    start = leave_surface(world, table, hit, scale(side, ng))
-    if side > f32(0) or flags & u32(MATERIAL_THIN):
+def depart(tables, x, inside, d):
+    """Return where a flight along `d` from a SurfacePoint starts, and a Hit on what bounds the solid
+    it is in."""
+    side = f32(1) if dot(d, x.ng) > f32(0) else f32(-1)
+    start = leave_surface(tables, x.hit, scale(side, x.ng))
+    if side > f32(0) or x.flags & u32(MATERIAL_THIN):
         return start, inside
-    return start, hit if entering else nowhere()
+    return start, x.hit if x.entering else nowhere()
 
 
 @jit
-def attenuated(table, inside, origin, position, flux):
+def attenuated(tables, inside, origin, position, flux):
     """Return the flux that is left of a flight through a solid."""
     way = sub(position, origin)
-    left = attenuation(table, inside, f32(math.sqrt(dot(way, way))))
+    left = attenuation(tables.surfaces, inside, f32(math.sqrt(dot(way, way))))
     return left[0] * flux[0], left[1] * flux[1], left[2] * flux[2]
 
 
 @jit
-def passed_sheet(flags, ng, wi):
+def passed_sheet(x, wi):
     """Return whether a specular event was a straight passage through a thin sheet."""
-    return flags & u32(MATERIAL_THIN) != u32(0) and dot(wi, ng) < f32(0)
+    return x.flags & u32(MATERIAL_THIN) != u32(0) and dot(wi, x.ng) < f32(0)
 
 
 @jit
-def next_flight(key, pass_index, seed, scatters, speculars, ng, n, bsdf, flags, d, flux):
+def next_flight(event, x, d, flux):
     """Sample where the photon goes, with roulette: (alive, wi, flux after it, specular)."""
-    u0, u1, u2, u3 = random4(key, u32(2 * (scatters + speculars)), pass_index, seed)
-    alive, wi, scattered, specular = scatter(ng, n, bsdf, flags, d, flux, u0, u1, u2)
-    if alive and specular and speculars >= SPECULAR_MAX:
+    u0, u1, u2, u3 = random4(
+        event.key, u32(2 * (event.scatters + event.speculars)), event.pass_index, event.seed
+    )
+    alive, wi, scattered, specular = scatter(x, d, flux, u0, u1, u2)
+    if alive and specular and event.speculars >= SPECULAR_MAX:
         alive = u3 < f32(_SPECULAR_SURVIVAL)
         scattered = scale(f32(1 / _SPECULAR_SURVIVAL), scattered)
-    if alive and not specular and scatters >= ROULETTE_AFTER:
+    if alive and not specular and event.scatters >= ROULETTE_AFTER:
         survival = min(f32(1), _sum(scattered) / _sum(flux))
         alive = u3 < survival
         scattered = scale(f32(1) / survival, scattered)
@@ -334,19 +388,22 @@ def next_flight(key, pass_index, seed, scatters, speculars, ng, n, bsdf, flags, 
 
 
 @jit
-def flight_number(key, pass_index, seed, event):
+def flight_number(event):
     """Return the random number for holes that the flight after an event meets."""
-    _, _, _, u3 = random4(key, u32(2 * event + 1), pass_index, seed)
+    _, _, _, u3 = random4(
+        event.key, u32(2 * (event.scatters + event.speculars) + 1), event.pass_index, event.seed
+    )
     return u3
 
 
 @jit
-def scatter(ng, n, bsdf, flags, d, flux, u0, u1, u2):
+def scatter(x, d, flux, u0, u1, u2):
     """Sample where the photon goes: (alive, wi, flux after it, specular)."""
     wo = scale(f32(-1), d)
-    if flags & u32(MATERIAL_UNLIT):
+    n, ng = x.n, x.ng
+    if x.flags & u32(MATERIAL_UNLIT):
         return False, wo, flux, False
-    alive, wi, weight, specular = sample_bsdf(bsdf, n, ng, wo, u0, u1, u2, False)
+    alive, wi, weight, specular = sample_bsdf(x.bsdf, n, ng, wo, u0, u1, u2, False)
     if not alive:
         return False, wo, flux, False
     if not specular:  # of the others flux is kept
@@ -356,26 +413,25 @@ def scatter(ng, n, bsdf, flags, d, flux, u0, u1, u2):
 
 
 @jit
-def _store(stored, row, position, ng, flux, d, clear, flown, instance, scatters):
+def _store(photon, x, flux, d, clear, flown, scatters):
     """Write a PHOTON record. Its kernel is measured later; until then `radius` is how far away, in m, the
     plane of the surface is that the photon comes from, and `height` how far that surface is along its way."""
-    photon = stored[row]
     for k in literal_unroll((0, 1, 2)):
-        photon.position[k] = position[k]
-        photon.normal[k] = ng[k]
+        photon.position[k] = x.position[k]
+        photon.normal[k] = x.ng[k]
         photon.flux[k] = flux[k]
         photon.wi[k] = -d[k]
     photon.radius = clear
     photon.height = flown
     photon.bounce = u32(scatters)
-    photon.instance = instance
+    photon.instance = x.hit.instance
 
 
 @jit
 def _store_beam(beams, row, beam, plane):
     for k in literal_unroll((0, 1, 2)):
-        beams[row, k] = beam[0][k]
-        beams[row, k + 3] = beam[1][k]
+        beams[row, k] = beam.dx_u[k]
+        beams[row, k + 3] = beam.dx_v[k]
         beams[row, k + 6] = plane[k]
 
 

@@ -9,12 +9,12 @@ import math
 
 import numpy as np
 
-from ispm.accel.intersect import HIT_INSTANCE, HIT_PRIMITIVE, HIT_U, HIT_V, STACK_WORDS, closest
+from ispm.accel.intersect import STACK_WORDS, Ray, Scratch, closest, read_hit
 from ispm.accel.mesh import hit_plane
 from ispm.accel.normals import unit
 from ispm.accel.surface import SurfaceTable
 from ispm.accel.world import World
-from ispm.kernels.simd import address, alloca, atomic_add, ldf, ldu
+from ispm.kernels.simd import address, alloca, atomic_add
 from ispm.kernels.threads import run_threads
 from ispm.optics.density import SAME_SURFACE
 from ispm.optics.jit import jit
@@ -45,7 +45,7 @@ def end_at_walls(kernels: np.ndarray, world: World, surfaces: SurfaceTable, thre
 
 @jit
 def _look_around(world, table, words, counter):
-    scratch = alloca(STACK_WORDS), alloca(2)
+    scratch = Scratch(alloca(STACK_WORDS), alloca(2))
     while True:
         first = atomic_add(counter, i64(_CHUNK))
         if first >= len(words):
@@ -65,11 +65,10 @@ def _look(world, table, words, i, way, scratch):
     length = math.sqrt(dot(way, way))
     start = add(at, scale(_LIFT * length, n))
     d = scale(f32(1) / length, way)
-    t = closest(world, start[0], start[1], start[2], d[0], d[1], d[2], length, scratch[0], scratch[1])
+    t = closest(world, Ray(start, d, f32(length)), scratch)
     if not t < length:
         return
-    found = scratch[1]
-    hit = (ldu(found, HIT_INSTANCE), ldu(found, HIT_PRIMITIVE), ldf(found, HIT_U), ldf(found, HIT_V))
+    hit = read_hit(scratch.found)
     position, front = hit_plane(table, hit)
     if dot(front, d) > f32(0):
         front = scale(f32(-1), front)

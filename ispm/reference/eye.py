@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from ispm.accel.intersect import STACK_WORDS
-from ispm.accel.surface import SurfaceTable, closest_surface, glow, hit_position, surface
+from ispm.accel.intersect import STACK_WORDS, Scratch
+from ispm.accel.surface import SurfaceTable, closest_surface, glow, hit_position, scene_tables, surface
 from ispm.accel.world import World
-from ispm.kernels.simd import address, alloca
+from ispm.kernels.simd import alloca
 from ispm.lights.nee import direct_light, times
-from ispm.optics.bsdf import has_finite, is_smooth, sample_bsdf, smooth_split, transmits
+from ispm.optics.bsdf import Bsdf, has_finite, is_smooth, sample_bsdf, smooth_split, transmits
 from ispm.optics.jit import jit
 from ispm.optics.records import MATERIAL_UNLIT, NO_HIT
 from ispm.optics.rng import random4
@@ -26,18 +26,13 @@ f32, i64, u32 = np.float32, np.int64, np.uint32
 _EVENTS_MAX = 64
 _BEFORE = f32(1e-4)  # of the distance that a ray starts before what its pixel shows
 _SAME_SURFACE = 0.5  # cosine of two normals
+_NONE = (f32(0), f32(0), f32(0))
 
-_END = np.dtype(
-    [
-        ("slot", "<u4"),
-        ("position", "<f4", 3),
-        ("n", "<f4", 3),
-        ("ng", "<f4", 3),
-        ("wo", "<f4", 3),
-        ("weight", "<f4", 3),
-        ("bsdf", "<f4", 15),
-    ]
-)
+_END = np.dtype([
+    ("slot", "<u4"), ("position", "<f4", 3), ("n", "<f4", 3), ("ng", "<f4", 3), ("wo", "<f4", 3),
+    ("weight", "<f4", 3), ("diffuse", "<f4", 3), ("f0", "<f4", 3), ("f90", "<f4"), ("alpha", "<f4"),
+    ("dielectric_f0", "<f4"), ("dielectric_f90", "<f4"), ("tint", "<f4", 3),
+])  # fmt: skip
 
 
 def eye_light(
@@ -62,24 +57,15 @@ def eye_light(
     """
     count = len(rays.origins)
     light = np.zeros((count, 3))
-    scene = packed.lights, u32(seed)
-    table, foot = surfaces.own_footprint()
-    place = address(world.table), table, surfaces.texels, surfaces.rows
+    own, foot = surfaces.own_footprint()
+    tables = scene_tables(packed, world, surfaces)._replace(surfaces=own)
     tree = _tree(photons)
     for sample in range(samples):
         direct, ends = np.zeros((count, 3)), np.zeros(count * _EVENTS_MAX // 8, _END)
         used = _follow(
-            place,
-            scene,
-            foot,
-            rays.origins,
-            rays.directions,
-            rays.distances,
-            f32(rays.width[1]),
-            u32(sample),
-            direct,
-            ends,
-        )
+            tables, foot, rays.origins, rays.directions, rays.distances, f32(rays.width[1]),
+            u32(sample), u32(seed), direct, ends,
+        )  # fmt: skip
         light += direct
         if len(photons) and used:
             found = ends[:used]
@@ -102,27 +88,30 @@ def _reflected(ends: np.ndarray, photons: np.ndarray, tree: Any, neighbors: int)
     last = np.where(rank[:, -1] >= neighbors, np.argmax(rank >= neighbors, axis=1), most - 1)
     area = math.pi * np.take_along_axis(distance, last[:, None], 1) ** 2
     ratio = np.clip(np.einsum("mkc,mc->mk", wi, n), 0.0, None) / np.where(counts, wi_ng, 1.0)
-    f = _lobes(ends["bsdf"].astype(float), n, wo, wi)
+    f = _lobes(ends, n, wo, wi)
     light = np.einsum("mkc,mkc,mk->mc", f, flux, within * np.minimum(ratio, 10.0)) / area
     return np.asarray(light * ends["weight"])
 
 
-def _lobes(b: np.ndarray, n: np.ndarray, wo: np.ndarray, wi: np.ndarray) -> np.ndarray:
+def _lobes(ends: np.ndarray, n: np.ndarray, wo: np.ndarray, wi: np.ndarray) -> np.ndarray:
     """f(wo, wi), (m, k, 3): Lambert's lobe, and the glossy one of opaque rough surfaces."""
+    diffuse, f0, f90, alpha, k0, k90, tint = (
+        ends[name].astype(float)
+        for name in ("diffuse", "f0", "f90", "alpha", "dielectric_f0", "dielectric_f90", "tint")
+    )
     h = wo[:, None] + wi
     h /= np.maximum(np.linalg.norm(h, axis=2, keepdims=True), 1e-30)
     fc = np.clip(1.0 - np.einsum("mc,mkc->mk", wo, h), 0.0, 1.0)[..., None] ** 5
-    kept = 1.0 - (b[:, None, 8:9] * (1.0 - fc) + b[:, None, 9:10] * fc)
-    lambert = b[:, None, :3] / math.pi * kept
-    alpha = b[:, 7]
-    rough = (alpha > 0.0) & (b[:, 10:13].sum(axis=1) == 0.0)
+    kept = 1.0 - (k0[:, None, None] * (1.0 - fc) + k90[:, None, None] * fc)
+    lambert = diffuse[:, None] / math.pi * kept
+    rough = (alpha > 0.0) & (tint.sum(axis=1) == 0.0)
     a2 = np.where(rough, alpha, 1.0)[:, None] ** 2
     nh, nl = np.einsum("mc,mkc->mk", n, h), np.einsum("mc,mkc->mk", n, wi)
     nv = np.einsum("mc,mc->m", n, wo)[:, None]
     d = a2 / (math.pi * (nh * nh * (a2 - 1.0) + 1.0) ** 2)
     nl, nv = np.maximum(nl, 1e-6), np.maximum(nv, 1e-6)
     v = 0.5 / (nl * np.sqrt(nv * nv * (1 - a2) + a2) + nv * np.sqrt(nl * nl * (1 - a2) + a2))
-    facets = b[:, None, 3:6] * (1.0 - fc) + b[:, None, 6:7] * fc
+    facets = f0[:, None] * (1.0 - fc) + f90[:, None, None] * fc
     return np.asarray(lambert + (d * v * rough[:, None])[..., None] * facets)
 
 
@@ -133,55 +122,52 @@ def _tree(photons: np.ndarray) -> Any:
 
 
 @jit
-def _follow(place, scene, foot, origins, directions, distances, spread, sample, light, ends):
+def _follow(tables, foot, origins, directions, distances, spread, sample, seed, light, ends):
     """Follow one path of each ray; return how many ends were written."""
-    stack, words = alloca(STACK_WORDS), alloca(2)
+    scratch = Scratch(alloca(STACK_WORDS), alloca(2))
     row = i64(0)
     for i in range(len(origins)):
         near = distances[i] * (f32(1) - _BEFORE)
         d = directions[i, 0], directions[i, 1], directions[i, 2]
         start = origins[i, 0] + near * d[0], origins[i, 1] + near * d[1], origins[i, 2] + near * d[2]
-        row = _path(place, scene, foot, start, d, near, spread, i, sample, stack, words, light, ends, row)
+        row = _path(tables, foot, start, d, near, spread, i, sample, seed, scratch, light, ends, row)
     return row
 
 
 @jit
-def _path(place, scene, foot, start, d, length, spread, i, sample, stack, words, light, ends, row):
+def _path(tables, foot, start, d, length, spread, i, sample, seed, scratch, light, ends, row):
     """Follow one path; its first surface counts only as what it passes."""
-    world, table, texels, rows = place
-    lights, seed = scene
     weight, inside, focus = (f32(1), f32(1), f32(1)), nowhere(), f32(1)
     for event in range(_EVENTS_MAX):
         u1, u2, u3, u4 = random4(u32(i), u32(event), sample, seed)
-        found, hit = closest_surface(world, table, texels, rows, start, d, u4, stack, words)
+        found, hit = closest_surface(tables, start, d, u4, scratch)
         if not found:
             return row
-        way = sub(hit_position(table, hit), start)
+        way = sub(hit_position(tables.surfaces, hit), start)
         length += f32(math.sqrt(way[0] * way[0] + way[1] * way[1] + way[2] * way[2]))
         foot[0] = spread * length
-        position, ng, n, b, flags, entering = surface(table, texels, rows, hit, d)
+        x = surface(tables, hit, d)
+        b, n, ng = x.bsdf, x.n, x.ng
         wo = scale(f32(-1), d)
         if event > 0:
-            inside = medium(inside, hit, flags, entering)
-            if inside[0] != u32(NO_HIT):
-                weight = attenuated(table, inside, start, position, weight)
-            _add(light, i, glow(table, texels, rows, hit), weight, focus)
-            if flags & u32(MATERIAL_UNLIT):
+            inside = medium(inside, x)
+            if inside.instance != u32(NO_HIT):
+                weight = attenuated(tables, inside, start, x.position, weight)
+            _add(light, i, glow(tables, hit), weight, focus)
+            if x.flags & u32(MATERIAL_UNLIT):
                 return row
-            lit, _ = direct_light(
-                place, lights, True, hit, position, ng, n, b, wo, u4, (stack, words), f32(np.inf)
-            )
+            lit, _ = direct_light(tables, x, wo, u4, scratch, f32(np.inf))
             _add(light, i, lit, weight, focus)
             if has_finite(b):
-                _write(ends[row], i, position, n, ng, wo, scale(focus, weight), b)
+                _write(ends[row], i, x.position, n, ng, wo, scale(focus, weight), b)
                 row += 1
         alive, wi, factor = _draw(b, n, ng, wo, u1, u2, u3)
         if not alive:
             return row
         weight = times(weight, factor)
-        if wi[0] * ng[0] + wi[1] * ng[1] + wi[2] * ng[2] < f32(0) and b[14] == f32(0):
-            focus = f32(1) / (b[13] * b[13]) if entering else f32(1)
-        start, inside = depart(world, table, hit, flags, entering, inside, ng, wi)
+        if wi[0] * ng[0] + wi[1] * ng[1] + wi[2] * ng[2] < f32(0) and b.thin == f32(0):
+            focus = f32(1) / (b.eta * b.eta) if x.entering else f32(1)
+        start, inside = depart(tables, x, inside, wi)
         d = wi
     return row
 
@@ -192,7 +178,8 @@ def _draw(b, n, ng, wo, u1, u2, u3):
     if not is_smooth(b):
         if not transmits(b):
             return False, wo, wo
-        ok, wi, factor, _ = sample_bsdf((f32(0), f32(0), f32(0), *b[3:]), n, ng, wo, u1, u2, u3, False)
+        gloss = Bsdf(_NONE, b.f0, b.f90, b.alpha, b.dielectric_f0, b.dielectric_f90, b.tint, b.eta, b.thin)
+        ok, wi, factor, _ = sample_bsdf(gloss, n, ng, wo, u1, u2, u3, False)
         return ok, wi, factor
     reflectance, transmittance, above, beyond, through = smooth_split(b, n, ng, wo)
     reflected, passed = luminance(reflectance), luminance(transmittance) if through else f32(0)
@@ -216,5 +203,6 @@ def _write(end, i, position, n, ng, wo, weight, b):
     for c in range(3):
         end.position[c], end.n[c], end.ng[c] = position[c], n[c], ng[c]
         end.wo[c], end.weight[c] = wo[c], weight[c]
-    for c in range(15):
-        end.bsdf[c] = b[c]
+        end.diffuse[c], end.f0[c], end.tint[c] = b.diffuse[c], b.f0[c], b.tint[c]
+    end.f90, end.alpha = b.f90, b.alpha
+    end.dielectric_f0, end.dielectric_f90 = b.dielectric_f0, b.dielectric_f90

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ispm.accel.intersect import STACK_WORDS
-from ispm.accel.surface import SurfaceTable, closest_surface, glow, surface
+from ispm.accel.intersect import STACK_WORDS, Scratch
+from ispm.accel.surface import SurfaceTable, closest_surface, glow, scene_tables, surface
 from ispm.accel.world import World
 from ispm.kernels.simd import address, alloca, atomic_add
 from ispm.kernels.threads import run_threads
@@ -51,17 +51,17 @@ def path_light(
                          glass do not count
     """
     light, counter = np.zeros((len(origins), 3)), np.zeros(8, np.int64)
-    place = address(world.table), surfaces.addresses, surfaces.texels, surfaces.rows
-    scene = packed.lights, tuple(map(f32, background)), i64(bounces), u32(seed)
+    tables = scene_tables(packed, world, surfaces)
+    scene = tuple(map(f32, background)), i64(bounces), u32(seed)
     rays = np.ascontiguousarray(origins, np.float32), np.ascontiguousarray(directions, np.float32)
     numbers = i64(first_sample), i64(first_sample + samples)
-    run_threads(lambda _: _trace(place, scene, rays, numbers, address(counter), light), threads)
+    run_threads(lambda _: _trace(tables, scene, rays, numbers, address(counter), light), threads)
     return light / samples
 
 
 @jit
-def _trace(place, scene, rays, numbers, counter, light):
-    scratch = alloca(STACK_WORDS), alloca(2)
+def _trace(tables, scene, rays, numbers, counter, light):
+    scratch = Scratch(alloca(STACK_WORDS), alloca(2))
     while True:
         first = atomic_add(counter, i64(_CHUNK))
         if first >= len(light):
@@ -70,39 +70,38 @@ def _trace(place, scene, rays, numbers, counter, light):
             start = rays[0][i, 0], rays[0][i, 1], rays[0][i, 2]
             d = rays[1][i, 0], rays[1][i, 1], rays[1][i, 2]
             for sample in range(numbers[0], numbers[1]):
-                found = _path(place, scene, start, d, u32(i), u32(sample), scratch)
+                found = _path(tables, scene, start, d, u32(i), u32(sample), scratch)
                 for c in range(3):
                     light[i, c] += np.float64(found[c])
 
 
 @jit
-def _path(place, scene, start, d, key, sample, scratch):
+def _path(tables, scene, start, d, key, sample, scratch):
     """The radiance that one path brings."""
-    world, table, texels, rows = place
-    lights, background, bounces, seed = scene
+    background, bounces, seed = scene
     total, weight, inside = (f32(0), f32(0), f32(0)), (f32(1), f32(1), f32(1)), nowhere()
     scatters = i64(0)
     for event in range(_EVENTS_MAX):
         u1, u2, u3, u4 = random4(key, u32(event), sample, seed)
-        found, hit = closest_surface(world, table, texels, rows, start, d, u4, scratch[0], scratch[1])
+        found, hit = closest_surface(tables, start, d, u4, scratch)
         if not found:
             return add(total, times(weight, background)) if scatters == i64(0) else total
-        position, ng, n, b, flags, entering = surface(table, texels, rows, hit, d)
-        inside = medium(inside, hit, flags, entering)
-        if inside[0] != u32(NO_HIT):
-            weight = attenuated(table, inside, start, position, weight)
+        x = surface(tables, hit, d)
+        inside = medium(inside, x)
+        if inside.instance != u32(NO_HIT):
+            weight = attenuated(tables, inside, start, x.position, weight)
         if scatters == i64(0):  # what glows does not light
-            total = add(total, times(weight, glow(table, texels, rows, hit)))
-        if flags & u32(MATERIAL_UNLIT):
+            total = add(total, times(weight, glow(tables, hit)))
+        if x.flags & u32(MATERIAL_UNLIT):
             return total
         wo = scale(f32(-1), d)
-        lit, _ = direct_light(place, lights, True, hit, position, ng, n, b, wo, u4, scratch, f32(np.inf))
+        lit, _ = direct_light(tables, x, wo, u4, scratch, f32(np.inf))
         total = add(total, times(weight, lit))
-        alive, wi, factor, specular = sample_bsdf(b, n, ng, wo, u1, u2, u3, True)
+        alive, wi, factor, specular = sample_bsdf(x.bsdf, x.n, x.ng, wo, u1, u2, u3, True)
         scatters += i64(not specular)
         if not alive or scatters > bounces:
             return total
         weight = times(weight, factor)
-        start, inside = depart(world, table, hit, flags, entering, inside, ng, wi)
+        start, inside = depart(tables, x, inside, wi)
         d = wi
     return total

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from tracer_scenes import merged, shell
 
-from ispm.accel.intersect import STACK_WORDS, closest, instance_scale
+from ispm.accel.intersect import STACK_WORDS, Ray, Scratch, closest, instance_scale, read_hit
 from ispm.accel.leave import leave_triangle
 from ispm.accel.world import World
-from ispm.kernels.simd import address, alloca, ldf, ldu
+from ispm.kernels.simd import address, alloca
 from ispm.kernels.threads import run_threads
 from ispm.optics.jit import jit
 from ispm.optics.rng import random4
@@ -29,19 +29,20 @@ FAR = np.array([1000.0, -700.0, 400.0])
 @jit
 def bounce(table, corners, photons, seed, x, y, z, out):
     """Count rays, escapes, and hits on the plane just left, in out."""
-    stack, hit = alloca(STACK_WORDS), alloca(2)
+    scratch = Scratch(alloca(STACK_WORDS), alloca(2))
     for photon in range(photons):
         origin, n = (f32(x), f32(y), f32(z)), (f32(0), f32(0), f32(1))
         last = f32(0)
         for step in range(PHOTONS_EACH):
             u0, u1, _, _ = random4(u32(photon), u32(step), u32(seed), u32(0))
             d = cosine_direction(n, u0, u1)
-            t = closest(table, origin[0], origin[1], origin[2], d[0], d[1], d[2], f32(np.inf), stack, hit)
+            t = closest(table, Ray(origin, d, f32(np.inf)), scratch)
             out[0] += 1
             if t == f32(np.inf):
                 out[1] += 1
                 break
-            row, u, v = i64(ldu(hit, 0)), ldf(hit, 1), ldf(hit, 2)
+            hit = read_hit(scratch.found)
+            row, u, v = i64(hit.primitive), hit.u, hit.v
             a = (corners[row, 0], corners[row, 1], corners[row, 2])
             e1 = (corners[row, 3] - a[0], corners[row, 4] - a[1], corners[row, 5] - a[2])
             e2 = (corners[row, 6] - a[0], corners[row, 7] - a[1], corners[row, 8] - a[2])
@@ -51,7 +52,7 @@ def bounce(table, corners, photons, seed, x, y, z, out):
                 ng = scale(f32(-1), ng)
             if last > f32(0) and dot(ng, n) > f32(0.9):
                 out[2] += 1
-            origin = leave_triangle(a, e1, e2, u, v, ng, instance_scale(table, ldu(hit, 3)))
+            origin = leave_triangle(a, e1, e2, u, v, ng, instance_scale(table, hit.instance))
             n, last = ng, f32(1)
 
 

@@ -5,10 +5,10 @@ import math
 import numpy as np
 import pytest
 
-from ispm.accel.intersect import STACK_WORDS, closest, instance_scale
+from ispm.accel.intersect import STACK_WORDS, Ray, Scratch, closest, instance_scale, read_hit
 from ispm.accel.leave import leave_triangle
 from ispm.accel.world import World
-from ispm.kernels.simd import address, alloca, ldf, ldu
+from ispm.kernels.simd import address, alloca
 from ispm.optics.jit import jit
 from ispm.optics.rng import random4
 from ispm.optics.vector import add, cross, dot, scale, sub
@@ -31,7 +31,7 @@ def reflect(table, corners, photons, flights, outside, size, middle, counts):
     WRONG: a triangle is met from the side on which the photon is not, or a second one outside
     MOVED: metres between hits and where the next rays start, in all
     """
-    stack, hit = alloca(STACK_WORDS), alloca(2)
+    scratch = Scratch(alloca(STACK_WORDS), alloca(2))
     for photon in range(photons):
         u0, u1, u2, u3 = random4(u32(photon), u32(0), u32(7), u32(0))
         d = direction(u0, u1)
@@ -39,12 +39,13 @@ def reflect(table, corners, photons, flights, outside, size, middle, counts):
         if outside:
             origin = sub(origin, scale(f32(4) * size, d))
         for flight in range(flights):
-            t = closest(table, origin[0], origin[1], origin[2], d[0], d[1], d[2], f32(np.inf), stack, hit)
+            t = closest(table, Ray(origin, d, f32(np.inf)), scratch)
             counts[RAYS] += 1
             if t == f32(np.inf):
                 counts[ESCAPED] += 1
                 break
-            row, u, v = i64(ldu(hit, 0)), ldf(hit, 1), ldf(hit, 2)
+            hit = read_hit(scratch.found)
+            row, u, v = i64(hit.primitive), hit.u, hit.v
             p, e1, e2 = vector(corners, row, 0), vector(corners, row, 3), vector(corners, row, 6)
             n = cross(e1, e2)
             n = scale(f32(1) / math.sqrt(dot(n, n)), n)
@@ -53,7 +54,7 @@ def reflect(table, corners, photons, flights, outside, size, middle, counts):
                 break
             n = n if outside else scale(f32(-1), n)
             d = sub(d, scale(f32(2) * dot(n, d), n))
-            origin = leave_triangle(p, e1, e2, u, v, n, instance_scale(table, ldu(hit, 3)))
+            origin = leave_triangle(p, e1, e2, u, v, n, instance_scale(table, hit.instance))
             way = sub(origin, add(p, add(scale(u, e1), scale(v, e2))))
             counts[MOVED] += math.sqrt(dot(way, way))
 

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from transport import Tracer
 
-from ispm.accel.surface import hit_position, surface
+from ispm.accel.intersect import Hit
+from ispm.accel.surface import hit_position, scene_tables, surface
 from ispm.library.shapes import icosphere
 from ispm.optics.jit import jit
 from ispm.optics.records import MATERIAL_UNLIT
@@ -19,28 +20,29 @@ SCALES = [(1.0, 1.0, 1.0), (2.0, 0.3, 1.2), (-1.0, 1.0, 1.0), (-1.0, -0.5, 2.0),
 
 
 @jit
-def _surfaces(table, texels, rows, instances, primitives, uv, d, points, ng, n, bsdf, flags, front):
+def _surfaces(tables, instances, primitives, uv, d, points, ng, n, bsdf, flags, front):
     for i in range(len(uv)):
-        hit = (instances[i], primitives[i], uv[i, 0], uv[i, 1])
-        p, g, s, b, f, front[i] = surface(table, texels, rows, hit, (d[i, 0], d[i, 1], d[i, 2]))
-        q = hit_position(table, hit)
+        hit = Hit(instances[i], primitives[i], uv[i, 0], uv[i, 1])
+        x = surface(tables, hit, (d[i, 0], d[i, 1], d[i, 2]))
+        q, b = hit_position(tables.surfaces, hit), x.bsdf
         for k in range(3):
-            points[i, k], ng[i, k], n[i, k] = p[k], g[k], s[k]
-            if p[k] != q[k]:
+            points[i, k], ng[i, k], n[i, k] = x.position[k], x.ng[k], x.n[k]
+            if x.position[k] != q[k]:
                 points[i, k] = np.float32(np.nan)
-        for k in range(15):
-            bsdf[i, k] = b[k]
-        flags[i] = f
+            bsdf[i, k], bsdf[i, 3 + k], bsdf[i, 10 + k] = b.diffuse[k], b.f0[k], b.tint[k]
+        bsdf[i, 6], bsdf[i, 7], bsdf[i, 8], bsdf[i, 9] = b.f90, b.alpha, b.dielectric_f0, b.dielectric_f90
+        bsdf[i, 13], bsdf[i, 14] = b.eta, b.thin
+        flags[i], front[i] = x.flags, x.entering
 
 
 def surfaces(scene, primitives, uv, d):
     """Points, ng, n, BSDFs, flags and whether the front was met, at hits of instance 0."""
-    table = Tracer(scene).surfaces
+    tracer = Tracer(scene)
     count = len(uv)
     out = [np.zeros((count, k), np.float32) for k in (3, 3, 3, 15)]
     out += [np.zeros(count, np.uint32), np.zeros(count, np.bool_)]
     _surfaces(
-        table.addresses, table.texels, table.rows, np.zeros(count, np.uint32),
+        scene_tables(tracer.packed, None, tracer.surfaces), np.zeros(count, np.uint32),
         np.asarray(primitives, np.uint32), np.asarray(uv, np.float32), np.asarray(d, np.float32), *out,
     )  # fmt: skip
     return out

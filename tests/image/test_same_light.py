@@ -16,9 +16,9 @@ from scipy.spatial.transform import Rotation
 from test_any_scene import NEVER_SLOW, lamps, things, turn
 from transport import SIDES, Tracer, box_room
 
-from ispm.accel.intersect import STACK_WORDS
-from ispm.accel.surface import closest_surface, surface
-from ispm.kernels.simd import address, alloca
+from ispm.accel.intersect import STACK_WORDS, Scratch
+from ispm.accel.surface import closest_surface, scene_tables, surface
+from ispm.kernels.simd import alloca
 from ispm.lights.nee import direct_light
 from ispm.optics.jit import jit
 from ispm.optics.vector import LUMINANCE, dot, scale, sub
@@ -86,19 +86,17 @@ def camera_after(change, rotation, translation):
 
 
 @jit
-def _look(place, lights, origins, directions, out):
-    scratch = alloca(STACK_WORDS), alloca(2)
+def _look(tables, origins, directions, out):
+    scratch = Scratch(alloca(STACK_WORDS), alloca(2))
     for i in range(len(origins)):
         start = origins[i, 0], origins[i, 1], origins[i, 2]
         d = directions[i, 0], directions[i, 1], directions[i, 2]
-        found, hit = closest_surface(*place, start, d, f32(0.5), *scratch)
+        found, hit = closest_surface(tables, start, d, f32(0.5), scratch)
         if found:
-            position, ng, n, b, _, _ = surface(place[1], place[2], place[3], hit, d)
+            x = surface(tables, hit, d)
             wo = scale(f32(-1), d)
-            light, _ = direct_light(
-                place, lights, True, hit, position, ng, n, b, wo, f32(0.5), scratch, f32(np.inf)
-            )
-            way = sub(position, start)
+            light, _ = direct_light(tables, x, wo, f32(0.5), scratch, f32(np.inf))
+            way = sub(x.position, start)
             out[i] = (math.sqrt(dot(way, way)), light[0], light[1], light[2])
 
 
@@ -109,9 +107,7 @@ def along_rays(scene, camera, aside=(0.0, 0.0)):
     x, y = np.arange(SIZE[0]) + 0.5 + aside[0], np.arange(SIZE[1])[:, None] + 0.5 + aside[1]
     origins, directions = (np.ascontiguousarray(a.reshape(-1, 3), f32) for a in view.rays_through(x, y))
     out = np.zeros((len(origins), 4), f32)
-    tables = tracer.surfaces
-    place = address(tracer.world.table), tables.addresses, tables.texels, tables.rows
-    _look(place, tracer.packed.lights, origins, directions, out)
+    _look(scene_tables(tracer.packed, tracer.world, tracer.surfaces), origins, directions, out)
     return out.astype(float)
 
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from transport import Tracer, box_room
 
-from ispm.accel.intersect import STACK_WORDS
-from ispm.accel.surface import closest_surface, surface
-from ispm.kernels.simd import address, alloca
+from ispm.accel.intersect import STACK_WORDS, Scratch
+from ispm.accel.surface import closest_surface, scene_tables, surface
+from ispm.kernels.simd import alloca
 from ispm.library.shapes import box
 from ispm.lights.nee import direct_light, light_from_one
 from ispm.optics.jit import jit
@@ -17,20 +17,17 @@ f32 = np.float32
 
 
 @jit
-def both_ways(place, lights, start, d, picks, limit, out):
+def both_ways(tables, start, d, picks, limit, out):
     """Direct light of what a ray meets: of all lights to out[0], of one for each pick to the rows below."""
-    world, table, texels, rows = place
-    scratch = alloca(STACK_WORDS), alloca(2)
-    _, hit = closest_surface(world, table, texels, rows, start, d, f32(0.5), scratch[0], scratch[1])
-    position, ng, n, b, _, _ = surface(table, texels, rows, hit, d)
+    scratch = Scratch(alloca(STACK_WORDS), alloca(2))
+    _, hit = closest_surface(tables, start, d, f32(0.5), scratch)
+    x = surface(tables, hit, d)
     wo = scale(f32(-1), d)
-    light, _ = direct_light(place, lights, False, hit, position, ng, n, b, wo, f32(0.5), scratch, limit)
+    light, _ = direct_light(tables, x, wo, f32(0.5), scratch, limit)
     for c in range(3):
         out[0, c] = light[c]
     for i in range(len(picks)):
-        light = light_from_one(
-            place, lights, False, hit, position, ng, n, b, wo, f32(0.5), picks[i], scratch, limit
-        )
+        light = light_from_one(tables, x, wo, f32(0.5), picks[i], scratch, limit)
         for c in range(3):
             out[i + 1, c] = light[c]
 
@@ -43,13 +40,11 @@ def test_one_light_drawn_is_all_lights_in_the_mean(limit):
     for k, place in enumerate([(1, 1, 0), (-1, 0.5, 0.5), (1.5, -1, -1), (0, 1.5, 0), (-1, -1.8, 1)]):
         scene.add(PointLight((k + 1.0, 2.0, 5.0 - k)), translation=place)
     tracer = Tracer(scene)
-    world = (
-        address(tracer.world.table), tracer.surfaces.addresses, tracer.surfaces.texels, tracer.surfaces.rows
-    )  # fmt: skip
+    tables = scene_tables(tracer.packed, tracer.world, tracer.surfaces)
     picks = ((np.arange(10_000) + 0.5) / 10_000).astype(f32)
     out = np.zeros((len(picks) + 1, 3), f32)
     start, d = (f32(0.5), f32(0), f32(0.5)), np.array([-0.5, -2, -0.5], f32)
-    both_ways(world, tracer.packed.lights, start, tuple(d / np.linalg.norm(d)), picks, f32(limit), out)
+    both_ways(tables, start, tuple(d / np.linalg.norm(d)), picks, f32(limit), out)
     exact, drawn = out[0].astype(float), out[1:].astype(float)
     assert (exact > 0).all() and len(np.unique(drawn[:, 0].round(4))) >= 3
     # each border between two lights is off by at most one pick

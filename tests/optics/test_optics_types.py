@@ -7,7 +7,8 @@ from numba import types
 from ispm.optics import bsdf, density, rng, sampling, texture
 
 F, U, B = types.float32, types.uint32, types.boolean
-VECTOR, BSDF = types.UniTuple(F, 3), types.UniTuple(F, 15)
+VECTOR = types.UniTuple(F, 3)
+BSDF = types.NamedTuple([VECTOR, VECTOR, F, F, F, F, VECTOR, F, F], bsdf.Bsdf)
 TEXELS, ROWS = types.Array(U, 1, "C"), types.Array(types.int64, 2, "C")
 
 

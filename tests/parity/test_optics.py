@@ -67,10 +67,10 @@ def bsdf_rows(rows, out):
         n, wo, wi = vector(r, 3), vector(r, 4), vector(r, 5)
         out[i, 0, :3] = bsdf.eval_bsdf(b, n, vector(r, 6), wo, wi)
         out[i, 0, 3] = bsdf.pdf_bsdf(b, n, wo, wi)
-        out[i, 1, :3] = bsdf.gloss_terms(b[7], n, wo, wi)
-        out[i, 1, 3] = b[7]
-        out[i, 2] = (b[3], b[4], b[5], b[8])
-        out[i, 3] = (b[10], b[11], b[12], b[13] + b[14])
+        out[i, 1, :3] = bsdf.gloss_terms(b.alpha, n, wo, wi)
+        out[i, 1, 3] = b.alpha
+        out[i, 2] = (b.f0[0], b.f0[1], b.f0[2], b.dielectric_f0)
+        out[i, 3] = (b.tint[0], b.tint[1], b.tint[2], b.eta + b.thin)
 
 
 @jit

@@ -16,6 +16,11 @@ COSINES = (0.15, 0.6, 0.98)
 CASES = [(r, c) for r in ROUGHNESS for c in COSINES]
 
 
+def singles(values):
+    """A Bsdf of float32; from kernels come Python's floats."""
+    return bsdf.Bsdf(*(tuple(map(f32, v)) if isinstance(v, tuple) else f32(v) for v in values))
+
+
 def surface(
     base, metallic, roughness, f0=0.04, specular=1.0, transmission=0.0, ior=1.5, thin=False, entering=True
 ):
@@ -25,12 +30,13 @@ def surface(
         color, f32(metallic), f32(roughness), f32(f0), white, f32(specular), f32(transmission), f32(ior),
         thin, entering,
     )  # fmt: skip
-    return tuple(f32(v) for v in values)
+    return singles(values)
 
 
 def mirror_gloss(roughness):
     """The glossy lobe alone, all of whose facets reflect everything."""
-    return tuple(f32(v) for v in (0, 0, 0, 1, 1, 1, 1, roughness**2, 0, 0, 0, 0, 0, 1.5, 0))
+    none, all_ = (0, 0, 0), (1, 1, 1)
+    return singles((none, all_, 1, roughness**2, 0, 0, none, 1.5, 0))
 
 
 def towards(cosine):

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from transport import Tracer
 
-from ispm.accel.intersect import STACK_WORDS
-from ispm.accel.surface import closest_surface
-from ispm.kernels.simd import address, alloca
+from ispm.accel.intersect import STACK_WORDS, Scratch
+from ispm.accel.surface import closest_surface, scene_tables
+from ispm.kernels.simd import alloca
 from ispm.optics.jit import jit
 from ispm.optics.rng import random4
 from ispm.scene.material import AlphaMode, Material
@@ -21,26 +21,22 @@ HALVES = np.array([(0, 1, 2), (0, 2, 3)])
 
 
 @jit
-def count_passed(world, table, texels, rows, rays, on_diagonal, place, passed):
+def count_passed(tables, rays, on_diagonal, place, passed):
     """Count in passed[0] rays along +Z, at random places over the square or on its diagonal."""
-    stack, words = alloca(STACK_WORDS), alloca(2)
+    scratch = Scratch(alloca(STACK_WORDS), alloca(2))
     for i in range(rays):
         x, y, u, _ = random4(u32(i), u32(0), u32(3), u32(0))
         x, y = f32(2) * x - f32(1), f32(2) * y - f32(1)
         origin = (place[0] + x, place[1] + (x if on_diagonal else y), place[2] - f32(3))
-        found, _ = closest_surface(
-            world, table, texels, rows, origin, (f32(0), f32(0), f32(1)), u, stack, words
-        )
+        found, _ = closest_surface(tables, origin, (f32(0), f32(0), f32(1)), u, scratch)
         passed[0] += not found
 
 
 def share_passed(scene, on_diagonal=False, place=(0.0, 0.0, 0.0)):
     tracer = Tracer(scene)
-    passed, table = np.zeros(1, np.int64), tracer.surfaces
-    count_passed(
-        address(tracer.world.table), table.addresses, table.texels, table.rows, RAYS, on_diagonal,
-        tuple(f32(x) for x in place), passed,
-    )  # fmt: skip
+    passed = np.zeros(1, np.int64)
+    tables = scene_tables(tracer.packed, tracer.world, tracer.surfaces)
+    count_passed(tables, RAYS, on_diagonal, tuple(f32(x) for x in place), passed)
     return passed[0] / RAYS
 
 

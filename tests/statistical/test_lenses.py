@@ -7,9 +7,9 @@ import pytest
 from test_specular_paths import BLACK, glass, rectangle
 from transport import Tracer, aim, box_room, lit
 
-from ispm.accel.intersect import STACK_WORDS
-from ispm.accel.surface import closest_surface, leave_surface, surface
-from ispm.kernels.simd import address, alloca
+from ispm.accel.intersect import STACK_WORDS, Scratch
+from ispm.accel.surface import closest_surface, leave_surface, scene_tables, surface
+from ispm.kernels.simd import alloca
 from ispm.library.shapes import icosphere
 from ispm.optics.bsdf import smooth_split
 from ispm.optics.jit import jit
@@ -21,23 +21,23 @@ f32 = np.float32
 
 
 @jit
-def _refract_twice(world, table, texels, rows, origins, directions, out):
-    stack, words = alloca(STACK_WORDS), alloca(2)
+def _refract_twice(tables, origins, directions, out):
+    scratch = Scratch(alloca(STACK_WORDS), alloca(2))
     for i in range(len(origins)):
         start = origins[i, 0], origins[i, 1], origins[i, 2]
         d = directions[i, 0], directions[i, 1], directions[i, 2]
         share = f32(1)
         for _ in range(2):
-            found, hit = closest_surface(world, table, texels, rows, start, d, f32(0), stack, words)
+            found, hit = closest_surface(tables, start, d, f32(0), scratch)
             if not found:
                 share = f32(0)
                 break
-            position, ng, n, bsdf, _, _ = surface(table, texels, rows, hit, d)
-            _, transmittance, _, d, _ = smooth_split(bsdf, n, ng, scale(f32(-1), d))
+            x = surface(tables, hit, d)
+            _, transmittance, _, d, _ = smooth_split(x.bsdf, x.n, x.ng, scale(f32(-1), d))
             share *= transmittance[0]
-            start = leave_surface(world, table, hit, scale(f32(-1), ng))
+            start = leave_surface(tables, hit, scale(f32(-1), x.ng))
         for k in range(3):
-            out[i, k], out[i, 3 + k] = position[k], d[k]
+            out[i, k], out[i, 3 + k] = x.position[k], d[k]
         out[i, 6] = share
 
 
@@ -53,10 +53,7 @@ def through_ball(ior, heights):
     origins[:, 0], origins[:, 1] = -3.0, heights
     directions = np.tile(f32((1, 0, 0)), (len(heights), 1))
     out = np.zeros((len(heights), 7), f32)
-    tables = tracer.surfaces
-    _refract_twice(
-        address(tracer.world.table), tables.addresses, tables.texels, tables.rows, origins, directions, out
-    )
+    _refract_twice(scene_tables(tracer.packed, tracer.world, tracer.surfaces), origins, directions, out)
     return out
 
 

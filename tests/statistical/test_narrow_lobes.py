@@ -43,7 +43,7 @@ def pdf_along(b, wo, directions, out):
 
 def axis_of(b, wo, side):
     """Where a smooth surface of this kind sends light, (3,) unit."""
-    smooth = (*b[:7], f32(0), *b[8:])
+    smooth = b._replace(alpha=f32(0))
     _, _, above, beyond, _ = bsdf.specular_split(smooth, N, wo)
     return np.array(above if side == "reflected" else beyond, float)
 

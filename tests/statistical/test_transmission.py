@@ -36,7 +36,7 @@ LOBES = {
     "milky sheet, part metal": glass(0.7, COLOR, metallic=0.3, transmission=0.5, thin=True),
 }
 CASES = [(lobe, cosine) for lobe in LOBES for cosine in COSINES]
-ROUGH = [case for case in CASES if LOBES[case[0]][7] > 0]
+ROUGH = [case for case in CASES if LOBES[case[0]].alpha > 0]
 
 
 @jit
@@ -64,7 +64,7 @@ def integrate_sphere(b, wo, rows=1024, columns=1024):
 
 def smooth_shares(b, wo):
     """Reflected and transmitted shares of a smooth surface's own directions."""
-    if b[7] > 0:
+    if b.alpha > 0:
         return np.zeros(3), np.zeros(3)
     reflectance, transmittance, *_ = bsdf.specular_split(b, N, wo)
     return np.array(reflectance, float), np.array(transmittance, float)
