@@ -24,13 +24,13 @@ def cache_folder() -> Path | None:
 
 
 def cache_fault() -> str:
-    """Return why the folder that would be used is not; an empty line where nothing is to be said of it."""
+    """Return why the folder that would be used is not; an empty string where there is no fault."""
     folder = _wanted()
     return "" if folder is None else fault_of(folder)
 
 
 def fault_of(folder: Path) -> str:
-    """Return why no code may be taken from a folder: others could have put it there; else an empty line."""
+    """Return why code from a folder cannot be trusted, as others may write there; else an empty string."""
     if not hasattr(os, "geteuid"):
         return ""  # Windows' folders are by default their user's
     try:

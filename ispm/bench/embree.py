@@ -1,7 +1,7 @@
-"""Embree as the measure of the tracer: called from compiled code, ray by ray, without Python between.
+"""Embree, to compare the tracer's speed with: called from numba code for each ray, without Python between.
 
-Needs the optional package `embreex`, of which only the library it brings is used: its own Python calls
-know no instances. Numbers below are Embree 4's API constants.
+Needs the optional package `embreex`, of which only the shared library is used: its Python interface has no
+instances.
 """
 
 from __future__ import annotations
@@ -28,11 +28,13 @@ from ispm.scene.packed import Packed
 
 f32, i64, u32, u64 = np.float32, np.int64, np.uint32, np.uint64
 
-_TRIANGLES, _INSTANCE = 0, 121
-_INDICES, _POSITIONS = 0, 1
-_UINT3, _FLOAT3, _FLOAT3X4_ROWS = 0x5003, 0x9003, 0x9134
-_ROBUST = 4
-# RTCRayHit in words of four bytes
+# Constants of Embree 4's API.
+_TRIANGLES, _INSTANCE = 0, 121  # RTC_GEOMETRY_TYPE_TRIANGLE, _INSTANCE
+_INDICES, _POSITIONS = 0, 1  # RTC_BUFFER_TYPE_INDEX, _VERTEX
+_UINT3, _FLOAT3, _FLOAT3X4_ROWS = 0x5003, 0x9003, 0x9134  # RTC_FORMAT_UINT3, _FLOAT3, _FLOAT3X4_ROW_MAJOR
+_ROBUST = 4  # RTC_SCENE_FLAG_ROBUST
+# Words of four bytes in an RTCRayHit, whose first three are the origin: tnear, dir, time, tfar, mask, u, v,
+# primID, geomID, instID.
 _NEAR, _DIRECTION, _TIME, _FAR, _MASK, _U, _V, _PRIMITIVE, _GEOMETRY, _PLACED = (
     3,
     4,
@@ -45,7 +47,7 @@ _NEAR, _DIRECTION, _TIME, _FAR, _MASK, _U, _V, _PRIMITIVE, _GEOMETRY, _PLACED = 
     18,
     19,
 )
-_CHUNK = 256
+_CHUNK = 256  # rays a thread takes at a time
 
 _intersect: Any = types.ExternalFunction("rtcIntersect1", types.void(types.uintp, types.uintp, types.uintp))
 
@@ -57,7 +59,7 @@ class EmbreeScene:
     """
 
     def __init__(self, packed: Packed, robust: bool = False) -> None:
-        """robust: Embree's slower mode, which does not miss between triangles."""
+        """robust: Embree's slower mode, in which no ray passes between neighbouring triangles."""
         self._library = _load_library()
         self._device = self._library.rtcNewDevice(b"threads=1")
         self._flags = _ROBUST * robust
@@ -74,7 +76,10 @@ class EmbreeScene:
         self._library.rtcCommitScene(self.scene)
 
     def trace(self, origins: np.ndarray, directions: np.ndarray, threads: int = 1) -> np.ndarray:
-        """Return the nearest hits, (N,) HIT, as `World.trace` does."""
+        """Return the nearest hits, (N,) HIT, as `World.trace` does; `t` is infinite where nothing is hit.
+
+        origins, directions  (N, 3), world space; t counts in lengths of the direction
+        """
         origins = np.ascontiguousarray(origins, np.float32)
         directions = np.ascontiguousarray(directions, np.float32)
         hits = np.empty(len(origins), HIT)
@@ -167,7 +172,7 @@ def _load_library() -> ctypes.CDLL:
 
 
 def _declare(library: ctypes.CDLL) -> None:
-    """Say what Embree's functions take and return."""
+    """Declare the types that Embree's functions take and return."""
     pointer, size, word, number = ctypes.c_void_p, ctypes.c_size_t, ctypes.c_uint, ctypes.c_int
     for name, result, arguments in (
         ("rtcNewDevice", pointer, [ctypes.c_char_p]),
@@ -188,8 +193,12 @@ def _declare(library: ctypes.CDLL) -> None:
 
 @jit
 def _trace(scene, count, origins, directions, counter, hits):
-    """Write a HIT for each ray; threads share `counter`."""
-    ray = alloca(16)
+    """Write a HIT for each ray; threads share `counter`.
+
+    scene  RTCScene;  origins, directions, counter, hits  addresses: of count x 3 float32 twice, of one int64,
+    of count HIT
+    """
+    ray = alloca(16)  # 128 bytes, more than an RTCRayHit has
     while True:
         first = atomic_add(counter, i64(1)) * _CHUNK
         if first >= count:

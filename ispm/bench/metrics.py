@@ -19,7 +19,7 @@ _REGULARISER = 1e-3  # eps over the squared mean of the reference
 class LightErrors:
     """Errors of a picture's light against a reference, over the pixels compared and their channels.
 
-    bias                 mean(A) / mean(B) - 1: the light there is too much
+    bias                 mean(A) / mean(B) - 1: above 0 where the picture is too bright
     relmse               mean of (A - B)^2 / (B^2 + eps), eps = 1e-3 mean(B)^2, less the reference's own
     mean_relative_error  mean of |A - B| / sqrt(B^2 + eps)
     pixels               how many were compared
@@ -33,7 +33,7 @@ class LightErrors:
 
 @dataclass(frozen=True)
 class Comparison(LightErrors):
-    """And on a screen: mean FLIP, both tone mapped at the exposure that suits the reference."""
+    """Those of the light, and mean FLIP of both pictures tone mapped at the reference's auto exposure."""
 
     flip: float
 
@@ -50,7 +50,7 @@ def compare(
 
     `bias` is mean(a) / mean(b) - 1; `relmse` the mean of (a - b)^2 / (b^2 + eps), eps = 0.001 mean(b)^2;
     `mean_relative_error` the mean of |a - b| / sqrt(b^2 + eps); `flip` the mean of FLIP, both pictures tone
-    mapped at the exposure that suits the reference.
+    mapped at the reference's auto exposure.
 
     a, b             (h, w, 3) linear radiance
     mask             (h, w) the pixels to compare, where it is not 0; default: all
@@ -84,7 +84,8 @@ def compare_light(
 def difference_picture(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """Return (h, w, 3) uint8: red where `a` is brighter than the reference `b`, blue where darker.
 
-    Full color is a relative error of 1 (of luminance, with the regulariser of relMSE).
+    a, b  (h, w, 3) linear radiance
+    The color's strength is the root of the relative error of luminance, with relMSE's regulariser; full at 1.
     """
     weights = LUMINANCE
     luminance_a, luminance_b = (np.asarray(x, np.float64) @ weights for x in (a, b))
@@ -123,7 +124,7 @@ def _picked(picture: np.ndarray, chosen: np.ndarray, name: str) -> np.ndarray:
 
 
 def _on_screen(a: np.ndarray, b: np.ndarray, displayed: bool) -> tuple[np.ndarray, np.ndarray]:
-    """Return the light that a screen gives off for each picture, (h, w, 3) in [0, 1]."""
+    """Return each picture as displayed, (h, w, 3) linear RGB in [0, 1], which FLIP compares."""
     if displayed:
         return np.clip(a, 0.0, 1.0), np.clip(b, 0.0, 1.0)
     exposure = auto_exposure(b)

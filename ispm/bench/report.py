@@ -1,4 +1,4 @@
-"""The benchmark's outcome as rows of cells."""
+"""A benchmark report as tables."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ _UNITS = {"photons_per_s": "photons/s", "ns_per_stored_photon": "ns", "fps_full"
 
 
 def tables(report: Report) -> list[tuple[str, Rows]]:
-    """Return titles and rows of cells: what was measured, then two tables with a row of headings."""
+    """Return each table's title and rows of cells; all but the first begin with a row of headings."""
     return [
         ("measured", _measured(report)),
         ("times of a frame", _frame(report)),

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from ispm.bench.change import Measured
 
 
-SLOWER = 1
+SLOWER = 1  # exit code
 
 
 @command()
@@ -43,7 +43,7 @@ def bench(
 
     Times of a frame, stage by stage, while camera, light and an object move; photons traced per second,
     beside Embree where the package embreex is installed; memory. Medians, and the 5th and 95th percentile.
-    A stage is slower if its median grew by more than 3 % and what the frames of both runs scatter by.
+    A stage is slower if its median grew by more than 3 % plus the uncertainty of both medians.
     """
     if report is not None and (compare is None or output is not None or quick):
         raise SettingsError(
@@ -74,7 +74,7 @@ def bench(
 
 
 def _tell_changes(console: Console, before: Measured, now: Measured) -> int:
-    """Say what changed between two reports; return the exit code."""
+    """Print what changed between two reports; return the exit code."""
     from ispm.bench.change import changes, rows
 
     found = changes(before, now)

@@ -1,4 +1,4 @@
-"""Hand the arguments to a command, and turn errors into one line and an exit code."""
+"""Run the command that the arguments name; errors become one line on stderr and an exit code."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ from ispm.errors import AdapterError, IspmError, SceneWarning
 
 COMMANDS = (render, compare, scenes, info, doctor, bench)  # importing a command registers it
 
-BAD_INPUT, NO_ADAPTER = 2, 3
+BAD_INPUT, NO_ADAPTER = 2, 3  # exit codes
 
 
 def run(arguments: list[str]) -> int:
     """Run a command line and return its exit code, as `main` says."""
-    if sys.stdout is None or sys.stderr is None:  # closed by who started us; there is nobody to tell
+    if sys.stdout is None or sys.stderr is None:  # closed by the parent process
         sys.stdout, sys.stderr = (
             s or os.fdopen(os.open(os.devnull, os.O_WRONLY), "w") for s in (sys.stdout, sys.stderr)
         )
@@ -36,7 +36,7 @@ def run(arguments: list[str]) -> int:
             code = app(arguments, exit_on_error=False, print_error=False, result_action="return_value")
         sys.stdout.flush()
         return int(code or 0)
-    except (BrokenPipeError, SystemExit):  # who read the output has seen enough; rich answers by SystemExit
+    except (BrokenPipeError, SystemExit):  # the reader of a pipe closed it; rich then raises SystemExit
         drop(sys.stdout)
         return 0
     except KeyboardInterrupt:
@@ -55,12 +55,12 @@ def run(arguments: list[str]) -> int:
 
 
 def interrupted(debug: bool = False) -> int:
-    """Say so, and return the exit code."""
+    """Print on stderr that the command was interrupted, and return the exit code."""
     return _failed(INTERRUPTED, "interrupted", debug)
 
 
 def _failed(code: int, message: str, debug: bool) -> int:
-    """Say in one line what went wrong; with the traceback where it is wanted."""
+    """Print in one line on stderr what went wrong, after the traceback with `debug`; return `code`."""
     if debug:
         tell(traceback.format_exc().rstrip())
     tell("ispm: " + one_line(message))

@@ -1,4 +1,4 @@
-"""What the commands say: results on stdout, everything else on stderr."""
+"""What the commands print: results on stdout, everything else on stderr."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from ispm.errors import OutputError
 
 
 class Console:
-    """Says things to the user.
+    """Prints for the user.
 
     quiet    nothing but results and errors
     as_json  one JSON object on stdout instead of the paths written
@@ -56,14 +56,14 @@ class Console:
 
     @property
     def is_live(self) -> bool:
-        """Whether stderr is a terminal, on which things may move."""
+        """Whether stderr is a terminal, where spinners and progress bars may be shown."""
         return not self.quiet and sys.stderr.isatty()
 
     @contextmanager
     def step(self, text: str, *, spin: bool = True) -> Iterator[None]:
-        """Show that `text` is going on, by a spinner on a terminal, else a line; then the time it took.
+        """Show that `text` is going on, by a spinner on a terminal, else by a line; then print its seconds.
 
-        spin  False: a line on a terminal, too, below which other things will move
+        spin  False: a line on a terminal, too, as a progress bar will follow
         """
         start = time.perf_counter()
         if self.quiet:
@@ -92,7 +92,7 @@ class Console:
 
 
 def tell(line: str) -> None:
-    """Print a line on stderr; where nobody can read it any more, the work goes on."""
+    """Print a line on stderr; the work goes on where stderr cannot be written to any more."""
     try:
         print(line, file=sys.stderr, flush=True)
     except OSError:
@@ -100,7 +100,7 @@ def tell(line: str) -> None:
 
 
 def fault_of(stream: TextIO) -> str:
-    """Return why a stream takes nothing more, not so much as a line's end; else an empty text."""
+    """Print an empty line; return why a stream cannot take it, else an empty string."""
     try:
         print(file=stream, flush=True)
     except OSError as error:
@@ -109,8 +109,8 @@ def fault_of(stream: TextIO) -> str:
 
 
 def drop(stream: TextIO) -> None:
-    """Send what a stream has, and all that it will get, to nowhere."""
-    with suppress(OSError, ValueError):  # it has no descriptor, or none any more
+    """Redirect a stream to the null device, with what it has buffered."""
+    with suppress(OSError, ValueError):  # it has no file descriptor, or a closed one
         os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
 
 
@@ -161,5 +161,5 @@ def _rich_table(title: str, cells: list[list[str]]) -> None:
 
 
 def one_line(text: str) -> str:
-    """Return `text` in one line, without what would steer a terminal: names come from files."""
+    """Return `text` in one line, without terminal control characters: names come from files."""
     return "".join(c if c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in " ".join(text.split()))

@@ -7,11 +7,12 @@ from typing import Any
 
 
 def read_types_alone(ffi: Any) -> None:
-    """Let an FFI of cffi read each C type with those declarations alone that its text names.
+    """Make cffi parse a C type with only the declarations that the type's text names.
 
-    wgpu names its structs in text, `"WGPUBufferDescriptor *"`. cffi reads each of them, once, behind a
-    typedef for every type that webgpu.h declares: 20 ms apiece, and a first picture names 80. What cffi
-    makes of a text is the same, and where wgpu comes with compiled types there is nothing to do.
+    ffi  wgpu's `cffi.FFI`, changed in place
+    wgpu gives types as text, `"WGPUBufferDescriptor *"`. cffi parses each text once, behind a typedef for
+    every type that webgpu.h declares: 20 ms apiece, and a first picture needs 80. The parsed types are the
+    same. Where wgpu brings compiled types (an FFI without a parser) nothing is changed.
     """
     parser: Any = getattr(ffi, "_parser", None)
     if not hasattr(parser, "_declarations"):

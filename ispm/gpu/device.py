@@ -24,8 +24,9 @@ from ispm.gpu.texture import Sampler, Texture, make_sampler
 from ispm.gpu.timing import Timer
 
 _BACKENDS = ("Vulkan", "Metal", "D3D12")
-_TYPES = ("DiscreteGPU", "IntegratedGPU", "CPU")  # best first; what else there is comes before the CPU
-FEATURES = ("float32-blendable", "timestamp-query")  # what is made use of, where it is there
+_TYPES = ("DiscreteGPU", "IntegratedGPU", "CPU")  # best first; other types rank just above the CPU
+FEATURES = ("float32-blendable", "timestamp-query")  # optional ones, requested where the adapter has them
+# parts of the messages by which drivers say that memory or a limit does not suffice
 _TOO_MUCH = ("not enough memory", "out of memory", "maximum buffer size", "exceeds the limit", "binding_size")
 _CURE = "on Debian and Ubuntu `apt-get install mesa-vulkan-drivers` brings one that runs on the CPU"
 
@@ -52,7 +53,7 @@ _BASELINE = {
     "min-uniform-buffer-offset-alignment": 256,
     "min-storage-buffer-offset-alignment": 256,
 }
-# Sizes that follow the scene and the picture: all the adapter has.
+# Limits of sizes that grow with the scene and the picture: as high as the adapter has them.
 _GENEROUS = (
     "max-texture-dimension-2d",
     "max-texture-array-layers",
@@ -82,7 +83,7 @@ def list_adapters() -> list[AdapterInfo]:
     return [_info(adapter) for adapter in _adapters()]
 
 
-_first_process: int | None = None  # that opened an adapter, here or before it was forked to this one
+_first_process: int | None = None  # id of the first to open an adapter: this one, or one it was forked from
 
 
 def require_own_process() -> None:
@@ -116,7 +117,7 @@ def open_gpu(adapter: str | None = None) -> Gpu:
 
 @contextmanager
 def within_memory(task: str) -> Iterator[None]:
-    """Turn what numpy or a driver say of too little memory into a SettingsError with the cure.
+    """Turn out-of-memory errors of numpy and of drivers into a SettingsError that says what to reduce.
 
     task  what was to be done, as in "a picture of 16384x16384 pixels"
     """
@@ -133,7 +134,7 @@ def within_memory(task: str) -> Iterator[None]:
 
 @cache
 def _prepare_wgpu() -> None:
-    """Leave out OpenGL, which is never used and aborts where several threads look for adapters at once."""
+    """Leave out the OpenGL backend: it is never used, and aborts where several threads enumerate adapters."""
     from wgpu.backends.wgpu_native import ffi
     from wgpu.backends.wgpu_native.extras import set_instance_extras
 
@@ -164,6 +165,7 @@ class Gpu:
     info         the adapter
     max_texture  texels of the longest side of a texture
     max_layers   layers of a texture array
+    max_binding  bytes of the largest storage buffer
     """
 
     def __init__(self, adapter: wgpu.GPUAdapter) -> None:
@@ -253,7 +255,7 @@ class Gpu:
     def frame(self, *, timed: bool = False) -> Recording:
         """Return a context in which commands are recorded; leaving it submits them.
 
-        timed  measure stages by waiting for each where the adapter has no clock of its own
+        timed  without timestamp queries, measure stages by waiting for the end of each
         """
         require_own_process()
         return Recording(self.device, self._uniforms, self._readback, self._timer, timed)
@@ -261,12 +263,12 @@ class Gpu:
     def read_texture(
         self, texture: Texture, dtype: Any, channels: int = 1, layer: int | None = None
     ) -> np.ndarray:
-        """Return a texture's level 0 as (height, width[, channels]); all layers stacked first where
-        the texture is an array and `layer` is None."""
+        """Return a texture's level 0 as (height, width[, channels]), with an axis of layers first where the
+        texture is an array and `layer` is None."""
         return self.read_many([(texture, dtype, channels, layer)])[0]
 
     def read_buffer(self, buffer: Buffer, dtype: Any, count: int) -> np.ndarray:
-        """Return the first `count` elements of a buffer."""
+        """Return the first `count` elements of a buffer, (count,) of `dtype`."""
         return self.read_many([(buffer, dtype, count)])[0]
 
     def read_many(self, wanted: Sequence[tuple[Any, ...]]) -> list[np.ndarray]:

@@ -19,8 +19,13 @@ _ROW = 256  # bytes; rows of a texture copy start at multiples of this
 
 @dataclass
 class _Copy:
-    """Where one array lies in the staging buffer: at `offset`, as `stored` with rows padded, of which
-    the first `used` elements of each axis make up `shape`."""
+    """Where one array lies in the staging buffer.
+
+    offset  bytes
+    stored  the shape there, with padded rows
+    used    elements of each axis that are not padding
+    shape   of the array that the caller gets
+    """
 
     offset: int
     dtype: np.dtype
@@ -40,24 +45,24 @@ class _Copy:
 
 
 class _Room:
-    """Memory for what is read, used again when nobody holds it any more.
+    """A pool of memory for what is read; a piece is used again when no array refers to it any more.
 
-    The system clears fresh memory before it gives it out, which takes longer than filling it: 0.1 s for
+    The system clears fresh memory before it hands it out, which takes longer than filling it: 0.1 s for
     a frame of 1280 x 720.
     """
 
-    _SMALL = 1 << 20  # bytes, below which nothing is kept
+    _SMALL = 1 << 20  # bytes, below which pieces are not pooled
     _KEPT = 24  # pieces at most
 
     def __init__(self) -> None:
         self._pieces: list[np.ndarray] = []
 
     def take(self, nbytes: int) -> np.ndarray:
-        """Return bytes that nobody else holds."""
+        """Return (nbytes,) uint8 that no other array shares."""
         if nbytes < self._SMALL:
             return np.empty(nbytes, np.uint8)
         for index in range(len(self._pieces)):
-            # held by the list and the call alone: arrays made of a piece hold it too
+            # 2 references, the list's and getrefcount's own: arrays that view a piece refer to it, too
             if self._pieces[index].nbytes == nbytes and sys.getrefcount(self._pieces[index]) <= 2:
                 return self._pieces[index]
         self._pieces = [*self._pieces[-self._KEPT + 1 :], np.empty(nbytes, np.uint8)]
@@ -75,9 +80,10 @@ class Readback:
         self._room = _Room()
 
     def read(self, wanted: Sequence[tuple[Any, ...]]) -> list[np.ndarray]:
-        """Return arrays for (texture, dtype, channels, layer) and (buffer, dtype, count) items."""
+        """Return an array for each item: (texture, dtype, channels, layer) as `Gpu.read_texture` does,
+        (buffer, dtype, count) as (count,)."""
         planned: list[_Copy] = []
-        end = 4
+        end = 4  # bytes that are cleared below
         for item in wanted:
             plan = _plan_texture if isinstance(item[0], Texture) else _plan_buffer
             planned.append(plan(-(-end // _ROW) * _ROW, *item))

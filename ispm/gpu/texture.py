@@ -1,4 +1,4 @@
-"""Textures that are made again when their size changes, and samplers."""
+"""Textures that are allocated anew when their size changes, and samplers."""
 
 from __future__ import annotations
 
@@ -20,12 +20,14 @@ _COPIES = wgpu.TextureUsage.COPY_SRC | wgpu.TextureUsage.COPY_DST
 
 
 class Texture:
-    """Texels on the device; owns them, and its views die with them.
+    """A texture on the device, without texels until it is `sized`; its views live as long as its texels.
 
     format     WebGPU's name
     dimension  of the default view: 2d, 2d-array, cube, cube-array
     usage      attachment, sampled, storage; default: attachment and sampled
     samples    of a texel: 1 or 4
+    size       (width, height) texels
+    version    grows with the handle's changes
     """
 
     def __init__(
@@ -56,9 +58,10 @@ class Texture:
         return self._handle
 
     def sized(self, size: tuple[int, int], *, layers: int | None = None, levels: int = 1) -> Texture:
-        """Return this texture with (width, height) texels, new ones where anything differs.
+        """Return this texture with (width, height) texels; allocated anew, contents lost, where size, layers
+        or levels differ.
 
-        The old ones are freed when no recorded command uses them any more.
+        The old texels are freed when no recorded command uses them any more.
         """
         layers = self.layers if layers is None else layers
         if self._handle is None or (size, layers, levels) != (self.size, self.layers, self.levels):
@@ -78,7 +81,7 @@ class Texture:
     def view(
         self, dimension: str | None = None, *, layer: int | None = None, level: int | None = None
     ) -> View:
-        """Return a view of everything, of one layer or of one level; the same one each time."""
+        """Return a view of the whole, of one layer or of one mip level; the same one each time."""
         key = (dimension, layer, level)
         if key not in self._views:
             self._views[key] = self.handle.create_view(
@@ -91,7 +94,7 @@ class Texture:
         return self._views[key]
 
     def write(self, pixels: np.ndarray, *, level: int = 0, layer: int = 0) -> Texture:
-        """Copy (height, width, ...) pixels in the texture's own format into one level."""
+        """Copy (height, width, ...) pixels, in the texture's own format, into one mip level of one layer."""
         pixels = np.ascontiguousarray(pixels)
         height, width = pixels.shape[:2]
         self._device.queue.write_texture(

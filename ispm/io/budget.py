@@ -7,21 +7,25 @@ from pathlib import Path
 from ispm.errors import SceneError
 from ispm.settings import LoadLimits
 
-MEMORY_PER_BYTE = 16  # of a file: four pixels; a strip of indices of a byte takes 12 for its triangles
-WORK_PER_BYTE = 100  # which is a second for a megabyte
+# Bytes of memory for each byte of the files: four RGBA pixels, or a triangle of 12 bytes, which a strip has
+# for each index of one byte.
+MEMORY_PER_BYTE = 16
+WORK_PER_BYTE = 100  # steps for each byte of the files: a second for a megabyte
 LOOK = 10_000  # steps to find a file, 0.1 ms
 MESH = 20_000  # steps to make a mesh, however small
-_ROUND = 1 << 20
+_ROUND = 1 << 20  # bytes, to whose multiples messages round memory up
 
 
 class Budget:
-    """What the loading of one scene has left of its limits; those of single items are in `limits`.
+    """What is left to the loading of one scene: bytes of memory, steps of work, bytes of files.
 
     Memory and work grow with the bytes that are read: large files may be large, and small ones stay small.
     Work is counted in steps of some ten nanoseconds rather than timed, so that a file ends in the same way
     on every machine.
 
-    files  those that are mapped, each once, by their resolved paths
+    limits  of the whole, and of single items
+    files   those that are mapped, each once, by their resolved paths
+    memory  bytes that are left
     """
 
     def __init__(self, limits: LoadLimits) -> None:

@@ -1,4 +1,4 @@
-"""Files that a scene file names: mapped into memory, and never from outside its own folder."""
+"""Scene files and the files that they name, memory-mapped; the latter only from the scene file's folder."""
 
 from __future__ import annotations
 
@@ -12,7 +12,10 @@ from ispm.io.budget import LOOK, Budget
 
 
 def map_file(path: Path, budget: Budget) -> memoryview:
-    """Return a file's bytes without reading them yet. Raises SceneError where it is larger than allowed."""
+    """Return a file's bytes, memory-mapped. Raises SceneError where it is larger than allowed.
+
+    The path is trusted: where a scene file names it, `read_inside` checks it first.
+    """
     real = Path(os.path.realpath(path))
     if real not in budget.files:
         with path.open("rb") as file:
@@ -37,7 +40,7 @@ def read_inside(name: str, folder: Path, budget: Budget) -> memoryview:
         root = os.path.realpath(folder)
         path = Path(os.path.realpath(os.path.join(root, name)))
         inside, there = path.is_relative_to(root), os.path.isfile(path)
-    except (OSError, ValueError):  # of names that no file can have
+    except (OSError, ValueError):  # the name is one that no file can have
         raise SceneError(f"the file {shown} is not there") from None
     if not inside:
         raise SceneError(f"{shown} is not read: it lies outside the scene's own folder")

@@ -31,7 +31,7 @@ def _channel(
 ) -> Channel | None:
     target = channel.target
     if target.node is None:
-        return None  # the specification: such a channel is to be ignored
+        return None  # glTF 2.0, 3.11: such a channel is to be ignored
     if target.path == "weights":
         file.notes.count(
             "animation channel moves morph weights, which are not supported yet",
@@ -48,7 +48,7 @@ def _channel(
 
 
 def _keyed(file: GltfFile, node: Node, path: str, sampler: schema.AnimationSampler) -> Channel:
-    """A channel with its keys. Raises SceneError where they make no sense."""
+    """A channel with its keyframes, shaped as `Channel` says. Raises SceneError where they make no sense."""
     if path not in WIDTHS:
         raise SceneError(f"it moves '{path}', which is unknown")
     if node.matrix is not None:

@@ -1,4 +1,4 @@
-"""How glTF is wrapped: JSON or GLB, and the bytes that it names by URI."""
+"""The container of a glTF file: JSON or GLB, and the bytes that it names by URI."""
 
 from __future__ import annotations
 
@@ -16,12 +16,16 @@ from ispm.io.folder import read_inside
 from ispm.io.gltf_schema import Gltf
 
 MAGIC = b"glTF"
-JSON_CHUNK, BINARY_CHUNK = 0x4E4F534A, 0x004E4942
-BOM = b"\xef\xbb\xbf"
+JSON_CHUNK, BINARY_CHUNK = 0x4E4F534A, 0x004E4942  # "JSON" and "BIN\0", little endian
+BOM = b"\xef\xbb\xbf"  # the byte order mark of UTF-8
 
 
 def unwrap(data: memoryview) -> tuple[memoryview, memoryview | None]:
-    """Return the JSON and the binary chunk of a file, by its first bytes rather than its name."""
+    """Return the JSON and the binary chunk, None where there is none, of a GLB; other files are all JSON.
+
+    Told by the first bytes rather than by the name. Source: glTF 2.0, chapter 4.
+    Raises SceneError where the file is empty, damaged or of another version.
+    """
     if not data:
         raise SceneError("the file is empty")
     if data[:4] != MAGIC:
@@ -54,7 +58,10 @@ def _chunks(data: memoryview) -> list[tuple[int, memoryview]]:
 
 
 def parse(text: memoryview) -> Gltf:
-    """Return the records in `text`, UTF-8 JSON; a byte order mark and padding zeros are passed over."""
+    """Return the records in `text`, UTF-8 JSON; a byte order mark and padding zeros are skipped.
+
+    Raises SceneError where it cannot be read.
+    """
     data = bytes(text).removeprefix(BOM).rstrip(b"\0")
     if b"\0" in data[:4]:
         raise SceneError("the text is not UTF-8; save it as UTF-8")
