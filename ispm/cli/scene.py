@@ -67,7 +67,8 @@ def _with_fov(scene: Scene, camera: str | None, fov: float) -> Camera:
     found = find_camera(scene, camera)
     if found is None:
         raise SettingsError("--fov: the scene has no camera; give --look-from and --look-at too")
-    return replace(found[0], yfov=radians(fov), ymag=None, pose=found[1])
+    own, pose = found
+    return replace(own, yfov=radians(fov), ymag=None, pose=pose)
 
 
 def require_not_input(output: Path, scene: str) -> None:

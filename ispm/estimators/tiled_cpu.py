@@ -61,13 +61,11 @@ class TiledCpu:
         if not len(photons) or not len(receivers):
             return out
         receivers, photons = np.ascontiguousarray(receivers), np.ascontiguousarray(photons)
-        tiles = -(-size[0] // _SIDE), -(-size[1] // _SIDE)
-        boxes = np.empty((tiles[0] * tiles[1], BOX), f32)
+        across, down = tiles = -(-size[0] // _SIDE), -(-size[1] // _SIDE)
+        boxes = np.empty((across * down, BOX), f32)
         self._run(_bound, address(receivers), size, tiles, len(boxes), address(boxes))
         starts, members = self._bin(photons, np.asarray(clip_from_world, f64), size, tiles, boxes)
-        self._run(
-            _gather, address(receivers), address(photons), size, tiles[0], starts, members, address(out)
-        )
+        self._run(_gather, address(receivers), address(photons), size, across, starts, members, address(out))
         return out
 
     def close(self) -> None:

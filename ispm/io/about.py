@@ -153,7 +153,8 @@ def _arrays(arrays: dict[str, tuple[Any, np.dtype[Any]]], made: dict[str, str] |
         raise ValueError("it holds no picture")
     names = [f"{name} {'x'.join(map(str, shape))} {dtype}" for name, (shape, dtype) in arrays.items()]
     bits = sorted({8 * dtype.itemsize for _, dtype in arrays.values()})
-    return PictureFile(int(shapes[0][1]), int(shapes[0][0]), names, bits, made or {})
+    height, width, *_ = shapes[0]
+    return PictureFile(int(width), int(height), names, bits, made or {})
 
 
 def _parsed(text: bytes) -> dict[str, str]:

@@ -36,7 +36,8 @@ def camera_record(camera: Camera) -> dict[str, Any]:
         shape = {"xmag": xmag, "ymag": float(camera.ymag), "znear": 0.0, "zfar": _FAR}
         record = {"type": "orthographic", "orthographic": shape}
     pose = None if camera.pose is None else [float(x) for x in np.asarray(camera.pose).T.ravel()]
-    principal = float(camera.principal[0]), float(camera.principal[1])
+    x, y = camera.principal
+    principal = float(x), float(y)
     own = msgspec.to_builtins(_Own(pose, aspect, principal))
     named = {"name": camera.name} if camera.name else {}
     return {**named, **record, **({"extras": {"ispm": own}} if own else {})}

@@ -38,9 +38,10 @@ def unwrap(data: memoryview) -> tuple[memoryview, memoryview | None]:
     if length > len(data):
         raise SceneError(f"the file is cut short: {len(data)} of {length} bytes are there")
     chunks = _chunks(data[12:length])
-    if not chunks or chunks[0][0] != JSON_CHUNK:
+    first, text = chunks.pop(0) if chunks else (None, data)
+    if first != JSON_CHUNK:
         raise SceneError("the first chunk of the GLB is not JSON")
-    return chunks[0][1], next((body for kind, body in chunks[1:] if kind == BINARY_CHUNK), None)
+    return text, next((body for kind, body in chunks if kind == BINARY_CHUNK), None)
 
 
 def _chunks(data: memoryview) -> list[tuple[int, memoryview]]:

@@ -50,12 +50,12 @@ def _range(file: GltfFile, record: schema.Light, where: str) -> float:
 
 def _cones(file: GltfFile, spot: schema.Spot, where: str) -> tuple[float, float]:
     """The inner and outer angle, 0 <= inner < outer <= pi / 2."""
-    given = spot.inner_cone_angle, spot.outer_cone_angle
-    outer = min(max(given[1], NARROWEST), math.pi / 2.0)
-    inner = min(max(given[0], 0.0), outer - NARROWEST)
-    if max(abs(inner - given[0]), abs(outer - given[1])) > 1e-6:  # files round pi / 2
+    wanted_inner, wanted_outer = spot.inner_cone_angle, spot.outer_cone_angle
+    outer = min(max(wanted_outer, NARROWEST), math.pi / 2.0)
+    inner = min(max(wanted_inner, 0.0), outer - NARROWEST)
+    if max(abs(inner - wanted_inner), abs(outer - wanted_outer)) > 1e-6:  # files round pi / 2
         file.notes.add(
-            f"{where}: its cones of {given[0]:g} and {given[1]:g} rad break 0 <= inner < outer <= pi / 2; "
-            f"{inner:.3g} and {outer:.3g} are used"
+            f"{where}: its cones of {wanted_inner:g} and {wanted_outer:g} rad break 0 <= inner < outer <= "
+            f"pi / 2; {inner:.3g} and {outer:.3g} are used"
         )
     return inner, outer

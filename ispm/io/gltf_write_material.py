@@ -141,9 +141,9 @@ class MaterialWriter:
         image_key = self._digests[id(pixels)], texture.name
         if image_key not in self._images:
             self._images[image_key] = self._document.picture(pixels, texture.name)
-        key = self._images[image_key], self._sampler(texture)
+        source, sampler = key = self._images[image_key], self._sampler(texture)
         if key not in self._textures:
-            record = {"source": key[0], "sampler": key[1]}
+            record = {"source": source, "sampler": sampler}
             self._textures[key] = self._document.put("textures", record)
         return self._textures[key]
 

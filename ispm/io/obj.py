@@ -67,16 +67,16 @@ def _check(text: ObjText, notes: Notes, limits: LoadLimits) -> None:
     check_counts(limits, len(text.positions), placed, len({group.object for group in text.groups}))
     vertex, uv, normal = text.corners.T
     check_range(vertex, len(text.positions), first=1)
-    missing = (uv >= len(text.uvs)) & (uv >= 0), (normal >= len(text.normals)) & (normal >= 0)
-    if missing[0].any():
+    no_uv, no_normal = (uv >= len(text.uvs)) & (uv >= 0), (normal >= len(text.normals)) & (normal >= 0)
+    if no_uv.any():
         notes.add("texture coordinates that faces ask for are not there; 0, 0 is used")
-        uv[missing[0]] = -1
+        uv[no_uv] = -1
     for group, faces in text.groups.items():
         rows = np.array(faces.corners)
         normal[rows[group.smooth & (normal[rows] == FLAT)]] = FLAT - 1  # a face with normals at some corners
-    if missing[1].any():
+    if no_normal.any():
         notes.add("normals that faces ask for are not there; the mean of their faces' is used")
-        normal[missing[1]] = FLAT - 1
+        normal[no_normal] = FLAT - 1
 
 
 def _normals(text: ObjText, triangles: list[np.ndarray]) -> np.ndarray:

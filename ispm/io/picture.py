@@ -116,8 +116,8 @@ def rgba(image: Any) -> np.ndarray:
     pixels = np.empty((height, width, 4), np.uint8)
     for top in range(0, height, TILE):
         for left in range(0, width, TILE):
-            box = left, top, min(left + TILE, width), min(top + TILE, height)
-            pixels[top : box[3], left : box[2]] = _rgba(image.crop(box))
+            right, bottom = min(left + TILE, width), min(top + TILE, height)
+            pixels[top:bottom, left:right] = _rgba(image.crop((left, top, right, bottom)))
     return pixels
 
 

@@ -10,8 +10,8 @@ from PIL import Image, ImageDraw
 # Black, violet, red, orange, pale yellow: brightness grows evenly, so the order also shows in grey.
 _HEAT = np.array([(0, 0, 4), (87, 16, 110), (188, 55, 84), (249, 142, 9), (252, 255, 164)], float)
 _MARGIN = 6  # pixels
-_BAR = (128, 8)  # width and height of a scale
-_CELL = (240, 180)  # of a map in the chart of bounce maps
+_BAR_WIDTH, _BAR_HEIGHT = 128, 8  # of a scale
+_CELL_WIDTH, _CELL_HEIGHT = 240, 180  # of a map in the chart of bounce maps
 _TITLE = 14  # height of a line of text
 _ROWS_MAX = 8
 _CROSS = ((2, 1), (0, 1), (1, 0), (1, 2), (1, 1), (3, 1))  # column and row of +x, -x, +y, -y, +z, -z
@@ -31,12 +31,12 @@ def overdraw_chart(counts: np.ndarray, size: tuple[int, int]) -> np.ndarray:
     draw = ImageDraw.Draw(picture)
     text = f"kernels per pixel: mean {counts.mean():.1f}, most {int(counts.max())}"
     left, base = _MARGIN, height - _MARGIN
-    draw.rectangle((0, base - 36, max(_BAR[0] + 48, int(draw.textlength(text)) + 16), height), fill=0)
-    scale = _heat(np.tile(np.linspace(0.0, 1.0, _BAR[0]), (_BAR[1], 1)))
+    draw.rectangle((0, base - 36, max(_BAR_WIDTH + 48, int(draw.textlength(text)) + 16), height), fill=0)
+    scale = _heat(np.tile(np.linspace(0.0, 1.0, _BAR_WIDTH), (_BAR_HEIGHT, 1)))
     picture.paste(Image.fromarray(scale), (left, base - 20))
     draw.text((left, base - 34), text, fill="white")
     for share in (0.0, 0.5, 1.0):
-        draw.text((left + share * _BAR[0], base - 10), f"{share * top:g}", fill="white")
+        draw.text((left + share * _BAR_WIDTH, base - 10), f"{share * top:g}", fill="white")
     return np.asarray(picture)
 
 
@@ -50,16 +50,16 @@ def bounce_chart(maps: Sequence[np.ndarray], names: Sequence[str], bounds: np.nd
     normals and directions as color (v + 1) / 2.
     """
     rows = len(maps[:_ROWS_MAX])
-    size = (_MARGIN + 4 * (_CELL[0] + _MARGIN), _TITLE + rows * (_CELL[1] + _TITLE))
+    size = (_MARGIN + 4 * (_CELL_WIDTH + _MARGIN), _TITLE + rows * (_CELL_HEIGHT + _TITLE))
     picture = Image.new("RGB", size)
     draw = ImageDraw.Draw(picture)
     for column, title in enumerate(("position", "normal", "outgoing power", "outgoing direction")):
-        draw.text((_MARGIN + column * (_CELL[0] + _MARGIN), 1), title, fill="white")
+        draw.text((_MARGIN + column * (_CELL_WIDTH + _MARGIN), 1), title, fill="white")
     for row, (content, name) in enumerate(zip(maps[:_ROWS_MAX], names, strict=False)):
-        top = _TITLE + row * (_CELL[1] + _TITLE)
-        draw.text((_MARGIN, top + _CELL[1] + 1), name, fill="white")
+        top = _TITLE + row * (_CELL_HEIGHT + _TITLE)
+        draw.text((_MARGIN, top + _CELL_HEIGHT + 1), name, fill="white")
         for column, colors in enumerate(_colored(content, bounds)):
-            left = _MARGIN + column * (_CELL[0] + _MARGIN)
+            left = _MARGIN + column * (_CELL_WIDTH + _MARGIN)
             picture.paste(_fitted(_unfolded(colors)), (left, top))
     return np.asarray(picture)
 
@@ -92,7 +92,7 @@ def _unfolded(faces: np.ndarray) -> Image.Image:
 
 def _fitted(picture: Image.Image) -> Image.Image:
     """The picture as large as a cell allows."""
-    scale = min(_CELL[0] / picture.width, _CELL[1] / picture.height)
+    scale = min(_CELL_WIDTH / picture.width, _CELL_HEIGHT / picture.height)
     size = max(round(scale * picture.width), 1), max(round(scale * picture.height), 1)
     return picture.resize(size, Image.Resampling.NEAREST if scale > 1.0 else Image.Resampling.BOX)
 

@@ -75,8 +75,9 @@ class Progress:
         """Add the frame of the next pass."""
         self.sums = {name: total + frame[name] for name, total in self.sums.items()}
         luminance = _luminance(frame["indirect"])
-        self.moments[0] += luminance
-        self.moments[1] += np.square(luminance, dtype=np.float64)
+        sums, squares = self.moments
+        sums += luminance
+        squares += np.square(luminance, dtype=np.float64)
         self.passes += 1
         self.stats = frame.stats
 
@@ -91,8 +92,9 @@ class Progress:
         n = self.passes
         if n < 2:
             return math.nan
-        mean = self.moments[0] / n
-        variance = np.maximum(self.moments[1] / n - mean * mean, 0.0) / (n - 1)
+        sums, squares = self.moments
+        mean = sums / n
+        variance = np.maximum(squares / n - mean * mean, 0.0) / (n - 1)
         light = _luminance(self.sums["direct"] + self.sums["indirect"] + self.sums["emission"]) / n
         floor = max(_DARK * float(light.mean()) ** 2, 1e-300)
         return math.sqrt(float((variance / (light * light + floor)).mean()))

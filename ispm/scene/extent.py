@@ -86,8 +86,8 @@ def _bounds_of_copies(points: np.ndarray, places: np.ndarray) -> np.ndarray:
     step = max(_AT_ONCE // (3 * len(points)), 1)
     for k in range(0, len(beyond), step):
         few = beyond[k : k + step]
-        more = _exact(points, turns[few], moves[few])
-        bounds = np.stack([np.minimum(bounds[0], more[0]), np.maximum(bounds[1], more[1])])
+        low, high = _exact(points, turns[few], moves[few])
+        bounds = np.stack([np.minimum(bounds[0], low), np.maximum(bounds[1], high)])
     return bounds
 
 

@@ -54,7 +54,8 @@ class BounceStage:
         depth = self._depth.sized(size)
         with frame.draw_into(self._texels.sized(size), depth=depth, clear=(NO_HIT, 0, 0, 0)) as canvas:
             for index, (map, planned) in enumerate(zip(maps, plan, strict=True)):
-                shift = (2.0 * planned.shift[0] / map.width, 2.0 * planned.shift[1] / map.width)
+                x, y = planned.shift
+                shift = (2.0 * x / map.width, 2.0 * y / map.width)
                 uniforms = face_uniforms(map.map, index, near, shift, pass_index)
                 self._draw(frame, canvas, scene, map, uniforms)
         return BounceMaps(self._texels, maps)

@@ -69,8 +69,8 @@ class CameraView:
 
     def pixel_widths(self, points: np.ndarray) -> np.ndarray:
         """Return (n,) float32 m: a pixel's side at (n, 3) world-space points, seen face on; above 0."""
-        ahead = self.clip_from_world[3]
-        widths = self.footprint * (points @ ahead[:3].astype(np.float32) + np.float32(ahead[3]))
+        *ahead, offset = self.clip_from_world[3]
+        widths = self.footprint * (points @ np.array(ahead, np.float32) + np.float32(offset))
         return np.maximum(np.asarray(widths, np.float32), np.float32(1e-30))
 
     def sees(self, boxes: np.ndarray) -> np.ndarray:
@@ -132,7 +132,8 @@ class CameraView:
         else:
             span = self.far - self.near
             matrix[2, 2], matrix[2, 3], matrix[3, 3] = 1.0 / span, self.far / span, 1.0
+        (x, y), (right, down), (width, height) = self.principal, self.jitter, self.size
         shift = np.eye(4)
-        shift[0, 3] = self.principal[0] - 2.0 * self.jitter[0] / self.size[0]
-        shift[1, 3] = self.principal[1] + 2.0 * self.jitter[1] / self.size[1]
+        shift[0, 3] = x - 2.0 * right / width
+        shift[1, 3] = y + 2.0 * down / height
         return shift @ matrix

@@ -104,8 +104,8 @@ class ShadowStage:
     def _fit(self, texture: Texture, size: tuple[int, int]) -> None:
         """Make a texture large enough; it shrinks only where it is far too large."""
         width, height = (min(-(-side // _ROUND) * _ROUND, self._gpu.max_texture) for side in size)
-        old = texture.size
-        if width > old[0] or height > old[1] or 2 * width * height < old[0] * old[1]:
+        old_width, old_height = texture.size
+        if width > old_width or height > old_height or 2 * width * height < old_width * old_height:
             texture.sized((width, height))
 
     def _share(self, geometry: Geometry) -> None:
@@ -229,8 +229,8 @@ def tile_rows(atlas: ShadowAtlas, light_count: int) -> np.ndarray:
 def view_row(tile: ShadowTile, near: float) -> np.ndarray:
     """Return the VIEW record that draws a tile."""
     face, row = tile.face, np.zeros((), _VIEW)
-    scale = (1.0 - 2.0 * GUARD / np.array(tile.size)) * 2.0 / face.extent
-    middle = face.window.mean(axis=0)
+    scale_x, scale_y = (1.0 - 2.0 * GUARD / np.array(tile.size)) * 2.0 / face.extent
+    x, y = face.window.mean(axis=0)
     right, down, forward = np.column_stack([face.frame, np.zeros(3)])
     if face.depth:
         w = np.array((0.0, 0.0, 0.0, 1.0))
@@ -238,7 +238,7 @@ def view_row(tile: ShadowTile, near: float) -> np.ndarray:
     else:
         w = forward
         z, light = np.array((0.0, 0.0, 0.0, near)), np.append(face.origin, 1.0)
-    matrix = np.stack([scale[0] * (right - middle[0] * w), scale[1] * (middle[1] * w - down), z, w])
+    matrix = np.stack([scale_x * (right - x * w), scale_y * (y * w - down), z, w])
     row["clip_from_local"] = matrix.T  # WGSL stores columns
     row["origin"], row["light"] = face.origin, light
     return row
