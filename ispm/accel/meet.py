@@ -6,6 +6,7 @@ In float64. Vectors are tuples.
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -22,6 +23,20 @@ f32, f64, i64, u32 = np.float32, np.float64, np.int64, np.uint32
 _INSET = 4e-6  # as in the shader
 _SAME = 1e-9  # share of the way by which one triangle is not nearer than another
 _FLAGS = word_of(MATERIAL, "flags")
+
+
+class _Triangle(NamedTuple):
+    """A triangle of an instance."""
+
+    instance: np.uint32
+    primitive: np.uint32
+
+
+class _Place(NamedTuple):
+    """Barycentrics of a triangle's second and third corner."""
+
+    u: np.float64
+    v: np.float64
 
 
 def meet_many(
@@ -73,14 +88,15 @@ def _meet_texels(table, content, texels, origins, directions, parallel, found, p
         face, y, x = texels[i] // (width * width), texels[i] // width % width, texels[i] % width
         origin = (origins[i, 0], origins[i, 1], origins[i, 2])
         direction = (directions[i, 0], directions[i, 1], directions[i, 2])
-        own, before = (content[face, y, x, 0], content[face, y, x, 1]), (u32(NO_HIT), u32(0))
-        best, place, t, hits = own, (f64(0), f64(0)), f64(0), False
-        if own[0] != u32(NO_HIT):
+        own = _Triangle(content[face, y, x, 0], content[face, y, x, 1])
+        before = _Triangle(u32(NO_HIT), u32(0))
+        best, place, t, hits = own, _Place(f64(0), f64(0)), f64(0), False
+        if own.instance != u32(NO_HIT):
             place, t, hits = _on_plane(table, own, origin, direction)
         for row in range(max(y - 1, 0), min(y + 2, width)):
             for column in range(max(x - 1, 0), min(x + 2, width)):
-                other = (content[face, row, column, 0], content[face, row, column, 1])
-                if other[0] == u32(NO_HIT) or other == own:
+                other = _Triangle(content[face, row, column, 0], content[face, row, column, 1])
+                if other.instance == u32(NO_HIT) or other == own:
                     continue
                 if other == before or _has_holes(table, other):
                     continue
@@ -91,31 +107,33 @@ def _meet_texels(table, content, texels, origins, directions, parallel, found, p
                     best, place, t, hits = other, there, way, True
         found[i, 0], found[i, 1] = best
         if hits:
-            places[i, 0] = place[0]
-            places[i, 1] = min(f32(place[1]), f32(1) - places[i, 0])
+            places[i, 0] = place.u
+            places[i, 1] = min(f32(place.v), f32(1) - places[i, 0])
             along[i] = t
-        elif best[0] != u32(NO_HIT):
-            places[i, 0], places[i, 1], along[i] = meet(table, best[0], best[1], origin, direction, parallel)
+        elif best.instance != u32(NO_HIT):
+            places[i, 0], places[i, 1], along[i] = meet(
+                table, best.instance, best.primitive, origin, direction, parallel
+            )
 
 
 @jit
 def _has_holes(table, triangle):
     """Whether a triangle's material has holes, which are not looked into here."""
-    _, material, _ = triangle_at(table, Hit(triangle[0], triangle[1], f32(0), f32(0)))
+    _, material, _ = triangle_at(table, Hit(triangle.instance, triangle.primitive, f32(0), f32(0)))
     return ldu(table[MATERIALS], material + _FLAGS) & u32(MATERIAL_MASK | MATERIAL_BLEND) != u32(0)
 
 
 @jit
 def _on_plane(table, triangle, origin, direction):
     """Barycentrics of where a ray meets a triangle's plane, how many lengths away, and whether within it."""
-    corner, e1, e2 = _placed(table, triangle[0], triangle[1])
+    corner, e1, e2 = _placed(table, triangle)
     n = cross(e1, e2)
     square, facing = max(dot(n, n), f64(1e-300)), dot(n, direction)
     away = sub(origin, corner)
     t = -dot(n, away) / facing if facing != f64(0) else f64(0)
     way = add(away, scale(t, direction))
     u, v = dot(cross(way, e2), n) / square, dot(cross(e1, way), n) / square
-    return (u, v), t, facing != f64(0) and min(u, min(v, f64(1) - u - v)) >= f64(0)
+    return _Place(u, v), t, facing != f64(0) and min(u, min(v, f64(1) - u - v)) >= f64(0)
 
 
 @jit
@@ -128,9 +146,10 @@ def meet(table, instance, primitive, origin, direction, parallel):
     triangles: the point is then what on the triangle is nearest on the screen, and a little within, before a
     wall at that edge.
     """
-    (u, v), t, hits = _on_plane(table, (instance, primitive), origin, direction)
+    triangle = _Triangle(u32(instance), u32(primitive))
+    (u, v), t, hits = _on_plane(table, triangle, origin, direction)
     if not hits:
-        corner, e1, e2 = _placed(table, instance, primitive)
+        corner, e1, e2 = _placed(table, triangle)
         away = sub(origin, corner)
         u, v = _nearest(corner, e1, e2, away, direction, parallel)
         way = sub(add(scale(u, e1), scale(v, e2)), away)
@@ -140,9 +159,9 @@ def meet(table, instance, primitive, origin, direction, parallel):
 
 
 @jit
-def _placed(table, instance, primitive):
+def _placed(table, triangle):
     """The first corner of a triangle and its edges to the second and third, world space."""
-    row, _, corners = triangle_at(table, Hit(u32(instance), u32(primitive), f32(0), f32(0)))
+    row, _, corners = triangle_at(table, Hit(triangle.instance, triangle.primitive, f32(0), f32(0)))
     p0, e1, e2 = edges_at(table, corners)
     m = row + TO_WORLD
     moved = (_word(table, m + i64(3)), _word(table, m + i64(7)), _word(table, m + i64(11)))
@@ -167,22 +186,23 @@ def _word(table, place):
 def _nearest(corner, e1, e2, away, direction, parallel):
     """Barycentrics of what on a triangle is nearest to a ray on the screen."""
     x, y = _across(direction)
-    least, place = f64(np.inf), (f64(0), f64(0))
+    least, place = f64(np.inf), _Place(f64(0), f64(0))
     for k in range(3):
-        first = (f64(k == 1), f64(k == 2))
-        edge = (f64(k == 0) - first[0], f64(k == 1) - first[1])
+        first = _Place(f64(k == 1), f64(k == 2))
+        edge = _Place(f64(k == 0) - first.u, f64(k == 1) - first.v)
+        last = _Place(first.u + edge.u, first.v + edge.v)
         a = _from_ray(e1, e2, away, first, x, y, direction, parallel)
-        b = _from_ray(e1, e2, away, (first[0] + edge[0], first[1] + edge[1]), x, y, direction, parallel)
-        side = cross(a, b)
-        run = -(b[0] - a[0]) * side[1] + (b[1] - a[1]) * side[0]
+        b = _from_ray(e1, e2, away, last, x, y, direction, parallel)
+        (ax, ay, _), (bx, by, _), (side_x, side_y, _) = a, b, cross(a, b)
+        run = -(bx - ax) * side_y + (by - ay) * side_x
         share = f64(0)
         if run != f64(0):
-            share = min(max((a[0] * side[1] - a[1] * side[0]) / run, f64(0)), f64(1))
+            share = min(max((ax * side_y - ay * side_x) / run, f64(0)), f64(1))
         at = add(a, scale(share, sub(b, a)))
         off = (at[0] * at[0] + at[1] * at[1]) / (at[2] * at[2]) if at[2] > f64(0) else f64(np.inf)
         if k == 0 or off < least:
             least = off
-            place = (first[0] + share * edge[0], first[1] + share * edge[1])
+            place = _Place(first.u + share * edge.u, first.v + share * edge.v)
     return _within(corner, e1, e2, place)
 
 
@@ -199,7 +219,7 @@ def _across(direction):
 @jit
 def _from_ray(e1, e2, away, place, x, y, direction, parallel):
     """A point of a triangle as homogeneous coordinates on a screen that the ray meets at 0."""
-    p = sub(add(scale(place[0], e1), scale(place[1], e2)), away)
+    p = sub(add(scale(place.u, e1), scale(place.v, e2)), away)
     ahead = f64(1) if parallel else dot(p, direction) / math.sqrt(dot(direction, direction))
     return dot(p, x), dot(p, y), ahead
 
@@ -212,7 +232,7 @@ def _within(corner, e1, e2, place):
     a, b, c = math.sqrt(dot(e3, e3)), math.sqrt(dot(e2, e2)), math.sqrt(dot(e1, e1))
     around = max(a + b + c, f64(1e-300))
     radius = max(math.sqrt(dot(area, area)), f64(1e-300)) / around
-    at = add(corner, add(scale(place[0], e1), scale(place[1], e2)))
+    at = add(corner, add(scale(place.u, e1), scale(place.v, e2)))
     margin = f64(_INSET) * max(abs(at[0]), max(abs(at[1]), abs(at[2])))
     share = min(margin / radius, f64(0.5))
-    return place[0] + share * (b / around - place[0]), place[1] + share * (c / around - place[1])
+    return _Place(place.u + share * (b / around - place.u), place.v + share * (c / around - place.v))

@@ -312,8 +312,9 @@ def _footprint(table, instance, corners, e1, e2):
     """The photon's footprint in units of uv area: that of the triangle's first uv set."""
     m = instance + TO_WORLD
     area = cross(rows_times(table[INSTANCES], m, e1), rows_times(table[INSTANCES], m, e2))
-    a, b, c = _uv(table, corners, _UV0, 0), _uv(table, corners, _UV0, 1), _uv(table, corners, _UV0, 2)
-    uv_area = abs((b[0] - a[0]) * (c[1] - a[1]) - (c[0] - a[0]) * (b[1] - a[1]))
+    (au, av), (bu, bv) = _uv(table, corners, _UV0, 0), _uv(table, corners, _UV0, 1)
+    cu, cv = _uv(table, corners, _UV0, 2)
+    uv_area = abs((bu - au) * (cv - av) - (cu - au) * (bv - av))
     footprint = ldf(table[FOOTPRINT], i64(0))
     return uv_area / max(math.sqrt(dot(area, area)), f32(1e-30)) * footprint * footprint
 
@@ -326,9 +327,10 @@ def _sample(tables, context, use):
     materials = table[MATERIALS]
     slot = context.material + use
     field = _UV1 if ldu(materials, slot + _UV_SET) == u32(1) else _UV0
-    a, b, c = _uv(table, corners, field, 0), _uv(table, corners, field, 1), _uv(table, corners, field, 2)
+    (au, av), (bu, bv) = _uv(table, corners, field, 0), _uv(table, corners, field, 1)
+    cu, cv = _uv(table, corners, field, 2)
     w = f32(1) - u - v
-    place = (w * a[0] + u * b[0] + v * c[0], w * a[1] + u * b[1] + v * c[1], f32(1))
+    place = (w * au + u * bu + v * cu, w * av + u * bv + v * cv, f32(1))
     texture = _texture(table, context.material, use)
     texel_count = context.uv_area * f32(rows[texture, WIDTH]) * f32(rows[texture, HEIGHT])
     level = f32(0.5) * math.log2(texel_count) if texel_count > f32(1) else f32(0)
