@@ -18,7 +18,7 @@ from ispm.scene.values import FARTHEST, LEAST, Point, require
 
 __all__ = ["box", "cone", "cylinder", "plane", "sphere", "torus"]
 
-_MOST = 4096  # segments
+_MAX_SEGMENTS = 4096  # segments
 
 
 def plane(width: float = 1.0, depth: float = 1.0, *, name: str = "plane") -> Mesh:
@@ -197,6 +197,6 @@ def _require(shape: str, what: str, value: object) -> None:
 
 
 def _count(shape: str, what: str, value: object, least: int) -> None:
-    require(f"{shape}: {what}", value, least, _MOST)
+    require(f"{shape}: {what}", value, least, _MAX_SEGMENTS)
     if value != int(value):  # type: ignore[call-overload]  # a number, as was just required
         raise SceneError(f"{shape}: {what} must be a whole number, not {value}")

@@ -69,7 +69,7 @@ ORDER_FIRST, ORDER_INSTANCE = 4, 5  # words of 4 bytes; the instance whose mesh 
 # node pushes 8 before it takes the nearest back.
 STACK_WORDS = 2 * (7 * MAX_DEPTH + 8)
 
-_NOWHERE = -1
+_NO_NODE = -1
 _LOW = 0xFFFFFFFF
 _NOT_NEEDLE = np.uint32(NEEDLE ^ 0xFFFFFFFF)
 # After all keys: a hit at distance 0 does not come after it.
@@ -162,7 +162,7 @@ def descend(nodes, node, slabs, limit, nearest, keys, stack, waiting):
 
     slabs  of eight lanes, as limit and nearest, the distances between which boxes are met
     keys   address of 8 floats to work in
-    ->     (next ref or _NOWHERE, waiting). A waiting word is distance bits << 32 | ref, so that
+    ->     (next ref or _NO_NODE, waiting). A waiting word is distance bits << 32 | ref, so that
            comparing integers compares distances.
     """
     x, y, z = slabs.x, slabs.y, slabs.z
@@ -178,7 +178,7 @@ def descend(nodes, node, slabs, limit, nearest, keys, stack, waiting):
         vmin(vfma(vload8(nodes, word + 72 - z.word), z.rate, z.far), limit),
     )
     met = i64(mask_le(near, far))
-    found = i64(_NOWHERE)
+    found = i64(_NO_NODE)
     if met != 0:
         word += REFS
         k = i64(count_trailing_zeros(u32(met)))
@@ -218,9 +218,9 @@ def descend(nodes, node, slabs, limit, nearest, keys, stack, waiting):
 
 @jit(inline=True)
 def next_waiting(stack, bottom, waiting, t):
-    """Take refs off the stack down to one no farther than t; (_NOWHERE, bottom) where there is none."""
+    """Take refs off the stack down to one no farther than t; (_NO_NODE, bottom) where there is none."""
     bits = u64(f2u(t))
-    found = i64(_NOWHERE)
+    found = i64(_NO_NODE)
     while waiting > bottom:
         waiting -= 1
         key = ldq(stack, waiting)

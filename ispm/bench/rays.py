@@ -16,12 +16,12 @@ from ispm.photons.walk import (
     SPECULAR_MAX,
     Event,
     attenuated,
-    depart,
     first_segment,
     flight_number,
     medium,
     next_flight,
-    nowhere,
+    no_medium,
+    spawn_ray,
 )  # fmt: skip
 from ispm.scene.packed import Packed
 
@@ -52,7 +52,7 @@ def _record(tables, emitted, bounces, seed, rays):
         hit = Hit(photon.instance, photon.primitive, photon.u, photon.v)
         origin, d, within = first_segment(tables, photon)
         flux = scale(within, (photon.flux[0], photon.flux[1], photon.flux[2]))
-        inside = nowhere()
+        inside = no_medium()
         scatters, speculars = i64(0), i64(0)
         while count < len(rays):
             x = surface(tables, hit, d)
@@ -69,7 +69,7 @@ def _record(tables, emitted, bounces, seed, rays):
             u = flight_number(event)
             speculars += i64(specular)
             scatters += i64(not specular)
-            start, inside = depart(tables, x, inside, d)
+            start, inside = spawn_ray(tables, x, inside, d)
             for axis in range(3):
                 rays[count, 0, axis] = start[axis]
                 rays[count, 1, axis] = d[axis]

@@ -26,7 +26,7 @@ _VERTICES = 20_000  # looked at to frame a scene
 _CLEARANCE = 0.02  # of the diagonal, between the eye and the scene
 _MARGIN = 1.08  # about what is framed
 _WAYS = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [-1.0, 0.0, 0.0]])
-_NOWHERE = np.zeros((0, 3))
+_NO_POINTS = np.zeros((0, 3))
 _FAR_OFF = (
     1e4  # times its size that a scene may stand from the origin; at 3e4 it has lost 5 % of its indirect light
 )
@@ -151,7 +151,7 @@ def rigid(matrix: np.ndarray) -> np.ndarray:
 
 
 def default_camera(
-    packed: Packed, world: World, aspect: float, passed: np.ndarray = _NOWHERE
+    packed: Packed, world: World, aspect: float, passed: np.ndarray = _NO_POINTS
 ) -> tuple[Camera, np.ndarray]:
     """Return a camera that frames the scene from outside, or from within where it is a room.
 
@@ -229,7 +229,7 @@ def _some_vertices(packed: Packed) -> np.ndarray:
 
 
 def default_light(
-    packed: Packed, world: World, eye: np.ndarray, passed: np.ndarray = _NOWHERE
+    packed: Packed, world: World, eye: np.ndarray, passed: np.ndarray = _NO_POINTS
 ) -> tuple[Node, str]:
     """Return a node with a light for a scene without one, and a line that says so.
 

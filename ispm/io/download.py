@@ -15,7 +15,7 @@ from ispm.cache import cache_folder
 from ispm.errors import SceneError
 
 _SECONDS = 30.0  # that a server may be silent
-_MOST = 1 << 28  # bytes of a file; the largest that is known has 10 MB
+_MAX_BYTES = 1 << 28  # bytes of a file; the largest that is known has 10 MB
 _PIECE = 1 << 16
 
 
@@ -131,6 +131,6 @@ def _download(url: str, output_file: str, pooch: object) -> None:
         received = 0
         for piece in answer.iter_content(_PIECE):
             received += len(piece)
-            if received > _MOST:
-                raise OSError(f"a file has more than {_MOST:,} bytes")
+            if received > _MAX_BYTES:
+                raise OSError(f"a file has more than {_MAX_BYTES:,} bytes")
             file.write(piece)

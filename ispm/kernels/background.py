@@ -41,7 +41,7 @@ class Progress:
 progress = Progress()
 _thread: threading.Thread | None = None
 _lock = threading.Lock()
-_said = False
+_warned = False
 
 
 def _print(line: str) -> None:
@@ -75,9 +75,9 @@ def brings(name: str) -> bool:
 
 def tell(kernel: str, weight: int) -> None:
     """Say that this process compiles a kernel, where that takes long and nothing was said before."""
-    global _said
-    if enabled and weight > _LONG and not _said:
-        _said = True
+    global _warned
+    if enabled and weight > _LONG and not _warned:
+        _warned = True
         kept = (
             "once"
             if store.written_folder()
@@ -99,8 +99,8 @@ def _compile() -> None:
 
 
 def _begin() -> None:
-    global _said
-    _said = True
+    global _warned
+    _warned = True
     if not _shows_bar():
         say(f"{progress.what}: about {progress.seconds:.0f} s")
 

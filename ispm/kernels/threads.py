@@ -10,7 +10,7 @@ from typing import Any
 
 from ispm.errors import SettingsError
 
-_MOST = 1024  # threads; more of them than cores gain nothing
+_MAX_THREADS = 1024  # threads; more of them than cores gain nothing
 
 
 def thread_count(threads: int | None) -> int:
@@ -19,8 +19,8 @@ def thread_count(threads: int | None) -> int:
     Raises SettingsError for a number of threads that makes no sense.
     """
     if threads:
-        if not isinstance(threads, int) or not 0 < threads <= _MOST:
-            raise SettingsError(f"threads: {threads!r} is not a whole number of 1 to {_MOST}")
+        if not isinstance(threads, int) or not 0 < threads <= _MAX_THREADS:
+            raise SettingsError(f"threads: {threads!r} is not a whole number of 1 to {_MAX_THREADS}")
         return threads
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))

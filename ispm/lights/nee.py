@@ -16,7 +16,7 @@ from ispm.optics.vector import add, dot, scale, sub
 
 f32, i64, u32 = np.float32, np.int64, np.uint32
 
-SPOT_PARTS = 4  # in which a photon leaves a bright spot
+SPLIT_COUNT = 4  # photons that go on from a bright first bounce, with a quarter of its flux each
 
 _SHEETS_MAX = 8  # of glass that a shadow ray passes
 BEFORE = f32(1e-4)  # of the distance that a shadow ray ends before a light, which may hang on a wall
@@ -27,14 +27,14 @@ def direct_light(tables, x, wo, u, scratch, limit):
     """Return (radiance along wo, rays traced) of the lobes at a SurfacePoint that spread.
 
     u      random in [0, 1), for holes that shadow rays meet
-    limit  lights of which a bright spot is seen here are left out, see `is_bright`; infinite: none
+    limit  lights whose first bounce here is bright are left out, see `is_bright`; infinite: none
     """
     total, traced = (f32(0), f32(0), f32(0)), i64(0)
     for k in range(len(tables.lights)):
         radiance, distance, wi = _unshadowed(tables.lights[k], x, wo, limit)
         if greatest(radiance) > f32(0):
             start = leave_surface(tables, x.hit, side_of(x.ng, wi))
-            passed = let_through(tables, start, wi, distance, u, scratch)
+            passed = shadow_transmittance(tables, start, wi, distance, u, scratch)
             total, traced = add(total, times(radiance, passed)), traced + i64(1)
     return total, traced
 
@@ -58,13 +58,13 @@ def light_from_one(tables, x, wo, u, pick, scratch, limit):
     if total <= f32(0):
         return none
     start = leave_surface(tables, x.hit, side_of(x.ng, toward))
-    passed = let_through(tables, start, toward, farthest, u, scratch)
+    passed = shadow_transmittance(tables, start, toward, farthest, u, scratch)
     return scale(total / weight, times(drawn, passed))
 
 
 @jit
 def _unshadowed(light, x, wo, limit):
-    """(radiance along wo of a light without shadows, its distance, wi); 0 where it makes a bright spot."""
+    """(unshadowed radiance along wo of a light, its distance, wi); 0 where its first bounce is bright."""
     irradiance, distance, wi = light_arriving(light, x.position)
     none = f32(0), f32(0), f32(0)
     if greatest(irradiance) <= f32(0):
@@ -79,12 +79,12 @@ def _unshadowed(light, x, wo, limit):
 
 @jit
 def is_bright(b, ng, wo, irradiance, wi, limit):
-    """Return whether a light makes a bright spot of a point that is seen along wo.
+    """Return whether a light's first bounce at a point is bright, seen along wo.
 
     irradiance, wi  as `light_arriving` has them
     limit           of pi times the radiance that the light would make there without shadows
-    The same for the eye and for photons: it takes the geometric normal, as the shading normal is bent towards
-    who looks, and is symmetric in wo and wi.
+    The same for the eye and for photons: it takes the geometric normal, as the shading normal is bent
+    towards the viewer, and is symmetric in wo and wi.
     """
     if limit == f32(np.inf):
         return False
@@ -93,15 +93,15 @@ def is_bright(b, ng, wo, irradiance, wi, limit):
 
 
 @jit
-def is_spot(light, x, wo, limit):
-    """Return whether a light makes a bright spot of a point that is seen along wo."""
+def is_bright_first_bounce(light, x, wo, limit):
+    """Return whether a light's first bounce at a point is bright, seen along wo."""
     irradiance, _, wi = light_arriving(light, x.position)
     return is_bright(x.bsdf, x.ng, wo, irradiance, wi, limit)
 
 
 @jit
-def parts_at_spot(tables, photon, limit):
-    """Return in how many parts an EMITTED photon goes on from its first hit: more from a bright spot.
+def split_count(tables, photon, limit):
+    """Return how many photons an EMITTED one is split into at its first hit: more where that is bright.
 
     Its light reaches the picture by photons alone, and they would be most of the picture's noise.
     """
@@ -113,7 +113,7 @@ def parts_at_spot(tables, photon, limit):
     if greatest(irradiance) <= limit:
         return i64(1)
     x = surface(tables, hit, scale(f32(-1), wi))
-    return i64(SPOT_PARTS) if is_bright(x.bsdf, x.ng, x.ng, irradiance, wi, limit) else i64(1)
+    return i64(SPLIT_COUNT) if is_bright(x.bsdf, x.ng, x.ng, irradiance, wi, limit) else i64(1)
 
 
 @jit
@@ -123,7 +123,7 @@ def is_gathered(b):
 
 
 @jit
-def let_through(tables, start, d, distance, u, scratch):
+def shadow_transmittance(tables, start, d, distance, u, scratch):
     """Return the share of light, RGB, that comes to `start` from `distance` m along `d`.
 
     Thin smooth sheets let it through by their transmittance, holes wholly; all else blocks.

@@ -11,7 +11,7 @@ from ispm.accel.surface import SurfaceTable, scene_tables
 from ispm.accel.world import World
 from ispm.kernels.simd import address, alloca, atomic_add
 from ispm.kernels.threads import run_threads
-from ispm.lights.nee import BEFORE, let_through
+from ispm.lights.nee import BEFORE, shadow_transmittance
 from ispm.optics.jit import jit
 from ispm.optics.records import MATERIAL_BLEND, MATERIAL_MASK, MATERIAL_THIN
 from ispm.optics.rng import random4
@@ -49,7 +49,7 @@ def passed_light(
 
     starts, directions  (n, 3) float32, unit;  distances  (n,) float32 m, infinite for a sun
     keys                (n,) uint32, of the random numbers of blended materials;  sample  which of theirs
-    As `lit.let_through` has it.
+    As `nee.shadow_transmittance` has it.
     """
     if not (packed.materials["flags"] & (MATERIAL_MASK | MATERIAL_BLEND | MATERIAL_THIN)).any():
         free = ~world.occluded(starts, directions, distances * (f32(1) - BEFORE))
@@ -73,6 +73,6 @@ def _pass_chunks(tables, starts, directions, distances, numbers, counter, out):
             start = (starts[i, 0], starts[i, 1], starts[i, 2])
             d = (directions[i, 0], directions[i, 1], directions[i, 2])
             u, _, _, _ = random4(numbers.keys[i], numbers.dimension, numbers.pass_index, numbers.seed)
-            passed = let_through(tables, start, d, distances[i], u, scratch)
+            passed = shadow_transmittance(tables, start, d, distances[i], u, scratch)
             for c in range(3):
                 out[i, c] = passed[c]

@@ -146,7 +146,7 @@ def _likeness(point, receiver):
 
 
 def reflect_light(ends: np.ndarray, light: np.ndarray, count: int) -> np.ndarray:
-    """Return the radiance that (m, 16) light at (m,) END sends back along each of `count` rays, (n, 3)."""
+    """Return the radiance that (m, 16) light at (m,) PATH_END sends back along `count` rays, (n, 3)."""
     out = np.zeros((count, 3), np.float32)
     _reflect(ends, light, out)
     return out
@@ -168,10 +168,12 @@ def reflect_incident(end, light, i, c):
     return max(shown, f32(0))
 
 
-def smooth_frost(light: np.ndarray, pixels: np.ndarray, width: int, frost: np.ndarray, threads: int) -> None:
+def denoise_rough_transmission(
+    light: np.ndarray, pixels: np.ndarray, width: int, frost: np.ndarray, threads: int
+) -> None:
     """Average the noise out of the light of pixels that show rough glass, (n, c), in place.
 
-    pixels  (n,) numbers y width + x, sorted;  frost  (n,) or more FIRST
+    pixels  (n,) numbers y width + x, sorted;  frost  (n,) or more FIRST_VERTEX
     Light is averaged over a fifth of what the surface blurs it, at most 11 x 11 pixels, whose paths went out
     in different directions; and single paths that found a light's image through two rough faces are cut.
     """

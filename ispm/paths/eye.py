@@ -30,9 +30,9 @@ from ispm.optics.records import (
     RECEIVER,
 )  # fmt: skip
 from ispm.optics.vector import Vector, add, dot, scale, sub
-from ispm.paths.facet import ROUGH_SAMPLES, facet_numbers, facet_split, go_on
-from ispm.paths.vertices import BLACK, END, FIRST, store_end, store_first, store_point
-from ispm.photons.walk import attenuated, depart, medium, nowhere
+from ispm.paths.facet import ROUGH_SAMPLES, facet_numbers, facet_split, sample_specular_lobe
+from ispm.paths.vertices import BLACK, FIRST_VERTEX, PATH_END, store_end, store_first, store_point
+from ispm.photons.walk import attenuated, medium, no_medium, spawn_ray
 from ispm.scene.packed import Packed
 
 f32, i64, u32 = np.float32, np.int64, np.uint32
@@ -41,15 +41,17 @@ EVENTS_MAX = 8  # mirrors and faces of glass that a path meets
 _REFLECTED_EACH = 4  # of them so many reflect once
 _PATHS_MAX = 3  # of a pixel that shows no rough glass: reflected, let through, and reflected within
 _ENDS_MAX = 2  # of one path: behind a varnished floor goes on what it mirrors
-_LEAST = f32(1e-3)  # weight below which a path is not followed
-_STRONG = f32(0.02)  # and below which not from an end
+_MIN_WEIGHT = f32(1e-3)  # weight below which a path is not followed
+_MIN_WEIGHT_AFTER_END = f32(0.02)  # and below which not from an end
 _EVENTS_APART = 32  # numbers of the events of two paths that part
 _CHUNK = 64  # pixels a thread takes at a time; results do not depend on it or on the threads
 _BATCH = 1 << 15  # pixels whose ends lie in memory at their full number
 
 _WHITE = f32(1), f32(1), f32(1)
 
-END_AND_POINT = np.dtype([("end", END), ("point", RECEIVER)])  # where a path ends, and its first surface
+PATH_END_AND_POINT = np.dtype(
+    [("end", PATH_END), ("point", RECEIVER)]
+)  # where a path ends, and its first surface
 
 REFLECTED, TRANSMITTED, SCATTERED = 0, 1, 2  # what the first surface did to a path
 
@@ -82,10 +84,10 @@ class EyePaths:
 
     direct, emission  (n, 3) float32 radiance that they bring to each ray
     through  (n, 3) float32 share of the background that each sees through glass; mirrors show none of it
-    ends    (m,) END in the order of the rays; lane: REFLECTED or TRANSMITTED by a smooth surface;
+    ends    (m,) PATH_END in the order of the rays; lane: REFLECTED or TRANSMITTED by a smooth surface;
             SCATTERED: by a rough one, or a path's second end
     points  (m,) RECEIVER, the same; footprint: of a pixel
-    firsts  (n,) FIRST, instance NO_HIT where the ray met something else
+    firsts  (n,) FIRST_VERTEX, instance NO_HIT where the ray met something else
     rays    traced
     """
 
@@ -114,7 +116,7 @@ def trace_eye(
     count = len(rays.origins)
     # parts of arrays in another order would be of another type, and kernels for it be compiled
     origins, directions = np.ascontiguousarray(rays.origins), np.ascontiguousarray(rays.directions)
-    firsts = np.zeros(count, FIRST)
+    firsts = np.zeros(count, FIRST_VERTEX)
     direct, emission, through = np.zeros((3, count, 3), np.float32)
     hits = rays.hits
     if hits is None:
@@ -124,11 +126,11 @@ def trace_eye(
     (width, spread), (near, past) = rays.width, rays.slack
     view = _View(f32(width), f32(spread), f32(near), f32(past), u32(pass_index), u32(seed))
     capacity = _CHUNK * _PATHS_MAX * _ENDS_MAX * _samples(packed)
-    ends, points, traced = [np.zeros(0, END)], [np.zeros(0, RECEIVER)], 0
+    ends, points, traced = [np.zeros(0, PATH_END)], [np.zeros(0, RECEIVER)], 0
     for first in range(0, count, _BATCH):
         part = slice(first, min(first + _BATCH, count))
         chunks = -(-(part.stop - first) // _CHUNK)
-        room = world.scratch(chunks * capacity, END_AND_POINT)
+        room = world.scratch(chunks * capacity, PATH_END_AND_POINT)
         counts = np.zeros((chunks, 2), np.int64)
         counter = np.zeros(8, np.int64)
 
@@ -192,7 +194,7 @@ class _Rays(NamedTuple):
 class _Out(NamedTuple):
     """What kernels write: arrays of EyePaths, and by chunks
 
-    ends    (m,) END_AND_POINT, of which each chunk has an equal part
+    ends    (m,) PATH_END_AND_POINT, of which each chunk has an equal part
     counts  (chunks, 2) int64, ends and rays
     """
 
@@ -291,10 +293,10 @@ def _follow_pixel(tables, view, thread, rays, i, slot, out, done):
     wo = scale(f32(-1), d)
     blurred = f32(0)
     for k in range(1 if past else _branches(x.bsdf)):
-        path = _Path(key, u32(0), i64(SCATTERED), start, d, _WHITE, nowhere(), f32(1), near, True)
+        path = _Path(key, u32(0), i64(SCATTERED), start, d, _WHITE, no_medium(), f32(1), near, True)
         if not past:
             path = _branch(tables, view, x, wo, key, k, length)
-        if greatest(path.weight) > _LEAST * f32(1.0 / ROUGH_SAMPLES):
+        if greatest(path.weight) > _MIN_WEIGHT * f32(1.0 / ROUGH_SAMPLES):
             done, end = _follow_often(tables, view, thread, path, i, slot, out, done)
             blurred += (end - length) / end if k < ROUGH_SAMPLES else f32(0)
     angle = blurred * length / (f32(ROUGH_SAMPLES) * _width(view, length))
@@ -326,13 +328,13 @@ def _branch(tables, view, x, wo, key, k, length):
         share = f32(1) if smooth else f32(1.0 / ROUGH_SAMPLES)
         lane = TRANSMITTED if smooth else SCATTERED
     branch = _Branch(key, dimension, i64(lane), wi, scale(share, weight), True)
-    return _leave(tables, x, nowhere(), f32(1), length, branch)
+    return _leave(tables, x, no_medium(), f32(1), length, branch)
 
 
 @jit
 def _leave(tables, x, inside, focus, length, branch):
     """Return the _Path that goes on from a SurfacePoint by a _Branch; the rest as of a _Path."""
-    start, inside = depart(tables, x, inside, branch.d)
+    start, inside = spawn_ray(tables, x, inside, branch.d)
     passes, solid = dot(branch.d, x.ng) < f32(0), x.bsdf.thin == f32(0)
     if passes and solid:
         focus = f32(1) / (x.bsdf.eta * x.bsdf.eta) if x.entering else f32(1)
@@ -418,7 +420,7 @@ def _follow(tables, view, thread, path, i, slot, out, done):
             break
         rough = rough or (transmits(b) and not is_smooth(b))
         may_part = lane == TRANSMITTED and not parted
-        alive, wi, factor, parts, above, kept = go_on(x, wo, u1, u2, may_part)
+        alive, wi, factor, parts, above, kept = sample_specular_lobe(x, wo, u1, u2, may_part)
         branch = _Branch(key, u32(dimension + u32(1)), lane, wi, times(weight, factor), clear)
         if parts:
             parting = _Branch(
@@ -427,7 +429,11 @@ def _follow(tables, view, thread, path, i, slot, out, done):
             parted, other = True, _leave(tables, x, inside, focus, length, parting)
         left = _leave(tables, x, inside, focus, length, branch)
         weight = left.weight
-        if not alive or stored == _ENDS_MAX or greatest(weight) < (_STRONG if stored > 0 else _LEAST):
+        if (
+            not alive
+            or stored == _ENDS_MAX
+            or greatest(weight) < (_MIN_WEIGHT_AFTER_END if stored > 0 else _MIN_WEIGHT)
+        ):
             break
         key, dimension, lane, start, d, weight, inside, focus, length, clear = left
     return _Done(row, traced), rough, length, parted, other

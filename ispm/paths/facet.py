@@ -21,7 +21,7 @@ ROUGH_SAMPLES = 8  # facets that are drawn where a pixel shows rough glass; a po
 
 
 @jit
-def go_on(x, wo, u1, u2, may_part):
+def sample_specular_lobe(x, wo, u1, u2, may_part):
     """Where a path goes on from a surface: (whether it does, wi, factor of its weight; whether another goes
     beside it, that one's wi and factor).
 

@@ -5,9 +5,9 @@ each path from a light to x goes one of them alone:
 
 - By a ray from x that ends at y, in two parts: what a light sends straight to y, which a shadow ray finds,
   and what the photons stored at y bring that have scattered before.
-- By the photon itself, stored at x (`Walk.straight`), where rays would seldom find y or not at all: y is a
-  bright spot near a light or a highlight (`lit.is_bright`), is lit by a caustic, or lets light through
-  (`lit.is_gathered`); or a mirror or glass lies between y and x.
+- By the photon itself, stored at x (`Walk.not_gathered`), where rays would seldom find y or not at all: y
+  is a bright first bounce near a light or a highlight (`nee.is_bright`), is lit by a caustic, or lets
+  light through (`nee.is_gathered`); or a mirror or glass lies between y and x.
 
 So rays stop without light at mirrors and glass; only thin clear sheets they pass, as shadows do. What glows
 is left out: photons do not carry it either.
@@ -33,7 +33,7 @@ from ispm.optics.rng import random4
 from ispm.optics.sampling import cosine_hemisphere, to_world
 from ispm.optics.vector import Vector, add, dot, scale, sub
 from ispm.paths.guide import guided
-from ispm.paths.vertices import END, store_end, store_point
+from ispm.paths.vertices import PATH_END, store_end, store_point
 from ispm.scene.packed import Packed
 
 f32, i64, u32 = np.float32, np.int64, np.uint32
@@ -50,7 +50,7 @@ class Gathered:
     radiance  (m, 3) float32, made along each ray by light straight from the lights
     fresnel   (m,) float32, Fc of the ray's direction at a glossy receiver, else 0
     nearness  (m,) float32 1/m, 1 over the ray's length, 0 where it met nothing
-    ends      (m,) END; slot: the ray's row
+    ends      (m,) PATH_END; slot: the ray's row
     points    (m,) RECEIVER; invalid where the ray met nothing that photons light
     """
 
@@ -81,12 +81,16 @@ def gather_rays(
     numbers    (n,) float32 m, by which rays start above the surface; (n,) uint32, keys of the random numbers;
                (n, 2) float32 in [0, 1), places of a receiver's rays in their parts of the hemisphere
     side       m = n side^2 rays: one through each of side x side equal parts of the hemisphere by cosine
-    limit      of bright spots, see `lit.is_bright`
+    limit      of bright first bounces, see `nee.is_bright`
     """
     count = len(receivers) * side * side
     fresnel, nearness = np.zeros((2, count), np.float32)
     found = Gathered(
-        np.zeros((count, 3), np.float32), fresnel, nearness, np.zeros(count, END), np.zeros(count, RECEIVER)
+        np.zeros((count, 3), np.float32),
+        fresnel,
+        nearness,
+        np.zeros(count, PATH_END),
+        np.zeros(count, RECEIVER),
     )
     tables = scene_tables(packed, world, surfaces)
     (densities, guide_rows), (lifts, keys, shifts) = guide, numbers

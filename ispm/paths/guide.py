@@ -24,7 +24,7 @@ f32, i64, u32 = np.float32, np.int64, np.uint32
 
 _RINGS, _SECTORS = 6, 12  # parts of the square: along u1, from the normal outwards, and u2, around it
 _EVEN = f32(0.4)  # of the rays, whatever the photons tell
-_ENOUGH, _MOST = 96, 256  # photons of a histogram: fewer are noise, more come from farther off
+_MIN_PHOTONS, _MAX_PHOTONS = 96, 256  # photons of a histogram: fewer are noise, more come from farther off
 _BLOCK = 4  # receivers on a side of those that share one
 _CHUNK = 16  # histograms a thread takes at a time
 
@@ -56,7 +56,7 @@ class Guide:
         blocks     (n,) int: those of one block whose photons are the same share a row
         """
         cells = np.zeros(len(receivers), np.int64)
-        if len(self._keys) >= _ENOUGH:
+        if len(self._keys) >= _MIN_PHOTONS:
             _find_cells(receivers, self._keys, self._low, f32(1.0 / self._cell), cells)
         _, cell_rows = np.unique(cells, return_inverse=True)
         _, first, rows = np.unique(cell_rows << 32 | blocks, return_index=True, return_inverse=True)
@@ -112,7 +112,7 @@ def _find_cells(receivers, keys, low, per_metre, cells):
             last, level, cell = key, i64(0), i64(0)
             while level <= BITS and cell == i64(0):
                 first, end = _lower(keys, key, level, i64(0)), _lower(keys, key, level, i64(1))
-                if end - first >= _ENOUGH:
+                if end - first >= _MIN_PHOTONS:
                     cell = first << i64(32) | end
                 level += i64(cell == i64(0))
         cells[i] = cell
@@ -148,7 +148,7 @@ def _describe(given, counter, out):
 @jit
 def _describe_one(origins, powers, receiver, first, end, out):
     """Write the densities of one receiver's rays."""
-    step = max((end - first) // i64(_MOST), i64(1))
+    step = max((end - first) // i64(_MAX_PHOTONS), i64(1))
     n = (receiver.n[0], receiver.n[1], receiver.n[2])
     position = (receiver.position[0], receiver.position[1], receiver.position[2])
     out[:] = f32(0)

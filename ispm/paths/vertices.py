@@ -20,13 +20,13 @@ BLACK = Bsdf(_NONE, _NONE, f32(0), f32(0), f32(0), f32(0), _NONE, f32(0), f32(0)
 # A surface that photons may light, or that is unlit, seen by way of mirrors and glass. slot: the ray's row;
 # lane: what the first surface did to its path; weight: of the radiance that leaves it, in the ray's. f0
 # and f90 are 0 where the path goes on instead.
-END = np.dtype([
+PATH_END = np.dtype([
     ("slot", "<u4"), ("lane", "<u4"), ("weight", "<f4", 3), ("diffuse", "<f4", 3), ("f0", "<f4", 3),
     ("f90", "<f4"), ("dielectric_f0", "<f4"), ("dielectric_f90", "<f4"), ("instance", "<u4"),
 ])  # fmt: skip
 
 # The mirror or glass that a pixel shows; blur: pixels over which its light may be averaged, 0: it is smooth.
-FIRST = np.dtype([
+FIRST_VERTEX = np.dtype([
     ("n", "<f4", 3), ("alpha", "<f4"), ("ng", "<f4", 3), ("tint", "<f4"), ("blur", "<f4"),
     ("instance", "<u4"),
 ])  # fmt: skip
@@ -34,7 +34,7 @@ FIRST = np.dtype([
 
 @jit
 def store_end(end, slot, lane, weight, b, instance):
-    """Write an END; b: its Bsdf."""
+    """Write a PATH_END; b: its Bsdf."""
     gloss = f32(1) if b.alpha > f32(0) and not transmits(b) else f32(0)
     end.slot = u32(slot)
     end.lane = u32(lane)
@@ -65,7 +65,7 @@ def store_point(point, x, wo, b, width):
 
 @jit
 def store_first(first, x, instance, angle):
-    """Write a FIRST: what lies behind is blurred by as much as facets turned by alpha deflect light.
+    """Write a FIRST_VERTEX: what lies behind is blurred by as much as facets turned by alpha deflect light.
 
     angle  over a pixel's width, by which neighbouring pixels look on what lies behind
     """

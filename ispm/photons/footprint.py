@@ -22,7 +22,7 @@ f32 = np.float32
 OVERLAP = f32(5)  # beams' areas under a kernel: 3 leave grain (a third more error), more blur
 _ASPECT_MAX = f32(8)  # of a kernel's length over its width
 _LENGTH_MAX = f32(0.05)  # of the scene's diagonal
-_TRUST = f32(0.35)  # least mean radius over the measured one: normal maps spread light as no beam tells
+_MIN_RADIUS_RATIO = f32(0.35)  # to the measured radius: beams do not know how normal maps spread light
 
 # columns of PHOTON and CAUSTIC records seen as words
 _RADIUS, _NORMAL, _PHOTON_HEIGHT = 3, 12, 15
@@ -87,7 +87,7 @@ def _ellipse(beams, i, t, b, measured, least, limits):
         return scale(measured, t), scale(measured, b)
     k = limits[1] * math.sqrt(OVERLAP / f32(math.pi))
     long, wide = k * math.sqrt(middle + apart), k * math.sqrt(max(middle - apart, f32(0)))
-    short_of = _TRUST * measured / max(math.sqrt(long * wide), f32(1e-30))
+    short_of = _MIN_RADIUS_RATIO * measured / max(math.sqrt(long * wide), f32(1e-30))
     if short_of > f32(1):
         long, wide = short_of * long, short_of * wide
     long = min(max(long, least), _LENGTH_MAX * limits[0])

@@ -23,7 +23,7 @@ from ispm.accel.surface import (
 from ispm.accel.world import World
 from ispm.kernels.simd import address, alloca, atomic_add
 from ispm.kernels.threads import run_threads
-from ispm.lights.nee import is_gathered, is_spot, parts_at_spot
+from ispm.lights.nee import is_bright_first_bounce, is_gathered, split_count
 from ispm.optics.bsdf import adjoint_factor, has_finite, is_smooth, sample_bsdf
 from ispm.optics.jit import jit
 from ispm.optics.light import range_window
@@ -45,8 +45,8 @@ f32, i64, u32 = np.float32, np.int64, np.uint32
 ROULETTE_AFTER = 4  # scatters; living photons lower the error more than they cost before that
 SPECULAR_MAX = 8  # events at smooth surfaces without roulette
 _SPECULAR_SURVIVAL = 0.9  # chance at each later one: ends paths between lossless surfaces without fireflies
-_HEIR_DIMENSION = 1 << 23  # of the random number that draws which part of a photon goes on
-_PART_BIT = 28  # of a key, from which it tells parts: maps have fewer texels
+_CONTINUED_DIMENSION = 1 << 23  # of the random number that draws which of the split photons is continued
+_PART_BIT = 28  # first bit of a key that numbers split photons; numbers of texels stay below it
 _EVENT_STEP = 0x9E3779B1  # between the keys of two hits of a photon, from 2^32 over the golden ratio
 BEAM = 9  # floats that describe what a photon alone lights
 _CHUNK = 256  # photons a thread takes at a time; results do not depend on it or on the threads
@@ -65,8 +65,9 @@ class Walk:
                it passed do not count
     beams      (C, 9) float32 of the photons that have not scattered: the two vectors in m that span what the
                photon lights there, and the normal of the surface that it comes from
-    straight   (M,) bool, whether gather rays do not find the light that it brings: it is focused, or comes
-               from where it last scattered as caustic light, in a bright spot, or on what lets light through
+    not_gathered  (M,) bool, whether gather rays do not find the light that it brings: it is focused, or
+               comes from where it last scattered as caustic light, at a bright first bounce, or on what
+               lets light through
     keys       (M,) uint32, which tell each hit's random numbers from those of others
     emitted, absorbed, escaped, dropped   (3,) float64 lumen; the first is the sum of the others
     stored     (3,) float64 lumen, each photon counted at each hit
@@ -75,7 +76,7 @@ class Walk:
 
     photons: np.ndarray
     focused: np.ndarray
-    straight: np.ndarray
+    not_gathered: np.ndarray
     keys: np.ndarray
     beams: np.ndarray
     emitted: np.ndarray
@@ -103,10 +104,10 @@ def walk(
     emitted  (N,) EMITTED
     bounces  scatters at most, the one at the first hit included; events at smooth surfaces, where light
              goes one way, do not count
-    limit    of bright spots, see `lit.is_bright`; from there photons fly in `SPOT_PARTS` parts
+    limit    of bright first bounces, see `nee.is_bright`; there photons are split into `SPLIT_COUNT`
     The first hit is direct light, which shadow maps show, also behind thin sheets, so it is not stored. Flux
     changes by f cos / pdf, and between hits by what is in between; after `ROULETTE_AFTER` scatters and
-    `SPECULAR_MAX` specular events roulette keeps the expectation (method, 1.3).
+    `SPECULAR_MAX` specular events roulette keeps the expectation (docs/method.md, Emission and walk).
     Returns the same bytes for any number of threads.
     """
     chunks = np.arange(-(-len(emitted) // _CHUNK))
@@ -123,10 +124,10 @@ def walk(
         hits[chunk], found.sums[chunk] = again.part(0, len(room)), again.sums[0]
     hits = hits or [found.part(0, 0)]
     beams = np.concatenate([each[4][each[0]["bounce"] == 0] for each in hits])
-    photons, focused, straight, keys = (np.concatenate([each[k] for each in hits]) for k in range(4))
+    photons, focused, not_gathered, keys = (np.concatenate([each[k] for each in hits]) for k in range(4))
     total = found.sums.sum(axis=0)
     return Walk(
-        photons, focused, straight, keys, beams, total[_EMITTED], total[_ABSORBED], total[_ESCAPED],
+        photons, focused, not_gathered, keys, beams, total[_EMITTED], total[_ABSORBED], total[_ESCAPED],
         total[_DROPPED], total[_STORED], len(emitted), int(counts[:, 1].sum()),
     )  # fmt: skip
 
@@ -135,10 +136,10 @@ def _walk_some(
     tables: Tables, emitted: np.ndarray, course: _Course, chunks: np.ndarray, room: np.ndarray, threads: int
 ) -> _Found:
     """Walk the photons of some chunks, each with its part of `room`, PHOTON records, for its hits."""
-    focused, straight = np.zeros((2, len(room)), np.bool_)
+    focused, not_gathered = np.zeros((2, len(room)), np.bool_)
     keys, beams = np.empty(len(room), np.uint32), np.empty((len(room), BEAM), np.float32)
     counts, sums = np.zeros((len(chunks), 2), np.int64), np.zeros((len(chunks), 5, 3))
-    found, counter = _Found(room, focused, straight, keys, beams, counts, sums), np.zeros(8, np.int64)
+    found, counter = _Found(room, focused, not_gathered, keys, beams, counts, sums), np.zeros(8, np.int64)
     run_threads(
         lambda _: _walk_chunks(tables, emitted, course, chunks, address(counter), found),
         threads,
@@ -159,24 +160,24 @@ class _Found(NamedTuple):
     """What a walk of some chunks of photons writes: n rows for hits, of which each chunk has an equal part.
 
     photons            (n,) PHOTON
-    focused, straight  (n,) bool, keys (n,) uint32 and beams (n, BEAM) float32: as of a Walk
+    focused, not_gathered  (n,) bool, keys (n,) uint32 and beams (n, BEAM) float32: as of a Walk
     counts             (chunks, 2) int64, hits, whether there is room for them or not, and rays
     sums               (chunks, 5, 3) float64 lm, emitted, absorbed, escaped, dropped and stored
     """
 
     photons: np.ndarray
     focused: np.ndarray
-    straight: np.ndarray
+    not_gathered: np.ndarray
     keys: np.ndarray
     beams: np.ndarray
     counts: np.ndarray
     sums: np.ndarray
 
     def part(self, first: int, count: int) -> tuple[np.ndarray, ...]:
-        """Return photons, focused, straight, keys and beams of some rows."""
+        """Return photons, focused, not_gathered, keys and beams of some rows."""
         rows = slice(first, first + count)
         return (
-            self.photons[rows], self.focused[rows], self.straight[rows], self.keys[rows], self.beams[rows]
+            self.photons[rows], self.focused[rows], self.not_gathered[rows], self.keys[rows], self.beams[rows]
         )  # fmt: skip
 
 
@@ -185,7 +186,7 @@ class _Split(NamedTuple):
 
     part: int
     parts: int
-    heir: np.int64
+    continued: np.int64
 
 
 class _Room(NamedTuple):
@@ -218,13 +219,13 @@ def _walk_chunks(tables, emitted, course, chunks, counter, found):
         rays, first = i64(0), chunks[chunk] * i64(_CHUNK)
         for i in range(first, min(first + i64(_CHUNK), len(emitted))):
             photon = emitted[i]
-            parts = parts_at_spot(tables, photon, course.limit)
-            heir = i64(0)
+            parts = split_count(tables, photon, course.limit)
+            continued = i64(0)
             if parts > 1:
-                u, _, _, _ = random4(photon.key, u32(_HEIR_DIMENSION), course.pass_index, course.seed)
-                heir = i64(u * f32(parts))
+                u, _, _, _ = random4(photon.key, u32(_CONTINUED_DIMENSION), course.pass_index, course.seed)
+                continued = i64(u * f32(parts))
             for part in range(parts):
-                split = _Split(part, parts, heir)
+                split = _Split(part, parts, continued)
                 row, traced = _walk_one(tables, photon, split, course, scratch, found, _Room(row, end, chunk))
                 rays += traced
         found.counts[chunk, 0] = row - chunk * room
@@ -252,7 +253,7 @@ def _walk_one(tables, photon, split, course, scratch, found, room):
     flux = kept
     direct, mirrored = True, False  # but for thin sheets: straight from the light; focused
     hidden = False  # from gather rays, where it last scattered
-    inside, plane = nowhere(), d  # of the surface that the photon comes from
+    inside, plane = no_medium(), d  # of the surface that the photon comes from
     scatters, speculars, rays = i64(0), i64(0), i64(0)
     while True:
         x = surface(tables, hit, d)
@@ -268,7 +269,7 @@ def _walk_one(tables, photon, split, course, scratch, found, room):
         if not direct and has_finite(x.bsdf):
             if row < room.end:
                 _store(found.photons[row], x, flux, d, abs(dot(way, plane)), flown, scatters)
-                found.focused[row], found.straight[row] = mirrored, mirrored or hidden
+                found.focused[row], found.not_gathered[row] = mirrored, mirrored or hidden
                 found.keys[row] = key + u32(scatters + speculars) * u32(_EVENT_STEP)
                 if scatters == i64(0):
                     _store_beam(found.beams, row, beam, plane)
@@ -284,7 +285,7 @@ def _walk_one(tables, photon, split, course, scratch, found, room):
             _add(sums, chunk, _DROPPED, flux)
             break
         if alive and not specular and scatters == i64(1):
-            alive = split.part == split.heir
+            alive = split.part == split.continued
             scattered = scale(f32(split.parts), scattered)
         if not alive:
             _add(sums, chunk, _ABSORBED, flux)
@@ -293,7 +294,7 @@ def _walk_one(tables, photon, split, course, scratch, found, room):
         if not specular:
             hidden = not is_gathered(x.bsdf)
             if scatters == i64(0):
-                hidden = hidden or not direct or is_spot(light, x, wi, course.limit)
+                hidden = hidden or not direct or is_bright_first_bounce(light, x, wi, course.limit)
         elif scatters == i64(0):
             eta = f32(1) if x.flags & u32(MATERIAL_THIN) else x.bsdf.eta
             beam = redirected_beam(tables.surfaces, hit, beam, d, wi, x.ng, x.n, eta)
@@ -301,10 +302,10 @@ def _walk_one(tables, photon, split, course, scratch, found, room):
         u = flight_number(event)
         speculars += i64(specular)
         scatters += i64(not specular)
-        straight = specular and passed_sheet(x, d)
-        direct = direct and straight
-        mirrored = mirrored if straight else specular
-        start, inside = depart(tables, x, inside, d)
+        passed_through_thin = specular and passed_sheet(x, d)
+        direct = direct and passed_through_thin
+        mirrored = mirrored if passed_through_thin else specular
+        start, inside = spawn_ray(tables, x, inside, d)
         rays += i64(1)
         met, hit = closest_surface(tables, start, d, u, scratch)
         if not met:
@@ -332,7 +333,7 @@ def first_segment(tables, photon):
 
 
 @jit
-def nowhere():
+def no_medium():
     """Return the hit that bounds nothing."""
     return Hit(u32(NO_HIT), u32(0), f32(0), f32(0))
 
@@ -346,14 +347,14 @@ def medium(inside, x):
 
 
 @jit
-def depart(tables, x, inside, d):
+def spawn_ray(tables, x, inside, d):
     """Return where a flight along `d` from a SurfacePoint starts, and a Hit on what bounds the solid
     it is in."""
     side = f32(1) if dot(d, x.ng) > f32(0) else f32(-1)
     start = leave_surface(tables, x.hit, scale(side, x.ng))
     if side > f32(0) or x.flags & u32(MATERIAL_THIN):
         return start, inside
-    return start, x.hit if x.entering else nowhere()
+    return start, x.hit if x.entering else no_medium()
 
 
 @jit

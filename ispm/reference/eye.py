@@ -18,7 +18,7 @@ from ispm.optics.records import MATERIAL_UNLIT, NO_HIT
 from ispm.optics.rng import random4
 from ispm.optics.vector import luminance, scale, sub
 from ispm.paths.eye import EyeRays
-from ispm.photons.walk import attenuated, depart, medium, nowhere
+from ispm.photons.walk import attenuated, medium, no_medium, spawn_ray
 from ispm.scene.packed import Packed
 
 f32, i64, u32 = np.float32, np.int64, np.uint32
@@ -137,7 +137,7 @@ def _follow(tables, foot, origins, directions, distances, spread, sample, seed, 
 @jit
 def _path(tables, foot, start, d, length, spread, i, sample, seed, scratch, light, ends, row):
     """Follow one path; its first surface counts only as what it passes."""
-    weight, inside, focus = (f32(1), f32(1), f32(1)), nowhere(), f32(1)
+    weight, inside, focus = (f32(1), f32(1), f32(1)), no_medium(), f32(1)
     for event in range(_EVENTS_MAX):
         u1, u2, u3, u4 = random4(u32(i), u32(event), sample, seed)
         found, hit = closest_surface(tables, start, d, u4, scratch)
@@ -167,7 +167,7 @@ def _path(tables, foot, start, d, length, spread, i, sample, seed, scratch, ligh
         weight = times(weight, factor)
         if wi[0] * ng[0] + wi[1] * ng[1] + wi[2] * ng[2] < f32(0) and b.thin == f32(0):
             focus = f32(1) / (b.eta * b.eta) if x.entering else f32(1)
-        start, inside = depart(tables, x, inside, wi)
+        start, inside = spawn_ray(tables, x, inside, wi)
         d = wi
     return row
 

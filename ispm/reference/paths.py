@@ -20,7 +20,7 @@ from ispm.optics.jit import jit
 from ispm.optics.records import MATERIAL_UNLIT, NO_HIT
 from ispm.optics.rng import random4
 from ispm.optics.vector import add, scale
-from ispm.photons.walk import attenuated, depart, medium, nowhere
+from ispm.photons.walk import attenuated, medium, no_medium, spawn_ray
 from ispm.scene.packed import Packed
 
 f32, i64, u32 = np.float32, np.int64, np.uint32
@@ -79,7 +79,7 @@ def _trace(tables, scene, rays, numbers, counter, light):
 def _path(tables, scene, start, d, key, sample, scratch):
     """The radiance that one path brings."""
     background, bounces, seed = scene
-    total, weight, inside = (f32(0), f32(0), f32(0)), (f32(1), f32(1), f32(1)), nowhere()
+    total, weight, inside = (f32(0), f32(0), f32(0)), (f32(1), f32(1), f32(1)), no_medium()
     scatters = i64(0)
     for event in range(_EVENTS_MAX):
         u1, u2, u3, u4 = random4(key, u32(event), sample, seed)
@@ -102,6 +102,6 @@ def _path(tables, scene, start, d, key, sample, scratch):
         if not alive or scatters > bounces:
             return total
         weight = times(weight, factor)
-        start, inside = depart(tables, x, inside, wi)
+        start, inside = spawn_ray(tables, x, inside, wi)
         d = wi
     return total

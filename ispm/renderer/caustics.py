@@ -24,7 +24,7 @@ _SHARP = 3.0  # low-resolution pixels: kernels of a larger radius lose nothing a
 
 
 @dataclass(frozen=True, eq=False)
-class PhotonParts:
+class PhotonClasses:
     """The photons, and views of their parts.
 
     photons  (M,) PHOTON, smooth ones first, then the rest
@@ -32,7 +32,7 @@ class PhotonParts:
     wide     of caustics, to be estimated at low resolution, but not filtered
     sharp    of caustics, to be drawn at full resolution
     kernels   CAUSTIC, of the wide and the sharp ones
-    straight  (len(smooth),) bool, whether gather rays do not find their light
+    not_gathered  (len(smooth),) bool, whether gather rays do not find their light
     keys      (M,) uint32 of the photons, see `Walk`
     """
 
@@ -41,7 +41,7 @@ class PhotonParts:
     wide: np.ndarray
     sharp: np.ndarray
     kernels: np.ndarray
-    straight: np.ndarray
+    not_gathered: np.ndarray
     keys: np.ndarray
 
     def scattered(self, bounces: int) -> tuple[np.ndarray, np.ndarray]:
@@ -66,7 +66,7 @@ class PhotonParts:
         return self.photons[len(self.smooth) :]
 
 
-def part_photons(this: Pass, path: Walk) -> PhotonParts:
+def classify_photons(this: Pass, path: Walk) -> PhotonClasses:
     """Find the caustics among a walk's photons, and measure their kernels.
 
     Light that has scattered before it was focused makes a caustic where its photons crowd; elsewhere, as in
@@ -74,11 +74,11 @@ def part_photons(this: Pass, path: Walk) -> PhotonParts:
     Plain kernels are as narrow as caustics need: with them all photons are smooth.
     """
     packed, view, settings, threads = this.packed, this.view, this.settings, this.threads
-    photons, straight = path.photons, path.straight
+    photons, not_gathered = path.photons, path.not_gathered
     if settings.is_plain:
         _measure_plain(path, packed, settings)
         none = photons[:0]
-        return PhotonParts(photons, photons, none, none, np.zeros(0, CAUSTIC), straight, path.keys)
+        return PhotonClasses(photons, photons, none, none, np.zeros(0, CAUSTIC), not_gathered, path.keys)
     first = photons["bounce"] == 0
     later = np.flatnonzero(path.focused & ~first)
     later = later[is_crowded(take(photons, later), packed.diagonal, threads)]
@@ -112,7 +112,7 @@ def part_photons(this: Pass, path: Walk) -> PhotonParts:
     keys = np.concatenate([path.keys[order], keys[wide], keys[~wide]])
     photons = np.concatenate([take(photons, order), caustic[wide], caustic[~wide]])
     smooth, wide, sharp = np.split(photons, np.cumsum([len(order), np.count_nonzero(wide)]))
-    return PhotonParts(photons, smooth, wide, sharp, kernels, straight[order], keys)
+    return PhotonClasses(photons, smooth, wide, sharp, kernels, not_gathered[order], keys)
 
 
 def _measure_plain(path: Walk, packed: Packed, settings: Settings) -> None:

@@ -9,12 +9,12 @@ import numpy as np
 from ispm.frame import GBuffer, GpuScene, LitFrame, Receivers
 from ispm.gpu import Texture
 from ispm.photons.walk import Walk
-from ispm.renderer.caustics import part_photons
-from ispm.renderer.chains import chain_light, light_missed
+from ispm.renderer.caustics import classify_photons
 from ispm.renderer.gather import PhotonLight
 from ispm.renderer.light import EmissionPlan, plan_emission, trace_photons
 from ispm.renderer.one_pass import Pass
 from ispm.renderer.shadows import ShadowRays, join_pixels
+from ispm.renderer.specular import light_missed, specular_light
 from ispm.renderer.stages import Stages
 from ispm.renderer.watch import Watch
 
@@ -58,7 +58,7 @@ def draw(this: Pass, stages: Stages, watch: Watch) -> Drawn:
     with watch("trace"):
         path = trace_photons(this, plan, sight.texels)
     with watch("radiance"):
-        light = PhotonLight(this, part_photons(this, path))
+        light = PhotonLight(this, classify_photons(this, path))
         raw, filtered = light.at_receivers(sight.receivers, stages.estimator)
     with watch.record(gpu) as frame:
         frame.stage("radiance")
@@ -69,7 +69,7 @@ def draw(this: Pass, stages: Stages, watch: Watch) -> Drawn:
             frame, scene, gbuffer, view, receivers, filtered, sharp
         )
     with watch("direct"):
-        brought = sight.mirrors["pixel"], chain_light(this, sight.mirrors, light)
+        brought = sight.mirrors["pixel"], specular_light(this, sight.mirrors, light)
         shadows = ShadowRays(this).light(stages.direct.doubts())
         pixels, added = join_pixels(brought, shadows)
     with watch("upsample"):

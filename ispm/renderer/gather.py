@@ -24,33 +24,36 @@ from ispm.paths.guide import Guide, square_blocks
 from ispm.photons.coverage import keep_light
 from ispm.photons.density import measure_radii
 from ispm.photons.grid import PhotonGrid
-from ispm.renderer.caustics import PhotonParts, sample_width
+from ispm.renderer.caustics import PhotonClasses, sample_width
 from ispm.renderer.one_pass import Pass
 from ispm.scene.packed import Packed
 from ispm.settings import Settings
 from ispm.stages.filter import filter_estimate, mean_around, set_reach
 from ispm.stages.upsample import UNUSED
 
-_BRIGHT = 9.0  # times the mean, from where light goes by photons; half or twice: under 10 % more error
-_NARROW = np.float32(0.7)  # of their own size, kernels at the rays' ends: rays average over many of them
-_CLEAR = 2e-5  # of the distance to the eye, by which rays start above the surface: so far depth may err,
+_BRIGHT_RATIO = (
+    9.0  # to the mean irradiance: brighter first bounces are left to photons; 4.5, 18: 10 % more error
+)
+_END_KERNEL_SCALE = np.float32(0.7)  # of kernels at the rays' ends: rays average over many of them
+_CLEARANCE = 2e-5  # offset of a ray's start, share of the distance to the eye, by which depth may err,
 _ROUNDED = 1e-6  # and of the coordinates
 _REACH = 0.4  # of the harmonic mean of rays' lengths: the filter's radius, as light changes over such lengths
-_NARROWER = -0.25  # power of the passes, with which this falls faster than other kernels: it blurs most
-_RAYS_WITHIN = 800.0  # that radius, at least, of all passes: fewer leave specks in corners
+_NARROWER = -0.25  # exponent of the number of passes in the filter's radius, besides that of all kernels
+_RAYS_WITHIN = 800.0  # least rays within the filter's radius, over all passes: fewer leave specks in corners
 _NEAREST = 0.01  # of the scene's diagonal, for which shorter rays count there
 _BATCH = 1 << 17  # rays whose ends lie in memory at once
 _DIMENSION = 1 << 21  # of the random numbers that shift whole pictures of rays
 
 
 def bright_limit(packed: Packed, settings: Settings) -> float:
-    """Return the limit of bright spots, lx: `_BRIGHT` times what lights bring to a sphere about the scene."""
+    """Return the limit of bright first bounces, lx: `_BRIGHT_RATIO` times the mean over a sphere about
+    the scene."""
     if not settings.gather_rays:
         return math.inf
     sphere = math.pi * packed.diagonal**2
     measures = [sphere / 4.0 if map.orthographic else map.measure for map in light_maps(packed)]
     power = packed.lights["intensity"].max(axis=1) @ np.array(measures)
-    return float(_BRIGHT * power / sphere)
+    return float(_BRIGHT_RATIO * power / sphere)
 
 
 class PhotonLight:
@@ -59,10 +62,12 @@ class PhotonLight:
     Measures the kernels of the smooth photons, in place.
     """
 
-    def __init__(self, this: Pass, parts: PhotonParts) -> None:
+    def __init__(self, this: Pass, parts: PhotonClasses) -> None:
         self._this, self.parts = this, parts
         if this.settings.gather_rays:
-            self._guide = Guide(parts.smooth, ~parts.straight, this.packed.bounds[0], this.packed.diagonal)
+            self._guide = Guide(
+                parts.smooth, ~parts.not_gathered, this.packed.bounds[0], this.packed.diagonal
+            )
         if not this.settings.is_plain:
             self._measure(parts.smooth)
 
@@ -89,7 +94,7 @@ class PhotonLight:
             return no_light(len(receivers.points))
         if not self._this.settings.gather_rays:
             return estimate(self._smooth)
-        return self._gathered(receivers, lambda: estimate(self._smooth), estimate(self._straight))
+        return self._gathered(receivers, lambda: estimate(self._smooth), estimate(self._not_gathered))
 
     def _filtered(self, receivers: Receivers, raw: np.ndarray) -> np.ndarray:
         """Such light without its noise; plain kernels are wide enough to have little."""
@@ -112,7 +117,7 @@ class PhotonLight:
 
         if not self._this.settings.gather_rays:
             return light()
-        return self._gathered(receivers, light, self._straight_grid.estimate(points, threads))
+        return self._gathered(receivers, light, self._not_gathered_grid.estimate(points, threads))
 
     @cached_property
     def wide(self) -> PhotonGrid:
@@ -133,22 +138,22 @@ class PhotonLight:
     def _scattered(self) -> PhotonGrid:
         """What lights the ends of gather rays."""
         scattered, keys = self.parts.scattered(self._this.settings.bounces)
-        scattered["radius"] *= _NARROW
-        scattered["height"] *= _NARROW
+        scattered["radius"] *= _END_KERNEL_SCALE
+        scattered["height"] *= _END_KERNEL_SCALE
         return PhotonGrid(scattered, finish=partial(self._keep_light, keys, solids=True))
 
     @cached_property
-    def _straight(self) -> np.ndarray:
+    def _not_gathered(self) -> np.ndarray:
         """(m,) PHOTON whose light gather rays leave out, their kernels measured among them alone."""
-        rows = np.flatnonzero(self.parts.straight)
-        straight: np.ndarray = take(self.parts.smooth, rows)
-        self._measure(straight)
-        self._keep_light(self.parts.keys[rows], straight)
-        return straight
+        rows = np.flatnonzero(self.parts.not_gathered)
+        not_gathered: np.ndarray = take(self.parts.smooth, rows)
+        self._measure(not_gathered)
+        self._keep_light(self.parts.keys[rows], not_gathered)
+        return not_gathered
 
     @cached_property
-    def _straight_grid(self) -> PhotonGrid:
-        return PhotonGrid(self._straight)
+    def _not_gathered_grid(self) -> PhotonGrid:
+        return PhotonGrid(self._not_gathered)
 
     @cached_property
     def _smooth(self) -> np.ndarray:
@@ -174,12 +179,12 @@ class PhotonLight:
         measure_radii(photons, packed.diagonal, settings.smoothing, *seen, self._this.threads)
 
     def _gathered(
-        self, image: Receivers, smooth: Callable[[], np.ndarray], straight: np.ndarray
+        self, image: Receivers, smooth: Callable[[], np.ndarray], not_gathered: np.ndarray
     ) -> np.ndarray:
-        """Light at points, (n, 16): gloss of the smooth photons, the rest by rays and of the straight ones.
+        """Light at points, (n, 16): gloss of the smooth photons, the rest by rays and of those not gathered.
 
         smooth    estimates the light of the smooth photons, which is asked for where there is gloss alone
-        straight  (n, 16) light of the straight photons
+        not_gathered  (n, 16) light of those not gathered
         """
         this, points, size = self._this, image.points, image.size
         packed, settings, threads = this.packed, this.settings, this.threads
@@ -219,7 +224,7 @@ class PhotonLight:
             incident["fresnel"][part] = math.pi * _mean(found.fresnel[:, None] * radiance, rays)
             nearness[part] = _mean(np.minimum(found.nearness, most), rays)
         for name in ("irradiance", "fresnel"):
-            incident[name] += channels(straight)[name]
+            incident[name] += channels(not_gathered)[name]
         passes = 1 + this.index
         within = np.float32(_RAYS_WITHIN / (math.pi * rays * passes))
         least = points["footprint"] * np.sqrt(points["slant"] * within)
@@ -244,7 +249,7 @@ def even_numbers(size: tuple[int, int], seed: int, pass_index: int) -> np.ndarra
 
 def clearance(position: np.ndarray, eye: np.ndarray) -> np.ndarray:
     """(n,) float32 m by which rays from (n, 3) places start above their surfaces."""
-    away = _CLEAR * np.linalg.norm(position - eye, axis=1)
+    away = _CLEARANCE * np.linalg.norm(position - eye, axis=1)
     return np.asarray(away + _ROUNDED * np.abs(position).max(axis=1), np.float32)
 
 

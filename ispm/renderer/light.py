@@ -17,7 +17,7 @@ from ispm.scene.packed import Packed
 from ispm.settings import Settings
 
 _COARSE = 48, 27  # rays of the eye, across and down
-_FEW = 1000  # photons of which one is stored: of fewer, light is noise
+_PHOTONS_PER_STORED = 1000  # photons of which one is stored: of fewer, light is noise
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,12 +92,12 @@ def trace_photons(this: Pass, plan: EmissionPlan, texels: Sequence[np.ndarray]) 
     return walk(packed, world, surfaces, emitted, settings.bounces, seed, this.index, threads, limit)
 
 
-def remarks(packed: Packed, path: Walk) -> Iterator[str]:
+def light_warnings(packed: Packed, path: Walk) -> Iterator[str]:
     """Yield what a user should know of a picture's light, a line each."""
     if packed.materials["emission"].any():
         yield "emissive materials glow, but do not light the scene yet"
     landed = path.absorbed.any() and len(packed.instances) > 1  # an object alone mostly lights nothing
-    if landed and len(path.photons) * _FEW < path.photon_count:
+    if landed and len(path.photons) * _PHOTONS_PER_STORED < path.photon_count:
         yield (
             "not one photon in a thousand met a second surface, so indirect light is missing or noise; if "
             "there should be some, give more photons, or less ground about what is seen"

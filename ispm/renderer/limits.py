@@ -15,7 +15,7 @@ from ispm.scene.scene import Scene
 from ispm.settings import Settings
 
 _SOME = 4096  # triangles looked at together
-_NARROW = 1e-7  # of a triangle's longest side: its width where float32 rounds it from nothing
+_MIN_WIDTH = 1e-7  # of a triangle's longest side: its width where float32 rounds it from nothing
 
 
 def require_drawable(settings: Settings, gpu: Gpu) -> None:
@@ -58,6 +58,6 @@ def _is_flat(mesh: Mesh) -> bool:
         corners = mesh.positions[mesh.triangles[begin : begin + _SOME]].astype(np.float64)
         edges = corners - np.roll(corners, 1, axis=1)
         areas = np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1)
-        if (areas > _NARROW * np.square(edges).sum(axis=-1).max(axis=-1)).any():
+        if (areas > _MIN_WIDTH * np.square(edges).sum(axis=-1).max(axis=-1)).any():
             return False
     return True

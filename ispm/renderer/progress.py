@@ -34,7 +34,7 @@ _CAMERA = ("pose", "clip_from_world")
 _PERSPECTIVE = ("intrinsics",)  # of the camera, unless it is orthographic
 _IDS = ("instance", "material")
 _FLAT = ("alpha", "depth", *_IDS)  # one number a pixel
-_LEAST = {"moments": 0, "alpha": 0, "albedo": 0, "instance": -1, "material": -1, "depth": -FARTHEST}
+_MIN_VALUES = {"moments": 0, "alpha": 0, "albedo": 0, "instance": -1, "material": -1, "depth": -FARTHEST}
 MOST_PASSES = 1 << 32  # random numbers are numbered by them
 _DARK = 1e-3  # of the square of the picture's mean: below it errors count as in relMSE
 
@@ -189,7 +189,7 @@ class Progress:
             shape, kind = shapes.get(name, (*size, 3)), np.dtype(kinds.get(name, "f4"))
             if array.shape != shape or array.dtype != kind:
                 raise _SpoiledError(f"{name} is {_form(array.dtype, array.shape)}, not {_form(kind, shape)}")
-            least = _LEAST.get(name, -math.inf)
+            least = _MIN_VALUES.get(name, -math.inf)
             if not (array >= least).all():  # NaN is not
                 raise _SpoiledError(f"{name} has values that are no number, or below {least:g}")
             if name != "depth" and not np.isfinite(array).all():  # infinite where nothing is

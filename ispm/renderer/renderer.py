@@ -19,7 +19,7 @@ from ispm.renderer.compose import compose
 from ispm.renderer.converge import converge, of_pass
 from ispm.renderer.draw import draw
 from ispm.renderer.last import LastFrame
-from ispm.renderer.light import remarks
+from ispm.renderer.light import light_warnings
 from ispm.renderer.limits import require_drawable, require_scene
 from ispm.renderer.made_of import MadeOf
 from ispm.renderer.motion import moved
@@ -72,7 +72,7 @@ class Renderer:
         self._last: LastFrame | None = None
         self.progress: Progress | None = None
         self.names = Names()
-        self._said: set[str] = set()
+        self._warned: set[str] = set()
         self._settings: Settings | None = None
         self.settings = Settings() if settings is None else settings
 
@@ -204,7 +204,7 @@ class Renderer:
         self._last = None  # so that its memory can be used again
         this = self._prepare(index)
         drawn = draw(this, self._stages, watch)
-        for line in remarks(this.packed, drawn.path):
+        for line in light_warnings(this.packed, drawn.path):
             self._say(line)
         with watch("readback"):
             frame = compose(self._gpu, this, drawn.lit)
@@ -264,6 +264,6 @@ class Renderer:
 
     def _say(self, line: str) -> None:
         """Warn once in this renderer's life."""
-        if line not in self._said:
-            self._said.add(line)
+        if line not in self._warned:
+            self._warned.add(line)
             warn_caller(line)

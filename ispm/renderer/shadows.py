@@ -6,9 +6,9 @@ import numpy as np
 
 from ispm.lights.passed import passed_light
 from ispm.optics.records import LIGHT_DIRECTIONAL
-from ispm.renderer.chains import SAMPLES
 from ispm.renderer.gather import clearance
 from ispm.renderer.one_pass import Pass
+from ispm.renderer.specular import SAMPLES
 from ispm.stages.camera import CameraView
 
 _WIDE = 1.5  # pixels: texels that are wider leave in doubt all pixels beside an edge

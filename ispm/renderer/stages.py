@@ -10,11 +10,11 @@ from ispm.settings import Settings
 from ispm.stages.antialias import Antialias
 from ispm.stages.bounce import BounceStage
 from ispm.stages.caustic import CausticStage
-from ispm.stages.chain import ChainStage
 from ispm.stages.direct import DirectStage
 from ispm.stages.downsample import Downsample
 from ispm.stages.gbuffer import GBufferStage
 from ispm.stages.shadow import ShadowStage
+from ispm.stages.specular import SpecularStage
 from ispm.stages.upload import Upload
 from ispm.stages.upsample import Upsample
 
@@ -31,7 +31,7 @@ class Stages:
         self.bounce = BounceStage(gpu)
         self.direct = DirectStage(gpu)
         self.caustic = CausticStage(gpu)
-        self.chains = ChainStage(gpu)
+        self.chains = SpecularStage(gpu)
         self.antialias = Antialias(gpu)
         self._settings: Settings | None = None
 

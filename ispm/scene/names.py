@@ -14,7 +14,7 @@ import numpy as np
 from ispm.errors import SceneError
 from ispm.scene.values import matches
 
-_MOST = 1 << 40  # copies; more are no scene
+_MAX_COPIES = 1 << 40  # copies; more are no scene
 
 
 class Run(NamedTuple):
@@ -175,7 +175,7 @@ def _place(row: dict[str, Any], index: int) -> Place:
 
 def _run(row: dict[str, Any], nodes: int, materials: int) -> Run:
     """A row of the table; there are so many nodes and materials."""
-    most = {"node": nodes - 1, "part": _MOST, "material": materials - 1, "copies": _MOST}
+    most = {"node": nodes - 1, "part": _MAX_COPIES, "material": materials - 1, "copies": _MAX_COPIES}
     if not isinstance(row["mesh"], str) or not all(_is_count(row[k], n) for k, n in most.items()):
         raise ValueError
     return Run(**{k: row[k] for k in Run._fields})

@@ -11,7 +11,7 @@ from ispm.scene.values import FARTHEST, Point, require, strict_call
 
 Quaternion = tuple[float, float, float, float]
 
-_LEAST = 1e-9  # length of an axis that still tells a direction
+_MIN_LENGTH = 1e-9  # length of an axis that still tells a direction
 _TWO_TURNS = 4.0 * math.pi
 _PARALLEL = 0.9999  # cosine from which `up` no longer tells which side of a view is its top
 
@@ -58,7 +58,7 @@ def _turn(axis: Point, angle: float) -> Quaternion:
     """The rotation by radians about an axis."""
     x, y, z = (float(value) for value in axis)
     length = math.hypot(x, y, z)
-    if not length > _LEAST:
+    if not length > _MIN_LENGTH:
         raise SceneError("axis_angle: axis must not be 0, 0, 0")
     scale = math.sin(0.5 * angle) / length
     return x * scale, y * scale, z * scale, math.cos(0.5 * angle)

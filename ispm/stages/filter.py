@@ -29,11 +29,11 @@ _SMOOTH_TAPS = 4  # on each side, in the second pass
 _MAX_PIXELS = 96.0  # reach on the screen, low-resolution pixels
 _FLATNESS = 0.26  # half thickness of the filter, b, over its radius
 _NARROWEST = 0.02  # of a reach on the screen, across its length: of surfaces seen aslant
-_STRANGER = 0.01  # least weight of receivers of another orientation where photons are few
+_MIN_TURNED_WEIGHT = 0.01  # least weight of receivers of another orientation where photons are few
 _AROUND = 2  # low-resolution pixels on each side, over which `mean_around` goes
 _SAME_WAY = 0.9  # cosine of normals, above which receivers belong together there
 _LEAST_MEAN = 1e-12  # it returns, as others divide by it
-_SPARSE = 200.0  # photons within the radius, below which they are few
+_MIN_PHOTONS = 200.0  # photons within the radius, below which they are few
 
 _ALPHA, _NG, _N = word_of(RECEIVER, "alpha"), word_of(RECEIVER, "ng"), word_of(RECEIVER, "n")
 _FOOTPRINT, _WO, _SLANT = (word_of(RECEIVER, name) for name in ("footprint", "wo", "slant"))
@@ -41,7 +41,7 @@ DENSITY, MET = word_of(INCIDENT, "density"), word_of(INCIDENT, "met")
 _GLOSS = word_of(INCIDENT, "gloss")  # what surfaces of another roughness do not share begins here
 # Receivers that a mean is enough of. Of fewer it is noise: dashes along faces one to three pixels wide. Of 12
 # none are seen at 1:1; 16 and 24 ask for half and three times as many pixels that get light of their own.
-_ENOUGH = 12
+_MIN_RECEIVERS = 12
 
 
 class _Image(NamedTuple):
@@ -197,7 +197,7 @@ def _spread(counter, points, words, estimate, size, limits, gloss, out):
             if words[p, _SLANT] > f32(0):
                 density = estimate[p, DENSITY]
                 reach = _reach(words[p, _FOOTPRINT], density, limits)
-                few = density * f32(math.pi) * reach * reach < f32(_SPARSE)
+                few = density * f32(math.pi) * reach * reach < f32(_MIN_PHOTONS)
                 _spread_one(_Place(points, p, x, y), reach, few, image, out)
 
 
@@ -270,11 +270,13 @@ def _spread_one(at, reach, few, image, out):
     lattice = _lattice(pixels * wide, pixels * high)
     (stride_x, stride_y), (taps_x, taps_y) = lattice
     met = _gather(at, reach, lattice, few, image, out)
-    if met < i64(_ENOUGH) and max(stride_x, stride_y) > i64(1):
+    if met < i64(_MIN_RECEIVERS) and max(stride_x, stride_y) > i64(1):
         taps_x, taps_y = min(i64(_TAPS), stride_x * taps_x), min(i64(_TAPS), stride_y * taps_y)
         met = _gather(at, reach, _Lattice((i64(1), i64(1)), (taps_x, taps_y)), few, image, out)
     box = (i64(2) * taps_x + i64(1)) * (i64(2) * taps_y + i64(1))
-    enough = min(i64(_ENOUGH), (box + i64(1)) // i64(2))  # small things far away: short reach, no noise
+    enough = min(
+        i64(_MIN_RECEIVERS), (box + i64(1)) // i64(2)
+    )  # small things far away: short reach, no noise
     stf(np.uint64(out.ctypes.data), at.p * CHANNELS + MET, f32(met) / f32(enough))
 
 
@@ -370,7 +372,7 @@ def _gather(at, reach, lattice, few, image, out):
             flat = max(f32(1) - z2, f32(0))
             likeness = flat * flat * alike
             if few:
-                likeness = max(likeness, f32(_STRANGER))
+                likeness = max(likeness, f32(_MIN_TURNED_WEIGHT))
             near = f32(1) - d2
             foot = words[q, _FOOTPRINT]
             w = near * near * likeness * foot * foot * words[q, _SLANT]

@@ -14,7 +14,7 @@ from ispm.scene.color import encoded
 
 MIDDLE_GREY = 0.18
 _TRIM = 10.0  # per cent left out at either end, so that lamps and corners do not set the exposure
-_ENOUGH = 1 << 16  # pixels that auto exposure looks at
+_METERED_PIXELS = 1 << 16  # pixels that auto exposure looks at
 
 _TABLE_SIZE = 1 << 14  # its steps are at most 0.2 of a step of sRGB, where sRGB is steepest
 _CODES = {8: np.uint8, 16: np.uint16}
@@ -70,7 +70,7 @@ def auto_exposure(radiance: np.ndarray) -> float:
     the brightest tenth. It depends on nothing but the picture; a black picture has exposure 0.
     Source: the log-average of Reinhard et al. 2002, eq. 1, trimmed.
     """
-    step = max(1, math.isqrt(radiance.shape[0] * radiance.shape[1] // _ENOUGH))
+    step = max(1, math.isqrt(radiance.shape[0] * radiance.shape[1] // _METERED_PIXELS))
     seen = radiance[::step, ::step]
     luminance = np.zeros(seen.shape[:2])
     for c in range(3):

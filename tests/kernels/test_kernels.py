@@ -292,7 +292,7 @@ def test_without_processes_kernels_are_compiled_here(kept, monkeypatch):
     monkeypatch.setattr(background.sys, "executable", "/usr/bin/an-app")
     assert not background.brings("a.kernel")
     said = []
-    monkeypatch.setattr(background, "_said", False)
+    monkeypatch.setattr(background, "_warned", False)
     monkeypatch.setattr(background, "say", said.append)
     background.tell("small", 100)
     background.tell("large", 10**6)

@@ -8,7 +8,7 @@ import pytest
 from ispm.optics.records import RECEIVER
 from ispm.paths.edges import edge_rows
 from ispm.paths.eye import REFLECTED, SCATTERED, EyePaths
-from ispm.paths.vertices import END, FIRST
+from ispm.paths.vertices import FIRST_VERTEX, PATH_END
 
 # A mirror of 3 x 2 pixels in a picture 4 wide; the rays, row by row:  0 1 2 / 3 4 5
 PIXELS, WIDTH = np.array([0, 1, 2, 4, 5, 6]), 4
@@ -17,10 +17,10 @@ PIXELS, WIDTH = np.array([0, 1, 2, 4, 5, 6]), 4
 def mirror(shown):
     """Paths of which each shows the surface of a number, -1 none; surfaces face one way."""
     count = len(shown)
-    firsts = np.zeros(count, FIRST)
+    firsts = np.zeros(count, FIRST_VERTEX)
     firsts["ng"] = (0.0, 0.0, 1.0)
     slots = np.flatnonzero(np.array(shown) >= 0)
-    ends, points = np.zeros(len(slots), END), np.zeros(len(slots), RECEIVER)
+    ends, points = np.zeros(len(slots), PATH_END), np.zeros(len(slots), RECEIVER)
     ends["slot"], ends["lane"], ends["weight"] = slots, REFLECTED, 0.5
     ends["instance"] = np.array(shown)[slots]
     points["ng"] = (0.0, 1.0, 0.0)

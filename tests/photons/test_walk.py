@@ -5,7 +5,7 @@ import pytest
 from transport import Tracer, box_room, lit, on_instance, trace
 
 from ispm.library.common import lambert
-from ispm.lights.nee import SPOT_PARTS
+from ispm.lights.nee import SPLIT_COUNT
 from ispm.optics.records import EMITTED, NO_HIT
 from ispm.photons import walk as walk_module
 from ispm.scene.material import Material, Texture, TextureUse
@@ -42,8 +42,8 @@ def test_photons_leave_bright_spots_in_parts_and_one_goes_on():
     tracer = Tracer(lit(box_room(albedo=1.0)))
     path = tracer.walk(tracer.emit(1000), 3, limit=0.0)
     count, bounce = path.photon_count, path.photons["bounce"]
-    assert np.bincount(bounce).tolist() == [0, SPOT_PARTS * count, count, count]
-    assert (path.straight == (bounce == 1)).all()
+    assert np.bincount(bounce).tolist() == [0, SPLIT_COUNT * count, count, count]
+    assert (path.not_gathered == (bounce == 1)).all()
     for n in (1, 2, 3):
         assert path.photons["flux"][bounce == n].sum(axis=0, dtype=float) == pytest.approx(
             path.emitted, rel=1e-6

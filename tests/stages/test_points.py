@@ -17,14 +17,14 @@ from ispm.lights.lightmap import light_maps
 from ispm.lights.plan import PlannedMap
 from ispm.optics.records import EMITTED, NO_HIT
 from ispm.optics.texture import TextureTable
-from ispm.renderer.chains import eye_rays
+from ispm.renderer.specular import eye_rays
 from ispm.scene.light import DirectionalLight, PointLight
 from ispm.scene.packed import Packed, pack
 from ispm.scene.scene import Scene
 from ispm.stages.camera import CameraView
-from ispm.stages.chain import SEEN
 from ispm.stages.downsample import Downsample
 from ispm.stages.gbuffer import GBufferStage
+from ispm.stages.specular import SEEN
 from ispm.stages.upload import Upload
 
 ULP = 2.0**-24

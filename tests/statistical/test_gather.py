@@ -80,7 +80,7 @@ def light_on_wall(tracer, wall, bounces, limit, seed):
     ends = path.photons[scattered & (path.photons["bounce"] < bounces)]
     measure_radii(ends, tracer.packed.diagonal)
     by_rays = 4.0 * gathered(tracer, points, limit, seed, ends).mean(axis=0)
-    straight = total(path.photons[there & path.straight])
+    straight = total(path.photons[there & path.not_gathered])
     return total(path.photons[there]), by_rays + straight, straight
 
 

@@ -71,7 +71,7 @@ def main() -> int:
     given = parser.parse_args()
     pythons = {"luxcore": given.luxcore, "mitsuba": given.mitsuba}
     rows: list[list[str]] = []
-    remarks: list[str] = []
+    light_warnings: list[str] = []
     print(*_HEADINGS, sep="\t")
     for name in given.scenes or _AIMS:
         for peer in _PEERS:
@@ -79,15 +79,15 @@ def main() -> int:
                 continue
             run, remark = measured(peer, name, given.seconds, pythons.get(peer.module, sys.executable))
             if remark:
-                remarks.append(f"{name}, {peer.name}: {remark}")
-                print(remarks[-1], flush=True)
+                light_warnings.append(f"{name}, {peer.name}: {remark}")
+                print(light_warnings[-1], flush=True)
             for row in cells(name, run) if run else ():
                 print(*row, sep="\t", flush=True)
                 rows.append(row)
         rows.append([name, "aim", list(larger(name).masks)[-1], *_AIMS[name], "", "", "", ""])
     if not given.scenes and given.seconds == _SECONDS:
         text = table(list(_HEADINGS), rows, "lllrrrrrr")
-        write_between("peers", "\n".join([text, *(f"\n{remark}" for remark in remarks)]))
+        write_between("peers", "\n".join([text, *(f"\n{remark}" for remark in light_warnings)]))
     return 0
 
 

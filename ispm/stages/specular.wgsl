@@ -43,7 +43,7 @@ fn leads_on(b: Bsdf) -> bool {
 }
 
 @compute @workgroup_size(8, 8)
-fn find_chains(@builtin(global_invocation_id) thread: vec3u) {
+fn find_specular(@builtin(global_invocation_id) thread: vec3u) {
     let pixel = thread.xy;
     let size = textureDimensions(ids);
     if (any(pixel >= size)) {

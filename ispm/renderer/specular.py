@@ -12,7 +12,7 @@ from ispm.accel.surface import SurfaceTable
 from ispm.frame import Receivers
 from ispm.optics.incident import channels, no_light
 from ispm.paths.edges import edge_rows
-from ispm.paths.ends import image_of_ends, reflect_light, smooth_frost, spread_light
+from ispm.paths.ends import denoise_rough_transmission, image_of_ends, reflect_light, spread_light
 from ispm.paths.eye import REFLECTED, SCATTERED, TRANSMITTED, EyePaths, EyeRays, join_paths, trace_eye
 from ispm.renderer.backdrop import background_color
 from ispm.renderer.gather import PhotonLight
@@ -25,7 +25,7 @@ SAMPLES = np.array([(-1, -3), (3, -1), (-3, 1), (1, 3)]) / 8.0  # pixels from th
 _FINE_SLACK = (5e-3, 2e-2)  # of the distance: a sample's first surface is known as its centre's plane
 
 
-def chain_light(this: Pass, seen: np.ndarray, light: PhotonLight) -> np.ndarray:
+def specular_light(this: Pass, seen: np.ndarray, light: PhotonLight) -> np.ndarray:
     """Return direct light, indirect light and emission that chains bring to (n,) SEEN pixels, and the share
     that these show of a colored background: (n, 12) float32.
 
@@ -52,7 +52,7 @@ def chain_light(this: Pass, seen: np.ndarray, light: PhotonLight) -> np.ndarray:
     for brought in (found, through):
         samples = brought[count:].reshape(-1, len(SAMPLES), brought.shape[1])
         brought[edges] = samples.mean(axis=1)
-        smooth_frost(brought[:count], rays.keys, view.size[0], paths.firsts, this.threads)
+        denoise_rough_transmission(brought[:count], rays.keys, view.size[0], paths.firsts, this.threads)
     return np.concatenate([found[:count], through[:count]], axis=1)
 
 

@@ -9,13 +9,13 @@ from ispm.frame import GBuffer, GpuScene
 from ispm.gpu import Gpu, Recording, Texture
 from ispm.optics.records import MATERIAL_TRANSMITS
 
-_SHADER = wgsl.load("stages/chain.wgsl")
+_SHADER = wgsl.load("stages/specular.wgsl")
 SEEN, BROUGHT = _SHADER.dtype("Seen"), _SHADER.dtype("Brought")
 _THREADS = 16384  # as in the shader
 _SMOOTH = 1.01e-3  # roughness^2: MIN_ALPHA of optics/bsdf.wgsl, and what the G-buffer's halves may round
 
 
-class ChainStage:
+class SpecularStage:
     """Lists the pixels from which eye rays go on, and adds what those rays found.
 
     In   gbuffer (W, H)
@@ -25,9 +25,9 @@ class ChainStage:
 
     def __init__(self, gpu: Gpu) -> None:
         self._gpu = gpu
-        path = "stages/chain.wgsl"
+        path = "stages/specular.wgsl"
         self._find, self._add, self._write = (
-            gpu.compute(path, entry) for entry in ("find_chains", "add_pixels", "write_pixels")
+            gpu.compute(path, entry) for entry in ("find_specular", "add_pixels", "write_pixels")
         )
         self._count, self._seen = gpu.buffer("chain count"), gpu.buffer("chain pixels")
         self._brought = gpu.buffer("light of chains")

@@ -7,8 +7,8 @@ from exact import quad, view_of
 from ispm.scene.material import Material, Texture
 from ispm.scene.packed import pack
 from ispm.scene.scene import Scene
-from ispm.stages.chain import ChainStage
 from ispm.stages.gbuffer import GBufferStage
+from ispm.stages.specular import SpecularStage
 from ispm.stages.upload import Upload
 
 MATERIALS = {
@@ -28,7 +28,7 @@ def drawn(gpu, materials):
     scene = Scene()
     for k, material in enumerate(materials):
         scene.add(quad(0.3), material=material, translation=(0.7 * k - 2.4, 0.7, 0.0))
-    upload, gbuffer, chains, view = Upload(gpu), GBufferStage(gpu), ChainStage(gpu), view_of((240, 80))
+    upload, gbuffer, chains, view = Upload(gpu), GBufferStage(gpu), SpecularStage(gpu), view_of((240, 80))
     with gpu.frame() as frame:
         packed = upload(pack(scene))
         out = gbuffer(frame, packed, view)
@@ -71,7 +71,7 @@ def test_the_g_buffer_keeps_row_and_transmission_apart(gpu):
 
 def test_light_is_added_to_the_listed_pixels_alone(gpu):
     size, random = (37, 21), np.random.default_rng(1)
-    chains = ChainStage(gpu)
+    chains = SpecularStage(gpu)
     textures, before = [], []
     for name in ("direct", "indirect", "emission"):
         values = random.random((size[1], size[0], 4), np.float32)
