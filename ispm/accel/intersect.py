@@ -9,12 +9,11 @@ Source of the boxes: Ize, "Robust BVH ray traversal", 2013.
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
 from ispm.accel.build import LEAF, MAX_DEPTH
 from ispm.accel.collapse import BLOCK_WORDS, IDS, NEEDLE, NODE_WORDS, REFS
+from ispm.accel.records import Hit, Mesh, Ray, Scratch, Slab, Slabs
 from ispm.accel.triangle import Shear, meet_block, meet_needle
 from ispm.kernels.simd import (
     alloca,
@@ -43,7 +42,6 @@ from ispm.kernels.simd import (
     vstore8,
 )  # fmt: skip
 from ispm.optics.jit import jit
-from ispm.optics.vector import Vector
 
 f32, f64, i64, u32, u64 = np.float32, np.float64, np.int64, np.uint32, np.uint64
 
@@ -86,57 +84,6 @@ _SLACK_AT_ZERO = np.float32(1e-12)
 _A_LITTLE_MORE = np.float32(1 + 2.0**-21)
 # The share of a mesh's reach within which needles are met in float64, see `meet_needle`.
 _NEAR = np.float32(1 / 256)
-
-
-class Hit(NamedTuple):
-    """What a ray meets. u, v: barycentrics of the triangle's second and third corner."""
-
-    instance: np.uint32
-    primitive: np.uint32
-    u: np.float32
-    v: np.float32
-
-
-class Ray(NamedTuple):
-    """Where a ray starts, its direction, which need not be unit, and the end in units of that."""
-
-    origin: Vector
-    direction: Vector
-    t_max: np.float32
-
-
-class Scratch(NamedTuple):
-    """Addresses that one thread's rays work in: a stack of STACK_WORDS words, and the words of a hit."""
-
-    stack: np.uint64
-    found: np.uint64
-
-
-class Mesh(NamedTuple):
-    """A mesh's tree: addresses of all nodes and blocks, its root, and the largest coordinate of its box."""
-
-    nodes: np.uint64
-    blocks: np.uint64
-    root: np.uint32
-    reach: np.float32
-
-
-class Slab(NamedTuple):
-    """A ray along one axis, or the same in eight lanes: 1/d, finite at 0, the word of the near planes, and
-    -o/d for near and far planes."""
-
-    rate: np.float32
-    word: np.int64
-    near: np.float32
-    far: np.float32
-
-
-class Slabs(NamedTuple):
-    """A ray against boxes."""
-
-    x: Slab
-    y: Slab
-    z: Slab
 
 
 @jit(inline=True)

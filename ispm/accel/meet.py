@@ -10,8 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ispm.accel.intersect import Hit
 from ispm.accel.mesh import INSTANCES, MATERIALS, TO_WORLD, edges_at, triangle_at, word_of
+from ispm.accel.records import Hit
 from ispm.accel.surface import SurfaceTable
 from ispm.kernels.simd import ldf, ldu
 from ispm.optics.jit import jit

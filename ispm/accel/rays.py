@@ -4,17 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 
-from ispm.accel.intersect import (
+from ispm.accel.intersect import (  # fmt: skip
     HIT_INSTANCE,
     HIT_PRIMITIVE,
     HIT_U,
     HIT_V,
     STACK_WORDS,
-    Ray,
-    Scratch,
     any_hit,
     closest,
-)  # fmt: skip
+)
+from ispm.accel.records import Ray, Scratch
 from ispm.kernels.simd import alloca, atomic_add, ldf, ldu, stf, stu
 from ispm.optics.jit import jit
 from ispm.optics.records import NO_HIT

@@ -10,15 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ispm.accel.intersect import (
-    HIT_INSTANCE,
-    HIT_PRIMITIVE,
-    Hit,
-    Ray,
-    closest_after,
-    instance_scale,
-    read_hit,
-)
+from ispm.accel.intersect import HIT_INSTANCE, HIT_PRIMITIVE, closest_after, instance_scale, read_hit
 from ispm.accel.leave import leave_triangle
 from ispm.accel.mesh import (
     FOOTPRINT,
@@ -38,6 +30,7 @@ from ispm.accel.mesh import (
     world_point,
 )  # fmt: skip
 from ispm.accel.normals import bend, unit
+from ispm.accel.records import Hit, Ray
 from ispm.accel.world import World
 from ispm.kernels.simd import address, ldf, ldu, stu
 from ispm.optics.bsdf import Bsdf, surface_bsdf
@@ -69,7 +62,7 @@ _METALLIC, _ROUGHNESS = word_of(MATERIAL, "metallic"), word_of(MATERIAL, "roughn
 _SPECULAR, _SPECULAR_COLOR = word_of(MATERIAL, "specular"), word_of(MATERIAL, "specular_color")
 _F0, _CUTOFF, _FLAGS = (word_of(MATERIAL, n) for n in ("f0", "alpha_cutoff", "flags"))
 _NORMAL_SCALE = word_of(MATERIAL, "normal_scale")
-_TRANSMISSION, _IOR, _ATTENUATION = (word_of(MATERIAL, n) for n in ("transmission", "ior", "attenuation"))
+_TRANSMISSION, _IOR = (word_of(MATERIAL, n) for n in ("transmission", "ior"))
 _BASE_MAP = word_of(MATERIAL, "base_color_texture")
 _ROUGHNESS_MAP = word_of(MATERIAL, "metallic_roughness_texture")
 _NORMAL_MAP = word_of(MATERIAL, "normal_texture")
@@ -186,17 +179,6 @@ def surface(tables, hit, d):
     n = bend(bend(scale(side, n), ng), scale(f32(-1), d))
     flags = ldu(table[MATERIALS], material + _FLAGS)
     return SurfacePoint(hit, position, ng, n, _bsdf(tables, context, flags, entering), flags, entering)
-
-
-@jit
-def attenuation(table, hit, distance):
-    """Return the share of light, RGB, left after `distance` metres of what the hit's material bounds.
-
-    Source: KHR_materials_volume, attenuation.
-    """
-    _, material, _ = triangle_at(table, hit)
-    rate = vector_at(table[MATERIALS], material + _ATTENUATION)
-    return math.exp(-distance * rate[0]), math.exp(-distance * rate[1]), math.exp(-distance * rate[2])
 
 
 @jit

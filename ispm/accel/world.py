@@ -10,7 +10,7 @@ import numpy as np
 from ispm.accel.build import BinaryTree
 from ispm.accel.bvh import MeshBvh, build_mesh_bvh
 from ispm.accel.collapse import BLOCK_WORDS, NODE_WORDS, collapse, empty_node, shift_refs
-from ispm.accel.intersect import (
+from ispm.accel.intersect import (  # fmt: skip
     BLOCKS,
     NODES,
     ROW_REACH,
@@ -20,7 +20,7 @@ from ispm.accel.intersect import (
     ROWS,
     TOP_NODES,
     TOP_REACH,
-)  # fmt: skip
+)
 from ispm.accel.rays import HIT, occlude_rays, trace_rays
 from ispm.kernels.simd import address, aligned, stf, stu
 from ispm.kernels.threads import run_threads, thread_count

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from ispm.accel.intersect import STACK_WORDS, Hit, Scratch
+from ispm.accel.intersect import STACK_WORDS
+from ispm.accel.medium import attenuated, medium, no_medium, spawn_ray
+from ispm.accel.records import Hit, Scratch
 from ispm.accel.surface import SurfaceTable, closest_surface, scene_tables, surface
 from ispm.accel.world import World
 from ispm.kernels.simd import alloca
@@ -12,17 +14,8 @@ from ispm.optics.bsdf import is_smooth
 from ispm.optics.jit import jit
 from ispm.optics.records import NO_HIT
 from ispm.optics.vector import scale
-from ispm.photons.walk import (
-    SPECULAR_MAX,
-    Event,
-    attenuated,
-    first_segment,
-    flight_number,
-    medium,
-    next_flight,
-    no_medium,
-    spawn_ray,
-)  # fmt: skip
+from ispm.photons.scatter import SPECULAR_MAX, Event, flight_number, next_flight
+from ispm.photons.walk import first_segment  # fmt: skip
 from ispm.scene.packed import Packed
 
 f32, i64, u32 = np.float32, np.int64, np.uint32

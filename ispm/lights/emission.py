@@ -16,8 +16,9 @@ from typing import Any
 
 import numpy as np
 
-from ispm.accel.intersect import STACK_WORDS, Scratch
+from ispm.accel.intersect import STACK_WORDS
 from ispm.accel.meet import meet_texels
+from ispm.accel.records import Scratch
 from ispm.accel.surface import SurfaceTable, closest_surface, scene_tables
 from ispm.accel.world import World
 from ispm.kernels.simd import alloca

@@ -6,7 +6,8 @@ import math
 
 import numpy as np
 
-from ispm.accel.intersect import Hit, Ray, any_hit
+from ispm.accel.intersect import any_hit
+from ispm.accel.records import Hit, Ray
 from ispm.accel.surface import closest_surface, hit_position, leave_surface, surface
 from ispm.optics.bsdf import eval_bsdf, has_finite, smooth_split, transmits
 from ispm.optics.jit import jit

@@ -6,7 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ispm.accel.intersect import STACK_WORDS, Scratch
+from ispm.accel.intersect import STACK_WORDS
+from ispm.accel.records import Scratch
 from ispm.accel.surface import SurfaceTable, scene_tables
 from ispm.accel.world import World
 from ispm.kernels.simd import address, alloca, atomic_add

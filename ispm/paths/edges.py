@@ -6,7 +6,8 @@ import numpy as np
 
 from ispm.optics.jit import jit
 from ispm.optics.vector import dot
-from ispm.paths.eye import REFLECTED, TRANSMITTED, EyePaths
+from ispm.paths.eye import REFLECTED, TRANSMITTED
+from ispm.paths.eye_paths import EyePaths
 
 f32, i64, u32 = np.float32, np.int64, np.uint32
 

@@ -10,13 +10,14 @@ the lights, and what glows, is added here.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
-from ispm.accel.intersect import STACK_WORDS, Hit, Scratch
+from ispm.accel.intersect import STACK_WORDS
+from ispm.accel.medium import attenuated, medium, no_medium, spawn_ray
 from ispm.accel.rays import HIT
+from ispm.accel.records import Hit, Scratch
 from ispm.accel.surface import SurfaceTable, closest_surface, glow, hit_position, scene_tables, surface
 from ispm.accel.world import World
 from ispm.kernels.simd import address, alloca, atomic_add
@@ -24,15 +25,19 @@ from ispm.kernels.threads import run_threads
 from ispm.lights.nee import direct_light, greatest, times
 from ispm.optics.bsdf import has_finite, is_smooth, transmits
 from ispm.optics.jit import jit
-from ispm.optics.records import (
-    MATERIAL_UNLIT,
-    NO_HIT,
-    RECEIVER,
-)  # fmt: skip
+from ispm.optics.records import MATERIAL_UNLIT, NO_HIT, RECEIVER
 from ispm.optics.vector import Vector, add, dot, scale, sub
+from ispm.paths.eye_paths import EyePaths, EyeRays, RayArrays
 from ispm.paths.facet import ROUGH_SAMPLES, facet_numbers, facet_split, sample_specular_lobe
-from ispm.paths.vertices import BLACK, FIRST_VERTEX, PATH_END, store_end, store_first, store_point
-from ispm.photons.walk import attenuated, medium, no_medium, spawn_ray
+from ispm.paths.vertices import (
+    BLACK,
+    FIRST_VERTEX,
+    PATH_END,
+    PATH_END_AND_POINT,
+    store_end,
+    store_first,
+    store_point,
+)
 from ispm.scene.packed import Packed
 
 f32, i64, u32 = np.float32, np.int64, np.uint32
@@ -49,55 +54,7 @@ _BATCH = 1 << 15  # pixels whose ends lie in memory at their full number
 
 _WHITE = f32(1), f32(1), f32(1)
 
-PATH_END_AND_POINT = np.dtype(
-    [("end", PATH_END), ("point", RECEIVER)]
-)  # where a path ends, and its first surface
-
 REFLECTED, TRANSMITTED, SCATTERED = 0, 1, 2  # what the first surface did to a path
-
-
-@dataclass(frozen=True)
-class EyeRays:
-    """Rays through the pixels whose paths are wanted.
-
-    origins, directions  (n, 3) float32, unit
-    distances  (n,) float32 m to what the pixel shows
-    keys       (n,) uint32, of the random numbers
-    width      m that a pixel covers at the origin, and more at each m of the path
-    slack      shares of the distance: a ray starts so far before what its pixel shows, which lies not farther
-               behind than so
-    hits       (n,) HIT, what the pixels show; None: it is looked for
-    """
-
-    origins: np.ndarray
-    directions: np.ndarray
-    distances: np.ndarray
-    keys: np.ndarray
-    width: tuple[float, float]
-    slack: tuple[float, float] = (1e-4, 1e-3)
-    hits: np.ndarray | None = None
-
-
-@dataclass(frozen=True)
-class EyePaths:
-    """What the paths found.
-
-    direct, emission  (n, 3) float32 radiance that they bring to each ray
-    through  (n, 3) float32 share of the background that each sees through glass; mirrors show none of it
-    ends    (m,) PATH_END in the order of the rays; lane: REFLECTED or TRANSMITTED by a smooth surface;
-            SCATTERED: by a rough one, or a path's second end
-    points  (m,) RECEIVER, the same; footprint: of a pixel
-    firsts  (n,) FIRST_VERTEX, instance NO_HIT where the ray met something else
-    rays    traced
-    """
-
-    direct: np.ndarray
-    emission: np.ndarray
-    through: np.ndarray
-    ends: np.ndarray
-    points: np.ndarray
-    firsts: np.ndarray
-    rays: int
 
 
 def trace_eye(
@@ -139,7 +96,7 @@ def trace_eye(
             own, footprint = surfaces.own_footprint()
             _follow_chunks(
                 tables._replace(surfaces=own), view, footprint,
-                _Rays(origins[part], directions[part], rays.distances[part], rays.keys[part], hits[part]),
+                RayArrays(origins[part], directions[part], rays.distances[part], rays.keys[part], hits[part]),
                 i64(part.start), address(counter),
                 _Out(direct[part], emission[part], through[part], firsts[part], room, counts),
             )  # fmt: skip
@@ -151,16 +108,6 @@ def trace_eye(
             points.append(kept["point"].copy())
         traced += int(counts[:, 1].sum())
     return EyePaths(direct, emission, through, np.concatenate(ends), np.concatenate(points), firsts, traced)
-
-
-def join_paths(a: EyePaths, b: EyePaths) -> EyePaths:
-    """Return what two calls found as if the rays of the second had come after those of the first."""
-    ends = np.concatenate([a.ends, b.ends])
-    ends["slot"][len(a.ends) :] += np.uint32(len(a.direct))
-    names = ("direct", "emission", "through", "points", "firsts")
-    rest = (np.concatenate([getattr(a, name), getattr(b, name)]) for name in names)
-    direct, emission, through, points, firsts = rest
-    return EyePaths(direct, emission, through, ends, points, firsts, a.rays + b.rays)
 
 
 def _samples(packed: Packed) -> int:
@@ -179,16 +126,6 @@ class _View(NamedTuple):
     past: np.float32
     pass_index: np.uint32
     seed: np.uint32
-
-
-class _Rays(NamedTuple):
-    """Arrays of EyeRays."""
-
-    origins: np.ndarray
-    directions: np.ndarray
-    distances: np.ndarray
-    keys: np.ndarray
-    hits: np.ndarray
 
 
 class _Out(NamedTuple):

@@ -7,6 +7,7 @@ from numba import literal_unroll
 
 from ispm.optics.bsdf import Bsdf, transmits
 from ispm.optics.jit import jit
+from ispm.optics.records import RECEIVER
 from ispm.optics.vector import dot, luminance
 
 f32, u32 = np.float32, np.uint32
@@ -30,6 +31,9 @@ FIRST_VERTEX = np.dtype([
     ("n", "<f4", 3), ("alpha", "<f4"), ("ng", "<f4", 3), ("tint", "<f4"), ("blur", "<f4"),
     ("instance", "<u4"),
 ])  # fmt: skip
+
+# Where a path ends, and the receiver there.
+PATH_END_AND_POINT = np.dtype([("end", PATH_END), ("point", RECEIVER)])
 
 
 @jit

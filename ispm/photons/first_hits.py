@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from ispm.accel.intersect import Hit
+from ispm.accel.records import Hit
 from ispm.accel.surface import SurfaceTable, scene_tables, surface
 from ispm.optics.jit import jit
 from ispm.optics.records import EMITTED, NO_HIT
-from ispm.photons.walk import Event, first_segment, next_flight
+from ispm.photons.scatter import Event, next_flight
+from ispm.photons.walk import first_segment
 from ispm.scene.packed import Packed
 
 f32, i64, u32 = np.float32, np.int64, np.uint32

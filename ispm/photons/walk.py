@@ -9,42 +9,38 @@ from typing import NamedTuple
 import numpy as np
 from numba import literal_unroll
 
-from ispm.accel.intersect import STACK_WORDS, Hit, Scratch
-from ispm.accel.surface import (
+from ispm.accel.intersect import STACK_WORDS
+from ispm.accel.medium import attenuated, medium, no_medium, passed_sheet, spawn_ray
+from ispm.accel.records import Hit, Scratch
+from ispm.accel.surface import (  # fmt: skip
     SurfaceTable,
     Tables,
-    attenuation,
     closest_surface,
     hit_position,
-    leave_surface,
     scene_tables,
     surface,
-)  # fmt: skip
+)
 from ispm.accel.world import World
 from ispm.kernels.simd import address, alloca, atomic_add
 from ispm.kernels.threads import run_threads
 from ispm.lights.nee import is_bright_first_bounce, is_gathered, split_count
-from ispm.optics.bsdf import adjoint_factor, has_finite, is_smooth, sample_bsdf
+from ispm.optics.bsdf import has_finite, is_smooth
 from ispm.optics.jit import jit
 from ispm.optics.light import range_window
 from ispm.optics.records import (
     LIGHT_DIRECTIONAL,
     MATERIAL_THIN,
-    MATERIAL_TRANSMITS,
-    MATERIAL_UNLIT,
     NO_HIT,
     PHOTON,
 )  # fmt: skip
 from ispm.optics.rng import random4
 from ispm.optics.vector import dot, scale, sub
 from ispm.photons.beam import beam_at, emitted_beam, redirected_beam
+from ispm.photons.scatter import Event, flight_number, next_flight
 from ispm.scene.packed import Packed
 
 f32, i64, u32 = np.float32, np.int64, np.uint32
 
-ROULETTE_AFTER = 4  # scatters; living photons lower the error more than they cost before that
-SPECULAR_MAX = 8  # events at smooth surfaces without roulette
-_SPECULAR_SURVIVAL = 0.9  # chance at each later one: ends paths between lossless surfaces without fireflies
 _CONTINUED_DIMENSION = 1 << 23  # of the random number that draws which of the split photons is continued
 _PART_BIT = 28  # first bit of a key that numbers split photons; numbers of texels stay below it
 _EVENT_STEP = 0x9E3779B1  # between the keys of two hits of a photon, from 2^32 over the golden ratio
@@ -197,16 +193,6 @@ class _Room(NamedTuple):
     chunk: np.int64
 
 
-class Event(NamedTuple):
-    """Which random numbers a photon's next event takes: by its key and what it has met before."""
-
-    key: np.uint32
-    scatters: np.int64
-    speculars: np.int64
-    pass_index: np.uint32
-    seed: np.uint32
-
-
 @jit
 def _walk_chunks(tables, emitted, course, chunks, counter, found):
     scratch = Scratch(alloca(STACK_WORDS), alloca(2))
@@ -333,87 +319,6 @@ def first_segment(tables, photon):
 
 
 @jit
-def no_medium():
-    """Return the hit that bounds nothing."""
-    return Hit(u32(NO_HIT), u32(0), f32(0), f32(0))
-
-
-@jit
-def medium(inside, x):
-    """Return a Hit on what bounds the solid that a flight to the SurfacePoint x went through: that one if
-    met from within, else what the path last entered, `inside`."""
-    solid = x.flags & u32(MATERIAL_TRANSMITS | MATERIAL_THIN) == u32(MATERIAL_TRANSMITS)
-    return x.hit if solid and not x.entering else inside
-
-
-@jit
-def spawn_ray(tables, x, inside, d):
-    """Return where a flight along `d` from a SurfacePoint starts, and a Hit on what bounds the solid
-    it is in."""
-    side = f32(1) if dot(d, x.ng) > f32(0) else f32(-1)
-    start = leave_surface(tables, x.hit, scale(side, x.ng))
-    if side > f32(0) or x.flags & u32(MATERIAL_THIN):
-        return start, inside
-    return start, x.hit if x.entering else no_medium()
-
-
-@jit
-def attenuated(tables, inside, origin, position, flux):
-    """Return the flux that is left of a flight through a solid."""
-    way = sub(position, origin)
-    left = attenuation(tables.surfaces, inside, f32(math.sqrt(dot(way, way))))
-    return left[0] * flux[0], left[1] * flux[1], left[2] * flux[2]
-
-
-@jit
-def passed_sheet(x, wi):
-    """Return whether a specular event was a straight passage through a thin sheet."""
-    return x.flags & u32(MATERIAL_THIN) != u32(0) and dot(wi, x.ng) < f32(0)
-
-
-@jit
-def next_flight(event, x, d, flux):
-    """Sample where the photon goes, with roulette: (alive, wi, flux after it, specular)."""
-    u0, u1, u2, u3 = random4(
-        event.key, u32(2 * (event.scatters + event.speculars)), event.pass_index, event.seed
-    )
-    alive, wi, scattered, specular = scatter(x, d, flux, u0, u1, u2)
-    if alive and specular and event.speculars >= SPECULAR_MAX:
-        alive = u3 < f32(_SPECULAR_SURVIVAL)
-        scattered = scale(f32(1 / _SPECULAR_SURVIVAL), scattered)
-    if alive and not specular and event.scatters >= ROULETTE_AFTER:
-        survival = min(f32(1), _sum(scattered) / _sum(flux))
-        alive = u3 < survival
-        scattered = scale(f32(1) / survival, scattered)
-    return alive, wi, scattered, specular
-
-
-@jit
-def flight_number(event):
-    """Return the random number for holes that the flight after an event meets."""
-    _, _, _, u3 = random4(
-        event.key, u32(2 * (event.scatters + event.speculars) + 1), event.pass_index, event.seed
-    )
-    return u3
-
-
-@jit
-def scatter(x, d, flux, u0, u1, u2):
-    """Sample where the photon goes: (alive, wi, flux after it, specular)."""
-    wo = scale(f32(-1), d)
-    n, ng = x.n, x.ng
-    if x.flags & u32(MATERIAL_UNLIT):
-        return False, wo, flux, False
-    alive, wi, weight, specular = sample_bsdf(x.bsdf, n, ng, wo, u0, u1, u2, False)
-    if not alive:
-        return False, wo, flux, False
-    if not specular:  # of the others flux is kept
-        weight = scale(adjoint_factor(dot(wo, n), dot(wo, ng), dot(wi, n), dot(wi, ng)), weight)
-    scattered = (weight[0] * flux[0], weight[1] * flux[1], weight[2] * flux[2])
-    return _sum(scattered) > f32(0), wi, scattered, specular
-
-
-@jit
 def _store(photon, x, flux, d, clear, flown, scatters):
     """Write a PHOTON record. Its kernel is measured later; until then `radius` is how far away, in m, the
     plane of the surface is that the photon comes from, and `height` how far that surface is along its way."""
@@ -434,11 +339,6 @@ def _store_beam(beams, row, beam, plane):
         beams[row, k] = beam.dx_u[k]
         beams[row, k + 3] = beam.dx_v[k]
         beams[row, k + 6] = plane[k]
-
-
-@jit
-def _sum(flux):
-    return flux[0] + flux[1] + flux[2]
 
 
 @jit

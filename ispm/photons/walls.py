@@ -9,9 +9,10 @@ import math
 
 import numpy as np
 
-from ispm.accel.intersect import STACK_WORDS, Ray, Scratch, closest, read_hit
+from ispm.accel.intersect import STACK_WORDS, closest, read_hit
 from ispm.accel.mesh import hit_plane
 from ispm.accel.normals import unit
+from ispm.accel.records import Ray, Scratch
 from ispm.accel.surface import SurfaceTable
 from ispm.accel.world import World
 from ispm.kernels.simd import address, alloca, atomic_add

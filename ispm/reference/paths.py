@@ -9,7 +9,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from ispm.accel.intersect import STACK_WORDS, Scratch
+from ispm.accel.intersect import STACK_WORDS
+from ispm.accel.medium import attenuated, medium, no_medium, spawn_ray
+from ispm.accel.records import Scratch
 from ispm.accel.surface import SurfaceTable, closest_surface, glow, scene_tables, surface
 from ispm.accel.world import World
 from ispm.kernels.simd import address, alloca, atomic_add
@@ -20,7 +22,6 @@ from ispm.optics.jit import jit
 from ispm.optics.records import MATERIAL_UNLIT, NO_HIT
 from ispm.optics.rng import random4
 from ispm.optics.vector import add, scale
-from ispm.photons.walk import attenuated, medium, no_medium, spawn_ray
 from ispm.scene.packed import Packed
 
 f32, i64, u32 = np.float32, np.int64, np.uint32

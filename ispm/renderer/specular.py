@@ -13,7 +13,8 @@ from ispm.frame import Receivers
 from ispm.optics.incident import channels, no_light
 from ispm.paths.edges import edge_rows
 from ispm.paths.ends import denoise_rough_transmission, image_of_ends, reflect_light, spread_light
-from ispm.paths.eye import REFLECTED, SCATTERED, TRANSMITTED, EyePaths, EyeRays, join_paths, trace_eye
+from ispm.paths.eye import REFLECTED, SCATTERED, TRANSMITTED, trace_eye
+from ispm.paths.eye_paths import EyePaths, EyeRays, join_paths
 from ispm.renderer.backdrop import background_color
 from ispm.renderer.gather import PhotonLight
 from ispm.renderer.one_pass import Pass

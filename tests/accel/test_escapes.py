@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from tracer_scenes import merged, shell
 
-from ispm.accel.intersect import STACK_WORDS, Ray, Scratch, closest, instance_scale, read_hit
+from ispm.accel.intersect import STACK_WORDS, closest, instance_scale, read_hit
 from ispm.accel.leave import leave_triangle
+from ispm.accel.records import Ray, Scratch
 from ispm.accel.world import World
 from ispm.kernels.simd import address, alloca
 from ispm.kernels.threads import run_threads

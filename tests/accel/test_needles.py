@@ -5,8 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from ispm.accel.intersect import STACK_WORDS, Ray, Scratch, closest, instance_scale, read_hit
+from ispm.accel.intersect import STACK_WORDS, closest, instance_scale, read_hit
 from ispm.accel.leave import leave_triangle
+from ispm.accel.records import Ray, Scratch
 from ispm.accel.world import World
 from ispm.kernels.simd import address, alloca
 from ispm.optics.jit import jit

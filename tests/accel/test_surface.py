@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from transport import Tracer
 
-from ispm.accel.intersect import Hit
+from ispm.accel.records import Hit
 from ispm.accel.surface import hit_position, scene_tables, surface
 from ispm.library.shapes import icosphere
 from ispm.optics.jit import jit

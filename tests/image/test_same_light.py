@@ -16,7 +16,8 @@ from scipy.spatial.transform import Rotation
 from test_any_scene import NEVER_SLOW, lamps, things, turn
 from transport import SIDES, Tracer, box_room
 
-from ispm.accel.intersect import STACK_WORDS, Scratch
+from ispm.accel.intersect import STACK_WORDS
+from ispm.accel.records import Scratch
 from ispm.accel.surface import closest_surface, scene_tables, surface
 from ispm.kernels.simd import alloca
 from ispm.lights.nee import direct_light

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from transport import Tracer, box_room
 
-from ispm.accel.intersect import STACK_WORDS, Scratch
+from ispm.accel.intersect import STACK_WORDS
+from ispm.accel.records import Scratch
 from ispm.accel.surface import closest_surface, scene_tables, surface
 from ispm.kernels.simd import alloca
 from ispm.library.shapes import box

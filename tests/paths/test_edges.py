@@ -7,7 +7,8 @@ import pytest
 
 from ispm.optics.records import RECEIVER
 from ispm.paths.edges import edge_rows
-from ispm.paths.eye import REFLECTED, SCATTERED, EyePaths
+from ispm.paths.eye import REFLECTED, SCATTERED
+from ispm.paths.eye_paths import EyePaths
 from ispm.paths.vertices import FIRST_VERTEX, PATH_END
 
 # A mirror of 3 x 2 pixels in a picture 4 wide; the rays, row by row:  0 1 2 / 3 4 5

@@ -9,7 +9,7 @@ from transport import Tracer, aim, box_room, lit, on_instance, total, trace
 
 from ispm.library.common import lambert
 from ispm.library.shapes import polygons
-from ispm.photons.walk import ROULETTE_AFTER
+from ispm.photons.scatter import ROULETTE_AFTER
 from ispm.scene.material import Material
 from ispm.scene.scene import Scene
 

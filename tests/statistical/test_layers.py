@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from transport import Tracer
 
-from ispm.accel.intersect import STACK_WORDS, Scratch
+from ispm.accel.intersect import STACK_WORDS
+from ispm.accel.records import Scratch
 from ispm.accel.surface import closest_surface, scene_tables
 from ispm.kernels.simd import alloca
 from ispm.optics.jit import jit

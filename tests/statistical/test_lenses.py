@@ -7,7 +7,8 @@ import pytest
 from test_specular_paths import BLACK, glass, rectangle
 from transport import Tracer, aim, box_room, lit
 
-from ispm.accel.intersect import STACK_WORDS, Scratch
+from ispm.accel.intersect import STACK_WORDS
+from ispm.accel.records import Scratch
 from ispm.accel.surface import closest_surface, leave_surface, scene_tables, surface
 from ispm.kernels.simd import alloca
 from ispm.library.shapes import icosphere

@@ -1,0 +1,68 @@
+"""What lies between hits: where flights start, and the solids that they go through."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ispm.accel.mesh import MATERIALS, triangle_at, vector_at, word_of
+from ispm.accel.records import Hit
+from ispm.accel.surface import leave_surface
+from ispm.optics.jit import jit
+from ispm.optics.records import MATERIAL, MATERIAL_THIN, MATERIAL_TRANSMITS, NO_HIT
+from ispm.optics.vector import dot, scale, sub
+
+f32, u32 = np.float32, np.uint32
+
+_ATTENUATION = word_of(MATERIAL, "attenuation")
+
+
+@jit
+def no_medium():
+    """Return the hit that bounds nothing."""
+    return Hit(u32(NO_HIT), u32(0), f32(0), f32(0))
+
+
+@jit
+def medium(inside, x):
+    """Return a Hit on what bounds the solid that a flight to the SurfacePoint x went through: that one if
+    met from within, else what the path last entered, `inside`."""
+    solid = x.flags & u32(MATERIAL_TRANSMITS | MATERIAL_THIN) == u32(MATERIAL_TRANSMITS)
+    return x.hit if solid and not x.entering else inside
+
+
+@jit
+def spawn_ray(tables, x, inside, d):
+    """Return where a flight along `d` from a SurfacePoint starts, and a Hit on what bounds the solid
+    it is in."""
+    side = f32(1) if dot(d, x.ng) > f32(0) else f32(-1)
+    start = leave_surface(tables, x.hit, scale(side, x.ng))
+    if side > f32(0) or x.flags & u32(MATERIAL_THIN):
+        return start, inside
+    return start, x.hit if x.entering else no_medium()
+
+
+@jit
+def passed_sheet(x, wi):
+    """Return whether a specular event was a straight passage through a thin sheet."""
+    return x.flags & u32(MATERIAL_THIN) != u32(0) and dot(wi, x.ng) < f32(0)
+
+
+@jit
+def attenuated(tables, inside, origin, position, flux):
+    """Return the flux that is left of a flight through a solid."""
+    way = sub(position, origin)
+    left = attenuation(tables.surfaces, inside, f32(math.sqrt(dot(way, way))))
+    return left[0] * flux[0], left[1] * flux[1], left[2] * flux[2]
+
+
+@jit
+def attenuation(table, hit, distance):
+    """Return the share of light, RGB, left after `distance` metres of what the hit's material bounds.
+
+    Source: KHR_materials_volume, attenuation.
+    """
+    _, material, _ = triangle_at(table, hit)
+    rate = vector_at(table[MATERIALS], material + _ATTENUATION)
+    return math.exp(-distance * rate[0]), math.exp(-distance * rate[1]), math.exp(-distance * rate[2])

@@ -1,0 +1,72 @@
+"""Rays from the eye, and the paths that go on from what they meet."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class EyeRays:
+    """Rays through the pixels whose paths are wanted.
+
+    origins, directions  (n, 3) float32, unit
+    distances  (n,) float32 m to what the pixel shows
+    keys       (n,) uint32, of the random numbers
+    width      m that a pixel covers at the origin, and more at each m of the path
+    slack      shares of the distance: a ray starts so far before what its pixel shows, which lies not farther
+               behind than so
+    hits       (n,) HIT, what the pixels show; None: it is looked for
+    """
+
+    origins: np.ndarray
+    directions: np.ndarray
+    distances: np.ndarray
+    keys: np.ndarray
+    width: tuple[float, float]
+    slack: tuple[float, float] = (1e-4, 1e-3)
+    hits: np.ndarray | None = None
+
+
+@dataclass(frozen=True)
+class EyePaths:
+    """What the paths found.
+
+    direct, emission  (n, 3) float32 radiance that they bring to each ray
+    through  (n, 3) float32 share of the background that each sees through glass; mirrors show none of it
+    ends    (m,) PATH_END in the order of the rays; lane: REFLECTED or TRANSMITTED by a smooth surface;
+            SCATTERED: by a rough one, or a path's second end
+    points  (m,) RECEIVER, the same; footprint: of a pixel
+    firsts  (n,) FIRST_VERTEX, instance NO_HIT where the ray met something else
+    rays    traced
+    """
+
+    direct: np.ndarray
+    emission: np.ndarray
+    through: np.ndarray
+    ends: np.ndarray
+    points: np.ndarray
+    firsts: np.ndarray
+    rays: int
+
+
+def join_paths(a: EyePaths, b: EyePaths) -> EyePaths:
+    """Return what two calls found as if the rays of the second had come after those of the first."""
+    ends = np.concatenate([a.ends, b.ends])
+    ends["slot"][len(a.ends) :] += np.uint32(len(a.direct))
+    names = ("direct", "emission", "through", "points", "firsts")
+    rest = (np.concatenate([getattr(a, name), getattr(b, name)]) for name in names)
+    direct, emission, through, points, firsts = rest
+    return EyePaths(direct, emission, through, ends, points, firsts, a.rays + b.rays)
+
+
+class RayArrays(NamedTuple):
+    """The arrays of EyeRays, for kernels."""
+
+    origins: np.ndarray
+    directions: np.ndarray
+    distances: np.ndarray
+    keys: np.ndarray
+    hits: np.ndarray

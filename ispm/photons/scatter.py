@@ -1,0 +1,77 @@
+"""How a photon goes on from a surface: the BSDF sampled, with roulette."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ispm.optics.bsdf import adjoint_factor, sample_bsdf
+from ispm.optics.jit import jit
+from ispm.optics.records import MATERIAL_UNLIT
+from ispm.optics.rng import random4
+from ispm.optics.vector import dot, scale
+
+f32, u32 = np.float32, np.uint32
+
+
+ROULETTE_AFTER = 4  # scatters; living photons lower the error more than they cost before that
+SPECULAR_MAX = 8  # events at smooth surfaces without roulette
+_SPECULAR_SURVIVAL = 0.9  # chance at each later one: ends paths between lossless surfaces without fireflies
+
+
+class Event(NamedTuple):
+    """Which random numbers a photon's next event takes: by its key and what it has met before."""
+
+    key: np.uint32
+    scatters: np.int64
+    speculars: np.int64
+    pass_index: np.uint32
+    seed: np.uint32
+
+
+@jit
+def next_flight(event, x, d, flux):
+    """Sample where the photon goes, with roulette: (alive, wi, flux after it, specular)."""
+    u0, u1, u2, u3 = random4(
+        event.key, u32(2 * (event.scatters + event.speculars)), event.pass_index, event.seed
+    )
+    alive, wi, scattered, specular = scatter(x, d, flux, u0, u1, u2)
+    if alive and specular and event.speculars >= SPECULAR_MAX:
+        alive = u3 < f32(_SPECULAR_SURVIVAL)
+        scattered = scale(f32(1 / _SPECULAR_SURVIVAL), scattered)
+    if alive and not specular and event.scatters >= ROULETTE_AFTER:
+        survival = min(f32(1), _sum(scattered) / _sum(flux))
+        alive = u3 < survival
+        scattered = scale(f32(1) / survival, scattered)
+    return alive, wi, scattered, specular
+
+
+@jit
+def flight_number(event):
+    """Return the random number for holes that the flight after an event meets."""
+    _, _, _, u3 = random4(
+        event.key, u32(2 * (event.scatters + event.speculars) + 1), event.pass_index, event.seed
+    )
+    return u3
+
+
+@jit
+def scatter(x, d, flux, u0, u1, u2):
+    """Sample where the photon goes: (alive, wi, flux after it, specular)."""
+    wo = scale(f32(-1), d)
+    n, ng = x.n, x.ng
+    if x.flags & u32(MATERIAL_UNLIT):
+        return False, wo, flux, False
+    alive, wi, weight, specular = sample_bsdf(x.bsdf, n, ng, wo, u0, u1, u2, False)
+    if not alive:
+        return False, wo, flux, False
+    if not specular:  # of the others flux is kept
+        weight = scale(adjoint_factor(dot(wo, n), dot(wo, ng), dot(wi, n), dot(wi, ng)), weight)
+    scattered = (weight[0] * flux[0], weight[1] * flux[1], weight[2] * flux[2])
+    return _sum(scattered) > f32(0), wi, scattered, specular
+
+
+@jit
+def _sum(flux):
+    return flux[0] + flux[1] + flux[2]
