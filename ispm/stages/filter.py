@@ -274,9 +274,7 @@ def _spread_one(at, reach, few, image, out):
         taps_x, taps_y = min(i64(_TAPS), stride_x * taps_x), min(i64(_TAPS), stride_y * taps_y)
         met = _gather(at, reach, _Lattice((i64(1), i64(1)), (taps_x, taps_y)), few, image, out)
     box = (i64(2) * taps_x + i64(1)) * (i64(2) * taps_y + i64(1))
-    enough = min(
-        i64(_MIN_RECEIVERS), (box + i64(1)) // i64(2)
-    )  # small things far away: short reach, no noise
+    enough = min(i64(_MIN_RECEIVERS), box // i64(4))  # a short reach holds few, and light is even over it
     stf(np.uint64(out.ctypes.data), at.p * CHANNELS + MET, f32(met) / f32(enough))
 
 

@@ -131,7 +131,7 @@ def test_passwords_are_not_told(server, monkeypatch):
 
 
 def test_an_endless_answer_is_cut_and_not_kept(server, tmp_path, monkeypatch):
-    monkeypatch.setattr(download, "_MOST", 1000)
+    monkeypatch.setattr(download, "_MAX_BYTES", 1000)
     (server.folder / "box.bin").write_bytes(bytes(1001))
     with pytest.raises(SceneError, match="a file has more than 1,000 bytes"):
         ispm.builtin("room")

@@ -41,7 +41,7 @@ def random_lights() -> tuple[np.ndarray, np.ndarray]:
 
 
 def test_light_that_arrives_agrees(gpu):
-    """What is left of the light is 1 - x^4 of x = distance / range, times the square of a ramp over the cosine:
+    """What is left of the light is 1 - x^4 of x = distance / range, times the square of a ramp of the cosine:
     a few roundings in x and in the cosine, times 4 and times twice the ramp's slope."""
     lights, places = random_lights()
     result = gpu.buffer("result").sized(N * 32)

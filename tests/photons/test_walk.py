@@ -145,7 +145,7 @@ def test_chunks_without_room_are_walked_again(monkeypatch):
         found.append(tracer.walk(emitted, 40))
     few, much = found
     assert len(few.photons) == 40 * len(emitted)
-    for name in ("photons", "focused", "straight", "keys", "beams"):
+    for name in ("photons", "focused", "not_gathered", "keys", "beams"):
         assert getattr(few, name).tobytes() == getattr(much, name).tobytes()
     for name in ("emitted", "absorbed", "escaped", "dropped", "stored"):
         assert (getattr(few, name) == getattr(much, name)).all()

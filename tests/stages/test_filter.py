@@ -173,9 +173,12 @@ def test_taps_lie_next_to_points_on_what_is_narrower_than_strides():
     assert out[inner, MET].min() >= 1.0
 
 
-@pytest.mark.parametrize(("reach", "enough"), [(1.5, False), (3.0, False), (5.0, False), (7.0, True)])
+@pytest.mark.parametrize(
+    ("reach", "enough"), [(1.5, True), (2.0, False), (3.0, False), (5.0, False), (7.0, True)]
+)
 def test_a_line_of_receivers_is_enough_from_twelve_on(reach, enough):
-    """A strip a receiver wide holds 2 h - 1 of its own; the floor beside it has enough at the least reach."""
+    """A strip a receiver wide holds 2 h - 1 of its own, 3 where h is 1.5; the floor beside it has enough at
+    any reach, though 9 where h is 2."""
     size = (40, 60)
     receivers = floor(size, pixel=1.0)
     strip = receivers["position"][:, 0] == 20.0

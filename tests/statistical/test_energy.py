@@ -8,7 +8,7 @@ from transport import box_room, lit, render
 
 from ispm.library.builtin import builtin
 from ispm.library.shapes import box, icosphere, polygons
-from ispm.renderer import renderer as renderer_module
+from ispm.renderer import draw as draw_module
 from ispm.scene.camera import Camera, look_at_pose
 from ispm.scene.light import PointLight
 from ispm.scene.material import Material
@@ -153,7 +153,7 @@ def test_near_plane_does_not_change_the_light(gpu, monkeypatch):
     eye = Camera.look_at((-1.97, -0.97, 0.1), (1.0, -0.8, 0.0), yfov=1.6)
     pictures = []
     for near in (1e-5, 1e-3):
-        monkeypatch.setattr(renderer_module, "_NEAR", near)
+        monkeypatch.setattr(draw_module, "_NEAR", near)
         pictures.append(render(gpu, scene, eye, emission="rays", subsampling=1)[0])
     for layer in ("indirect", "irradiance"):
         assert blocks(pictures[0][layer]) == pytest.approx(blocks(pictures[1][layer]), rel=1e-3)

@@ -130,7 +130,7 @@ def test_pictures_have_the_same_light_wherever_spots_begin_to_be_bright(gpu, mon
 
     photons = mean(0)
     for bright in (0.0, 5.0, math.inf):
-        monkeypatch.setattr(gather_module, "_BRIGHT", bright)
+        monkeypatch.setattr(gather_module, "_BRIGHT_RATIO", bright)
         assert mean(16) == pytest.approx(photons, rel=0.025), bright
 
 
