@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -21,7 +22,9 @@ from ispm.renderer.one_pass import Pass
 from ispm.stages.camera import CameraView
 from ispm.stages.filter import filter_estimate, filter_points
 
-_FINER = 2  # blocks of ends, and of missed pixels, are this much smaller than the picture's: both are few
+_MISSED_SHARE = 1 / 64  # receivers of missed pixels to those of the picture, while blocks can grow; measured
+_GAP = 4  # unused rows between used ones of an image, at most: those on its sides never mix by interpolation
+_FINER = 2  # blocks of ends are this much smaller than the picture's: curved mirrors show much in few pixels
 SAMPLES = np.array([(-1, -3), (3, -1), (-3, 1), (1, 3)]) / 8.0  # pixels from the centre, as antialiasing's
 _FINE_SLACK = (5e-3, 2e-2)  # of the distance: a sample's first surface is known as its centre's plane
 
@@ -107,11 +110,12 @@ def light_ends(this: Pass, paths: EyePaths, pixels: np.ndarray, light: PhotonLig
     estimated at every end.
     """
     points, lanes = paths.points, paths.ends["lane"]
-    found = no_light(len(points))
+    found, finer = no_light(len(points)), max(this.settings.subsampling // _FINER, 1)
     if len(points):
         for lane in (REFLECTED, TRANSMITTED):
             rows = np.flatnonzero(lanes == lane)
-            found[rows] = light_by_image(this, points[rows], pixels[paths.ends["slot"][rows]], light)
+            shown = pixels[paths.ends["slot"][rows]]
+            found[rows] = light_by_image(this, points[rows], shown, finer, light)
         rows = np.flatnonzero(lanes == SCATTERED)
         if len(rows):
             found[rows] = light.photons.estimate(points[rows], this.threads)
@@ -120,24 +124,28 @@ def light_ends(this: Pass, paths: EyePaths, pixels: np.ndarray, light: PhotonLig
     return np.concatenate([paths.direct, indirect, paths.emission], axis=1)
 
 
-def light_by_image(this: Pass, points: np.ndarray, pixels: np.ndarray, light: PhotonLight) -> np.ndarray:
+def light_by_image(
+    this: Pass, points: np.ndarray, pixels: np.ndarray, block: int, light: PhotonLight
+) -> np.ndarray:
     """Return light at (m,) RECEIVER points that some pixels show, (m, 16): from an image of few of them.
 
     pixels  (m,) their numbers
-    The image is as large as the part of the picture that shows them, so that nothing is done for the rest.
+    block   pixels to a side of one of the image's
+    The image leaves out the rows and columns of the picture that show none.
     """
     if not len(points):
         return no_light(0)
     diagonal, smoothing, threads = this.packed.diagonal, this.settings.smoothing, this.threads
-    width, block = this.view.size[0], max(this.settings.subsampling // _FINER, 1)
-    x, y = (side.astype(np.int64) for side in (pixels % width, pixels // width))
-    x, y = x - x.min() // block * block, y - y.min() // block * block
-    size = (int(x.max()) // block + 1, int(y.max()) // block + 1)
-    cells = y // block * size[0] + x // block
+    width = this.view.size[0]
+    x, y = pixels % width, pixels // width
+    column, row = _without_gaps(x // block), _without_gaps(y // block)
+    size = (int(column.max()) + 1, int(row.max()) + 1)
+    cells = row * size[0] + column
     image = image_of_ends(points, cells, size, block, this.index)
     raw = light.at(Receivers(image, size))
     filtered = filter_estimate(image, raw, size, diagonal, smoothing, threads)
-    places = np.stack([(x + 0.5) / block - 0.5, (y + 0.5) / block - 0.5], axis=1).astype(np.float32)
+    within = (np.stack([x % block, y % block], axis=1) + 0.5) / block - 0.5
+    places = (np.stack([column, row], axis=1) + within).astype(np.float32)
     spread, found = spread_light(points, places, image, filtered, size, threads)
     lost = np.flatnonzero(~found)
     if len(lost):
@@ -148,6 +156,12 @@ def light_by_image(this: Pass, points: np.ndarray, pixels: np.ndarray, light: Ph
         if len(alone):
             spread[alone] = light.at(Receivers(points[alone], (len(alone), 1)))
     return spread
+
+
+def _without_gaps(cells: np.ndarray) -> np.ndarray:
+    """(n,) int numbers of rows or columns, with all but `_GAP` of each run of unused ones left out."""
+    used, rank = np.unique(cells, return_inverse=True)
+    return np.cumsum(np.minimum(np.diff(used, prepend=used[0]), _GAP + 1))[rank]
 
 
 def light_missed(
@@ -179,6 +193,8 @@ def light_missed(
     alone = np.flatnonzero(met < 1.0)
     lone = points[alone]
     lone["footprint"] /= settings.subsampling  # a pixel's, as an image wants
-    image = light_by_image(this, lone, missed["pixel"][alone], light)
+    share = len(lone) / (_MISSED_SHARE * len(receivers.points))
+    block = min(max(math.ceil(share), 1), settings.subsampling)
+    image = light_by_image(this, lone, missed["pixel"][alone], block, light)
     found[alone] = image + met[alone, None] * (found[alone] - image)
     return found
