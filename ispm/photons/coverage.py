@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -38,6 +38,7 @@ f32, i64, u32 = np.float32, np.int64, np.uint32
 
 _DRAWS_MAX = 32  # of a kernel: what is brighter by more would be fireflies, where next to nothing is lit
 _LAYERS = 4  # that are looked at about a point, until one is lit
+_LEAST_TERM = f32(0.25)  # of a series, below which chance ends it: with 1 photons alone err a tenth more
 _PAST = f32(1e-3)  # of a kernel's reach, by which rays go on behind what they met
 _LIFT = f32(0.05)  # of the way to the photon, by which rays to it run above the surfaces
 _DIMENSION = 1 << 24  # of the first trial's random numbers
@@ -99,6 +100,22 @@ class _Numbers(NamedTuple):
     seed: np.uint32
 
 
+class _Kernel(NamedTuple):
+    """A kernel about a photon: its position, direction wi and surface's normal, float32, world space.
+
+    u, v, height  axes of its middle section and half its thickness, m
+    plane         (normal, distance in m from the photon) of what cuts it off
+    """
+
+    position: Any
+    wi: Any
+    normal: Any
+    u: Any
+    v: Any
+    height: Any
+    plane: Any
+
+
 @jit
 def _keep_discs(place, words, rows, numbers, counter):
     scratch = Scratch(alloca(STACK_WORDS), alloca(2))
@@ -112,7 +129,8 @@ def _keep_discs(place, words, rows, numbers, counter):
             t, b = orthonormal_basis(n)
             u, v = scale(words[i, _RADIUS], t), scale(words[i, _RADIUS], b)
             uncut = (f32(0), f32(0), f32(0)), f32(1)
-            _keep(place, words, i, u, v, n, words[i, _HEIGHT], uncut, numbers, scratch)
+            kernel = _Kernel(_vector(words, i, 0), _vector(words, i, _WI), n, u, v, words[i, _HEIGHT], uncut)
+            _keep(place, words, i, kernel, numbers, scratch)
 
 
 @jit
@@ -126,33 +144,37 @@ def _keep_ellipses(place, words, rows, numbers, counter):
             i = i64(rows[k])
             u, v = axis_of(words, i, U), axis_of(words, i, V)
             plane = axis_of(words, i, FRONT), words[i, REACH]
-            n = unit(cross(u, v))
-            _keep(place, words, i, u, v, n, words[i, _CAUSTIC_HEIGHT], plane, numbers, scratch)
+            n, height = unit(cross(u, v)), words[i, _CAUSTIC_HEIGHT]
+            kernel = _Kernel(_vector(words, i, 0), _vector(words, i, _WI), n, u, v, height, plane)
+            _keep(place, words, i, kernel, numbers, scratch)
 
 
 @jit
-def _keep(place, words, i, u, v, n, height, plane, numbers, scratch):
-    """Multiply the flux of kernel `i` by the number of points drawn until one is lit."""
-    at = (words[i, 0], words[i, 1], words[i, 2])
-    wi = (words[i, _WI], words[i, _WI + 1], words[i, _WI + 2])
+def _vector(words, i, column):
+    """(3,) float32 from a row's words."""
+    return words[i, column], words[i, column + 1], words[i, column + 2]
+
+
+@jit
+def _keep(place, words, i, kernel, numbers, scratch):
+    """Multiply the flux of kernel `i` by 1 over its share on lit surfaces, in expectation: by its series."""
     total, term = f32(0), f32(1)
     for draw in range(_DRAWS_MAX):
-        turn, a, b, c = random4(numbers.keys[i], u32(_DIMENSION + 2 * draw), numbers.pass_index, numbers.seed)
+        first = u32(_DIMENSION + 2 * draw)
+        turn, a, b, c = random4(numbers.keys[i], first, numbers.pass_index, numbers.seed)
         # The greatest of three is below x with the chance x^3: within s lies 1 - (1 - s^2)^3 of a kernel.
         outside = max(max(a, b), max(c, f32(1e-6)))
-        offset, reach = _point_of(u, v, height, outside, turn)
-        if dot(offset, plane[0]) < -plane[1]:
+        offset, reach = _point_of(kernel.u, kernel.v, kernel.height, outside, turn)
+        normal, distance = kernel.plane
+        if dot(offset, normal) < -distance:
             continue  # cut off: the kernel holds its flux without it
         total += term
-        missing = f32(1) - _lit_share(place, at, add(at, offset), n, reach, wi, scratch)
-        if missing == f32(0):
-            break
-        chance, _, _, _ = random4(
-            numbers.keys[i], u32(_DIMENSION + 2 * draw + 1), numbers.pass_index, numbers.seed
-        )
-        if chance >= abs(missing):
-            break
-        term = term if missing > f32(0) else -term
+        term *= f32(1) - _lit_share(place, kernel, add(kernel.position, offset), reach, scratch)
+        if abs(term) < _LEAST_TERM:
+            chance, _, _, _ = random4(numbers.keys[i], first + u32(1), numbers.pass_index, numbers.seed)
+            if chance * _LEAST_TERM >= abs(term):
+                break
+            term = _LEAST_TERM if term > f32(0) else -_LEAST_TERM
     for c in range(3):
         words[i, _FLUX + c] *= total
 
@@ -169,9 +191,13 @@ def _point_of(u, v, height, outside, turn):
 
 
 @jit
-def _lit_share(place, at, middle, n, reach, wi, scratch):
+def _lit_share(place, kernel, middle, reach, scratch):
     """Return the kernel's light on the surface about a point of its middle section, per area of the section,
-    over the kernel at the point: 0 to 2; 0 where there is no surface that the photon at `at` lights."""
+    over the kernel at the point: 0 to 2; 0 where there is no surface that its photon lights.
+
+    middle  (3,) float32, the point;  reach  m, of the kernel across it
+    """
+    n = kernel.normal
     top, down, length = add(middle, scale(reach, n)), scale(f32(-1), n), f32(2) * reach
     for _ in range(_LAYERS):
         t = closest(place.world, Ray(top, down, length), scratch)
@@ -182,8 +208,8 @@ def _lit_share(place, at, middle, n, reach, wi, scratch):
         facing = dot(front, n)
         if facing < f32(0):
             front, facing = scale(f32(-1), front), -facing
-        lit = facing >= SAME_SURFACE and dot(wi, front) > f32(0)
-        if lit and not (place.solids and _is_inside(place, at, n, add(top, scale(t, down)), front, scratch)):
+        lit = facing >= SAME_SURFACE and dot(kernel.wi, front) > f32(0)
+        if lit and not (place.solids and _is_inside(place, kernel, add(top, scale(t, down)), front, scratch)):
             z = (length - t) / reach - f32(1)
             m = max(f32(1) - z * z, f32(0))
             return m * m / facing
@@ -193,17 +219,18 @@ def _lit_share(place, at, middle, n, reach, wi, scratch):
 
 
 @jit
-def _is_inside(place, at, n, point, front, scratch):
-    """Whether a point lies within a solid: on the way to the photon at `at` stands the back of a surface.
+def _is_inside(place, kernel, point, front, scratch):
+    """Whether a point lies within a solid: between it and the kernel's photon stands the back of a surface.
 
     Those of double-sided materials may be sheets, and are none.
-    n, front  the normals of the photon's surface and of the point's
+    point, front  (3,) float32, its position and its surface's normal
     """
+    at = kernel.position
     lift = _LIFT * f32(math.sqrt(dot(sub(at, point), sub(at, point))))
     start = add(point, scale(lift, front))
-    way = sub(add(at, scale(lift, n)), start)
-    length = f32(math.sqrt(dot(way, way)))
-    d = scale(f32(1) / max(length, f32(1e-30)), way)
+    across = sub(add(at, scale(lift, kernel.normal)), start)
+    length = f32(math.sqrt(dot(across, across)))
+    d = scale(f32(1) / max(length, f32(1e-30)), across)
     t = closest(place.world, Ray(start, d, length), scratch)
     if not t < length:
         return False
