@@ -51,7 +51,7 @@ class PhotonGrid:
             photons = photons.copy()
             reach = np.maximum(np.linalg.norm(kernels["u"], axis=1), kernels["height"])
             photons["radius"] = photons["height"] = reach
-        self._photons = np.ascontiguousarray(photons)  # kernels read by address
+        self.photons = np.ascontiguousarray(photons)  # kernels read by address
         self._listed = False
         self._finish, self._final = finish, np.zeros(len(photons), bool)
 
@@ -59,7 +59,7 @@ class PhotonGrid:
         """Make the lists."""
         if self._listed:
             return
-        self._listed, photons = True, self._photons
+        self._listed, photons = True, self.photons
         reach, (low, high) = photons["radius"].max(), bounds_of(photons)
         low, extent = low - reach, high - low + f32(2) * reach
         wanted = _CELL * float(photons["radius"].mean())
@@ -78,15 +78,15 @@ class PhotonGrid:
         receivers  (n,) RECEIVER
         """
         out = np.zeros((len(receivers), 16), np.float32)
-        if not len(self._photons) or not len(receivers):
+        if not len(self.photons) or not len(receivers):
             return out
         receivers = np.ascontiguousarray(receivers)
         if len(receivers) <= _SCANNED and not self._listed and self._finish is None:
             if len(self._kernels):
                 _scan_kernels(receivers, self._kernels, out)
             else:
-                count = len(receivers), len(self._photons)
-                _scan(address(receivers), address(self._photons), count, address(out))
+                count = len(receivers), len(self.photons)
+                _scan(address(receivers), address(self.photons), count, address(out))
             return out
         self._list()
         counter = np.zeros(8, np.int64)
@@ -94,10 +94,10 @@ class PhotonGrid:
         _find_cells(receivers, self._low, self._cell, self._shape, order)
         order.sort()
         if self._finish is not None:
-            near = np.zeros(len(self._photons), bool)
+            near = np.zeros(len(self.photons), bool)
             _mark(order, self._starts, self._ids, near)
             near &= ~self._final
-            self._finish(self._photons, np.flatnonzero(near).astype(np.uint32))
+            self._finish(self.photons, np.flatnonzero(near).astype(np.uint32))
             self._final |= near
 
         def work(_: int) -> None:
@@ -107,7 +107,7 @@ class PhotonGrid:
                 )
             else:
                 _gather(
-                    address(receivers), order, address(self._photons), self._starts, self._ids,
+                    address(receivers), order, address(self.photons), self._starts, self._ids,
                     address(counter), address(out),
                 )  # fmt: skip
 
@@ -120,14 +120,14 @@ class PhotonGrid:
         receivers  (n,) RECEIVER
         """
         out = np.zeros(len(receivers), np.int32)
-        if len(self._photons) and len(receivers):
+        if len(self.photons) and len(receivers):
             self._list()
             edges = np.linspace(0, len(receivers), threads + 1).astype(np.int64)
 
             def work(k: int) -> None:
                 rows = slice(edges[k], edges[k + 1])
                 _count_kernels(
-                    receivers[rows], self._photons, self._low, self._cell, self._shape, self._starts,
+                    receivers[rows], self.photons, self._low, self._cell, self._shape, self._starts,
                     self._ids, out[rows],
                 )  # fmt: skip
 

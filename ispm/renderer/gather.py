@@ -77,24 +77,30 @@ class PhotonLight:
 
         Receivers that are alone on their surface have a density of UNUSED: their pixels count as missed.
         """
-        raw = self._estimated(receivers, estimator)
+        raw = self.at(receivers, estimator)
         filtered = self._filtered(receivers, raw)
         if len(self.parts.wide):
             filtered = filtered + self.wide.estimate(receivers.points, self._this.threads)
         return raw, filtered
 
-    def _estimated(self, receivers: Receivers, estimator: Estimator) -> np.ndarray:
-        """Light at the picture's receivers, (h w, 16): as estimated or gathered."""
-        clip_from_world = self._this.view.clip_from_world
+    def at(self, receivers: Receivers, estimator: Estimator | None = None) -> np.ndarray:
+        """Return the light at points, (n, 16), to be filtered: by photons, or by gather rays and the photons
+        that these leave out.
 
-        def estimate(photons: np.ndarray) -> np.ndarray:
-            return estimator(receivers.points, photons, clip_from_world, receivers.size)
+        estimator  sums the photons where the points are the picture's receivers; None: they lie anywhere
+        """
+        this, points = self._this, receivers.points
+
+        def summed(photons: PhotonGrid) -> np.ndarray:
+            if estimator is None:
+                return photons.estimate(points, this.threads)
+            return estimator(points, photons.photons, this.view.clip_from_world, receivers.size)
 
         if not len(self.parts.smooth):
-            return no_light(len(receivers.points))
-        if not self._this.settings.gather_rays:
-            return estimate(self._smooth)
-        return self._gathered(receivers, lambda: estimate(self._smooth), estimate(self._not_gathered))
+            return no_light(len(points))
+        if not this.settings.gather_rays:
+            return summed(self.photons)
+        return self._gathered(receivers, lambda: summed(self.photons), summed(self._not_gathered))
 
     def _filtered(self, receivers: Receivers, raw: np.ndarray) -> np.ndarray:
         """Such light without its noise; plain kernels are wide enough to have little."""
@@ -108,17 +114,6 @@ class PhotonLight:
         light["density"][light["met"] < 1.0] = UNUSED
         return filtered
 
-    def at(self, receivers: Receivers) -> np.ndarray:
-        """Return the light at points that are not the picture's receivers, (n, 16), to be filtered."""
-        points, threads = receivers.points, self._this.threads
-
-        def light() -> np.ndarray:
-            return self.photons.estimate(points, threads)
-
-        if not self._this.settings.gather_rays:
-            return light()
-        return self._gathered(receivers, light, self._not_gathered_grid.estimate(points, threads))
-
     @cached_property
     def wide(self) -> PhotonGrid:
         """Caustic photons that are estimated at low resolution, not filtered."""
@@ -131,8 +126,12 @@ class PhotonLight:
 
     @cached_property
     def photons(self) -> PhotonGrid:
-        """The smooth photons, as points that are on no screen find them."""
-        return PhotonGrid(self._smooth)
+        """The smooth photons, which bring all their light to surfaces."""
+        if self._this.settings.is_plain:
+            return PhotonGrid(self.parts.smooth)
+        smooth = self.parts.smooth.copy()
+        self._keep_light(self.parts.keys[: len(smooth)], smooth)
+        return PhotonGrid(smooth)
 
     @cached_property
     def _scattered(self) -> PhotonGrid:
@@ -143,26 +142,13 @@ class PhotonLight:
         return PhotonGrid(scattered, finish=partial(self._keep_light, keys, solids=True))
 
     @cached_property
-    def _not_gathered(self) -> np.ndarray:
-        """(m,) PHOTON whose light gather rays leave out, their kernels measured among them alone."""
+    def _not_gathered(self) -> PhotonGrid:
+        """Photons whose light gather rays leave out, their kernels measured among them alone."""
         rows = np.flatnonzero(self.parts.not_gathered)
-        not_gathered: np.ndarray = take(self.parts.smooth, rows)
+        not_gathered = take(self.parts.smooth, rows)
         self._measure(not_gathered)
         self._keep_light(self.parts.keys[rows], not_gathered)
-        return not_gathered
-
-    @cached_property
-    def _not_gathered_grid(self) -> PhotonGrid:
-        return PhotonGrid(self._not_gathered)
-
-    @cached_property
-    def _smooth(self) -> np.ndarray:
-        """(m,) PHOTON, copies of the smooth photons that bring all their light to surfaces."""
-        if self._this.settings.is_plain:
-            return self.parts.smooth
-        smooth = self.parts.smooth.copy()
-        self._keep_light(self.parts.keys[: len(smooth)], smooth)
-        return smooth
+        return PhotonGrid(not_gathered)
 
     def _keep_light(
         self, keys: np.ndarray, photons: np.ndarray, rows: np.ndarray | None = None, *, solids: bool = False
