@@ -21,8 +21,12 @@ f32, i64, u32 = np.float32, np.int64, np.uint32
 
 _SAME_WAY = 0.5  # cosine of two normals, above which ends may lie on one surface
 _SPREAD_MAX = 64.0  # widths that neighbours in a curved mirror lie apart, at most
-_PLANE_REACH = f32(1.3)  # as in stages/upsample.wgsl: low-resolution pixels off the tangent plane
+# As in stages/upsample.wgsl:
+_PLANE_REACH = f32(1.3)  # low-resolution pixels off the tangent plane
+_LEAST_NEAR = f32(1e-3)  # weight of a corner's place on the screen, as any of the four may have to serve
+_FEW = f32(0.02)  # sum of weights below which farther neighbours are asked too
 _TOO_LITTLE = f32(1e-3)  # sum of weights below which an end has no neighbour
+_TURNED = f32(0.01)  # least share of its weight that a receiver keeps whose bump faces elsewhere
 _FROST_REACH = 5  # pixels on each side over which rough glass is averaged
 _OUTLIER = f32(3)  # times the mean of its neighbourhood, above which a pixel's light is cut
 _CHUNK = 256
@@ -72,77 +76,105 @@ def spread_light(
     image: np.ndarray,
     light: np.ndarray,
     size: tuple[int, int],
+    block: int,
     threads: int,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return light at ends from that of the image's receivers, (m, 16), and (m,) whether any was near.
 
     points  (m,) RECEIVER;  places  (m, 2) float32 in the image, centres of cells at whole numbers
-    light   (h w, 16) of the image
+    light   (h w, 16) of the image;  block  pixels to a side of its cells
     Joint bilateral, as stages/upsample.wgsl.
     """
     out = np.zeros((len(points), 16), np.float32)
     found = np.zeros(len(points), np.bool_)
     counter = np.zeros(8, np.int64)
-    run_threads(lambda _: _spread(points, places, image, light, size, address(counter), out, found), threads)
+    least = f32(0 if block == 1 else _LEAST_NEAR)
+    run_threads(
+        lambda _: _spread(points, places, image, light, size, least, address(counter), out, found), threads
+    )
     return out, found
 
 
 @jit
-def _spread(points, places, image, light, size, counter, out, found):
+def _spread(points, places, image, light, size, least, counter, out, found):
     while True:
         first = atomic_add(counter, i64(_CHUNK))
         if first >= len(points):
             return
         for i in range(first, min(first + i64(_CHUNK), len(points))):
-            found[i] = _mix(points, places, image, light, size, i, out)
+            found[i] = _mix(points, places, image, light, size, least, i, out)
 
 
 @jit
-def _mix(points, places, image, light, size, i, out):
-    """Write the mean light of the 2 x 2 receivers about an end; return whether any is on its surface."""
+def _mix(points, places, image, light, size, least, i, out):
+    """Write the mean light of the 2 x 2 receivers about end `i`, or where they hardly match of the 4 x 4 about
+    it; return whether any is on its surface."""
     x0, y0 = i64(math.floor(places[i, 0])), i64(math.floor(places[i, 1]))
     fx, fy = places[i, 0] - f32(x0), places[i, 1] - f32(y0)
     weight, gloss_weight = f32(0), f32(0)
     for corner in range(4):
-        x, y = x0 + (corner & 1), y0 + (corner >> 1)
-        if x < 0 or y < 0 or x >= size[0] or y >= size[1]:
-            continue
-        k = y * size[0] + x
-        across = fx if corner & 1 else f32(1) - fx
-        down = fy if corner >> 1 else f32(1) - fy
-        w = (across * down + f32(1e-3)) * _likeness(points[i], image[k])
-        if w <= f32(0):
-            continue
-        weight += w
-        for c in range(4):
-            out[i, c] += w * light[k, c]
-        if points[i].alpha > f32(0) and image[k].alpha > f32(0):
-            w *= max(f32(1) - f32(4) * abs(points[i].alpha - image[k].alpha), f32(1e-3))
-            gloss_weight += w
-            for c in range(4, 16):
-                out[i, c] += w * light[k, c]
+        right, below = corner & 1, corner >> 1
+        near = (fx if right else f32(1) - fx) * (fy if below else f32(1) - fy) + least
+        w, gloss = _add_tap(points, image, light, size, i, (x0 + right, y0 + below), near, out)
+        weight, gloss_weight = weight + w, gloss_weight + gloss
+    if weight < _FEW:
+        for k in range(16):
+            right, below = k % 4 - 1, k // 4 - 1
+            away = (f32(right) - fx) ** 2 + (f32(below) - fy) ** 2
+            near = f32(math.exp(-away))
+            w, gloss = _add_tap(points, image, light, size, i, (x0 + right, y0 + below), near, out)
+            weight, gloss_weight = weight + w, gloss_weight + gloss
     for c in range(16):
         total = weight if c < 4 else gloss_weight
         out[i, c] = out[i, c] / total if total > f32(0) else f32(0)
-    return weight > _TOO_LITTLE
+    return weight >= _TOO_LITTLE
+
+
+@jit
+def _add_tap(points, image, light, size, i, cell, near, out):
+    """Add the light of the receiver in a cell, weighted; return its weights, for irradiance and for gloss.
+
+    near  weight of the cell's place on the screen
+    """
+    x, y = cell
+    if x < 0 or y < 0 or x >= size[0] or y >= size[1]:
+        return f32(0), f32(0)
+    k = y * size[0] + x
+    w = near * _likeness(points[i], image[k])
+    if w <= f32(0):
+        return f32(0), f32(0)
+    for c in range(4):
+        out[i, c] += w * light[k, c]
+    if not (points[i].alpha > f32(0) and image[k].alpha > f32(0)):
+        return w, f32(0)
+    gloss = w * max(f32(1) - f32(4) * abs(points[i].alpha - image[k].alpha), f32(1e-3))
+    for c in range(4, 16):
+        out[i, c] += gloss * light[k, c]
+    return w, gloss
 
 
 @jit
 def _likeness(point, receiver):
-    """1 where a receiver lies in a point's tangent plane and faces as it does, down to 0."""
+    """1 where a receiver lies in a point's tangent plane and faces as it does, bumps included, down to 0."""
     if receiver.valid == u32(0):
         return f32(0)
-    z, facing = f32(0), f32(0)
+    z, facing, bump = f32(0), f32(0), f32(0)
     for k in range(3):
         z += point.ng[k] * (receiver.position[k] - point.position[k])
         facing += point.ng[k] * receiver.ng[k]
-    reach = _PLANE_REACH * receiver.footprint * min(receiver.slant, f32(10))
+        bump += point.n[k] * receiver.n[k]
+    reach = _PLANE_REACH * receiver.footprint * min(point.slant, f32(10))
     close = max(f32(1) - z * z / (reach * reach), f32(0))
-    facing = max(facing, f32(0))
-    facing *= facing
-    facing *= facing
-    facing *= facing
-    return close * close * facing
+    return close * close * _eighth_power(facing) * max(_eighth_power(bump), _TURNED)
+
+
+@jit
+def _eighth_power(cosine):
+    """Of a cosine, 0 below 0."""
+    x = max(cosine, f32(0))
+    x *= x
+    x *= x
+    return x * x
 
 
 def reflect_light(ends: np.ndarray, light: np.ndarray, count: int) -> np.ndarray:

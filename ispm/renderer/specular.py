@@ -146,7 +146,7 @@ def light_by_image(
     filtered = filter_estimate(image, raw, size, diagonal, smoothing, threads)
     within = (np.stack([x % block, y % block], axis=1) + 0.5) / block - 0.5
     places = (np.stack([column, row], axis=1) + within).astype(np.float32)
-    spread, found = spread_light(points, places, image, filtered, size, threads)
+    spread, found = spread_light(points, places, image, filtered, size, block, threads)
     lost = np.flatnonzero(~found)
     if len(lost):
         spread[lost] = filter_points(

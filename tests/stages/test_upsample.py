@@ -8,6 +8,7 @@ from exact import mixed_scene, quad, view_of
 
 from ispm.library.common import lambert
 from ispm.library.shapes import polygons
+from ispm.paths.ends import spread_light
 from ispm.scene.camera import look_at_pose
 from ispm.scene.material import Texture
 from ispm.scene.packed import pack
@@ -203,3 +204,31 @@ def test_pixels_without_neighbours_are_listed_and_patched(gpu):
     patched = (irradiance[..., 0] == 7.0).sum()
     assert missed > 20 and patched == missed
     assert irradiance[seen > 0].min() == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("block", [1, 3, 4])
+def test_ends_of_eye_paths_are_interpolated_as_pixels_are(gpu, block):
+    """`spread_light` against the shader, of noise: the same pixels are missed, and the others alike.
+
+    In an orthographic view receivers and pixels agree about the width of a pixel. Both sum up to 20 float32
+    products of factors with some 10 roundings each; weights as small as 1e-3 add none. Pixels whose weights
+    lie at a threshold to rounding may take another branch: of 2,623 at most 3.
+    """
+    view = view_of((61, 43), ymag=1.6)
+    noise = np.random.default_rng(4).uniform(0.1, 10.0, (61 * 43, 3)).astype(np.float32)
+
+    def light(receivers):
+        out = even(0.0)(receivers)
+        out[:, :3] = noise[: len(receivers)]
+        return out
+
+    pixels = upsampled(gpu, mixed_scene(), view, 1, even(1.0))[2]
+    irradiance, seen, image, missed = upsampled(gpu, mixed_scene(), view, block, light)
+    y, x = np.divmod(np.arange(61 * 43), 61)
+    places = ((np.stack([x, y], axis=1) + 0.5) / block - 0.5).astype(np.float32)
+    size = -(-61 // block), -(-43 // block)
+    spread, found = spread_light(pixels, places, image, light(image), size, block, 1)
+    on = (seen.ravel() > 0) & found
+    assert abs(np.count_nonzero(seen.ravel() > 0) - on.sum() - missed) <= 3
+    error = abs(spread[on, :3] / irradiance.reshape(-1, 3)[on] - 1.0).max(axis=1)
+    assert np.sort(error)[-4] < 200 * 2.0**-24
