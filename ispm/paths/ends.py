@@ -107,8 +107,8 @@ def _spread(points, places, image, light, size, least, counter, out, found):
 
 @jit
 def _mix(points, places, image, light, size, least, i, out):
-    """Write the mean light of the 2 x 2 receivers about end `i`, or where they hardly match of the 4 x 4 about
-    it; return whether any is on its surface."""
+    """Write the mean light of the 2 x 2 receivers about end `i`, or where these hardly match of 4 x 4; return
+    whether any is on its surface."""
     x0, y0 = i64(math.floor(places[i, 0])), i64(math.floor(places[i, 1]))
     fx, fy = places[i, 0] - f32(x0), places[i, 1] - f32(y0)
     weight, gloss_weight = f32(0), f32(0)
