@@ -28,7 +28,8 @@ from ispm.renderer.caustics import PhotonClasses, sample_width
 from ispm.renderer.one_pass import Pass
 from ispm.scene.packed import Packed
 from ispm.settings import Settings
-from ispm.stages.filter import filter_estimate, mean_around, set_reach
+from ispm.stages.filter import filter_estimate, set_reach
+from ispm.stages.mean import mean_around
 from ispm.stages.upsample import UNUSED
 
 _BRIGHT_RATIO = (

@@ -30,9 +30,6 @@ _MAX_PIXELS = 96.0  # reach on the screen, low-resolution pixels
 _FLATNESS = 0.26  # half thickness of the filter, b, over its radius
 _NARROWEST = 0.02  # of a reach on the screen, across its length: of surfaces seen aslant
 _MIN_TURNED_WEIGHT = 0.01  # least weight of receivers of another orientation where photons are few
-_AROUND = 2  # low-resolution pixels on each side, over which `mean_around` goes
-_SAME_WAY = 0.9  # cosine of normals, above which receivers belong together there
-_LEAST_MEAN = 1e-12  # it returns, as others divide by it
 _MIN_PHOTONS = 200.0  # photons within the radius, below which they are few
 
 _ALPHA, _NG, _N = word_of(RECEIVER, "alpha"), word_of(RECEIVER, "ng"), word_of(RECEIVER, "n")
@@ -60,6 +57,13 @@ class _Place(NamedTuple):
     p: Any
     x: Any
     y: Any
+
+
+class _Limits(NamedTuple):
+    """Of the filter's radius: the widest, m, and the factor of the settings, float32."""
+
+    widest: Any
+    smoothing: Any
 
 
 class _Lattice(NamedTuple):
@@ -112,32 +116,6 @@ def set_reach(estimate: np.ndarray, receivers: np.ndarray, reach: np.ndarray, di
     estimate[:, DENSITY] = _PHOTONS / math.pi / (reach * reach)
 
 
-def mean_around(receivers: np.ndarray, values: np.ndarray, size: tuple[int, int]) -> np.ndarray:
-    """Return (n,) float32 means of values over the receivers around each that face as it does; above 0."""
-    out = np.full(len(receivers), _LEAST_MEAN, np.float32)
-    _mean_around(receivers, values, size, out)
-    return out
-
-
-@jit
-def _mean_around(receivers, values, size, out):
-    for i in range(len(receivers)):
-        if receivers[i].valid == np.uint32(0):
-            continue
-        ng, total, count = receivers[i].ng, f32(0), f32(0)
-        x, y = i % size[0], i // size[0]
-        for row in range(max(y - _AROUND, 0), min(y + _AROUND + 1, size[1])):
-            for column in range(max(x - _AROUND, 0), min(x + _AROUND + 1, size[0])):
-                k = row * size[0] + column
-                facing = f32(0)
-                for axis in range(3):
-                    facing += ng[axis] * receivers[k].ng[axis]
-                if facing > _SAME_WAY:
-                    total += values[k]
-                    count += f32(1)
-        out[i] = max(total / max(count, f32(1)), f32(_LEAST_MEAN))
-
-
 def filter_points(
     points: np.ndarray,
     pixels: np.ndarray,
@@ -173,21 +151,21 @@ def _run(
     threads: int,
 ) -> np.ndarray:
     """Call `kernel` from all threads with a shared counter; return what it writes."""
-    count = len(points[0]) if isinstance(points, tuple) else len(points)
-    out = aligned(CHANNELS * count).reshape(-1, CHANNELS)
+    rows, *_ = points if isinstance(points, tuple) else (points,)
+    out = aligned(CHANNELS * len(rows)).reshape(-1, CHANNELS)
     if address(estimate) % 64:
         estimate, given = aligned(estimate.size).reshape(-1, CHANNELS), estimate
         estimate[:] = given
     counter = np.zeros(8, np.int64)
-    reach = np.array([diagonal * REACH * smoothing, smoothing], np.float32)
-    gloss = bool((words[:, _ALPHA] > 0.0).any())
-    run_threads(lambda _: kernel(address(counter), points, words, estimate, size, reach, gloss, out), threads)
+    limits = _Limits(f32(diagonal * REACH * smoothing), f32(smoothing))
+    image = _Image(words, estimate, size, bool((words[:, _ALPHA] > 0.0).any()))
+    run_threads(lambda _: kernel(address(counter), points, image, limits, out), threads)
     return out
 
 
 @jit
-def _spread(counter, points, words, estimate, size, limits, gloss, out):
-    image = _Image(words, estimate, size, gloss)
+def _spread(counter, points, image, limits, out):
+    words, size = image.words, image.size
     while True:
         y = atomic_add(counter, i64(1))
         if y >= size[1]:
@@ -195,21 +173,19 @@ def _spread(counter, points, words, estimate, size, limits, gloss, out):
         for x in range(size[0]):
             p = y * size[0] + x
             if words[p, _SLANT] > f32(0):
-                density = estimate[p, DENSITY]
+                density = image.estimate[p, DENSITY]
                 reach = _reach(words[p, _FOOTPRINT], density, limits)
                 few = density * f32(math.pi) * reach * reach < f32(_MIN_PHOTONS)
                 _spread_one(_Place(points, p, x, y), reach, few, image, out)
 
 
 @jit
-def _smooth(counter, points, words, estimate, size, limits, gloss, out):
-    image = _Image(words, estimate, size, gloss)
+def _smooth(counter, points, image, limits, out):
     _fill_gaps(counter, points, image, limits, out, i64(1), i64(_SMOOTH_TAPS))
 
 
 @jit
-def _finish(counter, points, words, estimate, size, limits, gloss, out):
-    image = _Image(words, estimate, size, gloss)
+def _finish(counter, points, image, limits, out):
     _fill_gaps(counter, points, image, limits, out, i64(_SMOOTH_TAPS), i64(64))
 
 
@@ -239,7 +215,7 @@ def _fill_gaps(counter, points, image, limits, out, part, most):
 
 @jit
 def _gap(stride, part, most):
-    """Step of taps over a gap, and how many on each side."""
+    """Return the pixels from tap to tap over a gap of `stride` / `part`, and how many taps on each side."""
     gap = (stride + part - i64(1)) // part
     step = (gap + most - i64(1)) // most
     if part > i64(1) and gap == i64(1):
@@ -248,9 +224,9 @@ def _gap(stride, part, most):
 
 
 @jit
-def _spread_points(counter, points, words, estimate, size, limits, gloss, out):
+def _spread_points(counter, points, image, limits, out):
     given, pixels = points
-    image = _Image(words, estimate, size, gloss)
+    width, _ = image.size
     chunk = i64(64)
     while True:
         first = atomic_add(counter, chunk)
@@ -258,13 +234,13 @@ def _spread_points(counter, points, words, estimate, size, limits, gloss, out):
             return
         for i in range(first, min(first + chunk, len(given))):
             p = pixels[i]
-            reach = _reach(given[i, _FOOTPRINT], estimate[p, DENSITY], limits)
-            _spread_one(_Place(given, i, p % size[0], p // size[0]), reach, False, image, out)
+            reach = _reach(given[i, _FOOTPRINT], image.estimate[p, DENSITY], limits)
+            _spread_one(_Place(given, i, p % width, p // width), reach, False, image, out)
 
 
 @jit
 def _spread_one(at, reach, few, image, out):
-    """Average over the reach of a point."""
+    """Write the mean over `reach` m about a place, and how many receivers it met over what is enough."""
     wide, high = _widths(at, image)
     pixels = reach / at.points[at.p, _FOOTPRINT]
     lattice = _lattice(pixels * wide, pixels * high)
@@ -280,9 +256,9 @@ def _spread_one(at, reach, few, image, out):
 
 @jit
 def _reach(foot, density, limits):
-    """Radius of the filter in metres."""
-    wanted = limits[1] * f32(math.sqrt(f32(_PHOTONS / math.pi) / max(density, f32(1e-12))))
-    pixels = min(min(limits[0], wanted) / foot, f32(_MAX_PIXELS))
+    """Return the filter's radius, m, where a pixel is `foot` m wide and photons are so dense, per m2."""
+    wanted = limits.smoothing * f32(math.sqrt(f32(_PHOTONS / math.pi) / max(density, f32(1e-12))))
+    pixels = min(min(limits.widest, wanted) / foot, f32(_MAX_PIXELS))
     return foot * max(pixels, f32(1.5))
 
 
@@ -318,7 +294,7 @@ def _widths(at, image):
 
 @jit
 def _lattice(wide, high):
-    """The taps for a reach of so many pixels."""
+    """Return the taps of an ellipse that reaches so many pixels, float32, to its sides and up and down."""
     narrow, long = min(wide, high), max(wide, high)
     stride = max(i64(1), i64(math.ceil(narrow / f32(_TAPS))))
     taps = max(i64(1), i64(narrow / f32(stride)))
@@ -332,7 +308,10 @@ def _lattice(wide, high):
 
 @jit
 def _gather(at, reach, lattice, few, image, out):
-    """Write the weighted mean of the estimates around a point; return of how many."""
+    """Write the weighted mean of the estimates within `reach` m of a place; return of how many, int64.
+
+    few  photons are few there, and the weights lenient
+    """
     points, p, x, y = at
     words, estimate, size, gloss = image
     (stride_x, stride_y), (taps_x, taps_y) = lattice
@@ -390,4 +369,5 @@ def _gather(at, reach, lattice, few, image, out):
 
 @jit
 def _inverse(weight):
+    """1 / a float32 weight, 0 of 0."""
     return f32(1) / weight if weight > f32(0) else f32(0)
