@@ -35,9 +35,6 @@ class Estimator(Protocol):
         channels         of `optics.incident`; `met` is 0, and so are fresnel and gloss where alpha is 0
         """
 
-    def close(self) -> None:
-        """Free what is held on the device."""
-
 
 def estimator_name(settings: Settings) -> str:
     """Return the estimator that settings ask for; auto is screen tiles, or volumes for the talk's kernel."""

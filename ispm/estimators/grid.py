@@ -18,6 +18,3 @@ class Grid:
         self, receivers: np.ndarray, photons: np.ndarray, clip_from_world: np.ndarray, size: tuple[int, int]
     ) -> np.ndarray:
         return PhotonGrid(photons).estimate(receivers, self._threads)
-
-    def close(self) -> None:
-        """Free nothing: all memory is numpy's."""

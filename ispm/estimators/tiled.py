@@ -43,11 +43,6 @@ class Tiled:
         self._list(screen)
         return self._sum(screen, len(receivers), bool((receivers["alpha"] > 0.0).any()))
 
-    def close(self) -> None:
-        """Free the memory on the device."""
-        for buffer in self._buffers.values():
-            buffer.close()
-
     def _list(self, screen: np.ndarray) -> None:
         """Fill `members` with each tile's photons; those of tile t start at starts[t]."""
         passes, buffers = self._passes, self._buffers

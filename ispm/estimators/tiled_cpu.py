@@ -68,9 +68,6 @@ class TiledCpu:
         self._run(_gather, address(receivers), address(photons), size, across, starts, members, address(out))
         return out
 
-    def close(self) -> None:
-        """Nothing to free."""
-
     def _bin(
         self,
         photons: np.ndarray,

@@ -82,13 +82,6 @@ class Volumes:
             out[:, k] = sums.reshape(-1, 4)
         return out.reshape(-1, 16)
 
-    def close(self) -> None:
-        """Free the memory on the device."""
-        for texture in self._sums:
-            texture.close()
-        for buffer in (self._faces, self._receivers, self._photons):
-            buffer.close()
-
 
 def icosahedron_corners() -> np.ndarray:
     """Return the (12, 3) corners on the unit sphere, in the order of volumes.wgsl."""

@@ -53,9 +53,5 @@ class Buffer:
                 self._device.queue.write_buffer(self.handle, whole, tail)
         return self
 
-    def close(self) -> None:
-        """Free the memory."""
-        self.handle.destroy()
-
     def _create(self, size: int) -> wgpu.GPUBuffer:
         return self._device.create_buffer(label=self.name, size=size, usage=self._usage)

@@ -105,13 +105,6 @@ class Texture:
         )
         return self
 
-    def close(self) -> None:
-        """Free the texels."""
-        self._views.clear()
-        if self._handle is not None:
-            self._handle.destroy()
-            self._handle = None
-
 
 def make_sampler(
     device: wgpu.GPUDevice, wrap: tuple[str, str], linear: bool, mipmaps: bool, compare: str | None

@@ -97,8 +97,8 @@ class Renderer:
         self._closed, self._last = True, None
         if self._owns_gpu:
             self._gpu.close()
-        del self._stages, self._ready, self.chosen
-        gc.collect()  # device objects refer to each other, and each holds memory that Python does not see
+        del self._stages, self._ready, self.chosen, self._gpu
+        gc.collect()  # wgpu's device and queue refer to each other, and hold memory that Python does not see
 
     @property
     def settings(self) -> Settings:

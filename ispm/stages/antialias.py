@@ -72,13 +72,6 @@ class Antialias:
             through_out=lit.through,
         )
 
-    def close(self) -> None:
-        """Free the textures and buffers."""
-        for texture in (self._ids, self._depth):
-            texture.close()
-        for buffer in (self._count, self._edges):
-            buffer.close()
-
     def _draw(self, frame: Recording, scene: GpuScene, view: CameraView) -> None:
         shared = {"camera": frame.uniform(view.uniform()), "instances": scene.instances}
         ids, depth = self._ids.sized(view.size), self._depth.sized(view.size)

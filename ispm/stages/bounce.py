@@ -60,11 +60,6 @@ class BounceStage:
                 self._draw(frame, canvas, scene, map, uniforms)
         return BounceMaps(self._texels, maps)
 
-    def close(self) -> None:
-        """Free the textures."""
-        self._texels.close()
-        self._depth.close()
-
     def _draw(
         self, frame: Recording, canvas: Canvas, scene: GpuScene, map: BounceMap, uniforms: np.ndarray
     ) -> None:

@@ -47,9 +47,3 @@ class CausticStage:
             canvas.use(self._splat, group)
             canvas.draw(3 * len(photons))
         return radiance, irradiance
-
-    def close(self) -> None:
-        """Free the textures and the photons."""
-        for texture in self._sums:
-            texture.close()
-        self._photons.close()

@@ -73,13 +73,6 @@ class DirectStage:
     def _listed(self) -> int:
         return int(self._gpu.read_buffer(self._count, np.uint32, 1)[0])
 
-    def close(self) -> None:
-        """Free the radiance and the list."""
-        for texture in (*self._radiance, self._nothing):
-            texture.close()
-        for buffer in (self._count, self._doubts):
-            buffer.close()
-
     def _shade(
         self,
         frame: Recording,

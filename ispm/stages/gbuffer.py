@@ -62,11 +62,6 @@ class GBufferStage:
             canvas.draw(3)
         return GBuffer(**drawn, **placed)
 
-    def close(self) -> None:
-        """Free the textures."""
-        for texture in (*self._drawn.values(), *self._placed.values(), self._nearest):
-            texture.close()
-
     def _pipeline(self, scene: GpuScene, draw: Draw) -> Raster:
         """The pipeline for a draw's material; compiled when first needed."""
         flags = scene.packed.materials[draw.material]["flags"]

@@ -95,12 +95,6 @@ class ShadowStage:
             has_sheets,
         )
 
-    def close(self) -> None:
-        """Free the maps."""
-        self._indices.close()
-        for texture in (self._depth, self._sheets, self._tints):
-            texture.close()
-
     def _fit(self, texture: Texture, size: tuple[int, int]) -> None:
         """Make a texture large enough; it shrinks only where it is far too large."""
         width, height = (min(-(-side // _ROUND) * _ROUND, self._gpu.max_texture) for side in size)

@@ -111,11 +111,6 @@ class SpecularStage:
         )
         return through
 
-    def close(self) -> None:
-        """Free the buffers and textures."""
-        for held in (self._count, self._seen, self._brought, self._through, self._none):
-            held.close()
-
 
 def _may_lead_on(materials: np.ndarray) -> bool:
     """Whether eye rays may have to go on from any of these."""

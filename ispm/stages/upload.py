@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from ispm.errors import SceneError
@@ -16,6 +18,14 @@ _WRAP = {
     scene_material.Wrap.CLAMP: "clamp-to-edge",
     scene_material.Wrap.MIRROR: "mirror-repeat",
 }
+
+
+class _Loaded(NamedTuple):
+    """A texture on the device; `source` is held so that no other texture gets its id."""
+
+    source: scene_material.Texture
+    state: scene_material.TextureState
+    texels: Texture
 
 
 class Upload:
@@ -33,7 +43,7 @@ class Upload:
         self._instances = gpu.buffer("instances")
         self._materials = gpu.buffer("materials")
         self._lights = gpu.buffer("lights")
-        self._textures: dict[int, tuple[scene_material.Texture, scene_material.TextureState, Texture]] = {}
+        self._textures: dict[int, _Loaded] = {}
         white = gpu.texture("white", "rgba8unorm", usage=["sampled"]).sized((1, 1))
         self._white = white.write(np.full((1, 1, 4), 255, np.uint8)), gpu.sampler()
 
@@ -59,13 +69,6 @@ class Upload:
             [self._maps(row, packed.textures) for row in packed.materials],
         )
 
-    def close(self) -> None:
-        """Free buffers and textures."""
-        for buffer in (self._vertices, self._indices, self._instances, self._materials, self._lights):
-            buffer.close()
-        self._keep([])
-        self._white[0].close()
-
     def _write(self, buffer: Buffer, rows: np.ndarray) -> None:
         if rows.nbytes > self._gpu.max_binding:
             raise SceneError(
@@ -89,16 +92,13 @@ class Upload:
         )
 
     def _keep(self, textures: list[scene_material.Texture]) -> None:
-        """Load textures that came or changed, free those that went."""
+        """Load textures that came or changed, drop those that went."""
         kept, self._textures = self._textures, {}
         for texture in textures:
             known = kept.get(id(texture))
-            if known is not None and known[1] == texture.state:
-                self._textures[id(texture)] = kept.pop(id(texture))
-            else:
-                self._textures[id(texture)] = texture, texture.state, self._load(texture)
-        for *_, gone in kept.values():
-            gone.close()
+            if known is None or known.state != texture.state:
+                known = _Loaded(texture, texture.state, self._load(texture))
+            self._textures[id(texture)] = known
 
     def _load(self, texture: scene_material.Texture) -> Texture:
         levels = [level for level in mip_chain(texture) if max(level.shape[:2]) <= self._gpu.max_texture]
@@ -126,4 +126,4 @@ class Upload:
         texture = textures[row]
         wrap = (_WRAP[texture.wrap_u], _WRAP[texture.wrap_v])
         sampler = self._gpu.sampler(wrap, linear=texture.linear, mipmaps=texture.mipmaps)
-        return self._textures[id(texture)][2], sampler
+        return self._textures[id(texture)].texels, sampler

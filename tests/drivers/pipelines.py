@@ -83,9 +83,9 @@ def all_pipelines(adapter: Any = None) -> list[Pipeline]:
     paper = Material((0.8, 0.8, 0.8), alpha_mode=AlphaMode.MASK)
     room.add(polygons([[(-0.2, 0, 0.1), (0.2, 0, 0.1), (0, 0.2, -0.1)]]), material=paper)
     render(gpu, room, size=(16, 9), photons=100, emission="map")
-    Tiled(gpu).close()
+    Tiled(gpu)
     if gpu.has("float32-blendable"):
-        Volumes(gpu).close()
+        Volumes(gpu)
     found = {variant.label: variant for pipeline in gpu.made for variant in pipeline.variants()}
     gpu.close()
     return sorted(found.values(), key=lambda pipeline: pipeline.label)

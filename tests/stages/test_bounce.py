@@ -39,10 +39,7 @@ def draw(gpu: Gpu, packed: Packed, plan: list[PlannedMap], near: float = 1e-3) -
     upload, stage = Upload(gpu), BounceStage(gpu)
     with gpu.frame() as frame:
         maps: BounceMaps = stage(frame, upload(packed), plan, near)
-    result = maps.read(gpu)
-    stage.close()
-    upload.close()
-    return result
+    return maps.read(gpu)
 
 
 def mixed_with(light: Light) -> Packed:

@@ -31,8 +31,6 @@ def draw(gpu: Gpu, packed: Packed, view: CameraView) -> dict[str, np.ndarray]:
         (out.ids, np.uint32, 2), (out.points, np.uint32, 4), (out.normals, np.int16, 4),
         (out.base, np.float16, 4), (out.emission, np.float16, 4), (out.depth, np.float32),
     ])  # fmt: skip
-    stage.close()
-    upload.close()
     n, ng = (decode(normals[..., k : k + 2] / 32767.0) for k in (0, 2))
     return dict(ids=ids, points=points, n=n, ng=ng, base=base, emission=emission, depth=depth)
 
