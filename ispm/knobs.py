@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import math
 import numbers
 import re
 from collections.abc import Iterable, Mapping
@@ -16,8 +17,7 @@ def knob(
     default: Any,
     help: str,
     *,
-    low: float | None = None,
-    high: float | None = None,
+    within: tuple[float, float] = (-math.inf, math.inf),
     choices: tuple[str, ...] = (),
     words: Mapping[str, Any] | None = None,
     unit: str = "",
@@ -26,17 +26,19 @@ def knob(
 ) -> Any:
     """Return a dataclass field that carries its help, range, choices and unit.
 
-    words  what may stand instead of a number, and the value that each stands for
-    whole  numbers are whole, though the default is a word
+    within  the least and the greatest number
+    words   what may stand instead of a number, and the value that each stands for
+    whole   numbers are whole, though the default is a word
     """
-    about = dict(help=help, low=low, high=high, choices=choices, words=words or {}, unit=unit, whole=whole)
+    about = dict(help=help, within=within, choices=choices, words=words or {}, unit=unit, whole=whole)
     return field(default=default, metadata={**about, "metavar": metavar})
 
 
 def nearest(name: str, known: Iterable[str]) -> str:
     """Return '; did you mean ...?' for the known name closest to `name`, or an empty string."""
-    close = difflib.get_close_matches(str(name), sorted(known), 1)
-    return f"; did you mean '{close[0]}'?" if close else ""
+    for close in difflib.get_close_matches(str(name), sorted(known), 1):
+        return f"; did you mean '{close}'?"
+    return ""
 
 
 def convert(f: Field[Any], value: Any, called: str = "") -> Any:
@@ -87,7 +89,10 @@ def _numbers(f: Field[Any], value: Any) -> Any:
     if len(given) != len(shape):
         raise SettingsError(f"needs {len(shape)} number{'s' * (len(shape) > 1)}, not {len(given)}")
     result = tuple(_number(f, n, whole=isinstance(shape[0], int) or f.metadata["whole"]) for n in given)
-    return result if isinstance(f.default, tuple) else result[0]
+    if isinstance(f.default, tuple):
+        return result
+    (number,) = result
+    return number
 
 
 def _parse(text: str, words: Iterable[str] = (), hint: str = "") -> float:
@@ -96,12 +101,12 @@ def _parse(text: str, words: Iterable[str] = (), hint: str = "") -> float:
     if not match:
         other = "".join(f" or {word}" for word in words)
         raise SettingsError(f"'{text}' is not a number{other}{hint}")
-    number = float(match[1].replace("_", ""))
-    return number * {"": 1, "k": 1e3, "K": 1e3, "M": 1e6, "G": 1e9}[match[2]]
+    digits, factor = match.groups()
+    return float(digits.replace("_", "")) * {"": 1, "k": 1e3, "K": 1e3, "M": 1e6, "G": 1e9}[factor]
 
 
 def _number(f: Field[Any], value: Any, *, whole: bool) -> float:
-    low, high, unit = f.metadata["low"], f.metadata["high"], f.metadata["unit"]
+    (low, high), unit = f.metadata["within"], f.metadata["unit"]
     if isinstance(value, bool) or not isinstance(value, numbers.Real):
         raise SettingsError(f"{value!r} is not a number")
     number = float(value)

@@ -26,15 +26,13 @@ Tonemap = Literal["neutral", "agx", "none"]
 RENDERER_VIEWS = ("photons", "bounce-map", "overdraw")
 """Those of VIEWS that only a renderer can make: they show its photons."""
 
-VIEWS = (
-    "full", "direct", "indirect", "ambient", "photons", "bounce-map", "overdraw", "irradiance",
-    "albedo", "normal", "depth", "emission", "instance", "material", "split",
-)  # fmt: skip
+_SURFACES = ("albedo", "normal", "depth", "emission", "instance", "material")
+VIEWS = ("full", "direct", "indirect", "ambient", *RENDERER_VIEWS, "irradiance", *_SURFACES, "split")
 
 LAYERS = (
-    "full", "direct", "indirect", "emission", "irradiance",
-    "depth", "normal", "albedo", "instance", "material", "alpha",
-)  # fmt: skip
+    *("full", "direct", "indirect", "emission", "irradiance"),
+    *("depth", "normal", "albedo", "instance", "material", "alpha"),
+)
 
 _RAYS = 20_000  # gather rays of a picture: as smooth as larger pictures need small ones more of each pixel
 _SIDE_LEAST, _SIDE_MOST = 2, 8  # their square roots
@@ -54,51 +52,45 @@ class Settings(_Checked):
     """The settings of a picture. Raises SettingsError for a value out of range."""
 
     size: tuple[int, int] = knob(
-        (1280, 720), "width and height of the picture", low=1, high=16384, unit="pixels", metavar="WxH"
+        (1280, 720), "width and height of the picture", within=(1, 16384), unit="pixels", metavar="WxH"
     )
     photons: int = knob(
         40_000,
         "photons emitted per pass, all lights together; noise falls and time grows with it",
-        low=0,
-        high=16_000_000,
+        within=(0, 16_000_000),
         metavar="N",
     )
     bounces: int = knob(
         32,
         "non-specular scatters of a photon at most, the one at its first hit included; "
         "0: direct light only, 1: one indirect bounce",
-        low=0,
-        high=100,
+        within=(0, 100),
         metavar="N",
     )
     passes: int = knob(
         1,
         "pictures whose mean is taken, each with its own photons and smaller kernels; more: closer to the "
         "truth, and as many times slower; 1, with time_limit or target_error: as many as these want",
-        low=1,
-        high=1_000_000,
+        within=(1, 1_000_000),
         metavar="N",
     )
     time_limit: float = knob(
         0.0,
         "passes stop before this time, but one is always made; 0: no limit",
-        low=0.0,
-        high=1e9,
+        within=(0.0, 1e9),
         unit="seconds",
         metavar="SECONDS",
     )
     target_error: float = knob(
         0.0,
         "passes stop where the relative error that noise leaves is estimated to be less",
-        low=0.0,
-        high=1e3,
+        within=(0.0, 1e3),
         metavar="E",
     )
     caustic_photons: float = knob(
         0.5,
         "share of the photons aimed at mirrors and glass where there are any; unbiased for any",
-        low=0.0,
-        high=1.0,
+        within=(0.0, 1.0),
         metavar="F",
     )
     preset: Preset = knob(
@@ -112,8 +104,7 @@ class Settings(_Checked):
         "rays from each low-resolution pixel that look for the light around it, a square number; more: less "
         "noise and finer contact shadows, slower; 0: photons light the pixels themselves; "
         "auto: 4, in small pictures up to 64, with kernel class or hint 0",
-        low=0,
-        high=1024,
+        within=(0, 1024),
         words={"auto": "auto"},
         metavar="N",
         whole=True,
@@ -124,8 +115,7 @@ class Settings(_Checked):
     smoothing: float = knob(
         1.0,
         "factor on every kernel radius and on the filter's; more: smoother and blurrier",
-        low=0.01,
-        high=100.0,
+        within=(0.01, 100.0),
         metavar="S",
     )
     kernel: Kernel = knob(
@@ -138,8 +128,7 @@ class Settings(_Checked):
     subsampling: int = knob(
         4,
         "incident light is estimated on one pixel in K x K and upsampled; more: faster, coarser",
-        low=1,
-        high=16,
+        within=(1, 16),
         metavar="K",
     )
     estimator: Estimator = knob(
@@ -156,15 +145,13 @@ class Settings(_Checked):
     shadow_resolution: int = knob(
         1024,
         "texels of a shadow map's side; shared out where there are many lights",
-        low=16,
-        high=8192,
+        within=(16, 8192),
         metavar="N",
     )
     exposure: float | Literal["auto", "hold"] = knob(
         "auto",
         "exposure in stops; auto: found for each picture; hold: for a renderer's first, and kept",
-        low=-50.0,
-        high=50.0,
+        within=(-50.0, 50.0),
         words={"auto": "auto", "hold": "hold"},
         metavar="EV",
     )
@@ -176,8 +163,7 @@ class Settings(_Checked):
     background: tuple[float, float, float] | Literal["black", "transparent"] = knob(
         (0.0, 0.0, 0.0),
         "seen where nothing is and through glass: linear r,g,b of the screen, black, or transparent",
-        low=0.0,
-        high=1e6,
+        within=(0.0, 1e6),
         words={"black": (0.0, 0.0, 0.0), "transparent": "transparent"},
         metavar="C",
     )
@@ -185,8 +171,7 @@ class Settings(_Checked):
     seed: int = knob(
         0,
         "same seed, same settings, same machine: the same picture, bit for bit",
-        low=0,
-        high=2**32 - 1,
+        within=(0, 2**32 - 1),
         metavar="N",
     )
 
@@ -312,8 +297,7 @@ class LoadOptions(_Checked):
     crease_degrees: float = knob(
         30.0,
         "with smooth_normals: faces at a larger angle keep their edge",
-        low=0.0,
-        high=180.0,
+        within=(0.0, 180.0),
         unit="degrees",
         metavar="DEGREES",
     )
@@ -328,32 +312,30 @@ class LoadLimits(_Checked):
     """
 
     max_file_bytes: int = knob(
-        4 << 30, "most bytes of a scene's files together", low=1, high=1 << 50, unit="bytes", metavar="N"
+        4 << 30, "most bytes of a scene's files together", within=(1, 1 << 50), unit="bytes", metavar="N"
     )
     max_memory: int = knob(
         640 << 20,
         "most memory for arrays and pictures together, and 16 bytes more for each byte of the files; "
         "pictures that take much of what is left are halved",
-        low=1,
-        high=1 << 50,
+        within=(1, 1 << 50),
         unit="bytes",
         metavar="N",
     )
     max_work: int = knob(
         1_000_000_000,
         "most steps of loading, of some ten nanoseconds, and 100 more for each byte of the files",
-        low=1,
-        high=1 << 50,
+        within=(1, 1 << 50),
         metavar="N",
     )
-    max_elements: int = knob(200_000_000, "most elements of one accessor", low=1, high=1 << 40, metavar="N")
-    max_nodes: int = knob(1_000_000, "most nodes", low=1, high=1 << 40, metavar="N")
-    max_triangles: int = knob(100_000_000, "most triangles, as placed", low=1, high=1 << 40, metavar="N")
+    max_elements: int = knob(200_000_000, "most elements of one accessor", within=(1, 1 << 40), metavar="N")
+    max_nodes: int = knob(1_000_000, "most nodes", within=(1, 1 << 40), metavar="N")
+    max_triangles: int = knob(100_000_000, "most triangles, as placed", within=(1, 1 << 40), metavar="N")
     max_image_pixels: int = knob(
-        64_000_000, "most pixels of one texture, before it is decoded", low=1, high=1 << 40, metavar="N"
+        64_000_000, "most pixels of one texture, before it is decoded", within=(1, 1 << 40), metavar="N"
     )
     max_texture: int = knob(
-        4096, "larger textures are halved until they fit", low=1, high=1 << 20, unit="pixels", metavar="N"
+        4096, "larger textures are halved until they fit", within=(1, 1 << 20), unit="pixels", metavar="N"
     )
 
 

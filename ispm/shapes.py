@@ -9,6 +9,7 @@ Raises SceneError for measures that make no solid.
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -129,7 +130,13 @@ def torus(
     return _joined([_turned(profile, out, segments, np.linspace(0.0, 1.0, sides + 1))], name)
 
 
-_Piece = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]  # positions, normals, uv, triangles
+class _Piece(NamedTuple):
+    """A part of a mesh: (V, 3) positions in m and normals, (V, 2) uv, (T, 3) triangles."""
+
+    positions: np.ndarray
+    normals: np.ndarray
+    uv: np.ndarray
+    triangles: np.ndarray
 
 
 def _rectangle(right: Point, up: Point, middle: Point) -> _Piece:
@@ -139,7 +146,7 @@ def _rectangle(right: Point, up: Point, middle: Point) -> _Piece:
     points = np.asarray(middle, float) + (uv[:, :1] - 0.5) * along + (0.5 - uv[:, 1:]) * across
     normal = np.cross(along, across)
     normals = np.tile(normal / np.linalg.norm(normal), (4, 1))
-    return points, normals, uv, np.array([[0, 1, 2], [0, 2, 3]])
+    return _Piece(points, normals, uv, np.array([[0, 1, 2], [0, 2, 3]]))
 
 
 def _turned(profile: np.ndarray, out: np.ndarray, segments: int, v: np.ndarray) -> _Piece:
@@ -149,7 +156,7 @@ def _turned(profile: np.ndarray, out: np.ndarray, segments: int, v: np.ndarray) 
     v             (k,) down the picture
     """
     u = np.tile(np.arange(segments + 1) / segments, (len(profile), 1))
-    pole = profile[:, 0] == 0.0
+    pole = np.equal(profile[:, 0], 0.0)
     u[0] += 0.5 / segments * pole[0]
     u[-1] -= 0.5 / segments * pole[-1]
     angle = 2.0 * math.pi * (u - 0.5)
@@ -161,12 +168,10 @@ def _turned(profile: np.ndarray, out: np.ndarray, segments: int, v: np.ndarray) 
     k = np.arange(len(profile) * (segments + 1)).reshape(len(profile), segments + 1)
     a, b, c, d = k[:-1, :-1], k[1:, :-1], k[1:, 1:], k[:-1, 1:]
     lower, upper = ~pole[1:], ~pole[:-1]
-    triangles = np.concatenate([
-        np.stack([a, b, c], axis=-1)[lower].reshape(-1, 3),
-        np.stack([a, c, d], axis=-1)[upper].reshape(-1, 3),
-    ])  # fmt: skip
+    halves = np.stack([a, b, c], axis=-1)[lower], np.stack([a, c, d], axis=-1)[upper]
+    triangles = np.concatenate([half.reshape(-1, 3) for half in halves])
     uv = np.stack([u, np.broadcast_to(v[:, None], u.shape)], axis=-1)
-    return positions.reshape(-1, 3), normals.reshape(-1, 3), uv.reshape(-1, 2), triangles
+    return _Piece(positions.reshape(-1, 3), normals.reshape(-1, 3), uv.reshape(-1, 2), triangles)
 
 
 def _disc(radius: float, y: float, segments: int) -> _Piece:
@@ -180,15 +185,16 @@ def _disc(radius: float, y: float, segments: int) -> _Piece:
     edge = (here, there) if up > 0.0 else (there, here)
     triangles = np.stack([np.full(segments, segments), *edge], axis=1)
     uv = 0.5 + 0.5 * flat * (1.0, up)
-    return positions, np.tile((0.0, up, 0.0), (len(flat), 1)), uv, triangles
+    return _Piece(positions, np.tile((0.0, up, 0.0), (len(flat), 1)), uv, triangles)
 
 
 def _joined(pieces: list[_Piece], name: str) -> Mesh:
     """One mesh of pieces, without vertices that no triangle uses."""
-    firsts = np.cumsum([0, *(len(piece[0]) for piece in pieces)])
-    corners = np.concatenate([piece[3] + first for piece, first in zip(pieces, firsts, strict=False)])
+    firsts = np.cumsum([0, *(len(piece.positions) for piece in pieces)])
+    corners = np.concatenate([p.triangles + first for p, first in zip(pieces, firsts, strict=False)])
     used, triangles = np.unique(corners, return_inverse=True)
-    positions, normals, uv = (np.concatenate([piece[k] for piece in pieces])[used] for k in range(3))
+    *vertices, _ = zip(*pieces, strict=True)
+    positions, normals, uv = (np.concatenate(each)[used] for each in vertices)
     return Mesh(positions, triangles.reshape(-1, 3), normals, uv0=uv, name=name)
 
 

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-_INCLUDE = re.compile(r"^// include (\S+)$")
+_INCLUDE = re.compile(r"^// include (?P<path>\S+)$")
 _BINDING = re.compile(r"@group\((\d+)\)\s*@binding\((\d+)\)\s*var(?:<([\w, ]+)>)?\s+(\w+)\s*:\s*([^;]+);")
 _STRUCT = re.compile(r"\bstruct\s+(\w+)\s*\{(.*?)\}", re.S)
 _FIELD = re.compile(r"(\w+)\s*:\s*([\w<>, ]+?)\s*(?:,\s*\n|,?\s*$)", re.M)
@@ -55,8 +55,8 @@ class Source:
     def bindings(self) -> dict[str, Binding]:
         """The shader's bindings by name."""
         return {
-            m[4]: Binding(m[4], int(m[1]), int(m[2]), m[3] or "", m[5].strip())
-            for m in _BINDING.finditer(_uncomment(self.text))
+            name: Binding(name, int(group), int(index), space, kind.strip())
+            for group, index, space, name, kind in _BINDING.findall(_uncomment(self.text))
         }
 
     def dtype(self, struct: str) -> np.dtype:
@@ -68,11 +68,11 @@ class Source:
         """Rewrite the line numbers of a compiler's message as file:line of our sources."""
 
         def rename(match: re.Match[str]) -> str:
-            line = int(match[1])
-            if 0 < line <= len(self.origin):
-                path, number = self.origin[line - 1]
-                return f"{path}:{number}:{match[2]}"
-            return match[0]
+            line, column = match.groups()
+            if 0 < int(line) <= len(self.origin):
+                path, number = self.origin[int(line) - 1]
+                return f"{path}:{number}:{column}"
+            return match.group()
 
         return re.sub(r"[\w/.]*wgsl:(\d+):(\d+)", rename, message)
 
@@ -91,7 +91,7 @@ def load(path: str) -> Source:
         text = (files("ispm") / path).read_text(encoding="utf-8")
         for number, line in enumerate(text.splitlines(), 1):
             if match := _INCLUDE.match(line):
-                read(match[1])
+                read(match["path"])
             else:
                 lines.append(line)
                 origin.append((path, number))
@@ -133,10 +133,10 @@ def _layout(structs: dict[str, str], kind: str) -> tuple[object, int, int]:
         base, shape, size, align = _HOST_SHAREABLE[kind]
         return (base, shape), size, align
     if match := _ARRAY.match(kind):
-        form, size, align = _layout(structs, match[1])
-        stride = _round_up(size, align)
-        if stride != size:
-            raise ValueError(f"array of {match[1]} has gaps numpy cannot express; pad the element")
-        return (form, (int(match[2]),)), stride * int(match[2]), align
+        element, count = match.groups()
+        form, size, align = _layout(structs, element)
+        if _round_up(size, align) != size:
+            raise ValueError(f"array of {element} has gaps numpy cannot express; pad the element")
+        return (form, (int(count),)), size * int(count), align
     dtype, align = _struct_dtype(structs, kind)
     return dtype, dtype.itemsize, align

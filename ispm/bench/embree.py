@@ -159,14 +159,14 @@ def _load_library() -> ctypes.CDLL:
     if spec is None or spec.origin is None:
         raise ImportError("comparing with Embree needs the package embreex; pip install embreex")
     folder = Path(spec.origin).parent
-    found = sorted(p for place in (folder.parent / "embreex.libs", folder) for p in place.glob("*embree4*"))
-    tbb = sorted(p for place in (folder.parent / "embreex.libs", folder) for p in place.glob("*tbb*"))
-    if not found:
+    folders = (folder.parent / "embreex.libs", folder)
+    path = min((p for place in folders for p in place.glob("*embree4*")), default=None)
+    if path is None:
         raise ImportError(f"embreex in {folder} brings no library named embree4; reinstall it")
-    for path in tbb:
-        ctypes.CDLL(str(path), ctypes.RTLD_GLOBAL)
-    library = ctypes.CDLL(str(found[0]), ctypes.RTLD_GLOBAL)
-    llvm.load_library_permanently(str(found[0]))
+    for tbb in sorted(p for place in folders for p in place.glob("*tbb*")):
+        ctypes.CDLL(str(tbb), ctypes.RTLD_GLOBAL)
+    library = ctypes.CDLL(str(path), ctypes.RTLD_GLOBAL)
+    llvm.load_library_permanently(str(path))
     _declare(library)
     return library
 

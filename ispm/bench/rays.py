@@ -15,7 +15,7 @@ from ispm.optics.jit import jit
 from ispm.optics.records import NO_HIT
 from ispm.optics.vector import scale
 from ispm.photons.scatter import SPECULAR_MAX, Event, flight_number, next_flight
-from ispm.photons.walk import first_segment  # fmt: skip
+from ispm.photons.walk import first_segment
 from ispm.scene.packed import Packed
 
 f32, i64, u32 = np.float32, np.int64, np.uint32

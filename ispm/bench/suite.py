@@ -161,7 +161,7 @@ def moments(scene: Scene, count: int) -> Iterator[Scene]:
     for k in range(count):
         phase = (k + 0.5) / count
         moment = scene.at(phase * duration)
-        eye = moment.cameras[0]
+        eye, *_ = moment.cameras
         pose = eye.local_matrix()
         pose[:3, 3] += pose[:3, 0] * (_CAMERA_SWAY * math.sin(2.0 * math.pi * phase))
         eye.matrix = pose

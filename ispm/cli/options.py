@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import inspect
 import os
-import re
 import sys
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import Field, asdict, fields, is_dataclass
@@ -179,5 +178,6 @@ def _keyword(name: str, kind: Any, help: str, *, default: Any = None, **about: A
 def as_text(value: Any) -> str:
     """Return a knob's value as it is written on the command line."""
     if isinstance(value, tuple):
-        return ("x" if isinstance(value[0], int) else ",").join(repr(v).removesuffix(".0") for v in value)
-    return re.sub(r"^(True|False)$", lambda m: m[0].lower(), str(value))
+        whole = all(isinstance(v, int) for v in value)
+        return ("x" if whole else ",").join(repr(v).removesuffix(".0") for v in value)
+    return str(value).lower() if isinstance(value, bool) else str(value)

@@ -81,14 +81,15 @@ def given_camera(scene: Scene, camera: Camera | str | int | None) -> tuple[Camer
 
 def camera_of(scene: Scene, size: tuple[int, int]) -> Camera:
     """Return what `Scene.default_camera` promises."""
-    given = given_camera(scene, None)
-    if given is None:
+    found = given_camera(scene, None)
+    if found is None:
         packed, world = pack(scene.at_rest()), World()
         require_visible(scene, packed)
         world.update(packed)
         width, height = Settings(size=size).size
-        given = default_camera(packed, world, width / height, passed_points(scene))
-    return replace(given[0], pose=given[1])
+        found = default_camera(packed, world, width / height, passed_points(scene))
+    camera, pose = found
+    return replace(camera, pose=pose)
 
 
 def require_visible(scene: Scene, packed: Packed) -> None:
@@ -242,8 +243,9 @@ def default_light(
     viewpoint = interior_viewpoint(packed, world)
     if viewpoint is not None:
         position = eye + 0.15 * (viewpoint - eye)
-        free = float(_free(world, position, np.array([[0.0, 1.0, 0.0]]))[0])
-        position[1] += min(0.3 * (packed.bounds[1, 1] - position[1]), 0.5 * free)
+        up = np.array([0.0, 1.0, 0.0])
+        (free,) = _free(world, position, up[None])
+        position += up * min(0.3 * (packed.bounds[1, 1] - position @ up), 0.5 * float(free))
         kind = "a lamp near the camera"
         distance = packed.diagonal / 3.0
     else:

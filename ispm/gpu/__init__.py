@@ -12,6 +12,21 @@ from ispm.gpu.recording import Recording
 from ispm.gpu.texture import Sampler, Texture, View
 
 __all__ = [
-    "FLAT", "AdapterInfo", "Buffer", "Canvas", "Compute", "Gpu", "Group", "Raster", "RasterState",
-    "Recording", "Sampler", "Target", "Texture", "View", "list_adapters", "open_gpu", "within_memory",
-]  # fmt: skip
+    "FLAT",
+    "AdapterInfo",
+    "Buffer",
+    "Canvas",
+    "Compute",
+    "Gpu",
+    "Group",
+    "Raster",
+    "RasterState",
+    "Recording",
+    "Sampler",
+    "Target",
+    "Texture",
+    "View",
+    "list_adapters",
+    "open_gpu",
+    "within_memory",
+]

@@ -15,10 +15,10 @@ from ispm.gpu.buffer import Buffer
 from ispm.gpu.texture import Texture
 
 _COMMENT = re.compile(r"//[^\n]*")
-_FUNCTION = re.compile(r"\bfn\s+(\w+)")
+_FUNCTION = re.compile(r"\bfn\s+(?P<name>\w+)")
 _OVERRIDE = re.compile(r"\boverride\s+(\w+)")
 _WORD = re.compile(r"(?<![.\w])[A-Za-z_]\w*")  # no fields
-_ERROR = re.compile(r"error: (.*)\n\s*┌─ (\S+)")
+_ERROR = re.compile(r"error: (?P<fault>.*)\n\s*┌─ (?P<place>\S+)")
 _ACCESS = {"write": "write-only", "read": "read-only", "read_write": "read-write"}
 _SAMPLE_TYPES = {"u32": "uint", "i32": "sint"}
 
@@ -124,14 +124,14 @@ class _Explained:
         if isinstance(error, wgpu.GPUError):
             message = str(error)
             if match := _ERROR.search(message):
-                line = self._source.located(f"{match[2]}: {match[1]}")
+                line = self._source.located(f"{match['place']}: {match['fault']}")
                 raise IspmError(line.removeprefix("wgsl:")) from error
             raise IspmError(f"{self._label}: {' '.join(message.split())}") from error
 
 
 def _reachable(text: str, entries: Sequence[str]) -> set[str]:
     """Every word in the entry points and in the functions they call, directly or not."""
-    bodies = {m[1]: set(_WORD.findall(_body(text, m.end()))) for m in _FUNCTION.finditer(text)}
+    bodies = {m["name"]: set(_WORD.findall(_body(text, m.end()))) for m in _FUNCTION.finditer(text)}
     seen: set[str] = set()
     words: set[str] = set()
     waiting = list(entries)
@@ -149,7 +149,7 @@ def _body(text: str, start: int) -> str:
     begin = text.index("{", start)
     depth = 0
     for match in re.finditer(r"[{}]", text[begin:]):
-        depth += 1 if match[0] == "{" else -1
+        depth += 1 if match.group() == "{" else -1
         if depth == 0:
             return text[begin : begin + match.end()]
     return text[begin:]
@@ -194,9 +194,9 @@ def _sample_type(name: str, kind: str, inner: str, text: str) -> str:
     if inner in _SAMPLE_TYPES:
         return _SAMPLE_TYPES[inner]
     # a texture that meets a sampler in some call is filtered; any other may be of an unfilterable format
-    filtered = re.search(rf"\b{name}\s*,\s*(\w+)", text)
+    filtered = re.search(rf"\b{name}\s*,\s*(?P<sampler>\w+)", text)
     samplers = set(re.findall(r"var\s+(\w+)\s*:\s*sampler\s*;", text))
-    return "float" if filtered and filtered[1] in samplers else "unfilterable-float"
+    return "float" if filtered and filtered["sampler"] in samplers else "unfilterable-float"
 
 
 def _sampler_type(name: str, text: str) -> str:

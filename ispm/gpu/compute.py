@@ -47,11 +47,11 @@ class Compute:
 
 def _workgroup_size(text: str, entry: str, path: str) -> tuple[int, int, int]:
     """The numbers, or named constants, of an entry point's @workgroup_size."""
-    match = re.search(rf"@workgroup_size\(([^)]*)\)\s*fn\s+{entry}\b", text)
+    match = re.search(rf"@workgroup_size\((?P<size>[^)]*)\)\s*fn\s+{entry}\b", text)
     if match is None:
         raise TypeError(f"{path}: '{entry}' has no @workgroup_size directly before its fn")
     named = dict(re.findall(r"^const (\w+)[^=]*= (\d+)u?;", text, re.M))
-    values = [v.strip() for v in match[1].split(",") if v.strip()]
+    values = [v.strip() for v in match["size"].split(",") if v.strip()]
     size = [int(named.get(v, v).rstrip("ui")) for v in values]
     x, y, z = [*size, 1, 1][:3]
     return x, y, z

@@ -19,14 +19,17 @@ _ROW = 256  # bytes; rows of a texture copy start at multiples of this
 
 @dataclass
 class _Copy:
-    """Where one array lies in the staging buffer.
+    """Where one array comes from, and where it lies in the staging buffer.
 
+    layer   of a texture, the first that is copied
     offset  bytes
     stored  the shape there, with padded rows
     used    elements of each axis that are not padding
     shape   of the array that the caller gets
     """
 
+    source: Texture | Buffer | wgpu.GPUBuffer
+    layer: int
     offset: int
     dtype: np.dtype
     stored: tuple[int, ...]
@@ -84,9 +87,9 @@ class Readback:
         (buffer, dtype, count) as (count,)."""
         planned: list[_Copy] = []
         end = 4  # bytes that are cleared below
-        for item in wanted:
-            plan = _plan_texture if isinstance(item[0], Texture) else _plan_buffer
-            planned.append(plan(-(-end // _ROW) * _ROW, *item))
+        for source, *about in wanted:
+            plan = _plan_texture if isinstance(source, Texture) else _plan_buffer
+            planned.append(plan(-(-end // _ROW) * _ROW, source, *about))
             end = planned[-1].offset + -(-planned[-1].nbytes // 4) * 4
         if end > self._most and len(wanted) > 1:
             half = len(wanted) // 2
@@ -96,8 +99,8 @@ class Readback:
             self._staging = self._create(end)
         encoder = self._device.create_command_encoder()
         encoder.clear_buffer(self._staging, 0, 4)  # so that mapping waits even where nothing is copied
-        for item, copy in zip(wanted, planned, strict=True):
-            self._copy(encoder, item, copy)
+        for copy in planned:
+            self._copy(encoder, copy)
         self._device.queue.submit([encoder.finish()])
         self._staging.map_sync(wgpu.MapMode.READ, 0, end)
         try:
@@ -110,13 +113,12 @@ class Readback:
         """Return when all submitted work is done."""
         self.read([])
 
-    def _copy(self, encoder: wgpu.GPUCommandEncoder, item: tuple[Any, ...], copy: _Copy) -> None:
-        source = item[0]
+    def _copy(self, encoder: wgpu.GPUCommandEncoder, copy: _Copy) -> None:
+        source = copy.source
         if isinstance(source, Texture):
             layers, height, row = copy.stored
-            layer = item[3] if len(item) > 3 and item[3] is not None else 0
             encoder.copy_texture_to_buffer(
-                {"texture": source.handle, "mip_level": 0, "origin": (0, 0, layer)},
+                {"texture": source.handle, "mip_level": 0, "origin": (0, 0, copy.layer)},
                 {
                     "buffer": self._staging,
                     "offset": copy.offset,
@@ -147,8 +149,9 @@ def _plan_texture(
         shape = shape[:-1]
     if layers == 1:
         shape = shape[1:]
-    return _Copy(offset, dtype, (layers, height, row), (layers, height, width * channels), shape)
+    used = (layers, height, width * channels)
+    return _Copy(texture, layer or 0, offset, dtype, (layers, height, row), used, shape)
 
 
 def _plan_buffer(offset: int, buffer: Buffer | wgpu.GPUBuffer, dtype: Any, count: int) -> _Copy:
-    return _Copy(offset, np.dtype(dtype), (count,), (count,), (count,))
+    return _Copy(buffer, 0, offset, np.dtype(dtype), (count,), (count,), (count,))

@@ -135,16 +135,16 @@ class Recording:
         self,
         *color: Attachment,
         depth: Attachment | None = None,
-        clear: Sequence[Sequence[float]] | Sequence[float] | None = (0.0, 0.0, 0.0, 0.0),
+        clear: Sequence[float] | None = (0.0, 0.0, 0.0, 0.0),
         clear_depth: float | None = 0.0,
         label: str = "",
     ) -> Iterator[Canvas]:
         """Open a render pass.
 
-        clear        value for all attachments, or one for each; None keeps what is there
+        clear        value of all attachments; None keeps what is there
         clear_depth  0 is far; None keeps what is there
         """
-        attachments = [_color(_view(c), _nth(clear, i)) for i, c in enumerate(color)]
+        attachments = [_color(_view(each), clear) for each in color]
         commands = self.encoder.begin_render_pass(
             label=label or self._stage,
             color_attachments=attachments,
@@ -168,10 +168,6 @@ class Recording:
 
 def _view(attachment: Attachment) -> View:
     return attachment.view("2d") if isinstance(attachment, Texture) else attachment
-
-
-def _nth(clear: Any, index: int) -> Any:
-    return clear[index] if clear is not None and not isinstance(clear[0], (int, float)) else clear
 
 
 def _color(view: View, clear: Sequence[float] | None) -> dict[str, Any]:

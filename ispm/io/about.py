@@ -134,14 +134,14 @@ def _npz(path: Path) -> PictureFile:
     with zipfile.ZipFile(path) as archive:
         for name in archive.namelist():
             with archive.open(name) as member:  # the header alone, not the pixels
-                version = np.lib.format.read_magic(member)
-                read = getattr(np.lib.format, f"read_array_header_{version[0]}_{version[1]}")
+                major, minor = np.lib.format.read_magic(member)
+                read = getattr(np.lib.format, f"read_array_header_{major}_{minor}")
                 shape, _, dtype = read(member)
                 arrays[name.removesuffix(".npy")] = shape, dtype
-    about = arrays.pop(ABOUT, None)
+    _, text = arrays.pop(ABOUT, (None, None))
     arrays.pop(NAMES, None)
     made = {}
-    if about is not None and about[1].itemsize < 4 * _MOST_TEXT:
+    if text is not None and text.itemsize < 4 * _MOST_TEXT:
         with np.load(path, allow_pickle=False) as file:
             made = _parsed(str(file[ABOUT]).encode())
     return _arrays(arrays, made)

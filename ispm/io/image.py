@@ -187,7 +187,8 @@ def _attribute(value: Any) -> Any:
 
 def _split_key(path: str) -> tuple[Path, str | None]:
     match = re.fullmatch(r"(.+\.(?:npz|exr)):([^/\\:]+)", path, re.IGNORECASE)
-    return (Path(match[1]), match[2]) if match else (Path(path), None)
+    file, layer = match.groups() if match else (path, None)
+    return Path(file), layer
 
 
 def _read_exr(path: Path, layer: str | None) -> np.ndarray:

@@ -209,7 +209,7 @@ def parse(text: str) -> dict[str, Statements]:
         if key == "newmtl":
             current = {"blender": ""} if blender else {}
             found.setdefault(" ".join(rest.split()), current)
-        elif key and key[0] != "#":
+        elif key and not key.startswith("#"):
             named = key.startswith("map_") or key == "norm"  # names of pictures may hold a #
             current[key] = rest if named else rest.partition("#")[0].strip()
     return found

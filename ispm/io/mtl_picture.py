@@ -17,8 +17,8 @@ from ispm.io.picture import STEPS_A_PIXEL, Pictures
 from ispm.scene.material import Texture, TextureUse, Wrap
 
 MORE_FORMATS = ("BMP", "TGA", "GIF", "TIFF")
-WORDS = {"-blendu": 1, "-blendv": 1, "-bm": 1, "-boost": 1, "-cc": 1, "-clamp": 1, "-imfchan": 1,
-         "-mm": 2, "-texres": 1, "-type": 1}  # fmt: skip
+_ONE_WORD = ("-blendu", "-blendv", "-bm", "-boost", "-cc", "-clamp", "-imfchan", "-texres", "-type")
+WORDS = dict.fromkeys(_ONE_WORD, 1) | {"-mm": 2}
 VECTORS = {"-o": 0.0, "-s": 1.0, "-t": 0.0}  # one to three numbers, and what stands for the others
 
 
@@ -34,7 +34,7 @@ class MapUse:
 
 def parse_map(text: str) -> MapUse:
     """Return what the arguments of a map statement say; names may hold blanks."""
-    words = deque(text.split())
+    words: deque[str] = deque(text.split())
     clamp, vectors = False, {"-o": (0.0, 0.0), "-s": (1.0, 1.0), "-t": (0.0, 0.0)}
     while len(words) > 1 and words[0].lower() in (*WORDS, *VECTORS):
         option = words.popleft().lower()

@@ -68,10 +68,17 @@ class _Reader:
         self.libraries: list[str] = []
         self.rows: dict[tuple[int, int, int], int] = {}
         self.take: dict[bytes, Callable[[list[bytes]], None]] = {
-            b"v": self._vertex, b"f": self._face, b"vt": self._uv, b"vn": self._normal, b"s": self._smooth,
-            b"o": self._name, b"g": self._name, b"usemtl": self._wear, b"mtllib": self._library,
-            b"p": self._pass_over, b"l": self._pass_over, **dict.fromkeys(CURVES, self._pass_over),
-        }  # fmt: skip
+            **dict.fromkeys((b"p", b"l", *CURVES), self._pass_over),
+            b"v": self._vertex,
+            b"f": self._face,
+            b"vt": self._uv,
+            b"vn": self._normal,
+            b"s": self._smooth,
+            b"o": self._name,
+            b"g": self._name,
+            b"usemtl": self._wear,
+            b"mtllib": self._library,
+        }
         self._names = {b"o": "", b"g": ""}
         self._material = ""
         self._smoothing = 0
@@ -169,7 +176,7 @@ def read_text(data: memoryview, notes: Notes) -> ObjText:
     """Return what the text of an OBJ file says. Raises SceneError, with the line, where it makes no sense."""
     reader = _Reader(notes)
     for number, line in enumerate(_lines(data), 1):
-        words = line.split()
+        words: list[bytes] = line.split()
         take = reader.take.get(words[0]) if words else None
         if take is None:
             continue

@@ -66,8 +66,9 @@ def _triangles(faces: Table, points: np.ndarray, notes: Notes, budget: Budget) -
     listed = faces.lists.get("vertex_indices") or faces.lists.get("vertex_index")
     if listed is None:
         return np.zeros((0, 3), np.int64)
-    sizes, named = listed[0], listed[1].astype(np.float64)
-    corners = np.where(wild(named), -1.0, named).astype(np.int64)
+    sizes, named = listed
+    rows = named.astype(np.float64)
+    corners = np.where(wild(rows), -1.0, rows).astype(np.int64)
     check_range(corners, len(points))
     few = sizes < 3
     notes.count(
@@ -101,9 +102,9 @@ def _colors(vertices: Table) -> np.ndarray | None:
     names = next((names for names in COLOR_NAMES if all(n in vertices.columns for n in names)), None)
     if names is None:
         return None
-    result = np.ones((len(vertices.columns[names[0]]), 4), np.float32)
-    for k, name in enumerate(names):
-        values = vertices.columns[name]
+    columns = [vertices.columns[name] for name in names]
+    result = np.ones((len(columns[0]), 4), np.float32)
+    for k, values in enumerate(columns):
         result[:, k] = linear(np.clip(values / _largest(values), 0.0, 1.0))
     return result
 

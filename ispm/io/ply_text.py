@@ -7,15 +7,17 @@ from __future__ import annotations
 
 import struct
 from dataclasses import dataclass, field
+from itertools import takewhile
 
 import numpy as np
 
 from ispm.errors import SceneError
 from ispm.settings import LoadLimits
 
-TYPES = {"char": "i1", "int8": "i1", "uchar": "u1", "uint8": "u1", "short": "i2", "int16": "i2",
-         "ushort": "u2", "uint16": "u2", "int": "i4", "int32": "i4", "uint": "u4", "uint32": "u4",
-         "float": "f4", "float32": "f4", "double": "f8", "float64": "f8"}  # fmt: skip
+_C_NAMES = ["char", "uchar", "short", "ushort", "int", "uint", "float", "double"]
+_SIZED_NAMES = ["int8", "uint8", "int16", "uint16", "int32", "uint32", "float32", "float64"]
+_DTYPES = ["i1", "u1", "i2", "u2", "i4", "u4", "f4", "f8"]
+TYPES = dict(zip(_C_NAMES + _SIZED_NAMES, _DTYPES * 2, strict=True))
 ORDERS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
 LONGEST_HEADER = 1 << 20
 LONGEST_NUMBER = 64
@@ -221,11 +223,9 @@ def _records(data: memoryview, at: int, element: Element, order: str, size: int)
 
 def _even(data: memoryview, at: int, element: Element, order: str) -> tuple[Table, int] | None:
     """The table of an element whose lists are all as long as the first; None where they are not."""
-    before, listed = 0, element.properties[0]
-    for listed in element.properties:
-        if listed.count:
-            break
-        before += np.dtype(listed.type).itemsize
+    plain = list(takewhile(lambda p: not p.count, element.properties))
+    listed = element.properties[len(plain)]
+    before = sum(np.dtype(p.type).itemsize for p in plain)
     width = np.dtype(listed.count).itemsize
     if not element.count or at + before + width > len(data):
         return None

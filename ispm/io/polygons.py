@@ -31,7 +31,7 @@ def triangulate(
     by_size = np.argsort(sizes, kind="stable")
     found, order = [], []
     for which in np.split(by_size, np.flatnonzero(np.diff(sizes[by_size])) + 1) if len(sizes) else []:
-        size = int(sizes[which[0]])
+        size: int = sizes[which].item(0)
         polygons = corners[starts[which, None] + np.arange(size)]
         triangles = _fans(polygons) if size == 3 else _cut(polygons, points, budget)
         found.append(triangles)

@@ -54,7 +54,7 @@ def _text(data: memoryview, limits: LoadLimits) -> list[tuple[str, np.ndarray]]:
     solids: list[tuple[str, list[float]]] = []
     ended = True
     for number, line in enumerate(bytes(data).splitlines(), 1):
-        words = line.split()
+        words: list[bytes] = line.split()
         word = words[0].lower() if words else b""
         if word == b"solid":
             solids.append((b" ".join(words[1:]).decode("utf-8", "replace"), []))
@@ -63,7 +63,8 @@ def _text(data: memoryview, limits: LoadLimits) -> list[tuple[str, np.ndarray]]:
             ended = True
         elif word == b"vertex" and solids:
             try:
-                solids[-1][1].extend([float(words[1]), float(words[2]), float(words[3])])
+                _, numbers = solids[-1]
+                numbers.extend([float(words[1]), float(words[2]), float(words[3])])
             except (ValueError, IndexError):
                 raise SceneError(f"line {number}: a vertex needs three numbers") from None
     if not ended or any(len(numbers) % 9 for _, numbers in solids):

@@ -128,16 +128,19 @@ def _shell(scene: Scene) -> None:
 def _floor() -> Mesh:
     """Tiles in two shades of stone, each a little its own, with a dark border round the court."""
     end_x, end_z = HALF_X + GALLERY + 0.1, HALF_Z + GALLERY + 0.1
-    xs = np.concatenate([np.linspace(-end_x, -HALF_X, 5)[:-1], np.linspace(-HALF_X, HALF_X, 29),
-                         np.linspace(HALF_X, end_x, 5)[1:]])  # fmt: skip
-    zs = np.concatenate([np.linspace(-end_z, -HALF_Z, 5)[:-1], np.linspace(-HALF_Z, HALF_Z, 13),
-                         np.linspace(HALF_Z, end_z, 5)[1:]])  # fmt: skip
+    xs, zs = _grid_lines(HALF_X, 29, end_x), _grid_lines(HALF_Z, 13, end_z)
     i, k = np.meshgrid(np.arange(len(xs) - 1), np.arange(len(zs) - 1), indexing="ij")
     shade = np.where((i + k)[..., None] % 2 == 0, (1.0, 1.0, 1.0), (0.74, 0.64, 0.56))
     from_edge = np.minimum(np.minimum(i - 4, 31 - i), np.minimum(k - 4, 15 - k))
     shade = np.where((from_edge == 2)[..., None], (0.42, 0.24, 0.18), shade)
     shade = shade * np.random.default_rng(7).uniform(0.86, 1.0, (*i.shape, 1))
     return masonry.tiles(xs, zs, shade, "floor")
+
+
+def _grid_lines(half: float, count: int, end: float) -> np.ndarray:
+    """(count + 8,) m along one axis: `count` from -half to half, and 4 more on either side to `end`."""
+    outer = np.linspace(-end, -half, 5)[:-1], np.linspace(half, end, 5)[1:]
+    return np.insert(np.linspace(-half, half, count), [0] * 4 + [count] * 4, np.concatenate(outer))
 
 
 def _arcades(scene: Scene) -> None:
@@ -168,24 +171,24 @@ def _galleries(scene: Scene) -> None:
     """Ribs, beams and wall piers behind each column; doors in every other bay."""
     rib_wall, rib_ring = masonry.arch(2.86, 1.88, 0.36, 1.2, 1.34, 0.04, 11, "rib")
     rib = [Part(rib_wall, PLASTER), Part(rib_ring, PALE)]
-    respond = [Part(merge([
-        box((-0.27, -0.05, -0.06), (0.27, 6.05, 0.2)),
-        box((-0.33, SPRING - 0.2, -0.05), (0.33, SPRING, 0.46)),
-        box((-0.31, -0.04, -0.05), (0.31, 0.5, 0.26)),
-    ], "respond"), STONE)]  # fmt: skip
+    shaft = box((-0.27, -0.05, -0.06), (0.27, 6.05, 0.2))
+    cap = box((-0.33, SPRING - 0.2, -0.05), (0.33, SPRING, 0.46))
+    base = box((-0.31, -0.04, -0.05), (0.31, 0.5, 0.26))
+    respond = [Part(merge([shaft, cap, base], "respond"), STONE)]
     beam = [Part(box((-0.13, -0.32, -1.72), (0.13, 0.04, 1.72), "beam"), WOOD)]
     for number, (x, z, turn) in enumerate(_columns()):
-        middle, wall = _behind(x, z, turn, 1.725), _behind(x, z, turn, GALLERY)
-        _place(scene, rib, f"rib {number}", middle[0], SPRING - 0.04, middle[1], turn + 0.5 * math.pi)
-        _place(scene, respond, f"respond {number}", wall[0], 0.0, wall[1], turn)
-        _place(scene, beam, f"beam {number}", middle[0], EAVES, middle[1], turn)
+        wall_x, wall_z = _behind(x, z, turn, GALLERY)
+        x, z = _behind(x, z, turn, 1.725)
+        _place(scene, rib, f"rib {number}", x, SPRING - 0.04, z, turn + 0.5 * math.pi)
+        _place(scene, respond, f"respond {number}", wall_x, 0.0, wall_z, turn)
+        _place(scene, beam, f"beam {number}", x, EAVES, z, turn)
     stone, wood = masonry.door("door")
     door = [Part(stone, STONE), Part(wood, WOOD)]
     for number, (x, z, turn, k) in enumerate(_bays()):
-        wall = _behind(x, z, turn, GALLERY - 0.04)
+        x, z = _behind(x, z, turn, GALLERY - 0.04)
         if k % 2 == 1:
-            _place(scene, door, f"door {number}", wall[0], 0.0, wall[1], turn)
-            _place(scene, door, f"upper door {number}", wall[0], UPPER, wall[1], turn)
+            _place(scene, door, f"door {number}", x, 0.0, z, turn)
+            _place(scene, door, f"upper door {number}", x, UPPER, z, turn)
 
 
 def _drapes(scene: Scene) -> None:
@@ -232,7 +235,8 @@ def _moving(scene: Scene) -> None:
     swing = 0.06 * np.sin(angle)
     to_sun = np.stack([-0.42 + swing, np.ones_like(swing), -0.36 + 0.5 * swing], axis=1)
     path = 300.0 * to_sun / np.linalg.norm(to_sun, axis=1, keepdims=True)
-    sun = scene.add(PointLight((1.80e9, 1.71e9, 1.53e9)), name="sun", translation=tuple(path[0]))
+    start, *_ = path
+    sun = scene.add(PointLight((1.80e9, 1.71e9, 1.53e9)), name="sun", translation=tuple(start))
 
     lantern.translation, lantern.rotation = drift[0], spin[0]
     scene.animations.append(

@@ -58,14 +58,16 @@ def arch(
     """
     angle = np.linspace(np.pi, 0.0, segments + 1)
     turn = np.stack([np.cos(angle), np.sin(angle), np.zeros_like(angle)], axis=1)
-    edge = turn * np.minimum(0.5 * width / np.maximum(np.abs(turn[:, 0]), 1e-9),
-                             height / np.maximum(turn[:, 1], 1e-9))[:, None]  # fmt: skip
+    to_side = 0.5 * width / np.maximum(np.abs(turn[:, 0]), 1e-9)
+    to_top = height / np.maximum(turn[:, 1], 1e-9)
+    edge = turn * np.minimum(to_side, to_top)[:, None]
     for side in (-1.0, 1.0):
         corner = np.array([side * 0.5 * width, height, 0.0])
         edge[np.argmin(np.linalg.norm(edge - corner, axis=1))] = corner
     back, out = np.array([0.0, 0.0, -0.5 * depth]), np.array([0.0, 0.0, -0.5 * depth - step])
-    stations = [edge - back, outer * turn - back, outer * turn - out, inner * turn - out,
-                inner * turn + out, outer * turn + out, outer * turn + back, edge + back]  # fmt: skip
+    ring_out, ring_in = outer * turn, inner * turn
+    front = [edge - back, ring_out - back, ring_out - out, ring_in - out]
+    stations = [*front, ring_in + out, ring_out + out, ring_out + back, edge + back]
     wall = [sheet(np.stack(pair)) for pair in (stations[:2], stations[6:])]
     feet = [_foot(np.array([curve[end] for curve in stations]), end) for end in (0, -1)]
     far, near = stations[7], stations[0]

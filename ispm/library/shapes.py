@@ -101,8 +101,9 @@ def tube(path: np.ndarray, radius: float, sides: int, name: str = "") -> Mesh:
     ahead /= np.linalg.norm(ahead, axis=1, keepdims=True)
     across = _carried(ahead)
     # what the frame has turned by after one round is taken back evenly along it
-    end = _across(across[-1], ahead[0])
-    lag = np.arctan2(np.cross(across[0], end) @ ahead[0], across[0] @ end)
+    start, *_, last = across
+    end = _across(last, ahead[0])
+    lag = np.arctan2(np.cross(start, end) @ ahead[0], start @ end)
     turn = 2.0 * np.pi * np.arange(sides) / sides - lag * np.arange(len(path))[:, None] / len(path)
     other = np.cross(ahead, across)
     out = np.cos(turn)[..., None] * across[:, None] + np.sin(turn)[..., None] * other[:, None]

@@ -111,10 +111,8 @@ def objects_in_box() -> Scene:
     stone = lambert((0.74, 0.72, 0.68), "stone")
     scene.add(box((-1.12, 0.0, -0.72), (-0.44, 0.42, -0.08), "plinth"), material=stone)
     scene.add(box((0.62, 0.0, -0.80), (1.14, 0.80, -0.28), "tall plinth"), material=stone)
-    scene.add(
-        tube(_trefoil(96, 0.098), 0.072, 28, "knot"), material=lambert((0.80, 0.62, 0.20), "ochre"),
-        translation=(-0.78, 0.79, -0.40),
-    )  # fmt: skip
+    knot, ochre = tube(_trefoil(96, 0.098), 0.072, 28, "knot"), lambert((0.80, 0.62, 0.20), "ochre")
+    scene.add(knot, material=ochre, translation=(-0.78, 0.79, -0.40))
     scene.add(_vase(), material=lambert((0.10, 0.42, 0.44), "teal clay"), translation=(0.88, 0.80, -0.54))
     angle = 2.0 * np.pi * np.arange(72) / 72
     circle = 0.21 * np.stack([np.cos(angle), np.sin(angle), 0.0 * angle], axis=1)
@@ -145,9 +143,14 @@ def objects_in_box() -> Scene:
 def _glass(thickness: float) -> Material:
     """Clear glass, faintly green where it is thick."""
     return Material(
-        roughness=0.0, ior=1.5, transmission=1.0, thickness=thickness, name="glass",
-        attenuation_color=(0.90, 0.97, 0.94), attenuation_distance=0.5,
-    )  # fmt: skip
+        roughness=0.0,
+        ior=1.5,
+        transmission=1.0,
+        thickness=thickness,
+        attenuation_color=(0.90, 0.97, 0.94),
+        attenuation_distance=0.5,
+        name="glass",
+    )
 
 
 def _backdrop(width: float, front: float, height: float, columns: int, rows: int, y: float) -> Mesh:

@@ -67,7 +67,7 @@ class Channel(Strict):
 
     def at(self, time: float) -> np.ndarray:
         """Return the value at `time` in seconds, held before the first and after the last key."""
-        times = self.times
+        times: np.ndarray = self.times
         last = len(times) - 1
         k = int(np.clip(np.searchsorted(times, time, side="right") - 1, 0, last))
         if self.interpolation == "CUBICSPLINE":
@@ -83,10 +83,11 @@ class Channel(Strict):
         return np.asarray(value, np.float64)
 
     def _spline(self, time: float, k: int, last: int) -> np.ndarray:
-        if k == last or time <= self.times[0]:
+        times: np.ndarray = self.times
+        if k == last or time <= times[0]:
             return np.asarray(self.values[k, 1])
-        step = self.times[k + 1] - self.times[k]
-        s = (time - self.times[k]) / step
+        step = times[k + 1] - times[k]
+        s = (time - times[k]) / step
         value = (2 * s**3 - 3 * s**2 + 1) * self.values[k, 1]
         value = value + step * (s**3 - 2 * s**2 + s) * self.values[k, 2]
         value = value + (-2 * s**3 + 3 * s**2) * self.values[k + 1, 1]

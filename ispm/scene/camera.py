@@ -100,7 +100,7 @@ class Camera(Strict):
         k = array_of("camera: K", K, (3, 3), error=SettingsError).astype(np.float64)
         if min(k[0, 0], k[1, 1]) <= 0.0:
             raise SettingsError("camera: K must have focal lengths above 0, in pixels")
-        if abs(k[0, 1]) > 1e-9 * k[0, 0] or k[1, 0] or (k[2] != (0.0, 0.0, 1.0)).any():
+        if abs(k[0, 1]) > 1e-9 * k[0, 0] or k[1, 0] or (k[-1] != (0.0, 0.0, 1.0)).any():
             raise SettingsError("camera: K must be fx 0 cx; 0 fy cy; 0 0 1: skew is not supported")
         width, height = _size(size)
         return cls(

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, NoReturn, TypeVar
 import numpy as np
 
 from ispm.errors import SceneError
+from ispm.knobs import nearest
 from ispm.scene.animation import Channel
 from ispm.scene.camera import Camera
 from ispm.scene.light import DirectionalLight, Light, PointLight, SpotLight
@@ -58,11 +59,7 @@ class Branch:
         for node in self.nodes:
             if node.name == name:
                 return node
-        import difflib
-
-        near = difflib.get_close_matches(str(name), [n.name for n in self.nodes], 1)
-        hint = f"; did you mean '{near[0]}'?" if near else ""
-        raise KeyError(f"no node is called '{name}'{hint}")
+        raise KeyError(f"no node is called '{name}'{nearest(name, [n.name for n in self.nodes])}")
 
     def find(self, pattern: str) -> list[Node]:
         """Return the nodes whose name is `pattern` or matches it, parents before children.

@@ -6,6 +6,7 @@ import copy
 from dataclasses import dataclass
 from functools import cached_property
 from hashlib import sha256
+from typing import NamedTuple
 
 import numpy as np
 
@@ -176,7 +177,7 @@ def pack(scene: Scene, geometry: Geometry | None = None) -> Packed:
     mesh_list: list[Mesh] = []
     materials: dict[int, int] = {}
     material_list: list[Material] = []
-    rows: list[tuple[int, int, int, np.ndarray]] = []
+    rows: list[_Placed] = []
     light_rows: list[np.ndarray] = []
     runs: list[Run] = []
     for index, (node, world) in enumerate(placed):
@@ -196,7 +197,7 @@ def pack(scene: Scene, geometry: Geometry | None = None) -> Packed:
             material = materials.setdefault(id(part.material), len(materials))
             if material == len(material_list):
                 material_list.append(part.material)
-            rows.append((mesh, material, index, places))
+            rows.append(_Placed(mesh, material, index, places))
             runs.append(Run(index, number, part.mesh.name, material, len(places)))
 
     if geometry is None or not geometry.fits(mesh_list):
@@ -316,20 +317,27 @@ def _unit(vectors: np.ndarray) -> np.ndarray:
     return np.where(good, vectors / np.where(good, length, 1.0), (0.0, 1.0, 0.0))
 
 
-def _instances(
-    rows: list[tuple[int, int, int, np.ndarray]], geometry: Geometry
-) -> tuple[np.ndarray, list[Draw], np.ndarray, np.ndarray, np.ndarray]:
-    """INSTANCE rows, the draws that show them, their widths, (n, 8, 3) corners of their own boxes, turned
-    with them, in world space, and the place of each in the order of `rows`.
+class _Placed(NamedTuple):
+    """A mesh with a material in n places of a node: numbers of each, and (n, 4, 4) world matrices."""
 
-    rows  mesh, material, node, and the (n, 4, 4) places of n instances
-    """
+    mesh: int
+    material: int
+    node: int
+    worlds: np.ndarray
+
+
+def _instances(
+    rows: list[_Placed], geometry: Geometry
+) -> tuple[np.ndarray, list[Draw], np.ndarray, np.ndarray, np.ndarray]:
+    """INSTANCE rows, the draws that show them, their widths in m, (n, 8, 3) corners of their own boxes,
+    turned with them, in world space, and the index that each has in the order of `rows`."""
     if not rows:
         none = np.zeros(0, np.int64)
         return np.zeros(0, records.INSTANCE), [], np.zeros(0, np.float32), np.zeros((0, 8, 3)), none
-    copies = [len(row[3]) for row in rows]
-    mesh, material, node = (np.repeat([row[k] for row in rows], copies) for k in range(3))
-    world = np.concatenate([row[3] for row in rows])
+    *numbers, worlds = zip(*rows, strict=True)
+    copies = [len(each) for each in worlds]
+    mesh, material, node = (np.repeat(each, copies) for each in numbers)
+    world = np.concatenate(worlds)
     mirrored = np.linalg.det(world[:, :3, :3]) < 0.0
     order = np.lexsort((node, mirrored, material, mesh))
     mesh, material, node, mirrored = mesh[order], material[order], node[order], mirrored[order]
@@ -365,7 +373,7 @@ def _draws(mesh: np.ndarray, material: np.ndarray, mirrored: np.ndarray) -> list
 
 def _cofactors(m: np.ndarray) -> np.ndarray:
     """Cofactors of (n, 3, 3) matrices, which take normals to world space even where there is no inverse."""
-    rows = m[:, 0], m[:, 1], m[:, 2]
-    stacked = np.stack([np.cross(rows[k - 2], rows[k - 1]) for k in range(3)], axis=1)
-    mirrored = np.einsum("ni,ni->n", stacked[:, 0], rows[0]) < 0.0
+    x, y, z = m[:, 0], m[:, 1], m[:, 2]
+    stacked = np.stack([np.cross(y, z), np.cross(z, x), np.cross(x, y)], axis=1)
+    mirrored = np.einsum("ni,ni->n", stacked[:, 0], x) < 0.0
     return np.where(mirrored[:, None, None], -stacked, stacked)

@@ -4,10 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from ispm.scene.packed import PIECE, Draw, Packed
+
+
+class DrawRange(NamedTuple):
+    """Consecutive indices of a draw, from row `first` of the geometry's on."""
+
+    draw: Draw
+    first: int
+    length: int
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,8 +43,8 @@ class Pieces:
         parts += [_cut(packed, row, box) for row, box in enumerate(boxes)]
         return cls(packed.draws, *(np.concatenate(part) for part in zip(*parts, strict=True)))
 
-    def runs(self, pieces: np.ndarray) -> Iterator[tuple[Draw, int, int]]:
-        """Yield (draw, first, count) that show these rows of pieces, (k,) ascending; neighbours at once."""
+    def runs(self, pieces: np.ndarray) -> Iterator[DrawRange]:
+        """Yield what shows these rows of pieces, (k,) int64 ascending; neighbours at once."""
         if not len(pieces):
             return
         new = (np.diff(pieces, prepend=-2) != 1) | (np.diff(self.row[pieces], prepend=-1) != 0)
@@ -44,7 +53,7 @@ class Pieces:
         for row, first, count in zip(
             self.row[heads].tolist(), self.first[heads].tolist(), counts.tolist(), strict=True
         ):
-            yield self.draws[row], first, count
+            yield DrawRange(self.draws[row], first, count)
 
 
 def _cut(packed: Packed, row: int, box: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:

@@ -29,10 +29,10 @@ class BounceStage:
 
     def __init__(self, gpu: Gpu) -> None:
         self._gpu = gpu
-        path, formats = "stages/bounce.wgsl", ["rg32uint"]
-        self._opaque = gpu.raster(path, formats)
-        self._masked = gpu.raster(path, formats, RasterState(vertex="vs_masked", fragment="fs_masked"))
-        self._texels = gpu.texture("bounce maps", formats[0], usage=["attachment"])
+        path, format = "stages/bounce.wgsl", "rg32uint"
+        self._opaque = gpu.raster(path, [format])
+        self._masked = gpu.raster(path, [format], RasterState(vertex="vs_masked", fragment="fs_masked"))
+        self._texels = gpu.texture("bounce maps", format, usage=["attachment"])
         self._depth = gpu.texture("bounce depth", "depth32float", usage=["attachment"])
 
     def __call__(

@@ -69,7 +69,7 @@ class CameraView:
 
     def pixel_widths(self, points: np.ndarray) -> np.ndarray:
         """Return (n,) float32 m: a pixel's side at (n, 3) world-space points, seen face on; above 0."""
-        *ahead, offset = self.clip_from_world[3]
+        *ahead, offset = self.clip_from_world[-1]
         widths = self.footprint * (points @ np.array(ahead, np.float32) + np.float32(offset))
         return np.maximum(np.asarray(widths, np.float32), np.float32(1e-30))
 

@@ -14,8 +14,8 @@ from ispm.gpu import Canvas, Gpu, RasterState, Recording, Target, Texture
 from ispm.lights.atlas import GUARD, LEAST, Seen, ShadowAtlas, ShadowTile, plan_atlas
 from ispm.lights.lightmap import LightMap, light_maps
 from ispm.optics.records import MATERIAL_BLEND, MATERIAL_THIN, MATERIAL_TRANSMITS
-from ispm.scene.packed import Draw, Geometry, Packed
-from ispm.scene.pieces import Pieces
+from ispm.scene.packed import Geometry, Packed
+from ispm.scene.pieces import DrawRange, Pieces
 from ispm.stages.camera import CameraView
 
 _MAP = wgsl.load("stages/shadow_map.wgsl").dtype("ShadowMap")
@@ -126,11 +126,11 @@ class ShadowStage:
                 shared = {"view": frame.uniform(view), "instances": scene.instances}
                 canvas.use(self._opaque, self._opaque.bind(0, **shared))
                 for run in pieces.runs(tile.seen[opaque[tile.seen]]):
-                    _draw_run(canvas, *run)
+                    _draw_run(canvas, run)
                 holed = list(pieces.runs(tile.seen[masked[tile.seen]]))
-                draws = scene.each(frame, canvas, (run[0] for run in holed), lambda _: self._masked, shared)
+                draws = scene.each(frame, canvas, (run.draw for run in holed), lambda _: self._masked, shared)
                 for _, run in zip(draws, holed, strict=True):
-                    _draw_run(canvas, *run)
+                    _draw_run(canvas, run)
 
     def _draw_tints(
         self,
@@ -146,11 +146,11 @@ class ShadowStage:
         with frame.draw_into(self._tints, depth=self._depth, clear=white, clear_depth=None) as canvas:
             for tile, view in self._each(scene, canvas, atlas, views):
                 group = self._sheet.bind(0, frame, view=view, instances=scene.instances)
-                for draw, first, count in pieces.runs(tile.seen[thin[tile.seen]]):
-                    material = scene.packed.materials[draw.material]
-                    maps = scene.material_maps(draw.material, "base_color", "transmission")
+                for run in pieces.runs(tile.seen[thin[tile.seen]]):
+                    material = scene.packed.materials[run.draw.material]
+                    maps = scene.material_maps(run.draw.material, "base_color", "transmission")
                     canvas.use(self._sheet, group, self._sheet.bind(1, frame, material=material, **maps))
-                    _draw_run(canvas, draw, first, count)
+                    _draw_run(canvas, run)
 
     def _each(
         self, scene: GpuScene, canvas: Canvas, atlas: ShadowAtlas, views: list[np.ndarray]
@@ -177,8 +177,10 @@ def shared_indices(geometry: Geometry) -> np.ndarray:
     return indices
 
 
-def _draw_run(canvas: Canvas, draw: Draw, first: int, count: int) -> None:
-    canvas.draw_indexed(count, draw.instance_count, first_index=first, first_instance=draw.first_instance)
+def _draw_run(canvas: Canvas, run: DrawRange) -> None:
+    canvas.draw_indexed(
+        run.length, run.draw.instance_count, first_index=run.first, first_instance=run.draw.first_instance
+    )
 
 
 def _seen(packed: Packed, receivers: np.ndarray, view: CameraView) -> Seen:
@@ -199,7 +201,7 @@ def map_rows(maps: Sequence[LightMap], near: float) -> np.ndarray:
     """Return the SHADOW_MAP rows."""
     rows = np.zeros(len(maps), _MAP)
     for row, map in zip(rows, maps, strict=True):
-        s, t, axis = map.axes[0] if len(map.axes) == 1 else np.diag((1.0, -1.0, 1.0))
+        (s, t, axis), *_ = map.axes if len(map.axes) == 1 else [np.diag((1.0, -1.0, 1.0))]
         depth = 1.0 / float(np.linalg.norm(axis))
         row["x"], row["y"], row["z"] = (v / np.linalg.norm(v) for v in (s, -t, axis))
         row["origin"], row["faces"], row["parallel"] = map.origin, len(map.axes), map.orthographic
