@@ -1,4 +1,4 @@
-"""What stages hand to each other. Readers borrow textures and buffers for the frame only."""
+"""The data that stages pass on. Readers borrow textures and buffers for the frame only."""
 
 from __future__ import annotations
 
@@ -66,12 +66,12 @@ class GpuScene:
         return dict(vertices=self.vertices, indices=self.indices, instances=self.instances)
 
     def is_masked(self, material: int) -> bool:
-        """Whether a material has holes: alpha mode MASK or BLEND."""
+        """Whether a material, by its row, has holes: alpha mode MASK or BLEND."""
         flags = self.packed.materials[material]["flags"]
         return bool(flags & (records.MATERIAL_MASK | records.MATERIAL_BLEND))
 
     def is_textured(self, material: int) -> bool:
-        """Whether a material has a texture in any slot."""
+        """Whether a material, by its row, has a texture in any slot."""
         row = self.packed.materials[material]
         return any(row[f"{slot}_texture"]["texture"] >= 0 for slot in SLOTS)
 
@@ -197,12 +197,12 @@ class ShadowMaps:
 class BounceMap:
     """The first hits that a map of a light sees.
 
-    places  (F, 2) texels that its faces lie right of and below the corner
-    width   texels of a face's edge
+    corners  (F, 2) texels right of and below the texture's corner where its faces begin
+    width    texels of a face's edge
     """
 
     map: LightMap
-    places: np.ndarray
+    corners: np.ndarray
     width: int
 
 
@@ -222,7 +222,7 @@ class BounceMaps:
             return []
         (texels,) = gpu.read_many([(self.texels, np.uint32, 2)])
         return [
-            np.stack([texels[y : y + each.width, x : x + each.width] for x, y in each.places])
+            np.stack([texels[y : y + each.width, x : x + each.width] for x, y in each.corners])
             for each in self.maps
         ]
 

@@ -139,7 +139,7 @@ def _require_named(name: str, value: Any) -> None:
             raise SystemExit(f"api_page: the docstring of {name} does not name '{parameter.name}'")
 
 
-_WITHIN = ("check", "courses", "last_made_of", "made_of", "move", "stand_as")  # for this package
+_WITHIN = ("check", "last_made_of", "made_of", "move", "stand_as", "trajectories")  # for this package
 _PLAIN = ("name", "self", "cls")  # say what they are
 
 

@@ -11,7 +11,7 @@ import msgspec
 from ispm.bench.suite import FORMAT, Spread
 from ispm.errors import SettingsError
 
-LEAST = 0.03  # of a stage's median: what is slower by less is not told
+LEAST = 0.03  # of a stage's median: a stage that is slower by less is not reported
 _NOTCH = 1.57  # see McGill, Tukey and Larsen, Variations of Box Plots, 1978
 
 
@@ -66,7 +66,7 @@ class _Frame:
 
 @dataclass(frozen=True)
 class Measured:
-    """What is compared of a report: the fields of `Report` that times hang on."""
+    """What is compared of a report: the fields of `Report` that times depend on."""
 
     format: int
     machine: _Machine

@@ -35,7 +35,8 @@ def rays_of_walk(
 
 @jit
 def _record(tables, emitted, bounces, seed, rays):
-    """Walk each photon as `walk` does, and write its rays instead of what they hit; return how many."""
+    """Walk each EMITTED photon as `walk` does, and write the (N, 2, 3) float32 origins and directions of its
+    rays instead of what they hit; return how many rays."""
     scratch = Scratch(alloca(STACK_WORDS), alloca(2))
     count = i64(0)
     for i in range(len(emitted)):

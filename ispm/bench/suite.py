@@ -225,7 +225,7 @@ def _machine(adapter: str, others: float) -> Machine:
 
 
 def _others() -> Callable[[], float]:
-    """Return a function that tells how many cores others kept busy since."""
+    """Return a function that returns how many cores others kept busy since."""
     before, started = _busy_seconds() - time.process_time(), time.perf_counter()
     return lambda: (_busy_seconds() - time.process_time() - before) / (time.perf_counter() - started)
 

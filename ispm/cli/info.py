@@ -148,8 +148,8 @@ def nodes(scene: Scene) -> list[dict[str, Any]]:
 def _tell_nodes(console: Console, found: list[dict[str, Any]]) -> None:
     """List the first nodes, indented below those that they hang on, and count the others."""
     rows = [
-        ("· " * min(told["depth"], DEEPEST) + (told["name"] or "(no name)"), _contents(told))
-        for told in found[:MOST_NODES]
+        ("· " * min(row["depth"], DEEPEST) + (row["name"] or "(no name)"), _contents(row))
+        for row in found[:MOST_NODES]
     ]
     console.table("nodes", rows)
     _tell_more(console, len(found), "nodes")
@@ -160,17 +160,17 @@ def _tell_more(console: Console, count: int, what: str) -> None:
         console.say(f"and {count - MOST_NODES:,} more {what}; --json lists all")
 
 
-def _contents(told: dict[str, Any]) -> str:
+def _contents(row: dict[str, Any]) -> str:
     """What stands at a node, in words."""
     words = []
-    if told["parts"]:
-        parts = f"{told['parts']:,} parts of " if told["parts"] > 1 else ""
-        words.append(f"{parts}{told['triangles']:,} triangles")
-    if told["copies"] != 1:
-        words.append(f"{told['copies']:,} copies")
-    words += [told["light"]] * bool(told["light"]) + ["camera"] * bool(told["camera"])
-    if told["children"]:
-        words.append(f"{told['children']:,} {'child' if told['children'] == 1 else 'children'}")
+    if row["parts"]:
+        parts = f"{row['parts']:,} parts of " if row["parts"] > 1 else ""
+        words.append(f"{parts}{row['triangles']:,} triangles")
+    if row["copies"] != 1:
+        words.append(f"{row['copies']:,} copies")
+    words += [row["light"]] * bool(row["light"]) + ["camera"] * bool(row["camera"])
+    if row["children"]:
+        words.append(f"{row['children']:,} {'child' if row['children'] == 1 else 'children'}")
     return ", ".join(words) or "nothing"
 
 
@@ -198,13 +198,13 @@ def _bounds(scene: Scene) -> tuple[list[float], list[float]]:
     return np.min(corners, axis=0).tolist(), np.max(corners, axis=0).tolist()
 
 
-def _boxes(positions: np.ndarray, places: np.ndarray) -> np.ndarray:
-    """(8 n, 3) corners of the box round `positions` at each of (n, 4, 4) places: not tight where turned."""
+def _boxes(positions: np.ndarray, matrices: np.ndarray) -> np.ndarray:
+    """(8 n, 3) corners of the box round (V, 3) positions, moved by (n, 4, 4) matrices."""
     from itertools import product
 
     import numpy as np
 
     ends = np.stack([positions.min(axis=0), positions.max(axis=0)])
     corners = np.array([[ends[k, i] for i, k in enumerate(pick)] for pick in product((0, 1), repeat=3)])
-    placed: np.ndarray = corners @ places[:, :3, :3].swapaxes(1, 2) + places[:, None, :3, 3]
+    placed: np.ndarray = corners @ matrices[:, :3, :3].swapaxes(1, 2) + matrices[:, None, :3, 3]
     return placed.reshape(-1, 3)

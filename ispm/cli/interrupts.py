@@ -1,4 +1,4 @@
-"""Interrupts that let the work at hand come to its end."""
+"""Interrupts that let the pass in progress end."""
 
 from __future__ import annotations
 

@@ -22,10 +22,10 @@ from ispm.settings import Settings
 
 _FROM = np.array([0.45, 0.35, 1.0])  # where an object is seen from: front, a little right and above
 _SUN = np.array([0.6, 1.0, 0.7])
-_VERTICES = 20_000  # looked at to frame a scene
+_VERTICES = 20_000  # that a camera is fitted to
 _CLEARANCE = 0.02  # of the diagonal, between the eye and the scene
 _MARGIN = 1.08  # about what is framed
-_WAYS = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [-1.0, 0.0, 0.0]])
+_HORIZONTAL = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [-1.0, 0.0, 0.0]])
 _NO_POINTS = np.zeros((0, 3))
 _FAR_OFF = (
     1e4  # times its size that a scene may stand from the origin; at 3e4 it has lost 5 % of its indirect light
@@ -36,7 +36,7 @@ _ROOM_YFOV = math.radians(70.0)
 
 
 def find_camera(scene: Scene, wanted: str | int | None) -> tuple[Camera, np.ndarray] | None:
-    """Return the camera called `wanted`, or of that index, or the first, and its pose.
+    """Return the camera called `wanted`, or of that index, or the first, and its (4, 4) pose.
 
     ->  None where the scene has no camera and none was asked for
     Raises SceneError where there is no such camera.
@@ -118,7 +118,7 @@ def far_off(packed: Packed) -> str:
 def passed_points(scene: Scene) -> np.ndarray:
     """Return (n, 3) points, m in world space, near the hull of where animations take things."""
     found = [np.zeros((0, 3))]
-    for node, worlds in scene.courses():
+    for node, worlds in scene.trajectories():
         hulls = [farthest_points(part.mesh) for part in node.parts if len(part.mesh.triangles)]
         if not hulls or not node.copies:
             continue
@@ -130,7 +130,7 @@ def passed_points(scene: Scene) -> np.ndarray:
 
 
 def _moved(points: np.ndarray, matrices: np.ndarray) -> np.ndarray:
-    """(m n, 3): (n, 3) points at each of (m, 4, 4) places."""
+    """Return (n, 3) points moved by each of (m, 4, 4) matrices, (m n, 3)."""
     placed: np.ndarray = points @ matrices[:, :3, :3].swapaxes(1, 2) + matrices[:, None, :3, 3]
     return placed.reshape(-1, 3)
 
@@ -156,7 +156,8 @@ def default_camera(
 ) -> tuple[Camera, np.ndarray]:
     """Return a camera that frames the scene from outside, or from within where it is a room.
 
-    passed  (n, 3) m, points where moving things come by
+    aspect  width over height of the picture
+    passed  (n, 3) m, points that moving things pass
     """
     viewpoint = interior_viewpoint(packed, world)
     if viewpoint is not None:
@@ -189,16 +190,16 @@ def _extent(packed: Packed, passed: np.ndarray) -> tuple[np.ndarray, np.ndarray,
 def _camera_of_room(
     packed: Packed, world: World, viewpoint: np.ndarray, aspect: float
 ) -> tuple[Camera, np.ndarray]:
-    """A camera that looks through a room along the way that is longest, at an eye's height; or that sees its
-    open side whole, from before it."""
+    """A camera that looks through a room in its longest horizontal direction, at eye height; or that sees
+    the whole of its open side, from in front of it."""
     low, high = packed.bounds
     size = high - low
     up, down = np.minimum(_free(world, viewpoint, np.array([[0.0, 1.0, 0.0], [0.0, -1.0, 0.0]])), size[1])
     eye = viewpoint + np.array([0.0, 0.45 * (up + down) - down, 0.0])
-    free = np.minimum(_free(world, eye, _WAYS), np.abs(_WAYS) @ size)
-    way = int((free + 0.5 * np.roll(free, 2)).argmax())  # an open side is one to look in by
-    back, aside = _WAYS[way], np.abs(_WAYS[way - 1])
-    eye = eye + 0.9 * free[way] * back
+    free = np.minimum(_free(world, eye, _HORIZONTAL), np.abs(_HORIZONTAL) @ size)
+    longest = int((free + 0.5 * np.roll(free, 2)).argmax())  # an open side is one to look in by
+    back, aside = _HORIZONTAL[longest], np.abs(_HORIZONTAL[longest - 1])
+    eye = eye + 0.9 * free[longest] * back
     depth = float(size @ np.abs(back))
     if (eye < low).any() or (eye > high).any():
         distance = _MARGIN * max(size[1], float(size @ aside) / aspect) / 2.0 / math.tan(_YFOV / 2.0)
@@ -209,7 +210,7 @@ def _camera_of_room(
 
 
 def _free(world: World, origin: np.ndarray, directions: np.ndarray) -> np.ndarray:
-    """How far one sees from a place in (n, 3) directions, m; infinitely where nothing is met."""
+    """Return (n,) m free from a point in (n, 3) directions; infinite where nothing is met."""
     hits = world.trace(
         np.tile(origin, (len(directions), 1)).astype(np.float32), directions.astype(np.float32)
     )
@@ -234,7 +235,8 @@ def default_light(
 ) -> tuple[Node, str]:
     """Return a node with a light for a scene without one, and a line that says so.
 
-    passed  (n, 3) m, points where moving things come by
+    eye     (3,) m, where the camera stands
+    passed  (n, 3) m, points that moving things pass
     A room gets a lamp near the camera, an object a far lamp like the sun. A white surface facing it
     then has a radiance of about 1 cd/m2, which suits emissive materials of factor 1.
     """

@@ -1,4 +1,4 @@
-"""What tells a room, to be seen from within, from an object, to be seen from outside."""
+"""Whether a scene is a room, to be shown from inside, or an object, to be shown from outside."""
 
 from __future__ import annotations
 
@@ -11,28 +11,28 @@ from ispm.optics.records import NO_HIT
 from ispm.scene.directions import even_directions
 from ispm.scene.packed import Packed
 
-_GRID = 5  # places along each side of the bounds
+_GRID = 5  # points along each side of the bounds
 _PROBES = 128  # rays from each
-# What rooms among the test assets have at least, and objects at most:
-_SEEN = 0.24  # of the bounds' volume, seen from one place: 0.29, and 0.20 of those that pass the next
-_REACH = 0.5  # of the way to the bounds that rays go, on average: 0.58, and 0.38 of those that see as much
-_ENCLOSED = 0.4  # of the places: 0.57 of most rooms, 0.19
-_LEVEL = 500.0  # m3 seen from one place of a level without a roof: 960, 32 of those with backs outside
+# Between rooms and objects; behind each, what rooms of the test assets have at least and objects at most.
+_SEEN = 0.24  # share of the bounds' volume seen from one point: 0.29; 0.20 of objects that pass _REACH
+_REACH = 0.5  # mean share of the distance to the bounds that rays go: 0.58; 0.38 of objects that pass _SEEN
+_ENCLOSED = 0.4  # share of enclosed points: 0.57 of most rooms; 0.19
+_LEVEL = 500.0  # m3 seen from one point of a level without a roof: 960; 32 of objects that show backs outside
 _R3 = np.array([0.8191725, 0.6710436, 0.5497005])  # Roberts 2018: evenly spread points
 
 
 def interior_viewpoint(packed: Packed, world: World) -> np.ndarray | None:
-    """Return a place (3,) near the middle of a room, in m; None for an object, to be seen from outside.
+    """Return a point (3,) near the middle of a room, in m; None for an object, to be seen from outside.
 
-    A place is enclosed where most rays from it meet front faces. A room has mostly such places, or one from
-    which much of its bounds is seen; so has no shoe. A level under an open sky is told by its size, and by
-    its walls, which show their backs to the outside.
+    A point is enclosed where most rays from it meet front faces. In a room most points are, or one of them
+    sees much of the bounds; inside a shoe neither holds. A level under an open sky is recognised by its size
+    and by its walls, which show their backs to the outside.
     """
     low, high = packed.bounds
     steps = (np.arange(_GRID) + 0.5) / _GRID
-    places = np.stack(np.meshgrid(steps, steps, steps, indexing="ij"), axis=-1).reshape(-1, 3)
-    places = low + places * (high - low)
-    enclosed, volume, reach = _surroundings(packed, world, places)
+    points = np.stack(np.meshgrid(steps, steps, steps, indexing="ij"), axis=-1).reshape(-1, 3)
+    points = low + points * (high - low)
+    enclosed, volume, reach = _surroundings(packed, world, points)
     if not enclosed.any():
         return None
     most = float(volume[enclosed].max())
@@ -40,19 +40,18 @@ def interior_viewpoint(packed: Packed, world: World) -> np.ndarray | None:
     level = most >= _LEVEL and _shows_backs(packed, world)
     if not (wide or level or enclosed.mean() >= _ENCLOSED):
         return None
-    fit = places[enclosed & (volume >= 0.8 * most)]
+    fit = points[enclosed & (volume >= 0.8 * most)]
     away = np.linalg.norm((fit - (low + high) / 2.0) / np.maximum(high - low, 1e-9), axis=1)
-    heart: np.ndarray = fit[away.argmin()]
-    return heart
+    return np.asarray(fit[away.argmin()])
 
 
 def _surroundings(
-    packed: Packed, world: World, places: np.ndarray
+    packed: Packed, world: World, points: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Of each of (n, 3) places: whether it is enclosed, the volume in m3 that is seen from it, and how much
-    of the way to the bounds its rays go; those that meet nothing count as 0."""
-    origins = np.repeat(places, _PROBES, axis=0)
-    directions = np.tile(even_directions(_PROBES), (len(places), 1))
+    """Return of each of (n, 3) points, (n,) each: whether it is enclosed, the volume in m3 seen from it, and
+    the mean share of the distance to the bounds that its rays go; rays that meet nothing count as 0."""
+    origins = np.repeat(points, _PROBES, axis=0)
+    directions = np.tile(even_directions(_PROBES), (len(points), 1))
     front, back, t = _facing(packed, world, origins, directions)
     met = front | back
     t = np.where(met, t, 0.0).astype(np.float64)
@@ -60,7 +59,7 @@ def _surroundings(
     with np.errstate(divide="ignore", invalid="ignore"):
         ends = np.fmin.reduce(np.where(directions > 0.0, high - origins, low - origins) / directions, axis=1)
     reach = np.clip(t / np.maximum(ends, 1e-30), 0.0, 1.0)
-    shape = len(places), _PROBES
+    shape = len(points), _PROBES
     hits = met.reshape(shape).sum(axis=1)
     enclosed = (hits > 0.8 * _PROBES) & (front.reshape(shape).sum(axis=1) > 0.6 * hits)
     volume = 4.0 / 3.0 * math.pi * (t.reshape(shape) ** 3).mean(axis=1)
@@ -83,7 +82,7 @@ def _shows_backs(packed: Packed, world: World) -> bool:
 def _facing(
     packed: Packed, world: World, origins: np.ndarray, directions: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Of each ray, whether it meets a front, whether a back, and where, in m."""
+    """Return of each of (n, 3) rays whether it meets a front face, whether a back face, and where, in m."""
     hits = world.trace(origins.astype(np.float32), directions.astype(np.float32))
     hit = hits["instance"] != NO_HIT
     rows = packed.instances[hits["instance"][hit]]

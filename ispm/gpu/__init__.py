@@ -1,4 +1,4 @@
-"""All that speaks to the graphics adapter; nothing outside this package imports wgpu.
+"""Access to the graphics adapter; nothing outside this package imports wgpu.
 
 In come shaders, arrays and commands; out go textures, buffers and what is read back. It knows of no scene.
 What is made on a device is freed with the last reference to it; `Gpu.close` frees all at once.

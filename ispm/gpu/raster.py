@@ -128,7 +128,7 @@ class Canvas:
         self._commands.set_index_buffer(buffer.handle, "uint32")
 
     def viewport(self, x: int, y: int, width: int, height: int) -> None:
-        """Draw into a rectangle of the attachments, and nowhere else."""
+        """Draw into a rectangle of the attachments, in pixels from the top left, and nowhere else."""
         self._commands.set_viewport(x, y, width, height, 0.0, 1.0)
         self._commands.set_scissor_rect(x, y, width, height)
 

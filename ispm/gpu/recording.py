@@ -33,7 +33,7 @@ class UniformPool:
         self.in_use = False
 
     def add(self, array: np.ndarray) -> dict[str, Any]:
-        """Return the binding of a place that will hold `array` at the next `flush`."""
+        """Return the binding of the bytes that hold `array` from the next `flush` on."""
         data = np.ascontiguousarray(array).reshape(-1).view(np.uint8)
         size = -(-data.nbytes // 16) * 16
         if self._used + size > _CHUNK:
@@ -115,7 +115,7 @@ class Recording:
         self._reopen()
 
     def milliseconds(self) -> dict[str, float]:
-        """Return the time of each stage on the device; waits for it. Call it after the context."""
+        """Return the time of each stage on the device in ms; waits for it. Call it after the context."""
         return self._stopwatch.milliseconds()
 
     def uniform(self, array: np.ndarray) -> dict[str, Any]:
@@ -155,7 +155,7 @@ class Recording:
         commands.end()
 
     def clear_buffer(self, buffer: Any) -> None:
-        """Set a `Buffer` to zeros."""
+        """Set all bytes of a `Buffer` to 0."""
         self.encoder.clear_buffer(buffer.handle, 0, buffer.nbytes)
 
     def _submit(self) -> None:

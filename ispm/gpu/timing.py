@@ -55,7 +55,7 @@ class Stopwatch:
         encoder.resolve_query_set(self._timer.queries, 0, count, self._resolved, 0)
 
     def milliseconds(self) -> dict[str, float]:
-        """Return the sum of each stage's passes."""
+        """Return the sum of each stage's passes, ms."""
         if self._resolved is not None and self._timer is not None:
             (ticks,) = self._readback.read([(self._resolved, np.uint64, 2 * len(self._stages))])
             begin, end = ticks[0::2], ticks[1::2]

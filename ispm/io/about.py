@@ -114,7 +114,7 @@ def _exr(path: Path) -> PictureFile:
 
 
 def _exr_channels(data: bytes) -> dict[str, int]:
-    """Names and kinds of channels, which the library tells of pixels alone (OpenEXR File Layout, chlist)."""
+    """Names and kinds of channels, which the library gives with pixels only (OpenEXR File Layout, chlist)."""
     start = data.index(_CHANNEL_LIST) + len(_CHANNEL_LIST) + 4
     kinds = {}
     while data[start]:

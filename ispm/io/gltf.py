@@ -12,7 +12,7 @@ from pathlib import Path
 from ispm.errors import SceneError
 from ispm.io import gltf_schema as schema
 from ispm.io.gltf_animation import read_animations
-from ispm.io.gltf_camera import furnished
+from ispm.io.gltf_camera import with_extras
 from ispm.io.gltf_file import GltfFile, item, label
 from ispm.io.gltf_instances import read_instances
 from ispm.io.gltf_light import read_light
@@ -126,10 +126,10 @@ def _camera(file: GltfFile, index: int) -> Camera | None:
         file.notes.add(f"{where}: its zfar is not beyond its znear; both are passed over")
     if isinstance(kind, schema.Perspective):
         if NARROWEST < kind.yfov < math.pi - NARROWEST:
-            return furnished(Camera(kind.yfov, name=record.name), record.extras, file, where)
+            return with_extras(Camera(kind.yfov, name=record.name), record.extras, file, where)
         file.notes.add(f"{where}: a yfov of {kind.yfov:g} shows nothing; {Camera.yfov:.3g} rad is used")
         return Camera(name=record.name)
     if not NARROWEST < abs(kind.ymag) < FARTHEST:
         file.notes.add(f"{where} is left out: a ymag of {kind.ymag:g} shows nothing")
         return None
-    return furnished(Camera(ymag=abs(kind.ymag), name=record.name), record.extras, file, where)
+    return with_extras(Camera(ymag=abs(kind.ymag), name=record.name), record.extras, file, where)

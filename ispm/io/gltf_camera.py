@@ -43,7 +43,7 @@ def camera_record(camera: Camera) -> dict[str, Any]:
     return {**named, **record, **({"extras": {"ispm": own}} if own else {})}
 
 
-def furnished(camera: Camera, extras: Any, file: GltfFile, where: str) -> Camera:
+def with_extras(camera: Camera, extras: Any, file: GltfFile, where: str) -> Camera:
     """Return `camera` with what its `extras` say of it; what makes no sense is passed over with a note."""
     own = extras.get("ispm") if isinstance(extras, dict) else None
     if own is None:

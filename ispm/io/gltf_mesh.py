@@ -1,4 +1,4 @@
-"""Meshes of a glTF file: each primitive with triangles becomes a Mesh and the material it wears."""
+"""Meshes of a glTF file: each primitive with triangles becomes a Mesh and a material."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ ATTRIBUTES = {
 
 
 class Meshes:
-    """The meshes of a file. Primitives over the same accessors share one Mesh, whatever they wear."""
+    """The meshes of a file. Primitives over the same accessors share one Mesh, whatever their materials."""
 
     def __init__(self, file: GltfFile) -> None:
         self._file = file

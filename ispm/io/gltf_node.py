@@ -1,4 +1,4 @@
-"""Nodes of a glTF file: their places, and who hangs on whom."""
+"""Nodes of a glTF file: their transforms and their hierarchy."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ def _refuse_cycles(file: GltfFile, parents: list[int]) -> None:
 
 
 def _node(file: GltfFile, index: int, record: schema.Node) -> Node:
-    """A node with its place and name, without children or contents."""
+    """A node with its transform and name, without children or contents."""
     where = label("node", index, record.name)
     if max(map(abs, (*record.translation, *record.scale, *(record.matrix or ())))) > FARTHEST:
         raise SceneError(f"{where}: its place or size is beyond {FARTHEST:g} m")

@@ -169,7 +169,7 @@ class NodeExtensions(Record, frozen=True):
 
 
 class Node(Record, frozen=True):
-    """A place in the scene."""
+    """A node: a transform, what it shows, and its children."""
 
     name: str = ""
     children: list[Index] = []

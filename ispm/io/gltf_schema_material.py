@@ -1,4 +1,4 @@
-"""The parts of glTF 2.0's JSON that tell of materials, as typed records."""
+"""The materials in glTF 2.0's JSON, as typed records."""
 
 from __future__ import annotations
 

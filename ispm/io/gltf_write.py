@@ -1,4 +1,4 @@
-"""The glTF file that a scene becomes: records, and the bytes they speak of."""
+"""The glTF file that a scene becomes: JSON records, and the bytes that they refer to."""
 
 from __future__ import annotations
 

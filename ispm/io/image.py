@@ -23,7 +23,7 @@ from ispm.io.png import encode_png
 
 ENDINGS = (".png", ".jpg", ".jpeg", ".exr", ".npy", ".npz")
 ABOUT = "__about__"  # the array of an NPZ that says how the others were made
-NAMES = "names"  # and that which says what ids stand for, as JSON
+NAMES = "names"  # likewise, the names behind ids, as JSON
 EXR_NAMES = "ispm:names"  # likewise the attribute of an EXR
 
 _LEVEL = 1  # of NPZ; numpy's 6 takes a quarter longer, for 2 per cent of the size

@@ -1,10 +1,10 @@
-"""Materials of MTL files, told in glTF's terms.
+"""Materials of MTL files, converted to glTF's.
 
 Kd is the base color, linear. Ks is the reflectance at normal incidence, F0 (of files that Blender wrote: its
 specular level, F0 = 0.08 Ks). Ns is Blinn and Phong's exponent: alpha = sqrt(2 / (Ns + 2)) (Walter et al.
 2007). illum 3 and 5 are mirrors: metals of color Ks, smooth where Ns is not given or 1000, its largest value.
-illum 4, 6, 7 and 9 are smooth glass of index Ni, tinted by the hue of Tf: solid where the faces that wear it
-are closed, a thin sheet otherwise. Pr and Pm, roughness and metalness, go before Ns and illum.
+illum 4, 6, 7 and 9 are smooth glass of index Ni, tinted by the hue of Tf: solid where its faces are
+closed, a thin sheet otherwise. Pr and Pm, roughness and metalness, go before Ns and illum.
 Source: Wavefront, "MTL material format", 1995; https://benhouston3d.com/blog/extended-wavefront-obj-mtl-for-pbr
 """
 
@@ -38,7 +38,7 @@ Color = tuple[float, float, float]
 
 
 class Materials:
-    """The materials of some MTL files, made as they are asked for."""
+    """The materials of some MTL files, each made when it is first used."""
 
     def __init__(self, libraries: list[str], folder: Path, notes: Notes, budget: Budget) -> None:
         self._notes = notes
@@ -62,9 +62,9 @@ class Materials:
                     self._records.setdefault(material, record)
 
     def get(self, name: str, mesh: Mesh, solid: Callable[[], bool]) -> Material:
-        """Return the material `name` as `mesh` can wear it: gray where there is none, plain without uv0.
+        """Return the material `name` as `mesh` can show it: gray where there is none, plain without uv0.
 
-        solid  says whether the faces that wear it are closed; asked for glass alone
+        solid  tells whether the faces of this material are closed; called for glass alone
         """
         key = name, mesh.uv0 is not None, mesh.colors is not None
         if key not in self._made:
@@ -83,28 +83,28 @@ class Materials:
             for slot in textured:
                 setattr(material, slot, None)
 
-    def _make(self, name: str, record: Statements, solid: Callable[[], bool]) -> Material:
-        said = _Said(record, f"material '{name}'", self._notes)
-        for key in sorted(UNREAD & set(record)):
+    def _make(self, name: str, statements: Statements, solid: Callable[[], bool]) -> Material:
+        record = _Record(statements, f"material '{name}'", self._notes)
+        for key in sorted(UNREAD & set(statements)):
             self._notes.add(f"{key} of MTL files is not supported and passed over")
-        values = _base(said) | self._textures(said) | _opacity(said)
-        if said.glass:
-            values |= _glass(said, solid())
-        elif said.illum in MIRRORS and not PHYSICAL & set(record):
-            values |= _mirror(said)
-        elif PHYSICAL & set(record):
-            values |= _physical(said)
+        values = _base(record) | self._textures(record) | _opacity(record)
+        if record.glass:
+            values |= _glass(record, solid())
+        elif record.illum in MIRRORS and not PHYSICAL & set(statements):
+            values |= _mirror(record)
+        elif PHYSICAL & set(statements):
+            values |= _physical(record)
         return Material(**values, double_sided=True, name=name)
 
-    def _textures(self, said: _Said) -> dict[str, Any]:
+    def _textures(self, record: _Record) -> dict[str, Any]:
         result: dict[str, Any] = {
-            "normal_texture": self._use(said, "norm", srgb=False),
-            "emission_texture": self._use(said, "map_ke", srgb=True),
-            "base_color_texture": self._use(said, "map_kd", srgb=True),
+            "normal_texture": self._use(record, "norm", srgb=False),
+            "emission_texture": self._use(record, "map_ke", srgb=True),
+            "base_color_texture": self._use(record, "map_kd", srgb=True),
         }
-        if "map_d" in said.record:
-            result["base_color_texture"] = self._cutout(said) or result["base_color_texture"]
-        rough, metal = said.map("map_pr"), said.map("map_pm")
+        if "map_d" in record.statements:
+            result["base_color_texture"] = self._cutout(record) or result["base_color_texture"]
+        rough, metal = record.map("map_pr"), record.map("map_pm")
         pixels = [None if m is None else self._maps.pixels(m.name, srgb=False) for m in (rough, metal)]
         if any(p is not None for p in pixels):
             result["metallic_roughness_texture"] = self._maps.use(
@@ -115,8 +115,8 @@ class Materials:
             )
         return result
 
-    def _use(self, said: _Said, key: str, *, srgb: bool) -> TextureUse | None:
-        what = said.map(key)
+    def _use(self, record: _Record, key: str, *, srgb: bool) -> TextureUse | None:
+        what = record.map(key)
         pixels = None if what is None else self._maps.pixels(what.name, srgb=srgb)
         if what is None or pixels is None:
             return None
@@ -128,9 +128,9 @@ class Materials:
 
         return self._maps.use(what, (what.name,), make, srgb=srgb)
 
-    def _cutout(self, said: _Said) -> TextureUse | None:
+    def _cutout(self, record: _Record) -> TextureUse | None:
         """The base color with the opacity of map_d: its alpha where it has one, else its red."""
-        mask, color = said.map("map_d"), said.map("map_kd")
+        mask, color = record.map("map_d"), record.map("map_kd")
         opacity = None if mask is None else self._maps.pixels(mask.name, srgb=True)
         if mask is None or opacity is None:
             return None
@@ -148,28 +148,28 @@ def plain(mesh: Mesh, name: str = "") -> Material:
     return Material((0.8 if mesh.colors is None else 1.0,) * 3, double_sided=True, name=name)
 
 
-class _Said:
+class _Record:
     """The statements of one material, with their values checked."""
 
-    def __init__(self, record: Statements, where: str, notes: Notes) -> None:
-        self.record, self.where, self.notes = record, where, notes
+    def __init__(self, statements: Statements, where: str, notes: Notes) -> None:
+        self.statements, self.where, self.notes = statements, where, notes
         self.illum = int(self.number("illum", 2.0, 0.0, 10.0))
 
     @property
     def glass(self) -> bool:
         """Whether light goes through, bent: as illum says; without it, as Tf with an index does."""
-        if "illum" in self.record:
+        if "illum" in self.statements:
             return self.illum in GLASS
         return self.number("ni", 1.0, 0.0, 100.0) > 1.0 and max(self.color("tf", 0.0)) > 0.0
 
     def color(self, key: str, default: float, most: float = 1.0) -> Color:
         """Three numbers, or one for all, within 0..most."""
-        words = self.record.get(key, "").split()
+        words = self.statements.get(key, "").split()
         try:
             given = [float(word) for word in words[:3]] if words else [default]
         except ValueError:
             self.notes.add(
-                f"{self.where}: '{key} {self.record[key][:40]}' cannot be read; {default:g} is used"
+                f"{self.where}: '{key} {self.statements[key][:40]}' cannot be read; {default:g} is used"
             )
             given = [default]
         r, g, b = given if len(given) == 3 else given[:1] * 3
@@ -177,12 +177,12 @@ class _Said:
 
     def number(self, key: str, default: float, low: float = 0.0, most: float = 1.0) -> float:
         """A number within low..most; a word before it, as in `d -halo 0.5`, is passed over."""
-        words = self.record.get(key, "").split()
+        words = self.statements.get(key, "").split()
         try:
             return max(self._within(key, float(words[-1]) if words else default, most), low)
         except ValueError:
             self.notes.add(
-                f"{self.where}: '{key} {self.record[key][:40]}' cannot be read; {default:g} is used"
+                f"{self.where}: '{key} {self.statements[key][:40]}' cannot be read; {default:g} is used"
             )
             return default
 
@@ -194,7 +194,7 @@ class _Said:
 
     def map(self, key: str) -> MapUse | None:
         """What a map statement names."""
-        what = parse_map(self.record.get(key, ""))
+        what = parse_map(self.statements.get(key, ""))
         return what if what.name else None
 
 
@@ -215,73 +215,73 @@ def parse(text: str) -> dict[str, Statements]:
     return found
 
 
-def _base(said: _Said) -> dict[str, Any]:
-    color, glow = said.color("kd", 0.8), said.color("ke", 0.0, BRIGHTEST)
-    if "map_kd" in said.record and max(color) == 0.0:
+def _base(record: _Record) -> dict[str, Any]:
+    color, glow = record.color("kd", 0.8), record.color("ke", 0.0, BRIGHTEST)
+    if "map_kd" in record.statements and max(color) == 0.0:
         color = (1.0, 1.0, 1.0)
-    if "map_ke" in said.record and max(glow) == 0.0:
+    if "map_ke" in record.statements and max(glow) == 0.0:
         glow = (1.0, 1.0, 1.0)
-    mirror = said.color("ks", 0.0)
-    level = 0.08 if "blender" in said.record else 1.0
+    mirror = record.color("ks", 0.0)
+    level = 0.08 if "blender" in record.statements else 1.0
     return dict(
         base_color=color,
         specular=1.0 if max(mirror) > 0.0 else 0.0,
         specular_color=tuple(level * k / PLAIN_F0 for k in mirror) if max(mirror) > 0.0 else (1.0, 1.0, 1.0),
-        roughness=_roughness(said),
+        roughness=_roughness(record),
         emission=glow,
     )
 
 
-def _roughness(said: _Said) -> float:
-    """The square root of alpha."""
-    exponent = said.number("ns", 0.0, 0.0, 1e6)
+def _roughness(record: _Record) -> float:
+    """The square root of alpha, 0 to 1."""
+    exponent = record.number("ns", 0.0, 0.0, 1e6)
     return float((2.0 / (exponent + 2.0)) ** 0.25)
 
 
-def _physical(said: _Said) -> dict[str, Any]:
-    metallic = said.number("pm", 1.0 if "map_pm" in said.record else 0.0)
-    return dict(metallic=metallic, roughness=said.number("pr", 1.0), **PLAIN_SPECULAR)
+def _physical(record: _Record) -> dict[str, Any]:
+    metallic = record.number("pm", 1.0 if "map_pm" in record.statements else 0.0)
+    return dict(metallic=metallic, roughness=record.number("pr", 1.0), **PLAIN_SPECULAR)
 
 
-def _mirror(said: _Said) -> dict[str, Any]:
-    given = "kd" if "blender" in said.record or max(said.color("ks", 0.0)) == 0.0 else "ks"
-    smooth = said.number("ns", SHARPEST, 0.0, 1e6) >= SHARPEST
+def _mirror(record: _Record) -> dict[str, Any]:
+    given = "kd" if "blender" in record.statements or max(record.color("ks", 0.0)) == 0.0 else "ks"
+    smooth = record.number("ns", SHARPEST, 0.0, 1e6) >= SHARPEST
     return dict(
-        base_color=said.color(given, 0.8),
+        base_color=record.color(given, 0.8),
         metallic=1.0,
-        roughness=said.number("pr", 0.0 if smooth else _roughness(said)),
+        roughness=record.number("pr", 0.0 if smooth else _roughness(record)),
         **PLAIN_SPECULAR,
     )
 
 
-def _glass(said: _Said, solid: bool) -> dict[str, Any]:
-    filtered = said.color("tf", 1.0)
+def _glass(record: _Record, solid: bool) -> dict[str, Any]:
+    filtered = record.color("tf", 1.0)
     brightest = max(filtered)
     return dict(
         base_color=tuple(f / brightest for f in filtered) if brightest > 0.0 else (1.0, 1.0, 1.0),
         metallic=0.0,
-        roughness=said.number("pr", 0.0),
+        roughness=record.number("pr", 0.0),
         **PLAIN_SPECULAR,
-        ior=max(said.number("ni", 1.5, 0.0, 100.0), 1.0),
+        ior=max(record.number("ni", 1.5, 0.0, 100.0), 1.0),
         transmission=1.0,
         thickness=1.0 if solid else 0.0,
         alpha_mode=AlphaMode.OPAQUE,
     )
 
 
-def _opacity(said: _Said) -> dict[str, Any]:
-    if said.glass:
+def _opacity(record: _Record) -> dict[str, Any]:
+    if record.glass:
         return {}
-    if "map_d" in said.record:
+    if "map_d" in record.statements:
         return dict(alpha_mode=AlphaMode.MASK)
-    opacity = said.number("d", 1.0) if "d" in said.record else 1.0 - said.number("tr", 0.0)
-    if opacity == 0.0 and "d" not in said.record:
-        said.notes.add(f"{said.where}: Tr 1 is taken for opaque, as some programs mean it")
+    opacity = record.number("d", 1.0) if "d" in record.statements else 1.0 - record.number("tr", 0.0)
+    if opacity == 0.0 and "d" not in record.statements:
+        record.notes.add(f"{record.where}: Tr 1 is taken for opaque, as some programs mean it")
         return {}
     if opacity == 1.0:
         return {}
-    said.notes.count(
+    record.notes.count(
         "material with an opacity below 1 is drawn as a stochastic mask",
         "materials with an opacity below 1 are drawn as stochastic masks",
     )
-    return dict(alpha_mode=AlphaMode.BLEND, base_color=(*_base(said)["base_color"], opacity))
+    return dict(alpha_mode=AlphaMode.BLEND, base_color=(*_base(record)["base_color"], opacity))

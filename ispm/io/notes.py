@@ -1,4 +1,4 @@
-"""What a reader has to tell about a file that can be drawn all the same."""
+"""Warnings of a reader about a file that can be drawn all the same."""
 
 from __future__ import annotations
 

@@ -76,7 +76,7 @@ class _Reader:
             b"s": self._smooth,
             b"o": self._name,
             b"g": self._name,
-            b"usemtl": self._wear,
+            b"usemtl": self._use_material,
             b"mtllib": self._library,
         }
         self._names = {b"o": "", b"g": ""}
@@ -138,7 +138,7 @@ class _Reader:
     def _name(self, words: list[bytes]) -> None:
         self._names[words[0]], self._faces = _rest(words), None
 
-    def _wear(self, words: list[bytes]) -> None:
+    def _use_material(self, words: list[bytes]) -> None:
         self._material, self._faces = _rest(words), None
 
     def _smooth(self, words: list[bytes]) -> None:

@@ -24,7 +24,7 @@ def polygons(faces: Sequence[np.ndarray], name: str = "") -> Mesh:
 
 
 def box(low: Sequence[float], high: Sequence[float], name: str = "") -> Mesh:
-    """Return a closed box between two corners: 12 flat triangles."""
+    """Return a closed box between two corners, (3,) in m: 12 flat triangles."""
     corners = np.where(_BOX_CORNERS, np.asarray(high, float), np.asarray(low, float))
     quads = np.array(_BOX_QUADS)
     return Mesh(corners, quads[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3), name=name)
@@ -83,7 +83,8 @@ def _profile_rows(points: np.ndarray) -> tuple[np.ndarray, np.ndarray, list[int]
 def ball(radius: float, segments: int, steps: int, name: str = "") -> Mesh:
     """Return a sphere about the origin cut by meridians and parallels: 2 segments (steps - 1) triangles.
 
-    steps  from pole to pole
+    radius  m
+    steps   from pole to pole
     """
     angle = np.linspace(-0.5 * np.pi, 0.5 * np.pi, steps + 1)
     across = radius * np.cos(angle)

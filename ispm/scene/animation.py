@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 WIDTHS = {"translation": 3, "rotation": 4, "scale": 3}
 INTERPOLATIONS = ("LINEAR", "STEP", "CUBICSPLINE")
-_SHORTEST = 1e-3  # quaternion that still tells a rotation
+_SHORTEST = 1e-3  # norm of a quaternion, below which its rotation is undefined
 
 
 @dataclass(eq=False)

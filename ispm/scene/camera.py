@@ -11,7 +11,7 @@ import numpy as np
 
 from ispm.errors import SettingsError
 from ispm.scene.rotation import facing
-from ispm.scene.values import FARTHEST, LEAST, Point, Strict, array_of, require, told
+from ispm.scene.values import FARTHEST, LEAST, Point, Strict, array_of, as_code, require
 
 Convention = Literal["opencv", "opengl"]
 
@@ -42,7 +42,7 @@ class Camera(Strict):
         self.check()
 
     def __repr__(self) -> str:
-        return told(self)
+        return as_code(self)
 
     def check(self) -> None:
         """Raise SettingsError for a value that shows nothing."""

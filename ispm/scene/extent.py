@@ -59,8 +59,8 @@ def placed_bounds(placed: Iterable[tuple[Node, np.ndarray]]) -> np.ndarray:
         raise SceneError("there is no surface, and so there are no bounds")
     boxes = np.stack(
         [
-            _bounds_of_copies(used_points(mesh.positions, mesh.triangles), np.concatenate(places))
-            for mesh, places in shown.values()
+            _bounds_of_copies(used_points(mesh.positions, mesh.triangles), np.concatenate(matrices))
+            for mesh, matrices in shown.values()
         ]
     )
     return np.stack([boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)])
@@ -71,12 +71,12 @@ def used_points(positions: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     return np.asarray(positions[np.unique(triangles)], np.float64)
 
 
-def _bounds_of_copies(points: np.ndarray, places: np.ndarray) -> np.ndarray:
-    """(2, 3) bounds of (n, 3) points at each of (k, 4, 4) places.
+def _bounds_of_copies(points: np.ndarray, matrices: np.ndarray) -> np.ndarray:
+    """(2, 3) bounds of (n, 3) points at each of (k, 4, 4) matrices.
 
     Only copies whose box, turned with them, reaches beyond what others do are looked at point by point.
     """
-    turns, moves = places[:, :3, :3], places[:, :3, 3]
+    turns, moves = matrices[:, :3, :3], matrices[:, :3, 3]
     middle, half = (points.max(axis=0) + points.min(axis=0)) / 2.0, np.ptp(points, axis=0) / 2.0
     centers, reach = turns @ middle + moves, np.abs(turns) @ half
     loose = np.stack([centers - reach, centers + reach])

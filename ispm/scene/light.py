@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, field
 
 from ispm.errors import SceneError
-from ispm.scene.values import BRIGHTEST, LEAST, Strict, require, told
+from ispm.scene.values import BRIGHTEST, LEAST, Strict, as_code, require
 
 _FLAT = math.pi / 2.0 + 1e-6  # files round it
 
@@ -27,7 +27,7 @@ class PointLight(Strict):
         self.check()
 
     def __repr__(self) -> str:
-        return told(self)
+        return as_code(self)
 
     def check(self, called: str = "") -> None:
         """Raise SceneError for a value out of range, which calls this light so."""
@@ -55,7 +55,7 @@ class SpotLight(Strict):
         self.check()
 
     def __repr__(self) -> str:
-        return told(self)
+        return as_code(self)
 
     def check(self, called: str = "") -> None:
         """Raise SceneError for a value out of range, which calls this light so."""
@@ -83,7 +83,7 @@ class DirectionalLight(Strict):
         self.check()
 
     def __repr__(self) -> str:
-        return told(self)
+        return as_code(self)
 
     def check(self, called: str = "") -> None:
         """Raise SceneError for a value out of range, which calls this light so."""

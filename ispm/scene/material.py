@@ -12,7 +12,7 @@ import numpy as np
 
 from ispm.errors import SceneError, warn_caller
 from ispm.scene.pixels import rgba_of
-from ispm.scene.values import BRIGHTEST, LEAST, Strict, array_of, member_of, require, told
+from ispm.scene.values import BRIGHTEST, LEAST, Strict, array_of, as_code, member_of, require
 
 IDENTITY_UV = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
 
@@ -102,7 +102,7 @@ class Texture(Strict):
 
     @property
     def state(self) -> TextureState:
-        """What its looks hang on."""
+        """What its appearance depends on."""
         return TextureState(self.pixels, self.version, bool(self.srgb), bool(self.mipmaps))
 
     def touch(self) -> None:
@@ -249,7 +249,7 @@ class Material(Strict):
             (use.texture if isinstance(use, TextureUse) else use).check()
 
     def __repr__(self) -> str:
-        return told(self)
+        return as_code(self)
 
     @property
     def casts_caustics(self) -> bool:

@@ -37,7 +37,7 @@ class Mesh(Strict):
     tangents   (V, 4) float32, w = handedness; None: derived from uv0 where a normal map needs them
     uv0, uv1   (V, 2) float32, v downwards as in glTF
     colors     (V, 4) float32, linear RGBA in [0, 1], multiplied into the base colour
-    version    counts what `touch` was told
+    version    counts calls of `touch`
     Raises SceneError where shapes disagree, an index points outside or a value is not finite.
     """
 

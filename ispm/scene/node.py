@@ -1,4 +1,4 @@
-"""Nodes: places in a scene, one below another, and what stands there."""
+"""Nodes: transforms, one below another, and the parts, light or camera that each holds."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _PLACE = ("translation", "rotation", "scale", "matrix")
 
 @dataclass(eq=False)
 class Part(Strict):
-    """A mesh with the material it wears.
+    """A mesh and its material.
 
     Two parts of one mesh or one material share it: what changes, changes for both.
     """

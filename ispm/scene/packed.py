@@ -24,7 +24,7 @@ from ispm.scene.scene import Scene
 from ispm.scene.values import FARTHEST
 
 PIECE = 64  # triangles of a mesh; neighbours in its list mostly lie close together
-_HULL_WAYS = even_directions(64)
+_HULL_DIRECTIONS = even_directions(64)
 
 
 @dataclass
@@ -76,7 +76,7 @@ class Geometry:
 
     @cached_property
     def digest(self) -> bytes:
-        """What tells these meshes from others."""
+        """A hash of these meshes, 32 bytes."""
         return sha256(self.vertices.tobytes() + self.indices.tobytes()).digest()
 
     def fits(self, meshes: list[Mesh]) -> bool:
@@ -144,7 +144,7 @@ class Packed:
         found = self.instances[(flags & records.MATERIAL_CAUSTIC) != 0]
         hulls = [self.geometry.ranges[mesh].hull for mesh in found["mesh"]]
         if not hulls:
-            return np.zeros((0, len(_HULL_WAYS), 3))
+            return np.zeros((0, len(_HULL_DIRECTIONS), 3))
         world = np.stack([found["world0"], found["world1"], found["world2"]], axis=1).astype(np.float64)
         return np.asarray(np.einsum("nij,nkj->nki", world[:, :, :3], np.stack(hulls)) + world[:, None, :, 3])
 
@@ -163,7 +163,7 @@ class Packed:
 def farthest_points(mesh: Mesh) -> np.ndarray:
     """Return (k, 3) vertices that lie farthest in evenly spread directions, object space: nearly its hull."""
     used = mesh.positions[np.unique(mesh.triangles)]
-    farthest = [int((used @ way).argmax()) for way in _HULL_WAYS]
+    farthest = [int((used @ direction).argmax()) for direction in _HULL_DIRECTIONS]
     return np.asarray(used[farthest], np.float64)
 
 
@@ -229,7 +229,7 @@ def pack(scene: Scene, geometry: Geometry | None = None) -> Packed:
 
 
 def pack_geometry(meshes: list[Mesh]) -> Geometry:
-    """Put the vertices and triangles of `meshes` one behind the other."""
+    """Return the vertices and triangles of `meshes`, one behind the other."""
     ranges: list[MeshRange] = []
     vertices: list[np.ndarray] = []
     indices: list[np.ndarray] = []
@@ -360,7 +360,7 @@ def _instances(
 
 
 def _draws(mesh: np.ndarray, material: np.ndarray, mirrored: np.ndarray) -> list[Draw]:
-    """Runs of instances of the same mesh and material, turned the same way."""
+    """Runs of instances of the same mesh and material, turned the same direction."""
     new = np.ones(len(mesh), bool)
     new[1:] = (np.diff(mesh) != 0) | (np.diff(material) != 0) | (mirrored[1:] != mirrored[:-1])
     first = np.flatnonzero(new)

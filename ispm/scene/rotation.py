@@ -11,9 +11,9 @@ from ispm.scene.values import FARTHEST, Point, require, strict_call
 
 Quaternion = tuple[float, float, float, float]
 
-_MIN_LENGTH = 1e-9  # length of an axis that still tells a direction
+_MIN_LENGTH = 1e-9  # of an axis, below which it has no direction
 _TWO_TURNS = 4.0 * math.pi
-_PARALLEL = 0.9999  # cosine from which `up` no longer tells which side of a view is its top
+_PARALLEL = 0.9999  # cosine between `up` and the view from which the top of the picture is undefined
 
 
 @strict_call

@@ -23,8 +23,8 @@ from ispm.scene.node import Part as Part
 from ispm.scene.rotation import Quaternion
 from ispm.scene.values import Point, Strict, require, strict_call
 
-_MOST_AGAIN = 100_000  # places of nodes that hang in another one, too
-_MOMENTS = 64  # evenly over an animation, at which it is asked where it takes things
+_MOST_AGAIN = 100_000  # times that nodes are met again, below another parent
+_MOMENTS = 64  # evenly over an animation, at which trajectories are sampled
 _KEYS = 256  # likewise, of its own
 
 
@@ -95,7 +95,7 @@ class Scene(Branch, Strict):
         return [node for node, _ in self._walk()]
 
     def parents(self) -> list[int]:
-        """Return of each of `nodes` the place of its parent among them, -1 where it has none."""
+        """Return the index in `nodes` of the parent of each, -1 where it has none."""
         result: list[int] = []
         above: list[int] = []
         for index, (_, depth) in enumerate(self._walk()):
@@ -106,12 +106,12 @@ class Scene(Branch, Strict):
     def _walk(self) -> Iterator[tuple[Node, int]]:
         """Yield each node with how many are above it, parents before children.
 
-        A node that hangs in several places is met in each. Raises SceneError where something else stands
-        among them, a node hangs below itself, or there are too many places: a few dozen nodes, each twice
-        below the next, have more than can ever be visited.
+        A node with several parents is met below each. Raises SceneError for a child that is no node, for a
+        node that is its own descendant, and where nodes are met too often: a few dozen nodes, each twice
+        below the next, make more paths than can ever be visited.
         """
         stack = [(node, 0) for node in reversed(listed(self, "roots", Node))]
-        above: list[int] = []  # ids of the nodes on the way to this one
+        above: list[int] = []  # ids of the ancestors of this node
         inside: set[int] = set()
         met: set[int] = set()
         again = 0
@@ -334,10 +334,10 @@ class Scene(Branch, Strict):
                     found.setdefault(id(channel.node), (channel.node, []))[1].append(channel)
         return list(found.values())
 
-    def courses(self) -> Iterator[tuple[Node, np.ndarray]]:
-        """Yield each node that what is playing moves, with its (T, 4, 4) node-to-world matrices at T times.
+    def trajectories(self) -> Iterator[tuple[Node, np.ndarray]]:
+        """Yield each node that the animations in play move, with its (T, 4, 4) node-to-world matrices.
 
-        The times are spread over the animations, and the same whenever the scene is asked.
+        The T times are spread over these animations, whatever moment the scene stands at.
         """
         moving = {id(node): channels for node, channels in self._moving()}
         times = [channel.times for channels in moving.values() for channel in channels]
@@ -351,11 +351,11 @@ class Scene(Branch, Strict):
             del worlds[depth + 1 :]
             local = node.local_matrix()
             if id(node) in moving:
-                moved, places = copy.copy(node), []
+                moved, matrices = copy.copy(node), []
                 for time in moments:
                     moved.move(moving[id(node)], float(time))
-                    places.append(moved.local_matrix())
-                local = np.stack(places)
+                    matrices.append(moved.local_matrix())
+                local = np.stack(matrices)
             worlds.append(worlds[depth] @ local)
             if worlds[-1].ndim == 3:
                 yield node, worlds[-1]

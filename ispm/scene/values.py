@@ -148,7 +148,7 @@ def matches(name: str, pattern: str) -> bool:
     return name == pattern or fnmatchcase(name, pattern)
 
 
-def told(item: object) -> str:
+def as_code(item: object) -> str:
     """Return a dataclass as the code that makes it, without fields at their defaults."""
     values = {f.name: (f, getattr(item, f.name)) for f in fields(item)}  # type: ignore[arg-type]
     given = [

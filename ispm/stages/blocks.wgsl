@@ -5,7 +5,7 @@ const STEP = 89u;          // a prime: coprime to any BLOCK^2. Of those under 70
 
 // Where in a block its receiver lies, pixels right of and below the block's first: in the first pass anywhere,
 // the middle at best; later at each of its pixels in turn, evenly spread over any few passes.
-fn receiver_place() -> vec2f {
+fn receiver_offset() -> vec2f {
     if (camera.pass_index == 0u) {
         return vec2f(0.5 * f32(BLOCK) - 0.5);
     }

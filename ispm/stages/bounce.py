@@ -67,7 +67,7 @@ class BounceStage:
             return self._masked if scene.is_masked(draw.material) else self._opaque
 
         seen = seen_by_faces(scene.boxes, map.map)
-        for uniform, (x, y), visible in zip(uniforms, map.places.tolist(), seen, strict=True):
+        for uniform, (x, y), visible in zip(uniforms, map.corners.tolist(), seen, strict=True):
             if not visible.any():
                 continue
             shared = {"face": frame.uniform(uniform), **scene.corners}
@@ -77,11 +77,11 @@ class BounceStage:
 
 
 def _arrange(plan: Sequence[PlannedMap], limit: int) -> tuple[list[BounceMap], tuple[int, int]]:
-    """Find a place for each face of the maps, and return them and the size of the texture they need."""
+    """Return the maps, their faces packed into one texture, and its (width, height) in texels."""
     widths = np.repeat([each.width for each in plan], [len(each.map.axes) for each in plan])
     order = np.argsort(-widths, kind="stable")
-    places = np.empty((len(widths), 2), np.int64)
-    places[order], size = pack_shelves(np.stack([widths, widths], axis=1)[order], limit)
+    corners = np.empty((len(widths), 2), np.int64)
+    corners[order], size = pack_shelves(np.stack([widths, widths], axis=1)[order], limit)
     ends = np.cumsum([len(each.map.axes) for each in plan])[:-1]
-    parts = np.split(places, ends) if plan else []
+    parts = np.split(corners, ends) if plan else []
     return [BounceMap(each.map, part, each.width) for each, part in zip(plan, parts, strict=True)], size

@@ -14,7 +14,7 @@ CAMERA = wgsl.load("stages/camera.wgsl").dtype("Camera")
 
 @dataclass(frozen=True, eq=False)
 class CameraView:
-    """A camera at a place, with a picture's size. Matrices are float64, columns on the right.
+    """A camera with a pose and a picture's size. Matrices are float64, columns on the right.
 
     size        width and height in pixels
     pose        (4, 4) camera-to-world, orthonormal; it looks along -Z with +Y up
@@ -47,7 +47,7 @@ class CameraView:
 
     @property
     def eye(self) -> np.ndarray:
-        """Where the camera stands, world space."""
+        """Return (3,) m, where the camera stands, world space."""
         return np.asarray(self.pose, np.float64)[:3, 3]
 
     @property

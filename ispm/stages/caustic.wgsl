@@ -30,24 +30,24 @@ struct Arrived {
 // some drivers pay for each.
 @vertex
 fn vs(@builtin(vertex_index) index: u32) -> Splat {
-    let place = on_screen(photons[index / 3u], BOUND_SCALE * TRIANGLE[index % 3u]);
-    return Splat(vec4f(place, 0.5, 1.0), index / 3u);
+    let clip = on_screen(photons[index / 3u], BOUND_SCALE * TRIANGLE[index % 3u]);
+    return Splat(vec4f(clip, 0.5, 1.0), index / 3u);
 }
 
-// Where a point of the plane is, in normalised device coordinates, when the unit disc is mapped to the
+// The normalised device coordinates of a point given in units of a disc, when the unit disc is mapped to the
 // ellipse that a photon's kernel covers on the screen.
 //
 // The plane x - s w = 0 through the eye touches the kernel's ellipsoid where its value at the center,
-// squared, is the ellipsoid's form of it. With x counted from the center's place on the screen that is
+// squared, is the ellipsoid's form of it. With x counted from the center's projection that is
 // d s^2 + 2 b s - a = 0, in which nothing cancels; likewise for any other direction than x. So the
 // ellipse has the center -b / d and the covariance a / d + b b^T / d^2. Exact for any projection.
-fn on_screen(photon: Caustic, place: vec2f) -> vec2f {
+fn on_screen(photon: Caustic, disc: vec2f) -> vec2f {
     let rows = transpose(camera.clip_from_world);
     let center = vec4f(photon.position, 1.0);
     let w = dot(rows[3], center);
     let d = w * w - form(photon, rows[3].xyz, rows[3].xyz);
     if (!(d > 0.0)) {
-        return 2.0 * place;       // it reaches round the eye: the whole screen
+        return 2.0 * disc;        // it reaches round the eye: the whole screen
     }
     if (w < 0.0) {
         return vec2f(2.0);        // behind the eye: nothing
@@ -61,7 +61,7 @@ fn on_screen(photon: Caustic, place: vec2f) -> vec2f {
     let width = sqrt(variance.x);
     let shear = (form(photon, x, y) / d + b.x * b.y) / width;
     let height = sqrt(max(variance.y - shear * shear, margin.y * margin.y));
-    return at - b + vec2f(width * place.x, shear * place.x + height * place.y);
+    return at - b + vec2f(width * disc.x, shear * disc.x + height * disc.y);
 }
 
 // The ellipsoid's quadratic form: a^T (u u^T + v v^T + h^2 n n^T) b.

@@ -186,10 +186,10 @@ fn lit(pixel: vec2u, position: vec3f, word: u32) -> vec3f {
 fn may_light(s: Surface, i: u32) -> bool {
     let light = lamps.lights[i];
     let far = light.kind == LIGHT_DIRECTIONAL;
-    let way = select(light.position - s.position, -light.direction, far);
-    let above = dot(way, s.ng) > 0.0;
-    let faces = (above && dot(way, s.n) > 0.0) || (s.thin && !above);
-    return faces && (far || light.range <= 0.0 || dot(way, way) < light.range * light.range);
+    let to_light = select(light.position - s.position, -light.direction, far);
+    let above = dot(to_light, s.ng) > 0.0;
+    let faces = (above && dot(to_light, s.n) > 0.0) || (s.thin && !above);
+    return faces && (far || light.range <= 0.0 || dot(to_light, to_light) < light.range * light.range);
 }
 
 // The next of those, from row `first` on. Where branches are masked, as on llvmpipe, the lanes of a pixel's group

@@ -42,8 +42,8 @@ fn middle_pixel(block: vec2u) -> vec2i {
             median = k;
         }
     }
-    // In clip space a plane's depth is linear: off by this times the plane's z, it is what its x and y make of
-    // the way on the screen.
+    // In clip space a plane's depth is linear: times its z, depth changes by its x and y times the distance on
+    // the screen.
     let own = block_pixel(block, side, median);
     let position = bitcast<vec3f>(textureLoad(points, own, 0).xyz);
     let ng = unpack_normal(textureLoad(normals, own, 0).y);
@@ -56,9 +56,9 @@ fn middle_pixel(block: vec2u) -> vec2i {
     for (var k = 0u; k < side * side; k++) {
         let pixel = block_pixel(block, side, k);
         let off = (depths[k] - depths[median]) * plane.z + dot(slope, vec2f(pixel) - vec2f(own));
-        let way = vec2f(pixel) - middle;
-        if (depths[k] > 0.0 && abs(off) <= SAME_PLANE * unit * abs(plane.z) && dot(way, way) < nearest) {
-            nearest = dot(way, way);
+        let offset = vec2f(pixel) - middle;
+        if (depths[k] > 0.0 && abs(off) <= SAME_PLANE * unit * abs(plane.z) && dot(offset, offset) < nearest) {
+            nearest = dot(offset, offset);
             chosen = pixel;
         }
     }
@@ -67,7 +67,7 @@ fn middle_pixel(block: vec2u) -> vec2i {
 
 // This pass's pixel of a block, where it sees anything; else that in its middle.
 fn receiver_pixel(block: vec2u) -> vec2i {
-    let pixel = block * BLOCK + vec2u(receiver_place());
+    let pixel = block * BLOCK + vec2u(receiver_offset());
     let seen = all(pixel < vec2u(camera.size)) && textureLoad(depth, pixel, 0).r > 0.0;
     if (camera.pass_index == 0u || !seen) {
         return middle_pixel(block);

@@ -24,8 +24,8 @@ fn clip_from_world(position: vec3f) -> vec4f {
     // no branch on the uniform: Mesa 22.3 compiles a shader anew for each of its values, and keeps them all
     let parallel = face.orthographic == 1u;
     let w = select(depth, 1.0, parallel);
-    let place = st - face.shift * w;
-    return vec4f(place.x, -place.y, select(face.near, 0.5 - 0.5 * depth, parallel), w);
+    let shifted = st - face.shift * w;
+    return vec4f(shifted.x, -shifted.y, select(face.near, 0.5 - 0.5 * depth, parallel), w);
 }
 
 // What is_hole needs to know apart one texel, light, surface and pass from another.

@@ -11,7 +11,7 @@ from ispm.scene.packed import Draw
 from ispm.stages.camera import CameraView
 
 _DRAWN = {"ids": "rg32uint", "bump": "rgba16float", "base": "rgba16float", "emission": "rgba16float"}
-_PLACED = {"points": "rgba32uint", "normals": "rg32uint", "depth": "r32float"}
+_COMPUTED = {"points": "rgba32uint", "normals": "rg32uint", "depth": "r32float"}
 
 
 class GBufferStage:
@@ -27,21 +27,21 @@ class GBufferStage:
     def __init__(self, gpu: Gpu) -> None:
         self._gpu = gpu
         self._pipelines: dict[tuple[bool, bool, bool, bool], Raster] = {}
-        self._place = [
-            gpu.raster("stages/seen.wgsl", tuple(_PLACED.values()), FLAT, BUMPY=bumpy)
+        self._resolve = [
+            gpu.raster("stages/seen.wgsl", tuple(_COMPUTED.values()), FLAT, BUMPY=bumpy)
             for bumpy in (False, True)
         ]
-        self._drawn, self._placed = (
+        self._drawn, self._computed = (
             {name: gpu.texture(f"gbuffer {name}", format) for name, format in formats.items()}
-            for formats in (_DRAWN, _PLACED)
+            for formats in (_DRAWN, _COMPUTED)
         )
         self._nearest = gpu.texture("gbuffer nearest", "depth32float", usage=["attachment"])
 
     def __call__(self, frame: Recording, scene: GpuScene, view: CameraView) -> GBuffer:
         """Record the draws and return where their result will be."""
-        drawn, placed = (
+        drawn, computed = (
             {name: target.sized(view.size) for name, target in targets.items()}
-            for targets in (self._drawn, self._placed)
+            for targets in (self._drawn, self._computed)
         )
         shared = {"camera": frame.uniform(view.uniform()), **scene.corners}
         groups: dict[Raster, Group] = {}
@@ -56,11 +56,11 @@ class GBufferStage:
                 canvas.use(raster, groups[raster], raster.bind(1, material=material, **maps))
                 scene.draw_corners(canvas, draw)
         bumps = drawn.pop("bump")
-        place = self._place[bool((scene.packed.materials["normal_texture"]["texture"] >= 0).any())]
-        with frame.draw_into(*placed.values()) as canvas:
-            canvas.use(place, place.bind(0, **shared, ids=drawn["ids"], bumps=bumps))
+        resolve = self._resolve[bool((scene.packed.materials["normal_texture"]["texture"] >= 0).any())]
+        with frame.draw_into(*computed.values()) as canvas:
+            canvas.use(resolve, resolve.bind(0, **shared, ids=drawn["ids"], bumps=bumps))
             canvas.draw(3)
-        return GBuffer(**drawn, **placed)
+        return GBuffer(**drawn, **computed)
 
     def _pipeline(self, scene: GpuScene, draw: Draw) -> Raster:
         """The pipeline for a draw's material; compiled when first needed."""

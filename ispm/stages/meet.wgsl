@@ -5,7 +5,7 @@ const INSET = 4e-6;        // of the coordinates: 4 times what gather rays start
 
 struct Met {
     position: vec3f,
-    place: vec2f,          // barycentrics of the second and third corner
+    uv: vec2f,             // barycentrics of the second and third corner
     ng: vec3f,             // unit, on the side that the ray comes from
 }
 
@@ -22,12 +22,12 @@ fn meet(corner: vec3f, e1: vec3f, e2: vec3f, origin: vec3f, direction: vec3f, pa
     let inverse = 1.0 / max(dot(n, n), 1e-30);
     let facing = dot(n, direction);
     let away = origin - corner;
-    var way = away - select(0.0, dot(n, away) / facing, facing != 0.0) * direction;
-    way -= (dot(n, way) * inverse) * n;                 // what rounding left of the distance from the plane
-    let u = dot(cross(scale * way, a2), n) * inverse;
-    let v = dot(cross(a1, scale * way), n) * inverse;
+    var offset = away - select(0.0, dot(n, away) / facing, facing != 0.0) * direction;
+    offset -= (dot(n, offset) * inverse) * n;           // what rounding left of the distance from the plane
+    let u = dot(cross(scale * offset, a2), n) * inverse;
+    let v = dot(cross(a1, scale * offset), n) * inverse;
     let hits = facing != 0.0 && min(min(u, v), 1.0 - u - v) >= 0.0;
-    var met = Met(corner + way, vec2f(u, v), n * sqrt(inverse) * select(1.0, -1.0, facing > 0.0));
+    var met = Met(corner + offset, vec2f(u, v), n * sqrt(inverse) * select(1.0, -1.0, facing > 0.0));
     let frame = orthonormal_basis(normalize(direction));
     var least = 1e30;
     for (var k = select(0u, 3u, hits); k < 3u; k++) {
@@ -43,8 +43,8 @@ fn meet(corner: vec3f, e1: vec3f, e2: vec3f, origin: vec3f, direction: vec3f, pa
         let off = select(1e30, dot(at.xy, at.xy) / (at.z * at.z), at.z > 0.0);
         if (k == 0u || off < least) {
             least = off;
-            met.place = within(corner, e1, e2, first + share * edge);
-            met.position = corner + met.place.x * e1 + met.place.y * e2;
+            met.uv = within(corner, e1, e2, first + share * edge);
+            met.position = corner + met.uv.x * e1 + met.uv.y * e2;
         }
     }
     return met;
@@ -61,10 +61,10 @@ fn largest(v: vec3f) -> f32 {
 }
 
 // A point of a triangle, moved towards the centre of the circle within until it is clear of walls at its edges.
-fn within(corner: vec3f, e1: vec3f, e2: vec3f, place: vec2f) -> vec2f {
+fn within(corner: vec3f, e1: vec3f, e2: vec3f, uv: vec2f) -> vec2f {
     let sides = vec3f(length(e2 - e1), length(e2), length(e1));
     let around = sides.x + sides.y + sides.z;
     let radius = length(cross(e1 / around, e2 / around)) * around;
-    let margin = INSET * largest(corner + place.x * e1 + place.y * e2);
-    return mix(place, sides.yz / around, min(margin / radius, 0.5));
+    let margin = INSET * largest(corner + uv.x * e1 + uv.y * e2);
+    return mix(uv, sides.yz / around, min(margin / radius, 0.5));
 }

@@ -38,7 +38,7 @@ fn fs(@builtin(position) at: vec4f) -> Shown {
     let e2 = direction_to_world(instance, vertices[rows.z].position - first);
     let ray = pixel_ray(at.xy);
     let met = meet(point_to_world(instance, first), e1, e2, ray.origin, ray.direction, camera.orthographic != 0u);
-    let weights = vec3f(1.0 - met.place.x - met.place.y, met.place);
+    let weights = vec3f(1.0 - met.uv.x - met.uv.y, met.uv);
     var n = normalize(normal_to_world(instance, mat3x3f(
         vertices[rows.x].normal, vertices[rows.y].normal, vertices[rows.z].normal,
     ) * weights));
@@ -59,7 +59,7 @@ fn fs(@builtin(position) at: vec4f) -> Shown {
     );
 }
 
-// Which way the bitangent turns, 0: there is none.
+// The bitangent's sign, -1 or 1; 0: there is none.
 fn turn_of(instance: u32, row: u32) -> f32 {
     return vertices[row].tangent.w * select(1.0, -1.0, (instances[instance].flags & INSTANCE_MIRRORED) != 0u);
 }

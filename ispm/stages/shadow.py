@@ -198,7 +198,7 @@ def _are_sheets(materials: np.ndarray) -> np.ndarray:
 
 
 def map_rows(maps: Sequence[LightMap], near: float) -> np.ndarray:
-    """Return the SHADOW_MAP rows."""
+    """Return the (n,) SHADOW_MAP rows of n maps; near in m."""
     rows = np.zeros(len(maps), _MAP)
     for row, map in zip(rows, maps, strict=True):
         (s, t, axis), *_ = map.axes if len(map.axes) == 1 else [np.diag((1.0, -1.0, 1.0))]
@@ -210,7 +210,7 @@ def map_rows(maps: Sequence[LightMap], near: float) -> np.ndarray:
 
 
 def tile_rows(atlas: ShadowAtlas, light_count: int) -> np.ndarray:
-    """Return the SHADOW_TILE rows, six for each light; zero where a light has no such face or no tile."""
+    """Return the (6 light_count,) SHADOW_TILE rows; zero where a light has no such face or no tile."""
     rows = np.zeros(_FACES * light_count, _TILE)
     for tile in atlas.tiles:
         face = tile.face

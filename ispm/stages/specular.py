@@ -29,8 +29,8 @@ class SpecularStage:
         self._find, self._add, self._write = (
             gpu.compute(path, entry) for entry in ("find_specular", "add_pixels", "write_pixels")
         )
-        self._count, self._seen = gpu.buffer("chain count"), gpu.buffer("chain pixels")
-        self._brought = gpu.buffer("light of chains")
+        self._count, self._seen = gpu.buffer("specular count"), gpu.buffer("specular pixels")
+        self._brought = gpu.buffer("specular light")
         usage = ("attachment", "storage", "sampled")
         self._through, self._none = (
             gpu.texture(name, "rgba32float", usage=usage) for name in ("seen through glass", "nothing seen")

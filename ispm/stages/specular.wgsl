@@ -1,4 +1,4 @@
-// Pixels whose light comes through a chain of mirrors and glass: which they are, and their light.
+// Pixels that show mirrors or glass: which they are, and the light that specular paths bring to them.
 // include stages/material.wgsl
 
 @group(0) @binding(0) var<storage, read> materials: array<Material>;
@@ -25,7 +25,7 @@ struct Seen {              // a pixel that shows a mirror or glass, and the tria
     spare: u32,
 }
 
-struct Brought {           // the light that chains bring to a pixel
+struct Brought {           // the light that specular paths bring to a pixel
     direct: vec3f,
     pixel: u32,
     indirect: vec3f,
@@ -68,7 +68,7 @@ fn find_specular(@builtin(global_invocation_id) thread: vec3u) {
 
 const THREADS = 16384u;    // that share the list among them
 
-fn place(number: u32, width: u32) -> vec2u {
+fn pixel_of(number: u32, width: u32) -> vec2u {
     return vec2u(number % width, number / width);
 }
 
@@ -77,7 +77,7 @@ fn place(number: u32, width: u32) -> vec2u {
 fn add_pixels(@builtin(global_invocation_id) thread: vec3u) {
     let width = textureDimensions(direct_in).x;
     for (var i = thread.x; i < arrayLength(&brought); i += THREADS) {
-        let pixel = place(brought[i].pixel, width);
+        let pixel = pixel_of(brought[i].pixel, width);
         brought[i].direct += textureLoad(direct_in, pixel, 0).rgb;
         brought[i].indirect += textureLoad(indirect_in, pixel, 0).rgb;
         brought[i].emission += textureLoad(emission_in, pixel, 0).rgb;
@@ -88,7 +88,7 @@ fn add_pixels(@builtin(global_invocation_id) thread: vec3u) {
 fn write_pixels(@builtin(global_invocation_id) thread: vec3u) {
     let width = textureDimensions(direct_out).x;
     for (var i = thread.x; i < arrayLength(&summed); i += THREADS) {
-        let pixel = place(summed[i].pixel, width);
+        let pixel = pixel_of(summed[i].pixel, width);
         textureStore(direct_out, pixel, vec4f(summed[i].direct, 1.0));
         textureStore(indirect_out, pixel, vec4f(summed[i].indirect, 1.0));
         textureStore(emission_out, pixel, vec4f(summed[i].emission, 1.0));

@@ -33,7 +33,7 @@ _PIVOT = _BELOW / (_BELOW + _ABOVE)
 _TOE, _SHOULDER = 3.0, 3.25
 _TOE_SCALE = 4.0**_TOE - _PIVOT**-_TOE
 _SHOULDER_SCALE = 4.0**_SHOULDER - (1.0 - _PIVOT) ** -_SHOULDER
-# Its primaries, drawn in before the sigmoid and out again after it. Source: Chow, AgX_LUT_Gen,
+# Its primaries, narrowed before the sigmoid and widened again after it. Source: Chow, AgX_LUT_Gen,
 # AgXBaseRec2020.py, as Blender and Filament have them; between them and Rec. 709 ITU-R BT.2087.
 _REC2020 = np.array(
     [[0.627404, 0.329283, 0.043313], [0.069097, 0.919541, 0.011362], [0.016391, 0.088013, 0.895595]]
@@ -53,7 +53,7 @@ _OUTSET = np.linalg.inv(
     ]
 )
 _TO_AGX = tuple(tuple(row) for row in (_INSET @ _REC2020).astype(np.float32))
-_DRAWN_OUT = tuple(tuple(row) for row in _OUTSET.astype(np.float32))
+_WIDENED = tuple(tuple(row) for row in _OUTSET.astype(np.float32))
 _FROM_REC2020 = tuple(tuple(row) for row in np.linalg.inv(_REC2020).astype(np.float32))
 _DARKEST = np.float32(0.18 * 2.0**-_BELOW)
 
@@ -140,7 +140,11 @@ def _srgb_table(bits: int) -> np.ndarray:
 
 @jit
 def _tonemap(radiance, scale, mode, table, behind, first, last, out):
-    """Pixels first to last of flat radiance into flat out, over what is behind, if anything."""
+    """Write the sRGB codes of pixels first to last into `out`, (3 n,) uint8 or uint16.
+
+    radiance  (3 n,) float32 linear;  scale  float32, 2^exposure;  mode  one of _MODES
+    table     (k,) codes of linear 0..1;  behind  (3 n,) float32 linear that is added, or empty
+    """
     top, half = np.float32(len(table) - 1), np.float32(0.5)
     for p in range(first, last):
         r = _clean(radiance[3 * p] * scale)
@@ -159,7 +163,7 @@ def _tonemap(radiance, scale, mode, table, behind, first, last, out):
 
 @jit
 def neutral(r, g, b):
-    """Return the Khronos PBR Neutral tone curve of a linear color.
+    """Return the Khronos PBR Neutral tone curve of a linear color, three float32.
 
     The Fresnel offset that a 4 % reflection adds is taken off, so base colors come out as they went in;
     above _START the peak is compressed towards 1 and the color drawn towards white.
@@ -183,20 +187,20 @@ def neutral(r, g, b):
 
 @jit
 def agx(r, g, b):
-    """Return the AgX tone curve of a linear color, "base" look: a sigmoid of the logarithm of light, per
-    channel, of primaries that are drawn in, so that bright colors turn to white by way of their hue.
+    """Return the AgX tone curve of a linear color, three float32, "base" look: per channel a sigmoid of the
+    logarithm of light, in narrowed primaries, so that bright colors fade to white within their hue.
 
     Source: Sobotka's AgX with the primaries of Chow's, which Blender shows by default.
     """
     r, g, b = _times(_TO_AGX, r, g, b)
-    r, g, b = _times(_DRAWN_OUT, _agx_curve(r), _agx_curve(g), _agx_curve(b))
+    r, g, b = _times(_WIDENED, _agx_curve(r), _agx_curve(g), _agx_curve(b))
     r, g, b = _times(_FROM_REC2020, _decoded(r), _decoded(g), _decoded(b))
     return max(r, _0), max(g, _0), max(b, _0)
 
 
 @jit
 def _agx_curve(value):
-    """Light in 0..1 of the display's code for light of the scene."""
+    """Return the display's code, float32 0 to 1, of one channel of linear light."""
     stops = math.log2(max(value, _DARKEST) / _DARKEST)
     x = min(stops / np.float32(_BELOW + _ABOVE), _1) - np.float32(_PIVOT)
     power = np.float32(_TOE) if x < _0 else np.float32(_SHOULDER)
@@ -206,13 +210,13 @@ def _agx_curve(value):
 
 @jit
 def _decoded(code):
-    """Linear light of a code of the display that AgX is made for, of exponent 2.2."""
+    """Return the linear float32 light of a code of the display that AgX is made for, of exponent 2.2."""
     return max(code, _0) ** np.float32(2.2)
 
 
 @jit
 def _times(m, r, g, b):
-    """A matrix times a color."""
+    """Return a (3, 3) matrix times a color, three float32."""
     return (
         m[0][0] * r + m[0][1] * g + m[0][2] * b,
         m[1][0] * r + m[1][1] * g + m[1][2] * b,
@@ -222,5 +226,5 @@ def _times(m, r, g, b):
 
 @jit
 def _clean(value):
-    """Return value within [0, _BRIGHTEST]; NaN as 0."""
+    """Return a float32 within [0, _BRIGHTEST]; NaN as 0."""
     return min(value, _BRIGHTEST) if value > _0 else _0

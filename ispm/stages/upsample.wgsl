@@ -160,8 +160,7 @@ fn fs(@builtin(position) at: vec4f) -> Lit {
     }
     let block = i32(BLOCK);
     let low = (vec2i(camera.size) + block - 1) / block;
-    let place = receiver_place();
-    let q = (vec2f(pixel) - place) / f32(block);
+    let q = (vec2f(pixel) - receiver_offset()) / f32(block);
     let corner = vec2i(floor(q));
     let f = q - vec2f(corner);
     let least = select(1e-3, 0.0, BLOCK == 1u);  // any of the four may have to serve; at K = 1 its own does

@@ -163,7 +163,7 @@ def test_faces_do_not_overlap() -> None:
         maps, size = _arrange(plan, 8192)
         taken = np.zeros(size[::-1], np.uint8)
         for each in maps:
-            for x, y in each.places:
+            for x, y in each.corners:
                 part = taken[y : y + each.width, x : x + each.width]
                 assert part.shape == (each.width, each.width)
                 part += 1

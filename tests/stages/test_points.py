@@ -65,13 +65,13 @@ class Drawn:
         bumps = self.gpu.texture("bumps", "rgba16float", usage=["sampled"]).sized((width, height))
         bumps.write(np.zeros((height, width, 4), np.float16))
         targets = [self.gbuffer.points, self.gbuffer.normals, self.gbuffer.depth]
-        place = self.stage._place[0]
+        resolve = self.stage._resolve[0]
         with self.gpu.frame() as frame, frame.draw_into(*targets) as canvas:
-            group = place.bind(
+            group = resolve.bind(
                 0, frame, camera=self.view.uniform(), vertices=self.scene.vertices,
                 indices=self.scene.indices, instances=self.scene.instances, ids=changed, bumps=bumps,
             )  # fmt: skip
-            canvas.use(place, group)
+            canvas.use(resolve, group)
             canvas.draw(3)
         return self.points()
 
