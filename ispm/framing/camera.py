@@ -41,7 +41,8 @@ def find_camera(scene: Scene, wanted: str | int | None) -> tuple[Camera, np.ndar
     ->  None where the scene has no camera and none was asked for
     Raises SceneError where there is no such camera.
     """
-    placed = [(node, world) for node, world in scene.placed() if node.camera is not None]
+    tree = scene.tree()
+    placed = [(node, tree.world(k)) for k, node in enumerate(tree.nodes) if node.camera is not None]
     if wanted is None:
         chosen = placed[:1]
     else:

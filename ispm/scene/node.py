@@ -15,13 +15,14 @@ from ispm.scene.camera import Camera
 from ispm.scene.light import DirectionalLight, Light, PointLight, SpotLight
 from ispm.scene.material import Material
 from ispm.scene.mesh import Mesh
-from ispm.scene.rotation import facing, quaternion, rotation_matrix
+from ispm.scene.rotation import facing, place_matrices, quaternion
 from ispm.scene.values import FARTHEST, Point, Strict, array_of, matches, require
 
 if TYPE_CHECKING:
     from ispm.scene.scene import Scene
 
 _Kind = TypeVar("_Kind")
+_LIGHTS, _CAMERAS = PointLight | SpotLight | DirectionalLight | None, Camera | None  # what a node may hold
 _PLACE = ("translation", "rotation", "scale", "matrix")
 
 
@@ -139,8 +140,8 @@ class Node(Branch, Strict):
             if not (isinstance(mesh, Mesh) and isinstance(material, Material)):
                 held = f"{type(mesh).__name__} and a {type(material).__name__}"
                 raise SceneError(f"node '{self.name}': a part must be of a Mesh and a Material, not a {held}")
-        _require_kind(self, "light", PointLight | SpotLight | DirectionalLight | None)
-        _require_kind(self, "camera", Camera | None)
+        _require_kind(self, "light", _LIGHTS)
+        _require_kind(self, "camera", _CAMERAS)
         if self.instances is not None:
             self.instances = array_of(f"node '{self.name}': instances", self.instances, (None, 4, 4))
 
@@ -156,20 +157,18 @@ class Node(Branch, Strict):
                     f"node '{self.name}': the last row of its matrix must be 0 0 0 1; is it transposed?"
                 )
             return matrix
-        result = np.eye(4)
+        result = np.empty((1, 4, 4))
         try:
             counts = len(self.translation), len(self.rotation), len(self.scale)
             if not any(self.rotation):
                 self._refuse_place()
-            result[:3, :3] = rotation_matrix(np.asarray(self.rotation, np.float64)) * np.asarray(
-                self.scale, np.float64
-            )
-            result[:3, 3] = self.translation
+            rows = (np.asarray(v, np.float64)[None] for v in (self.translation, self.rotation, self.scale))
+            result = place_matrices(*rows)
         except (TypeError, ValueError, ZeroDivisionError):
             counts = 0, 0, 0
         if counts != (3, 4, 3) or not np.abs(result).max() <= FARTHEST:  # NaN is not
             self._refuse_place()
-        return result
+        return np.asarray(result[0])
 
     def look_at(self, target: Point, up: Point = (0.0, 1.0, 0.0)) -> Node:
         """Turn the node so that its -Z points at `target`, and return it.
@@ -220,6 +219,8 @@ def _require_kind(owner: Node, name: str, kinds: Any) -> None:
 def listed(owner: Scene | Node, name: str, kind: type[_Kind]) -> Sequence[_Kind]:
     """A field that is a list of this kind alone."""
     values: Sequence[_Kind] = getattr(owner, name)
+    if type(values) is list and not values:
+        return values
     strays = [v for v in values if not isinstance(v, kind)] if isinstance(values, (list, tuple)) else [values]
     if strays:
         what = f"{type(owner).__name__.lower()} '{owner.name}': {name}"

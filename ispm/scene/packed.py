@@ -18,6 +18,7 @@ from ispm.scene.light import light_called
 from ispm.scene.material import Material, Texture
 from ispm.scene.mesh import ARRAYS, Mesh
 from ispm.scene.names import Names, Place, Run
+from ispm.scene.node import Node
 from ispm.scene.packed_light import light_record
 from ispm.scene.packed_material import material_record
 from ispm.scene.scene import Scene
@@ -172,7 +173,12 @@ def pack(scene: Scene, geometry: Geometry | None = None) -> Packed:
 
     Raises SceneError where a mesh, material, light or node has a value that cannot be used.
     """
-    placed = list(scene.placed())
+    tree = scene.tree()
+    worlds = tree.worlds()
+    far = np.flatnonzero(~(np.abs(worlds).max(axis=(1, 2), initial=0.0) <= FARTHEST))
+    if len(far):
+        name = tree.nodes[far[0]].name
+        raise SceneError(f"node '{name}': stands in nodes that together move or scale it too far")
     meshes: dict[int, int] = {}
     mesh_list: list[Mesh] = []
     materials: dict[int, int] = {}
@@ -180,16 +186,14 @@ def pack(scene: Scene, geometry: Geometry | None = None) -> Packed:
     rows: list[_Placed] = []
     light_rows: list[np.ndarray] = []
     runs: list[Run] = []
-    for index, (node, world) in enumerate(placed):
+    for index, (node, world) in enumerate(zip(tree.nodes, worlds, strict=True)):
         node.check()
-        if not np.abs(world).max() <= FARTHEST:
-            raise SceneError(f"node '{node.name}': stands in nodes that together move or scale it too far")
         light = node.light
         if light is not None:
             light_rows.append(light_record(light, world, light_called(light, node.name, len(light_rows))))
-        places = node.places(world) if node.parts else world[:0]
+        copies = node.copies
         for number, part in enumerate(node.parts):
-            if not len(part.mesh.triangles) or not len(places):
+            if not len(part.mesh.triangles) or not copies:
                 continue
             mesh = meshes.setdefault(id(part.mesh), len(meshes))
             if mesh == len(mesh_list):
@@ -197,8 +201,8 @@ def pack(scene: Scene, geometry: Geometry | None = None) -> Packed:
             material = materials.setdefault(id(part.material), len(materials))
             if material == len(material_list):
                 material_list.append(part.material)
-            rows.append(_Placed(mesh, material, index, places))
-            runs.append(Run(index, number, part.mesh.name, material, len(places)))
+            rows.append(_Placed(mesh, material, index, copies))
+            runs.append(Run(index, number, part.mesh.name, material, copies))
 
     if geometry is None or not geometry.fits(mesh_list):
         geometry = pack_geometry(mesh_list)
@@ -206,12 +210,12 @@ def pack(scene: Scene, geometry: Geometry | None = None) -> Packed:
     material_rows = np.zeros(len(material_list), records.MATERIAL)
     for i, item in enumerate(material_list):
         material_rows[i] = material_record(item, textures)
-    instances, draws, widths, corners, ids = _instances(rows, geometry)
+    instances, draws, widths, corners, ids = _instances(rows, tree.nodes, worlds, geometry)
     boxes = np.stack([corners.min(axis=1), corners.max(axis=1)], axis=1)
     bounds = np.stack([boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)]) if len(boxes) else np.zeros((2, 3))
     diagonal = enclosing_diameter(corners.reshape(-1, 3)) or 1.0
     lights = np.array(light_rows, records.LIGHT)
-    nodes = tuple(map(Place, [node.name for node, _ in placed], scene.parents()))
+    nodes = tuple(map(Place, [node.name for node in tree.nodes], tree.parents))
     return Packed(
         geometry,
         instances,
@@ -318,26 +322,31 @@ def _unit(vectors: np.ndarray) -> np.ndarray:
 
 
 class _Placed(NamedTuple):
-    """A mesh with a material in n places of a node: numbers of each, and (n, 4, 4) world matrices."""
+    """A mesh with a material at a node: the number of each, and of its copies there."""
 
     mesh: int
     material: int
     node: int
-    worlds: np.ndarray
+    copies: int
 
 
 def _instances(
-    rows: list[_Placed], geometry: Geometry
+    rows: list[_Placed], nodes: list[Node], worlds: np.ndarray, geometry: Geometry
 ) -> tuple[np.ndarray, list[Draw], np.ndarray, np.ndarray, np.ndarray]:
     """INSTANCE rows, the draws that show them, their widths in m, (n, 8, 3) corners of their own boxes,
     turned with them, in world space, and the index that each has in the order of `rows`."""
     if not rows:
         none = np.zeros(0, np.int64)
         return np.zeros(0, records.INSTANCE), [], np.zeros(0, np.float32), np.zeros((0, 8, 3)), none
-    *numbers, worlds = zip(*rows, strict=True)
-    copies = [len(each) for each in worlds]
+    *numbers, copies = np.array(rows, np.int64).T
     mesh, material, node = (np.repeat(each, copies) for each in numbers)
-    world = np.concatenate(worlds)
+    world = worlds[node]
+    first = 0
+    for row in rows:
+        here = nodes[row.node]
+        if here.instances is not None:
+            world[first : first + row.copies] = here.places(worlds[row.node])
+        first += row.copies
     mirrored = np.linalg.det(world[:, :3, :3]) < 0.0
     order = np.lexsort((node, mirrored, material, mesh))
     mesh, material, node, mirrored = mesh[order], material[order], node[order], mirrored[order]

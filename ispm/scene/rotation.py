@@ -88,14 +88,30 @@ def multiply(a: Quaternion, b: Quaternion) -> Quaternion:
 
 def rotation_matrix(quaternion: np.ndarray) -> np.ndarray:
     """Return the (3, 3) matrix of a quaternion x, y, z, w; it need not be unit."""
-    x, y, z, w = quaternion / np.linalg.norm(quaternion)
-    return np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-        ]
+    return np.asarray(rotation_matrices(quaternion[None])[0])
+
+
+def rotation_matrices(quaternions: np.ndarray) -> np.ndarray:
+    """Return the (n, 3, 3) matrices of (n, 4) quaternions x, y, z, w; they need not be unit."""
+    x, y, z, w = np.moveaxis(quaternions / np.linalg.norm(quaternions, axis=1, keepdims=True), 1, 0)
+    rows = (
+        (1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)),
+        (2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)),
+        (2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)),
     )
+    return np.moveaxis(np.array(rows), 2, 0)
+
+
+def place_matrices(translations: np.ndarray, rotations: np.ndarray, scales: np.ndarray) -> np.ndarray:
+    """Return the (n, 4, 4) matrices that scale, then turn, then move.
+
+    translations, scales  (n, 3);  rotations  (n, 4) quaternions x, y, z, w of any length but 0
+    """
+    result = np.zeros((len(rotations), 4, 4))
+    result[:, :3, :3] = rotation_matrices(rotations) * scales[:, None]
+    result[:, :3, 3] = translations
+    result[:, 3, 3] = 1.0
+    return result
 
 
 def quaternion(rotation: np.ndarray) -> Quaternion:

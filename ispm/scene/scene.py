@@ -20,10 +20,10 @@ from ispm.scene.mesh import Mesh
 from ispm.scene.node import Branch, listed
 from ispm.scene.node import Node as Node
 from ispm.scene.node import Part as Part
+from ispm.scene.placing import Tree, tree_of
 from ispm.scene.rotation import Quaternion
-from ispm.scene.values import Point, Strict, require, strict_call
+from ispm.scene.values import Point, Strict, array_of, require, strict_call
 
-_MOST_AGAIN = 100_000  # times that nodes are met again, below another parent
 _MOMENTS = 64  # evenly over an animation, at which trajectories are sampled
 _KEYS = 256  # likewise, of its own
 
@@ -83,56 +83,21 @@ class Scene(Branch, Strict):
 
         Raises SceneError where a node has no place that can be used.
         """
-        worlds = [np.eye(4)]  # of the node and those above it
-        for node, depth in self._walk():
-            del worlds[depth + 1 :]
-            worlds.append(worlds[depth] @ node.local_matrix())
-            yield node, worlds[-1]
+        tree = self.tree()
+        yield from zip(tree.nodes, tree.worlds(), strict=True)
 
     @property
     def nodes(self) -> list[Node]:
-        """All nodes, parents before children."""
-        return [node for node, _ in self._walk()]
+        """All nodes, parents before children; one that hangs in several places is met in each."""
+        return self.tree().nodes
 
     def parents(self) -> list[int]:
-        """Return the index in `nodes` of the parent of each, -1 where it has none."""
-        result: list[int] = []
-        above: list[int] = []
-        for index, (_, depth) in enumerate(self._walk()):
-            above[depth:] = [index]
-            result.append(above[depth - 1] if depth else -1)
-        return result
+        """Return of each of `nodes` the place of its parent among them, -1 where it has none."""
+        return self.tree().parents
 
-    def _walk(self) -> Iterator[tuple[Node, int]]:
-        """Yield each node with how many are above it, parents before children.
-
-        A node with several parents is met below each. Raises SceneError for a child that is no node, for a
-        node that is its own descendant, and where nodes are met too often: a few dozen nodes, each twice
-        below the next, make more paths than can ever be visited.
-        """
-        stack = [(node, 0) for node in reversed(listed(self, "roots", Node))]
-        above: list[int] = []  # ids of the ancestors of this node
-        inside: set[int] = set()
-        met: set[int] = set()
-        again = 0
-        while stack:
-            node, depth = stack.pop()
-            inside.difference_update(above[depth:])
-            del above[depth:]
-            if id(node) in inside:
-                raise SceneError(f"node '{node.name}': hangs below itself; take it out of its descendants")
-            again += id(node) in met
-            if again > _MOST_AGAIN:
-                raise SceneError(
-                    f"node '{node.name}': nodes that hang in several places multiply, here to more than "
-                    f"{_MOST_AGAIN:,}; let each hang in one, with instances where parts repeat"
-                )
-            met.add(id(node))
-            above.append(id(node))
-            inside.add(id(node))
-            yield node, depth
-            children = listed(node, "children", Node)
-            stack.extend((child, depth + 1) for child in reversed(children))
+    def tree(self) -> Tree:
+        """Return `nodes` and `parents`. Raises SceneError as `tree_of`."""
+        return tree_of(listed(self, "roots", Node))
 
     @property
     def lights(self) -> list[Node]:
@@ -275,7 +240,8 @@ class Scene(Branch, Strict):
         Raises KeyError where no node has the name, SceneError where the node is not in the scene.
         """
         own = self._own(node)
-        return next(world for placed, world in self.placed() if placed is own)
+        tree = self.tree()
+        return tree.world(next(k for k, each in enumerate(tree.nodes) if each is own))
 
     def _own(self, node: Node | str) -> Node:
         """A node of this scene, given itself or by name."""
@@ -346,19 +312,44 @@ class Scene(Branch, Strict):
         keys = np.unique(np.concatenate(times))
         moments = np.linspace(keys[0], keys[-1], _MOMENTS)
         moments = np.union1d(moments, keys[:: -(-len(keys) // _KEYS)])
-        worlds = [np.eye(4)]  # of the node and those above it
-        for node, depth in self._walk():
-            del worlds[depth + 1 :]
-            local = node.local_matrix()
+        tree = self.tree()
+        still, above = tree.worlds(), list[int]()  # places of the nodes on the way to this one
+        tracks: dict[int, np.ndarray] = {-1: np.eye(4)}
+        for index, (node, parent) in enumerate(zip(*tree, strict=True)):
+            while above and above[-1] != parent:
+                del tracks[above.pop()]
+            tracks[index] = still[index]
+            above.append(index)
             if id(node) in moving:
                 moved, matrices = copy.copy(node), []
                 for time in moments:
                     moved.move(moving[id(node)], float(time))
                     matrices.append(moved.local_matrix())
-                local = np.stack(matrices)
-            worlds.append(worlds[depth] @ local)
-            if worlds[-1].ndim == 3:
-                yield node, worlds[-1]
+                tracks[index] = tracks[parent] @ np.stack(matrices)
+            elif tracks[parent].ndim == 3:
+                tracks[index] = tracks[parent] @ node.local_matrix()
+            if tracks[index].ndim == 3:
+                yield node, tracks[index]
+
+    def set_transforms(self, nodes: Sequence[Node], matrices: np.ndarray) -> None:
+        """Give many nodes their places at once; of each, as its `matrix`.
+
+        matrices  (n, 4, 4) from each node's space to its parent's, last rows 0 0 0 1; copied
+        Raises SceneError where these are not as many as nodes, or not of numbers, and for what is no Node;
+        nothing is changed then.
+        """
+        strays = [each for each in nodes if not isinstance(each, Node)]
+        if strays:
+            raise SceneError(f"nodes must be of Node, not of {type(strays[0]).__name__}")
+        places = np.array(array_of("matrices", matrices, (len(nodes), 4, 4)), np.float64)
+        transposed = np.flatnonzero((places[:, 3] != (0.0, 0.0, 0.0, 1.0)).any(axis=1))
+        if len(transposed):
+            raise SceneError(
+                f"matrices: the last row of each must be 0 0 0 1, but that of number {transposed[0]} is "
+                f"{places[transposed[0], 3].tolist()}; is it transposed?"
+            )
+        for node, place in zip(nodes, places, strict=True):
+            node.matrix = place
 
     def default_camera(self, size: tuple[int, int] = (1280, 720)) -> Camera:
         """Return the camera, with its pose, that takes a picture of `size` pixels where no other is given.

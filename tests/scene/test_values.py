@@ -9,7 +9,7 @@ from ispm.errors import OutputError, SceneError, SettingsError
 from ispm.io.load import load
 from ispm.io.named import builtin, open_named
 from ispm.io.save import save
-from ispm.scene import scene as scenes
+from ispm.scene import placing
 from ispm.scene.animation import Animation, Channel
 from ispm.scene.camera import Camera
 from ispm.scene.light import DirectionalLight, PointLight, SpotLight
@@ -169,7 +169,7 @@ def test_a_node_that_hangs_below_itself_is_refused():
 
 def test_nodes_of_too_many_places_are_refused_before_all_are_visited(monkeypatch):
     """Sixty of them, each twice below the next, have 2^60 places."""
-    monkeypatch.setattr(scenes, "_MOST_AGAIN", 10_000)
+    monkeypatch.setattr(placing, "_MOST_AGAIN", 10_000)
     node = Node("leaf")
     for _ in range(60):
         node = Node("twig", children=[node, node])
