@@ -16,6 +16,7 @@ _INCLUDE = re.compile(r"^// include (?P<path>\S+)$")
 _BINDING = re.compile(r"@group\((\d+)\)\s*@binding\((\d+)\)\s*var(?:<([\w, ]+)>)?\s+(\w+)\s*:\s*([^;]+);")
 _STRUCT = re.compile(r"\bstruct\s+(\w+)\s*\{(.*?)\}", re.S)
 _FIELD = re.compile(r"(\w+)\s*:\s*([\w<>, ]+?)\s*(?:,\s*\n|,?\s*$)", re.M)
+_CONSTANT = re.compile(r"^const (\w+)[^=]*= ([-+.e\d]+)[uif]?;", re.M)
 _ARRAY = re.compile(r"array<\s*(\w+)\s*,\s*(\d+)u?\s*>$")
 
 # type: (numpy base, shape, size, alignment) in bytes; WGSL specification, section 14.4.1
@@ -58,6 +59,11 @@ class Source:
             name: Binding(name, int(group), int(index), space, kind.strip())
             for group, index, space, name, kind in _BINDING.findall(_uncomment(self.text))
         }
+
+    @property
+    def constants(self) -> dict[str, float]:
+        """The shader's constants that are plain numbers, by name."""
+        return {name: float(value) for name, value in _CONSTANT.findall(self.text)}
 
     def dtype(self, struct: str) -> np.dtype:
         """Return the numpy dtype with exactly the memory layout of `struct`."""

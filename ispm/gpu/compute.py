@@ -10,6 +10,7 @@ import wgpu
 
 from ispm.gpu.binding import Shader
 from ispm.gpu.recording import Recording
+from ispm.wgsl import Source
 
 
 class Compute:
@@ -21,7 +22,7 @@ class Compute:
 
     def __init__(self, device: wgpu.GPUDevice, path: str, entry: str, constants: Mapping[str, float]) -> None:
         self._shader = shader = Shader(device, path, [entry], wgpu.ShaderStage.COMPUTE, constants)
-        self.workgroup = _workgroup_size(shader.source.text, entry, path)
+        self.workgroup = _workgroup_size(shader.source, entry, path)
         with shader.explained():
             self._pipeline = device.create_compute_pipeline(
                 label=shader.label,
@@ -45,13 +46,12 @@ class Compute:
             commands.dispatch_workgroups(*counts)
 
 
-def _workgroup_size(text: str, entry: str, path: str) -> tuple[int, int, int]:
+def _workgroup_size(source: Source, entry: str, path: str) -> tuple[int, int, int]:
     """The numbers, or named constants, of an entry point's @workgroup_size."""
-    match = re.search(rf"@workgroup_size\((?P<size>[^)]*)\)\s*fn\s+{entry}\b", text)
+    match = re.search(rf"@workgroup_size\((?P<size>[^)]*)\)\s*fn\s+{entry}\b", source.text)
     if match is None:
         raise TypeError(f"{path}: '{entry}' has no @workgroup_size directly before its fn")
-    named = dict(re.findall(r"^const (\w+)[^=]*= (\d+)u?;", text, re.M))
     values = [v.strip() for v in match["size"].split(",") if v.strip()]
-    size = [int(named.get(v, v).rstrip("ui")) for v in values]
+    size = [int(source.constants.get(v) or v.rstrip("ui")) for v in values]
     x, y, z = [*size, 1, 1][:3]
     return x, y, z

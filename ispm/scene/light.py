@@ -11,8 +11,27 @@ from ispm.scene.values import BRIGHTEST, LEAST, Strict, as_code, require
 _FLAT = math.pi / 2.0 + 1e-6  # files round it
 
 
-@dataclass
-class PointLight(Strict):
+class _Punctual(Strict):
+    """What the lights share: checked as they are made, shown as the code that makes them."""
+
+    intensity: tuple[float, float, float]
+    name: str
+
+    def __post_init__(self) -> None:
+        self.check()
+
+    def __repr__(self) -> str:
+        return as_code(self)
+
+    def check(self, called: str = "") -> None:
+        """Raise SceneError for a value out of range; `called` names this light in the message."""
+        called = called or light_called(self)
+        require(f"{called}: intensity", self.intensity, 0.0, BRIGHTEST, 3)
+        require(f"{called}: range", getattr(self, "range", math.inf), LEAST, math.inf)
+
+
+@dataclass(repr=False)
+class PointLight(_Punctual):
     """Shines alike in all directions from its node's origin.
 
     intensity  (3,) cd per channel, linear
@@ -23,20 +42,9 @@ class PointLight(Strict):
     range: float = math.inf
     name: str = field(default="", compare=False)
 
-    def __post_init__(self) -> None:
-        self.check()
 
-    def __repr__(self) -> str:
-        return as_code(self)
-
-    def check(self, called: str = "") -> None:
-        """Raise SceneError for a value out of range, which calls this light so."""
-        called = called or light_called(self)
-        _check_shine(called, self.intensity, self.range)
-
-
-@dataclass
-class SpotLight(Strict):
+@dataclass(repr=False)
+class SpotLight(_Punctual):
     """Shines from its node's origin along its -Z, full within one cone, fading to nothing at another.
 
     intensity     (3,) cd per channel within the inner cone, linear
@@ -51,16 +59,10 @@ class SpotLight(Strict):
     outer_angle: float = math.pi / 4.0
     name: str = field(default="", compare=False)
 
-    def __post_init__(self) -> None:
-        self.check()
-
-    def __repr__(self) -> str:
-        return as_code(self)
-
     def check(self, called: str = "") -> None:
-        """Raise SceneError for a value out of range, which calls this light so."""
+        """Raise SceneError for a value out of range; `called` names this light in the message."""
+        super().check(called)
         called = called or light_called(self)
-        _check_shine(called, self.intensity, self.range)
         for name in ("inner_angle", "outer_angle"):
             require(f"{called}: {name}, in radians,", getattr(self, name), 0.0, _FLAT)
         if not self.inner_angle < self.outer_angle:
@@ -69,8 +71,8 @@ class SpotLight(Strict):
             )
 
 
-@dataclass
-class DirectionalLight(Strict):
+@dataclass(repr=False)
+class DirectionalLight(_Punctual):
     """Shines along its node's -Z from infinitely far, like the sun.
 
     intensity  (3,) lx per channel on a surface that faces it, linear
@@ -79,28 +81,12 @@ class DirectionalLight(Strict):
     intensity: tuple[float, float, float] = (1.0, 1.0, 1.0)
     name: str = field(default="", compare=False)
 
-    def __post_init__(self) -> None:
-        self.check()
-
-    def __repr__(self) -> str:
-        return as_code(self)
-
-    def check(self, called: str = "") -> None:
-        """Raise SceneError for a value out of range, which calls this light so."""
-        called = called or light_called(self)
-        _check_shine(called, self.intensity)
-
 
 Light = PointLight | SpotLight | DirectionalLight
 
 
-def light_called(light: Light, node: str = "", index: int | None = None) -> str:
+def light_called(light: _Punctual, node: str = "", index: int | None = None) -> str:
     """Return what messages call a light: by its name or its node's, else by its kind and number."""
     name = light.name or node
     number = "" if index is None else f" {index}"
     return f"light '{name}'" if name else f"{type(light).__name__}{number} without a name"
-
-
-def _check_shine(called: str, intensity: object, range: object = math.inf) -> None:
-    require(f"{called}: intensity", intensity, 0.0, BRIGHTEST, 3)
-    require(f"{called}: range", range, LEAST, math.inf)

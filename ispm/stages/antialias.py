@@ -15,8 +15,9 @@ from ispm.scene.packed import Draw
 from ispm.stages.camera import CameraView
 
 _SAMPLES = 4
-_THREADS = 16384  # as in the shader
-_EDGE = wgsl.load("stages/antialias.wgsl").dtype("Edge")
+_PATH = "stages/antialias.wgsl"
+_THREADS = int(wgsl.load(_PATH).constants["THREADS"])
+_EDGE = wgsl.load(_PATH).dtype("Edge")
 
 
 class Antialias:
@@ -32,9 +33,8 @@ class Antialias:
         self._pipelines: dict[tuple[bool, bool, bool], Raster] = {}
         self._ids = gpu.texture("sample ids", "r16uint", samples=_SAMPLES)
         self._depth = gpu.texture("sample depth", "depth32float", samples=_SAMPLES)
-        path = "stages/antialias.wgsl"
         self._find, self._mix, self._write = (
-            gpu.compute(path, entry) for entry in ("find_edges", "mix_edges", "write_edges")
+            gpu.compute(_PATH, entry) for entry in ("find_edges", "mix_edges", "write_edges")
         )
         self._count = gpu.buffer("edge count")
         self._edges = gpu.buffer("edges")

@@ -32,15 +32,9 @@ fn fs(c: Corner) -> @location(0) u32 {
 }
 
 @vertex
-fn vs_masked(
-    @location(0) position: vec3f,
-    @location(1) color: vec4f,
-    @location(2) uv0: vec2f,
-    @location(3) uv1: vec2f,
-    @builtin(instance_index) instance: u32,
-) -> MaskedCorner {
-    let clip = camera.clip_from_world * vec4f(point_to_world(instance, position), 1.0);
-    return MaskedCorner(clip, instance, vec4f(uv0, uv1), color);
+fn vs_masked(v: MaskedVertex, @builtin(instance_index) instance: u32) -> MaskedCorner {
+    let clip = camera.clip_from_world * vec4f(point_to_world(instance, v.position), 1.0);
+    return MaskedCorner(clip, instance, vec4f(v.uv0, v.uv1), v.color);
 }
 
 @fragment

@@ -1,5 +1,6 @@
 // Light that reaches the eye's pixels straight from the lights, with shadows.
 // include stages/camera.wgsl
+// include stages/fullscreen.wgsl
 // include stages/material.wgsl
 // include stages/shadow_map.wgsl
 // include optics/light.wgsl
@@ -126,11 +127,6 @@ fn tint(at: Lookup) -> Visible {
         + share.x * textureLoad(tints, k - vec2u(1u, 0u), 0).rgb + share.y * textureLoad(tints, k, 0).rgb
         + share.z * textureLoad(tints, k - vec2u(0u, 1u), 0).rgb + share.w * textureLoad(tints, k - vec2u(1u, 1u), 0).rgb;
     return Visible(passed, all(stored <= at.free) || all(stored > at.shaded));
-}
-
-@vertex
-fn vs(@builtin(vertex_index) corner: u32) -> @builtin(position) vec4f {
-    return vec4f(vec2f(f32(corner & 1u), f32(corner >> 1u)) * 4.0 - 1.0, 0.5, 1.0);
 }
 
 @fragment

@@ -9,6 +9,13 @@
 @group(1) @binding(1) var base_color_map: texture_2d<f32>;
 @group(1) @binding(2) var base_color_sampler: sampler;
 
+struct MaskedVertex {      // what an alpha mask reads of a vertex, as attributes
+    @location(0) position: vec3f,
+    @location(1) color: vec4f,
+    @location(2) uv0: vec2f,
+    @location(3) uv1: vec2f,
+}
+
 fn point_to_world(i: u32, p: vec3f) -> vec3f {
     let q = vec4f(p, 1.0);
     return vec3f(dot(instances[i].world0, q), dot(instances[i].world1, q), dot(instances[i].world2, q));

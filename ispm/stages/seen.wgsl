@@ -1,5 +1,6 @@
 // What each pixel shows: the point of its triangle, the normals there and the material.
 // include stages/camera.wgsl
+// include stages/fullscreen.wgsl
 // include stages/meet.wgsl
 // include stages/geometry.wgsl
 // include stages/material.wgsl
@@ -14,11 +15,6 @@ struct Shown {
     @location(0) point: vec4u,
     @location(1) normals: vec2u,
     @location(2) depth: f32,
-}
-
-@vertex
-fn vs(@builtin(vertex_index) corner: u32) -> @builtin(position) vec4f {
-    return vec4f(vec2f(f32(corner & 1u), f32(corner >> 1u)) * 4.0 - 1.0, 0.5, 1.0);
 }
 
 @fragment

@@ -18,11 +18,11 @@ from ispm.scene.packed import Geometry, Packed
 from ispm.scene.pieces import DrawRange, Pieces
 from ispm.stages.camera import CameraView
 
+_PATH = "stages/shadow.wgsl"
 _MAP = wgsl.load("stages/shadow_map.wgsl").dtype("ShadowMap")
 _TILE = wgsl.load("stages/shadow_map.wgsl").dtype("ShadowTile")
-_VIEW = wgsl.load("stages/shadow.wgsl").dtype("View")
+_VIEW, _MIN_ALPHA = wgsl.load(_PATH).dtype("View"), wgsl.load(_PATH).constants["MIN_ALPHA"]
 _FACES = 6  # rows of a light
-_MIN_ALPHA = 1e-3  # MIN_ALPHA of optics/bsdf.wgsl
 _SLANTED = np.float32(8.0)  # at most, of receivers seen aslant: how much longer than wide they are
 _ROUND = 256  # texels that the atlas grows by
 
@@ -38,13 +38,12 @@ class ShadowStage:
     def __init__(self, gpu: Gpu, resolution: int) -> None:
         self._gpu = gpu
         self.resolution = max(min(resolution, gpu.max_texture), LEAST)
-        path = "stages/shadow.wgsl"
         corners, masked = vertex_layout("position"), vertex_layout("position", "color", "uv0", "uv1")
         holes = RasterState(vertex="vs_masked", fragment="fs_masked", vertex_layout=masked)
         tint = replace(holes, fragment="fs_sheet", depth_write=False)
-        self._opaque = gpu.raster(path, (), RasterState(fragment=None, vertex_layout=corners))
-        self._masked = gpu.raster(path, (), holes)
-        self._sheet = gpu.raster(path, [Target("rgba8unorm", "multiply")], tint)
+        self._opaque = gpu.raster(_PATH, (), RasterState(fragment=None, vertex_layout=corners))
+        self._masked = gpu.raster(_PATH, (), holes)
+        self._sheet = gpu.raster(_PATH, [Target("rgba8unorm", "multiply")], tint)
         self._geometry: Geometry | None = None
         self._indices = gpu.buffer("shared indices", "index")
         self._depth = gpu.texture("shadow atlas", "depth32float")

@@ -31,15 +31,9 @@ fn vs(@location(0) position: vec3f, @builtin(instance_index) instance: u32) -> @
 }
 
 @vertex
-fn vs_masked(
-    @location(0) position: vec3f,
-    @location(1) color: vec4f,
-    @location(2) uv0: vec2f,
-    @location(3) uv1: vec2f,
-    @builtin(instance_index) instance: u32,
-) -> Corner {
-    let local = point_to_world(instance, position) - view.origin;
-    return Corner(clip_from_local(local), vec4f(uv0, uv1), color, local);
+fn vs_masked(v: MaskedVertex, @builtin(instance_index) instance: u32) -> Corner {
+    let local = point_to_world(instance, v.position) - view.origin;
+    return Corner(clip_from_local(local), vec4f(v.uv0, v.uv1), v.color, local);
 }
 
 // The base color, and the opacity where it is between; a hole discards the fragment.

@@ -9,10 +9,11 @@ from ispm.frame import GBuffer, GpuScene
 from ispm.gpu import Gpu, Recording, Texture
 from ispm.optics.records import MATERIAL_TRANSMITS
 
-_SHADER = wgsl.load("stages/specular.wgsl")
+_PATH = "stages/specular.wgsl"
+_SHADER = wgsl.load(_PATH)
 SEEN, BROUGHT = _SHADER.dtype("Seen"), _SHADER.dtype("Brought")
-_THREADS = 16384  # as in the shader
-_SMOOTH = 1.01e-3  # roughness^2: MIN_ALPHA of optics/bsdf.wgsl, and what the G-buffer's halves may round
+_THREADS = int(_SHADER.constants["THREADS"])
+_SMOOTH = 1.01 * _SHADER.constants["MIN_ALPHA"]  # roughness^2, and what the G-buffer's halves may round
 
 
 class SpecularStage:
@@ -25,9 +26,8 @@ class SpecularStage:
 
     def __init__(self, gpu: Gpu) -> None:
         self._gpu = gpu
-        path = "stages/specular.wgsl"
         self._find, self._add, self._write = (
-            gpu.compute(path, entry) for entry in ("find_specular", "add_pixels", "write_pixels")
+            gpu.compute(_PATH, entry) for entry in ("find_specular", "add_pixels", "write_pixels")
         )
         self._count, self._seen = gpu.buffer("specular count"), gpu.buffer("specular pixels")
         self._brought = gpu.buffer("specular light")

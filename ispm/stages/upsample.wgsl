@@ -2,6 +2,7 @@
 // Joint bilateral (Kopf et al. 2007), by distance from the pixel's tangent plane rather than by depth, so
 // that oblique floors find their neighbours. Pixels that find none are listed for the world-space estimate.
 // include stages/camera.wgsl
+// include stages/fullscreen.wgsl
 // include stages/receivers.wgsl
 // include stages/blocks.wgsl
 
@@ -144,11 +145,6 @@ fn lit(pixel: vec2u, b: Bsdf, i: Incident) -> Lit {
         vec4f(reflect_incident(b, i) + sharp, 1.0),
         vec4f(i.irradiance + textureLoad(caustic_irradiance, pixel, 0).rgb, 1.0),
     );
-}
-
-@vertex
-fn vs(@builtin(vertex_index) corner: u32) -> @builtin(position) vec4f {
-    return vec4f(vec2f(f32(corner & 1u), f32(corner >> 1u)) * 4.0 - 1.0, 0.5, 1.0);
 }
 
 @fragment

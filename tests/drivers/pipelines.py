@@ -92,10 +92,13 @@ def all_pipelines(adapter: Any = None) -> list[Pipeline]:
 
 
 def all_entries() -> set[tuple[str, str]]:
-    """Return (file, entry point) of every shader there is."""
+    """Return (file, entry point) of every shader; an included file's are of those that include it."""
     paths = [f"{folder}/{file.name}" for folder in _folders() for file in (files("ispm") / folder).iterdir()]
     sources = {path: wgsl.load(path) for path in paths if path.endswith(".wgsl")}
-    return {(path, entry) for path, source in sources.items() for entry in _ENTRY.findall(source.text)}
+    included = {file for path, source in sources.items() for file, _ in source.origin if file != path}
+    return {
+        (path, entry) for path in sources.keys() - included for entry in _ENTRY.findall(sources[path].text)
+    }
 
 
 def _folders() -> list[str]:
