@@ -9,7 +9,7 @@ from ispm.gpu.compute import Compute
 from ispm.gpu.device import AdapterInfo, Gpu, list_adapters, open_gpu, within_memory
 from ispm.gpu.raster import FLAT, Canvas, Group, Raster, RasterState, Target
 from ispm.gpu.recording import Recording
-from ispm.gpu.texture import Sampler, Texture, View
+from ispm.gpu.texture import Sampler, Texture
 
 __all__ = [
     "FLAT",
@@ -25,7 +25,6 @@ __all__ = [
     "Sampler",
     "Target",
     "Texture",
-    "View",
     "list_adapters",
     "open_gpu",
     "within_memory",

@@ -87,10 +87,10 @@ class Shader:
 
     def _resource(self, binding: wgsl.Binding, given: Any, uploads: Uploads | None) -> Any:
         if isinstance(given, Texture):
-            return given.view(_dimension(binding.type))
+            return given.view
         if isinstance(given, Buffer):
             return {"buffer": given.handle, "offset": 0, "size": given.nbytes}
-        if isinstance(given, (wgpu.GPUTextureView, wgpu.GPUSampler, dict)):
+        if isinstance(given, (wgpu.GPUSampler, dict)):
             return given
         if binding.space == "uniform" and isinstance(given, (np.ndarray, np.void)) and uploads is not None:
             array = np.atleast_1d(np.asarray(given))
@@ -169,20 +169,13 @@ def _layout(binding: wgsl.Binding, visibility: int, text: str) -> dict[str, Any]
             entry["visibility"] &= ~wgpu.ShaderStage.VERTEX
     elif kind == "sampler":
         entry["sampler"] = {"type": _sampler_type(binding.name, text)}
-    elif kind == "sampler_comparison":
-        entry["sampler"] = {"type": "comparison"}
     elif kind.startswith("texture_storage"):
         format, access = inner.split(",")
-        entry["storage_texture"] = {
-            "format": format,
-            "access": _ACCESS[access],
-            "view_dimension": _dimension(kind),
-        }
+        entry["storage_texture"] = {"format": format, "access": _ACCESS[access]}
         entry["visibility"] &= ~wgpu.ShaderStage.VERTEX
     else:
         entry["texture"] = {
             "sample_type": _sample_type(binding.name, kind, inner, text),
-            "view_dimension": _dimension(kind),
             "multisampled": "multisampled" in kind,
         }
     return entry
@@ -204,11 +197,3 @@ def _sampler_type(name: str, text: str) -> str:
     met = set(re.findall(rf"(\w+)\s*,\s*{name}\b", text))
     depths = set(re.findall(r"var\s+(\w+)\s*:\s*texture_depth", text))
     return "non-filtering" if met & depths else "filtering"
-
-
-def _dimension(kind: str) -> str:
-    """View dimension of a WGSL texture type."""
-    for name in ("cube_array", "cube", "2d_array", "3d", "1d"):
-        if f"_{name}" in kind:
-            return name.replace("_", "-")
-    return "2d"

@@ -9,8 +9,6 @@ _USAGE = {
     "storage": wgpu.BufferUsage.STORAGE,
     "vertex": wgpu.BufferUsage.VERTEX | wgpu.BufferUsage.STORAGE,
     "index": wgpu.BufferUsage.INDEX | wgpu.BufferUsage.STORAGE,
-    "uniform": wgpu.BufferUsage.UNIFORM,
-    "indirect": wgpu.BufferUsage.INDIRECT | wgpu.BufferUsage.STORAGE,
 }
 _COPIES = wgpu.BufferUsage.COPY_SRC | wgpu.BufferUsage.COPY_DST
 _SMALLEST = 256  # bytes; also what an empty buffer holds, since nothing of size 0 can be bound
@@ -19,16 +17,14 @@ _SMALLEST = 256  # bytes; also what an empty buffer holds, since nothing of size
 class Buffer:
     """Bytes on the device, of a capacity that only grows; contents are lost when it does.
 
-    handle   the device's buffer; a new one after growth
-    nbytes   bytes in use, what a binding covers
-    version  grows with the handle's changes
+    handle  the device's buffer; a new one after growth
+    nbytes  bytes in use, what a binding covers
     """
 
     def __init__(self, device: wgpu.GPUDevice, name: str, usage: str) -> None:
         self._device, self.name, self._usage = device, name, _USAGE[usage] | _COPIES
         self.handle: wgpu.GPUBuffer = self._create(_SMALLEST)
         self.nbytes = _SMALLEST
-        self.version = 0
 
     def sized(self, nbytes: int) -> Buffer:
         """Return this buffer with room for `nbytes`, rounded up to 16."""
@@ -36,7 +32,6 @@ class Buffer:
         if self.nbytes > self.handle.size:
             capacity = self.nbytes if self.handle.size == _SMALLEST else self.nbytes * 5 // 4 // 16 * 16
             self.handle = self._create(capacity)  # the old one lives while recorded commands use it
-            self.version += 1
         return self
 
     def write(self, array: np.ndarray) -> Buffer:

@@ -17,7 +17,7 @@ class Compute:
     """One entry point of a shader file, compiled.
 
     Call it with the frame, the number of threads and a resource for each binding's name: `Texture`,
-    `View`, `Sampler`, `Buffer`, and for a uniform also a numpy record with the struct's layout.
+    `Sampler`, `Buffer`, and for a uniform also a numpy record with the struct's layout.
     """
 
     def __init__(self, device: wgpu.GPUDevice, path: str, entry: str, constants: Mapping[str, float]) -> None:

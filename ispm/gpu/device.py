@@ -56,7 +56,6 @@ _BASELINE = {
 # Limits of sizes that grow with the scene and the picture: as high as the adapter has them.
 _GENEROUS = (
     "max-texture-dimension-2d",
-    "max-texture-array-layers",
     "max-storage-buffer-binding-size",
     "max-buffer-size",
     "max-compute-workgroups-per-dimension",
@@ -164,7 +163,6 @@ class Gpu:
 
     info         the adapter
     max_texture  texels of the longest side of a texture
-    max_layers   layers of a texture array
     max_binding  bytes of the largest storage buffer
     """
 
@@ -183,7 +181,6 @@ class Gpu:
             raise AdapterError(f"{self.info.name}: the driver gave no device ({reason})") from error
         self._features = frozenset(features)
         self.max_texture: int = limits["max-texture-dimension-2d"]
-        self.max_layers: int = limits["max-texture-array-layers"]
         self.max_binding: int = min(limits["max-storage-buffer-binding-size"], limits["max-buffer-size"])
         self._samplers: dict[tuple[Any, ...], Sampler] = {}
         self._readback = Readback(self.device)
@@ -221,21 +218,12 @@ class Gpu:
         """
         return Raster(self.device, path, targets, state, constants)
 
-    def texture(
-        self,
-        name: str,
-        format: str,
-        *,
-        dimension: str = "2d",
-        layers: int = 1,
-        usage: Sequence[str] = (),
-        samples: int = 1,
-    ) -> Texture:
+    def texture(self, name: str, format: str, *, usage: Sequence[str] = (), samples: int = 1) -> Texture:
         """Return a texture without size yet; see `Texture`."""
-        return Texture(self.device, name, format, dimension, layers, usage, samples)
+        return Texture(self.device, name, format, usage, samples)
 
     def buffer(self, name: str, usage: str = "storage") -> Buffer:
-        """Return an empty buffer; `usage` is storage, vertex, index, uniform or indirect."""
+        """Return an empty buffer; `usage` is storage, vertex or index."""
         return Buffer(self.device, name, usage)
 
     def sampler(
@@ -244,10 +232,9 @@ class Gpu:
         *,
         linear: bool = True,
         mipmaps: bool = True,
-        compare: str | None = None,
     ) -> Sampler:
         """Return a sampler; the same one for the same arguments."""
-        key = (wrap, linear, mipmaps, compare)
+        key = (wrap, linear, mipmaps)
         if key not in self._samplers:
             self._samplers[key] = make_sampler(self.device, *key)
         return self._samplers[key]
@@ -260,12 +247,9 @@ class Gpu:
         require_own_process()
         return Recording(self.device, self._uniforms, self._readback, self._timer, timed)
 
-    def read_texture(
-        self, texture: Texture, dtype: Any, channels: int = 1, layer: int | None = None
-    ) -> np.ndarray:
-        """Return a texture's level 0 as (height, width[, channels]), with an axis of layers first where the
-        texture is an array and `layer` is None."""
-        return self.read_many([(texture, dtype, channels, layer)])[0]
+    def read_texture(self, texture: Texture, dtype: Any, channels: int = 1) -> np.ndarray:
+        """Return a texture's level 0 as (height, width), or (height, width, channels) of several."""
+        return self.read_many([(texture, dtype, channels)])[0]
 
     def read_buffer(self, buffer: Buffer, dtype: Any, count: int) -> np.ndarray:
         """Return the first `count` elements of a buffer, (count,) of `dtype`."""

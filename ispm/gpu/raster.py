@@ -40,7 +40,7 @@ class RasterState:
     """What of a pipeline is fixed beside its shaders' file and targets.
 
     depth          comparison of a depth32float attachment, None without one; depth is reversed
-    topology       of what is drawn, in WebGPU's words, as are the faces that are culled and those in front
+    cull, front    faces that are culled, and those in front, in WebGPU's words
     vertex_layout  WebGPU's vertex buffer layouts; empty where the shader fetches its own vertices
     vertex         entry point, as `fragment`, which is None where only depth is drawn
     """
@@ -49,7 +49,6 @@ class RasterState:
     depth_write: bool = True
     cull: str = "none"
     front: str = "ccw"
-    topology: str = "triangle-list"
     vertex_layout: Sequence[dict[str, Any]] = ()
     vertex: str = "vs"
     fragment: str | None = "fs"
@@ -84,11 +83,7 @@ class Raster:
                 label=shader.label,
                 layout=shader.pipeline_layout,
                 vertex=stage | {"entry_point": state.vertex, "buffers": list(state.vertex_layout)},
-                primitive={
-                    "topology": state.topology,
-                    "cull_mode": state.cull,
-                    "front_face": state.front,
-                },
+                primitive={"cull_mode": state.cull, "front_face": state.front},
                 multisample={"count": state.samples},
                 depth_stencil=_depth_state(state.depth, state.depth_write) if state.depth else None,
                 fragment=fragment if state.fragment else None,
@@ -132,23 +127,15 @@ class Canvas:
         self._commands.set_viewport(x, y, width, height, 0.0, 1.0)
         self._commands.set_scissor_rect(x, y, width, height)
 
-    def draw(
-        self, vertices: int, instances: int = 1, *, first_vertex: int = 0, first_instance: int = 0
-    ) -> None:
-        """Draw without indices."""
-        self._commands.draw(vertices, instances, first_vertex, first_instance)
+    def draw(self, vertices: int, instances: int = 1, *, first_instance: int = 0) -> None:
+        """Draw triangles without indices."""
+        self._commands.draw(vertices, instances, 0, first_instance)
 
     def draw_indexed(
-        self,
-        indices: int,
-        instances: int = 1,
-        *,
-        first_index: int = 0,
-        base_vertex: int = 0,
-        first_instance: int = 0,
+        self, indices: int, instances: int = 1, *, first_index: int = 0, first_instance: int = 0
     ) -> None:
-        """Draw with the index buffer."""
-        self._commands.draw_indexed(indices, instances, first_index, base_vertex, first_instance)
+        """Draw triangles with the index buffer."""
+        self._commands.draw_indexed(indices, instances, first_index, 0, first_instance)
 
 
 def _depth_state(compare: str, write: bool) -> dict[str, Any]:

@@ -21,7 +21,6 @@ _ROW = 256  # bytes; rows of a texture copy start at multiples of this
 class _Copy:
     """Where one array comes from, and where it lies in the staging buffer.
 
-    layer   of a texture, the first that is copied
     offset  bytes
     stored  the shape there, with padded rows
     used    elements of each axis that are not padding
@@ -29,7 +28,6 @@ class _Copy:
     """
 
     source: Texture | Buffer | wgpu.GPUBuffer
-    layer: int
     offset: int
     dtype: np.dtype
     stored: tuple[int, ...]
@@ -83,7 +81,7 @@ class Readback:
         self._room = _Room()
 
     def read(self, wanted: Sequence[tuple[Any, ...]]) -> list[np.ndarray]:
-        """Return an array for each item: (texture, dtype, channels, layer) as `Gpu.read_texture` does,
+        """Return an array for each item: (texture, dtype, channels) as `Gpu.read_texture` does,
         (buffer, dtype, count) as (count,)."""
         planned: list[_Copy] = []
         end = 4  # bytes that are cleared below
@@ -116,16 +114,16 @@ class Readback:
     def _copy(self, encoder: wgpu.GPUCommandEncoder, copy: _Copy) -> None:
         source = copy.source
         if isinstance(source, Texture):
-            layers, height, row = copy.stored
+            height, row = copy.stored
             encoder.copy_texture_to_buffer(
-                {"texture": source.handle, "mip_level": 0, "origin": (0, 0, copy.layer)},
+                {"texture": source.handle},
                 {
                     "buffer": self._staging,
                     "offset": copy.offset,
                     "bytes_per_row": row * copy.dtype.itemsize,
                     "rows_per_image": height,
                 },
-                (*source.size, layers),
+                (*source.size, 1),
             )
         elif copy.nbytes:
             handle = source.handle if isinstance(source, Buffer) else source
@@ -137,21 +135,13 @@ class Readback:
         return self._device.create_buffer(label="readback", size=size, usage=usage)
 
 
-def _plan_texture(
-    offset: int, texture: Texture, dtype: Any, channels: int = 1, layer: int | None = None
-) -> _Copy:
+def _plan_texture(offset: int, texture: Texture, dtype: Any, channels: int = 1) -> _Copy:
     width, height = texture.size
-    layers = texture.layers if layer is None else 1
     dtype = np.dtype(dtype)
     row = -(-width * channels * dtype.itemsize // _ROW) * _ROW // dtype.itemsize
-    shape: tuple[int, ...] = (layers, height, width, channels)
-    if channels == 1:
-        shape = shape[:-1]
-    if layers == 1:
-        shape = shape[1:]
-    used = (layers, height, width * channels)
-    return _Copy(texture, layer or 0, offset, dtype, (layers, height, row), used, shape)
+    shape = (height, width, channels) if channels > 1 else (height, width)
+    return _Copy(texture, offset, dtype, (height, row), (height, width * channels), shape)
 
 
 def _plan_buffer(offset: int, buffer: Buffer | wgpu.GPUBuffer, dtype: Any, count: int) -> _Copy:
-    return _Copy(buffer, 0, offset, np.dtype(dtype), (count,), (count,), (count,))
+    return _Copy(buffer, offset, np.dtype(dtype), (count,), (count,), (count,))

@@ -14,13 +14,11 @@ import wgpu
 from ispm.errors import IspmError
 from ispm.gpu.raster import Canvas
 from ispm.gpu.readback import Readback
-from ispm.gpu.texture import Texture, View
+from ispm.gpu.texture import Texture
 from ispm.gpu.timing import Stopwatch, Timer
 
 _CHUNK = 65536  # bytes; WebGPU's largest uniform binding
 _ALIGNMENT = 256  # bytes between uniforms; WebGPU's baseline
-
-Attachment = Texture | View
 
 
 class UniformPool:
@@ -133,22 +131,20 @@ class Recording:
     @contextmanager
     def draw_into(
         self,
-        *color: Attachment,
-        depth: Attachment | None = None,
+        *color: Texture,
+        depth: Texture | None = None,
         clear: Sequence[float] | None = (0.0, 0.0, 0.0, 0.0),
         clear_depth: float | None = 0.0,
-        label: str = "",
     ) -> Iterator[Canvas]:
         """Open a render pass.
 
         clear        value of all attachments; None keeps what is there
         clear_depth  0 is far; None keeps what is there
         """
-        attachments = [_color(_view(each), clear) for each in color]
         commands = self.encoder.begin_render_pass(
-            label=label or self._stage,
-            color_attachments=attachments,
-            depth_stencil_attachment=None if depth is None else _depth(_view(depth), clear_depth),
+            label=self._stage,
+            color_attachments=[_color(each, clear) for each in color],
+            depth_stencil_attachment=None if depth is None else _depth(depth, clear_depth),
             timestamp_writes=self._stopwatch.mark(self._stage),
         )
         yield Canvas(commands)
@@ -166,16 +162,12 @@ class Recording:
         self.encoder = self._device.create_command_encoder()
 
 
-def _view(attachment: Attachment) -> View:
-    return attachment.view("2d") if isinstance(attachment, Texture) else attachment
-
-
-def _color(view: View, clear: Sequence[float] | None) -> dict[str, Any]:
+def _color(texture: Texture, clear: Sequence[float] | None) -> dict[str, Any]:
     if clear is None:
-        return {"view": view, "load_op": "load", "store_op": "store"}
-    return {"view": view, "load_op": "clear", "store_op": "store", "clear_value": tuple(clear)}
+        return {"view": texture.view, "load_op": "load", "store_op": "store"}
+    return {"view": texture.view, "load_op": "clear", "store_op": "store", "clear_value": tuple(clear)}
 
 
-def _depth(view: View, clear: float | None) -> dict[str, Any]:
-    keep = {"view": view, "depth_load_op": "load", "depth_store_op": "store"}
+def _depth(texture: Texture, clear: float | None) -> dict[str, Any]:
+    keep = {"view": texture.view, "depth_load_op": "load", "depth_store_op": "store"}
     return keep if clear is None else keep | {"depth_load_op": "clear", "depth_clear_value": clear}

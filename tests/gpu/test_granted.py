@@ -17,7 +17,6 @@ SIZE = (64, 36)
 # WebGPU specification, section 3.6.2, of what `Gpu` else asks as much of as there is.
 LEAST = {
     "max-texture-dimension-2d": 8192,
-    "max-texture-array-layers": 256,
     "max-storage-buffer-binding-size": 128 << 20,
     "max-buffer-size": 256 << 20,
     "max-compute-workgroups-per-dimension": 65535,
