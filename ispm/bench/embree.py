@@ -24,7 +24,7 @@ from ispm.kernels.simd import address, alloca, atomic_add, ldf, ldu, stf, stu
 from ispm.kernels.threads import run_threads, thread_count
 from ispm.optics.jit import jit
 from ispm.optics.records import NO_HIT
-from ispm.scene.packed import Packed
+from ispm.scene.packed import Packed, to_world
 
 f32, i64, u32, u64 = np.float32, np.int64, np.uint32, np.uint64
 
@@ -32,7 +32,6 @@ f32, i64, u32, u64 = np.float32, np.int64, np.uint32, np.uint64
 _TRIANGLES, _INSTANCE = 0, 121  # RTC_GEOMETRY_TYPE_TRIANGLE, _INSTANCE
 _INDICES, _POSITIONS = 0, 1  # RTC_BUFFER_TYPE_INDEX, _VERTEX
 _UINT3, _FLOAT3, _FLOAT3X4_ROWS = 0x5003, 0x9003, 0x9134  # RTC_FORMAT_UINT3, _FLOAT3, _FLOAT3X4_ROW_MAJOR
-_ROBUST = 4  # RTC_SCENE_FLAG_ROBUST
 # Words of four bytes in an RTCRayHit, whose first three are the origin: tnear, dir, time, tfar, mask, u, v,
 # primID, geomID, instID.
 _NEAR, _DIRECTION, _TIME, _FAR, _MASK, _U, _V, _PRIMITIVE, _GEOMETRY, _PLACED = (
@@ -58,17 +57,14 @@ class EmbreeScene:
     Raises ImportError where `embreex` is not installed.
     """
 
-    def __init__(self, packed: Packed, robust: bool = False) -> None:
-        """robust: Embree's slower mode, in which no ray passes between neighbouring triangles."""
+    def __init__(self, packed: Packed) -> None:
         self._library = _load_library()
         self._device = self._library.rtcNewDevice(b"threads=1")
-        self._flags = _ROBUST * robust
         self._kept: list[np.ndarray] = []
         meshes = [self._mesh(packed, k) for k in range(len(packed.geometry.ranges))]
-        self.scene = self._new_scene()
+        self.scene: int = self._library.rtcNewScene(self._device)
         rows = packed.instances
-        matrices = np.stack([rows["world0"], rows["world1"], rows["world2"]], axis=1)
-        for matrix, mesh in zip(matrices, rows["mesh"], strict=True):
+        for matrix, mesh in zip(to_world(rows), rows["mesh"], strict=True):
             geometry = self._library.rtcNewGeometry(self._device, _INSTANCE)
             self._library.rtcSetGeometryInstancedScene(geometry, meshes[mesh])
             self._library.rtcSetGeometryTransform(geometry, 0, _FLOAT3X4_ROWS, matrix.ctypes.data)
@@ -84,8 +80,8 @@ class EmbreeScene:
         directions = np.ascontiguousarray(directions, np.float32)
         hits = np.empty(len(origins), HIT)
         counter = np.zeros(1, np.int64)
-        places = [address(a) for a in (origins, directions, counter, hits)]
-        run_threads(lambda _: _trace(u64(self.scene), len(origins), *places), threads)
+        addresses = [address(a) for a in (origins, directions, counter, hits)]
+        run_threads(lambda _: _trace(u64(self.scene), len(origins), *addresses), threads)
         return hits
 
     def _mesh(self, packed: Packed, k: int) -> int:
@@ -100,14 +96,9 @@ class EmbreeScene:
         share = self._library.rtcSetSharedGeometryBuffer
         share(geometry, _POSITIONS, 0, _FLOAT3, positions.ctypes.data, 0, 12, count)
         share(geometry, _INDICES, 0, _UINT3, triangles.ctypes.data, 0, 12, part.triangle_count)
-        scene = self._new_scene()
+        scene: int = self._library.rtcNewScene(self._device)
         self._attach(scene, geometry)
         self._library.rtcCommitScene(scene)
-        return scene
-
-    def _new_scene(self) -> int:
-        scene: int = self._library.rtcNewScene(self._device)
-        self._library.rtcSetSceneFlags(scene, self._flags)
         return scene
 
     def _attach(self, scene: int, geometry: int) -> None:
@@ -177,7 +168,6 @@ def _declare(library: ctypes.CDLL) -> None:
     for name, result, arguments in (
         ("rtcNewDevice", pointer, [ctypes.c_char_p]),
         ("rtcNewScene", pointer, [pointer]),
-        ("rtcSetSceneFlags", None, [pointer, number]),
         ("rtcCommitScene", None, [pointer]),
         ("rtcNewGeometry", pointer, [pointer, number]),
         ("rtcSetSharedGeometryBuffer", None, [pointer, number, word, number, pointer, size, size, size]),

@@ -15,7 +15,7 @@ from ispm.optics.records import NO_HIT
 from ispm.scene.camera import Camera, look_at_pose
 from ispm.scene.extent import enclosing_diameter
 from ispm.scene.light import DirectionalLight, Light, PointLight
-from ispm.scene.packed import Packed, farthest_points, pack
+from ispm.scene.packed import Packed, farthest_points, pack, to_world
 from ispm.scene.scene import Node, Scene
 from ispm.scene.values import BRIGHTEST
 from ispm.settings import Settings
@@ -225,7 +225,7 @@ def _some_vertices(packed: Packed) -> np.ndarray:
     for row in packed.instances:
         first, count = int(row["first_index"]), 3 * int(row["triangle_count"])
         indices = packed.geometry.indices[first : first + count : min(share, max(count // 8, 1))]
-        matrix = np.stack([row["world0"], row["world1"], row["world2"]]).astype(np.float64)
+        matrix = to_world(row).astype(np.float64)
         points = packed.geometry.vertices["position"][indices]
         found.append(points @ matrix[:, :3].T + matrix[:, 3])
     return np.concatenate(found)

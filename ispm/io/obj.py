@@ -120,7 +120,7 @@ def _colors(text: ObjText) -> np.ndarray | None:
 
 
 class _Solids:
-    """Which materials' faces bound solids: every edge is met as often one way as the other."""
+    """Which materials' faces bound solids: every edge is met as often in one direction as in the other."""
 
     def __init__(self, text: ObjText, triangles: dict[Group, np.ndarray]) -> None:
         self._text = text
@@ -129,13 +129,14 @@ class _Solids:
             self._triangles.setdefault(group.material, []).append(corners)
 
     def closed(self, material: str) -> bool:
+        """Whether the faces of a material bound a solid."""
         corners = np.concatenate(self._triangles[material])
-        rows = self._places[self._text.corners[corners, 0]]
+        rows = self._points[self._text.corners[corners, 0]]
         edges = np.concatenate([rows[:, [0, 1]], rows[:, [1, 2]], rows[:, [2, 0]]])
-        forward, back = edges @ (len(self._places), 1), edges @ (1, len(self._places))
+        forward, back = edges @ (len(self._points), 1), edges @ (1, len(self._points))
         return bool((np.sort(forward) == np.sort(back)).all())
 
     @cached_property
-    def _places(self) -> np.ndarray:
-        """(V,) numbers of vertices, the same for those at one place."""
+    def _points(self) -> np.ndarray:
+        """(V,) numbers of vertices, the same for those at one point."""
         return np.asarray(np.unique(self._text.positions, axis=0, return_inverse=True)[1].ravel())

@@ -77,7 +77,7 @@ class _Writer:
         self._materials = MaterialWriter(self.document)
         self._primitives: dict[int, dict[str, Any]] = {}
         self._meshes: dict[tuple[tuple[int, int], ...], int] = {}
-        self._numbers: dict[int, list[int]] = {}  # of each node; a node may hang in several places
+        self._numbers: dict[int, list[int]] = {}  # of each node, one for each of its parents
         self._scene(scene)
         for animation in scene.animations:
             self._animation(animation)
@@ -148,8 +148,8 @@ class _Writer:
         return self._primitives[key]
 
     def _instances(self, matrices: np.ndarray) -> dict[str, Any]:
-        places = {name: self.document.floats(v) for name, v in instance_attributes(matrices).items()}
-        return {self.document.use("EXT_mesh_gpu_instancing"): {"attributes": places}}
+        attributes = {name: self.document.floats(v) for name, v in instance_attributes(matrices).items()}
+        return {self.document.use("EXT_mesh_gpu_instancing"): {"attributes": attributes}}
 
     def _light(self, light: Light) -> dict[str, Any]:
         """A node's extensions that hold a light of its own, as the loader makes them."""

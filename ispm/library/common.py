@@ -24,11 +24,10 @@ def add_camera(
     eye: tuple[float, float, float],
     target: tuple[float, float, float],
     yfov: float = math.radians(50.0),
-    name: str = "camera",
 ) -> Node:
     """Place a camera at `eye` (metres) that looks at `target`, by translation and rotation."""
     pose = look_at_pose(np.asarray(eye, float), np.asarray(target, float))
-    return scene.add(Camera(yfov=yfov), name=name, translation=eye, rotation=quaternion(pose[:3, :3]))
+    return scene.add(Camera(yfov=yfov), name="camera", translation=eye, rotation=quaternion(pose[:3, :3]))
 
 
 def add_spot(

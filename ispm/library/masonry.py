@@ -13,9 +13,9 @@ from ispm.scene.mesh import Mesh
 def column(height: float, radius: float, base: float, segments: int, name: str) -> Mesh:
     """A round column with a base and a capital, standing on y = 0.
 
-    height  to the top of the square abacus
-    radius  of the shaft at the bottom; it tapers by a seventh
-    base    width of the square plinth and abacus
+    height  m, to the top of the square abacus
+    radius  m, of the shaft at the bottom; it tapers by a seventh
+    base    m, width of the square plinth and abacus
     The shaft's ends are buried in plinth and abacus.
     """
     r, top, half = radius, height - 0.18, 0.5 * base
@@ -31,7 +31,7 @@ def column(height: float, radius: float, base: float, segments: int, name: str) 
 
 
 def pier(low: float, high: float, half: float, cap: float, name: str) -> Mesh:
-    """A square pier from `low` to `high` with a wider base and a cap at the height `cap`."""
+    """A square pier from `low` to `high`, in m, with a wider base and a cap at the height `cap`."""
     shaft = box((-half, low - 0.05, -half), (half, high + 0.05, half))
     wide = half + 0.06
     base = box((-wide, low - 0.04, -wide), (wide, low + 0.4, wide))
@@ -51,9 +51,9 @@ def arch(
 ) -> tuple[Mesh, Mesh]:
     """A wall over a round arch, springing from y = 0 in the plane z = 0; together the two are closed.
 
-    width, height, depth  of the wall
-    inner, outer          radii of the ring of stones round the opening
-    step                  by which the ring stands out from both faces of the wall
+    width, height, depth  of the wall, in m
+    inner, outer          m, radii of the ring of stones round the opening
+    step                  m, by which the ring stands out from both faces of the wall
     ->                    the wall, and the ring with its stones by turns in two shades
     """
     angle = np.linspace(np.pi, 0.0, segments + 1)
@@ -86,7 +86,7 @@ def _foot(points: np.ndarray, end: int) -> Mesh:
 
 
 def balustrade(length: float, count: int, segments: int, name: str) -> Mesh:
-    """A balustrade along x on y = 0: two rails and turned balusters, whose ends the rails bury."""
+    """A balustrade along x on y = 0, `length` in m: two rails with turned balusters between them."""
     profile = [
         (0.075, 0.10), (0.070, 0.19), (0.045, 0.23), (0.085, 0.35), (0.075, 0.46),
         (0.042, 0.64), (0.065, 0.70), (0.065, 0.80),
@@ -156,7 +156,7 @@ def urn(segments: int, name: str) -> Mesh:
 
 
 def bush(radius: float, segments: int, seed: int, name: str) -> Mesh:
-    """A clipped shrub: a closed ball with lumps, round the origin."""
+    """A clipped shrub: a closed ball with lumps, round the origin; radius in m."""
     ball = icosphere(radius, segments)
     random = np.random.default_rng(seed)
     waves = random.normal(size=(9, 3)) * 4.0 / radius

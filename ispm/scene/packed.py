@@ -132,8 +132,7 @@ class Packed:
         total = 0.0
         for row in self.instances:
             mesh = self.geometry.ranges[row["mesh"]].mesh
-            to_world = np.array([row["world0"], row["world1"], row["world2"]], np.float64)[:, :3]
-            corners = (mesh.positions @ to_world.T)[mesh.triangles]
+            corners = (mesh.positions @ to_world(row)[:, :3].T.astype(np.float64))[mesh.triangles]
             edges = corners[:, 1:] - corners[:, :1]
             total += 0.5 * float(np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1).sum())
         return total
@@ -146,7 +145,7 @@ class Packed:
         hulls = [self.geometry.ranges[mesh].hull for mesh in found["mesh"]]
         if not hulls:
             return np.zeros((0, len(_HULL_DIRECTIONS), 3))
-        world = np.stack([found["world0"], found["world1"], found["world2"]], axis=1).astype(np.float64)
+        world = to_world(found).astype(np.float64)
         return np.asarray(np.einsum("nij,nkj->nki", world[:, :, :3], np.stack(hulls)) + world[:, None, :, 3])
 
     @property
@@ -230,6 +229,11 @@ def pack(scene: Scene, geometry: Geometry | None = None) -> Packed:
         ids,
         Names(tuple(runs), tuple(material.name for material in material_list), nodes),
     )
+
+
+def to_world(instances: np.ndarray | np.void) -> np.ndarray:
+    """Return the (..., 3, 4) float32 object-to-world matrices of (...,) INSTANCE."""
+    return np.stack([instances["world0"], instances["world1"], instances["world2"]], axis=-2)
 
 
 def pack_geometry(meshes: list[Mesh]) -> Geometry:

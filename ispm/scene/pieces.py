@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ispm.scene.packed import PIECE, Draw, Packed
+from ispm.scene.packed import PIECE, Draw, Packed, to_world
 
 
 class DrawRange(NamedTuple):
@@ -70,7 +70,7 @@ def _cut(packed: Packed, row: int, box: np.ndarray) -> tuple[np.ndarray, np.ndar
 
 def _placed(boxes: np.ndarray, instance: np.void) -> np.ndarray:
     """Bounds in world space of (n, 2, 3) boxes of an instance's mesh."""
-    matrix = np.stack([instance["world0"], instance["world1"], instance["world2"]]).astype(np.float64)
+    matrix = to_world(instance).astype(np.float64)
     center = boxes.mean(axis=1) @ matrix[:, :3].T + matrix[:, 3]
     extent = np.ptp(boxes, axis=1) / 2.0 @ np.abs(matrix[:, :3]).T
     return np.stack([center - extent, center + extent], axis=1)

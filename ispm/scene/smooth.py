@@ -1,6 +1,6 @@
-"""Smooth normals for meshes that bring none.
+"""Smooth normals for meshes that have none.
 
-Vertices at one place are one. The faces around it fall into fans: from each to the next leads an edge that
+Vertices at one point are one. The faces around it fall into fans: from each to the next leads an edge that
 two faces share, wound alike, at an angle of the crease at most. A normal is the mean of its fan's, weighted
 by their angles at the vertex, so that it is the same however a surface is cut into triangles.
 Source: Thuermer and Wuethrich, "Computing vertex normals from polygonal facets", 1998.
@@ -21,10 +21,10 @@ def smoothed(mesh: Mesh, crease: float) -> Mesh:
 
     crease  rad, the largest angle between faces that are smooth
     """
-    places = np.unique(mesh.positions + np.float32(0.0), axis=0, return_inverse=True)[1].ravel()
+    points = np.unique(mesh.positions + np.float32(0.0), axis=0, return_inverse=True)[1].ravel()
     corners = mesh.positions[mesh.triangles].astype(np.float64)
     faces, angles = angles_of(corners)
-    fans = _fans(places[mesh.triangles], faces, math.cos(crease))
+    fans = _fans(points[mesh.triangles], faces, math.cos(crease))
     sums = np.zeros((fans.max() + 1 if fans.size else 0, 3))
     np.add.at(sums, fans, angles[:, :, None] * faces[:, None, :])
     pairs = np.stack([mesh.triangles.ravel(), fans.ravel()], axis=1)
@@ -54,9 +54,9 @@ def unit(vectors: np.ndarray) -> np.ndarray:
 
 
 def _fans(triangles: np.ndarray, faces: np.ndarray, least: float) -> np.ndarray:
-    """(T, 3) numbers of the fans that corners belong to: those of a place that smooth edges connect.
+    """(T, 3) numbers of the fans that corners belong to: those at one point that smooth edges connect.
 
-    triangles  (T, 3) places
+    triangles  (T, 3) numbers of points
     faces      (T, 3) unit normals
     least      cosine of the crease angle
     """
@@ -83,7 +83,7 @@ def _fans(triangles: np.ndarray, faces: np.ndarray, least: float) -> np.ndarray:
 def connected(count: int, links: np.ndarray) -> np.ndarray:
     """Return (count,) numbers from 0 of the sets into which (L, 2) links join `count` things.
 
-    Each round hooks the larger of two roots to the smaller and shortens all ways to them (after Shiloach and
+    Each round hooks the larger of two roots to the smaller and shortens all paths to them (after Shiloach and
     Vishkin 1982).
     """
     root = np.arange(count)

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ispm import wgsl
+from ispm.scene.extent import corners_of
 
 CAMERA = wgsl.load("stages/camera.wgsl").dtype("Camera")
 
@@ -75,9 +76,8 @@ class CameraView:
 
     def sees(self, boxes: np.ndarray) -> np.ndarray:
         """Return (n,) whether each of (n, 2, 3) world-space boxes may be in the picture."""
-        picks = np.array([[i & 1, i >> 1 & 1, i >> 2 & 1] for i in range(8)])
         corners = np.ones((len(boxes), 8, 4))
-        corners[..., :3] = boxes[:, picks, [0, 1, 2]]
+        corners[..., :3] = corners_of(boxes)
         x, y, _, w = np.moveaxis(corners @ self.clip_from_world.T, -1, 0)
         return np.asarray(~np.any([(side > w).all(axis=1) for side in (x, -x, y, -y)], axis=0))
 

@@ -6,10 +6,9 @@ import numpy as np
 
 from ispm import wgsl
 from ispm.lights.lightmap import LightMap
+from ispm.scene.extent import corners_of
 
 FACE = wgsl.load("stages/face.wgsl").dtype("Face")
-
-_CORNERS = np.array([[i & 1, i >> 1 & 1, i >> 2 & 1] for i in range(8)])
 
 
 def face_uniforms(
@@ -39,7 +38,7 @@ def seen_by_faces(boxes: np.ndarray, map: LightMap) -> np.ndarray:
     boxes  (n, 2, 3) world space
     An orthographic face sees along its whole axis, also before its near and beyond its far plane.
     """
-    corners = boxes[:, _CORNERS, [0, 1, 2]] - map.origin
+    corners = corners_of(boxes) - map.origin
     s, t, axis = (corners @ row.T for row in np.moveaxis(map.axes, 1, 0))  # (n, 8, F) each
     edge = np.ones_like(axis) if map.orthographic else axis
     outside = [(side > edge).all(axis=1) for side in (s, -s, t, -t)]

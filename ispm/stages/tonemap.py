@@ -118,7 +118,6 @@ def tonemap_transparent(
     alpha: np.ndarray,
     exposure: float,
     mode: str = "neutral",
-    threads: int | None = None,
     bits: int = 8,
 ) -> np.ndarray:
     """Return (h, w, 4) sRGB as `tonemap` does, with straight alpha, as PNG has it.
@@ -126,7 +125,7 @@ def tonemap_transparent(
     radiance  of what covers a pixel times the share that it covers, `alpha` (h, w)
     """
     covered = radiance / np.where(alpha > 0.0, alpha, np.float32(1.0))[..., None]
-    color = tonemap(covered, exposure, mode, threads, bits)
+    color = tonemap(covered, exposure, mode, bits=bits)
     opacity = np.rint(alpha * (2.0**bits - 1.0)).astype(color.dtype)
     return np.concatenate([color, opacity[..., None]], axis=2)
 

@@ -11,7 +11,7 @@ from ispm.frame import SLOTS, GpuScene
 from ispm.gpu import Buffer, Gpu, Sampler, Texture
 from ispm.optics.texture import mip_chain
 from ispm.scene import material as scene_material
-from ispm.scene.packed import Geometry, Packed
+from ispm.scene.packed import Geometry, Packed, to_world
 
 _WRAP = {
     scene_material.Wrap.REPEAT: "repeat",
@@ -82,7 +82,7 @@ class Upload:
         if not packed.draws:
             return np.zeros((0, 2, 3))
         rows = packed.instances
-        matrix = np.stack([rows["world0"], rows["world1"], rows["world2"]], axis=1).astype(np.float64)
+        matrix = to_world(rows).astype(np.float64)
         low, high = np.moveaxis(self._boxes[rows["mesh"]], 1, 0)
         center = np.einsum("nij,nj->ni", matrix[..., :3], (low + high) / 2.0) + matrix[..., 3]
         extent = np.einsum("nij,nj->ni", np.abs(matrix[..., :3]), (high - low) / 2.0)
