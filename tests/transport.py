@@ -34,7 +34,6 @@ class Tracer:
 
     def __init__(self, scene: Scene, threads: int = 2) -> None:
         self.packed: Packed = pack(scene)
-        self.threads = threads
         self.world = World(threads)
         self.world.update(self.packed)
         textures = TextureTable.pack(self.packed.textures)
@@ -44,11 +43,11 @@ class Tracer:
         """Return EMITTED photons, `count` from each light, drawn as rays."""
         counts = np.full(len(self.packed.lights), count)
         plan = plan_maps(self.packed, counts, 0.0, seed, 0)
-        return emit_rays(self.packed, self.world, self.surfaces, plan, seed, 0, self.threads)
+        return emit_rays(self.packed, self.world, self.surfaces, plan, seed, 0)
 
     def walk(self, emitted: np.ndarray, bounces: int, seed: int = 0, limit: float = math.inf) -> Walk:
         """Follow photons from their first hits; limit: of bright spots."""
-        return walk(self.packed, self.world, self.surfaces, emitted, bounces, seed, 0, self.threads, limit)
+        return walk(self.packed, self.world, self.surfaces, emitted, bounces, seed, 0, limit)
 
 
 def trace(scene: Scene, count: int, bounces: int, seed: int = 0, threads: int = 2) -> Walk:

@@ -10,12 +10,12 @@ from ispm.accel.records import Hit, Scratch
 from ispm.accel.surface import SurfaceTable, closest_surface, scene_tables, surface
 from ispm.accel.world import World
 from ispm.kernels.simd import alloca
+from ispm.lights.emitted import first_segment
 from ispm.optics.bsdf import is_smooth
 from ispm.optics.jit import jit
 from ispm.optics.records import NO_HIT
 from ispm.optics.vector import scale
 from ispm.photons.scatter import SPECULAR_MAX, Event, flight_number, next_flight
-from ispm.photons.walk import first_segment
 from ispm.scene.packed import Packed
 
 f32, i64, u32 = np.float32, np.int64, np.uint32

@@ -184,7 +184,7 @@ def measure_trace(scene: Scene, settings: Settings) -> tuple[int, list[TraceRate
     footprint = _TEXTURE_FOOTPRINT * packed.diagonal
     surfaces = SurfaceTable(packed, TextureTable.pack(packed.textures), footprint)
     plan = map_plan(packed, settings, 0)
-    emitted = emit_rays(packed, world, surfaces, plan, settings.seed, 0, world.threads)
+    emitted = emit_rays(packed, world, surfaces, plan, settings.seed, 0)
     bounces, seed = settings.bounces, settings.seed
     origins, directions = rays_of_walk(packed, world, surfaces, emitted, bounces, seed)
     if find_spec("embreex") is None:
@@ -195,7 +195,8 @@ def measure_trace(scene: Scene, settings: Settings) -> tuple[int, list[TraceRate
     race = [np.tile(rays, (_TRACE_REPEATS, 1)) for rays in (origins, directions)]
     for threads in sorted({1, thread_count(None)}):
         raw = compare_rates(world, packed, race[0], race[1], threads, _REPETITIONS)
-        seconds = _seconds(partial(walk, packed, world, surfaces, emitted, bounces, seed, 0, threads))
+        world.threads = threads
+        seconds = _seconds(partial(walk, packed, world, surfaces, emitted, bounces, seed, 0))
         rates.append(TraceRate(threads, len(origins) / seconds, raw["own"], raw["embree"]))
     return len(origins), rates
 

@@ -9,20 +9,19 @@ right and they are alike.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
-from functools import partial
+from collections.abc import Iterator, Sequence
 from itertools import groupby
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 
 from ispm.accel.intersect import STACK_WORDS
 from ispm.accel.meet import meet_texels
 from ispm.accel.records import Scratch
-from ispm.accel.surface import SurfaceTable, closest_surface, scene_tables
+from ispm.accel.surface import SurfaceTable, Tables, closest_surface, scene_tables
 from ispm.accel.world import World
+from ispm.kernels.share import run_shared, shared_rows
 from ispm.kernels.simd import alloca
-from ispm.kernels.threads import run_threads
 from ispm.lights.lightmap import LightMap, cone_measure, texel_measures, texel_rays
 from ispm.lights.plan import PlannedMap
 from ispm.optics.jit import jit
@@ -30,11 +29,13 @@ from ispm.optics.light import cone_falloff
 from ispm.optics.records import EMITTED, LIGHT_SPOT, NO_HIT
 from ispm.optics.rng import random4
 from ispm.optics.sampling import LATTICE, equal_area_octahedral, to_world
+from ispm.optics.vector import vec3
 from ispm.scene.packed import Packed
 
 f32, f64, i64, u32 = np.float32, np.float64, np.int64, np.uint32
 
 _DIMENSION = (1 << 20) - 1  # of the random numbers of a ray
+_CHUNK = 1024  # rays a thread takes at a time
 
 # What a map sees: all that its light sends, a square or a parallel view.
 _WHOLE, _SQUARE, _PARALLEL = range(3)
@@ -44,6 +45,24 @@ _WHOLE, _SQUARE, _PARALLEL = range(3)
 _VIEW = np.dtype(
     [("origin", f64, 3), ("s", f64, 3), ("t", f64, 3), ("axis", f64, 3), ("density", f64), ("kind", i64)]
 )
+
+
+class _Source(NamedTuple):
+    """A map of a light that emits photons.
+
+    light             row of the lights
+    origin            (3,) float64 m, of the light's own map, world space
+    views             (K,) _VIEW of all maps of the light;  own  which of them it is
+    shift_x, shift_y  and offset, of its samples, see `PlannedMap`
+    """
+
+    light: np.int64
+    origin: np.ndarray
+    views: np.ndarray
+    own: np.int64
+    shift_x: np.float64
+    shift_y: np.float64
+    offset: np.float64
 
 
 def emit_texels(
@@ -61,24 +80,17 @@ def emit_texels(
     batches = [np.zeros(0, EMITTED)]
     content = iter(texels)
     first_key = 0
-    for index, maps in _by_light(plan):
-        light = packed.lights[index]
-        origin = maps[0].map.origin
-        views = _views(light, maps, [each.photons / each.map.measure for each in maps])
-        for own, each in enumerate(maps):
+    for light, maps in _by_light(packed, plan):
+        densities = [each.photons / each.map.measure for each in maps]
+        for each, source in zip(maps, _sources(light, maps, densities), strict=True):
             expected = texel_measures(each.map, light, each.width, each.shift)
             expected *= each.photons / each.map.measure
             most = np.ceil(expected)
             out = np.empty(int(most.sum()), EMITTED)
-            held = next(content)
-            count = _thin(
-                expected, _faces(each.map, origin), views, i64(own),
-                light["intensity"], f64(each.shift[0]), f64(each.shift[1]), f64(each.offset), u32(index),
-                u32(first_key), out,
-            )  # fmt: skip
-            out = out[:count]
-            numbers = (out["key"].astype(np.int64) - first_key) % expected.size
-            place_photons(surfaces, each, held, out, numbers)
+            faces = _faces(each.map, source.origin)
+            out = out[: _thin(packed.lights, source, faces, expected, u32(first_key), out)]
+            texel = (out["key"].astype(np.int64) - first_key) % expected.size
+            place_photons(surfaces, each, next(content), out, texel)
             batches.append(out)
             first_key += expected.size * int(most.max(initial=0.0))
     return np.concatenate(batches)
@@ -87,16 +99,16 @@ def emit_texels(
 def place_photons(
     surfaces: SurfaceTable, planned: PlannedMap, content: np.ndarray, rows: np.ndarray, texels: np.ndarray
 ) -> None:
-    """Find what the rays of texels meet, and where; beyond the light's range is nothing. In place.
+    """Write the hits of the rays of texels to (n,) EMITTED rows; none beyond the light's range.
 
-    content  (F, W, W, 2) uint32 of the map;  rows  (n,) EMITTED;  texels  (n,) numbers in the map
+    content  (F, W, W, 2) uint32 of the map;  texels  (n,) numbers in the map
     """
     map = planned.map
     origins, directions = texel_rays(map, planned.width, planned.shift, texels)
-    found, places, along = meet_texels(surfaces, content, texels, origins, directions, map.orthographic)
+    found, barycentrics, along = meet_texels(surfaces, content, texels, origins, directions, map.orthographic)
     beyond = along * np.linalg.norm(directions, axis=1) > map.range
     rows["instance"], rows["primitive"] = np.where(beyond, NO_HIT, found[:, 0]), found[:, 1]
-    rows["u"], rows["v"] = places.T
+    rows["u"], rows["v"] = barycentrics.T
 
 
 def emit_rays(
@@ -106,55 +118,54 @@ def emit_rays(
     plan: Sequence[PlannedMap],
     seed: int,
     pass_index: int,
-    threads: int,
 ) -> np.ndarray:
     """Draw photons by tracing rays from the lights, at the points of a lattice (the plastic number's, Roberts
-    2018) that is shifted at random in a square, which is mapped to the directions or places that a map sees.
+    2018) that is shifted at random in a square, which is mapped to the directions or points that a map sees.
 
     ->  (N,) EMITTED, in order of map and ray; of each map its `photons`, less those outside a spot's cone
 
-    All that a point light or a spot sends is met with photons of equal flux; a square view with the density
-    of its texels before they are thinned.
+    Where a map sees all that a point light or a spot sends, its photons have equal flux; a square view sends
+    them with the density of its texels before they are thinned.
     """
     batches = [np.zeros(0, EMITTED)]
     first_key = 0
     tables = scene_tables(packed, world, surfaces)
-    for index, maps in _by_light(plan):
-        light = packed.lights[index : index + 1]
-        views = _views(light[0], maps, [_density_of_rays(light[0], each) for each in maps])
-        for own, each in enumerate(maps):
+    for light, maps in _by_light(packed, plan):
+        densities = [_density_of_rays(light, each) for each in maps]
+        for each, source in zip(maps, _sources(light, maps, densities), strict=True):
             rows = np.zeros(each.photons, EMITTED)
-            rows["light"] = index
+            rows["light"] = each.map.light
             rows["key"] = np.arange(first_key, first_key + len(rows), dtype=np.uint32)
             first_key += len(rows)
-            kernel = partial(
-                _emit_rays, tables, light, maps[0].map.origin, views, i64(own), f64(each.shift[0]),
-                f64(each.shift[1]), u32(seed), u32(pass_index),
-            )  # fmt: skip
-            _fill(kernel, rows, threads)
+            _emit_shared(tables, source, u32(pass_index), u32(seed), rows, world.threads)
             batches.append(rows[rows["flux"].any(axis=1)])
     return np.concatenate(batches)
 
 
-def _fill(kernel: Callable[[np.ndarray, Any], Any], rows: np.ndarray, threads: int) -> None:
-    """Call kernel(part, first) for as many parts of `rows` as there are threads, at the same time."""
-    edges = np.linspace(0, len(rows), threads + 1).astype(np.int64)
-    run_threads(lambda k: kernel(rows[edges[k] : edges[k + 1]], edges[k]), threads)
+def _emit_shared(
+    tables: Tables, source: _Source, pass_index: np.uint32, seed: np.uint32, rows: np.ndarray, threads: int
+) -> None:
+    """Trace a ray for each of (n,) EMITTED rows."""
+    run_shared(lambda counter: _emit_rays(tables, source, pass_index, seed, counter, rows), threads)
 
 
-def _by_light(plan: Sequence[PlannedMap]) -> Iterator[tuple[int, list[PlannedMap]]]:
-    """Each light's row with its maps."""
-    for light, maps in groupby(plan, key=lambda each: each.map.light):
-        yield light, list(maps)
+def _by_light(packed: Packed, plan: Sequence[PlannedMap]) -> Iterator[tuple[np.void, list[PlannedMap]]]:
+    """Each LIGHT with its maps."""
+    for row, maps in groupby(plan, key=lambda each: each.map.light):
+        yield packed.lights[row], list(maps)
 
 
-def _views(light: np.void, maps: Sequence[PlannedMap], densities: Sequence[float]) -> np.ndarray:
-    """(K,) _VIEW of the maps of one light."""
-    views = np.concatenate([_faces(each.map, maps[0].map.origin)[:1] for each in maps])
+def _sources(light: np.void, maps: Sequence[PlannedMap], densities: Sequence[float]) -> list[_Source]:
+    """What the maps of one light emit; densities: those of their _VIEW."""
+    origin = next(iter(maps)).map.origin
+    views = np.concatenate([_faces(each.map, origin)[:1] for each in maps])
     for view, each in zip(views, maps, strict=True):
         view["kind"] = _PARALLEL if each.map.orthographic else _WHOLE if _is_whole(light, each) else _SQUARE
     views["density"] = densities
-    return views
+    return [
+        _Source(i64(each.map.light), origin, views, i64(own), *map(f64, (*each.shift, each.offset)))
+        for own, each in enumerate(maps)
+    ]
 
 
 def _faces(map: LightMap, origin: np.ndarray) -> np.ndarray:
@@ -166,41 +177,45 @@ def _faces(map: LightMap, origin: np.ndarray) -> np.ndarray:
 
 
 def _is_whole(light: np.void, each: PlannedMap) -> bool:
+    """Whether a map sees all that its light sends."""
     return len(each.map.axes) == 6 or bool(
         light["kind"] == LIGHT_SPOT and each.map.measure == cone_measure(light)
     )
 
 
 def _density_of_rays(light: np.void, each: PlannedMap) -> float:
+    """The density of a map's rays, in the units of a _VIEW."""
     if each.map.orthographic or _is_whole(light, each):
         return each.photons / each.map.measure
     return each.photons / (4.0 * each.map.spread**2)
 
 
 @jit
-def _thin(
-    expected, faces, views, own, intensity, shift_x, shift_y, offset, light, first_key, out
-):  # fmt: skip
-    count = i64(0)
-    width = expected.shape[1]
+def _thin(lights, source, faces, expected, first_key, out):
+    """Write the EMITTED photons of a _Source, but for their hits; return how many.
+
+    lights    (L,) LIGHT;  faces  (F,) _VIEW of the map;  first_key  uint32, of the map's first texel
+    expected  (F, W, W) float64, photons of each texel
+    """
+    light, count, width = lights[source.light], i64(0), expected.shape[1]
+    rate_x, rate_y = LATTICE
     for face in range(len(faces)):
         for y in range(width):
-            t = f64(2) * (y + 0.5 + shift_y) / width - f64(1)
+            t = f64(2) * (y + 0.5 + source.shift_y) / width - f64(1)
             for x in range(width):
-                lattice = offset + x * LATTICE[0] + (y + face * width) * LATTICE[1]
+                lattice = source.offset + x * rate_x + (y + face * width) * rate_y
                 threshold = lattice - math.floor(lattice)
                 if threshold >= expected[face, y, x]:
                     continue
-                s = f64(2) * (x + 0.5 + shift_x) / width - f64(1)
-                density = _density(views, own, _place(faces[face], s, t))
-                texel = (face * width + y) * width + x
-                key = i64(first_key) + texel
+                s = f64(2) * (x + 0.5 + source.shift_x) / width - f64(1)
+                density = _density(source, _place(faces[face], s, t))
+                key = i64(first_key) + (face * width + y) * width + x
                 while threshold < expected[face, y, x]:
                     row = out[count]
                     for c in range(3):
-                        row.flux[c] = f32(f64(intensity[c]) / density)
+                        row.flux[c] = f32(f64(light.intensity[c]) / density)
                     row.key = u32(key)
-                    row.light = light
+                    row.light = u32(source.light)
                     key += expected.size
                     threshold += f64(1)
                     count += 1
@@ -208,16 +223,15 @@ def _thin(
 
 
 @jit
-def _emit_rays(
-    tables, lights, origin, views, own, shift_x, shift_y, seed,
-    pass_index, rows, first,
-):  # fmt: skip
-    light = lights[0]
+def _emit_rays(tables, source, pass_index, seed, counter, rows):
+    """Trace the rays of a _Source for as many of the (n,) EMITTED rows as a thread gets; those outside a
+    spot's cone keep a flux of 0."""
+    light = tables.lights[source.light]
     scratch = Scratch(alloca(STACK_WORDS), alloca(2))
-    for i in range(len(rows)):
-        x, y = _lattice(first + i, shift_x, shift_y)
-        start, d, place = _ray(light, views[own], origin, x, y)
-        density = _ray_density(light, views, own, d, place)
+    for i in shared_rows(counter, _CHUNK, len(rows)):
+        x, y = _lattice(i, source)
+        start, d, place = _ray(light, source, x, y)
+        density = _ray_density(light, source, d, place)
         for c in range(3):
             rows[i].flux[c] = f32(f64(light.intensity[c]) / density)
         if density == f64(np.inf):
@@ -231,15 +245,18 @@ def _emit_rays(
 
 
 @jit
-def _lattice(k, shift_x, shift_y):
-    """Point `k` of the lattice in [0, 1)^2."""
-    x, y = shift_x + f64(k) * LATTICE[0], shift_y + f64(k) * LATTICE[1]
+def _lattice(k, source):
+    """Point `k` of the lattice in [0, 1)^2, float64."""
+    rate_x, rate_y = LATTICE
+    x, y = source.shift_x + f64(k) * rate_x, source.shift_y + f64(k) * rate_y
     return x - math.floor(x), y - math.floor(y)
 
 
 @jit
-def _ray(light, view, origin, x, y):
-    """(start, direction, place) of the ray at (x, y) of [0, 1]^2 of a map; `place` as `_place` returns it."""
+def _ray(light, source, x, y):
+    """Return start (m) and direction, float32, of the ray at (x, y) of [0, 1]^2 of a _Source, and its place,
+    see `_place`."""
+    view, origin = source.views[source.own], source.origin
     s, t = f64(2) * x - f64(1), f64(2) * y - f64(1)
     if view.kind == i64(_PARALLEL):
         place = _place(view, s, t)
@@ -249,22 +266,22 @@ def _ray(light, view, origin, x, y):
             f32(origin[1] + place[1] - back * view.axis[1]),
             f32(origin[2] + place[2] - back * view.axis[2]),
         )
-        return start, (light.direction[0], light.direction[1], light.direction[2]), place
+        return start, vec3(light.direction), place
     if view.kind == i64(_SQUARE):
         place = _place(view, s, t)
-        inv = f64(1) / math.sqrt(place[0] * place[0] + place[1] * place[1] + place[2] * place[2])
+        inv = f64(1) / math.sqrt(_square(place))
         d = (f32(inv * place[0]), f32(inv * place[1]), f32(inv * place[2]))
     elif light.kind == u32(LIGHT_SPOT):
         d = _cone_direction(light, x, y)
     else:
         d = equal_area_octahedral(f32(s), f32(t))
-    start = (light.position[0], light.position[1], light.position[2])
-    return start, d, (f64(d[0]), f64(d[1]), f64(d[2]))
+    return vec3(light.position), d, (f64(d[0]), f64(d[1]), f64(d[2]))
 
 
 @jit
 def _cone_direction(light, x, y):
-    """Direction of a spot with a pdf in proportion to its falloff: the inverse of the falloff's integral."""
+    """Direction of a spot's LIGHT, float32, by (x, y) of [0, 1]^2, with a pdf in proportion to its falloff:
+    by the inverse of the falloff's integral."""
     scale, offset = f64(light.cone_scale), f64(light.cone_offset)
     inner = min((f64(1) - offset) / scale, f64(1))
     top = inner * scale + offset
@@ -276,37 +293,36 @@ def _cone_direction(light, x, y):
     sine = math.sqrt(max(f64(1) - cosine * cosine, f64(0)))
     phi = f64(2 * math.pi) * y
     local = (f32(sine * math.cos(phi)), f32(sine * math.sin(phi)), f32(cosine))
-    return to_world(local, (light.direction[0], light.direction[1], light.direction[2]))
+    return to_world(local, vec3(light.direction))
 
 
 @jit
-def _ray_density(light, views, own, d, place):
-    """Rays of all maps per sr and falloff, or per m^2, there."""
-    even, uneven = f64(0), f64(0)
+def _ray_density(light, source, d, place):
+    """Rays of all maps of a light, per sr and falloff or per m2, along d and at a place; may be infinite."""
+    views, even, uneven = source.views, f64(0), f64(0)
     for k in range(len(views)):
-        if k == own or _covers(views[k], place):
+        if k == source.own or _covers(views[k], place):
             if views[k].kind == i64(_SQUARE):
-                axis = views[k].axis
-                cosine = f64(d[0]) * axis[0] + f64(d[1]) * axis[1] + f64(d[2]) * axis[2]
+                cosine = _dot((f64(d[0]), f64(d[1]), f64(d[2])), views[k].axis)
                 uneven += views[k].density / (cosine * cosine * cosine)
             else:
                 even += views[k].density
-    return even + uneven / f64(cone_falloff(light, d)) if uneven > f64(0) else even  # may be infinite
+    return even + uneven / f64(cone_falloff(light, d)) if uneven > f64(0) else even
 
 
 @jit
-def _density(views, own, place):
-    """Photons of all maps per sr and falloff, or per m^2, there."""
-    total = f64(0)
+def _density(source, place):
+    """Photons of all maps of a light, per sr and falloff or per m2, at a place."""
+    views, total = source.views, f64(0)
     for k in range(len(views)):
-        if k == own or _covers(views[k], place):
+        if k == source.own or _covers(views[k], place):
             total += views[k].density
     return total
 
 
 @jit
 def _covers(view, place):
-    """Whether a map sees a place, relative to the origin of the light's own map."""
+    """Whether a map, by its _VIEW, sees a place, float64 m from the origin of the light's own map."""
     if view.kind == i64(_WHOLE):
         return True
     p = (place[0] - view.origin[0], place[1] - view.origin[1], place[2] - view.origin[2])
@@ -316,7 +332,8 @@ def _covers(view, place):
 
 @jit
 def _place(view, s, t):
-    """A point of a map at (s, t) of [-1, 1]^2 of a face, relative to the origin of the light's own map.
+    """The place at (s, t) of [-1, 1]^2 of a face, by its _VIEW: a point, float64 m from the origin of the
+    light's own map.
 
     Of a light at a point it is a unit ahead of it; of a parallel view it may be anywhere along the ray.
     """
@@ -330,9 +347,11 @@ def _place(view, s, t):
 
 @jit
 def _square(a):
+    """a . a, float64."""
     return a[0] * a[0] + a[1] * a[1] + a[2] * a[2]
 
 
 @jit
 def _dot(a, b):
+    """a . b, float64."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]

@@ -1,4 +1,4 @@
-"""Light that comes through to points, by shadow rays."""
+"""The share of a light that reaches points, by shadow rays."""
 
 from __future__ import annotations
 
@@ -10,27 +10,32 @@ from ispm.accel.intersect import STACK_WORDS
 from ispm.accel.records import Scratch
 from ispm.accel.surface import SurfaceTable, scene_tables
 from ispm.accel.world import World
-from ispm.kernels.simd import address, alloca, atomic_add
-from ispm.kernels.threads import run_threads
+from ispm.kernels.share import run_shared, shared_rows
+from ispm.kernels.simd import alloca
 from ispm.lights.nee import BEFORE, shadow_transmittance
 from ispm.optics.jit import jit
-from ispm.optics.records import MATERIAL_BLEND, MATERIAL_MASK, MATERIAL_THIN
+from ispm.optics.records import LIGHT_DIRECTIONAL, MATERIAL_BLEND, MATERIAL_MASK, MATERIAL_THIN
 from ispm.optics.rng import random4
+from ispm.optics.vector import vec3
 from ispm.scene.packed import Packed
 
-f32, i64, u32 = np.float32, np.int64, np.uint32
+f32, u32 = np.float32, np.uint32
 
 _DIMENSION = 3 << 20  # of the random numbers for holes
-_CHUNK = 64
+_CHUNK = 64  # rays a thread takes at a time
 
 
-class _Numbers(NamedTuple):
-    """Random numbers of each ray: those of its key, uint32, at one dimension."""
+class RayNumbers(NamedTuple):
+    """Random numbers of rays, for holes that they meet.
+
+    keys    (n,) uint32
+    sample  which of those of its key each takes
+    """
 
     keys: np.ndarray
-    dimension: np.uint32
-    pass_index: np.uint32
-    seed: np.uint32
+    sample: int
+    pass_index: int
+    seed: int
 
 
 def passed_light(
@@ -38,42 +43,42 @@ def passed_light(
     world: World,
     surfaces: SurfaceTable,
     starts: np.ndarray,
-    directions: np.ndarray,
-    distances: np.ndarray,
-    keys: np.ndarray,
-    sample: int,
-    pass_index: int,
-    seed: int,
-    threads: int,
+    lights: np.ndarray,
+    numbers: RayNumbers,
 ) -> np.ndarray:
-    """Return the share of light that comes to each start from as far as the light is, (n, 3) float32.
+    """Return the share of its light that reaches each point, (n, 3) float32, see `nee.shadow_transmittance`.
 
-    starts, directions  (n, 3) float32, unit;  distances  (n,) float32 m, infinite for a sun
-    keys                (n,) uint32, of the random numbers of blended materials;  sample  which of theirs
-    As `nee.shadow_transmittance` has it.
+    starts  (n, 3) float32, where shadow rays start;  lights  (n,) rows of the lights
     """
+    directions, distances = _towards(packed.lights, lights, starts)
     if not (packed.materials["flags"] & (MATERIAL_MASK | MATERIAL_BLEND | MATERIAL_THIN)).any():
         free = ~world.occluded(starts, directions, distances * (f32(1) - BEFORE))
         return np.repeat(free[:, None], 3, axis=1).astype(np.float32)
-    tables = scene_tables(packed, world, surfaces)
+    tables, out = scene_tables(packed, world, surfaces), np.empty((len(starts), 3), np.float32)
     rays = tuple(np.ascontiguousarray(a, np.float32) for a in (starts, directions, distances))
-    numbers = _Numbers(keys.astype(np.uint32), u32(_DIMENSION + sample), u32(pass_index), u32(seed))
-    counter, out = np.zeros(8, np.int64), np.empty((len(starts), 3), np.float32)
-    run_threads(lambda _: _pass_chunks(tables, *rays, numbers, address(counter), out), threads)
+    numbers = numbers._replace(keys=np.ascontiguousarray(numbers.keys))
+    run_shared(lambda counter: _pass_some(tables, *rays, numbers, counter, out), world.threads)
     return out
 
 
+def _towards(lights: np.ndarray, rows: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the unit direction, (n, 3) float32, from each point to the light of its row, and its distance in
+    m, (n,) float32, infinite for directional ones."""
+    far = lights["kind"][rows] == LIGHT_DIRECTIONAL
+    segments = lights["position"][rows] - points
+    distances = np.where(far, f32(np.inf), np.sqrt(np.einsum("nk,nk->n", segments, segments)))
+    segments /= distances[:, None]
+    segments[far] = -lights["direction"][rows[far]]
+    return segments, distances
+
+
 @jit
-def _pass_chunks(tables, starts, directions, distances, numbers, counter, out):
+def _pass_some(tables, starts, directions, distances, numbers, counter, out):
+    """Write `nee.shadow_transmittance` of as many of n rays as a thread gets, to (n, 3) float32."""
     scratch = Scratch(alloca(STACK_WORDS), alloca(2))
-    while True:
-        first = atomic_add(counter, i64(_CHUNK))
-        if first >= len(starts):
-            return
-        for i in range(first, min(first + i64(_CHUNK), len(starts))):
-            start = (starts[i, 0], starts[i, 1], starts[i, 2])
-            d = (directions[i, 0], directions[i, 1], directions[i, 2])
-            u, _, _, _ = random4(numbers.keys[i], numbers.dimension, numbers.pass_index, numbers.seed)
-            passed = shadow_transmittance(tables, start, d, distances[i], u, scratch)
-            for c in range(3):
-                out[i, c] = passed[c]
+    dimension, pass_index, seed = u32(_DIMENSION + numbers.sample), u32(numbers.pass_index), u32(numbers.seed)
+    for i in shared_rows(counter, _CHUNK, len(starts)):
+        u, _, _, _ = random4(numbers.keys[i], dimension, pass_index, seed)
+        passed = shadow_transmittance(tables, vec3(starts[i]), vec3(directions[i]), distances[i], u, scratch)
+        for c in range(3):
+            out[i, c] = passed[c]

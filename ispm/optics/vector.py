@@ -17,6 +17,12 @@ LUMINANCE = (0.2126, 0.7152, 0.0722)  # of linear sRGB (BT.709)
 
 
 @jit
+def vec3(a):
+    """Return three numbers of an array, or of a record's field, as a Vector."""
+    return a[0], a[1], a[2]
+
+
+@jit
 def dot(a, b):
     """Return a . b."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ispm.lights.nee import greatest
 from ispm.optics.jit import jit
 from ispm.optics.vector import dot
 from ispm.paths.eye import REFLECTED, TRANSMITTED
@@ -29,7 +30,10 @@ def edge_rows(paths: EyePaths, pixels: np.ndarray, width: int) -> np.ndarray:
 
 @jit
 def _mark(firsts, ends, points, lane, pixels, width, marked):
-    """Mark the rays whose paths of a lane end on another surface than those right of or below them."""
+    """Mark the rays whose paths of a lane end on another surface than those right of or below them.
+
+    firsts, ends, points  of EyePaths;  pixels  (n,) int64, sorted;  marked  (n,) bool, changed in place
+    """
     end = np.full(len(pixels), -1)
     for e in range(len(ends)):
         if ends[e].lane == lane:
@@ -47,21 +51,16 @@ def _mark(firsts, ends, points, lane, pixels, width, marked):
 
 @jit
 def _same_first(a, b):
-    """Whether two rays meet the same surface first: other edges are the picture's own."""
+    """Whether two rays, by their FIRST_VERTEX, meet the same surface first: other edges are the picture's
+    own."""
     return a.instance == b.instance and dot(a.ng, b.ng) > _SAME_SURFACE
 
 
 @jit
 def _differ(ends, points, a, b):
-    """Whether two ends, -1 for none, lie on different surfaces and are not too faint to matter."""
-    strong = (a >= 0 and _strongest(ends[a].weight) > _FAINT) or (
-        b >= 0 and _strongest(ends[b].weight) > _FAINT
-    )
+    """Whether two of the (m,) PATH_END, by row, -1 for none, lie on different surfaces and are bright enough
+    to matter; points: (m,) RECEIVER of the ends."""
+    strong = (a >= 0 and greatest(ends[a].weight) > _FAINT) or (b >= 0 and greatest(ends[b].weight) > _FAINT)
     if not strong or a < 0 or b < 0:
         return strong
     return ends[a].instance != ends[b].instance or dot(points[a].ng, points[b].ng) <= _SAME_SURFACE
-
-
-@jit
-def _strongest(weight):
-    return max(weight[0], weight[1], weight[2])

@@ -8,23 +8,23 @@ are estimated, filtered, and spread over the others.
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numba import literal_unroll
 
-from ispm.kernels.simd import address, atomic_add
-from ispm.kernels.threads import run_threads
+from ispm.kernels.share import run_shared, shared_rows
 from ispm.optics.jit import jit
 from ispm.optics.records import RECEIVER
 
 f32, i64, u32 = np.float32, np.int64, np.uint32
 
-_SAME_WAY = 0.5  # cosine of two normals, above which ends may lie on one surface
+_SAME_SURFACE = 0.5  # cosine of two normals, above which ends may lie on one surface
 _SPREAD_MAX = 64.0  # widths that neighbours in a curved mirror lie apart, at most
 # As in stages/upsample.wgsl:
 _PLANE_REACH = f32(1.3)  # low-resolution pixels off the tangent plane
-_LEAST_NEAR = f32(1e-3)  # weight of a corner's place on the screen, as any of the four may have to serve
-_FEW = f32(0.02)  # sum of weights below which farther neighbours are asked too
+_LEAST_NEAR = f32(1e-3)  # added to bilinear weights, as any of the four receivers may be the only one to fit
+_FEW = f32(0.02)  # sum of weights below which farther neighbours are used too
 _TOO_LITTLE = f32(1e-3)  # sum of weights below which an end has no neighbour
 _TURNED = f32(0.01)  # least share of its weight that a receiver keeps whose bump faces elsewhere
 _FROST_REACH = 5  # pixels on each side over which rough glass is averaged
@@ -49,9 +49,9 @@ def image_of_ends(
     image[used] = points[order[first + (count // 2 + pass_index) % count]]
     image["footprint"] *= f32(block)
     apart = _nearest_neighbour(image.reshape(size[1], size[0])).reshape(-1)
-    widest = image["footprint"] * f32(_SPREAD_MAX)
-    image["footprint"] = np.where(np.isfinite(apart), np.clip(apart, image["footprint"], widest),
-                                  image["footprint"])  # fmt: skip
+    ray = image["footprint"]
+    near = np.clip(apart, ray, ray * f32(_SPREAD_MAX))
+    image["footprint"] = np.where(np.isfinite(apart), near, ray)
     return image
 
 
@@ -63,7 +63,7 @@ def _nearest_neighbour(image: np.ndarray) -> np.ndarray:
         b = image[1:] if axis == 0 else image[:, 1:]
         facing = np.einsum("...k,...k->...", a["ng"], b["ng"])
         distance = np.linalg.norm(a["position"] - b["position"], axis=-1)
-        distance[(facing < _SAME_WAY) | (a["valid"] * b["valid"] == 0)] = np.inf
+        distance[(facing < _SAME_SURFACE) | (a["valid"] * b["valid"] == 0)] = np.inf
         near = (apart[:-1], apart[1:]) if axis == 0 else (apart[:, :-1], apart[:, 1:])
         for side in near:
             np.minimum(side, distance, out=side)
@@ -72,7 +72,7 @@ def _nearest_neighbour(image: np.ndarray) -> np.ndarray:
 
 def spread_light(
     points: np.ndarray,
-    places: np.ndarray,
+    positions: np.ndarray,
     image: np.ndarray,
     light: np.ndarray,
     size: tuple[int, int],
@@ -81,81 +81,89 @@ def spread_light(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return light at ends from that of the image's receivers, (m, 16), and (m,) whether any was near.
 
-    points  (m,) RECEIVER;  places  (m, 2) float32 in the image, centres of cells at whole numbers
-    light   (h w, 16) of the image;  block  pixels to a side of its cells
+    points  (m,) RECEIVER;  positions  (m, 2) float32 in the image, centres of cells at whole numbers
+    image   (h w,) RECEIVER;  light  (h w, 16) there;  block  pixels to a side of its cells
     Joint bilateral, as stages/upsample.wgsl.
     """
     out = np.zeros((len(points), 16), np.float32)
     found = np.zeros(len(points), np.bool_)
-    counter = np.zeros(8, np.int64)
-    least = f32(0 if block == 1 else _LEAST_NEAR)
-    run_threads(
-        lambda _: _spread(points, places, image, light, size, least, address(counter), out, found), threads
-    )
+    few = _Image(image, light, *size, f32(0 if block == 1 else _LEAST_NEAR))
+    run_shared(lambda counter: _spread(points, positions, few, counter, out, found), threads)
     return out, found
 
 
-@jit
-def _spread(points, places, image, light, size, least, counter, out, found):
-    while True:
-        first = atomic_add(counter, i64(_CHUNK))
-        if first >= len(points):
-            return
-        for i in range(first, min(first + i64(_CHUNK), len(points))):
-            found[i] = _mix(points, places, image, light, size, least, i, out)
+class _Image(NamedTuple):
+    """An image of few ends: (h w,) RECEIVER, their light, (h w, 16) float32, width, height, and what is added
+    to the bilinear weights of its cells."""
+
+    receivers: np.ndarray
+    light: np.ndarray
+    width: int
+    height: int
+    least: np.float32
 
 
 @jit
-def _mix(points, places, image, light, size, least, i, out):
-    """Write the mean light of the 2 x 2 receivers about end `i`, or where these hardly match of 4 x 4; return
-    whether any is on its surface."""
-    x0, y0 = i64(math.floor(places[i, 0])), i64(math.floor(places[i, 1]))
-    fx, fy = places[i, 0] - f32(x0), places[i, 1] - f32(y0)
+def _spread(points, positions, image, counter, out, found):
+    """Write what `spread_light` returns to (m, 16) float32 and (m,) bool, for as many ends as a thread
+    gets."""
+    for i in shared_rows(counter, _CHUNK, len(points)):
+        found[i] = _mix(points[i], positions[i, 0], positions[i, 1], image, out[i])
+
+
+@jit
+def _mix(point, x, y, image, out):
+    """Write the mean light of the 2 x 2 receivers about a RECEIVER at (x, y) of the image, or where these
+    hardly match of 4 x 4, to (16,) float32 zeros; return whether any is on its surface."""
+    x0, y0 = i64(math.floor(x)), i64(math.floor(y))
+    fx, fy = x - f32(x0), y - f32(y0)
     weight, gloss_weight = f32(0), f32(0)
     for corner in range(4):
         right, below = corner & 1, corner >> 1
-        near = (fx if right else f32(1) - fx) * (fy if below else f32(1) - fy) + least
-        w, gloss = _add_tap(points, image, light, size, i, (x0 + right, y0 + below), near, out)
+        near = (fx if right else f32(1) - fx) * (fy if below else f32(1) - fy) + image.least
+        w, gloss = _add_tap(point, image, x0 + right, y0 + below, near, out)
         weight, gloss_weight = weight + w, gloss_weight + gloss
     if weight < _FEW:
         for k in range(16):
             right, below = k % 4 - 1, k // 4 - 1
             away = (f32(right) - fx) ** 2 + (f32(below) - fy) ** 2
             near = f32(math.exp(-away))
-            w, gloss = _add_tap(points, image, light, size, i, (x0 + right, y0 + below), near, out)
+            w, gloss = _add_tap(point, image, x0 + right, y0 + below, near, out)
             weight, gloss_weight = weight + w, gloss_weight + gloss
     for c in range(16):
         total = weight if c < 4 else gloss_weight
-        out[i, c] = out[i, c] / total if total > f32(0) else f32(0)
+        out[c] = out[c] / total if total > f32(0) else f32(0)
     return weight >= _TOO_LITTLE
 
 
 @jit
-def _add_tap(points, image, light, size, i, cell, near, out):
-    """Add the light of the receiver in a cell, weighted; return its weights, for irradiance and for gloss.
+def _add_tap(point, image, x, y, near, out):
+    """Add the light of the receiver in cell (x, y), weighted, to (16,) float32; return its weights, for
+    irradiance and for gloss.
 
-    near  weight of the cell's place on the screen
+    near  weight of the cell's position
     """
-    x, y = cell
-    if x < 0 or y < 0 or x >= size[0] or y >= size[1]:
+    if x < 0 or y < 0 or x >= image.width or y >= image.height:
         return f32(0), f32(0)
-    k = y * size[0] + x
-    w = near * _likeness(points[i], image[k])
+    k = y * image.width + x
+    receiver, light = image.receivers[k], image.light[k]
+    w = near * _likeness(point, receiver)
     if w <= f32(0):
         return f32(0), f32(0)
     for c in range(4):
-        out[i, c] += w * light[k, c]
-    if not (points[i].alpha > f32(0) and image[k].alpha > f32(0)):
+        out[c] += w * light[c]
+    if not (point.alpha > f32(0) and receiver.alpha > f32(0)):
         return w, f32(0)
-    gloss = w * max(f32(1) - f32(4) * abs(points[i].alpha - image[k].alpha), f32(1e-3))
+    gloss = w * max(f32(1) - f32(4) * abs(point.alpha - receiver.alpha), f32(1e-3))
     for c in range(4, 16):
-        out[i, c] += gloss * light[k, c]
+        out[c] += gloss * light[c]
     return w, gloss
 
 
 @jit
 def _likeness(point, receiver):
-    """1 where a receiver lies in a point's tangent plane and faces as it does, bumps included, down to 0."""
+    """Weight in [0, 1]: 1 where a RECEIVER lies in the tangent plane of another, `point`, and its normals are
+    the same."""
     if receiver.valid == u32(0):
         return f32(0)
     z, facing, bump = f32(0), f32(0), f32(0)
@@ -170,7 +178,7 @@ def _likeness(point, receiver):
 
 @jit
 def _eighth_power(cosine):
-    """Of a cosine, 0 below 0."""
+    """The eighth power of a float32 cosine, 0 below 0."""
     x = max(cosine, f32(0))
     x *= x
     x *= x
@@ -186,6 +194,7 @@ def reflect_light(ends: np.ndarray, light: np.ndarray, count: int) -> np.ndarray
 
 @jit
 def _reflect(ends, light, out):
+    """Add what `reflect_light` returns to (n, 3) `out`."""
     for i in range(len(ends)):
         for c in literal_unroll((0, 1, 2)):
             out[ends[i].slot, c] += ends[i].weight[c] * reflect_incident(ends[i], light, i, c)
@@ -193,7 +202,8 @@ def _reflect(ends, light, out):
 
 @jit
 def reflect_incident(end, light, i, c):
-    """Return channel `c` of the radiance that row `i` of the light makes at an end; as receivers.wgsl."""
+    """Return channel `c` of the radiance that row `i` of (m, 16) light makes at a PATH_END; as
+    receivers.wgsl."""
     fresnel, gloss, grazing = light[i, 4 + c], light[i, 8 + c], light[i, 12 + c]
     kept = (f32(1) - end.dielectric_f0) * light[i, c] - (end.dielectric_f90 - end.dielectric_f0) * fresnel
     shown = end.diffuse[c] * f32(1 / math.pi) * kept + end.f0[c] * gloss + end.f90 * grazing
@@ -213,31 +223,38 @@ def denoise_rough_transmission(
         return
     rows = np.full((int(pixels[-1]) // width + 1, width), -1, np.int32)
     rows[pixels // width, pixels % width] = np.arange(len(pixels))
-    given = light.copy()
-    counter = np.zeros(8, np.int64)
-    run_threads(lambda _: _smooth(given, pixels, rows, frost, address(counter), light), threads)
+    noisy = _Noisy(light.copy(), frost, rows)
+    run_shared(lambda counter: _denoise(noisy, pixels, counter, light), threads)
+
+
+class _Noisy(NamedTuple):
+    """Light before it is averaged, (n, c) float32; (n,) FIRST_VERTEX, the surfaces that the pixels show; and
+    (h, w) int32, the row of each pixel of the picture, -1 where it has none."""
+
+    light: np.ndarray
+    frost: np.ndarray
+    rows: np.ndarray
 
 
 @jit
-def _smooth(given, pixels, rows, frost, counter, light):
-    while True:
-        first = atomic_add(counter, i64(_CHUNK))
-        if first >= len(pixels):
-            return
-        for i in range(first, min(first + i64(_CHUNK), len(pixels))):
-            if frost[i].blur > f32(0):
-                x, y = i64(pixels[i]) % rows.shape[1], i64(pixels[i]) // rows.shape[1]
-                radius = min(frost[i].blur, f32(_FROST_REACH))
-                _average(given, rows, frost, i, x, y, max(radius, f32(2)), f32(np.inf), light)
-                _average(given, rows, frost, i, x, y, radius, _OUTLIER * _sum(light, i), light)
+def _denoise(noisy, pixels, counter, light):
+    """Write (n, c) light for as many pixels as a thread gets, see `denoise_rough_transmission`."""
+    frost, width = noisy.frost, noisy.rows.shape[1]
+    for i in shared_rows(counter, _CHUNK, len(pixels)):
+        if frost[i].blur > f32(0):
+            x, y = i64(pixels[i]) % width, i64(pixels[i]) // width
+            radius = min(frost[i].blur, f32(_FROST_REACH))
+            _average(noisy, i, x, y, max(radius, f32(2)), f32(np.inf), light)
+            _average(noisy, i, x, y, radius, _OUTLIER * _sum(light, i), light)
 
 
 @jit
-def _average(given, rows, frost, i, x, y, radius, most, light):
-    """Write the mean light of the pixels about (x, y) that show the same surface facing the same way.
+def _average(noisy, i, x, y, radius, most, light):
+    """Write the mean light of the pixels about (x, y), row `i`, that show the same surface, alike in normal.
 
-    Light above `most`, which few paths found, is cut.
+    radius  pixels;  most  sum of channels, above which the light of a pixel, which few paths found, is cut
     """
+    given, frost, rows = noisy
     for c in range(light.shape[1]):
         light[i, c] = f32(0)
     reach = i64(radius)
@@ -261,6 +278,7 @@ def _average(given, rows, frost, i, x, y, radius, most, light):
 
 @jit
 def _sum(light, i):
+    """Sum of all channels of row `i` of (n, c) light."""
     total = f32(0)
     for c in range(light.shape[1]):
         total += light[i, c]
@@ -269,7 +287,7 @@ def _sum(light, i):
 
 @jit
 def _same_frost(a, b):
-    """1 for surfaces that blur alike, down to 0."""
+    """Weight in [0, 1] of two FIRST_VERTEX: 1 for surfaces that blur alike."""
     if a.instance != b.instance or b.blur <= f32(0) or abs(a.tint - b.tint) > f32(0.02):
         return f32(0)
     bend = f32(0)

@@ -18,15 +18,23 @@ from ispm.accel.intersect import STACK_WORDS
 from ispm.accel.medium import attenuated, medium, no_medium, spawn_ray
 from ispm.accel.rays import HIT
 from ispm.accel.records import Hit, Scratch
-from ispm.accel.surface import SurfaceTable, closest_surface, glow, hit_position, scene_tables, surface
+from ispm.accel.surface import (
+    SurfaceTable,
+    Tables,
+    closest_surface,
+    glow,
+    hit_position,
+    scene_tables,
+    surface,
+)
 from ispm.accel.world import World
-from ispm.kernels.simd import address, alloca, atomic_add
-from ispm.kernels.threads import run_threads
+from ispm.kernels.share import run_shared, shared_rows
+from ispm.kernels.simd import alloca
 from ispm.lights.nee import direct_light, greatest, times
 from ispm.optics.bsdf import has_finite, is_smooth, transmits
 from ispm.optics.jit import jit
 from ispm.optics.records import MATERIAL_UNLIT, NO_HIT, RECEIVER
-from ispm.optics.vector import Vector, add, dot, scale, sub
+from ispm.optics.vector import Vector, add, dot, scale, sub, vec3
 from ispm.paths.eye_paths import EyePaths, EyeRays, RayArrays
 from ispm.paths.facet import ROUGH_SAMPLES, facet_numbers, facet_split, sample_specular_lobe
 from ispm.paths.vertices import (
@@ -64,21 +72,21 @@ def trace_eye(
     rays: EyeRays,
     seed: int,
     pass_index: int,
-    threads: int,
 ) -> EyePaths:
     """Follow eye paths to their ends; the same bytes for any number of threads.
 
-    surfaces  its footprint is of no account: textures are averaged over a pixel's width
+    surfaces  its footprint is not used: textures are averaged over a pixel's width
     """
     count = len(rays.origins)
-    # parts of arrays in another order would be of another type, and kernels for it be compiled
-    origins, directions = np.ascontiguousarray(rays.origins), np.ascontiguousarray(rays.directions)
     firsts = np.zeros(count, FIRST_VERTEX)
     direct, emission, through = np.zeros((3, count, 3), np.float32)
     hits = rays.hits
     if hits is None:
         hits = np.zeros(count, HIT)
         hits["instance"] = NO_HIT
+    # parts of arrays in another order would be of another type, and kernels for it be compiled
+    origins, directions = np.ascontiguousarray(rays.origins), np.ascontiguousarray(rays.directions)
+    arrays = RayArrays(origins, directions, rays.distances, rays.keys, hits)
     tables = scene_tables(packed, world, surfaces)
     (width, spread), (near, past) = rays.width, rays.slack
     view = _View(f32(width), f32(spread), f32(near), f32(past), u32(pass_index), u32(seed))
@@ -89,25 +97,27 @@ def trace_eye(
         chunks = -(-(part.stop - first) // _CHUNK)
         room = world.scratch(chunks * capacity, PATH_END_AND_POINT)
         counts = np.zeros((chunks, 2), np.int64)
-        counter = np.zeros(8, np.int64)
-
-        def work(_: int, part: slice = part, room: np.ndarray = room, counts: np.ndarray = counts,
-                 counter: np.ndarray = counter) -> None:  # fmt: skip
-            own, footprint = surfaces.own_footprint()
-            _follow_chunks(
-                tables._replace(surfaces=own), view, footprint,
-                RayArrays(origins[part], directions[part], rays.distances[part], rays.keys[part], hits[part]),
-                i64(part.start), address(counter),
-                _Out(direct[part], emission[part], through[part], firsts[part], room, counts),
-            )  # fmt: skip
-
-        run_threads(work, threads)
+        out = _Out(direct[part], emission[part], through[part], firsts[part], room, counts)
+        batch = RayArrays(*(each[part] for each in arrays))
+        _follow_batch(tables, surfaces, view, batch, first, out, world.threads)
         for chunk, found in enumerate(counts[:, 0]):
             kept = room[chunk * capacity : chunk * capacity + found]
             ends.append(kept["end"].copy())
             points.append(kept["point"].copy())
         traced += int(counts[:, 1].sum())
     return EyePaths(direct, emission, through, np.concatenate(ends), np.concatenate(points), firsts, traced)
+
+
+def _follow_batch(
+    tables: Tables, surfaces: SurfaceTable, view: _View, rays: RayArrays, first: int, out: _Out, threads: int
+) -> None:
+    """Follow the paths of some rays, the first of which is row `first` of all."""
+
+    def work(counter: np.uint64) -> None:
+        own, footprint = surfaces.own_footprint()
+        _follow_chunks(tables._replace(surfaces=own), view, footprint, rays, i64(first), counter, out)
+
+    run_shared(work, threads)
 
 
 def _samples(packed: Packed) -> int:
@@ -195,13 +205,11 @@ class _Path(NamedTuple):
 
 @jit
 def _follow_chunks(tables, view, footprint, rays, first, counter, out):
+    """Follow the paths of as many chunks of RayArrays as a thread gets; the rest as of `_follow_batch`."""
     counts = out.counts
     capacity = i64(len(out.ends) // len(counts))
     thread = _Thread(Scratch(alloca(STACK_WORDS), alloca(2)), footprint)
-    while True:
-        chunk = atomic_add(counter, i64(1))
-        if chunk >= len(counts):
-            return
+    for chunk in shared_rows(counter, 1, len(counts)):
         done = _Done(chunk * capacity, i64(0))
         for i in range(chunk * i64(_CHUNK), min((chunk + 1) * i64(_CHUNK), len(rays.origins))):
             done = _follow_pixel(tables, view, thread, rays, i, first + i, out, done)
@@ -212,7 +220,7 @@ def _follow_chunks(tables, view, footprint, rays, first, counter, out):
 @jit
 def _follow_pixel(tables, view, thread, rays, i, slot, out, done):
     """Follow all paths of ray `i`, whose ends have `slot`; return the _Done."""
-    start, d, key = _vector(rays.origins, i), _vector(rays.directions, i), rays.keys[i]
+    start, d, key = vec3(rays.origins[i]), vec3(rays.directions[i]), rays.keys[i]
     near, past = f32(0), False
     shown, length = rays.hits[i], rays.distances[i]
     hit = Hit(shown.instance, shown.primitive, shown.u, shown.v)
@@ -225,7 +233,7 @@ def _follow_pixel(tables, view, thread, rays, i, slot, out, done):
             return _Done(done.row, done.traced + i64(1))
         length = near + _distance(tables, hit, start)
         past = length > rays.distances[i] * (f32(1) + view.past)  # the edge of what the rasteriser drew
-    thread.footprint[0] = _width(view, length)
+    thread.footprint[:] = _width(view, length)
     x = surface(tables, hit, d)
     wo = scale(f32(-1), d)
     blurred = f32(0)
@@ -243,7 +251,7 @@ def _follow_pixel(tables, view, thread, rays, i, slot, out, done):
 
 @jit
 def _branches(b):
-    """Paths that go on from a pixel's surface."""
+    """Number of paths that go on from a pixel's surface, whose Bsdf is b."""
     if is_smooth(b):
         return 2
     return ROUGH_SAMPLES + ROUGH_SAMPLES // _REFLECTED_EACH if transmits(b) else 0
@@ -251,7 +259,8 @@ def _branches(b):
 
 @jit
 def _branch(tables, view, x, wo, key, k, length):
-    """_Path `k` of `_branches`: transmitted, or of the rest reflected."""
+    """Return _Path `k` of `_branches`, transmitted or, of the rest, reflected, from a SurfacePoint that is
+    seen along wo from `length` m away."""
     smooth = is_smooth(x.bsdf)
     passes = k == 1 if smooth else k < ROUGH_SAMPLES
     sample = 0 if smooth else (k if passes else (k - ROUGH_SAMPLES) * _REFLECTED_EACH)
@@ -271,15 +280,13 @@ def _branch(tables, view, x, wo, key, k, length):
 @jit
 def _leave(tables, x, inside, focus, length, branch):
     """Return the _Path that goes on from a SurfacePoint by a _Branch; the rest as of a _Path."""
-    start, inside = spawn_ray(tables, x, inside, branch.d)
-    passes, solid = dot(branch.d, x.ng) < f32(0), x.bsdf.thin == f32(0)
+    key, dimension, lane, d, weight, clear = branch
+    start, inside = spawn_ray(tables, x, inside, d)
+    passes, solid = dot(d, x.ng) < f32(0), x.bsdf.thin == f32(0)
     if passes and solid:
         focus = f32(1) / (x.bsdf.eta * x.bsdf.eta) if x.entering else f32(1)
-    clear = branch.clear and (passes or (solid and transmits(x.bsdf) and not x.entering))
-    return _Path(
-        branch.key, branch.dimension, branch.lane, start, branch.d, branch.weight, inside, focus, length,
-        clear,
-    )  # fmt: skip
+    clear = clear and (passes or (solid and transmits(x.bsdf) and not x.entering))
+    return _Path(key, dimension, lane, start, d, weight, inside, focus, length, clear)
 
 
 @jit
@@ -289,10 +296,10 @@ def _follow_often(tables, view, thread, path, i, slot, out, done):
 
     -> the _Done, and the length of the last in m
     """
-    first, lane, whole = done.row, path.lane, path
-    direct, emission, through = _vector(out.direct, i), _vector(out.emission, i), _vector(out.through, i)
+    first, (key, dimension, lane, start, d, weight, inside, focus, length, clear) = done.row, path
+    direct, emission, through = vec3(out.direct[i]), vec3(out.emission[i]), vec3(out.through[i])
     share, k, count, rough = f32(1), 0, 1, False
-    end = path.length
+    end = length
     while k < count:
         done, met, end, parted, path = _follow(tables, view, thread, path, i, slot, out, done)
         rough = rough or met
@@ -307,10 +314,8 @@ def _follow_often(tables, view, thread, path, i, slot, out, done):
                 for row in range(first, done.row):
                     out.ends[row].end.weight[c] *= share
         k += 1
-        path = _Path(
-            whole.key, u32(whole.dimension + u32(k << 8)), lane, whole.start, whole.d,
-            scale(share, whole.weight), whole.inside, whole.focus, whole.length, whole.clear,
-        )  # fmt: skip
+        sample, part = u32(dimension + u32(k << 8)), scale(share, weight)
+        path = _Path(key, sample, lane, start, d, part, inside, focus, length, clear)
     return done, end
 
 
@@ -333,7 +338,8 @@ def _follow(tables, view, thread, path, i, slot, out, done):
             length = f32(1e30)
             break
         length += _distance(tables, hit, start)
-        thread.footprint[0] = _width(view, length)
+        width = _width(view, length)
+        thread.footprint[:] = width
         x = surface(tables, hit, d)
         b = x.bsdf
         inside = medium(inside, x)
@@ -351,7 +357,7 @@ def _follow(tables, view, thread, path, i, slot, out, done):
             if unlit:
                 b = BLACK
             store_end(out.ends[row].end, slot, lane, seen, b, hit.instance)
-            store_point(out.ends[row].point, x, wo, b, thread.footprint[0])
+            store_point(out.ends[row].point, x, wo, b, width)
             row, stored, lane = row + i64(1), stored + 1, i64(SCATTERED)
         if unlit:
             break
@@ -378,23 +384,20 @@ def _follow(tables, view, thread, path, i, slot, out, done):
 
 @jit
 def _distance(tables, hit, start):
-    way = sub(hit_position(tables.surfaces, hit), start)
-    return f32(math.sqrt(dot(way, way)))
+    """Distance in m from `start` to a Hit."""
+    segment = sub(hit_position(tables.surfaces, hit), start)
+    return f32(math.sqrt(dot(segment, segment)))
 
 
 @jit
 def _width(view, length):
-    """What a pixel covers after `length` m of its path, were all mirrors flat."""
+    """Width in m that a pixel covers after `length` m of its path, were all mirrors flat."""
     return view.width + view.spread * length
 
 
 @jit
-def _vector(rows, i):
-    return rows[i, 0], rows[i, 1], rows[i, 2]
-
-
-@jit
 def _add(sums, i, value, weight):
+    """Add value times weight, Vectors, to row `i` of (n, 3) sums."""
     sums[i, 0] += value[0] * weight[0]
     sums[i, 1] += value[1] * weight[1]
     sums[i, 2] += value[2] * weight[2]

@@ -15,7 +15,6 @@ is left out: photons do not carry it either.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -24,15 +23,15 @@ from ispm.accel.intersect import STACK_WORDS
 from ispm.accel.records import Scratch
 from ispm.accel.surface import SurfaceTable, closest_surface, leave_surface, scene_tables, surface
 from ispm.accel.world import World
-from ispm.kernels.simd import address, alloca, atomic_add
-from ispm.kernels.threads import run_threads
+from ispm.kernels.share import run_shared, shared_rows
+from ispm.kernels.simd import alloca
 from ispm.lights.nee import is_gathered, light_from_one, times
 from ispm.optics.bsdf import gloss_terms, is_smooth, smooth_split, transmits
 from ispm.optics.jit import jit
 from ispm.optics.records import MATERIAL_UNLIT, RECEIVER
 from ispm.optics.rng import random4
 from ispm.optics.sampling import cosine_hemisphere, to_world
-from ispm.optics.vector import Vector, add, dot, scale, sub
+from ispm.optics.vector import Vector, add, dot, scale, sub, vec3
 from ispm.paths.guide import guided
 from ispm.paths.vertices import PATH_END, store_end, store_point
 from ispm.scene.packed import Packed
@@ -44,8 +43,7 @@ _SHEETS_MAX = 8  # that a ray passes
 _CHUNK = 64  # receivers a thread takes at a time; results do not depend on it or on the threads
 
 
-@dataclass(frozen=True)
-class Gathered:
+class Gathered(NamedTuple):
     """What rays found, receiver by receiver.
 
     radiance  (m, 3) float32, made along each ray by light straight from the lights
@@ -62,56 +60,15 @@ class Gathered:
     points: np.ndarray
 
 
-def gather_rays(
-    packed: Packed,
-    world: World,
-    surfaces: SurfaceTable,
-    receivers: np.ndarray,
-    guide: tuple[np.ndarray, np.ndarray],
-    numbers: tuple[np.ndarray, ...],
-    side: int,
-    limit: float,
-    seed: int,
-    pass_index: int,
-    threads: int,
-) -> Gathered:
-    """Trace rays from receivers; the same bytes for any number of threads.
+class RayPlan(NamedTuple):
+    """Which rays are traced from n receivers, side^2 from each.
 
-    receivers  (n,) RECEIVER
-    guide      (m, ...) densities of rays, and (n,) int32, the row of each receiver: as `Guide.densities`
-    numbers    (n,) float32 m, by which rays start above the surface; (n,) uint32, keys of the random numbers;
-               (n, 2) float32 in [0, 1), places of a receiver's rays in their parts of the hemisphere
-    side       m = n side^2 rays: one through each of side x side equal parts of the hemisphere by cosine
-    limit      of bright first bounces, see `nee.is_bright`
-    """
-    count = len(receivers) * side * side
-    fresnel, nearness = np.zeros((2, count), np.float32)
-    found = Gathered(
-        np.zeros((count, 3), np.float32),
-        fresnel,
-        nearness,
-        np.zeros(count, PATH_END),
-        np.zeros(count, RECEIVER),
-    )
-    tables = scene_tables(packed, world, surfaces)
-    (densities, guide_rows), (lifts, keys, shifts) = guide, numbers
-    plan = _Plan(
-        densities, guide_rows, lifts, keys, shifts, i64(side), f32(limit), u32(pass_index), u32(seed)
-    )  # fmt: skip
-    out = _Out(found.radiance, found.fresnel, found.nearness, found.ends, found.points)
-    counter = np.zeros(8, np.int64)
-    run_threads(
-        lambda _: _gather_chunks(tables, receivers, plan, address(counter), out),
-        threads,
-    )
-    return found
-
-
-class _Plan(NamedTuple):
-    """Which rays are traced, see `gather_rays`.
-
-    densities, guide_rows   the guide
-    lifts, keys, shifts     the numbers: of each receiver
+    densities   (m, rings, sectors + 1) float32, of rays over the square, see `Guide.densities`
+    guide_rows  (n,) int32, the row of these that each receiver takes
+    lifts       (n,) float32 m, by which rays start above the surface
+    keys        (n,) uint32, of the random numbers
+    shifts      (n, 2) float32 in [0, 1), positions of a receiver's rays in their parts of the hemisphere
+    side        of the side x side equal parts of the hemisphere by cosine that have a ray each
     """
 
     densities: np.ndarray
@@ -119,20 +76,48 @@ class _Plan(NamedTuple):
     lifts: np.ndarray
     keys: np.ndarray
     shifts: np.ndarray
-    side: np.int64
+    side: int
+
+    def of(self, rows: slice) -> RayPlan:
+        """Return the rays of some of the receivers."""
+        guide_rows, lifts, keys, shifts = (
+            each[rows] for each in (self.guide_rows, self.lifts, self.keys, self.shifts)
+        )
+        return RayPlan(self.densities, guide_rows, lifts, keys, shifts, self.side)
+
+
+def gather_rays(
+    packed: Packed,
+    world: World,
+    surfaces: SurfaceTable,
+    receivers: np.ndarray,
+    plan: RayPlan,
+    limit: float,
+    seed: int,
+    pass_index: int,
+) -> Gathered:
+    """Trace rays from receivers; the same bytes for any number of threads.
+
+    receivers  (n,) RECEIVER
+    plan       of m = n side^2 rays
+    limit      of bright first bounces, see `nee.is_bright`
+    """
+    count = len(receivers) * plan.side**2
+    radiance = np.zeros((count, 3), np.float32)
+    fresnel, nearness = np.zeros((2, count), np.float32)
+    out = Gathered(radiance, fresnel, nearness, np.zeros(count, PATH_END), np.zeros(count, RECEIVER))
+    tables = scene_tables(packed, world, surfaces)
+    course = _Course(f32(limit), u32(pass_index), u32(seed))
+    run_shared(lambda counter: _gather_chunks(tables, receivers, plan, course, counter, out), world.threads)
+    return out
+
+
+class _Course(NamedTuple):
+    """The limit of bright first bounces, and which random numbers rays take."""
+
     limit: np.float32
     pass_index: np.uint32
     seed: np.uint32
-
-
-class _Out(NamedTuple):
-    """Arrays of a Gathered, a row for each ray."""
-
-    radiance: np.ndarray
-    fresnel: np.ndarray
-    nearness: np.ndarray
-    ends: np.ndarray
-    points: np.ndarray
 
 
 class _GatherRay(NamedTuple):
@@ -154,44 +139,38 @@ class _GatherRay(NamedTuple):
 
 
 @jit
-def _gather_chunks(tables, receivers, plan, counter, out):
+def _gather_chunks(tables, receivers, plan, course, counter, out):
+    """Fill the rows of a Gathered for as many of the (n,) RECEIVER as a thread gets."""
     scratch = Scratch(alloca(STACK_WORDS), alloca(2))
-    while True:
-        first = atomic_add(counter, i64(_CHUNK))
-        if first >= len(receivers):
-            return
-        for r in range(first, min(first + i64(_CHUNK), len(receivers))):
-            if receivers[r].valid != u32(0):
-                for k in range(plan.side * plan.side):
-                    _gather_one(tables, receivers[r], plan, r, k, scratch, out)
+    for r in shared_rows(counter, _CHUNK, len(receivers)):
+        if receivers[r].valid != u32(0):
+            for k in range(plan.side * plan.side):
+                _gather_one(tables, receivers[r], plan, course, r, k, scratch, out)
 
 
 @jit
-def _gather_one(tables, receiver, plan, r, k, scratch, out):
-    """Trace ray `k` of receiver `r`."""
+def _gather_one(tables, receiver, plan, course, r, k, scratch, out):
+    """Trace ray `k` of the RECEIVER of row `r`."""
     side, shifts = plan.side, plan.shifts
     row, key, dimension = r * side * side + k, plan.keys[r], u32(_DIMENSION + 16 * k)
-    u3, u4, _, _ = random4(key, dimension, plan.pass_index, plan.seed)
+    u3, u4, _, _ = random4(key, dimension, course.pass_index, course.seed)
     share = f32(1) / f32(side)
     u1, u2 = (f32(k // side) + shifts[r, 0]) * share, (f32(k % side) + shifts[r, 1]) * share
     u1, u2, density = guided(plan.densities, plan.guide_rows[r], u1, u2)
-    n = (receiver.n[0], receiver.n[1], receiver.n[2])
-    ng = (receiver.ng[0], receiver.ng[1], receiver.ng[2])
+    n, ng = vec3(receiver.n), vec3(receiver.ng)
     d = to_world(cosine_hemisphere(u1, u2), n)
     if dot(d, ng) <= f32(0):
         return
     if receiver.alpha > f32(0):
-        wo = (receiver.wo[0], receiver.wo[1], receiver.wo[2])
-        _, _, out.fresnel[row] = gloss_terms(receiver.alpha, n, wo, d)
-    position = (receiver.position[0], receiver.position[1], receiver.position[2])
-    start = add(position, scale(plan.lifts[r], ng))
+        _, _, out.fresnel[row] = gloss_terms(receiver.alpha, n, vec3(receiver.wo), d)
+    start = add(vec3(receiver.position), scale(plan.lifts[r], ng))
     ray = _GatherRay(row, start, d, f32(1) / density, u3, u4, key, dimension)
-    _look(tables, ray, plan, scratch, out)
+    _look(tables, ray, course, scratch, out)
 
 
 @jit
-def _look(tables, ray, plan, scratch, out):
-    """Write what a ray finds."""
+def _look(tables, ray, course, scratch, out):
+    """Write what a _GatherRay finds to its row."""
     start, d, share, u, u_shadow = ray.start, ray.d, ray.share, ray.u, ray.u_shadow
     weight, wo, row = (share, share, share), scale(f32(-1), d), ray.row
     for sheet in range(_SHEETS_MAX):
@@ -208,11 +187,11 @@ def _look(tables, ray, plan, scratch, out):
         _, transmittance, _, _, _ = smooth_split(b, x.n, x.ng, wo)
         weight = times(weight, transmittance)
         start = leave_surface(tables, hit, scale(f32(-1), x.ng))
-        u, u_shadow, _, _ = random4(ray.key, ray.dimension + u32(1 + sheet), plan.pass_index, plan.seed)
+        u, u_shadow, _, _ = random4(ray.key, ray.dimension + u32(1 + sheet), course.pass_index, course.seed)
     if x.flags & u32(MATERIAL_UNLIT) != u32(0) or not is_gathered(b):
         return
-    pick, _, _, _ = random4(ray.key, ray.dimension + u32(_SHEETS_MAX + 1), plan.pass_index, plan.seed)
-    light = times(weight, light_from_one(tables, x, wo, u_shadow, pick, scratch, plan.limit))
+    pick, _, _, _ = random4(ray.key, ray.dimension + u32(_SHEETS_MAX + 1), course.pass_index, course.seed)
+    light = times(weight, light_from_one(tables, x, wo, u_shadow, pick, scratch, course.limit))
     for c in range(3):
         out.radiance[row, c] = light[c]
     store_end(out.ends[row], u32(row), u32(0), weight, b, hit.instance)

@@ -1,8 +1,8 @@
 """Where light comes from, told by the photons nearby: gather rays go there more often.
 
-A receiver takes the photons of the smallest cell about it that has enough of them. The places from which they
-came make a histogram over the square that `cosine_hemisphere` maps to directions, where rays of a density by
-cosine lie evenly. A share of the rays goes on so, and none weighs more than 1 over that share.
+A receiver takes the photons of the smallest cell about it that has enough of them. The points where they
+last scattered make a histogram over the square that `cosine_hemisphere` maps to directions, in which rays
+distributed by cosine are uniform. A share of the rays stays uniform, so that no weight exceeds 1 over it.
 Source: Jensen, Importance Driven Path Tracing using the Photon Map, EGWR 1995.
 """
 
@@ -12,18 +12,17 @@ import math
 
 import numpy as np
 
-from ispm.kernels.simd import address, atomic_add
-from ispm.kernels.threads import run_threads
+from ispm.kernels.share import run_shared, shared_rows
 from ispm.optics.jit import jit
 from ispm.optics.records import take
 from ispm.optics.sampling import to_local
-from ispm.optics.vector import normalize, sub
+from ispm.optics.vector import normalize, sub, vec3
 from ispm.photons.cells import BITS, SMALLEST, cell_key, sort_by_cell
 
 f32, i64, u32 = np.float32, np.int64, np.uint32
 
 _RINGS, _SECTORS = 6, 12  # parts of the square: along u1, from the normal outwards, and u2, around it
-_EVEN = f32(0.4)  # of the rays, whatever the photons tell
+_EVEN = f32(0.4)  # share of the rays that is uniform
 _MIN_PHOTONS, _MAX_PHOTONS = 96, 256  # photons of a histogram: fewer are noise, more come from farther off
 _BLOCK = 4  # receivers on a side of those that share one
 _CHUNK = 16  # histograms a thread takes at a time
@@ -62,8 +61,7 @@ class Guide:
         _, first, rows = np.unique(cell_rows << 32 | blocks, return_index=True, return_inverse=True)
         out = np.ones((len(first), _RINGS, _SECTORS + 1), np.float32)
         given = self._origins, self._powers, take(receivers, first), cells[first]
-        counter = np.zeros(8, np.int64)
-        run_threads(lambda _: _describe(given, address(counter), out), threads)
+        run_shared(lambda counter: _describe(*given, counter, out), threads)
         return out, rows.astype(np.int32)
 
 
@@ -80,7 +78,10 @@ def even_guide(count: int) -> tuple[np.ndarray, np.ndarray]:
 
 @jit
 def guided(densities, row, u1, u2):
-    """Return (u1, u2) moved to where row `row` of the densities has more, and the density there."""
+    """Return (u1, u2), uniform in [0, 1)^2, warped to the density of row `row`, and that density, of mean 1.
+
+    densities  (m, rings, sectors + 1) float32, as of `Guide.densities`
+    """
     u1 *= f32(_RINGS)
     ring = i64(0)
     while ring < _RINGS - 1 and u1 >= densities[row, ring, _SECTORS]:
@@ -101,7 +102,10 @@ def guided(densities, row, u1, u2):
 
 @jit
 def _find_cells(receivers, keys, low, per_metre, cells):
-    """Write the photons of each receiver's cell: first << 32 | end, 0: there are not enough anywhere."""
+    """Write the photons of each receiver's cell, int64: first << 32 | end, 0: there are not enough anywhere.
+
+    receivers  (n,) RECEIVER;  keys  (N,) uint32 of the photons, ascending;  low, per_metre  as of `cell_key`
+    """
     last, level, cell = u32(0xFFFFFFFF), i64(0), i64(0)
     for i in range(len(receivers)):
         if receivers[i].valid == u32(0):
@@ -120,7 +124,8 @@ def _find_cells(receivers, keys, low, per_metre, cells):
 
 @jit
 def _lower(keys, key, level, cell):
-    """The number of keys before the cell of `key`, 2^level of the finest ones wide, or that many cells on."""
+    """The number of (N,) uint32 keys before the cell of `key` that is 2^level of the smallest cells wide, or
+    before the one that stands `cell` cells after it."""
     value = ((i64(key) >> i64(3) * level) + cell) << i64(3) * level
     first, end = i64(0), i64(len(keys))
     while first < end:
@@ -133,28 +138,25 @@ def _lower(keys, key, level, cell):
 
 
 @jit
-def _describe(given, counter, out):
-    origins, powers, receivers, cells = given
-    while True:
-        start = atomic_add(counter, i64(_CHUNK))
-        if start >= len(cells):
-            return
-        for row in range(start, min(start + i64(_CHUNK), len(cells))):
-            if cells[row] > i64(0):
-                first, end = cells[row] >> i64(32), cells[row] & i64(0xFFFFFFFF)
-                _describe_one(origins, powers, receivers[row], first, end, out[row])
+def _describe(origins, powers, receivers, cells, counter, out):
+    """Write the densities, (m, rings, sectors + 1), of as many of the (m,) RECEIVER as a thread gets.
+
+    origins, powers  (N, 3) m and (N,) lm of the photons;  cells  (m,) as of `_find_cells`
+    """
+    for row in shared_rows(counter, _CHUNK, len(cells)):
+        if cells[row] > i64(0):
+            first, end = cells[row] >> i64(32), cells[row] & i64(0xFFFFFFFF)
+            _describe_one(origins, powers, receivers[row], first, end, out[row])
 
 
 @jit
 def _describe_one(origins, powers, receiver, first, end, out):
-    """Write the densities of one receiver's rays."""
+    """Write the (rings, sectors + 1) densities of a RECEIVER's rays, from the photons first to end."""
     step = max((end - first) // i64(_MAX_PHOTONS), i64(1))
-    n = (receiver.n[0], receiver.n[1], receiver.n[2])
-    position = (receiver.position[0], receiver.position[1], receiver.position[2])
+    n, position = vec3(receiver.n), vec3(receiver.position)
     out[:] = f32(0)
     for k in range(first, end, step):
-        way = sub((origins[k, 0], origins[k, 1], origins[k, 2]), position)
-        x, y, z = to_local(normalize(way), n)
+        x, y, z = to_local(normalize(sub(vec3(origins[k]), position)), n)
         if z <= f32(0):
             continue
         around = f32(math.atan2(y, x)) * f32(0.5 / math.pi)
@@ -176,7 +178,8 @@ def _describe_one(origins, powers, receiver, first, end, out):
 
 @jit
 def _add(out, ring, sector, power):
-    """Share a photon's power among the four parts about (ring, sector), counted from the first's middle."""
+    """Add a photon's power, lm, to the four parts of a (rings, sectors + 1) histogram about (ring, sector),
+    by bilinear weights; the first part's centre is at (0, 0)."""
     r0, s0 = i64(math.floor(ring)), i64(math.floor(sector))
     across, around = ring - f32(r0), sector - f32(s0)
     for k in range(4):

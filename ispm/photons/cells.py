@@ -1,4 +1,4 @@
-"""The cells of an octree that points on surfaces lie in, one tree for each way in which a surface may face.
+"""The cells of an octree that points on surfaces lie in, one tree for each of six facings of surfaces.
 
 A key is one of six facings above the Morton code of the smallest cell. Without their last 3 n bits
 keys are those of cells 2^n times as wide, so points sorted by key lie cell by cell at all sizes.
@@ -17,7 +17,7 @@ SMALLEST = 0.004  # of the scene's diagonal: a cell's width, so that the scene h
 
 
 def sort_by_cell(points: np.ndarray, low: np.ndarray, cell: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return the keys of (N,) PHOTON in ascending order, (N,) uint32, and (N,) uint32, whose they are.
+    """Return the keys of (N,) PHOTON in ascending order, (N,) uint32, and the photons' rows in that order.
 
     low   (3,) m, below all points;  cell  width of the smallest cells, m
     """
@@ -41,20 +41,20 @@ def bounds_of(points):
 
 @jit
 def cell_key(position, normal, low, per_metre):
-    """Return the key of a point.
+    """Return the uint32 key of a point; position, normal: world space.
 
-    per_metre  one over the width of the smallest cells
+    low        (3,) float32 m, corner of the cells;  per_metre  one over the width of the smallest, 1/m
     """
     key = facing(normal) << u32(3 * BITS)
     for axis in range(3):
-        place = min(max((position[axis] - low[axis]) * per_metre, f32(0)), f32((1 << BITS) - 1))
-        key |= _spread(u32(place)) << u32(axis)
+        number = min(max((position[axis] - low[axis]) * per_metre, f32(0)), f32((1 << BITS) - 1))
+        key |= _spread(u32(number)) << u32(axis)
     return key
 
 
 @jit
 def facing(normal):
-    """Return which side of a cube a normal points to, 0 to 5."""
+    """Return which side of a cube a normal points to, uint32 0 to 5."""
     x, y, z = abs(normal[0]), abs(normal[1]), abs(normal[2])
     if x >= y and x >= z:
         return u32(normal[0] <= f32(0))
@@ -65,7 +65,8 @@ def facing(normal):
 
 @jit
 def _pack_keys(words, low, per_metre, keys):
-    """Write keys above the points' numbers: sorted as they are, equal keys keep their order."""
+    """Write (N,) uint64 keys above the rows of points, PHOTON records as (N, 16) words: sorted, equal keys
+    keep their order. The rest as of `cell_key`."""
     for i in range(len(words)):
         position, normal = (words[i, 0], words[i, 1], words[i, 2]), (words[i, 12], words[i, 13], words[i, 14])
         key = cell_key(position, normal, low, per_metre)
@@ -74,7 +75,7 @@ def _pack_keys(words, low, per_metre, keys):
 
 @jit
 def _spread(x):
-    """Put two zero bits behind each of the low 10 bits of x."""
+    """Put two zero bits behind each of the low 10 bits of x, uint32."""
     x = (x | (x << u32(16))) & u32(0x030000FF)
     x = (x | (x << u32(8))) & u32(0x0300F00F)
     x = (x | (x << u32(4))) & u32(0x030C30C3)

@@ -1,19 +1,21 @@
 """How dense the photons lie, from which each gets the width of its kernel.
 
-Photons that have scattered light smoothly, and a filter comes after: to count them in cells of doubling
-size does. Caustics are as sharp as their kernels are narrow: theirs reach to the neighbours themselves.
+Photons that have scattered light smoothly, and a filter comes after: it is enough to count them in cells of
+doubling size. Caustics are as sharp as their kernels are narrow: theirs reach to the nearest neighbors.
 """
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
-from ispm.kernels.simd import address, alloca, atomic_add, ldf, ldu
+from ispm.kernels.share import run_shared, shared_rows
+from ispm.kernels.simd import address, alloca, ldf, ldu
 from ispm.kernels.threads import run_threads
 from ispm.optics.jit import jit
-from ispm.optics.vector import dot
+from ispm.optics.vector import dot, scale, sub, vec3
 from ispm.photons.cells import BITS, SMALLEST, bounds_of, sort_by_cell
 from ispm.photons.nearest import DIMENSIONS, STACK_WORDS, NearestTree, find_nearest
 
@@ -43,17 +45,43 @@ _NEIGHBORS_MAX = 128
 _ROOM = _NEIGHBORS_MAX // 2  # uint64
 _CHUNK = 256  # photons a thread takes at a time
 
-# columns of a PHOTON record seen as 16 words
-_RADIUS, _FLUX, _NX, _H = 3, 4, 12, 15
+
+class Pixels(NamedTuple):
+    """How wide pixels are on surfaces, world space.
+
+    plane  (4,) its value at (x, y, z, 1) is the width in m of a pixel there that is seen face on
+    eye    (4,) its position and 1, or the direction to it and 0 (orthographic): where it sees a surface
+           aslant, a pixel covers more of it
+    """
+
+    plane: np.ndarray
+    eye: np.ndarray
+
+
+class _Limits(NamedTuple):
+    """Least and largest radius, m, and the factor on every radius."""
+
+    low: np.float32
+    high: np.float32
+    smoothing: np.float32
+
+
+class _Neighbors(NamedTuple):
+    """Photons and their neighbors: address of a NearestTree's nodes, and its starts; (N,) uint32, the photon
+    of each of its points; and the number of neighbors to look for."""
+
+    nodes: np.uint64
+    starts: np.ndarray
+    order: np.ndarray
+    wanted: np.int64
 
 
 def measure_radii(
     photons: np.ndarray,
     diagonal: float,
     smoothing: float = 1.0,
-    pixel: np.ndarray | None = None,
+    pixels: Pixels | None = None,
     widths: np.ndarray | None = None,
-    eye: tuple[float, ...] | np.ndarray = (0.0, 0.0, 0.0, 0.0),
     threads: int = 1,
 ) -> None:
     """Write `radius` and `height` of each photon's kernel, from the density of photons around it.
@@ -61,25 +89,24 @@ def measure_radii(
     photons    (N,) PHOTON, changed in place
     diagonal   of the scene, metres: no radius is below 0.002 or above 0.1 of it
     smoothing  factor on every radius
-    pixel      (4,) plane whose value at (x, y, z, 1) is the width in metres of a receiver's pixel there, at
-               most 4/3 of a radius; None: receivers lie anywhere
+    pixels     of the receivers, at most 4/3 of a radius wide; None: receivers lie anywhere
     widths     (I,) float32 m, of the instances: a kernel wider than its object would lose its light past
                the edges, so none is wider than a quarter of it; None: objects are wide
-    eye        (4,) its place and 1, or the direction to it and 0 (orthographic): where it sees a surface
-               aslant, a pixel covers more of it
     The radius is that of a disc that holds `NEIGHBORS` photons. Density is counted in the smallest
     cell of a hierarchy that holds enough photons facing the same way: a plane cuts a cell of side c
-    in c^2 / (|nx| + |ny| + |nz|) on average over its place in the cell.
+    in c^2 / (|nx| + |ny| + |nz|) on average over its offset in the cell.
     """
     if not len(photons):
         return
-    words = photons.view(np.float32).reshape(-1, 16)
-    _write_radii(
-        words, _reach_on_objects(photons, widths), _log_density(photons, diagonal, threads), f32(smoothing),
-        f32(diagonal * _RADIUS_MIN), f32(diagonal * _RADIUS_MAX),
-        (np.zeros(4) if pixel is None else _PIXEL_SHARE * pixel).astype(np.float32),
-        np.asarray(eye, np.float32),
-    )  # fmt: skip
+    limits = _Limits(f32(diagonal * _RADIUS_MIN), f32(diagonal * _RADIUS_MAX), f32(smoothing))
+    log_density, widest = _log_density(photons, diagonal, threads), _reach_on_objects(photons, widths)
+    _write_radii(photons, log_density, widest, limits, in_kernels(pixels, _PIXEL_SHARE))
+
+
+def in_kernels(pixels: Pixels | None, share: float = 1.0) -> Pixels:
+    """Return float32 pixels of a share of the width; None: their width is 0."""
+    plane, eye = pixels or (np.zeros(4), np.zeros(4))
+    return Pixels((share * plane).astype(np.float32), np.asarray(eye, np.float32))
 
 
 def is_crowded(photons: np.ndarray, diagonal: float, threads: int = 1) -> np.ndarray:
@@ -96,7 +123,6 @@ def is_crowded(photons: np.ndarray, diagonal: float, threads: int = 1) -> np.nda
 
 def _log_density(photons: np.ndarray, diagonal: float, threads: int) -> np.ndarray:
     """(N,) float32: logarithm of the photons per m2 around each."""
-    words = photons.view(np.float32).reshape(-1, 16)
     low, high = bounds_of(photons)
     cell = f32(max(diagonal * SMALLEST, float((high - low).max()) / _CELLS))
     log_density = np.empty((len(_SHIFTS), len(photons)), np.float32)
@@ -106,7 +132,7 @@ def _log_density(photons: np.ndarray, diagonal: float, threads: int) -> np.ndarr
         for k in range(thread, len(_SHIFTS), used):
             shift = np.array(_SHIFTS[k], np.float32) * cell * f32(0.9)
             keys, order = sort_by_cell(photons, low - shift, float(cell))
-            _write_log_density(words, keys, order, cell, log_density[k])
+            _write_log_density(photons, keys, order, cell, log_density[k])
 
     used = min(threads, len(_SHIFTS))
     run_threads(work, used)
@@ -121,8 +147,11 @@ def _reach_on_objects(photons: np.ndarray, widths: np.ndarray | None) -> np.ndar
 
 
 @jit
-def _write_log_density(words, keys, order, cell, log_density):
-    """Write the logarithm of each photon's density (1/m^2), from the smallest cell with enough photons."""
+def _write_log_density(photons, keys, order, cell, log_density):
+    """Write the logarithm of the density, 1/m2, of (N,) PHOTON, from the smallest cell with enough photons.
+
+    keys, order  as of `sort_by_cell`;  cell  m, width of the smallest
+    """
     n = len(keys)
     count = np.zeros(n, np.float32)
     side = np.zeros(n, np.float32)
@@ -138,46 +167,51 @@ def _write_log_density(words, keys, order, cell, log_density):
                 first = i
     for i in range(n):
         p = order[i]
-        tilt = abs(words[p, _NX]) + abs(words[p, _NX + 1]) + abs(words[p, _NX + 2])
+        n = photons[p].normal
+        tilt = abs(n[0]) + abs(n[1]) + abs(n[2])
         log_density[p] = f32(math.log(count[i] * tilt / (side[i] * side[i])))
 
 
 @jit
-def _write_radii(words, widest, log_density, smoothing, low, high, least, eye):
-    for i in range(len(words)):
-        density = f32(math.exp(log_density[i]))
+def _write_radii(photons, log_density, widest, limits, pixels):
+    """Write radius and height of (N,) PHOTON; widest: (N,) float32 m."""
+    for i in range(len(photons)):
+        photon, density = photons[i], f32(math.exp(log_density[i]))
+        least = _width(photon, pixels) * _slant(photon, pixels)
         radius = f32(math.sqrt(f32(NEIGHBORS) / (f32(math.pi) * density)))
-        radius = min(min(max(radius, low), high) * smoothing, widest[i])
-        radius = max(radius, min(_at(least, words, i) * _slant(words, i, eye), high))
-        words[i, _RADIUS] = radius
-        words[i, _H] = f32(_HEIGHT) * radius
+        photon.radius = _limited(radius, limits, widest[i], least)
+        photon.height = f32(_HEIGHT) * photon.radius
 
 
 @jit
-def _at(plane, words, i):
-    """A plane's value at photon `i`."""
-    return plane[0] * words[i, 0] + plane[1] * words[i, 1] + plane[2] * words[i, 2] + plane[3]
+def _limited(radius, limits, widest, least):
+    """Return a radius in m within _Limits, at most `widest`, and at least `least` all the same."""
+    radius = min(min(max(radius, limits.low), limits.high) * limits.smoothing, widest)
+    return max(radius, min(least, limits.high))
 
 
 @jit
-def _slant(words, i, eye):
-    """How much longer a pixel of `eye` is on the surface at photon `i` than it is wide, to a limit."""
-    x, y, z = words[i, 0], words[i, 1], words[i, 2]
-    wo = (eye[0] - eye[3] * x, eye[1] - eye[3] * y, eye[2] - eye[3] * z)
+def _width(photon, pixels):
+    """Width in m of a pixel at a PHOTON."""
+    return dot(pixels.plane, photon.position) + pixels.plane[-1]
+
+
+@jit
+def _slant(photon, pixels):
+    """How much longer a pixel is on the surface at a PHOTON than it is wide, to a limit."""
+    wo = sub(vec3(pixels.eye), scale(pixels.eye[-1], vec3(photon.position)))
     distance = f32(math.sqrt(dot(wo, wo)))
     if distance == f32(0):
         return f32(1)
-    aslant = abs(dot(wo, (words[i, _NX], words[i, _NX + 1], words[i, _NX + 2])))
-    return min(distance / max(aslant, f32(1e-12)), f32(_SLANT_MAX))
+    return min(distance / max(abs(dot(wo, photon.normal)), f32(1e-12)), f32(_SLANT_MAX))
 
 
 def measure_caustic_radii(
     photons: np.ndarray,
     diagonal: float,
     smoothing: float = 1.0,
-    pixel: np.ndarray | None = None,
+    pixels: Pixels | None = None,
     widths: np.ndarray | None = None,
-    eye: tuple[float, ...] | np.ndarray = (0.0, 0.0, 0.0, 0.0),
     neighbors: int = CAUSTIC_NEIGHBORS,
     threads: int = 1,
     clear: np.ndarray | None = None,
@@ -186,13 +220,13 @@ def measure_caustic_radii(
 
     photons    (N,) PHOTON, caustic ones alone, changed in place
     diagonal   of the scene, metres: no radius is below 1e-5 or above 0.05 of it
-    pixel      (4,) as in `measure_radii`, but of the picture's own pixels: no kernel is narrower than
-               they are, or much of its light would fall between their centres
+    pixels     of the picture: no kernel is narrower than they are, or much of its light would fall between
+               their centres
     neighbors  a kernel covers half the disc that holds so many, of those that face the same way: a turn of a
                radian is as far as 0.1 of the diagonal
-    clear      (N,) float32 m that a kernel should not exceed, to half its radius at least: how far away the
-               mirror or glass is that the photon comes from, behind which its light would show
-    smoothing, widths, eye  as in `measure_radii`
+    clear      (N,) float32 m that a radius should not exceed, though it may take off half of it at most: the
+               distance to the mirror or glass that the photon comes from, behind which its light would show
+    smoothing, widths  as in `measure_radii`
     A photon of more flux than its neighbours spreads over as much more area, so that it stands out as
     little. Where the surface bends, kernels are high enough to reach down to it. The same bytes for any
     number of threads.
@@ -200,93 +234,83 @@ def measure_caustic_radii(
     if not len(photons):
         return
     assert 0 < neighbors <= _NEIGHBORS_MAX
-    words = photons.view(np.float32).reshape(-1, 16)
     points, order = _points_in_order(photons, f32(_TURN * diagonal))
     tree = NearestTree(points)
+    near = _Neighbors(address(tree.nodes), tree.starts, order, i64(neighbors))
     low, high = _CAUSTIC_RADIUS_MIN * diagonal, _CAUSTIC_RADIUS_MAX * diagonal
-    limits = np.array([low, high, smoothing], np.float32)
-    least = np.zeros(4, np.float32) if pixel is None else pixel.astype(np.float32)
-    widest, eye = _reach_on_objects(photons, widths), np.asarray(eye, np.float32)
-    counter = np.zeros(8, np.int64)
+    limits, seen = _Limits(f32(low), f32(high), f32(smoothing)), in_kernels(pixels)
+    widest = _reach_on_objects(photons, widths)
     free = np.full(len(photons), np.inf, np.float32) if clear is None else clear
-
-    def work(_: int) -> None:
-        _write_caustic_radii(
-            address(counter), address(tree.nodes), tree.starts, points, order, i64(neighbors), words, widest,
-            free, limits, least, eye,
-        )  # fmt: skip
-
-    run_threads(work, threads)
+    run_shared(lambda count: _write_caustic_radii(photons, near, widest, free, limits, seen, count), threads)
 
 
 def _points_in_order(photons: np.ndarray, turn: np.float32) -> tuple[np.ndarray, np.ndarray]:
-    """Return (N, 6) positions and normals times `turn`, along a curve through space, and (N,) photons."""
-    words = photons.view(np.float32).reshape(-1, 16)
-    low, high = words[:, :3].min(axis=0), words[:, :3].max(axis=0)
+    """Return (N, 6) float32 positions and normals times `turn`, along a curve through space, and (N,) uint32,
+    the photon of each."""
+    position = photons["position"]
+    low, high = position.min(axis=0), position.max(axis=0)
     _, order = sort_by_cell(photons, low, max(float((high - low).max()) / (1 << BITS), 1e-30))
-    points = np.empty((len(words), DIMENSIONS), np.float32)
-    points[:, :3] = words[order, :3]
-    points[:, 3:] = words[order, _NX : _NX + 3] * turn
+    points = np.empty((len(photons), DIMENSIONS), np.float32)
+    points[:, :3] = position[order]
+    points[:, 3:] = photons["normal"][order] * turn
     return points, order
 
 
 @jit
-def _write_caustic_radii(
-    counter, nodes, starts, points, order, wanted, words, widest, clear, limits, least, eye
-):  # fmt: skip
+def _write_caustic_radii(photons, neighbors, widest, clear, limits, pixels, counter):
+    """Write radius and height of as many of (N,) PHOTON as a thread gets; widest, clear: (N,) float32 m."""
     squares, rows, stack = alloca(_ROOM), alloca(_ROOM), alloca(STACK_WORDS)
-    low, high, smoothing = limits[0], limits[1], limits[2]
-    reach = f32(math.sqrt(f32(1.0 / _COVERED))) * high
-    while True:
-        first = atomic_add(counter, i64(_CHUNK))
-        if first >= len(points):
-            return
-        for point in range(first, min(first + i64(_CHUNK), len(points))):
-            found = find_nearest(nodes, starts, i64(point), wanted, reach, squares, rows, stack)
-            i = order[point]
-            radius = high
-            if found == wanted:
-                around = max(_flux_of(words, order, rows, found), f32(1e-30))
-                brighter = max(f32(wanted) * _flux(words, i) / around, f32(1))
-                radius = f32(math.sqrt(f32(_COVERED) * ldf(squares, wanted - i64(1)) * brighter))
-            radius = min(min(max(radius, low), high) * smoothing, widest[i])
-            radius = max(radius, min(least_radius(words, i, least, eye), high))
-            radius = min(radius, max(clear[i], f32(_CLOSE) * radius))
-            words[i, _RADIUS] = radius
-            sagitta = f32(_SAGITTA) * _bend(words, i, order, rows, found) * radius
-            words[i, _H] = min(max(f32(_HEIGHT), sagitta), f32(1)) * radius
+    nodes, starts, order, wanted = neighbors
+    reach = f32(math.sqrt(f32(1.0 / _COVERED))) * limits.high
+    for point in shared_rows(counter, _CHUNK, len(order)):
+        found = find_nearest(nodes, starts, i64(point), wanted, reach, squares, rows, stack)
+        i = order[point]
+        photon, radius = photons[i], limits.high
+        if found == wanted:
+            around = max(_flux_of(photons, order, rows, found), f32(1e-30))
+            brighter = max(f32(wanted) * _flux(photon) / around, f32(1))
+            radius = f32(math.sqrt(f32(_COVERED) * ldf(squares, wanted - i64(1)) * brighter))
+        radius = _limited(radius, limits, widest[i], least_radius(photon, pixels))
+        radius = min(radius, max(clear[i], f32(_CLOSE) * radius))
+        photon.radius = radius
+        sagitta = f32(_SAGITTA) * _bend(photons, photon, order, rows, found) * radius
+        photon.height = min(max(f32(_HEIGHT), sagitta), f32(1)) * radius
 
 
 @jit
-def least_radius(words, i, pixel, eye):
-    """Return the radius of a disc at photon `i` whose kernel blurs as much as a pixel's square does."""
-    return _PIXEL_RADIUS * _at(pixel, words, i) * f32(math.sqrt(_slant(words, i, eye)))
+def least_radius(photon, pixels):
+    """Return the radius in m of a disc at a PHOTON whose kernel blurs as much as a pixel's square does."""
+    return _PIXEL_RADIUS * _width(photon, pixels) * f32(math.sqrt(_slant(photon, pixels)))
 
 
 @jit
-def _flux(words, i):
-    return words[i, _FLUX] + words[i, _FLUX + 1] + words[i, _FLUX + 2]
+def _flux(photon):
+    """Sum of a PHOTON's channels, lm."""
+    return photon.flux[0] + photon.flux[1] + photon.flux[2]
 
 
 @jit
-def _flux_of(words, order, rows, found):
-    """The neighbours' flux together."""
+def _flux_of(photons, order, rows, found):
+    """Sum of the neighbors' channels, lm; rows: address of `found` uint32 of the order."""
     total = f32(0)
     for k in range(found):
-        total += _flux(words, order[i64(ldu(rows, i64(k)))])
+        total += _flux(photons[order[i64(ldu(rows, i64(k)))]])
     return total
 
 
 @jit
-def _bend(words, i, order, rows, found):
-    """Half the curvature of the surface, 1/m: the most that it falls away under a neighbour, half its
-    distance times its turn, over the square of the farthest one's distance."""
+def _bend(photons, photon, order, rows, found):
+    """Half the curvature of the surface, 1/m: the most that it falls away under a neighbor, half its
+    distance times its turn, over the square of the farthest one's distance. The rest as of `_flux_of`."""
     most, farthest = f32(0), f32(1e-30)
     for k in range(found):
-        j = order[i64(ldu(rows, i64(k)))]
+        other = photons[order[i64(ldu(rows, i64(k)))]]
         away2, turn2 = f32(0), f32(0)
         for axis in range(3):
-            away, turn = words[j, axis] - words[i, axis], words[j, _NX + axis] - words[i, _NX + axis]
+            away, turn = (
+                other.position[axis] - photon.position[axis],
+                other.normal[axis] - photon.normal[axis],
+            )
             away2 += away * away
             turn2 += turn * turn
         most, farthest = max(most, away2 * turn2), max(farthest, away2)

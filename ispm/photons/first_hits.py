@@ -6,10 +6,11 @@ import numpy as np
 
 from ispm.accel.records import Hit
 from ispm.accel.surface import SurfaceTable, scene_tables, surface
+from ispm.lights.emitted import first_segment
 from ispm.optics.jit import jit
 from ispm.optics.records import EMITTED, NO_HIT
+from ispm.optics.vector import scale, vec3
 from ispm.photons.scatter import Event, next_flight
-from ispm.photons.walk import first_segment
 from ispm.scene.packed import Packed
 
 f32, i64, u32 = np.float32, np.int64, np.uint32
@@ -33,13 +34,14 @@ def first_hits(
 
 @jit
 def _first_hits(tables, emitted, seed, pass_index, out):
+    """Write what `first_hits` returns to (N, 12) float32 zeros."""
     for i in range(len(emitted)):
         photon = emitted[i]
         if photon.instance == u32(NO_HIT):
             continue
         hit = Hit(photon.instance, photon.primitive, photon.u, photon.v)
         _, d, within = first_segment(tables, photon)
-        flux = (within * photon.flux[0], within * photon.flux[1], within * photon.flux[2])
+        flux = scale(within, vec3(photon.flux))
         x = surface(tables, hit, d)
         event = Event(photon.key, i64(0), i64(0), pass_index, seed)
         alive, wi, scattered, _ = next_flight(event, x, d, flux)

@@ -1,4 +1,4 @@
-"""How a photon goes on from a surface: the BSDF sampled, with roulette."""
+"""How photons scatter at surfaces: the BSDF sampled, with roulette."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _SPECULAR_SURVIVAL = 0.9  # chance at each later one: ends paths between lossles
 
 
 class Event(NamedTuple):
-    """Which random numbers a photon's next event takes: by its key and what it has met before."""
+    """Which random numbers a photon's next event takes: by its key and the events that it has met before."""
 
     key: np.uint32
     scatters: np.int64
@@ -32,7 +32,10 @@ class Event(NamedTuple):
 
 @jit
 def next_flight(event, x, d, flux):
-    """Sample where the photon goes, with roulette: (alive, wi, flux after it, specular)."""
+    """Sample where a photon of `flux`, lm, that meets the SurfacePoint x along d goes next, with roulette.
+
+    -> whether it lives on, wi, its flux in lm afterwards, and whether the surface was smooth
+    """
     u0, u1, u2, u3 = random4(
         event.key, u32(2 * (event.scatters + event.speculars)), event.pass_index, event.seed
     )
@@ -49,7 +52,7 @@ def next_flight(event, x, d, flux):
 
 @jit
 def flight_number(event):
-    """Return the random number for holes that the flight after an event meets."""
+    """Return the float32 random number in [0, 1) for holes that the flight after an Event meets."""
     _, _, _, u3 = random4(
         event.key, u32(2 * (event.scatters + event.speculars) + 1), event.pass_index, event.seed
     )
@@ -58,7 +61,8 @@ def flight_number(event):
 
 @jit
 def scatter(x, d, flux, u0, u1, u2):
-    """Sample where the photon goes: (alive, wi, flux after it, specular)."""
+    """Sample where a photon goes next, by three random numbers in [0, 1); the rest as of `next_flight`, but
+    without roulette."""
     wo = scale(f32(-1), d)
     n, ng = x.n, x.ng
     if x.flags & u32(MATERIAL_UNLIT):
@@ -74,4 +78,5 @@ def scatter(x, d, flux, u0, u1, u2):
 
 @jit
 def _sum(flux):
+    """Sum of the channels, lm."""
     return flux[0] + flux[1] + flux[2]

@@ -12,30 +12,18 @@ from numba import literal_unroll
 from ispm.accel.intersect import STACK_WORDS
 from ispm.accel.medium import attenuated, medium, no_medium, passed_sheet, spawn_ray
 from ispm.accel.records import Hit, Scratch
-from ispm.accel.surface import (  # fmt: skip
-    SurfaceTable,
-    Tables,
-    closest_surface,
-    hit_position,
-    scene_tables,
-    surface,
-)
+from ispm.accel.surface import SurfaceTable, Tables, closest_surface, scene_tables, surface
 from ispm.accel.world import World
-from ispm.kernels.simd import address, alloca, atomic_add
-from ispm.kernels.threads import run_threads
+from ispm.kernels.share import run_shared, shared_rows
+from ispm.kernels.simd import alloca
+from ispm.lights.emitted import emitted_beam, first_segment
 from ispm.lights.nee import is_bright_first_bounce, is_gathered, split_count
 from ispm.optics.bsdf import has_finite, is_smooth
 from ispm.optics.jit import jit
-from ispm.optics.light import range_window
-from ispm.optics.records import (
-    LIGHT_DIRECTIONAL,
-    MATERIAL_THIN,
-    NO_HIT,
-    PHOTON,
-)  # fmt: skip
+from ispm.optics.records import MATERIAL_THIN, NO_HIT, PHOTON
 from ispm.optics.rng import random4
-from ispm.optics.vector import dot, scale, sub
-from ispm.photons.beam import beam_at, emitted_beam, redirected_beam
+from ispm.optics.vector import dot, scale, sub, vec3
+from ispm.photons.beam import beam_at, redirected_beam
 from ispm.photons.scatter import Event, flight_number, next_flight
 from ispm.scene.packed import Packed
 
@@ -48,7 +36,7 @@ BEAM = 9  # floats that describe what a photon alone lights
 _CHUNK = 256  # photons a thread takes at a time; results do not depend on it or on the threads
 _ROOM = 12 * _CHUNK  # hits that a chunk has room for at first; the few that need more are walked again
 
-# rows of a chunk's sums
+_FATES = "emitted", "absorbed", "escaped", "dropped", "stored"  # rows of a chunk's sums
 _EMITTED, _ABSORBED, _ESCAPED, _DROPPED, _STORED = range(5)
 
 
@@ -92,7 +80,6 @@ def walk(
     bounces: int,
     seed: int,
     pass_index: int,
-    threads: int,
     limit: float = math.inf,
 ) -> Walk:
     """Trace photons from their first hits, storing one at each later hit.
@@ -111,21 +98,19 @@ def walk(
     course = _Course(i64(bounces), f32(limit), u32(pass_index), u32(seed))
     # Mostly pages that are never touched.
     room = world.scratch(len(chunks) * _ROOM, PHOTON)
-    found = _walk_some(tables, emitted, course, chunks, room, threads)
-    counts = found.counts
-    hits = [found.part(c * _ROOM, n) for c, n in enumerate(counts[:, 0])]
-    for chunk in np.flatnonzero(counts[:, 0] > _ROOM):
-        room = np.empty(counts[chunk, 0], PHOTON)
+    found = _walk_some(tables, emitted, course, chunks, room, world.threads)
+    hit_counts, ray_counts = found.counts.T
+    hits = [found.hits.part(c * _ROOM, n) for c, n in enumerate(hit_counts)]
+    for chunk in np.flatnonzero(hit_counts > _ROOM):
+        room = np.empty(hit_counts[chunk], PHOTON)
         again = _walk_some(tables, emitted, course, chunks[chunk:][:1], room, 1)
-        hits[chunk], found.sums[chunk] = again.part(0, len(room)), again.sums[0]
-    hits = hits or [found.part(0, 0)]
-    beams = np.concatenate([each[4][each[0]["bounce"] == 0] for each in hits])
-    photons, focused, not_gathered, keys = (np.concatenate([each[k] for each in hits]) for k in range(4))
-    total = found.sums.sum(axis=0)
-    return Walk(
-        photons, focused, not_gathered, keys, beams, total[_EMITTED], total[_ABSORBED], total[_ESCAPED],
-        total[_DROPPED], total[_STORED], len(emitted), int(counts[:, 1].sum()),
-    )  # fmt: skip
+        hits[chunk] = again.hits.part(0, len(room))
+        (found.sums[chunk],) = again.sums
+    hits = hits or [found.hits.part(0, 0)]
+    joined = _Hits(*(np.concatenate(arrays) for arrays in zip(*hits, strict=True)))
+    flux = dict(zip(_FATES, found.sums.sum(axis=0), strict=True))
+    rays = int(ray_counts.sum())
+    return Walk(**joined._asdict(), **flux, photon_count=len(emitted), rays=rays)
 
 
 def _walk_some(
@@ -135,11 +120,8 @@ def _walk_some(
     focused, not_gathered = np.zeros((2, len(room)), np.bool_)
     keys, beams = np.empty(len(room), np.uint32), np.empty((len(room), BEAM), np.float32)
     counts, sums = np.zeros((len(chunks), 2), np.int64), np.zeros((len(chunks), 5, 3))
-    found, counter = _Found(room, focused, not_gathered, keys, beams, counts, sums), np.zeros(8, np.int64)
-    run_threads(
-        lambda _: _walk_chunks(tables, emitted, course, chunks, address(counter), found),
-        threads,
-    )
+    found = _Found(_Hits(room, focused, not_gathered, keys, beams), counts, sums)
+    run_shared(lambda counter: _walk_chunks(tables, emitted, course, chunks, counter, found), threads)
     return found
 
 
@@ -152,33 +134,36 @@ class _Course(NamedTuple):
     seed: np.uint32
 
 
-class _Found(NamedTuple):
-    """What a walk of some chunks of photons writes: n rows for hits, of which each chunk has an equal part.
-
-    photons            (n,) PHOTON
-    focused, not_gathered  (n,) bool, keys (n,) uint32 and beams (n, BEAM) float32: as of a Walk
-    counts             (chunks, 2) int64, hits, whether there is room for them or not, and rays
-    sums               (chunks, 5, 3) float64 lm, emitted, absorbed, escaped, dropped and stored
-    """
+class _Hits(NamedTuple):
+    """Hits of photons: (n,) PHOTON, and beams (n, BEAM) float32; the rest as of a Walk."""
 
     photons: np.ndarray
     focused: np.ndarray
     not_gathered: np.ndarray
     keys: np.ndarray
     beams: np.ndarray
+
+    def part(self, first: int, count: int) -> _Hits:
+        """Return `count` rows; of the beams those of photons that have not scattered."""
+        photons, focused, not_gathered, keys, beams = (each[first : first + count] for each in self)
+        return _Hits(photons, focused, not_gathered, keys, beams[photons["bounce"] == 0])
+
+
+class _Found(NamedTuple):
+    """What a walk of some chunks of photons writes.
+
+    hits    n rows, of which each chunk has an equal part
+    counts  (chunks, 2) int64, hits, whether there is room for them or not, and rays
+    sums    (chunks, 5, 3) float64 lm, emitted, absorbed, escaped, dropped and stored
+    """
+
+    hits: _Hits
     counts: np.ndarray
     sums: np.ndarray
 
-    def part(self, first: int, count: int) -> tuple[np.ndarray, ...]:
-        """Return photons, focused, not_gathered, keys and beams of some rows."""
-        rows = slice(first, first + count)
-        return (
-            self.photons[rows], self.focused[rows], self.not_gathered[rows], self.keys[rows], self.beams[rows]
-        )  # fmt: skip
-
 
 class _Split(NamedTuple):
-    """One part of a photon: which of how many, and which of them goes on where they scatter next."""
+    """One part of a photon: which of how many, and which of them is continued where they scatter next."""
 
     part: int
     parts: int
@@ -195,12 +180,10 @@ class _Room(NamedTuple):
 
 @jit
 def _walk_chunks(tables, emitted, course, chunks, counter, found):
+    """Walk the (N,) EMITTED photons of as many of the (chunks,) int64 as a thread gets, writing a _Found."""
     scratch = Scratch(alloca(STACK_WORDS), alloca(2))
-    room = i64(len(found.photons) // max(len(chunks), 1))
-    while True:
-        chunk = atomic_add(counter, i64(1))
-        if chunk >= len(chunks):
-            return
+    room = i64(len(found.hits.photons) // max(len(chunks), 1))
+    for chunk in shared_rows(counter, 1, len(chunks)):
         row, end = chunk * room, (chunk + i64(1)) * room
         rays, first = i64(0), chunks[chunk] * i64(_CHUNK)
         for i in range(first, min(first + i64(_CHUNK), len(emitted))):
@@ -220,11 +203,11 @@ def _walk_chunks(tables, emitted, course, chunks, counter, found):
 
 @jit
 def _walk_one(tables, photon, split, course, scratch, found, room):
-    """Follow one part of a photon; return the next row for hits and the number of rays traced. Rows from
-    `room.end` on are counted, not written."""
-    row, chunk, sums = room.row, room.chunk, found.sums
+    """Follow a _Split of an EMITTED photon on its _Course; return the next row for hits and the number of
+    rays traced. Rows from `room.end` on are counted, not written to the _Found."""
+    row, chunk, hits, sums = room.row, room.chunk, found.hits, found.sums
     key = photon.key ^ u32(split.part << i64(_PART_BIT))
-    whole = (photon.flux[0], photon.flux[1], photon.flux[2])
+    whole = vec3(photon.flux)
     flux = scale(f32(1) / f32(split.parts), whole)
     _add(sums, chunk, _EMITTED, flux)
     if photon.instance == u32(NO_HIT):
@@ -238,7 +221,7 @@ def _walk_one(tables, photon, split, course, scratch, found, room):
     _add_difference(sums, chunk, _ESCAPED, flux, kept)
     flux = kept
     direct, mirrored = True, False  # but for thin sheets: straight from the light; focused
-    hidden = False  # from gather rays, where it last scattered
+    hidden = False  # whether gather rays do not find where it last scattered
     inside, plane = no_medium(), d  # of the surface that the photon comes from
     scatters, speculars, rays = i64(0), i64(0), i64(0)
     while True:
@@ -248,17 +231,17 @@ def _walk_one(tables, photon, split, course, scratch, found, room):
             kept = attenuated(tables, inside, origin, x.position, flux)
             _add_difference(sums, chunk, _ABSORBED, flux, kept)
             flux = kept
-        way = sub(x.position, origin)
-        flown = f32(math.sqrt(dot(way, way)))
+        segment = sub(x.position, origin)
+        length = f32(math.sqrt(dot(segment, segment)))
         if scatters == i64(0):
-            beam = beam_at(beam, flown, d, x.ng)
+            beam = beam_at(beam, length, d, x.ng)
         if not direct and has_finite(x.bsdf):
             if row < room.end:
-                _store(found.photons[row], x, flux, d, abs(dot(way, plane)), flown, scatters)
-                found.focused[row], found.not_gathered[row] = mirrored, mirrored or hidden
-                found.keys[row] = key + u32(scatters + speculars) * u32(_EVENT_STEP)
+                _store(hits.photons[row], x, flux, d, abs(dot(segment, plane)), length, scatters)
+                hits.focused[row], hits.not_gathered[row] = mirrored, mirrored or hidden
+                hits.keys[row] = key + u32(scatters + speculars) * u32(_EVENT_STEP)
                 if scatters == i64(0):
-                    _store_beam(found.beams, row, beam, plane)
+                    _store_beam(hits.beams, row, beam, plane)
             _add(sums, chunk, _STORED, flux)
             row += 1
         last = scatters == course.bounces
@@ -301,40 +284,24 @@ def _walk_one(tables, photon, split, course, scratch, found, room):
 
 
 @jit
-def first_segment(tables, photon):
-    """Return where the flight of an EMITTED photon to its first hit begins, its direction, and the share
-    of the flux within the light's range. A directional light's begins at the hit: it is not in what it
-    shines on.
-    """
-    light = tables.lights[i64(photon.light)]
-    hit = Hit(photon.instance, photon.primitive, photon.u, photon.v)
-    position = hit_position(tables.surfaces, hit)
-    if light.kind == u32(LIGHT_DIRECTIONAL):
-        return position, (light.direction[0], light.direction[1], light.direction[2]), f32(1)
-    origin = (light.position[0], light.position[1], light.position[2])
-    way = sub(position, origin)
-    square = dot(way, way)
-    distance = f32(math.sqrt(square if square > f32(0) else f32(1e-30)))
-    return origin, scale(f32(1) / distance, way), range_window(distance, light.range)
-
-
-@jit
-def _store(photon, x, flux, d, clear, flown, scatters):
-    """Write a PHOTON record. Its kernel is measured later; until then `radius` is how far away, in m, the
-    plane of the surface is that the photon comes from, and `height` how far that surface is along its way."""
+def _store(photon, x, flux, d, clear, length, scatters):
+    """Write a PHOTON that came along d to the SurfacePoint x. Its kernel is measured later; until then its
+    `radius` is the distance in m to the plane of the surface that it comes from, `clear`, and its `height`
+    the length of its last segment, m."""
     for k in literal_unroll((0, 1, 2)):
         photon.position[k] = x.position[k]
         photon.normal[k] = x.ng[k]
         photon.flux[k] = flux[k]
         photon.wi[k] = -d[k]
     photon.radius = clear
-    photon.height = flown
+    photon.height = length
     photon.bounce = u32(scatters)
     photon.instance = x.hit.instance
 
 
 @jit
 def _store_beam(beams, row, beam, plane):
+    """Write a row of (n, BEAM): a Beam's vectors in m, and the normal of the surface that it comes from."""
     for k in literal_unroll((0, 1, 2)):
         beams[row, k] = beam.dx_u[k]
         beams[row, k + 3] = beam.dx_v[k]
@@ -342,14 +309,14 @@ def _store_beam(beams, row, beam, plane):
 
 
 @jit
-def _add(sums, chunk, kind, flux):
-    sums[chunk, kind, 0] += flux[0]
-    sums[chunk, kind, 1] += flux[1]
-    sums[chunk, kind, 2] += flux[2]
+def _add(sums, chunk, fate, flux):
+    """Add a flux, lm, to the (chunks, 5, 3) float64 sums; fate: `_EMITTED` to `_STORED`."""
+    for c in literal_unroll((0, 1, 2)):
+        sums[chunk, fate, c] += flux[c]
 
 
 @jit
-def _add_difference(sums, chunk, kind, before, after):
-    sums[chunk, kind, 0] += np.float64(before[0]) - np.float64(after[0])
-    sums[chunk, kind, 1] += np.float64(before[1]) - np.float64(after[1])
-    sums[chunk, kind, 2] += np.float64(before[2]) - np.float64(after[2])
+def _add_difference(sums, chunk, fate, before, after):
+    """Add what was lost of a flux likewise, in float64."""
+    for c in literal_unroll((0, 1, 2)):
+        sums[chunk, fate, c] += np.float64(before[c]) - np.float64(after[c])

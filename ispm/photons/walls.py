@@ -1,4 +1,4 @@
-"""Kernels of caustics end at walls: short rays along their axes look for what stands in their way.
+"""Kernels of caustics end at walls, which short rays along their axes find.
 
 Light falls on one side of a wall that stands on a floor; a kernel at its foot would also light the other.
 """
@@ -15,20 +15,20 @@ from ispm.accel.normals import unit
 from ispm.accel.records import Ray, Scratch
 from ispm.accel.surface import SurfaceTable
 from ispm.accel.world import World
-from ispm.kernels.simd import address, alloca, atomic_add
-from ispm.kernels.threads import run_threads
+from ispm.kernels.share import run_shared, shared_rows
+from ispm.kernels.simd import address, alloca
 from ispm.optics.density import SAME_SURFACE
 from ispm.optics.jit import jit
-from ispm.optics.vector import add, cross, dot, scale, sub
+from ispm.optics.vector import add, cross, dot, scale, sub, vec3
 from ispm.photons.footprint import U, V, axis_of, end_kernel
 
-f32, i64 = np.float32, np.int64
+f32 = np.float32
 
 _LIFT = f32(0.05)  # of a kernel's width, by which rays run above its surface
 _CHUNK = 256  # kernels a thread takes at a time
 
 
-def end_at_walls(kernels: np.ndarray, world: World, surfaces: SurfaceTable, threads: int) -> None:
+def end_at_walls(kernels: np.ndarray, world: World, surfaces: SurfaceTable) -> None:
     """End kernels at the nearest wall along their axes.
 
     kernels  (N,) CAUSTIC, changed in place
@@ -36,36 +36,33 @@ def end_at_walls(kernels: np.ndarray, world: World, surfaces: SurfaceTable, thre
     if not len(kernels):
         return
     words = kernels.view(np.float32).reshape(len(kernels), -1)
-    counter = np.zeros(8, np.int64)
-
-    def work(_: int) -> None:
-        _look_around(address(world.table), surfaces.addresses, words, address(counter))
-
-    run_threads(work, threads)
+    trees, tables = address(world.table), surfaces.addresses
+    run_shared(lambda counter: _end_some(trees, tables, words, counter), world.threads)
 
 
 @jit
-def _look_around(world, table, words, counter):
+def _end_some(world, table, words, counter):
+    """End as many of the CAUSTIC kernels, (N, words) float32, as a thread gets.
+
+    world  address of `World.table`;  table  addresses of a SurfaceTable
+    """
     scratch = Scratch(alloca(STACK_WORDS), alloca(2))
-    while True:
-        first = atomic_add(counter, i64(_CHUNK))
-        if first >= len(words):
-            return
-        for i in range(first, min(first + i64(_CHUNK), len(words))):
-            u, v = axis_of(words, i, U), axis_of(words, i, V)
-            for k in range(4):
-                way = u if k < 2 else v
-                _look(world, table, words, i, scale(f32(1) if k % 2 else f32(-1), way), scratch)
+    for i in shared_rows(counter, _CHUNK, len(words)):
+        u, v = axis_of(words, i, U), axis_of(words, i, V)
+        for k in range(4):
+            axis = u if k < 2 else v
+            _end_along(world, table, words, i, scale(f32(1) if k % 2 else f32(-1), axis), scratch)
 
 
 @jit
-def _look(world, table, words, i, way, scratch):
-    """End kernel `i` at what is met within it along `way`, unless that is its own surface."""
+def _end_along(world, table, words, i, axis, scratch):
+    """End kernel `i` at what a ray from its center along `axis`, m, meets within it, unless that is its own
+    surface."""
     n = unit(cross(axis_of(words, i, U), axis_of(words, i, V)))
-    at = (words[i, 0], words[i, 1], words[i, 2])
-    length = math.sqrt(dot(way, way))
-    start = add(at, scale(_LIFT * length, n))
-    d = scale(f32(1) / length, way)
+    center = vec3(words[i])
+    length = math.sqrt(dot(axis, axis))
+    start = add(center, scale(_LIFT * length, n))
+    d = scale(f32(1) / length, axis)
     t = closest(world, Ray(start, d, f32(length)), scratch)
     if not t < length:
         return
@@ -74,4 +71,4 @@ def _look(world, table, words, i, way, scratch):
     if dot(front, d) > f32(0):
         front = scale(f32(-1), front)
     if dot(front, n) < SAME_SURFACE:
-        end_kernel(words, i, front, max(dot(sub(at, position), front), f32(0)))
+        end_kernel(words, i, front, max(dot(sub(center, position), front), f32(0)))

@@ -11,7 +11,13 @@ from ispm.optics.records import CAUSTIC, take
 from ispm.photons.apriori import class_radii, hint_radii
 from ispm.photons.cells import SMALLEST, sort_by_cell
 from ispm.photons.coverage import keep_light
-from ispm.photons.density import CAUSTIC_NEIGHBORS, FOCUSED_NEIGHBORS, is_crowded, measure_caustic_radii
+from ispm.photons.density import (
+    CAUSTIC_NEIGHBORS,
+    FOCUSED_NEIGHBORS,
+    Pixels,
+    is_crowded,
+    measure_caustic_radii,
+)
 from ispm.photons.footprint import shape_kernels
 from ispm.photons.walk import Walk
 from ispm.photons.walls import end_at_walls
@@ -82,12 +88,11 @@ def classify_photons(this: Pass, path: Walk) -> PhotonClasses:
     first = photons["bounce"] == 0
     later = np.flatnonzero(path.focused & ~first)
     later = later[is_crowded(take(photons, later), packed.diagonal, threads)]
-    pixel = sample_width(view)
+    pixels = Pixels(sample_width(view), view.eye_or_direction)
 
     def measured(part: np.ndarray, neighbors: int) -> np.ndarray:
-        seen = pixel, packed.widths, view.eye_or_direction
-        clear = part["radius"].copy()
-        measure_caustic_radii(part, packed.diagonal, settings.smoothing, *seen, neighbors, threads, clear)
+        sizes = packed.diagonal, settings.smoothing, pixels, packed.widths
+        measure_caustic_radii(part, *sizes, neighbors, threads, clear=part["radius"].copy())
         return part
 
     caustic = np.concatenate(
@@ -100,11 +105,9 @@ def classify_photons(this: Pass, path: Walk) -> PhotonClasses:
     beams, clear = path.beams, photons["radius"][first]
     if settings.kernel == "measured":
         beams, clear = beams[:0], clear[:0]
-    kernels = shape_kernels(
-        caustic, beams, clear, packed.diagonal, settings.smoothing, pixel, view.eye_or_direction
-    )
+    kernels = shape_kernels(caustic, beams, clear, packed.diagonal, settings.smoothing, pixels)
     keys = np.concatenate([path.keys[first], path.keys[later]])
-    end_at_walls(kernels, this.world, this.surfaces, threads)
+    end_at_walls(kernels, this.world, this.surfaces)
     keep_light(kernels, keys, this.world, this.surfaces, settings.seed, this.index, threads)
     kernels = np.concatenate([kernels[wide], kernels[~wide]])
     _, order = sort_by_cell(photons, packed.bounds[0], SMALLEST * packed.diagonal)

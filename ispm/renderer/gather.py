@@ -19,10 +19,10 @@ from ispm.optics.records import take
 from ispm.optics.rng import random4
 from ispm.optics.sampling import LATTICE
 from ispm.paths.ends import reflect_light
-from ispm.paths.gather import gather_rays
+from ispm.paths.gather import RayPlan, gather_rays
 from ispm.paths.guide import Guide, square_blocks
 from ispm.photons.coverage import keep_light
-from ispm.photons.density import measure_radii
+from ispm.photons.density import Pixels, measure_radii
 from ispm.photons.grid import PhotonGrid
 from ispm.renderer.caustics import PhotonClasses, sample_width
 from ispm.renderer.one_pass import Pass
@@ -162,8 +162,8 @@ class PhotonLight:
     def _measure(self, photons: np.ndarray) -> None:
         """Give kernels of the low resolution their size."""
         packed, view, settings = self._this.packed, self._this.view, self._this.settings
-        seen = settings.subsampling * sample_width(view), packed.widths, view.eye_or_direction
-        measure_radii(photons, packed.diagonal, settings.smoothing, *seen, self._this.threads)
+        pixels = Pixels(settings.subsampling * sample_width(view), view.eye_or_direction)
+        measure_radii(photons, packed.diagonal, settings.smoothing, pixels, packed.widths, self._this.threads)
 
     def _gathered(
         self, image: Receivers, smooth: Callable[[], np.ndarray], not_gathered: np.ndarray
@@ -184,11 +184,9 @@ class PhotonLight:
         used = np.flatnonzero(points["valid"])  # which may be few
         receivers = take(points, used)
         densities, rows = self._guide.densities(receivers, square_blocks(size)[used], threads)
-        numbers = (
-            clearance(receivers["position"], this.view.eye),
-            used.astype(np.uint32),
-            even_numbers(size, settings.seed, this.index)[used],
-        )
+        lifts, keys = clearance(receivers["position"], this.view.eye), used.astype(np.uint32)
+        shifts = even_numbers(size, settings.seed, this.index)[used]
+        plan = RayPlan(densities, rows, lifts, keys, shifts, math.isqrt(rays))
         for first in range(0, len(used), _BATCH // rays):
             some = slice(first, first + _BATCH // rays)
             part = used[some]
@@ -197,13 +195,10 @@ class PhotonLight:
                 this.world,
                 this.surfaces,
                 receivers[some],
-                (densities, rows[some]),
-                tuple(each[some] for each in numbers),
-                math.isqrt(rays),
+                plan.of(some),
                 limit,
                 settings.seed,
                 this.index,
-                threads,
             )
             ends = self._scattered.estimate(found.points, threads)
             radiance = found.radiance + reflect_light(found.ends, ends, len(found.ends))

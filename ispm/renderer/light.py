@@ -82,14 +82,14 @@ def emission_of(plan: list[PlannedMap], packed: Packed, settings: Settings, soft
 
 def trace_photons(this: Pass, plan: EmissionPlan, texels: Sequence[np.ndarray]) -> Walk:
     """Emit the photons and follow them; texels: what the bounce maps hold, where there are any."""
-    packed, world, surfaces, threads = this.packed, this.world, this.surfaces, this.threads
+    packed, world, surfaces = this.packed, this.world, this.surfaces
     settings, seed = this.settings, this.settings.seed
     if plan.by == "rays":
-        emitted = emit_rays(packed, world, surfaces, plan.maps, seed, this.index, threads)
+        emitted = emit_rays(packed, world, surfaces, plan.maps, seed, this.index)
     else:
         emitted = emit_texels(packed, surfaces, plan.maps, texels)
     limit = bright_limit(packed, settings)
-    return walk(packed, world, surfaces, emitted, settings.bounces, seed, this.index, threads, limit)
+    return walk(packed, world, surfaces, emitted, settings.bounces, seed, this.index, limit)
 
 
 def light_warnings(packed: Packed, path: Walk) -> Iterator[str]:

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ispm.lights.passed import passed_light
-from ispm.optics.records import LIGHT_DIRECTIONAL
+from ispm.lights.passed import RayNumbers, passed_light
 from ispm.renderer.gather import clearance
 from ispm.renderer.one_pass import Pass
 from ispm.renderer.specular import SAMPLES
@@ -44,21 +43,9 @@ class ShadowRays:
 
     def _seen(self, doubts: np.ndarray, starts: np.ndarray, sample: int) -> np.ndarray:
         """(n, 3) float32 share of light that comes from each doubt's light to where a ray starts."""
-        ways, distances = np.empty_like(starts), np.empty(len(starts), np.float32)
-        rows, first = np.unique(doubts["light"], return_index=True)
-        for row, start, end in zip(rows, first, np.append(first, len(doubts))[1:], strict=True):
-            light, of = self._this.packed.lights[row], slice(start, end)
-            if light["kind"] == LIGHT_DIRECTIONAL:
-                ways[of], distances[of] = -light["direction"], np.inf
-            else:
-                way = light["position"] - starts[of]
-                distances[of] = np.sqrt(_dot(way, way))
-                ways[of] = way / distances[of, None]
-        this, pixels = self._this, doubts["pixel"]
-        numbers = sample, this.index, this.settings.seed
-        return passed_light(
-            this.packed, this.world, this.surfaces, starts, ways, distances, pixels, *numbers, this.threads
-        )
+        this = self._this
+        numbers = RayNumbers(doubts["pixel"], sample, this.index, this.settings.seed)
+        return passed_light(this.packed, this.world, this.surfaces, starts, doubts["light"], numbers)
 
     def _sampled(self, doubts: np.ndarray, starts: np.ndarray, seen: np.ndarray) -> np.ndarray:
         """(n, 3) float32 mean of the share over four places of each pixel, on the plane of its surface.

@@ -40,9 +40,7 @@ def specular_light(this: Pass, seen: np.ndarray, light: PhotonLight) -> np.ndarr
         return np.zeros((0, 12), np.float32)
 
     def trace(rays: EyeRays) -> EyePaths:
-        return trace_eye(
-            this.packed, this.world, this.surfaces, rays, settings.seed, this.index, this.threads
-        )
+        return trace_eye(this.packed, this.world, this.surfaces, rays, settings.seed, this.index)
 
     rays = eye_rays(seen, this.surfaces, view)
     paths, pixels = trace(rays), rays.keys

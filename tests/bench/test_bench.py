@@ -92,12 +92,12 @@ def test_rays_of_a_walk_are_those_it_traces():
     # rounding, for the walk computes the place from the triangle and the ray from its length.
     scene = builtin("cornell-box")
     packed = pack(scene)
-    world = World()
+    world = World(1)
     world.update(packed)
     surfaces = SurfaceTable(packed, TextureTable.pack(packed.textures), 0.0)
     plan = plan_maps(packed, np.array([400]), 0.0, 3, 0)
-    emitted = emit_rays(packed, world, surfaces, plan, 3, 0, 1)
-    path = walk(packed, world, surfaces, emitted, 6, 3, 0, 1)
+    emitted = emit_rays(packed, world, surfaces, plan, 3, 0)
+    path = walk(packed, world, surfaces, emitted, 6, 3, 0)
     origins, directions = rays_of_walk(packed, world, surfaces, emitted, 6, 3)
     assert len(origins) == path.rays > 1000
     hits = world.trace(origins, directions)

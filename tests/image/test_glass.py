@@ -63,7 +63,7 @@ def frames_of(gpu: Gpu, scene: Scene, camera: Camera | None, count: int, stride:
 def truth(tracer: Tracer, rays: EyeRays, photons: int, seed: int, samples: int) -> np.ndarray:
     """What eye paths bring that end in exact direct light and in the density of `photons`, (n, 3)."""
     plan = plan_maps(tracer.packed, np.array([photons]), 0.5, seed, 0)
-    emitted = emit_rays(tracer.packed, tracer.world, tracer.surfaces, plan, seed, 0, tracer.threads)
+    emitted = emit_rays(tracer.packed, tracer.world, tracer.surfaces, plan, seed, 0)
     stored = tracer.walk(emitted, 8, seed).photons
     return eye_light(
         tracer.packed, tracer.world, tracer.surfaces, rays, stored, samples=samples, neighbors=32, seed=seed
@@ -72,7 +72,7 @@ def truth(tracer: Tracer, rays: EyeRays, photons: int, seed: int, samples: int) 
 
 def sees_caustic(tracer: Tracer, rays: EyeRays) -> np.ndarray:
     """Whether each ray goes through the ball to where its caustic lies on the floor."""
-    paths = trace_eye(tracer.packed, tracer.world, tracer.surfaces, rays, 0, 0, tracer.threads)
+    paths = trace_eye(tracer.packed, tracer.world, tracer.surfaces, rays, 0, 0)
     end, place = paths.ends, paths.points["position"]
     there = (end["lane"] == TRANSMITTED) & (np.linalg.norm(place - CAUSTIC, axis=1) < CAUSTIC_RADIUS)
     return np.isin(np.arange(len(rays.keys)), end["slot"][there])

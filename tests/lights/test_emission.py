@@ -219,7 +219,7 @@ class Emitter:
         tracer, packed = self.tracer, self.packed
         plan = plan_maps(packed, share_photons(packed, photons), share, seed, 0, seen)
         if emission == "rays":
-            return emit_rays(packed, tracer.world, tracer.surfaces, plan, seed, 0, 2)
+            return emit_rays(packed, tracer.world, tracer.surfaces, plan, seed, 0)
         with self.gpu.frame() as frame:
             maps = self._stage(frame, self._upload(packed), plan, 1e-4 * packed.diagonal)
         return emit_texels(packed, tracer.surfaces, plan, maps.read(self.gpu))

@@ -41,7 +41,7 @@ def towards(origin, targets, distances=None):
 
 def follow(scene, rays, threads=2, seed=0):
     tracer = Tracer(scene, threads)
-    return trace_eye(tracer.packed, tracer.world, tracer.surfaces, rays, seed, 0, threads)
+    return trace_eye(tracer.packed, tracer.world, tracer.surfaces, rays, seed, 0)
 
 
 def surrounded(scene):

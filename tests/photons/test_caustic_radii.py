@@ -8,7 +8,7 @@ from scipy.spatial import cKDTree
 from test_density import photons_on_plane
 
 from ispm.optics.records import PHOTON
-from ispm.photons.density import measure_caustic_radii
+from ispm.photons.density import Pixels, measure_caustic_radii
 from ispm.photons.nearest import NearestTree
 
 LIMITS = 1e-4, 0.5  # m, where the diagonal is 10 m
@@ -76,7 +76,7 @@ def test_no_kernel_is_narrower_than_a_pixel():
         photons = crowded(3000)
         measure_caustic_radii(photons, 10.0)
         small = photons["radius"].copy()
-        measure_caustic_radii(photons, 10.0, pixel=plane, eye=direction)
+        measure_caustic_radii(photons, 10.0, pixels=Pixels(plane, np.array(direction)))
         least = (0.1 * photons["position"][:, 0] + 0.02) * math.sqrt(slant * 8.0 / 12.0)
         assert photons["radius"] == pytest.approx(np.clip(least, small, LIMITS[1]), rel=1e-5)
 

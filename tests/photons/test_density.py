@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from ispm.optics.records import PHOTON
-from ispm.photons.density import NEIGHBORS, is_crowded, measure_radii
+from ispm.photons.density import NEIGHBORS, Pixels, is_crowded, measure_radii
 
 
 def photons_on_plane(count, size=1.0, normal=(0.0, 1.0, 0.0), seed=0):
@@ -80,9 +80,9 @@ def test_photons_are_no_smaller_than_what_a_receiver_stands_for():
     measure_radii(photons, diagonal=4.0)
     small = photons["radius"].copy()
     pixel = np.array([0.1, 0.0, 0.0, 0.0])  # 0.1 m at x = 1, nothing behind x = 0
-    measure_radii(photons, 4.0, 1.0, pixel)
+    measure_radii(photons, 4.0, 1.0, Pixels(pixel, np.zeros(4)))
     assert photons["radius"] == pytest.approx(np.maximum(small, 0.075 * photons["position"][:, 0]))
-    measure_radii(photons, 4.0, 1.0, 1e3 * pixel)
+    measure_radii(photons, 4.0, 1.0, Pixels(1e3 * pixel, np.zeros(4)))
     assert photons["radius"].max() == pytest.approx(0.4)
 
 

@@ -18,7 +18,7 @@ def ended(tracer, position, u, v):
     kernel = np.zeros(1, CAUSTIC)
     kernel["position"], kernel["u"], kernel["v"] = position, u, v
     kernel["height"], kernel["flux"] = 0.25 * np.linalg.norm(v), 1.0
-    end_at_walls(kernel, tracer.world, tracer.surfaces, 2)
+    end_at_walls(kernel, tracer.world, tracer.surfaces)
     return kernel[0]
 
 

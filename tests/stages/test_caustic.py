@@ -42,10 +42,8 @@ class Picture:
 
     def draw(self, photons, beams=NO_BEAMS, clear=0.0):
         """Radiance and irradiance, (H, W, 3)."""
-        photons = shape_kernels(
-            photons, beams, np.full(len(beams), clear, np.float32), 100.0, 1.0, np.zeros(4), np.zeros(4)
-        )
-        return self.draw_kernels(photons)
+        planes = np.full(len(beams), clear, np.float32)
+        return self.draw_kernels(shape_kernels(photons, beams, planes, 100.0, 1.0, None))
 
     def draw_kernels(self, photons):
         with self.gpu.frame() as frame:
@@ -62,7 +60,7 @@ class Picture:
 
 def discs(photons):
     """Photons with the kernels that they have."""
-    return shape_kernels(photons, NO_BEAMS, NO_BEAMS[:, 0], 1.0, 1.0, np.zeros(4), np.zeros(4))
+    return shape_kernels(photons, NO_BEAMS, NO_BEAMS[:, 0], 1.0, 1.0, None)
 
 
 def unit(vectors):
@@ -182,7 +180,7 @@ def test_mirrors_show_the_kernels_that_pixels_do(gpu):
     beams = (0.1 * random.normal(size=(150, 9))).astype(np.float32)
     beams[:, 6:] = unit(beams[:, 6:])
     clear = random.uniform(0.0, 0.1, 150).astype(np.float32)
-    kernels = shape_kernels(photons, beams, clear, 10.0, 1.0, np.zeros(4), np.zeros(4))
+    kernels = shape_kernels(photons, beams, clear, 10.0, 1.0, None)
     assert 30 < (kernels["front"] != 0).any(axis=1).sum() < 150
     drawn = picture.draw_kernels(kernels)[1].reshape(-1, 3)
     found = PhotonGrid(photons, kernels).estimate(picture.receivers, 2)[:, :3]

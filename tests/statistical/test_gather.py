@@ -11,7 +11,7 @@ from ispm.library.builtin import builtin
 from ispm.library.shapes import icosphere
 from ispm.optics.records import RECEIVER
 from ispm.paths.ends import reflect_light
-from ispm.paths.gather import gather_rays
+from ispm.paths.gather import RayPlan, gather_rays
 from ispm.paths.guide import even_guide
 from ispm.photons.density import measure_radii
 from ispm.photons.grid import PhotonGrid
@@ -30,23 +30,10 @@ def receivers_at(position, normal):
 def gathered(tracer, points, limit, seed, photons, side=2, guide=None):
     """Return the irradiance that rays find at receivers, (n, 3)."""
     random = np.random.default_rng(seed)
-    numbers = (
-        np.full(len(points), 1e-5, np.float32), np.arange(len(points), dtype=np.uint32),
-        random.random((len(points), 2), np.float32),
-    )  # fmt: skip
-    found = gather_rays(
-        tracer.packed,
-        tracer.world,
-        tracer.surfaces,
-        points,
-        guide or even_guide(len(points)),
-        numbers,
-        side,
-        limit,
-        seed,
-        0,
-        tracer.threads,
-    )
+    lifts, keys = np.full(len(points), 1e-5, np.float32), np.arange(len(points), dtype=np.uint32)
+    shifts = random.random((len(points), 2), np.float32)
+    plan = RayPlan(*(guide or even_guide(len(points))), lifts, keys, shifts, side)
+    found = gather_rays(tracer.packed, tracer.world, tracer.surfaces, points, plan, limit, seed, 0)
     radiance = reflect_light(found.ends, PhotonGrid(photons).estimate(found.points, 2), len(found.ends))
     return math.pi * (radiance + found.radiance).reshape(-1, side * side, 3).mean(axis=1, dtype=float)
 
