@@ -8,8 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from ispm.kernels.simd import address, alloca, atomic_add, ldf
-from ispm.kernels.threads import run_threads, thread_count
+from ispm.kernels.share import run_shared, shared_rows
+from ispm.kernels.simd import address, alloca, ldf
+from ispm.kernels.threads import thread_count
 from ispm.optics.jit import jit
 from ispm.optics.records import PHOTON, RECEIVER
 from ispm.photons.blocks import (
@@ -63,7 +64,7 @@ class TiledCpu:
         receivers, photons = np.ascontiguousarray(receivers), np.ascontiguousarray(photons)
         across, down = tiles = -(-size[0] // _SIDE), -(-size[1] // _SIDE)
         boxes = np.empty((across * down, BOX), f32)
-        self._run(_bound, address(receivers), size, tiles, len(boxes), address(boxes))
+        self._run(_bound, address(receivers), size, across, len(boxes), address(boxes))
         starts, members = self._bin(photons, np.asarray(clip_from_world, f64), size, tiles, boxes)
         self._run(_gather, address(receivers), address(photons), size, across, starts, members, address(out))
         return out
@@ -80,7 +81,8 @@ class TiledCpu:
         spans = np.empty((len(photons), 4), i32)
         self._run(_project, address(photons), np.ascontiguousarray(clip), size, tiles, spans)
         counts = np.zeros((_CHUNKS, len(boxes)), i64)
-        visited = address(photons), tiles[0], address(boxes), spans
+        across, _ = tiles
+        visited = address(photons), across, address(boxes), spans
         self._run(_visit, *visited, np.empty(0, i32), counts)
         ends = np.cumsum(counts.T.ravel(), dtype=i64)
         cursors = np.ascontiguousarray((ends - counts.T.ravel()).reshape(-1, _CHUNKS).T)
@@ -90,57 +92,58 @@ class TiledCpu:
 
     def _run(self, kernel: Callable[..., None], *arguments: Any) -> None:
         """Call `kernel` from all threads with a shared counter of work."""
-        counter = np.zeros(8, i64)
-        run_threads(lambda _: kernel(address(counter), *arguments), self._threads)
+        run_shared(lambda counter: kernel(counter, *arguments), self._threads)
 
 
 @jit
-def _row_of(k, size, tile, tiles_x):
-    """Place of a tile's receiver k among all, -1 off the screen; 4 x 2 neighbors make a block."""
+def _row_of(k, size, tile, across):
+    """Row of a tile's receiver k among all, int64, -1 off the screen; 4 x 2 neighbors make a block.
+
+    size  receivers across and down;  across  tiles
+    """
     block, lane = k // LANES, k % LANES
-    x = (tile % tiles_x) * _SIDE + (block % 2) * 4 + lane % 4
-    y = (tile // tiles_x) * _SIDE + (block // 2) * 2 + lane // 4
+    x = (tile % across) * _SIDE + (block % 2) * 4 + lane % 4
+    y = (tile // across) * _SIDE + (block // 2) * 2 + lane // 4
     return y * size[0] + x if x < size[0] and y < size[1] else i64(-1)
 
 
 @jit
-def _bound(counter, receivers, size, tiles, tile_count, boxes):
-    """Find the world boxes of the tiles' receivers; inside out where a tile has none."""
-    while True:
-        tile = atomic_add(counter, i64(1))
-        if tile >= tile_count:
-            return
+def _bound(counter, receivers, size, across, tile_count, boxes):
+    """Write the world-space boxes of the tiles' receivers, (tiles, BOX) float32; inside out where a tile has
+    none. receivers, boxes: addresses."""
+    for tile in shared_rows(counter, 1, tile_count):
         empty_box(boxes, tile)
         for k in range(TILE):
-            i = _row_of(k, size, tile, tiles[0])
+            i = _row_of(k, size, tile, across)
             if i >= 0 and is_valid(receivers, i):
                 extend_box(boxes, tile, vector(receivers, i * WORDS))
 
 
 @jit
 def _chunk(chunk, count):
-    """First photon of a chunk, and the first of the next."""
+    """First photon of a chunk, and the first of the next, int64."""
     return chunk * count // _CHUNKS, (chunk + 1) * count // _CHUNKS
 
 
 @jit
 def _project(counter, photons, clip, size, tiles, spans):
-    """Find the first and last tile, along x and along y, that each photon's ellipsoid may be seen in."""
-    while True:
-        chunk = atomic_add(counter, i64(1))
-        if chunk >= _CHUNKS:
-            return
+    """Write the first and last tile, along x and along y, that each PHOTON's ellipsoid may be seen in.
+
+    photons  address;  clip  (4, 4) float64;  tiles  across and down;  spans  (N, 4) int32
+    """
+    (width, height), (across, down) = size, tiles
+    for chunk in shared_rows(counter, 1, _CHUNKS):
         first, end = _chunk(chunk, len(spans))
         for p in range(first, end):
             photon = photons + uint64(p * WORDS * 4)
-            x0, x1 = _extent(photon, clip, 0, size[0], tiles[0])
-            y0, y1 = _extent(photon, clip, 1, size[1], tiles[1])
+            x0, x1 = _extent(photon, clip, 0, width, across)
+            y0, y1 = _extent(photon, clip, 1, height, down)
             spans[p, 0], spans[p, 1], spans[p, 2], spans[p, 3] = x0, x1, y0, y1
 
 
 @jit
 def _extent(photon, clip, axis, pixels, tile_count):
-    """First and last tile along an axis; the last is before the first if the photon is behind the eye.
+    """First and last tile along an axis, int32; the last is before the first if the photon is behind the eye.
 
     A plane through the eye, clip[axis] - s clip[3], touches the ellipsoid where its value at the center
     squared equals its quadratic form: an equation of second degree in s. Exact for any projection.
@@ -164,14 +167,14 @@ def _extent(photon, clip, axis, pixels, tile_count):
 
 @jit
 def _plane_at(photon, clip, row):
-    """A row of the matrix applied to the photon's center."""
+    """A row of the matrix applied to the photon's center, float64."""
     x, y, z = vector(photon, 0)
     return clip[row, 0] * f64(x) + clip[row, 1] * f64(y) + clip[row, 2] * f64(z) + clip[row, 3]
 
 
 @jit
 def _form(photon, clip, i, j):
-    """The ellipsoid's quadratic form of two rows: a^T (r^2 (1 - n n^T) + h^2 n n^T) b."""
+    """The ellipsoid's quadratic form of two rows, float64: a^T (r^2 (1 - n n^T) + h^2 n n^T) b."""
     x, y, z = vector(photon, NORMAL)
     r, h = f64(ldf(photon, RADIUS)), f64(ldf(photon, HEIGHT))
     an = clip[i, 0] * f64(x) + clip[i, 1] * f64(y) + clip[i, 2] * f64(z)
@@ -181,18 +184,18 @@ def _form(photon, clip, i, j):
 
 
 @jit
-def _visit(counter, photons, tiles_x, boxes, spans, members, cursors):
-    """Advance cursors[chunk, tile] for each photon in it, and put its index there if `members` has room."""
-    while True:
-        chunk = atomic_add(counter, i64(1))
-        if chunk >= _CHUNKS:
-            return
+def _visit(counter, photons, across, boxes, spans, members, cursors):
+    """Advance cursors[chunk, tile] for each photon in the tile, and put its row there if `members` has room.
+
+    photons, boxes  addresses;  spans  (N, 4) int32;  members  int32;  cursors  (chunks, tiles) int64
+    """
+    for chunk in shared_rows(counter, 1, _CHUNKS):
         first, end = _chunk(chunk, len(spans))
         for p in range(first, end):
             photon = photons + uint64(p * WORDS * 4)
             for y in range(spans[p, 2], spans[p, 3] + 1):
                 for x in range(spans[p, 0], spans[p, 1] + 1):
-                    tile = y * tiles_x + x
+                    tile = y * across + x
                     if meets(photon, boxes + uint64(tile * BOX * 4)):
                         if len(members):
                             members[cursors[chunk, tile]] = p
@@ -200,23 +203,20 @@ def _visit(counter, photons, tiles_x, boxes, spans, members, cursors):
 
 
 @jit
-def _gather(counter, receivers, photons, size, tiles_x, starts, members, out):
-    """Sum each tile's photons at its receivers."""
+def _gather(counter, receivers, photons, size, across, starts, members, out):
+    """Sum each tile's photons at its receivers, to 16 float32 each; receivers, photons, out: addresses."""
     work = alloca(WORK)
-    while True:
-        tile = atomic_add(counter, i64(1))
-        if tile >= len(starts) - 1:
-            return
+    for tile in shared_rows(counter, 1, len(starts) - 1):
         if starts[tile] == starts[tile + 1]:
             continue
         clear(work)
         glossy = False
         for k in range(TILE):
-            i = _row_of(k, size, tile, tiles_x)
+            i = _row_of(k, size, tile, across)
             glossy |= i >= 0 and put(work, k, receivers, i)
         for m in range(starts[tile], starts[tile + 1]):
             add_to_tile(work, photons + uint64(i64(members[m]) * WORDS * 4), BLOCKS, glossy)
         for k in range(TILE):
-            i = _row_of(k, size, tile, tiles_x)
+            i = _row_of(k, size, tile, across)
             if i >= 0:
                 take_out(work, k, out, i)

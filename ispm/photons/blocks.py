@@ -1,7 +1,8 @@
-"""Photons to receivers, eight at a time: sums at up to 64 receivers that lie close together.
+"""Light of photons at receivers, eight of these at a time.
 
-These make a tile: they are spread over rows of floats, eight a block, so that what one photon brings to a
-block is worked out in vectors. A block that a photon's ellipsoid does not reach is passed over.
+Up to 64 receivers that lie close together make a tile: rows of floats, eight a block, so that what one photon
+brings to a block is computed in vectors. A block that a photon's ellipsoid does not reach is passed over.
+Records, tiles and boxes are given by their addresses.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ BLOCKS = TILE // LANES
 
 
 def _word(record: np.dtype, name: str) -> int:
-    """Place of a field in its record, in 4 bytes."""
+    """Offset of a field in its record, in units of 4 bytes."""
     assert record.fields is not None
     return int(record.fields[name][1]) // 4
 
@@ -47,19 +48,19 @@ WORK = (_BOXES + BOX * BLOCKS) // 2  # in 8 bytes
 
 @jit
 def is_valid(receivers, i):
-    """Return whether receiver `i` is to be lit; receivers: address of the first."""
+    """Return whether the RECEIVER of row `i` is to be lit."""
     return ldu(receivers, i * WORDS + _VALID) != u32(0)
 
 
 @jit
 def vector(base, first):
-    """Return three floats in a row."""
+    """Return three float32 in a row, from number `first` on."""
     return ldf(base, first), ldf(base, first + 1), ldf(base, first + 2)
 
 
 @jit
 def empty_box(boxes, box):
-    """Turn a box inside out."""
+    """Make a box, of BOX float32, hold nothing."""
     for axis in range(3):
         stf(boxes, box * BOX + axis, FAR)
         stf(boxes, box * BOX + 3 + axis, -FAR)
@@ -67,7 +68,7 @@ def empty_box(boxes, box):
 
 @jit
 def extend_box(boxes, box, point):
-    """Make a box hold a point."""
+    """Make a box hold a point, (3,) m, too."""
     for axis in range(3):
         low, high = box * BOX + axis, box * BOX + 3 + axis
         stf(boxes, low, min(ldf(boxes, low), point[axis]))
@@ -76,7 +77,7 @@ def extend_box(boxes, box, point):
 
 @jit
 def meets(photon, box):
-    """Return whether a photon's ellipsoid may reach into a box: its sphere does, and its slab does."""
+    """Return whether a PHOTON's ellipsoid may reach into a box: its sphere does, and its slab does."""
     x, n = vector(photon, 0), vector(photon, NORMAL)
     low, high = vector(box, 0), vector(box, 3)
     d2 = (
@@ -92,14 +93,14 @@ def meets(photon, box):
 
 @jit
 def _outside2(x, low, high):
-    """Squared distance of x from an interval."""
+    """Squared distance, m2, of x from the interval from low to high, m."""
     d = max(max(low - x, x - high), f32(0))
     return d * d
 
 
 @jit
 def clear(work):
-    """Empty a tile."""
+    """Empty a tile, of WORK uint64."""
     for word in range(_ROWS * TILE):
         stf(work, word, f32(0))
     for block in range(BLOCKS):
@@ -110,7 +111,8 @@ def clear(work):
 
 @jit
 def put(work, k, receivers, i):
-    """Make receiver `i`, if it is to be lit, the tile's `k`; return whether it has a glossy lobe."""
+    """Make the RECEIVER of row `i`, if it is to be lit, number k of the tile; return whether it has a glossy
+    lobe."""
     if not is_valid(receivers, i):
         return False
     extend_box(_boxes(work), k // LANES, vector(receivers, i * WORDS))
@@ -126,7 +128,7 @@ def put(work, k, receivers, i):
 
 @jit
 def add_to_tile(work, photon, blocks, glossy):
-    """Add what a photon brings to the sums of a tile's first blocks.
+    """Add what a PHOTON brings to the sums of the tile's first blocks.
 
     glossy  whether any receiver has a glossy lobe
     """
@@ -140,25 +142,26 @@ def add_to_tile(work, photon, blocks, glossy):
 
 @jit
 def take_out(work, k, out, i):
-    """Write the sums of the tile's receiver `k` to row `i`."""
+    """Write the sums of the tile's receiver k to row `i` of (n, 16) float32."""
     for channel in range(CHANNELS):
         stf(out, i * CHANNELS + channel, ldf(work, (_ROW_SUMS + channel) * TILE + k))
 
 
 @jit
 def _boxes(work):
+    """Address of the (8, BOX) float32 boxes of a tile's blocks."""
     return work + uint64(_BOXES * 4)
 
 
 @jit
 def _row(work, row, k):
-    """A vector of one receiver, from three rows."""
+    """A vector of receiver k, float32, from three rows."""
     return ldf(work, row * TILE + k), ldf(work, (row + 1) * TILE + k), ldf(work, (row + 2) * TILE + k)
 
 
 @jit
 def _add_diffuse(photon, work):
-    """Add a photon to the sums of a block whose receivers have no glossy lobe."""
+    """Add a PHOTON to the sums of a block whose receivers have no glossy lobe."""
     flux, kernel = vector(photon, _FLUX), _kernel(photon)
     for k in range(LANES):
         _add_arriving(work, k, kernel, flux)
@@ -166,9 +169,9 @@ def _add_diffuse(photon, work):
 
 @jit
 def _add_glossy(photon, work):
-    """Add a photon to the sums of a block."""
+    """Add a PHOTON to the sums of a block."""
     flux, kernel = vector(photon, _FLUX), _kernel(photon)
-    wi = kernel[2]
+    _, _, wi, _, _ = kernel
     for k in range(LANES):
         light = _add_arriving(work, k, kernel, flux)
         alpha, n, wo = ldf(work, _ROW_ALPHA * TILE + k), _row(work, _ROW_N, k), _row(work, _ROW_WO, k)
@@ -184,16 +187,17 @@ def _add_glossy(photon, work):
 
 @jit
 def _kernel(photon):
-    """A photon's kernel: position, normal, wi, radius and height."""
+    """A PHOTON's kernel: position, normal, wi, radius and height."""
     position, normal, wi = vector(photon, 0), vector(photon, NORMAL), vector(photon, _WI)
     return position, normal, wi, ldf(photon, RADIUS), ldf(photon, HEIGHT)
 
 
 @jit
 def _add_arriving(work, k, kernel, flux):
-    """Add a photon's irradiance and density at receiver k, and return what of its flux is light there.
+    """Add a photon's irradiance and density at receiver k of a block, and return the former over its flux,
+    1/m2. Both are zero where the photon does not count.
 
-    Both are zero where the photon is gated.
+    kernel  as of `_kernel`;  flux  (3,) lm
     """
     position, normal, wi, radius, height = kernel
     ng = _row(work, _ROW_NG, k)
@@ -209,7 +213,7 @@ def _add_arriving(work, k, kernel, flux):
 
 @jit
 def _add(work, channel, k, weight, flux):
-    """Add weight times flux to three sums of receiver k."""
+    """Add weight times flux, lm, to three sums of receiver k, from a channel on."""
     _add_one(work, channel, k, weight * flux[0])
     _add_one(work, channel + 1, k, weight * flux[1])
     _add_one(work, channel + 2, k, weight * flux[2])
@@ -217,5 +221,6 @@ def _add(work, channel, k, weight, flux):
 
 @jit
 def _add_one(work, channel, k, value):
-    place = (_ROW_SUMS + channel) * TILE + k
-    stf(work, place, ldf(work, place) + value)
+    """Add a float32 to one sum of receiver k."""
+    word = (_ROW_SUMS + channel) * TILE + k
+    stf(work, word, ldf(work, word) + value)

@@ -1,12 +1,12 @@
 """Kernels lose the light that falls past edges; here each photon gets back what its own loses.
 
-Points of the kernel are drawn, as dense as the kernel is, until one lies on a surface that the photon may
-light. Their mean number is the inverse of the share of the kernel on such surfaces, so that times it the flux
-that the kernel brings is the photon's, without bias. On slopes the share c is more than 1: what is summed up
-is the series 1 / c = 1 + (1 - c) + (1 - c)^2 + ..., each factor by a draw of its own, with roulette.
-Floors go on below what stands on them. Kernels light these parts as well, but no gather ray meets them: with
-`solids`, points within solids do not count. Photons alone have it otherwise: what they lose there is as much
-as leaks past thin walls.
+Points are drawn with the kernel's density until one lies on a surface that the photon may light. Their mean
+number is the inverse of the share c of the kernel on such surfaces: multiplied by it, the flux that reaches
+surfaces is the photon's, without bias. On slopes c exceeds 1, so the series 1 / c = 1 + (1 - c) +
+(1 - c)^2 + ... is summed, each factor by a draw of its own, with roulette.
+Floors continue below what stands on them. Kernels light these parts as well, but no gather ray meets them:
+with `solids`, points within solids do not count. Without gather rays they do: what photons lose there is as
+much as leaks past thin walls.
 Source: Qin et al., Unbiased Photon Gathering for Light Transport Simulation, SIGGRAPH Asia 2015, section 4.
 """
 
@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -24,33 +24,27 @@ from ispm.accel.normals import unit
 from ispm.accel.records import Ray, Scratch
 from ispm.accel.surface import SurfaceTable, material_flags
 from ispm.accel.world import World
-from ispm.kernels.simd import address, alloca, atomic_add
-from ispm.kernels.threads import run_threads
+from ispm.kernels.share import run_shared, shared_rows
+from ispm.kernels.simd import address, alloca
 from ispm.optics.density import SAME_SURFACE
 from ispm.optics.jit import jit
 from ispm.optics.records import MATERIAL_DOUBLE_SIDED
 from ispm.optics.rng import random4
 from ispm.optics.sampling import orthonormal_basis
-from ispm.optics.vector import add, cross, dot, scale, sub
-from ispm.photons.footprint import FRONT, REACH, U, V, axis_of
+from ispm.optics.vector import Vector, add, cross, dot, scale, sub, vec3
 
 f32, i64, u32 = np.float32, np.int64, np.uint32
 
 _DRAWS_MAX = 32  # of a kernel: what is brighter by more would be fireflies, where next to nothing is lit
-_LAYERS = 4  # that are looked at about a point, until one is lit
+_LAYERS = 4  # surfaces that are looked at about a point, until one is lit
 _LEAST_TERM = f32(0.25)  # of a series, below which chance ends it: with 1 photons alone err a tenth more
-_PAST = f32(1e-3)  # of a kernel's reach, by which rays go on behind what they met
-_LIFT = f32(0.05)  # of the way to the photon, by which rays to it run above the surfaces
+_PAST = f32(1e-3)  # of a kernel's thickness, by which rays start behind what they met
+_LIFT = f32(0.05)  # of the distance to the photon, by which rays to it run above the surfaces
 _DIMENSION = 1 << 24  # of the first trial's random numbers
 _CHUNK = 256  # kernels a thread takes at a time
 
 _TURNS = 2.0 * np.pi * (np.arange(256) + 0.5) / 256
 _CIRCLE = np.stack([np.cos(_TURNS), np.sin(_TURNS)], axis=1).astype(np.float32)
-
-# columns of PHOTON and CAUSTIC records seen as words
-_FLUX, _WI = 4, 8
-_RADIUS, _NORMAL, _HEIGHT = 3, 12, 15
-_CAUSTIC_HEIGHT = 3
 
 
 def keep_light(
@@ -60,7 +54,6 @@ def keep_light(
     surfaces: SurfaceTable,
     seed: int,
     pass_index: int,
-    threads: int,
     *,
     solids: bool = False,
     rows: np.ndarray | None = None,
@@ -75,12 +68,10 @@ def keep_light(
     rows = np.arange(len(photons), dtype=np.uint32) if rows is None else rows
     if not len(rows):
         return
-    words = photons.view(np.float32).reshape(len(photons), -1)
     place = _Place(address(world.table), surfaces.addresses, solids)
     numbers = _Numbers(keys, u32(pass_index), u32(seed))
     kernel: Callable[..., None] = _keep_ellipses if "front" in (photons.dtype.names or ()) else _keep_discs
-    counter = np.zeros(8, np.int64)
-    run_threads(lambda _: kernel(place, words, rows, numbers, address(counter)), threads)
+    run_shared(lambda counter: kernel(place, photons, rows, numbers, counter), world.threads)
 
 
 class _Place(NamedTuple):
@@ -104,90 +95,77 @@ class _Kernel(NamedTuple):
     """A kernel about a photon: its position, direction wi and surface's normal, float32, world space.
 
     u, v, height  axes of its middle section and half its thickness, m
-    plane         (normal, distance in m from the photon) of what cuts it off
+    front, reach  normal of the plane that cuts it off, and how far behind the photon that is, m
     """
 
-    position: Any
-    wi: Any
-    normal: Any
-    u: Any
-    v: Any
-    height: Any
-    plane: Any
+    position: Vector
+    wi: Vector
+    normal: Vector
+    u: Vector
+    v: Vector
+    height: np.float32
+    front: Vector
+    reach: np.float32
 
 
 @jit
-def _keep_discs(place, words, rows, numbers, counter):
+def _keep_discs(place, photons, rows, numbers, counter):
+    """Change the flux of as many of the (N,) PHOTON at (n,) uint32 rows as a thread gets."""
     scratch = Scratch(alloca(STACK_WORDS), alloca(2))
-    while True:
-        first = atomic_add(counter, i64(_CHUNK))
-        if first >= len(rows):
-            return
-        for k in range(first, min(first + i64(_CHUNK), len(rows))):
-            i = i64(rows[k])
-            n = (words[i, _NORMAL], words[i, _NORMAL + 1], words[i, _NORMAL + 2])
-            t, b = orthonormal_basis(n)
-            u, v = scale(words[i, _RADIUS], t), scale(words[i, _RADIUS], b)
-            uncut = (f32(0), f32(0), f32(0)), f32(1)
-            kernel = _Kernel(_vector(words, i, 0), _vector(words, i, _WI), n, u, v, words[i, _HEIGHT], uncut)
-            _keep(place, words, i, kernel, numbers, scratch)
+    uncut = (f32(0), f32(0), f32(0))
+    for k in shared_rows(counter, _CHUNK, len(rows)):
+        photon, n = photons[rows[k]], vec3(photons[rows[k]].normal)
+        t, b = orthonormal_basis(n)
+        u, v = scale(photon.radius, t), scale(photon.radius, b)
+        kernel = _Kernel(vec3(photon.position), vec3(photon.wi), n, u, v, photon.height, uncut, f32(1))
+        _keep(place, photon, kernel, numbers.keys[rows[k]], numbers, scratch)
 
 
 @jit
-def _keep_ellipses(place, words, rows, numbers, counter):
+def _keep_ellipses(place, photons, rows, numbers, counter):
+    """Likewise of (N,) CAUSTIC."""
     scratch = Scratch(alloca(STACK_WORDS), alloca(2))
-    while True:
-        first = atomic_add(counter, i64(_CHUNK))
-        if first >= len(rows):
-            return
-        for k in range(first, min(first + i64(_CHUNK), len(rows))):
-            i = i64(rows[k])
-            u, v = axis_of(words, i, U), axis_of(words, i, V)
-            plane = axis_of(words, i, FRONT), words[i, REACH]
-            n, height = unit(cross(u, v)), words[i, _CAUSTIC_HEIGHT]
-            kernel = _Kernel(_vector(words, i, 0), _vector(words, i, _WI), n, u, v, height, plane)
-            _keep(place, words, i, kernel, numbers, scratch)
+    for k in shared_rows(counter, _CHUNK, len(rows)):
+        photon = photons[rows[k]]
+        u, v, front = vec3(photon.u), vec3(photon.v), vec3(photon.front)
+        n, position = unit(cross(u, v)), vec3(photon.position)
+        kernel = _Kernel(position, vec3(photon.wi), n, u, v, photon.height, front, photon.reach)
+        _keep(place, photon, kernel, numbers.keys[rows[k]], numbers, scratch)
 
 
 @jit
-def _vector(words, i, column):
-    """(3,) float32 from a row's words."""
-    return words[i, column], words[i, column + 1], words[i, column + 2]
-
-
-@jit
-def _keep(place, words, i, kernel, numbers, scratch):
-    """Multiply the flux of kernel `i` by 1 over its share on lit surfaces, in expectation: by its series."""
+def _keep(place, photon, kernel, key, numbers, scratch):
+    """Multiply the flux of a PHOTON or CAUSTIC by 1 over the share of its _Kernel on lit surfaces, in
+    expectation: by the terms of its series. key: uint32."""
     total, term = f32(0), f32(1)
     for draw in range(_DRAWS_MAX):
         first = u32(_DIMENSION + 2 * draw)
-        turn, a, b, c = random4(numbers.keys[i], first, numbers.pass_index, numbers.seed)
+        turn, a, b, c = random4(key, first, numbers.pass_index, numbers.seed)
         # The greatest of three is below x with the chance x^3: within s lies 1 - (1 - s^2)^3 of a kernel.
         outside = max(max(a, b), max(c, f32(1e-6)))
-        offset, reach = _point_of(kernel.u, kernel.v, kernel.height, outside, turn)
-        normal, distance = kernel.plane
-        if dot(offset, normal) < -distance:
+        offset, reach = _point_of(kernel, outside, turn)
+        if dot(offset, kernel.front) < -kernel.reach:
             continue  # cut off: the kernel holds its flux without it
         total += term
         term *= f32(1) - _lit_share(place, kernel, add(kernel.position, offset), reach, scratch)
         if abs(term) < _LEAST_TERM:
-            chance, _, _, _ = random4(numbers.keys[i], first + u32(1), numbers.pass_index, numbers.seed)
+            chance, _, _, _ = random4(key, first + u32(1), numbers.pass_index, numbers.seed)
             if chance * _LEAST_TERM >= abs(term):
                 break
             term = _LEAST_TERM if term > f32(0) else -_LEAST_TERM
     for c in range(3):
-        words[i, _FLUX + c] *= total
+        photon.flux[c] *= total
 
 
 @jit
-def _point_of(u, v, height, outside, turn):
-    """Return the offset in m of a point of a kernel's middle section, and the kernel's reach across it, m.
+def _point_of(kernel, outside, turn):
+    """Return the offset in m of a point of a _Kernel's middle section, and half the thickness there, m.
 
     outside  1 - s^2 of its distance s from the middle, 1 at the rim;  turn  in [0, 1), of a whole one
     """
     s, k = f32(math.sqrt(f32(1) - outside)), i64(turn * f32(len(_CIRCLE)))
-    offset = add(scale(s * _CIRCLE[k, 0], u), scale(s * _CIRCLE[k, 1], v))
-    return offset, height * f32(math.sqrt(outside))
+    offset = add(scale(s * _CIRCLE[k, 0], kernel.u), scale(s * _CIRCLE[k, 1], kernel.v))
+    return offset, kernel.height * f32(math.sqrt(outside))
 
 
 @jit
@@ -195,7 +173,7 @@ def _lit_share(place, kernel, middle, reach, scratch):
     """Return the kernel's light on the surface about a point of its middle section, per area of the section,
     over the kernel at the point: 0 to 2; 0 where there is no surface that its photon lights.
 
-    middle  (3,) float32, the point;  reach  m, of the kernel across it
+    middle  (3,) float32, the point;  reach  m, half the kernel's thickness there
     """
     n = kernel.normal
     top, down, length = add(middle, scale(reach, n)), scale(f32(-1), n), f32(2) * reach

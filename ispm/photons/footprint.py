@@ -24,10 +24,6 @@ _ASPECT_MAX = f32(8)  # of a kernel's length over its width
 _LENGTH_MAX = f32(0.05)  # of the scene's diagonal
 _MIN_RADIUS_RATIO = f32(0.35)  # to the measured radius: beams do not know how normal maps spread light
 
-# columns of CAUSTIC records seen as words
-_CAUSTIC_HEIGHT, _FLUX = 3, 4
-REACH, U, V, FRONT = 7, 12, 16, 20
-
 
 def shape_kernels(
     photons: np.ndarray,
@@ -47,27 +43,26 @@ def shape_kernels(
     out = np.zeros(len(photons), CAUSTIC)
     for name in ("position", "height", "flux", "wi"):
         out[name] = photons[name]
-    words = out.view(np.float32).reshape(-1, CAUSTIC.itemsize // 4)
-    _shape(photons, beams, clear, f32(diagonal), f32(smoothing), in_kernels(pixels), words)
+    _shape(photons, beams, clear, f32(diagonal), f32(smoothing), in_kernels(pixels), out)
     return out
 
 
 @jit
 def _shape(photons, beams, clear, diagonal, smoothing, pixels, out):
-    """Write axes, height and front of CAUSTIC records, (N, words) float32; the rest as of `shape_kernels`."""
+    """Write axes, height and front of (N,) CAUSTIC; the rest as of `shape_kernels`."""
     for i in range(len(photons)):
-        photon = photons[i]
+        photon, kernel = photons[i], out[i]
         t, b = orthonormal_basis(vec3(photon.normal))
         u, v = scale(photon.radius, t), scale(photon.radius, b)
         if i < len(beams):
             u, v = _ellipse(beams[i], t, b, photon.radius, least_radius(photon, pixels), diagonal, smoothing)
             slenderness = photon.height / photon.radius
-            out[i, _CAUSTIC_HEIGHT] = slenderness * math.sqrt(dot(u, u))
+            kernel.height = slenderness * math.sqrt(dot(u, u))
         for k in range(3):
-            out[i, U + k] = u[k]
-            out[i, V + k] = v[k]
+            kernel.u[k] = u[k]
+            kernel.v[k] = v[k]
         if i < len(beams):
-            end_kernel(out, i, vec3(beams[i, 6:]), clear[i])
+            end_kernel(kernel, vec3(beams[i, 6:]), clear[i])
 
 
 @jit
@@ -97,38 +92,32 @@ def _ellipse(beam, t, b, measured, least, diagonal, smoothing):
 
 
 @jit
-def end_kernel(out, i, front, clear):
-    """End the CAUSTIC kernel of row `i` of (N, words) at a plane, unless it already ends at one that leaves
-    less. The rest gets the light of the part behind the plane.
+def end_kernel(kernel, front, clear):
+    """End a CAUSTIC at a plane, unless it already ends at one that leaves less. The rest of the kernel gets
+    the light of the part behind the plane.
 
     front  the plane's unit normal, towards the photon;  clear  m, its distance behind the photon
     """
-    x = f32(clear) / max(_extent(out, i, front), f32(1e-30))
-    old = (out[i, FRONT], out[i, FRONT + 1], out[i, FRONT + 2])
+    x = f32(clear) / max(_extent(kernel, front), f32(1e-30))
+    old = vec3(kernel.front)
     x_old = f32(1)
     if dot(old, old) > f32(0):
-        x_old = out[i, REACH] / max(_extent(out, i, old), f32(1e-30))
+        x_old = kernel.reach / max(_extent(kernel, old), f32(1e-30))
     if x >= x_old:
         return
     brighter = _part_before(x_old) / _part_before(x)
     for k in range(3):
-        out[i, FRONT + k] = front[k]
-        out[i, _FLUX + k] *= brighter
-    out[i, REACH] = clear
+        kernel.front[k] = front[k]
+        kernel.flux[k] *= brighter
+    kernel.reach = clear
 
 
 @jit
-def _extent(out, i, direction):
-    """How far, in m, kernel `i` of (N, words) reaches along a unit direction."""
-    x = dot(axis_of(out, i, U), direction)
-    y = dot(axis_of(out, i, V), direction)
+def _extent(kernel, direction):
+    """How far, in m, a CAUSTIC's ellipse reaches along a unit direction."""
+    x = dot(vec3(kernel.u), direction)
+    y = dot(vec3(kernel.v), direction)
     return math.sqrt(x * x + y * y)
-
-
-@jit
-def axis_of(out, i, which):
-    """Return a semi-axis, m, of kernel `i` of (N, words), the one at word `which`."""
-    return out[i, which], out[i, which + 1], out[i, which + 2]
 
 
 @jit

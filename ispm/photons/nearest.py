@@ -1,9 +1,9 @@
 """The nearest neighbours of points among themselves, exactly.
 
-The points lie in the order of a curve that fills their space, eight to a block; eight blocks, with their
-boxes, make a node of the level above, and so on up to one node. Eight distances, to points or to boxes,
-cost one run of vector instructions. A search starts in its point's own block and climbs, so that it knows
-near neighbours before it meets far nodes.
+The points lie in the order of a space-filling curve, eight to a block; eight blocks, with their boxes, make
+a node of the level above, and so on up to one node. Vector instructions compute eight distances at once, to
+points or to boxes. A search starts in its point's own block and climbs, so that it knows near neighbors
+before it meets far nodes.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from ispm.kernels.simd import (
     vmax,
     vstore8,
     vsub,
-)  # fmt: skip
+)
 from ispm.optics.jit import jit
 
 f32, i64, u32, u64 = np.float32, np.int64, np.uint32, np.uint64
@@ -68,6 +68,7 @@ class NearestTree:
 
 @jit
 def _fill_blocks(points, nodes):
+    """Write (N, 6) float32 points to level 0 of the nodes."""
     for i in range(len(points)):
         for d in range(DIMENSIONS):
             nodes[i // _LANES * _BLOCK + d * _LANES + i % _LANES] = points[i, d]
@@ -75,16 +76,16 @@ def _fill_blocks(points, nodes):
 
 @jit
 def _fill_boxes(nodes, starts, level, child_count):
-    """Put the bounds of each child in its lane of its parent."""
+    """Write the bounds of each child to its lane of its parent, a node of `level` of a tree."""
     low, high = i64(0), i64(0 if level == 1 else _BLOCK)
     size = _BLOCK if level == 1 else _NODE
     for child in range(child_count):
-        place = starts[level - 1] + child * size
+        own = starts[level - 1] + child * size
         into = starts[level] + child // _LANES * _NODE + child % _LANES
         for d in range(DIMENSIONS):
             least, most = _NOWHERE, -_NOWHERE
             for lane in range(_LANES):
-                k = place + d * _LANES + lane
+                k = own + d * _LANES + lane
                 if nodes[k + low] < _NOWHERE:
                     least, most = min(least, nodes[k + low]), max(most, nodes[k + high])
             nodes[into + d * _LANES], nodes[into + _BLOCK + d * _LANES] = least, most
@@ -94,7 +95,7 @@ def _fill_boxes(nodes, starts, level, child_count):
 def find_nearest(nodes, starts, point, wanted, reach, squares, rows, stack):
     """Find the `wanted` points nearest to a point of the tree, nearest first; return how many there are.
 
-    nodes          address of the tree's
+    nodes, starts  of the tree, the former by address
     point          its row; it is not its own neighbour
     reach          distance beyond which nothing is looked for
     squares, rows  addresses of room for `wanted` float32 and uint32: squared distances, and the points
@@ -130,27 +131,29 @@ def find_nearest(nodes, starts, point, wanted, reach, squares, rows, stack):
 
 @jit
 def _ancestor(point, level):
-    """The node of a level that a point lies in; -1: the point itself."""
+    """The number of the node of a level that a point, int64, lies in; level -1: the point itself."""
     return point >> (_SHIFT * (level + i64(1)))
 
 
 @jit
 def _waiting(square, level, node):
-    """A node as it waits on the stack, under its squared distance."""
+    """A node as it waits on the stack: a uint64, its squared distance in the upper half."""
     return u64(f2u(square)) << u64(32) | u64(level << _LEVEL | node)
 
 
 @jit
 def _parts(waiting):
+    """Squared distance (float32), level and number of a waiting node."""
     low = i64(waiting & u64(0xFFFFFFFF))
     return u2f(u32(waiting >> u64(32))), low >> _LEVEL, low & _NODE_MASK
 
 
 @jit
 def _lanes_near(nodes, start, level, node, q, bound, lanes):
-    """Write the squared distances of a node's points or boxes to the point at q.
+    """Write the squared distances of a node's points or boxes to a point: eight float32.
 
-    -> bit k: whether that of lane k is within `bound`
+    nodes, lanes  addresses;  start  of the node's level;  q  first float of the point
+    -> uint32, bit k: whether that of lane k is within `bound`
     """
     square = splat8(f32(0))
     if level == i64(0):
@@ -171,7 +174,7 @@ def _lanes_near(nodes, start, level, node, q, bound, lanes):
 
 @jit
 def _insert(square, point, wanted, found, squares, rows):
-    """Put a point in its place among the nearest; return how many there are then."""
+    """Insert a point among the nearest ones found so far, sorted; return how many there are then."""
     if found == wanted and not square < ldf(squares, wanted - i64(1)):
         return found
     k = min(found, wanted - i64(1))

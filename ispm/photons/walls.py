@@ -20,7 +20,7 @@ from ispm.kernels.simd import address, alloca
 from ispm.optics.density import SAME_SURFACE
 from ispm.optics.jit import jit
 from ispm.optics.vector import add, cross, dot, scale, sub, vec3
-from ispm.photons.footprint import U, V, axis_of, end_kernel
+from ispm.photons.footprint import end_kernel
 
 f32 = np.float32
 
@@ -35,31 +35,29 @@ def end_at_walls(kernels: np.ndarray, world: World, surfaces: SurfaceTable) -> N
     """
     if not len(kernels):
         return
-    words = kernels.view(np.float32).reshape(len(kernels), -1)
     trees, tables = address(world.table), surfaces.addresses
-    run_shared(lambda counter: _end_some(trees, tables, words, counter), world.threads)
+    run_shared(lambda counter: _end_some(trees, tables, kernels, counter), world.threads)
 
 
 @jit
-def _end_some(world, table, words, counter):
-    """End as many of the CAUSTIC kernels, (N, words) float32, as a thread gets.
+def _end_some(world, table, kernels, counter):
+    """End as many of the (N,) CAUSTIC as a thread gets.
 
     world  address of `World.table`;  table  addresses of a SurfaceTable
     """
     scratch = Scratch(alloca(STACK_WORDS), alloca(2))
-    for i in shared_rows(counter, _CHUNK, len(words)):
-        u, v = axis_of(words, i, U), axis_of(words, i, V)
-        for k in range(4):
-            axis = u if k < 2 else v
-            _end_along(world, table, words, i, scale(f32(1) if k % 2 else f32(-1), axis), scratch)
+    for i in shared_rows(counter, _CHUNK, len(kernels)):
+        kernel = kernels[i]
+        for axis in (vec3(kernel.u), vec3(kernel.v)):
+            for side in (f32(-1), f32(1)):
+                _end_along(world, table, kernel, scale(side, axis), scratch)
 
 
 @jit
-def _end_along(world, table, words, i, axis, scratch):
-    """End kernel `i` at what a ray from its center along `axis`, m, meets within it, unless that is its own
+def _end_along(world, table, kernel, axis, scratch):
+    """End a CAUSTIC at what a ray from its center along `axis`, m, meets within it, unless that is its own
     surface."""
-    n = unit(cross(axis_of(words, i, U), axis_of(words, i, V)))
-    center = vec3(words[i])
+    n, center = unit(cross(vec3(kernel.u), vec3(kernel.v))), vec3(kernel.position)
     length = math.sqrt(dot(axis, axis))
     start = add(center, scale(_LIFT * length, n))
     d = scale(f32(1) / length, axis)
@@ -71,4 +69,4 @@ def _end_along(world, table, words, i, axis, scratch):
     if dot(front, d) > f32(0):
         front = scale(f32(-1), front)
     if dot(front, n) < SAME_SURFACE:
-        end_kernel(words, i, front, max(dot(sub(center, position), front), f32(0)))
+        end_kernel(kernel, front, max(dot(sub(center, position), front), f32(0)))

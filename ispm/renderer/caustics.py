@@ -108,7 +108,7 @@ def classify_photons(this: Pass, path: Walk) -> PhotonClasses:
     kernels = shape_kernels(caustic, beams, clear, packed.diagonal, settings.smoothing, pixels)
     keys = np.concatenate([path.keys[first], path.keys[later]])
     end_at_walls(kernels, this.world, this.surfaces)
-    keep_light(kernels, keys, this.world, this.surfaces, settings.seed, this.index, threads)
+    keep_light(kernels, keys, this.world, this.surfaces, settings.seed, this.index)
     kernels = np.concatenate([kernels[wide], kernels[~wide]])
     _, order = sort_by_cell(photons, packed.bounds[0], SMALLEST * packed.diagonal)
     order = order[smooth[order]]

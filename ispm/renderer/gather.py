@@ -156,8 +156,8 @@ class PhotonLight:
     ) -> None:
         """Give photons back, in place, what their kernels lose past edges, and within solids."""
         this = self._this
-        met, numbers = (this.world, this.surfaces), (this.settings.seed, this.index)
-        keep_light(photons, keys, *met, *numbers, this.threads, solids=solids, rows=rows)
+        seed, index = this.settings.seed, this.index
+        keep_light(photons, keys, this.world, this.surfaces, seed, index, solids=solids, rows=rows)
 
     def _measure(self, photons: np.ndarray) -> None:
         """Give kernels of the low resolution their size."""
