@@ -60,7 +60,8 @@ class Tiled:
         members = buffers["members"].sized(length * 4)
         with self._gpu.frame() as frame:
             passes["fill"](frame, over=photon_count, photons=photons, starts=starts, members=members, **tiles)
-            threads = passes["sort"].workgroup[0] * tile_count
+            across, _, _ = passes["sort"].workgroup
+            threads = across * tile_count
             passes["sort"](frame, over=threads, starts=starts, members=members)
 
     def _sum(self, screen: np.ndarray, receiver_count: int, glossy: bool) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""What lights send out, and what arrives of it straight from them.
+"""What lights send out, and what arrives directly from them.
 
 In come the lights of a packed scene; out go the maps through which each sees the scene, the plan of how
 many photons leave through which, the photons' first hits, and, at any point, the light that comes directly,

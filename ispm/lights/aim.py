@@ -1,4 +1,4 @@
-"""Where photons are aimed: narrow views of what casts caustics, about a light, and of what the eye sees."""
+"""Maps that aim photons: narrow views, from a light, of what casts caustics and of what the eye sees."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from ispm.lights.lightmap import LightMap, cropped, square_map, view_of
 
 _WIDEST = math.tan(0.6)  # of half a view's angle: wider ones gain little
 _LARGEST = 1.0 / 3.0  # of what the light's own map takes, likewise
-_GAIN = 0.9  # of the size of a group, below which its two parts must be to be parted
-_SEEN_SHARES = 0.98, 0.75, 0.5  # of the places that the eye sees, along each of a map's axes
+_GAIN = 0.9  # of the size of a group, below which the sum of its two parts must be for a split
+_SEEN_SHARES = 0.98, 0.75, 0.5  # of the points that the eye sees, along each of a map's axes
 _AROUND = 0.25  # of what holds them, on each side: what lies there lights what the eye sees
 _MARGIN = 0.02  # of a crop's half width, for sub-texel shifts
 
@@ -36,16 +36,16 @@ def aimed_maps(base: LightMap, light: np.void, hulls: np.ndarray, most: int) -> 
 def seen_maps(base: LightMap, seen: np.ndarray) -> list[LightMap]:
     """Return maps of a directional light of what the eye sees, the widest first; other lights have none.
 
-    seen  (n, 3) m, places in the picture, each for as much of it as another
-    The widest holds nearly all places, narrower ones the middle of them: a picture that goes to the horizon
+    seen  (n, 3) m, points in the picture, each for as much of it as another
+    The widest holds nearly all points, narrower ones the middle of them: a picture that reaches the horizon
     is near the eye in most of its pixels. Each is at most a third of the one before, the first of `base`.
     """
-    if not base.orthographic or not len(seen):
+    if not aims_at_seen(base) or not len(seen):
         return []
-    places = (seen - base.origin) @ base.axes[0, :2].T
+    points = (seen - base.origin) @ base.axes[0, :2].T
     maps: list[LightMap] = []
     for share in _SEEN_SHARES:
-        low, high = np.quantile(places, (0.5 - share / 2.0, 0.5 + share / 2.0), axis=0)
+        low, high = np.quantile(points, (0.5 - share / 2.0, 0.5 + share / 2.0), axis=0)
         room = np.maximum(_AROUND * (high - low), 1e-6)
         low, high = np.maximum(low - room, -1.0), np.minimum(high + room, 1.0)
         if (low < high).all():
@@ -55,33 +55,39 @@ def seen_maps(base: LightMap, seen: np.ndarray) -> list[LightMap]:
     return maps
 
 
+def aims_at_seen(base: LightMap) -> bool:
+    """Return whether a light, by its own map, may have maps of what the eye sees."""
+    return base.orthographic
+
+
 def _patches(base: LightMap, points: np.ndarray) -> np.ndarray:
-    """(n, 2, 3) bounds of the directions, or of the places across the rays, of (n, k, 3) points."""
+    """(n, 2, 3) bounds of (n, k, 3) points: of their directions; of a parallel view in m across its rays."""
     if base.orthographic:
-        frame = base.axes[0] / np.linalg.norm(base.axes[0], axis=1, keepdims=True)
-        places = points @ frame.T * (1.0, 1.0, 0.0)
+        (axes,) = base.axes
+        frame = axes / np.linalg.norm(axes, axis=1, keepdims=True)
+        seen = points @ frame.T * (1.0, 1.0, 0.0)
     else:
-        places = points / np.maximum(np.linalg.norm(points, axis=-1, keepdims=True), 1e-30)
-    return np.stack([places.min(axis=1), places.max(axis=1)], axis=1)
+        seen = points / np.maximum(np.linalg.norm(points, axis=-1, keepdims=True), 1e-30)
+    return np.stack([seen.min(axis=1), seen.max(axis=1)], axis=1)
 
 
 def _groups(patches: np.ndarray, most: int) -> list[np.ndarray]:
-    """Indices of patches that one map sees together: all of them, parted where that gains most."""
+    """Indices of patches that one map sees together: all of them, split where that gains most."""
     groups = [np.arange(len(patches))] if len(patches) else []
-    parted = [_parted(patches, group) for group in groups]
+    splits = [_split(patches, group) for group in groups]
     while len(groups) < most:
-        best = max(range(len(groups)), key=lambda k: parted[k][0], default=-1)
-        if best < 0 or parted[best][0] <= 0.0:
+        best = max(range(len(groups)), key=lambda k: splits[k][0], default=-1)
+        if best < 0 or splits[best][0] <= 0.0:
             break
-        _, *halves = parted.pop(best)
+        _, halves = splits.pop(best)
         groups[best : best + 1] = halves
-        parted[best:best] = [_parted(patches, half) for half in halves]
+        splits[best:best] = [_split(patches, half) for half in halves]
     return groups
 
 
-def _parted(patches: np.ndarray, group: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
-    """What is gained by parting a group where that leaves the smallest parts, and the parts."""
-    best = 0.0, group, group
+def _split(patches: np.ndarray, group: np.ndarray) -> tuple[float, tuple[np.ndarray, np.ndarray]]:
+    """What is gained by splitting a group where that leaves the smallest parts, and the two parts."""
+    most, halves = 0.0, (group, group)
     whole = float(_size(patches[group].min(axis=0)[0], patches[group].max(axis=0)[1]))
     for axis in range(3):
         order = group[np.argsort(patches[group, :, axis].sum(axis=1), kind="stable")]
@@ -90,11 +96,11 @@ def _parted(patches: np.ndarray, group: np.ndarray) -> tuple[float, np.ndarray, 
         right = _size(np.minimum.accumulate(low[::-1]), np.maximum.accumulate(high[::-1]))[-2::-1]
         if not len(left):
             continue
-        place = int((left + right).argmin())
-        gain = _GAIN * whole - float(left[place] + right[place])
-        if gain > best[0]:
-            best = gain, order[: place + 1], order[place + 1 :]
-    return best
+        last = int((left + right).argmin())
+        gain = _GAIN * whole - float(left[last] + right[last])
+        if gain > most:
+            most, halves = gain, (order[: last + 1], order[last + 1 :])
+    return most, halves
 
 
 def _size(low: np.ndarray, high: np.ndarray) -> np.ndarray:
@@ -106,8 +112,8 @@ def _size(low: np.ndarray, high: np.ndarray) -> np.ndarray:
 def _view(base: LightMap, light: np.void, points: np.ndarray) -> LightMap | None:
     """The map that sees (n, k, 3) points, relative to the base's origin; None where it were too wide."""
     if base.orthographic:
-        places = points.reshape(-1, 3) @ base.axes[0, :2].T
-        low, high = places.min(axis=0), places.max(axis=0)
+        seen = points.reshape(-1, 3) @ base.axes[0, :2].T
+        low, high = seen.min(axis=0), seen.max(axis=0)
         room = np.maximum(_MARGIN * (high - low) / 2.0, 1e-6)
         return cropped(base, np.maximum(low - room, -1.0), np.minimum(high + room, 1.0))
     frame, spread = view_of(points.reshape(-1, 3))

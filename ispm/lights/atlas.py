@@ -1,7 +1,7 @@
 """Where the shadow maps of all lights lie in one texture, and how many texels each has.
 
-A light's `LightMap` says which faces it looks through. Here each face that sees something gets a window, as
-much of it as holds what the light brings to the eye, and a tile, the finer the more of the picture it serves.
+A light's `LightMap` has faces. Here each face that sees something gets a window, the part of it that holds
+what the light brings to the eye, and a tile, the finer the more of the picture it serves.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ LEAST = 32  # texels of a tile's side, a multiple of STEP
 STEP = 16
 
 _BUDGET = 12  # squares of the asked resolution that all lights share: two cubes
-_FINEST = 1.0  # texels across a pixel, in the mean over a window, beyond which rays tell edges apart
+_FINEST = 1.0  # texels across a pixel, in the mean over a window: beyond that rays resolve edges
 _MARGIN = 0.02  # of a window, for pixels between the points it is fitted to
 _GRID = 1.0 / 8.0  # windows of cubes end at multiples of it, and mostly stay while the eye moves
 _NEAREST = np.float32(1e-6)  # m from a light that its brightness is judged at
-_PAIRS = 1 << 17  # of a light and a receiver that are looked at
+_PAIRS = 1 << 17  # of a light and a receiver that are considered
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,17 +44,15 @@ class Seen:
     through: bool = False
 
     def some(self, count: int) -> Seen:
-        """Return about that many of them."""
+        """Return about `count` points."""
         step = max(-(-len(self.points) // max(count, 1)), 1)
         some = self.take(slice(None, None, step))
         return replace(some, reaches=some.reaches * np.float32(math.sqrt(step)))
 
     def take(self, rows: np.ndarray | slice) -> Seen:
-        """Return the points in these rows."""
-        return replace(
-            self, points=self.points[rows], normals=self.normals[rows],
-            widths=self.widths[rows], reaches=self.reaches[rows],
-        )  # fmt: skip
+        """Return the points of some rows."""
+        arrays = ("points", "normals", "widths", "reaches")
+        return replace(self, **{name: getattr(self, name)[rows] for name in arrays})
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,20 +83,22 @@ class ShadowFace:
     @property
     def extent(self) -> np.ndarray:
         """(2,) width and height of the window."""
-        return np.asarray(self.window[1] - self.window[0])
+        low, high = self.window
+        return np.asarray(high - low)
 
-    def places(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return where (n, 3) world-space points lie in the window's units, (2, n), and what one of those
-        units is there, (n,) m; that is not positive where a point is not ahead."""
+    def projected(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return (n, 3) world-space points in the window's units, (2, n), and how long one of those units is
+        there, (n,) m; that is not positive where a point is not ahead."""
         local = self.frame.astype(np.float32) @ (points - self.origin.astype(np.float32)).T
-        unit = np.ones_like(local[2]) if self.depth else local[2]
-        return local[:2] / np.maximum(unit, np.float32(1e-30)), unit
+        across, ahead = local[:2], local[-1]
+        unit = np.ones_like(ahead) if self.depth else ahead
+        return across / np.maximum(unit, np.float32(1e-30)), unit
 
     def holds(self, points: np.ndarray) -> np.ndarray:
         """Return (n,) whether (n, 3) world-space points lie in the window."""
-        at, unit = self.places(points)
+        projected, unit = self.projected(points)
         low, high = self.window.astype(np.float32)[..., None]
-        return np.asarray(((at >= low) & (at <= high)).all(axis=0) & (unit > 0.0))
+        return np.asarray(((projected >= low) & (projected <= high)).all(axis=0) & (unit > 0.0))
 
     def sees(self, center: np.ndarray, half: np.ndarray) -> np.ndarray:
         """Return (n,) whether boxes may be in the window, within the range.
@@ -112,9 +112,9 @@ class ShadowFace:
             [edge, right - left * edge, far * edge - right, down - top * edge, bottom * edge - down]
         )
         offsets = shift * np.array([1.0, -left, far, -top, bottom])
-        way = center - self.origin[:, None]
-        inside = normals @ way + np.abs(normals) @ half + offsets[:, None]
-        nearest = np.maximum(np.abs(way) - half, 0.0)
+        local = center - self.origin[:, None]
+        inside = normals @ local + np.abs(normals) @ half + offsets[:, None]
+        nearest = np.maximum(np.abs(local) - half, 0.0)
         near = (nearest * nearest).sum(axis=0) <= self.range**2
         return np.asarray((inside >= 0.0).all(axis=0) & near)
 
@@ -167,11 +167,11 @@ def plan_atlas(
     while True:
         sizes = tile_sizes(faces, resolution, budget)
         order = np.argsort(-sizes[:, 1], kind="stable")
-        places, size = pack_shelves(sizes[order], limit)
+        corners, size = pack_shelves(sizes[order], limit)
         if max(size) <= limit:
             tiles = [
-                ShadowTile(views[i][0], views[i][1], _pair(place), _pair(sizes[i]))
-                for i, place in zip(order, places, strict=True)
+                ShadowTile(views[i][0], views[i][1], _pair(corner), _pair(sizes[i]))
+                for i, corner in zip(order, corners, strict=True)
             ]
             return ShadowAtlas(tiles, size)
         if (sizes == LEAST).all():
@@ -180,12 +180,12 @@ def plan_atlas(
 
 
 def shares(lights: np.ndarray, seen: Seen) -> np.ndarray:
-    """Return (L, n) what part of the light that arrives at each point may be each light's, shadows aside."""
-    way = lights["position"].astype(np.float32)[:, None] - seen.points.astype(np.float32)
-    square = np.maximum(np.einsum("lnk,lnk->ln", way, way), _NEAREST**2)
+    """Return each light's share of the light that arrives at each point, shadows aside, (L, n)."""
+    segments = lights["position"].astype(np.float32)[:, None] - seen.points.astype(np.float32)
+    square = np.maximum(np.einsum("lnk,lnk->ln", segments, segments), _NEAREST**2)
     distance = np.sqrt(square)
-    ahead = -np.einsum("lnk,lk->ln", way, lights["direction"]) / distance
-    facing = np.einsum("lnk,nk->ln", way, seen.normals.astype(np.float32)) / distance
+    ahead = -np.einsum("lnk,lk->ln", segments, lights["direction"]) / distance
+    facing = np.einsum("lnk,nk->ln", segments, seen.normals.astype(np.float32)) / distance
     edge = np.clip(ahead * lights["cone_scale"][:, None] + lights["cone_offset"][:, None], 0.0, 1.0)
     reach = np.where(lights["range"] > 0.0, lights["range"], np.float32(np.inf))[:, None]
     kept = edge * edge * np.clip(1.0 - (distance / reach) ** 4, 0.0, 1.0) / square
@@ -197,7 +197,7 @@ def shares(lights: np.ndarray, seen: Seen) -> np.ndarray:
 
 
 def tile_sizes(faces: Sequence[ShadowFace], resolution: int, budget: float) -> np.ndarray:
-    """Return the texels of the tiles' sides, (n, 2): as many as faces want of one another within the budget.
+    """Return the texels of the tiles' sides, (n, 2): in proportion to what the faces want, within the budget.
 
     Multiples of 16, at least 32, at most `resolution`; they cover at most the budget, unless the least
     tiles alone take more.
@@ -224,20 +224,20 @@ def tile_sizes(faces: Sequence[ShadowFace], resolution: int, budget: float) -> n
 
 
 def pack_shelves(sizes: np.ndarray, limit: int) -> tuple[np.ndarray, tuple[int, int]]:
-    """Return (n, 2) places of rectangles, (n, 2) width and height, highest first, in rows of a nearly square
-    texture, and its size."""
+    """Return the corners, (n, 2), of rectangles, (n, 2) width and height, highest first, in rows of a nearly
+    square texture, and its size."""
     if not len(sizes):
         return np.zeros((0, 2), np.int64), (STEP, STEP)
     area = float(sizes.astype(np.float64).prod(axis=1).sum())
     width = min(max(math.ceil(math.sqrt(area) / STEP) * STEP, int(sizes[:, 0].max())), limit)
-    places = np.zeros((len(sizes), 2), np.int64)
+    corners = np.zeros((len(sizes), 2), np.int64)
     x = y = height = 0
     for i, (across, down) in enumerate(sizes.tolist()):
         if x + across > width:
             x, y, height = 0, y + height, 0
-        places[i] = x, y
+        corners[i] = x, y
         x, height = x + across, max(height, down)
-    return places, (width, y + height)
+    return corners, (width, y + height)
 
 
 def _pair(values: np.ndarray) -> tuple[int, int]:
@@ -258,17 +258,18 @@ def _faces(map: LightMap, light: np.void, seen: Seen, share: np.ndarray) -> list
         depth = 1.0 / float(lengths[2]) if map.orthographic else 0.0
         window, frame = np.stack([-half, half]), rows / lengths[:, None]
         face = ShadowFace(map.light, index, map.origin, frame, window, depth, map.range)
-        if not (cube and _is_dark(light, frame[2])):
+        _, _, forward = frame
+        if not (cube and _is_dark(light, forward)):
             here = lit[on == index]
             faces.append(_fitted(face, seen.take(here), share[here], _GRID if cube else 0.0))
     return faces
 
 
-def _cube_face(ways: np.ndarray) -> np.ndarray:
+def _cube_face(vectors: np.ndarray) -> np.ndarray:
     """(n,) index of the face of a cube that (n, 3) vectors leave through."""
-    x, y, z = np.ascontiguousarray(np.abs(ways.T))
+    x, y, z = np.ascontiguousarray(np.abs(vectors.T))
     axis = np.where(x >= np.maximum(y, z), 0, np.where(y >= z, 1, 2))
-    return np.asarray(2 * axis + (ways[np.arange(len(ways)), axis] < 0.0))
+    return np.asarray(2 * axis + (vectors[np.arange(len(vectors)), axis] < 0.0))
 
 
 def _fitted(face: ShadowFace, seen: Seen, share: np.ndarray, grid: float) -> ShadowFace:
@@ -285,10 +286,10 @@ def _fitted(face: ShadowFace, seen: Seen, share: np.ndarray, grid: float) -> Sha
     if not held.any():
         return face
     seen, share = seen.take(held), share[held]
-    at, unit = face.places(seen.points)
+    projected, unit = face.projected(seen.points)
     low, high = face.window
     reach = seen.reaches / unit
-    corners = np.stack([(at - reach).min(axis=1), (at + reach).max(axis=1)]).astype(np.float64)
+    corners = np.stack([(projected - reach).min(axis=1), (projected + reach).max(axis=1)]).astype(np.float64)
     margin = np.maximum(_MARGIN * (corners[1] - corners[0]), 1e-3 * (high - low))
     corners += np.stack([-margin, margin])
     if grid:
@@ -297,8 +298,8 @@ def _fitted(face: ShadowFace, seen: Seen, share: np.ndarray, grid: float) -> Sha
     pixels = share * (unit / seen.widths)
     wanted = float(np.cbrt(pixels.sum() / (window[1] - window[0]).prod()))
     finest = _FINEST * float(pixels.sum() / share.sum())
-    way = np.linalg.norm(seen.points - face.origin.astype(np.float32), axis=1)
-    far = math.inf if face.depth else float((way + seen.reaches).max())
+    distance = np.linalg.norm(seen.points - face.origin.astype(np.float32), axis=1)
+    far = math.inf if face.depth else float((distance + seen.reaches).max())
     return replace(face, window=window, range=min(face.range, far), wanted=wanted, finest=finest)
 
 

@@ -1,9 +1,8 @@
 """Photons as they leave the lights: their first hits, from bounce maps or from rays.
 
-Both ways draw the same photons in expectation; a test compares the flux they store per object. Where
-several maps of a light see a direction, each sends its photons there, and all of these have the flux
-I / sum of the maps' densities (the balance heuristic of Veach 1997, section 9.2.2), so that their sum is
-right and they are alike.
+Both draw the same photons in expectation; a test compares the flux they store per object. Where several maps
+of a light see a direction, each sends its photons there, and all of these have the flux I / sum of the maps'
+densities (the balance heuristic of Veach 1997, section 9.2.2), so that their sum is unbiased.
 """
 
 from __future__ import annotations
@@ -208,7 +207,7 @@ def _thin(lights, source, faces, expected, first_key, out):
                 if threshold >= expected[face, y, x]:
                     continue
                 s = f64(2) * (x + 0.5 + source.shift_x) / width - f64(1)
-                density = _density(source, _place(faces[face], s, t))
+                density = _density(source, _map_point(faces[face], s, t))
                 key = i64(first_key) + (face * width + y) * width + x
                 while threshold < expected[face, y, x]:
                     row = out[count]
@@ -230,8 +229,8 @@ def _emit_rays(tables, source, pass_index, seed, counter, rows):
     scratch = Scratch(alloca(STACK_WORDS), alloca(2))
     for i in shared_rows(counter, _CHUNK, len(rows)):
         x, y = _lattice(i, source)
-        start, d, place = _ray(light, source, x, y)
-        density = _ray_density(light, source, d, place)
+        start, d, point = _ray(light, source, x, y)
+        density = _ray_density(light, source, d, point)
         for c in range(3):
             rows[i].flux[c] = f32(f64(light.intensity[c]) / density)
         if density == f64(np.inf):
@@ -254,23 +253,23 @@ def _lattice(k, source):
 
 @jit
 def _ray(light, source, x, y):
-    """Return start (m) and direction, float32, of the ray at (x, y) of [0, 1]^2 of a _Source, and its place,
-    see `_place`."""
+    """Return start (m) and direction, float32, of the ray at (x, y) of [0, 1]^2 of a _Source, and its point,
+    see `_map_point`."""
     view, origin = source.views[source.own], source.origin
     s, t = f64(2) * x - f64(1), f64(2) * y - f64(1)
     if view.kind == i64(_PARALLEL):
-        place = _place(view, s, t)
-        back = f64(1) + f64(1) / _square(view.axis)  # to the near plane, a unit of `_place` included
+        point = _map_point(view, s, t)
+        back = f64(1) + f64(1) / _square(view.axis)  # to the near plane, a unit of `_map_point` included
         start = (
-            f32(origin[0] + place[0] - back * view.axis[0]),
-            f32(origin[1] + place[1] - back * view.axis[1]),
-            f32(origin[2] + place[2] - back * view.axis[2]),
+            f32(origin[0] + point[0] - back * view.axis[0]),
+            f32(origin[1] + point[1] - back * view.axis[1]),
+            f32(origin[2] + point[2] - back * view.axis[2]),
         )
-        return start, vec3(light.direction), place
+        return start, vec3(light.direction), point
     if view.kind == i64(_SQUARE):
-        place = _place(view, s, t)
-        inv = f64(1) / math.sqrt(_square(place))
-        d = (f32(inv * place[0]), f32(inv * place[1]), f32(inv * place[2]))
+        point = _map_point(view, s, t)
+        inv = f64(1) / math.sqrt(_square(point))
+        d = (f32(inv * point[0]), f32(inv * point[1]), f32(inv * point[2]))
     elif light.kind == u32(LIGHT_SPOT):
         d = _cone_direction(light, x, y)
     else:
@@ -297,11 +296,11 @@ def _cone_direction(light, x, y):
 
 
 @jit
-def _ray_density(light, source, d, place):
-    """Rays of all maps of a light, per sr and falloff or per m2, along d and at a place; may be infinite."""
+def _ray_density(light, source, d, point):
+    """Rays of all maps of a light, per sr and falloff or per m2, along d and at a point; may be infinite."""
     views, even, uneven = source.views, f64(0), f64(0)
     for k in range(len(views)):
-        if k == source.own or _covers(views[k], place):
+        if k == source.own or _covers(views[k], point):
             if views[k].kind == i64(_SQUARE):
                 cosine = _dot((f64(d[0]), f64(d[1]), f64(d[2])), views[k].axis)
                 uneven += views[k].density / (cosine * cosine * cosine)
@@ -311,28 +310,28 @@ def _ray_density(light, source, d, place):
 
 
 @jit
-def _density(source, place):
-    """Photons of all maps of a light, per sr and falloff or per m2, at a place."""
+def _density(source, point):
+    """Photons of all maps of a light, per sr and falloff or per m2, at a point."""
     views, total = source.views, f64(0)
     for k in range(len(views)):
-        if k == source.own or _covers(views[k], place):
+        if k == source.own or _covers(views[k], point):
             total += views[k].density
     return total
 
 
 @jit
-def _covers(view, place):
-    """Whether a map, by its _VIEW, sees a place, float64 m from the origin of the light's own map."""
+def _covers(view, point):
+    """Whether a map, by its _VIEW, sees a point, float64 m from the origin of the light's own map."""
     if view.kind == i64(_WHOLE):
         return True
-    p = (place[0] - view.origin[0], place[1] - view.origin[1], place[2] - view.origin[2])
+    p = (point[0] - view.origin[0], point[1] - view.origin[1], point[2] - view.origin[2])
     edge = f64(1) if view.kind == i64(_PARALLEL) else _dot(view.axis, p)
     return abs(_dot(view.s, p)) <= edge and abs(_dot(view.t, p)) <= edge
 
 
 @jit
-def _place(view, s, t):
-    """The place at (s, t) of [-1, 1]^2 of a face, by its _VIEW: a point, float64 m from the origin of the
+def _map_point(view, s, t):
+    """The point at (s, t) of [-1, 1]^2 of a face, by its _VIEW: a point, float64 m from the origin of the
     light's own map.
 
     Of a light at a point it is a unit ahead of it; of a parallel view it may be anywhere along the ray.

@@ -1,4 +1,4 @@
-"""How a light looks at the scene: the cubes, squares and parallel views that its photons are rasterised in.
+"""Light maps: the cubes, squares and parallel views from a light, in which its photons are rasterised.
 
 A light shines from one point, or along one direction, so the first segment of every photon's path is a
 picture (McGuire and Luebke 2009). Each such picture is a `LightMap`.
@@ -16,7 +16,7 @@ from ispm.optics import records
 from ispm.scene.extent import corners_of
 from ispm.scene.packed import Packed
 
-_NARROW = 0.8  # tangent of half the angle below which a light far outside looks at the scene alone
+_NARROW = 0.8  # tangent of half the angle below which the map of a light far outside holds the scene alone
 _WIDE = 1.8  # tangent of half a spot's angle up to which one square serves it; wider ones take a cube
 _NARROWEST = 1e-6  # likewise, of a scene that is a point
 _MARGIN = 1.02  # for the maps' sub-texel shifts
@@ -41,7 +41,7 @@ _maps: WeakKeyDictionary[Packed, list[LightMap]] = WeakKeyDictionary()
 
 @dataclass(frozen=True, eq=False)
 class LightMap:
-    """Square views about a light that do not overlap: six make a cube, one stands alone.
+    """Square views from a light that do not overlap: the six of a cube, or one.
 
     light         row of the lights
     origin        (3,) m, world space: the light; of a directional one the middle of what it lights
@@ -68,10 +68,17 @@ class LightMap:
 
 
 def light_maps(packed: Packed) -> list[LightMap]:
-    """Return the map of each light that holds all its light; found once for each packed scene."""
+    """Return for each LIGHT the map that holds all its light; found once for each packed scene."""
     if packed not in _maps:
         _maps[packed] = [light_map(i, row, packed.bounds) for i, row in enumerate(packed.lights)]
     return _maps[packed]
+
+
+def mean_irradiance(packed: Packed) -> float:
+    """Return the irradiance in lx that all lights make in the mean over a sphere about the scene."""
+    sphere = math.pi * packed.diagonal**2
+    measures = [sphere / 4.0 if map.orthographic else map.measure for map in light_maps(packed)]
+    return float(packed.lights["intensity"].max(axis=1) @ np.array(measures) / sphere)
 
 
 def light_map(index: int, light: np.void, bounds: np.ndarray) -> LightMap:
@@ -79,7 +86,7 @@ def light_map(index: int, light: np.void, bounds: np.ndarray) -> LightMap:
 
     light   LIGHT
     bounds  (2, 3) corners of the scene
-    A light far outside sees the scene alone, which saves the photons that would miss it.
+    That of a light far outside holds the scene alone, which saves the photons that would miss it.
     """
     corners = corners_of(bounds)
     if light["kind"] == records.LIGHT_DIRECTIONAL:
@@ -89,9 +96,10 @@ def light_map(index: int, light: np.void, bounds: np.ndarray) -> LightMap:
     if light["kind"] == records.LIGHT_SPOT:
         views.append((_frame(_axis(light)), _cone_tangent(light)))
         limits.append(_WIDE)
-    fitting = [view for view, limit in zip(views, limits, strict=True) if view[1] < limit]
+    pairs = zip(views, limits, strict=True)
+    fitting = [(frame, spread) for (frame, spread), limit in pairs if spread < limit]
     if fitting:
-        return square_map(index, light, *min(fitting, key=lambda view: view[1]))
+        return square_map(index, light, *min(fitting, key=lambda view: view[-1]))
     origin = light["position"].astype(np.float64)
     return LightMap(index, origin, CUBE_AXES, False, cone_measure(light), _range(light))
 
@@ -118,21 +126,19 @@ def parallel_map(index: int, light: np.void, points: np.ndarray) -> LightMap:
 
 
 def cropped(map: LightMap, low: np.ndarray, high: np.ndarray) -> LightMap:
-    """Return the part of an orthographic map between two places, (2,) each, of its [-1, 1]^2.
+    """Return the part of an orthographic map between two corners, (2,) each, of its [-1, 1]^2.
 
     It is as deep as the whole: what stands before the part, seen from the light, shades it.
     """
-    half = np.append((high - low) / 2.0, 1.0)
+    half = (high - low) / 2.0
     across = map.axes[0, :2] / (map.axes[0, :2] ** 2).sum(axis=1, keepdims=True)
-    return replace(
-        map, origin=map.origin + (low + high) / 2.0 @ across, axes=map.axes / half[:, None],
-        measure=map.measure * float(half[0] * half[1]),
-    )  # fmt: skip
+    origin, axes = map.origin + (low + high) / 2.0 @ across, map.axes / np.append(half, 1.0)[:, None]
+    return replace(map, origin=origin, axes=axes, measure=map.measure * float(half.prod()))
 
 
 def view_of(points: np.ndarray) -> tuple[np.ndarray, float]:
-    """Rows right, up, forward of a view from the origin to the middle of points, and the tangent of half
-    its angle, with a margin; infinite where a point is not ahead."""
+    """Return the frame of a view from the origin to the middle of (n, 3) points, (3, 3) rows right, up,
+    forward, and the tangent of half its angle, with a margin; infinite where a point is not ahead."""
     forward = (points.min(axis=0) + points.max(axis=0)) / 2.0
     tangent = math.inf
     for _ in range(2):  # the middle in space is not the middle of what is seen
@@ -142,9 +148,9 @@ def view_of(points: np.ndarray) -> tuple[np.ndarray, float]:
         seen = points @ frame.T
         if (seen[:, 2] <= 0.0).any():
             return frame, math.inf
-        places = seen[:, :2] / seen[:, 2:]
-        tangent = float(np.abs(places).max())
-        forward = np.append((places.min(axis=0) + places.max(axis=0)) / 2.0, 1.0) @ frame
+        projected = seen[:, :2] / seen[:, 2:]
+        tangent = float(np.abs(projected).max())
+        forward = np.append((projected.min(axis=0) + projected.max(axis=0)) / 2.0, 1.0) @ frame
     return frame, max(_MARGIN * tangent, _NARROWEST)
 
 
@@ -179,10 +185,10 @@ def texel_measures(
 
 
 def face_directions(axes: np.ndarray, s: np.ndarray, t: np.ndarray) -> np.ndarray:
-    """Return the (..., 3) unit directions at places (s, t) of [-1, 1]^2 of a perspective face, (3, 3)."""
+    """Return the (..., 3) unit directions at points (s, t) of [-1, 1]^2 of a perspective face, (3, 3)."""
     square = axes[0] @ axes[0]
-    way = axes[2] + (np.asarray(s)[..., None] * axes[0] + np.asarray(t)[..., None] * axes[1]) / square
-    return np.asarray(way / np.linalg.norm(way, axis=-1, keepdims=True))
+    ahead = axes[2] + (np.asarray(s)[..., None] * axes[0] + np.asarray(t)[..., None] * axes[1]) / square
+    return np.asarray(ahead / np.linalg.norm(ahead, axis=-1, keepdims=True))
 
 
 def texel_rays(
@@ -193,8 +199,8 @@ def texel_rays(
     width   of a face;  shift  as in `texel_measures`;  texels  (n,) numbers (face width + y) width + x
     Directions are as long as 1 along the axis; those of an orthographic map begin in its middle.
     """
-    face, place = np.divmod(texels, width * width)
-    y, x = np.divmod(place, width)
+    face, texel = np.divmod(texels, width * width)
+    y, x = np.divmod(texel, width)
     s, t = (2.0 * (k + 0.5 + d) / width - 1.0 for k, d in zip((x, y), shift, strict=True))
     squares = (map.axes**2).sum(axis=-1, keepdims=True)
     right, down, axis = np.moveaxis((map.axes / squares)[face], 1, 0)

@@ -1,4 +1,6 @@
-"""Light that comes to a point straight from the lights, its shadows found by rays, and bright spots."""
+"""Next-event estimation: light that comes to a point from the lights, its shadows found by rays; and first
+bounces so bright that photons carry their light.
+"""
 
 from __future__ import annotations
 
@@ -17,15 +19,17 @@ from ispm.optics.vector import add, dot, scale, sub
 
 f32, i64, u32 = np.float32, np.int64, np.uint32
 
-SPLIT_COUNT = 4  # photons that go on from a bright first bounce, with a quarter of its flux each
+SPLIT_COUNT = (
+    4  # photons that a bright first bounce sends out for each that arrives, a quarter of its flux each
+)
 
-_SHEETS_MAX = 8  # of glass that a shadow ray passes
+SHEETS_MAX = 8  # of glass that a shadow ray passes, or a gather ray
 BEFORE = f32(1e-4)  # of the distance that a shadow ray ends before a light, which may hang on a wall
 
 
 @jit
 def direct_light(tables, x, wo, u, scratch, limit):
-    """Return (radiance along wo, rays traced) of the lobes at a SurfacePoint that spread.
+    """Return the radiance along wo, (3,) cd/m2, of the finite lobes at a SurfacePoint, and the rays traced.
 
     u      random in [0, 1), for holes that shadow rays meet
     limit  lights whose first bounce here is bright are left out, see `is_bright`; infinite: none
@@ -42,8 +46,8 @@ def direct_light(tables, x, wo, u, scratch, limit):
 
 @jit
 def light_from_one(tables, x, wo, u, pick, scratch, limit):
-    """Return what `direct_light` does in the mean, by one ray: to a light that `pick`, of [0, 1), draws in
-    proportion to the radiance that each makes without shadows."""
+    """Return an estimate of the radiance of `direct_light` by one ray: to a light that `pick`, of [0, 1),
+    draws in proportion to the radiance that each makes without shadows."""
     total, none = f32(0), (f32(0), f32(0), f32(0))
     drawn, weight, farthest, toward = none, f32(1), f32(0), wo
     for k in range(len(tables.lights)):
@@ -65,7 +69,8 @@ def light_from_one(tables, x, wo, u, pick, scratch, limit):
 
 @jit
 def _unshadowed(light, x, wo, limit):
-    """(unshadowed radiance along wo of a light, its distance, wi); 0 where its first bounce is bright."""
+    """Unshadowed radiance along wo of a LIGHT at a SurfacePoint, cd/m2, 0 where its first bounce is bright;
+    the light's distance, m; and wi."""
     irradiance, distance, wi = light_arriving(light, x.position)
     none = f32(0), f32(0), f32(0)
     if greatest(irradiance) <= f32(0):
@@ -82,6 +87,7 @@ def _unshadowed(light, x, wo, limit):
 def is_bright(b, ng, wo, irradiance, wi, limit):
     """Return whether a light's first bounce at a point is bright, seen along wo.
 
+    b, ng           the Bsdf and the geometric normal there
     irradiance, wi  as `light_arriving` has them
     limit           of pi times the radiance that the light would make there without shadows
     The same for the eye and for photons: it takes the geometric normal, as the shading normal is bent
@@ -95,15 +101,17 @@ def is_bright(b, ng, wo, irradiance, wi, limit):
 
 @jit
 def is_bright_first_bounce(light, x, wo, limit):
-    """Return whether a light's first bounce at a point is bright, seen along wo."""
+    """Return whether the first bounce of a LIGHT at a SurfacePoint is bright, seen along wo; limit: lx, see
+    `is_bright`."""
     irradiance, _, wi = light_arriving(light, x.position)
     return is_bright(x.bsdf, x.ng, wo, irradiance, wi, limit)
 
 
 @jit
 def split_count(tables, photon, limit):
-    """Return how many photons an EMITTED one is split into at its first hit: more where that is bright.
+    """Return how many photons, int64, an EMITTED one is split into at its first hit: more if that is bright.
 
+    limit  lx, see `is_bright`
     Its light reaches the picture by photons alone, and they would be most of the picture's noise.
     """
     if limit == f32(np.inf) or photon.instance == u32(NO_HIT):
@@ -119,14 +127,15 @@ def split_count(tables, photon, limit):
 
 @jit
 def is_gathered(b):
-    """Return whether gather rays end at a surface: it is opaque, and scatters."""
+    """Return whether gather rays end at a surface, by its Bsdf: it is opaque, and scatters."""
     return has_finite(b) and not transmits(b)
 
 
 @jit
 def shadow_transmittance(tables, start, d, distance, u, scratch):
-    """Return the share of light, RGB, that comes to `start` from `distance` m along `d`.
+    """Return the share of light, RGB, that comes to `start` from a light that is `distance` m away along d.
 
+    u  random in [0, 1), for holes that the ray meets
     Thin smooth sheets let it through by their transmittance, holes wholly; all else blocks.
     """
     none, share = (f32(0), f32(0), f32(0)), (f32(1), f32(1), f32(1))
@@ -135,12 +144,12 @@ def shadow_transmittance(tables, start, d, distance, u, scratch):
         return share
     if not tables.porous:
         return none
-    for _ in range(_SHEETS_MAX):
+    for _ in range(SHEETS_MAX):
         found, hit = closest_surface(tables, start, d, u, scratch)
         if not found:
             return share
-        way = sub(hit_position(tables.surfaces, hit), start)
-        limit -= math.sqrt(dot(way, way))
+        segment = sub(hit_position(tables.surfaces, hit), start)
+        limit -= math.sqrt(dot(segment, segment))
         if limit <= f32(0):
             return share
         x = surface(tables, hit, d)
@@ -155,17 +164,17 @@ def shadow_transmittance(tables, start, d, distance, u, scratch):
 
 @jit
 def side_of(ng, wi):
-    """Return the normal of the surface's side that `wi` leaves from."""
+    """Return ng or -ng, unit: the normal of the surface's side that wi leaves from."""
     return ng if dot(wi, ng) > f32(0) else scale(f32(-1), ng)
 
 
 @jit
 def times(a, b):
-    """Return a b, channel by channel."""
+    """Return a b, channel by channel, of linear RGB."""
     return a[0] * b[0], a[1] * b[1], a[2] * b[2]
 
 
 @jit
 def greatest(a):
-    """Return the largest channel."""
+    """Return the largest channel of linear RGB."""
     return max(a[0], max(a[1], a[2]))

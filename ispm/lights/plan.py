@@ -68,8 +68,8 @@ def plan_maps(
 
     counts         (L,) photons of each light
     caustic_share  of a light's photons are aimed at what casts caustics, where there is any
-    seen           (n, 3) m, places in the picture: half of a directional light's other photons go where they
-                   are, if its own map is much wider; None: unknown
+    seen           (n, 3) m, points in the picture: half of a directional light's other photons are aimed at
+                   them, if its own map is much wider; None: unknown
     """
     plan: list[PlannedMap] = []
     for index, (light, count) in enumerate(zip(packed.lights, counts, strict=True)):

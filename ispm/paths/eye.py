@@ -1,10 +1,10 @@
-"""Eye paths: from pixels that show mirrors and glass on to the surfaces that are seen in them.
+"""Eye paths: from pixels that show mirrors and glass to the surfaces that are seen in them.
 
-At the first surface both branches are followed, weighted by Fresnel's equations, and so they are where
-light leaves the solid that it entered there; after that the stronger one is taken for both, which is exact
-where both would find the same light. Rough glass is sampled instead.
-Where a path meets a surface that photons may light it leaves an end; light that comes there straight from
-the lights, and what glows, is added here.
+At the first surface both branches are followed, weighted by Fresnel's equations, and again where a path
+leaves the solid that it entered there; after that the stronger one is followed with the weight of both, which
+is exact where both would find the same light. Rough glass is sampled instead.
+Where a path meets a surface that photons may light it leaves an end; direct light there, and emission, is
+added here.
 """
 
 from __future__ import annotations
@@ -169,7 +169,7 @@ class _Done(NamedTuple):
 
 
 class _Branch(NamedTuple):
-    """Where a path goes on from a surface; fields as those of a `_Path` there."""
+    """How a path continues from a surface; fields as those of a `_Path` there."""
 
     key: np.uint32
     dimension: np.uint32
@@ -180,7 +180,7 @@ class _Branch(NamedTuple):
 
 
 class _Path(NamedTuple):
-    """A path on its way.
+    """A path that is being followed.
 
     key, dimension  of its random numbers
     lane            of its first end
@@ -205,7 +205,10 @@ class _Path(NamedTuple):
 
 @jit
 def _follow_chunks(tables, view, footprint, rays, first, counter, out):
-    """Follow the paths of as many chunks of RayArrays as a thread gets; the rest as of `_follow_batch`."""
+    """Follow the paths of as many chunks of RayArrays as a thread gets, filling an _Out.
+
+    footprint  (1,) float32 m, of the thread;  first  row of the first ray among all
+    """
     counts = out.counts
     capacity = i64(len(out.ends) // len(counts))
     thread = _Thread(Scratch(alloca(STACK_WORDS), alloca(2)), footprint)
@@ -219,7 +222,7 @@ def _follow_chunks(tables, view, footprint, rays, first, counter, out):
 
 @jit
 def _follow_pixel(tables, view, thread, rays, i, slot, out, done):
-    """Follow all paths of ray `i`, whose ends have `slot`; return the _Done."""
+    """Follow all paths of ray `i` of RayArrays, whose ends have `slot`, to an _Out; return the _Done."""
     start, d, key = vec3(rays.origins[i]), vec3(rays.directions[i]), rays.keys[i]
     near, past = f32(0), False
     shown, length = rays.hits[i], rays.distances[i]
@@ -251,7 +254,7 @@ def _follow_pixel(tables, view, thread, rays, i, slot, out, done):
 
 @jit
 def _branches(b):
-    """Number of paths that go on from a pixel's surface, whose Bsdf is b."""
+    """Number of paths that start from a pixel's surface, whose Bsdf is b."""
     if is_smooth(b):
         return 2
     return ROUGH_SAMPLES + ROUGH_SAMPLES // _REFLECTED_EACH if transmits(b) else 0
@@ -279,7 +282,10 @@ def _branch(tables, view, x, wo, key, k, length):
 
 @jit
 def _leave(tables, x, inside, focus, length, branch):
-    """Return the _Path that goes on from a SurfacePoint by a _Branch; the rest as of a _Path."""
+    """Return the _Path that continues from a SurfacePoint by a _Branch.
+
+    inside, focus  as of a _Path;  length  m, from the eye
+    """
     key, dimension, lane, d, weight, clear = branch
     start, inside = spawn_ray(tables, x, inside, d)
     passes, solid = dot(d, x.ng) < f32(0), x.bsdf.thin == f32(0)

@@ -1,4 +1,4 @@
-"""Rays from the eye, and the paths that go on from what they meet."""
+"""Rays from the eye, and what the paths find that continue from their first hits."""
 
 from __future__ import annotations
 

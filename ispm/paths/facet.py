@@ -1,5 +1,5 @@
-"""How eye paths go on from mirrors and glass: by one facet of the surface, and where one path serves for both
-branches, by the stronger one."""
+"""How eye paths continue from mirrors and glass: by one facet of the surface, and where one path serves for
+both branches, by the stronger one."""
 
 from __future__ import annotations
 
@@ -22,48 +22,50 @@ ROUGH_SAMPLES = 8  # facets that are drawn where a pixel shows rough glass; a po
 
 @jit
 def sample_specular_lobe(x, wo, u1, u2, may_part):
-    """Where a path goes on from a surface: (whether it does, wi, factor of its weight; whether another goes
-    beside it, that one's wi and factor).
+    """Return how a path that comes along -wo continues from a SurfacePoint: whether it does, wi, the factor
+    (RGB) of its weight; whether a second path starts, that one's wi and factor.
 
-    From within a solid it leaves wherever it can: reflected, it would run round under a ball's rim. If it may
-    part where the face is smooth, the other is reflected; else one stands for both.
+    From within a solid it leaves wherever it can: reflected, it would circle under a ball's rim. If it may
+    part where the face is smooth, the second is reflected; else one path serves for both.
+    u1, u2  random in [0, 1)
     """
     b, entering = x.bsdf, x.entering
     if not is_smooth(b) and not transmits(b):
         return False, wo, wo, False, wo, wo
-    reflectance, transmittance, above, beyond_, through = facet_split(x, wo, u1, u2)
+    reflectance, transmittance, above, beyond, through = facet_split(x, wo, u1, u2)
     both = add(reflectance, transmittance)
     if through and (not entering or luminance(transmittance) > luminance(reflectance)):
         if may_part and not entering and is_smooth(b) and greatest(reflectance) > f32(0):
-            return True, beyond_, transmittance, True, above, reflectance
-        return True, beyond_, both, False, wo, wo
+            return True, beyond, transmittance, True, above, reflectance
+        return True, beyond, both, False, wo, wo
     return greatest(both) > f32(0), above, both, False, wo, wo
 
 
 @jit
 def facet_split(x, wo, u1, u2):
-    """Return what a surface that a path goes on from makes of light along `wo`, see `specular_split`.
+    """Return what a mirror or glass at a SurfacePoint makes of light along wo, as `specular_split` has it.
 
-    Rough: by one facet, drawn by u1 and u2 as wo sees them, times the share that others do not shadow.
+    Where it is rough, by one of the facets visible along wo, drawn by u1 and u2 of [0, 1), times the share
+    that others do not shadow.
     """
     b, n, ng = x.bsdf, x.n, x.ng
     if is_smooth(b):
         return smooth_split(b, n, ng, wo)
     alpha, nv = b.alpha, dot(n, wo)
     h = to_world(visible_normal(alpha, to_local(wo, n), u1, u2), n)
-    reflectance, transmittance, above, beyond_, through = specular_split(b, h, wo)
+    reflectance, transmittance, above, beyond, through = specular_split(b, h, wo)
     if b.thin > f32(0):
-        beyond_ = sub(above, scale(f32(2) * dot(n, above), n))
+        beyond = sub(above, scale(f32(2) * dot(n, above), n))
     shown = dot(above, ng) > f32(0) and dot(above, n) > f32(0)
-    through = through and dot(beyond_, ng) < f32(0) and dot(beyond_, n) < f32(0)
+    through = through and dot(beyond, ng) < f32(0) and dot(beyond, n) < f32(0)
     reflected = _unshadowed(alpha, nv, dot(n, above)) if shown else f32(0)
-    passed = _unshadowed(alpha, nv, -dot(n, beyond_)) if through else f32(0)
-    return scale(reflected, reflectance), scale(passed, transmittance), above, beyond_, through
+    passed = _unshadowed(alpha, nv, -dot(n, beyond)) if through else f32(0)
+    return scale(reflected, reflectance), scale(passed, transmittance), above, beyond, through
 
 
 @jit
 def _unshadowed(alpha, nv, nl):
-    """G2 / G1 of directions at these cosines."""
+    """G2 / G1, 0 to 1, of facets of roughness alpha, for directions of these cosines to the normal."""
     a2 = alpha * alpha
     g1 = f32(2) * nv / (nv + math.sqrt(nv * nv * (f32(1) - a2) + a2))
     return smith(alpha, nv, nl) * f32(4) * nv * nl / g1
@@ -71,14 +73,16 @@ def _unshadowed(alpha, nv, nl):
 
 @jit
 def facet_numbers(key, dimension, pass_index, seed):
-    """Return three random numbers for an event of a path, `dimension`: 256 times the sample, and the event.
+    """Return three float32 random numbers of [0, 1) for an event of a path.
 
-    A lattice (Roberts's R2) even over the samples, in another order and elsewhere for each event.
+    A lattice (Roberts 2018) even over the samples, in another order and differently shifted for each event.
+    dimension  uint32, 256 times the sample, and the event
     """
+    rate_y, rate_z = LATTICE
     event, k = dimension & u32(255), dimension >> u32(8)
     k = k * (u32(2) * event + u32(1)) & u32(ROUGH_SAMPLES - 1)
     u1, u2, u3, _ = random4(key, event, pass_index, seed)
     u1 += f32(k) * f32(1.0 / ROUGH_SAMPLES)
-    u2 += f32(k) * f32(LATTICE[0])
-    u3 += f32(k) * f32(LATTICE[1])
+    u2 += f32(k) * f32(rate_y)
+    u3 += f32(k) * f32(rate_z)
     return u1 - f32(math.floor(u1)), u2 - f32(math.floor(u2)), u3 - f32(math.floor(u3))

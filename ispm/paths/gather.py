@@ -1,7 +1,7 @@
-"""Gather rays: from each receiver a few rays that look for the light around it.
+"""Gather rays: from each receiver a few rays that find the light around it.
 
 Light that comes to a receiver x from where it last scattered, y, reaches the picture in one of two ways, and
-each path from a light to x goes one of them alone:
+each path from a light to x counts in one of them alone:
 
 - By a ray from x that ends at y, in two parts: what a light sends straight to y, which a shadow ray finds,
   and what the photons stored at y bring that have scattered before.
@@ -9,8 +9,8 @@ each path from a light to x goes one of them alone:
   is a bright first bounce near a light or a highlight (`nee.is_bright`), is lit by a caustic, or lets
   light through (`nee.is_gathered`); or a mirror or glass lies between y and x.
 
-So rays stop without light at mirrors and glass; only thin clear sheets they pass, as shadows do. What glows
-is left out: photons do not carry it either.
+So rays end without light at mirrors and glass, but pass thin clear sheets, as shadow rays do. Emission of
+surfaces is left out: photons do not carry it either.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from ispm.accel.surface import SurfaceTable, closest_surface, leave_surface, sce
 from ispm.accel.world import World
 from ispm.kernels.share import run_shared, shared_rows
 from ispm.kernels.simd import alloca
-from ispm.lights.nee import is_gathered, light_from_one, times
+from ispm.lights.nee import SHEETS_MAX, is_gathered, light_from_one, times
 from ispm.optics.bsdf import gloss_terms, is_smooth, smooth_split, transmits
 from ispm.optics.jit import jit
 from ispm.optics.records import MATERIAL_UNLIT, RECEIVER
@@ -39,14 +39,13 @@ from ispm.scene.packed import Packed
 f32, i64, u32 = np.float32, np.int64, np.uint32
 
 _DIMENSION = 1 << 22  # of the first random numbers; photons and maps take those below
-_SHEETS_MAX = 8  # that a ray passes
 _CHUNK = 64  # receivers a thread takes at a time; results do not depend on it or on the threads
 
 
 class Gathered(NamedTuple):
     """What rays found, receiver by receiver.
 
-    radiance  (m, 3) float32, made along each ray by light straight from the lights
+    radiance  (m, 3) float32, along each ray, of direct light where it ends
     fresnel   (m,) float32, Fc of the ray's direction at a glossy receiver, else 0
     nearness  (m,) float32 1/m, 1 over the ray's length, 0 where it met nothing
     ends      (m,) PATH_END; slot: the ray's row
@@ -79,7 +78,7 @@ class RayPlan(NamedTuple):
     side: int
 
     def of(self, rows: slice) -> RayPlan:
-        """Return the rays of some of the receivers."""
+        """Return the plan for some of the n receivers."""
         guide_rows, lifts, keys, shifts = (
             each[rows] for each in (self.guide_rows, self.lifts, self.keys, self.shifts)
         )
@@ -170,10 +169,10 @@ def _gather_one(tables, receiver, plan, course, r, k, scratch, out):
 
 @jit
 def _look(tables, ray, course, scratch, out):
-    """Write what a _GatherRay finds to its row."""
+    """Write what a _GatherRay finds to its row of a Gathered."""
     start, d, share, u, u_shadow = ray.start, ray.d, ray.share, ray.u, ray.u_shadow
     weight, wo, row = (share, share, share), scale(f32(-1), d), ray.row
-    for sheet in range(_SHEETS_MAX):
+    for sheet in range(SHEETS_MAX):
         found, hit = closest_surface(tables, start, d, u, scratch)
         if not found:
             return
@@ -190,7 +189,7 @@ def _look(tables, ray, course, scratch, out):
         u, u_shadow, _, _ = random4(ray.key, ray.dimension + u32(1 + sheet), course.pass_index, course.seed)
     if x.flags & u32(MATERIAL_UNLIT) != u32(0) or not is_gathered(b):
         return
-    pick, _, _, _ = random4(ray.key, ray.dimension + u32(_SHEETS_MAX + 1), course.pass_index, course.seed)
+    pick, _, _, _ = random4(ray.key, ray.dimension + u32(SHEETS_MAX + 1), course.pass_index, course.seed)
     light = times(weight, light_from_one(tables, x, wo, u_shadow, pick, scratch, course.limit))
     for c in range(3):
         out.radiance[row, c] = light[c]

@@ -1,4 +1,4 @@
-"""Where light comes from, told by the photons nearby: gather rays go there more often.
+"""Guiding: gather rays go more often where, by the photons nearby, light comes from.
 
 A receiver takes the photons of the smallest cell about it that has enough of them. The points where they
 last scattered make a histogram over the square that `cosine_hemisphere` maps to directions, in which rays
@@ -72,7 +72,7 @@ def square_blocks(size: tuple[int, int]) -> np.ndarray:
 
 
 def even_guide(count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return what `Guide.densities` does, for receivers of which nothing is known."""
+    """Return what `Guide.densities` does, of uniform density, for `count` receivers."""
     return np.ones((1, _RINGS, _SECTORS + 1), np.float32), np.zeros(count, np.int32)
 
 

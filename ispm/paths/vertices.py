@@ -1,4 +1,4 @@
-"""What eye paths leave behind: the records of their ends, and of the surfaces they left from."""
+"""Vertices of eye paths: records of their ends, and of the first surfaces."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ _BLUR_SHARE = f32(0.2)  # of a rough surface's blur, that its pixels may be aver
 _NONE = (f32(0), f32(0), f32(0))
 BLACK = Bsdf(_NONE, _NONE, f32(0), f32(0), f32(0), f32(0), _NONE, f32(0), f32(0))  # of what is unlit
 
-# A surface that photons may light, or that is unlit, seen by way of mirrors and glass. slot: the ray's row;
+# A surface that photons may light, or that is unlit, seen in mirrors and glass. slot: the ray's row;
 # lane: what the first surface did to its path; weight: of the radiance that leaves it, in the ray's. f0
-# and f90 are 0 where the path goes on instead.
+# and f90 are 0 where the path continues instead.
 PATH_END = np.dtype([
     ("slot", "<u4"), ("lane", "<u4"), ("weight", "<f4", 3), ("diffuse", "<f4", 3), ("f0", "<f4", 3),
     ("f90", "<f4"), ("dielectric_f0", "<f4"), ("dielectric_f90", "<f4"), ("instance", "<u4"),
@@ -38,7 +38,7 @@ PATH_END_AND_POINT = np.dtype([("end", PATH_END), ("point", RECEIVER)])
 
 @jit
 def store_end(end, slot, lane, weight, b, instance):
-    """Write a PATH_END; b: its Bsdf."""
+    """Write a PATH_END at a surface of the Bsdf b; weight: of its radiance, RGB."""
     gloss = f32(1) if b.alpha > f32(0) and not transmits(b) else f32(0)
     end.slot = u32(slot)
     end.lane = u32(lane)
@@ -54,7 +54,7 @@ def store_end(end, slot, lane, weight, b, instance):
 
 @jit
 def store_point(point, x, wo, b, width):
-    """Write the RECEIVER of an end at the SurfacePoint x, with the Bsdf b."""
+    """Write the RECEIVER of an end at the SurfacePoint x, with the Bsdf b; width: a pixel's there, m."""
     for k in literal_unroll((0, 1, 2)):
         point.position[k] = x.position[k]
         point.ng[k] = x.ng[k]
@@ -71,7 +71,7 @@ def store_point(point, x, wo, b, width):
 def store_first(first, x, instance, angle):
     """Write a FIRST_VERTEX: what lies behind is blurred by as much as facets turned by alpha deflect light.
 
-    angle  over a pixel's width, by which neighbouring pixels look on what lies behind
+    angle  radians over a pixel's width: between neighbouring pixels' directions to what lies behind
     """
     b = x.bsdf
     bent = f32(1) if b.thin > f32(0) else abs(f32(1) - f32(1) / b.eta)

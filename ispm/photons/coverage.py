@@ -68,13 +68,13 @@ def keep_light(
     rows = np.arange(len(photons), dtype=np.uint32) if rows is None else rows
     if not len(rows):
         return
-    place = _Place(address(world.table), surfaces.addresses, solids)
+    scene = _Traced(address(world.table), surfaces.addresses, solids)
     numbers = _Numbers(keys, u32(pass_index), u32(seed))
     kernel: Callable[..., None] = _keep_ellipses if "front" in (photons.dtype.names or ()) else _keep_discs
-    run_shared(lambda counter: kernel(place, photons, rows, numbers, counter), world.threads)
+    run_shared(lambda counter: kernel(scene, photons, rows, numbers, counter), world.threads)
 
 
-class _Place(NamedTuple):
+class _Traced(NamedTuple):
     """What rays meet: address of `World.table`, addresses of a SurfaceTable, and whether points within solids
     do not count."""
 
@@ -109,7 +109,7 @@ class _Kernel(NamedTuple):
 
 
 @jit
-def _keep_discs(place, photons, rows, numbers, counter):
+def _keep_discs(scene, photons, rows, numbers, counter):
     """Change the flux of as many of the (N,) PHOTON at (n,) uint32 rows as a thread gets."""
     scratch = Scratch(alloca(STACK_WORDS), alloca(2))
     uncut = (f32(0), f32(0), f32(0))
@@ -118,11 +118,11 @@ def _keep_discs(place, photons, rows, numbers, counter):
         t, b = orthonormal_basis(n)
         u, v = scale(photon.radius, t), scale(photon.radius, b)
         kernel = _Kernel(vec3(photon.position), vec3(photon.wi), n, u, v, photon.height, uncut, f32(1))
-        _keep(place, photon, kernel, numbers.keys[rows[k]], numbers, scratch)
+        _keep(scene, photon, kernel, numbers.keys[rows[k]], numbers, scratch)
 
 
 @jit
-def _keep_ellipses(place, photons, rows, numbers, counter):
+def _keep_ellipses(scene, photons, rows, numbers, counter):
     """Likewise of (N,) CAUSTIC."""
     scratch = Scratch(alloca(STACK_WORDS), alloca(2))
     for k in shared_rows(counter, _CHUNK, len(rows)):
@@ -130,11 +130,11 @@ def _keep_ellipses(place, photons, rows, numbers, counter):
         u, v, front = vec3(photon.u), vec3(photon.v), vec3(photon.front)
         n, position = unit(cross(u, v)), vec3(photon.position)
         kernel = _Kernel(position, vec3(photon.wi), n, u, v, photon.height, front, photon.reach)
-        _keep(place, photon, kernel, numbers.keys[rows[k]], numbers, scratch)
+        _keep(scene, photon, kernel, numbers.keys[rows[k]], numbers, scratch)
 
 
 @jit
-def _keep(place, photon, kernel, key, numbers, scratch):
+def _keep(scene, photon, kernel, key, numbers, scratch):
     """Multiply the flux of a PHOTON or CAUSTIC by 1 over the share of its _Kernel on lit surfaces, in
     expectation: by the terms of its series. key: uint32."""
     total, term = f32(0), f32(1)
@@ -147,7 +147,7 @@ def _keep(place, photon, kernel, key, numbers, scratch):
         if dot(offset, kernel.front) < -kernel.reach:
             continue  # cut off: the kernel holds its flux without it
         total += term
-        term *= f32(1) - _lit_share(place, kernel, add(kernel.position, offset), reach, scratch)
+        term *= f32(1) - _lit_share(scene, kernel, add(kernel.position, offset), reach, scratch)
         if abs(term) < _LEAST_TERM:
             chance, _, _, _ = random4(key, first + u32(1), numbers.pass_index, numbers.seed)
             if chance * _LEAST_TERM >= abs(term):
@@ -169,7 +169,7 @@ def _point_of(kernel, outside, turn):
 
 
 @jit
-def _lit_share(place, kernel, middle, reach, scratch):
+def _lit_share(scene, kernel, middle, reach, scratch):
     """Return the kernel's light on the surface about a point of its middle section, per area of the section,
     over the kernel at the point: 0 to 2; 0 where there is no surface that its photon lights.
 
@@ -178,16 +178,16 @@ def _lit_share(place, kernel, middle, reach, scratch):
     n = kernel.normal
     top, down, length = add(middle, scale(reach, n)), scale(f32(-1), n), f32(2) * reach
     for _ in range(_LAYERS):
-        t = closest(place.world, Ray(top, down, length), scratch)
+        t = closest(scene.world, Ray(top, down, length), scratch)
         if not t < length:
             break
         hit = read_hit(scratch.found)
-        _, front = hit_plane(place.surfaces, hit)
+        _, front = hit_plane(scene.surfaces, hit)
         facing = dot(front, n)
         if facing < f32(0):
             front, facing = scale(f32(-1), front), -facing
         lit = facing >= SAME_SURFACE and dot(kernel.wi, front) > f32(0)
-        if lit and not (place.solids and _is_inside(place, kernel, add(top, scale(t, down)), front, scratch)):
+        if lit and not (scene.solids and _is_inside(scene, kernel, add(top, scale(t, down)), front, scratch)):
             z = (length - t) / reach - f32(1)
             m = max(f32(1) - z * z, f32(0))
             return m * m / facing
@@ -197,21 +197,21 @@ def _lit_share(place, kernel, middle, reach, scratch):
 
 
 @jit
-def _is_inside(place, kernel, point, front, scratch):
+def _is_inside(scene, kernel, point, front, scratch):
     """Whether a point lies within a solid: between it and the kernel's photon stands the back of a surface.
 
     Those of double-sided materials may be sheets, and are none.
     point, front  (3,) float32, its position and its surface's normal
     """
-    at = kernel.position
-    lift = _LIFT * f32(math.sqrt(dot(sub(at, point), sub(at, point))))
+    center = kernel.position
+    lift = _LIFT * f32(math.sqrt(dot(sub(center, point), sub(center, point))))
     start = add(point, scale(lift, front))
-    across = sub(add(at, scale(lift, kernel.normal)), start)
+    across = sub(add(center, scale(lift, kernel.normal)), start)
     length = f32(math.sqrt(dot(across, across)))
     d = scale(f32(1) / max(length, f32(1e-30)), across)
-    t = closest(place.world, Ray(start, d, length), scratch)
+    t = closest(scene.world, Ray(start, d, length), scratch)
     if not t < length:
         return False
     hit = read_hit(scratch.found)
-    _, front = hit_plane(place.surfaces, hit)
-    return dot(front, d) > f32(0) and not material_flags(place.surfaces, hit) & u32(MATERIAL_DOUBLE_SIDED)
+    _, front = hit_plane(scene.surfaces, hit)
+    return dot(front, d) > f32(0) and not material_flags(scene.surfaces, hit) & u32(MATERIAL_DOUBLE_SIDED)

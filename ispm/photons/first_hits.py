@@ -1,4 +1,4 @@
-"""What a bounce map holds, texel by texel, for the eye."""
+"""First hits of photons as arrays, to show bounce maps."""
 
 from __future__ import annotations
 

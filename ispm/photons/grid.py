@@ -50,7 +50,7 @@ class _Lists(NamedTuple):
 class PhotonGrid:
     """Lists of photons by cell. The lists are in photon order, so results repeat to the bit.
 
-    They are made when first needed; the light at few points is found without.
+    They are made when first needed; few points are lit without them.
     photons  (N,) PHOTON with radius and height set
     kernels  (N,) CAUSTIC, the same photons with kernels of their own; None: they have none
     finish   of photons whose flux is not final: called with them and (m,) uint32 rows, whose flux it changes

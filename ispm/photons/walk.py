@@ -52,7 +52,7 @@ class Walk:
     not_gathered  (M,) bool, whether gather rays do not find the light that it brings: it is focused, or
                comes from where it last scattered as caustic light, at a bright first bounce, or on what
                lets light through
-    keys       (M,) uint32, which tell each hit's random numbers from those of others
+    keys       (M,) uint32, of random numbers: each hit has its own
     emitted, absorbed, escaped, dropped   (3,) float64 lumen; the first is the sum of the others
     stored     (3,) float64 lumen, each photon counted at each hit
     rays       traced
@@ -85,11 +85,10 @@ def walk(
     """Trace photons from their first hits, storing one at each later hit.
 
     emitted  (N,) EMITTED
-    bounces  scatters at most, the one at the first hit included; events at smooth surfaces, where light
-             goes one way, do not count
+    bounces  scatters at most, the one at the first hit included; events at smooth surfaces do not count
     limit    of bright first bounces, see `nee.is_bright`; there photons are split into `SPLIT_COUNT`
     The first hit is direct light, which shadow maps show, also behind thin sheets, so it is not stored. Flux
-    changes by f cos / pdf, and between hits by what is in between; after `ROULETTE_AFTER` scatters and
+    changes by f cos / pdf, and between hits by absorption; after `ROULETTE_AFTER` scatters and
     `SPECULAR_MAX` specular events roulette keeps the expectation (docs/method.md, Emission and walk).
     Returns the same bytes for any number of threads.
     """
@@ -220,7 +219,7 @@ def _walk_one(tables, photon, split, course, scratch, found, room):
     kept = scale(within, flux)
     _add_difference(sums, chunk, _ESCAPED, flux, kept)
     flux = kept
-    direct, mirrored = True, False  # but for thin sheets: straight from the light; focused
+    direct, mirrored = True, False  # thin sheets aside: has met nothing since the light; is focused
     hidden = False  # whether gather rays do not find where it last scattered
     inside, plane = no_medium(), d  # of the surface that the photon comes from
     scatters, speculars, rays = i64(0), i64(0), i64(0)

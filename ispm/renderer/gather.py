@@ -13,7 +13,7 @@ import numpy as np
 
 from ispm.estimators import Estimator
 from ispm.frame import Receivers
-from ispm.lights.lightmap import light_maps
+from ispm.lights.lightmap import mean_irradiance
 from ispm.optics.incident import channels, no_light
 from ispm.optics.records import take
 from ispm.optics.rng import random4
@@ -47,14 +47,8 @@ _DIMENSION = 1 << 21  # of the random numbers that shift whole pictures of rays
 
 
 def bright_limit(packed: Packed, settings: Settings) -> float:
-    """Return the limit of bright first bounces, lx: `_BRIGHT_RATIO` times the mean over a sphere about
-    the scene."""
-    if not settings.gather_rays:
-        return math.inf
-    sphere = math.pi * packed.diagonal**2
-    measures = [sphere / 4.0 if map.orthographic else map.measure for map in light_maps(packed)]
-    power = packed.lights["intensity"].max(axis=1) @ np.array(measures)
-    return float(_BRIGHT_RATIO * power / sphere)
+    """Return the limit of bright first bounces, lx."""
+    return _BRIGHT_RATIO * mean_irradiance(packed) if settings.gather_rays else math.inf
 
 
 class PhotonLight:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ispm.lights.aim import aims_at_seen
 from ispm.lights.emission import emit_rays, emit_texels
 from ispm.lights.lightmap import light_maps
 from ispm.lights.plan import PlannedMap, plan_maps, share_photons
@@ -57,7 +58,7 @@ def plan_emission(this: Pass, software: bool) -> EmissionPlan:
 def _seen_places(this: Pass) -> np.ndarray | None:
     """What a coarse picture shows, (n, 3) m world space; None where no light asks for it."""
     view = this.view
-    if not any(map.orthographic for map in light_maps(this.packed)):
+    if not any(map(aims_at_seen, light_maps(this.packed))):
         return None
     width, height = view.size
     x, y = ((np.arange(n) + 0.5) / n for n in _COARSE)
