@@ -44,13 +44,13 @@ class Seen:
     through: bool = False
 
     def some(self, count: int) -> Seen:
-        """Return about `count` points."""
+        """Return every n-th point, about `count` of them; their reaches, m, grow with sqrt(n)."""
         step = max(-(-len(self.points) // max(count, 1)), 1)
         some = self.take(slice(None, None, step))
         return replace(some, reaches=some.reaches * np.float32(math.sqrt(step)))
 
     def take(self, rows: np.ndarray | slice) -> Seen:
-        """Return the points of some rows."""
+        """Return the points of some rows, (m,) ints or a slice."""
         arrays = ("points", "normals", "widths", "reaches")
         return replace(self, **{name: getattr(self, name)[rows] for name in arrays})
 

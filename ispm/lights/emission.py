@@ -80,10 +80,10 @@ def emit_texels(
     content = iter(texels)
     first_key = 0
     for light, maps in _by_light(packed, plan):
-        densities = [each.photons / each.map.measure for each in maps]
+        densities = [each.density for each in maps]
         for each, source in zip(maps, _sources(light, maps, densities), strict=True):
             expected = texel_measures(each.map, light, each.width, each.shift)
-            expected *= each.photons / each.map.measure
+            expected *= each.density
             most = np.ceil(expected)
             out = np.empty(int(most.sum()), EMITTED)
             faces = _faces(each.map, source.origin)
@@ -185,7 +185,7 @@ def _is_whole(light: np.void, each: PlannedMap) -> bool:
 def _density_of_rays(light: np.void, each: PlannedMap) -> float:
     """The density of a map's rays, in the units of a _VIEW."""
     if each.map.orthographic or _is_whole(light, each):
-        return each.photons / each.map.measure
+        return each.density
     return each.photons / (4.0 * each.map.spread**2)
 
 

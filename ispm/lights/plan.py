@@ -41,6 +41,11 @@ class PlannedMap:
     shift: tuple[float, float]
     offset: float
 
+    @property
+    def density(self) -> float:
+        """Photons per unit of the map's measure, sr or m2."""
+        return self.photons / self.map.measure
+
 
 def share_photons(packed: Packed, photon_count: int) -> np.ndarray:
     """Return how many photons each light emits, (L,) int64: in proportion to its luminous flux.

@@ -51,7 +51,7 @@ def _mark(firsts, ends, points, lane, pixels, width, marked):
 
 @jit
 def _same_first(a, b):
-    """Whether two FIRST_VERTEX are of the same surface: other edges are the picture's own."""
+    """Whether two FIRST_VERTEX records are of the same surface: other edges are the picture's own."""
     return a.instance == b.instance and dot(a.ng, b.ng) > _SAME_SURFACE
 
 

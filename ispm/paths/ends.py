@@ -287,7 +287,7 @@ def _sum(light, i):
 
 @jit
 def _same_frost(a, b):
-    """Weight in [0, 1] of two FIRST_VERTEX: 1 for surfaces that blur alike."""
+    """Weight, float32 in [0, 1], of two FIRST_VERTEX: 1 for surfaces that blur alike."""
     if a.instance != b.instance or b.blur <= f32(0) or abs(a.tint - b.tint) > f32(0.02):
         return f32(0)
     bend = f32(0)

@@ -121,7 +121,7 @@ def _follow_batch(
 
 
 def _samples(packed: Packed) -> int:
-    """Paths that a branch may need."""
+    """The most paths that a branch at a pixel's surface may become."""
     materials = packed.materials
     rough = (materials["transmission"] > 0.0) & (materials["roughness"] > 0.0)
     return ROUGH_SAMPLES if rough.any() else 1
@@ -176,7 +176,7 @@ class _Branch(NamedTuple):
     lane: np.int64
     d: Vector
     weight: Vector
-    clear: bool
+    sees_background: bool
 
 
 class _Path(NamedTuple):
@@ -186,9 +186,10 @@ class _Path(NamedTuple):
     lane            of its first end
     start, d        of its next ray
     weight          of the radiance that comes back along it
-    inside, focus   the hit at which it entered what it is in, see `medium`; what that makes of radiance
+    inside, focus   the hit at which it entered the solid that it is in, see `medium`; and what radiance from
+                    there is multiplied by, 1 / eta^2, outside 1
     length          m from the eye to `start`
-    clear           whether it went through glass alone, so that it sees the background
+    sees_background           whether it went through glass alone, so that it sees the background
     """
 
     key: np.uint32
@@ -200,7 +201,7 @@ class _Path(NamedTuple):
     inside: Hit
     focus: np.float32
     length: np.float32
-    clear: bool
+    sees_background: bool
 
 
 @jit
@@ -222,7 +223,8 @@ def _follow_chunks(tables, view, footprint, rays, first, counter, out):
 
 @jit
 def _follow_pixel(tables, view, thread, rays, i, slot, out, done):
-    """Follow all paths of ray `i` of RayArrays, whose ends have `slot`, to an _Out; return the _Done."""
+    """Follow all paths of row `i` of RayArrays, whose ends have `slot`, int64; write an _Out, return the
+    _Done."""
     start, d, key = vec3(rays.origins[i]), vec3(rays.directions[i]), rays.keys[i]
     near, past = f32(0), False
     shown, length = rays.hits[i], rays.distances[i]
@@ -286,23 +288,23 @@ def _leave(tables, x, inside, focus, length, branch):
 
     inside, focus  as of a _Path;  length  m, from the eye
     """
-    key, dimension, lane, d, weight, clear = branch
+    key, dimension, lane, d, weight, sees_background = branch
     start, inside = spawn_ray(tables, x, inside, d)
     passes, solid = dot(d, x.ng) < f32(0), x.bsdf.thin == f32(0)
     if passes and solid:
         focus = f32(1) / (x.bsdf.eta * x.bsdf.eta) if x.entering else f32(1)
-    clear = clear and (passes or (solid and transmits(x.bsdf) and not x.entering))
-    return _Path(key, dimension, lane, start, d, weight, inside, focus, length, clear)
+    sees_background = sees_background and (passes or (solid and transmits(x.bsdf) and not x.entering))
+    return _Path(key, dimension, lane, start, d, weight, inside, focus, length, sees_background)
 
 
 @jit
 def _follow_often(tables, view, thread, path, i, slot, out, done):
-    """Follow one path of ray `i` and the other where it parts; where it is its pixel's first to meet rough
-    glass, others beside it.
+    """Follow a path of ray `i`, and the second one if it parts. Where it is its pixel's first to meet rough
+    glass, it becomes one of ROUGH_SAMPLES, whose mean counts.
 
-    -> the _Done, and the length of the last in m
+    -> the _Done, and the length of the last path, m
     """
-    first, (key, dimension, lane, start, d, weight, inside, focus, length, clear) = done.row, path
+    first, (key, dimension, lane, start, d, weight, inside, focus, length, sees_background) = done.row, path
     direct, emission, through = vec3(out.direct[i]), vec3(out.emission[i]), vec3(out.through[i])
     share, k, count, rough = f32(1), 0, 1, False
     end = length
@@ -321,7 +323,7 @@ def _follow_often(tables, view, thread, path, i, slot, out, done):
                     out.ends[row].end.weight[c] *= share
         k += 1
         sample, part = u32(dimension + u32(k << 8)), scale(share, weight)
-        path = _Path(key, sample, lane, start, d, part, inside, focus, length, clear)
+        path = _Path(key, sample, lane, start, d, part, inside, focus, length, sees_background)
     return done, end
 
 
@@ -332,14 +334,14 @@ def _follow(tables, view, thread, path, i, slot, out, done):
     -> the _Done, whether it met rough glass, its length in m, whether it parted, and if so the other path
     """
     row, traced = done.row, done.traced
-    key, dimension, lane, start, d, weight, inside, focus, length, clear = path
+    key, dimension, lane, start, d, weight, inside, focus, length, sees_background = path
     stored, rough, parted, other = 0, False, False, path
     for _ in range(EVENTS_MAX + 1):
         u1, u2, u0 = facet_numbers(key, dimension, view.pass_index, view.seed)
         traced += i64(1)
         found, hit = closest_surface(tables, start, d, u0, thread.scratch)
         if not found:
-            if clear:
+            if sees_background:
                 _add(out.through, i, _WHITE, weight)
             length = f32(1e30)
             break
@@ -370,10 +372,15 @@ def _follow(tables, view, thread, path, i, slot, out, done):
         rough = rough or (transmits(b) and not is_smooth(b))
         may_part = lane == TRANSMITTED and not parted
         alive, wi, factor, parts, above, kept = sample_specular_lobe(x, wo, u1, u2, may_part)
-        branch = _Branch(key, u32(dimension + u32(1)), lane, wi, times(weight, factor), clear)
+        branch = _Branch(key, u32(dimension + u32(1)), lane, wi, times(weight, factor), sees_background)
         if parts:
             parting = _Branch(
-                key, u32(dimension + u32(_EVENTS_APART)), i64(SCATTERED), above, times(weight, kept), clear
+                key,
+                u32(dimension + u32(_EVENTS_APART)),
+                i64(SCATTERED),
+                above,
+                times(weight, kept),
+                sees_background,
             )
             parted, other = True, _leave(tables, x, inside, focus, length, parting)
         left = _leave(tables, x, inside, focus, length, branch)
@@ -384,7 +391,7 @@ def _follow(tables, view, thread, path, i, slot, out, done):
             or greatest(weight) < (_MIN_WEIGHT_AFTER_END if stored > 0 else _MIN_WEIGHT)
         ):
             break
-        key, dimension, lane, start, d, weight, inside, focus, length, clear = left
+        key, dimension, lane, start, d, weight, inside, focus, length, sees_background = left
     return _Done(row, traced), rough, length, parted, other
 
 

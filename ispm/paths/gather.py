@@ -78,7 +78,7 @@ class RayPlan(NamedTuple):
     side: int
 
     def of(self, rows: slice) -> RayPlan:
-        """Return the plan for some of the n receivers."""
+        """Return the plan for some of the (n,) receivers."""
         guide_rows, lifts, keys, shifts = (
             each[rows] for each in (self.guide_rows, self.lifts, self.keys, self.shifts)
         )
@@ -169,7 +169,7 @@ def _gather_one(tables, receiver, plan, course, r, k, scratch, out):
 
 @jit
 def _look(tables, ray, course, scratch, out):
-    """Write what a _GatherRay finds to its row of a Gathered."""
+    """Trace a _GatherRay to its end, a PATH_END and RECEIVER, and write its row of a Gathered."""
     start, d, share, u, u_shadow = ray.start, ray.d, ray.share, ray.u, ray.u_shadow
     weight, wo, row = (share, share, share), scale(f32(-1), d), ray.row
     for sheet in range(SHEETS_MAX):

@@ -72,7 +72,7 @@ def square_blocks(size: tuple[int, int]) -> np.ndarray:
 
 
 def even_guide(count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return what `Guide.densities` does, of uniform density, for `count` receivers."""
+    """Return (1, rings, sectors + 1) uniform densities as of `Guide.densities`, and `count` rows, int32."""
     return np.ones((1, _RINGS, _SECTORS + 1), np.float32), np.zeros(count, np.int32)
 
 

@@ -31,8 +31,8 @@ def beam_at(beam, distance, d, ng):
 def redirected_beam(table, hit, beam, d, wi, ng, n, eta):
     """Return the Beam that a smooth surface makes of one that meets it along d and leaves along wi.
 
-    table  addresses of a SurfaceTable;  hit  the Hit
-    ng, n  normals against d, the latter bent as smooth surfaces are
+    table  (8,) uint64 addresses of a SurfaceTable;  hit  the Hit
+    ng, n  unit normals against d, the latter bent as smooth surfaces are
     eta    index of refraction beyond the surface over that before it; 1: a sheet, which light passes as it is
     """
     dn_u, dn_v = normal_change(table, hit, n, beam.dx_u), normal_change(table, hit, n, beam.dx_v)

@@ -189,7 +189,7 @@ def _find_cells(receivers, grid, order):
 
 @jit
 def _run_end(order, first, most):
-    """Row of the order, at most `most`, behind the receivers in one cell with that of row `first`."""
+    """Row of the order, int64, at most `most`, behind the receivers in one cell with that of row `first`."""
     end = first + i64(1)
     while end < most and order[end] >> np.uint64(38) == order[first] >> np.uint64(38):
         end += i64(1)

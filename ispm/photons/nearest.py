@@ -76,7 +76,7 @@ def _fill_blocks(points, nodes):
 
 @jit
 def _fill_boxes(nodes, starts, level, child_count):
-    """Write the bounds of each child to its lane of its parent, a node of `level` of a tree."""
+    """Write the bounds, float32, of each child to its lane of its parent, a node of `level` of a tree."""
     low, high = i64(0), i64(0 if level == 1 else _BLOCK)
     size = _BLOCK if level == 1 else _NODE
     for child in range(child_count):
@@ -174,7 +174,8 @@ def _lanes_near(nodes, start, level, node, q, bound, lanes):
 
 @jit
 def _insert(square, point, wanted, found, squares, rows):
-    """Insert a point among the nearest ones found so far, sorted; return how many there are then."""
+    """Insert a point, int64, with its squared distance, float32, among the nearest ones found so far, sorted;
+    return how many there are then."""
     if found == wanted and not square < ldf(squares, wanted - i64(1)):
         return found
     k = min(found, wanted - i64(1))

@@ -61,8 +61,8 @@ def flight_number(event):
 
 @jit
 def scatter(x, d, flux, u0, u1, u2):
-    """Sample where a photon goes next, by three random numbers in [0, 1); the rest as of `next_flight`, but
-    without roulette."""
+    """Sample where a photon of `flux`, lm, goes next, by three random numbers in [0, 1); the rest as of
+    `next_flight`, but without roulette."""
     wo = scale(f32(-1), d)
     n, ng = x.n, x.ng
     if x.flags & u32(MATERIAL_UNLIT):

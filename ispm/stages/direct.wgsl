@@ -178,7 +178,7 @@ fn lit(pixel: vec2u, position: vec3f, word: u32) -> vec3f {
     return sum;
 }
 
-// Whether light `i` may light a surface.
+// Whether light `i` may light a surface: all that this stage asks for a light's kind.
 fn may_light(s: Surface, i: u32) -> bool {
     let light = lamps.lights[i];
     let far = light.kind == LIGHT_DIRECTIONAL;
