@@ -16,7 +16,6 @@ import numpy as np
 
 from ispm.accel.intersect import STACK_WORDS
 from ispm.accel.medium import attenuated, medium, no_medium, spawn_ray
-from ispm.accel.rays import HIT
 from ispm.accel.records import Hit, Scratch
 from ispm.accel.surface import (
     SurfaceTable,
@@ -35,7 +34,7 @@ from ispm.optics.bsdf import has_finite, is_smooth, transmits
 from ispm.optics.jit import jit
 from ispm.optics.records import MATERIAL_UNLIT, NO_HIT, RECEIVER
 from ispm.optics.vector import Vector, add, dot, scale, sub, vec3
-from ispm.paths.eye_paths import EyePaths, EyeRays, RayArrays
+from ispm.paths.eye_paths import EyePaths, EyeRays, RayArrays, ray_arrays
 from ispm.paths.facet import ROUGH_SAMPLES, facet_numbers, facet_split, sample_specular_lobe
 from ispm.paths.vertices import (
     BLACK,
@@ -66,12 +65,7 @@ REFLECTED, TRANSMITTED, SCATTERED = 0, 1, 2  # what the first surface did to a p
 
 
 def trace_eye(
-    packed: Packed,
-    world: World,
-    surfaces: SurfaceTable,
-    rays: EyeRays,
-    seed: int,
-    pass_index: int,
+    packed: Packed, world: World, surfaces: SurfaceTable, rays: EyeRays, seed: int, pass_index: int
 ) -> EyePaths:
     """Follow eye paths to their ends; the same bytes for any number of threads.
 
@@ -80,13 +74,7 @@ def trace_eye(
     count = len(rays.origins)
     firsts = np.zeros(count, FIRST_VERTEX)
     direct, emission, through = np.zeros((3, count, 3), np.float32)
-    hits = rays.hits
-    if hits is None:
-        hits = np.zeros(count, HIT)
-        hits["instance"] = NO_HIT
-    # parts of arrays in another order would be of another type, and kernels for it be compiled
-    origins, directions = np.ascontiguousarray(rays.origins), np.ascontiguousarray(rays.directions)
-    arrays = RayArrays(origins, directions, rays.distances, rays.keys, hits)
+    arrays = ray_arrays(rays)
     tables = scene_tables(packed, world, surfaces)
     (width, spread), (near, past) = rays.width, rays.slack
     view = _View(f32(width), f32(spread), f32(near), f32(past), u32(pass_index), u32(seed))
@@ -374,22 +362,13 @@ def _follow(tables, view, thread, path, i, slot, out, done):
         alive, wi, factor, parts, above, kept = sample_specular_lobe(x, wo, u1, u2, may_part)
         branch = _Branch(key, u32(dimension + u32(1)), lane, wi, times(weight, factor), sees_background)
         if parts:
-            parting = _Branch(
-                key,
-                u32(dimension + u32(_EVENTS_APART)),
-                i64(SCATTERED),
-                above,
-                times(weight, kept),
-                sees_background,
-            )
-            parted, other = True, _leave(tables, x, inside, focus, length, parting)
+            apart = u32(dimension + u32(_EVENTS_APART))
+            second = _Branch(key, apart, i64(SCATTERED), above, times(weight, kept), sees_background)
+            parted, other = True, _leave(tables, x, inside, focus, length, second)
         left = _leave(tables, x, inside, focus, length, branch)
         weight = left.weight
-        if (
-            not alive
-            or stored == _ENDS_MAX
-            or greatest(weight) < (_MIN_WEIGHT_AFTER_END if stored > 0 else _MIN_WEIGHT)
-        ):
+        least = _MIN_WEIGHT_AFTER_END if stored > 0 else _MIN_WEIGHT
+        if not alive or stored == _ENDS_MAX or greatest(weight) < least:
             break
         key, dimension, lane, start, d, weight, inside, focus, length, sees_background = left
     return _Done(row, traced), rough, length, parted, other

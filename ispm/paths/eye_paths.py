@@ -7,6 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ispm.accel.rays import HIT
+from ispm.optics.records import NO_HIT
+
 
 @dataclass(frozen=True)
 class EyeRays:
@@ -70,3 +73,14 @@ class RayArrays(NamedTuple):
     distances: np.ndarray
     keys: np.ndarray
     hits: np.ndarray
+
+
+def ray_arrays(rays: EyeRays) -> RayArrays:
+    """Return the arrays of n rays; hits: (n,) HIT, without an instance where they are to be looked for."""
+    hits = rays.hits
+    if hits is None:
+        hits = np.zeros(len(rays.keys), HIT)
+        hits["instance"] = NO_HIT
+    # parts of arrays in another order would be of another type, and kernels for it be compiled
+    origins, directions = np.ascontiguousarray(rays.origins), np.ascontiguousarray(rays.directions)
+    return RayArrays(origins, directions, rays.distances, rays.keys, hits)
