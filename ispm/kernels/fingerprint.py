@@ -2,7 +2,7 @@
 
 Globals, closures and default values are followed to the end, through other kernels, plain functions and
 modules; of numba, numpy and Python names suffice, as their versions stand in the kernel's key. Comments,
-docstrings, places and time stamps of files change nothing.
+docstrings, paths and time stamps of files change nothing.
 """
 
 from __future__ import annotations
@@ -18,9 +18,10 @@ from typing import Any
 
 import numpy as np
 from llvmlite import ir
+from numba.core import types as core_types
 from numba.core.dispatcher import Dispatcher
-from numba.core.types import Type
 
+numba_types: Any = core_types  # its names are made when numba starts, unseen by type checkers
 _PLAIN = (int, float, complex, bool, str, bytes, type(None), type(...))
 _VERSIONED = ("numba", "numpy", "llvmlite", "math", "cmath", "operator", "builtins", "typing")
 
@@ -58,7 +59,7 @@ class Dependencies:
             return f"{type(value).__name__}({', '.join(self._text(v, where) for v in value)})"
         if isinstance(value, types.ModuleType):
             return f"module {value.__name__}"  # what a function takes from it is followed by name
-        if isinstance(value, (Type, ir.Type)):
+        if isinstance(value, (numba_types.Type, ir.Type)):
             return f"type {value}"
         if hasattr(value, "_defn"):  # numba's intrinsics
             return f"intrinsic {self._function(value._defn, where)}"
@@ -84,16 +85,31 @@ class Dependencies:
         alike.append(function)
         self.weight += sum(len(code.co_code) for code in _codes(function.__code__))
         defaults = function.__defaults__ or (), sorted((function.__kwdefaults__ or {}).items())
-        own = [*(_code(code) for code in _codes(function.__code__)), self._text(defaults, home)]
+        codes = [_code(code, function.__doc__) for code in _codes(function.__code__)]
+        own = [*codes, self._text(defaults, home)]
         own += [f"{name}={self._text(value, home)}" for name, value in _names(function)]
         self._parts[found] = "|".join(own)
         return found
 
     def _class(self, kind: type, where: str) -> str:
-        """Note a class by its source file: named tuples, and types that intrinsics are made of."""
+        """Note a class: a named tuple by its fields and their defaults, all that kernels see of it; another,
+        of which intrinsics are made, by its source file."""
         name = f"{kind.__module__}.{kind.__qualname__}"
-        self._parts[name] = _file_digest(inspect.getfile(kind))
+        if issubclass(kind, tuple) and hasattr(kind, "_fields"):
+            defaults = self._text(list(getattr(kind, "_field_defaults", {}).items()), where)
+            self._parts[name] = f"{kind._fields} {defaults}"
+        else:
+            self._parts[name] = _file_digest(inspect.getfile(kind))
         return f"class {name}"
+
+
+def type_text(kind: Any) -> str:
+    """Return what tells a numba type of an argument: its own name leaves out the fields of named tuples."""
+    if not isinstance(kind, numba_types.BaseTuple):
+        return repr(kind)
+    named = isinstance(kind, numba_types.BaseNamedTuple)
+    name = f"{kind.instance_class.__name__} {kind.fields}" if named else ""
+    return f"{name}({', '.join(map(type_text, kind))})"
 
 
 @cache
@@ -113,14 +129,11 @@ def _codes(code: types.CodeType) -> Iterator[types.CodeType]:
             yield from _codes(constant)
 
 
-def _code(code: types.CodeType) -> str:
-    constants = [_constant(c) for c in code.co_consts]
-    if code.co_consts and isinstance(code.co_consts[0], str):  # the docstring
-        constants[0] = ""
-    return repr((
-        code.co_code.hex(), constants, code.co_names, code.co_varnames, code.co_freevars, code.co_cellvars,
-        code.co_flags, code.co_argcount, code.co_kwonlyargcount, code.co_exceptiontable.hex(),
-    ))  # fmt: skip
+def _code(code: types.CodeType, doc: str | None) -> str:
+    parts: tuple[Any, ...] = code.co_names, code.co_varnames, code.co_freevars, code.co_cellvars
+    parts += code.co_flags, code.co_argcount, code.co_kwonlyargcount, code.co_exceptiontable.hex()
+    constants = ["" if c is doc else _constant(c) for c in code.co_consts]
+    return repr((code.co_code.hex(), constants, *parts))
 
 
 def _constant(value: Any) -> str:
@@ -141,4 +154,4 @@ def _names(function: types.FunctionType) -> list[tuple[str, Any]]:
             found |= {f"{name}.{part}": getattr(value, part) for part in names if hasattr(value, part)}
     cells = zip(function.__code__.co_freevars, function.__closure__ or (), strict=True)
     found |= {f"{name} of the closure": cell.cell_contents for name, cell in cells}
-    return sorted(found.items(), key=lambda pair: pair[0])
+    return sorted(found.items())

@@ -13,7 +13,7 @@ from numba.core.caching import NullCache
 from numba.core.compiler_lock import global_compiler_lock
 
 from ispm.kernels import background, manifest, store
-from ispm.kernels.fingerprint import Dependencies
+from ispm.kernels.fingerprint import Dependencies, type_text
 from ispm.kernels.library import EntryCompiler, InnerCompiler, environment, from_parts, to_bytes
 
 # Contraction and reciprocals only: sums keep their order, NaN and infinity their meaning.
@@ -56,8 +56,8 @@ def _dispatcher(function: Callable[..., Any], inline: bool, compiler_class: type
 
 def kernel_file(kernel: Any, signature: tuple[Any, ...]) -> str:
     """Return the name under which `kernel` is kept for arguments of these types."""
-    function = kernel.py_func
-    return store.file_name(function, signature, Dependencies(kernel).digest, environment())
+    types = map(type_text, signature)
+    return store.file_name(kernel.py_func, types, Dependencies(kernel).digest, environment())
 
 
 def seconds_compiling() -> float:

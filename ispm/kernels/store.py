@@ -11,6 +11,7 @@ import os
 import pickle
 import shutil
 import time
+from collections.abc import Iterable
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
@@ -27,19 +28,17 @@ _KEPT_DAYS = 30.0
 _DAY = 86400.0
 
 
-def file_name(function: Any, signature: tuple[Any, ...], content: str, environment: str) -> str:
+def file_name(function: Any, types: Iterable[str], content: str, environment: str) -> str:
     """Return the name of a kernel's file, which tells its content.
 
-    signature    numba's types of the arguments
+    types        of the arguments
     content      digest of what the function depends on
     environment  what the code depends on besides
     """
-    types = "\n".join(map(repr, signature))
-    digest = hashlib.sha256(f"{_FORMAT}\n{content}\n{environment}\n{types}".encode()).hexdigest()
-    name = f"{function.__module__}.{function.__qualname__}".replace(
-        "<locals>.", ""
-    )  # no file name on Windows
-    return f"{name}-{digest[:32]}{ENDING}"
+    text = "\n".join([str(_FORMAT), content, environment, *types])
+    digest = hashlib.sha256(text.encode()).hexdigest()
+    home = function.__qualname__.replace("<locals>.", "")  # Windows has no such file names
+    return f"{function.__module__}.{home}-{digest[:32]}{ENDING}"
 
 
 def read(name: str) -> tuple[Any, ...] | None:

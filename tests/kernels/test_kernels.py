@@ -17,7 +17,16 @@ from ispm.kernels.jit import KERNELS, jit, kernel_file, seconds_compiling
 from ispm.renderer.watch import Watch
 
 SOURCE = '''
+from typing import NamedTuple
+
 import numpy as np
+
+class Pair(NamedTuple):
+    """Two numbers."""
+
+    low: float
+    high: float = 2.0  # never less
+
 FACTOR = 3.0
 SHAPE = np.dtype([("x", np.float32)])
 
@@ -45,7 +54,11 @@ def outer(x):
 
 @jit
 def other(x):
-    return x - 1.0
+    return x - 1.0 + Pair(0.0, 0.0).high
+
+@jit
+def given(pair):
+    return pair.low
 '''
 
 
@@ -94,12 +107,26 @@ def changed(old, new):
         ("made(2.0)", "made(2.5)", [False, True, False]),  # a closure
         ("k * FACTOR", "k + FACTOR", [False, True, False]),  # within a comprehension
         ("x - 1.0", "x + 1.0", [False, False, True]),
+        ("# never less", "# less", [False, False, False]),
+        ("Two numbers.", "Numbers.", [False, False, False]),
+        ("low: float", "least: float", [False, False, True]),  # a named tuple's field
+        ("high: float = 2.0", "high: float = 2.5", [False, False, True]),
         ("twice(inner", "thrice(inner", [False, True, False]),  # functions of one name
         ("@jit\\ndef other", "@jit(inline=True)\\ndef other", [False, False, True]),
     ],
 )
 def test_a_kernel_is_known_by_all_it_depends_on(old, new, expected):
     assert changed(old.replace("\\n", "\n"), new.replace("\\n", "\n")) == expected
+
+
+def test_a_kernel_is_known_by_the_fields_of_named_tuples_that_it_is_given():
+    """It may not name their class, and numba's names of such types leave the fields out."""
+    files = set()
+    for source in (SOURCE, SOURCE.replace("low: float", "low: float  # m"), SOURCE.replace("low", "first")):
+        made = module(source.replace("pair.first", "pair.low"))
+        pair = numba.types.NamedUniTuple(numba.float32, 2, made.Pair)
+        files |= {kernel_file(made.given, (numba.types.UniTuple(pair, 2),))}
+    assert len(files) == 2
 
 
 def test_what_cannot_be_told_is_no_content():
