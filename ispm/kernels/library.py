@@ -21,7 +21,7 @@ import numba
 import numpy as np
 from numba.core import config as numba_config
 from numba.core.codegen import JITCodeLibrary, JITCPUCodegen
-from numba.core.compiler import Compiler, CompileResult
+from numba.core.compiler import Compiler, compile_result
 from numba.core.compiler_lock import require_global_compiler_lock
 from numba.core.serialize import dumps
 
@@ -31,14 +31,10 @@ from ispm.kernels.fingerprint import Dependencies
 # every machine. It has AVX2 and FMA, as all but the smallest CPUs since 2013.
 BASELINE = "x86-64-v3"
 _BASELINE_NEEDS = ("avx", "avx2", "bmi", "bmi2", "f16c", "fma", "lzcnt", "movbe")
-_OPTIONS = (
-    "OPT", "LOOP_VECTORIZE", "SLP_VECTORIZE", "LLVM_REFPRUNE_PASS", "LLVM_REFPRUNE_FLAGS", "BOUNDSCHECK",
-    "DEBUGINFO_DEFAULT", "USING_SVML",
-)  # fmt: skip
-
+_PASSES = ("OPT", "LOOP_VECTORIZE", "SLP_VECTORIZE", "LLVM_REFPRUNE_PASS", "LLVM_REFPRUNE_FLAGS")
+_OPTIONS = (*_PASSES, "BOUNDSCHECK", "DEBUGINFO_DEFAULT", "USING_SVML")
 
 config: Any = numba_config  # its names are made when numba starts, unseen by type checkers
-Result: Any = CompileResult  # its fields, likewise
 
 
 @cache
@@ -194,10 +190,9 @@ def to_bytes(compiled: Any) -> bytes | None:
         return None
     description = compiled.fndesc
     description.typemap = description.calltypes = None  # large, and of no use any more
-    return bytes(dumps((
-        compiled.library.serialize_using_object_code(), description, compiled.environment, compiled.signature,
-        compiled.reload_init, tuple(compiled._find_referenced_environments()),
-    )))  # fmt: skip
+    code = compiled.library.serialize_using_object_code(), description, compiled.environment
+    environments = compiled._find_referenced_environments()
+    return bytes(dumps((*code, compiled.signature, compiled.reload_init, environments)))
 
 
 def from_parts(target_context: Any, parts: tuple[Any, ...]) -> Any:
@@ -209,9 +204,13 @@ def from_parts(target_context: Any, parts: tuple[Any, ...]) -> Any:
     entry = target_context.get_executable(library, description, environment)
     for each in environments:
         library.codegen.set_env(each.env_name, each)
-    return Result(
-        target_context=target_context, typing_context=target_context.typing_context, library=library,
-        environment=environment, entry_point=entry, fndesc=description, type_annotation="",
-        signature=signature, objectmode=False, lifted=(), typing_error=None, call_helper=None, metadata=None,
-        reload_init=(), referenced_envs=None,
-    )  # fmt: skip
+    return compile_result(
+        target_context=target_context,
+        typing_context=target_context.typing_context,
+        library=library,
+        environment=environment,
+        entry_point=entry,
+        fndesc=description,
+        signature=signature,
+        objectmode=False,
+    )

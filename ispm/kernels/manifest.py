@@ -5,8 +5,7 @@
 
 Arrays are contiguous, rows first: a part of one in another order would have a type of its own. Elements are
 numbers, or records by the name of their dtype, so that a new field changes no line. Named tuples stand with
-the names of their classes. `make kernels` writes the
-file from what small renderings call.
+the names of their classes. `make kernels` writes the file from what small renderings call.
 """
 
 from __future__ import annotations
@@ -104,8 +103,8 @@ def _array(element: Any, dimensions: int) -> Any:
 @cache
 def _record_name(record: Any) -> str:
     """Return the full name of the dtype that `record` was made from, where it is defined."""
-    found = [
-        (_defines(module, name), f"{module.__name__}.{name}")
+    found = [  # what is preferred comes first: where it is made, then a module of records
+        (not _defines(module, name), "records" not in module.__name__, f"{module.__name__}.{name}")
         for module in list(sys.modules.values())
         if getattr(module, "__name__", "").startswith("ispm.")
         for name, value in vars(module).items()
@@ -113,7 +112,8 @@ def _record_name(record: Any) -> str:
     ]
     if not found:
         raise ValueError(f"kernels are called with {record}; give that dtype a name in its module")
-    return min(found, key=lambda each: (not each[0], "records" not in each[1], each[1]))[1]
+    _, _, best = min(found)
+    return best
 
 
 def _defines(module: Any, name: str) -> bool:

@@ -1,7 +1,7 @@
 """Vectors of 4 and 8 floats, raw memory and atomics for numba kernels.
 
 Values are `<N x float>` of LLVM, known to numba as a type of its own; plain IR, so that every CPU that
-LLVM knows gets its own instructions. Memory is meant by address (uint64) and index in elements: that
+LLVM knows gets its own instructions. Memory is given by address (uint64) and index in elements: that
 costs no reference counting and keeps argument lists short.
 
 Arithmetic on vectors is IEEE to the letter, whatever fast-math flags the kernel has: the edge test of
@@ -47,7 +47,7 @@ def aligned(count: int, dtype: Any = np.float32, alignment: int = 64) -> np.ndar
 
 
 def address(array: np.ndarray) -> np.uint64:
-    """Return where the array's first element lies; the caller keeps the array alive."""
+    """Return the uint64 address of the array's first element; the caller keeps the array alive."""
     return np.uint64(array.ctypes.data)
 
 
@@ -55,20 +55,20 @@ def _vector(lanes: int) -> ir.VectorType:
     return ir.VectorType(_F32, lanes)
 
 
-def _element(context: Any, builder: Any, args: Any, kinds: Any, element: Any) -> Any:
-    """Pointer to element args[1] of those at address args[0]."""
-    index_type = types.int64 if kinds[1].signed else types.uint64
-    index = context.cast(builder, args[1], kinds[1], index_type)
-    base = builder.inttoptr(args[0], ir.PointerType(element))
-    return builder.gep(base, [index], source_etype=element)
+def _pointer(context: Any, builder: Any, base: Any, index: Any, kind: Any, element: Any, value: Any) -> Any:
+    """A pointer to a `value` that begins at the element of that index, of numba's type `kind`, of those at
+    the address `base`."""
+    index = context.cast(builder, index, kind, types.int64 if kind.signed else types.uint64)
+    start = builder.inttoptr(base, ir.PointerType(element))
+    return builder.bitcast(builder.gep(start, [index], source_etype=element), ir.PointerType(value))
 
 
 def _load(kind: Any, value: Any, element: Any, align: int) -> Any:
     @intrinsic
     def load(typingctx, base, index):
         def code(context, builder, signature, args):
-            pointer = _element(context, builder, args, signature.args, element)
-            pointer = builder.bitcast(pointer, ir.PointerType(value))
+            start, offset = args
+            pointer = _pointer(context, builder, start, offset, index, element, value)
             return builder.load(pointer, align=align, typ=value)
 
         return kind(types.uintp, index), code
@@ -80,9 +80,9 @@ def _store(kind: Any, element: Any, align: int) -> Any:
     @intrinsic
     def store(typingctx, base, index, value):
         def code(context, builder, signature, args):
-            pointer = _element(context, builder, args, signature.args, element)
-            pointer = builder.bitcast(pointer, ir.PointerType(args[2].type))
-            builder.store(args[2], pointer, align=align)
+            start, offset, stored = args
+            pointer = _pointer(context, builder, start, offset, index, element, stored.type)
+            builder.store(stored, pointer, align=align)
             return context.get_dummy_value()
 
         return types.void(types.uintp, index, kind), code
@@ -104,8 +104,9 @@ def _splat(lanes: int) -> Any:
     @intrinsic
     def splat(typingctx, x):
         def code(context, builder, signature, args):
+            (number,) = args
             undefined = ir.Constant(_vector(lanes), ir.Undefined)
-            one = builder.insert_element(undefined, args[0], ir.Constant(_I32, 0))
+            one = builder.insert_element(undefined, number, ir.Constant(_I32, 0))
             zeros = ir.Constant(ir.VectorType(_I32, lanes), [0] * lanes)
             return builder.shuffle_vector(one, undefined, zeros)
 
@@ -121,7 +122,7 @@ def _pairwise(emit: Callable[[Any, Any, Any], Any]) -> Any:
     @intrinsic
     def operation(typingctx, a, b):
         def code(context, builder, signature, args):
-            return emit(builder, args[0], args[1])
+            return emit(builder, *args)
 
         return a(a, b), code
 
@@ -139,7 +140,7 @@ vmax = _pairwise(lambda b, x, y: b.select(b.fcmp_ordered(">", x, y, flags=_EXACT
 
 @intrinsic
 def vfma(typingctx, a, b, c):
-    """a * b + c, rounded once where the CPU can."""
+    """Vectors of float32: a * b + c, rounded once where the CPU can."""
 
     def code(context, builder, signature, args):
         name, kind, module = f"llvm.fmuladd.v{a.lanes}f32", _vector(a.lanes), builder.module
@@ -151,30 +152,31 @@ def vfma(typingctx, a, b, c):
 
 @intrinsic
 def vget(typingctx, a, lane):
-    """One lane."""
+    """One lane of a vector, a float32."""
 
     def code(context, builder, signature, args):
-        index = context.cast(builder, args[1], signature.args[1], types.uint32)
-        return builder.extract_element(args[0], index)
+        vector, index = args
+        return builder.extract_element(vector, context.cast(builder, index, lane, types.uint32))
 
     return types.float32(a, lane), code
 
 
 @intrinsic
 def vsign(typingctx, a):
-    """The sign bits alone: a vector of +0 and -0."""
+    """The sign bits of a vector alone: one of float32 +0 and -0."""
 
     def code(context, builder, signature, args):
         integers = ir.VectorType(_I32, a.lanes)
         mask = ir.Constant(integers, [0x80000000] * a.lanes)
-        return builder.bitcast(builder.and_(builder.bitcast(args[0], integers), mask), _vector(a.lanes))
+        (vector,) = args
+        return builder.bitcast(builder.and_(builder.bitcast(vector, integers), mask), _vector(a.lanes))
 
     return a(a), code
 
 
 @intrinsic
 def vxor(typingctx, a, b):
-    """Bits of a and b, exclusive or; with `vsign(b)`: a times the sign of b."""
+    """Bits of the float32 vectors a and b, exclusive or; with `vsign(b)`: a times the sign of b."""
 
     def code(context, builder, signature, args):
         integers = ir.VectorType(_I32, a.lanes)
@@ -186,13 +188,14 @@ def vxor(typingctx, a, b):
 
 @intrinsic
 def vkeep(typingctx, signs, a):
-    """The lanes of a where the first bit of those of `signs` is set, else 0."""
+    """The lanes of a where those of `signs` are negative or -0, else 0; vectors of float32."""
 
     def code(context, builder, signature, args):
         integers = ir.VectorType(_I32, a.lanes)
         zero = ir.Constant(integers, [0] * a.lanes)
-        kept = builder.icmp_signed("<", builder.bitcast(args[0], integers), zero)
-        return builder.select(kept, args[1], ir.Constant(_vector(a.lanes), [0.0] * a.lanes))
+        tested, vector = args
+        kept = builder.icmp_signed("<", builder.bitcast(tested, integers), zero)
+        return builder.select(kept, vector, ir.Constant(_vector(a.lanes), [0.0] * a.lanes))
 
     return a(signs, a), code
 
@@ -201,7 +204,7 @@ def _mask(compare: str) -> Any:
     @intrinsic
     def mask(typingctx, a, b):
         def code(context, builder, signature, args):
-            lanes = builder.fcmp_ordered(compare, args[0], args[1], flags=_EXACT)
+            lanes = builder.fcmp_ordered(compare, *args, flags=_EXACT)
             return builder.zext(builder.bitcast(lanes, ir.IntType(a.lanes)), _I32)
 
         return types.uint32(a, b), code
@@ -214,13 +217,14 @@ mask_le = _mask("<=")  # bit k: whether lane k of a <= that of b; false for NaN
 
 @intrinsic
 def mask_inside(typingctx, least, t, low, high):
-    """Bit k: whether least >= 0 and low < t <= high in lane k; false for NaN."""
+    """Bit k, of uint32: whether least >= 0 and low < t <= high in lane k; false for NaN."""
 
     def code(context, builder, signature, args):
+        weight, distance, above, up_to = args
         zero = ir.Constant(_vector(least.lanes), [0.0] * least.lanes)
-        lanes = builder.fcmp_ordered(">=", args[0], zero, flags=_EXACT)
-        lanes = builder.and_(lanes, builder.fcmp_ordered(">", args[1], args[2], flags=_EXACT))
-        lanes = builder.and_(lanes, builder.fcmp_ordered("<=", args[1], args[3], flags=_EXACT))
+        lanes = builder.fcmp_ordered(">=", weight, zero, flags=_EXACT)
+        lanes = builder.and_(lanes, builder.fcmp_ordered(">", distance, above, flags=_EXACT))
+        lanes = builder.and_(lanes, builder.fcmp_ordered("<=", distance, up_to, flags=_EXACT))
         return builder.zext(builder.bitcast(lanes, ir.IntType(least.lanes)), _I32)
 
     return types.uint32(least, t, low, high), code
@@ -231,7 +235,7 @@ def count_trailing_zeros(typingctx, x):
     """Index of the lowest set bit of a uint32 that is not 0."""
 
     def code(context, builder, signature, args):
-        return builder.cttz(args[0], ir.Constant(ir.IntType(1), 1))
+        return builder.cttz(*args, ir.Constant(ir.IntType(1), 1))
 
     return types.uint32(types.uint32), code
 
@@ -241,7 +245,7 @@ def f2u(typingctx, x):
     """The bits of a float32."""
 
     def code(context, builder, signature, args):
-        return builder.bitcast(args[0], _I32)
+        return builder.bitcast(*args, _I32)
 
     return types.uint32(types.float32), code
 
@@ -251,7 +255,7 @@ def u2f(typingctx, x):
     """The float32 that has these bits."""
 
     def code(context, builder, signature, args):
-        return builder.bitcast(args[0], _F32)
+        return builder.bitcast(*args, _F32)
 
     return types.float32(types.uint32), code
 
@@ -261,8 +265,8 @@ def atomic_add(typingctx, base, value):
     """Add to the int64 at an address and return what was there before."""
 
     def code(context, builder, signature, args):
-        pointer = builder.inttoptr(args[0], ir.PointerType(_I64))
-        return builder.atomic_rmw("add", pointer, args[1], "monotonic")
+        at, added = args
+        return builder.atomic_rmw("add", builder.inttoptr(at, ir.PointerType(_I64)), added, "monotonic")
 
     return types.int64(types.uintp, types.int64), code
 
@@ -275,8 +279,8 @@ def alloca(typingctx, words):
 
     def code(context, builder, signature, args):
         with builder.goto_entry_block():
-            place = builder.alloca(ir.ArrayType(_I64, words.literal_value))
-            place.align = 64
-        return builder.ptrtoint(place, _I64)
+            room = builder.alloca(ir.ArrayType(_I64, words.literal_value))
+            room.align = 64
+        return builder.ptrtoint(room, _I64)
 
     return types.uintp(words), code

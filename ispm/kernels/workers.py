@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import os
-import subprocess
 import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from queue import Empty, SimpleQueue
+from subprocess import DEVNULL, PIPE, Popen
 
 from ispm.kernels import manifest, store
 from ispm.kernels.background import Progress
@@ -49,7 +49,7 @@ def missing() -> dict[str, int]:
             kernel, signature = manifest.parse(line)
             if store.find(kernel_file(kernel, signature)) is None:
                 found[line] = Dependencies(kernel).weight
-    return dict(sorted(found.items(), key=lambda pair: -pair[1]))
+    return {line: found[line] for line in sorted(found, key=found.__getitem__, reverse=True)}
 
 
 def work() -> None:
@@ -72,28 +72,25 @@ def _work_off(lines: list[str], count: int) -> SimpleQueue[tuple[str, str]]:
 
     The processes end with their stdin, so also where this one is killed.
     """
-    path = os.pathsep.join(part for part in sys.path if part)
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(part for part in sys.path if part)}
     command = [sys.executable, "-P", "-m", "ispm.kernels", WORK]
     waiting: SimpleQueue[str] = SimpleQueue()
     answers: SimpleQueue[tuple[str, str]] = SimpleQueue()
     for line in lines:
         waiting.put(line)
 
-    def feed(process: subprocess.Popen[str]) -> None:
+    def feed(process: Popen[str]) -> None:
         with process, suppress(Empty):
             while line := waiting.get_nowait():
                 answers.put((line, _ask(process, line)))
 
     for _ in range(count):
-        process = subprocess.Popen(
-            command, env=os.environ | {"PYTHONPATH": path}, text=True,
-            stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL,
-        )  # fmt: skip
+        process = Popen(command, env=environment, text=True, stdin=PIPE, stdout=PIPE, stderr=DEVNULL)
         threading.Thread(target=feed, args=(process,), daemon=True).start()
     return answers
 
 
-def _ask(process: subprocess.Popen[str], line: str) -> str:
+def _ask(process: Popen[str], line: str) -> str:
     """Have one kernel compiled; return what was wrong."""
     assert process.stdin is not None and process.stdout is not None
     try:
