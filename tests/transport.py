@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ispm.accel.surface import SurfaceTable
+from ispm.accel.surface import SurfaceTable, scene_tables
 from ispm.accel.world import World
 from ispm.gpu import Gpu
 from ispm.library.common import lambert
@@ -38,6 +38,7 @@ class Tracer:
         self.world.update(self.packed)
         textures = TextureTable.pack(self.packed.textures)
         self.surfaces = SurfaceTable(self.packed, textures, 0.005 * self.packed.diagonal)
+        self.tables = scene_tables(self.packed, self.world, self.surfaces)
 
     def emit(self, count: int, seed: int = 0) -> np.ndarray:
         """Return EMITTED photons, `count` from each light, drawn as rays."""

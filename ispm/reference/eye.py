@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -18,7 +18,7 @@ from ispm.optics.bsdf import Bsdf, has_finite, is_smooth, sample_bsdf, smooth_sp
 from ispm.optics.jit import jit
 from ispm.optics.records import MATERIAL_UNLIT, NO_HIT
 from ispm.optics.rng import random4
-from ispm.optics.vector import luminance, scale, sub
+from ispm.optics.vector import add, dot, luminance, scale, sub, vec3
 from ispm.paths.eye_paths import EyeRays
 from ispm.scene.packed import Packed
 
@@ -29,11 +29,26 @@ _BEFORE = f32(1e-4)  # of the distance that a ray starts before what its pixel s
 _SAME_SURFACE = 0.5  # cosine of two normals
 _NONE = (f32(0), f32(0), f32(0))
 
-_END = np.dtype([
-    ("slot", "<u4"), ("position", "<f4", 3), ("n", "<f4", 3), ("ng", "<f4", 3), ("wo", "<f4", 3),
-    ("weight", "<f4", 3), ("diffuse", "<f4", 3), ("f0", "<f4", 3), ("f90", "<f4"), ("alpha", "<f4"),
-    ("dielectric_f0", "<f4"), ("dielectric_f90", "<f4"), ("tint", "<f4", 3),
-])  # fmt: skip
+# Where a path ends on a lobe of more than one direction, of which ray (slot), and its Bsdf.
+_VECTORS = ("position", "n", "ng", "wo", "weight", "diffuse", "f0", "tint")
+_NUMBERS = ("f90", "alpha", "dielectric_f0", "dielectric_f90")
+_END = np.dtype([("slot", u32), *((v, f32, 3) for v in _VECTORS), *((n, f32) for n in _NUMBERS)])
+
+
+class _View(NamedTuple):
+    """Rays, (n, ...) float32 as EyeRays has them, and what holds for one path of each.
+
+    spread     m that a pixel covers for each m of the path
+    footprint  (1,) float32, see `SurfaceTable.own_footprint`
+    """
+
+    origins: np.ndarray
+    directions: np.ndarray
+    distances: np.ndarray
+    spread: np.float32
+    footprint: np.ndarray
+    sample: np.uint32
+    seed: np.uint32
 
 
 def eye_light(
@@ -61,12 +76,11 @@ def eye_light(
     own, foot = surfaces.own_footprint()
     tables = scene_tables(packed, world, surfaces)._replace(surfaces=own)
     tree = _tree(photons)
+    _, spread = rays.width
     for sample in range(samples):
         direct, ends = np.zeros((count, 3)), np.zeros(count * _EVENTS_MAX // 8, _END)
-        used = _follow(
-            tables, foot, rays.origins, rays.directions, rays.distances, f32(rays.width[1]),
-            u32(sample), u32(seed), direct, ends,
-        )  # fmt: skip
+        given = rays.origins, rays.directions, rays.distances
+        used = _follow(tables, _View(*given, f32(spread), foot, u32(sample), u32(seed)), direct, ends)
         light += direct
         if len(photons) and used:
             found = ends[:used]
@@ -123,30 +137,34 @@ def _tree(photons: np.ndarray) -> Any:
 
 
 @jit
-def _follow(tables, foot, origins, directions, distances, spread, sample, seed, light, ends):
-    """Follow one path of each ray; return how many ends were written."""
+def _follow(tables, view, light, ends):
+    """Follow one path of each ray of a _View; return how many ends, (m,) _END, were written.
+
+    light  (n, 3) float64, to which is added what the paths bring on their course
+    """
     scratch = Scratch(alloca(STACK_WORDS), alloca(2))
     row = i64(0)
-    for i in range(len(origins)):
-        near = distances[i] * (f32(1) - _BEFORE)
-        d = directions[i, 0], directions[i, 1], directions[i, 2]
-        start = origins[i, 0] + near * d[0], origins[i, 1] + near * d[1], origins[i, 2] + near * d[2]
-        row = _path(tables, foot, start, d, near, spread, i, sample, seed, scratch, light, ends, row)
+    for i in range(len(view.origins)):
+        row = _path(tables, view, i, scratch, light, ends, row)
     return row
 
 
 @jit
-def _path(tables, foot, start, d, length, spread, i, sample, seed, scratch, light, ends, row):
-    """Follow one path; its first surface counts only as what it passes."""
+def _path(tables, view, i, scratch, light, ends, row):
+    """Follow one path of ray i, whose first surface counts only as what it passes; return the next free row
+    of `ends`, (m,) _END."""
+    length = view.distances[i] * (f32(1) - _BEFORE)
+    d = vec3(view.directions[i])
+    start = add(vec3(view.origins[i]), scale(length, d))
     weight, inside, focus = (f32(1), f32(1), f32(1)), no_medium(), f32(1)
     for event in range(_EVENTS_MAX):
-        u1, u2, u3, u4 = random4(u32(i), u32(event), sample, seed)
+        u1, u2, u3, u4 = random4(u32(i), u32(event), view.sample, view.seed)
         found, hit = closest_surface(tables, start, d, u4, scratch)
         if not found:
             return row
-        way = sub(hit_position(tables.surfaces, hit), start)
-        length += f32(math.sqrt(way[0] * way[0] + way[1] * way[1] + way[2] * way[2]))
-        foot[0] = spread * length
+        segment = sub(hit_position(tables.surfaces, hit), start)
+        length += f32(math.sqrt(dot(segment, segment)))
+        view.footprint.fill(view.spread * length)
         x = surface(tables, hit, d)
         b, n, ng = x.bsdf, x.n, x.ng
         wo = scale(f32(-1), d)
@@ -160,13 +178,13 @@ def _path(tables, foot, start, d, length, spread, i, sample, seed, scratch, ligh
             lit, _ = direct_light(tables, x, wo, u4, scratch, f32(np.inf))
             _add(light, i, lit, weight, focus)
             if has_finite(b):
-                _write(ends[row], i, x.position, n, ng, wo, scale(focus, weight), b)
+                _write(ends[row], i, x, wo, scale(focus, weight))
                 row += 1
         alive, wi, factor = _draw(b, n, ng, wo, u1, u2, u3)
         if not alive:
             return row
         weight = times(weight, factor)
-        if wi[0] * ng[0] + wi[1] * ng[1] + wi[2] * ng[2] < f32(0) and b.thin == f32(0):
+        if dot(wi, ng) < f32(0) and b.thin == f32(0):
             focus = f32(1) / (b.eta * b.eta) if x.entering else f32(1)
         start, inside = spawn_ray(tables, x, inside, wi)
         d = wi
@@ -175,7 +193,8 @@ def _path(tables, foot, start, d, length, spread, i, sample, seed, scratch, ligh
 
 @jit
 def _draw(b, n, ng, wo, u1, u2, u3):
-    """One of the directions in which a mirror or glass sends a path, and its weight."""
+    """(whether there is any, wi, weight): one of the directions in which a mirror or glass sends a path,
+    unit, drawn by float32 uniform in [0, 1), and its weight, RGB."""
     if not is_smooth(b):
         if not transmits(b):
             return False, wo, wo
@@ -194,15 +213,18 @@ def _draw(b, n, ng, wo, u1, u2, u3):
 
 @jit
 def _add(light, i, value, weight, focus):
+    """Add the radiance `value`, RGB, times `weight`, RGB, and `focus`, float32, to row i of `light`."""
     for c in range(3):
         light[i, c] += np.float64(value[c]) * weight[c] * focus
 
 
 @jit
-def _write(end, i, position, n, ng, wo, weight, b):
+def _write(end, i, x, wo, weight):
+    """Write the _END of ray i at the SurfacePoint x."""
+    b = x.bsdf
     end.slot = u32(i)
     for c in range(3):
-        end.position[c], end.n[c], end.ng[c] = position[c], n[c], ng[c]
+        end.position[c], end.n[c], end.ng[c] = x.position[c], x.n[c], x.ng[c]
         end.wo[c], end.weight[c] = wo[c], weight[c]
         end.diffuse[c], end.f0[c], end.tint[c] = b.diffuse[c], b.f0[c], b.tint[c]
     end.f90, end.alpha = b.f90, b.alpha

@@ -7,13 +7,14 @@ Source: Kajiya, The Rendering Equation, SIGGRAPH 1986; next-event estimation.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from ispm.accel.intersect import STACK_WORDS
 from ispm.accel.medium import attenuated, medium, no_medium, spawn_ray
 from ispm.accel.records import Scratch
-from ispm.accel.surface import SurfaceTable, closest_surface, glow, scene_tables, surface
-from ispm.accel.world import World
+from ispm.accel.surface import Tables, closest_surface, glow, surface
 from ispm.kernels.simd import address, alloca, atomic_add
 from ispm.kernels.threads import run_threads
 from ispm.lights.nee import direct_light, times
@@ -21,8 +22,7 @@ from ispm.optics.bsdf import sample_bsdf
 from ispm.optics.jit import jit
 from ispm.optics.records import MATERIAL_UNLIT, NO_HIT
 from ispm.optics.rng import random4
-from ispm.optics.vector import add, scale
-from ispm.scene.packed import Packed
+from ispm.optics.vector import Vector, add, scale, vec3
 
 f32, i64, u32 = np.float32, np.int64, np.uint32
 
@@ -30,63 +30,71 @@ _EVENTS_MAX = 256
 _CHUNK = 256  # rays a thread takes at a time
 
 
+class _Task(NamedTuple):
+    """What holds for all paths: first to last sample, the last not counted, RGB background in cd/m2, scatters
+    at most, seed."""
+
+    first: np.int64
+    last: np.int64
+    background: Vector
+    bounces: np.int64
+    seed: np.uint32
+
+
 def path_light(
-    packed: Packed,
-    world: World,
-    surfaces: SurfaceTable,
+    tables: Tables,
     origins: np.ndarray,
     directions: np.ndarray,
     *,
-    samples: int,
+    samples: range,
     bounces: int,
     background: tuple[float, float, float] = (0.0, 0.0, 0.0),
-    first_sample: int = 0,
     seed: int = 0,
     threads: int = 1,
 ) -> np.ndarray:
     """Return the mean radiance along rays, (n, 3) float64 cd/m2; the same for any number of threads.
 
+    tables               `scene_tables` of what the caller keeps alive
     origins, directions  (n, 3), world space, unit
-    samples              paths of each ray, numbered from `first_sample`: other numbers are independent
+    samples              numbers, one after another, of the paths of each ray: others are independent
     bounces              scatters of light at most before what the eye sees, as of photons; mirrors and clear
                          glass do not count
     """
     light, counter = np.zeros((len(origins), 3)), np.zeros(8, np.int64)
-    tables = scene_tables(packed, world, surfaces)
-    scene = tuple(map(f32, background)), i64(bounces), u32(seed)
+    r, g, b = map(f32, background)
+    task = _Task(i64(samples.start), i64(samples.stop), (r, g, b), i64(bounces), u32(seed))
     rays = np.ascontiguousarray(origins, np.float32), np.ascontiguousarray(directions, np.float32)
-    numbers = i64(first_sample), i64(first_sample + samples)
-    run_threads(lambda _: _trace(tables, scene, rays, numbers, address(counter), light), threads)
-    return light / samples
+    run_threads(lambda _: _trace(tables, task, *rays, address(counter), light), threads)
+    return light / len(samples)
 
 
 @jit
-def _trace(tables, scene, rays, numbers, counter, light):
+def _trace(tables, task, origins, directions, counter, light):
+    """Add the radiance of all paths of each ray to (n, 3) float64 `light`; threads share the int64 at the
+    address `counter`."""
     scratch = Scratch(alloca(STACK_WORDS), alloca(2))
     while True:
         first = atomic_add(counter, i64(_CHUNK))
         if first >= len(light):
             return
         for i in range(first, min(first + i64(_CHUNK), len(light))):
-            start = rays[0][i, 0], rays[0][i, 1], rays[0][i, 2]
-            d = rays[1][i, 0], rays[1][i, 1], rays[1][i, 2]
-            for sample in range(numbers[0], numbers[1]):
-                found = _path(tables, scene, start, d, u32(i), u32(sample), scratch)
+            start, d = vec3(origins[i]), vec3(directions[i])
+            for sample in range(task.first, task.last):
+                found = _path(tables, task, start, d, u32(i), u32(sample), scratch)
                 for c in range(3):
                     light[i, c] += np.float64(found[c])
 
 
 @jit
-def _path(tables, scene, start, d, key, sample, scratch):
-    """The radiance that one path brings."""
-    background, bounces, seed = scene
+def _path(tables, task, start, d, key, sample, scratch):
+    """The radiance, cd/m2 RGB, that one path brings along d to `start`, m; key: the ray's number."""
     total, weight, inside = (f32(0), f32(0), f32(0)), (f32(1), f32(1), f32(1)), no_medium()
     scatters = i64(0)
     for event in range(_EVENTS_MAX):
-        u1, u2, u3, u4 = random4(key, u32(event), sample, seed)
+        u1, u2, u3, u4 = random4(key, u32(event), sample, task.seed)
         found, hit = closest_surface(tables, start, d, u4, scratch)
         if not found:
-            return add(total, times(weight, background)) if scatters == i64(0) else total
+            return add(total, times(weight, task.background)) if scatters == i64(0) else total
         x = surface(tables, hit, d)
         inside = medium(inside, x)
         if inside.instance != u32(NO_HIT):
@@ -100,7 +108,7 @@ def _path(tables, scene, start, d, key, sample, scratch):
         total = add(total, times(weight, lit))
         alive, wi, factor, specular = sample_bsdf(x.bsdf, x.n, x.ng, wo, u1, u2, u3, True)
         scatters += i64(not specular)
-        if not alive or scatters > bounces:
+        if not alive or scatters > task.bounces:
             return total
         weight = times(weight, factor)
         start, inside = spawn_ray(tables, x, inside, wi)

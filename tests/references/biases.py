@@ -16,7 +16,7 @@ import numpy as np
 from transport import Tracer
 
 from ispm import Renderer, Scene, Settings
-from ispm.accel.surface import SurfaceTable
+from ispm.accel.surface import SurfaceTable, scene_tables
 from ispm.gpu import Gpu, open_gpu
 from ispm.optics.texture import TextureTable
 from ispm.reference.paths import path_light
@@ -139,9 +139,10 @@ def _indirect(scene: Scene, x: np.ndarray, y: np.ndarray, samples: int, first: i
     tracer, view = Tracer(scene), _view(scene)
     textures = TextureTable.pack(tracer.packed.textures)
     surfaces = SurfaceTable(tracer.packed, textures, _SHARP * tracer.packed.diagonal)
-    place = tracer.packed, tracer.world, surfaces, *view.rays_through(x, y)
+    tables = scene_tables(tracer.packed, tracer.world, surfaces)
+    rays = view.rays_through(x, y)
     every, straight = (
-        path_light(*place, samples=n, bounces=bounces, first_sample=first, threads=2)
+        path_light(tables, *rays, samples=range(first, first + n), bounces=bounces, threads=2)
         for n, bounces in ((samples, BOUNCES), (1, 0))
     )
     return (every - straight).mean(axis=-1)

@@ -15,7 +15,7 @@ from assets import assets
 from transport import Tracer
 
 from ispm import Scene, builtin, load
-from ispm.accel.surface import SurfaceTable
+from ispm.accel.surface import SurfaceTable, scene_tables
 from ispm.optics.texture import TextureTable
 from ispm.reference.paths import path_light
 from ispm.stages.camera import CameraView
@@ -82,9 +82,11 @@ def _measure(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
     surfaces = SurfaceTable(tracer.packed, textures, _FOOTPRINT * tracer.packed.diagonal)
     pixels = np.random.default_rng(3).choice(SIZE[0] * SIZE[1], _PIXELS, replace=False)
     rays = view.rays_through(pixels % SIZE[0] + 0.5, pixels // SIZE[0] + 0.5)
-    trace = partial(path_light, tracer.packed, tracer.world, surfaces, *rays, threads=2)
-    halves = [trace(samples=_PATHS, bounces=_BOUNCES, first_sample=k * _PATHS) for k in range(2)]
-    return pixels, np.array(halves) - trace(samples=4, bounces=0)
+    tables = scene_tables(tracer.packed, tracer.world, surfaces)
+    trace = partial(path_light, tables, *rays, threads=2)
+    parts = range(_PATHS), range(_PATHS, 2 * _PATHS)
+    halves = [trace(samples=part, bounces=_BOUNCES) for part in parts]
+    return pixels, np.array(halves) - trace(samples=range(4), bounces=0)
 
 
 if __name__ == "__main__":

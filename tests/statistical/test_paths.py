@@ -25,10 +25,8 @@ def seen(scene, size, samples, bounces):
     for k in range(samples):
         x, y = random.random((2, size[1], size[0]))
         origins, directions = view.rays_through(np.arange(size[0]) + x, np.arange(size[1])[:, None] + y)
-        found = path_light(
-            tracer.packed, tracer.world, tracer.surfaces, origins.reshape(-1, 3), directions.reshape(-1, 3),
-            samples=1, bounces=bounces, first_sample=k, threads=2,
-        )  # fmt: skip
+        rays = origins.reshape(-1, 3), directions.reshape(-1, 3)
+        found = path_light(tracer.tables, *rays, samples=range(k, k + 1), bounces=bounces, threads=2)
         pictures.append(found.reshape(size[1], size[0], 3))
     return np.array(pictures)
 
@@ -69,10 +67,8 @@ def test_a_sphere_of_albedo_a_half_doubles_its_light():
     directions = np.random.default_rng(1).normal(size=(20_000, 3))
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
     for bounces, exact in ((0, 1.0), (4, 1.9375), (40, 2.0)):
-        found = path_light(
-            tracer.packed, tracer.world, tracer.surfaces, np.zeros((20_000, 3)), directions, samples=1,
-            bounces=bounces, threads=2,
-        )  # fmt: skip
+        rays = np.zeros((20_000, 3)), directions
+        found = path_light(tracer.tables, *rays, samples=range(1), bounces=bounces, threads=2)
         assert found.mean() == pytest.approx(0.5 / math.pi * exact, rel=3e-3)
 
 
@@ -82,18 +78,9 @@ def test_paths_go_through_glass_and_stay_the_same_for_any_threads():
     tracer = Tracer(scene)
     directions = np.random.default_rng(2).normal(size=(2000, 3))
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    rays = np.zeros((2000, 3)), directions
     found = [
-        path_light(
-            tracer.packed,
-            tracer.world,
-            tracer.surfaces,
-            np.zeros((2000, 3)),
-            directions,
-            samples=2,
-            bounces=3,
-            threads=threads,
-        )
-        for threads in (1, 2)
+        path_light(tracer.tables, *rays, samples=range(2), bounces=3, threads=threads) for threads in (1, 2)
     ]
     assert (found[0] == found[1]).all() and np.isfinite(found[0]).all()
     assert (found[0].mean(axis=1) > 0).mean() > 0.99
