@@ -1,16 +1,17 @@
 """Binary tree of boxes by the binned surface area heuristic.
 
-A reference is 8 floats: min x y z, id bits, -max x y z, 0; one vector minimum joins two boxes. Splitting
+A reference is 8 float32: min x y z, id bits, -max x y z, 0; one vector minimum joins two boxes. Splitting
 moves whole references, so every pass reads memory in order. A node's number follows from its range of
 references alone (left = node + 1, right = node + 2 * left count): any number of threads builds the same
-tree.
+tree. In kernels `refs`, `boxes` and `scratch` are uint64 addresses of such floats, `scratch` of one thread's
+_SCRATCH; `start` and `stop`, int64, are a range of references.
 
 Source: Wald, "On fast construction of SAH-based bounding volume hierarchies", 2007.
 """
 
 from __future__ import annotations
 
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 
@@ -32,7 +33,7 @@ from ispm.kernels.simd import (
     vstore4,
     vstore8,
     vsub,
-)  # fmt: skip
+)
 from ispm.kernels.threads import run_threads
 from ispm.optics.jit import jit
 
@@ -55,6 +56,21 @@ _PARALLEL = 4096  # references below which one thread is faster than sharing
 _STACK_ROWS = MAX_DEPTH + 2
 
 
+class GrowingTree(NamedTuple):
+    """A BinaryTree while it is built, for kernels.
+
+    refs, boxes  uint64 addresses of its arrays;  links  (2 n, 2) uint32
+    block_shift  the heuristic counts blocks of 2**block_shift references
+    leaf_size    most references of a leaf
+    """
+
+    refs: np.uint64
+    boxes: np.uint64
+    links: np.ndarray
+    block_shift: int
+    leaf_size: int
+
+
 class BinaryTree:
     """A binary tree over references.
 
@@ -72,32 +88,38 @@ class BinaryTree:
         threads = threads if n >= _PARALLEL else 1
         bound_refs(address(refs), 0, n, address(self.boxes))
         whole = np.array([[0, n, 0, 0]], np.int64)
-        arrays = (address(refs), address(self.boxes), self.links, block_shift, leaf_size)
+        growing = GrowingTree(address(refs), address(self.boxes), self.links, block_shift, leaf_size)
         if threads == 1:
-            self._grow(arrays, whole, 1)
+            self._grow(growing, whole, 1)
             return
         task_size = max(1024, n // (16 * threads))
         tasks = np.empty((2 * n // task_size * MAX_DEPTH + 1, 4), np.int64)
         scratch = aligned(_SCRATCH)
         stack = np.empty((_STACK_ROWS, 4), np.int64)
-        count = build_range(*arrays, whole[0], task_size, tasks, address(scratch), stack)
+        count = build_range(growing, whole[0], task_size, tasks, address(scratch), stack)
         largest_first = np.argsort(tasks[:count, 0] - tasks[:count, 1], kind="stable")
-        self._grow(arrays, np.ascontiguousarray(tasks[:count][largest_first]), threads)
+        self._grow(growing, np.ascontiguousarray(tasks[:count][largest_first]), threads)
+
+    @property
+    def bounds(self) -> np.ndarray:
+        """(2, 3) float32 corners of the box of all references."""
+        return np.stack([self.boxes[0, :3], -self.boxes[0, 4:7]])
 
     @staticmethod
-    def _grow(arrays: tuple[Any, ...], tasks: np.ndarray, threads: int) -> None:
-        """Build the subtrees of `tasks`, each thread taking the next one."""
+    def _grow(growing: GrowingTree, tasks: np.ndarray, threads: int) -> None:
+        """Build the subtrees of `tasks`, (n, 4) int64, each thread taking the next one."""
         counter = np.zeros(1, np.int64)
 
         def worker(_: int) -> None:
             scratch, stack = aligned(_SCRATCH), np.empty((_STACK_ROWS, 4), np.int64)
-            build_tasks(*arrays, tasks, address(counter), address(scratch), stack)
+            build_tasks(growing, tasks, address(counter), address(scratch), stack)
 
         run_threads(worker, threads)
 
 
 def triangle_refs(positions: np.ndarray, triangles: np.ndarray, threads: int) -> np.ndarray:
-    """Return (n, 8) references of the triangles whose corners are finite."""
+    """Return (n, 8) float32 references of the triangles whose corners are finite; arguments as of
+    `build_mesh_bvh`."""
     count = len(triangles)
     refs = aligned(8 * count).reshape(-1, 8)
     cuts = np.linspace(0, count, threads + 1).astype(np.int64)
@@ -114,7 +136,11 @@ def triangle_refs(positions: np.ndarray, triangles: np.ndarray, threads: int) ->
 
 @jit
 def write_refs(positions, triangles, refs, start, stop):
-    """Write references of triangles start..stop; the last word is 1 where one is not usable."""
+    """Write references of triangles start..stop, the last word 1 where one is not usable; return how many
+    those are.
+
+    positions  (V, 3) float32;  triangles  (T, 3) uint32
+    """
     bad = 0
     for i in range(start, stop):
         a, b, c = triangles[i, 0], triangles[i, 1], triangles[i, 2]
@@ -133,7 +159,7 @@ def write_refs(positions, triangles, refs, start, stop):
 
 @jit
 def area(box):
-    """Half the surface of a box."""
+    """Return half the surface, float32 m2, of a box in the form of references."""
     x = -vget(box, 4) - vget(box, 0)
     y = -vget(box, 5) - vget(box, 1)
     z = -vget(box, 6) - vget(box, 2)
@@ -142,7 +168,7 @@ def area(box):
 
 @jit
 def bound_refs(refs, start, stop, out):
-    """Write the box of references start..stop to `out`."""
+    """Write the box of references start..stop, 8 float32, to the address `out`."""
     box = splat8(_EMPTY)
     for i in range(start, stop):
         box = vmin(vload8(refs, 8 * i), box)
@@ -151,7 +177,7 @@ def bound_refs(refs, start, stop, out):
 
 @jit
 def bound_centers(refs, start, stop, out):
-    """Write min and max of twice the boxes' centers to out[0:4] and out[4:8]."""
+    """Write min and max of twice the boxes' centers, 4 float32 each (the last of no use), to an address."""
     low, high = splat4(_EMPTY), splat4(-_EMPTY)
     for i in range(start, stop):
         center = vsub(vload4(refs, 8 * i), vload4(refs, 8 * i + 4))
@@ -162,7 +188,10 @@ def bound_centers(refs, start, stop, out):
 
 @jit(inline=True)
 def bin_scale(scratch, axis, bins):
-    """Bins per metre of twice the center; 0 where all centers agree."""
+    """Return the bins per metre of twice the center, float32; 0 where all centers agree.
+
+    scratch  its first 8 floats as `bound_centers` writes them;  bins  on each axis
+    """
     extent = ldf(scratch, 4 + axis) - ldf(scratch, axis)
     # a little less than the number of bins, so that the last center falls into the last bin
     return f32(bins) * f32(0.99999) / extent if extent > _FLAT else f32(0)
@@ -170,7 +199,7 @@ def bin_scale(scratch, axis, bins):
 
 @jit
 def fill_bins(refs, start, stop, scratch, bins):
-    """Join each reference's box to its bin on each axis, and count."""
+    """Join each reference's box to its bin on each axis, and count: float32 and uint32 words of scratch."""
     empty = splat8(_EMPTY)
     for j in range(3 * bins):
         vstore8(scratch, _BOXES + 8 * j, empty)
@@ -192,7 +221,8 @@ def fill_bins(refs, start, stop, scratch, bins):
 
 @jit
 def best_cut(scratch, bins, n, block_shift):
-    """Return (cost, axis, last bin of the left side); axis -1 where no cut parts the centers."""
+    """Return (cost in m2, axis, last bin of the left side) of the cheapest cut of n references in `bins` on
+    each axis; axis -1 where no cut parts the centers."""
     round_up = i64((1 << block_shift) - 1)
     best, best_axis, best_bin = f32(3e38), i64(-1), i64(0)
     for axis in range(3):
@@ -216,7 +246,8 @@ def best_cut(scratch, bins, n, block_shift):
 
 @jit
 def write_children(scratch, axis, last_left, bins):
-    """Write the child boxes of a cut to scratch and return their common area."""
+    """Write the child boxes of a cut, as `best_cut` has it, to scratch; return half the surface of the box of
+    both, float32 m2."""
     left, right = splat8(_EMPTY), splat8(_EMPTY)
     for j in range(bins):
         box = vload8(scratch, _BOXES + 8 * (axis * bins + j))
@@ -231,7 +262,8 @@ def write_children(scratch, axis, last_left, bins):
 
 @jit
 def part_refs(refs, start, stop, scratch, axis, last_left, bins):
-    """Move references of bins <= last_left to the front; return where the others start."""
+    """Move references whose bin on `axis` is last_left at most to the front; return where the others start,
+    int64."""
     origin, scale = ldf(scratch, axis), bin_scale(scratch, axis, bins)
     i, j = start, stop - 1
     while True:
@@ -256,7 +288,7 @@ def part_refs(refs, start, stop, scratch, axis, last_left, bins):
 
 @jit
 def halve(refs, start, stop, scratch):
-    """Cut a range in the middle, where it lies."""
+    """Cut a range in the middle, in the order that it has; return where its right side starts, int64."""
     middle = (start + stop) // 2
     bound_refs(refs, start, middle, scratch + 4 * _LEFT)
     bound_refs(refs, middle, stop, scratch + 4 * _RIGHT)
@@ -264,12 +296,13 @@ def halve(refs, start, stop, scratch):
 
 
 @jit
-def split(refs, start, stop, depth, scratch, block_shift, leaf_size):
-    """Part a range in two; return where the right side starts, `start` for a leaf.
+def split(tree, start, stop, depth, scratch):
+    """Part a range of a GrowingTree in two; return where the right side starts, int64, `start` for a leaf.
 
     Once the levels left are just enough to halve the range down to single references it is halved,
     however bad the boxes: so no path is longer than MAX_DEPTH for up to 2**MAX_DEPTH references.
     """
+    refs, block_shift, leaf_size = tree.refs, tree.block_shift, tree.leaf_size
     n = stop - start
     if n == 1:
         return start
@@ -294,12 +327,14 @@ def split(refs, start, stop, depth, scratch, block_shift, leaf_size):
 
 
 @jit
-def build_range(refs, boxes, links, block_shift, leaf_size, task, task_size, tasks, scratch, stack):
-    """Build the subtree of `task` = (first reference, end, node, depth).
+def build_range(tree, task, task_size, tasks, scratch, stack):
+    """Build a subtree of a GrowingTree.
 
     Ranges of at most `task_size` are left to others: written to `tasks`. Returns how many those are.
-    stack  (MAX_DEPTH + 2, 4): a range waits for each level of the path, so it does not overflow
+    task   (4,) int64: first reference, end, node, depth;  tasks  (n, 4), the same
+    stack  (MAX_DEPTH + 2, 4), the same: a range waits for each level of the path, so it does not overflow
     """
+    boxes, links = tree.boxes, tree.links
     task_count = 0
     for k in range(4):
         stack[0, k] = task[k]
@@ -312,7 +347,7 @@ def build_range(refs, boxes, links, block_shift, leaf_size, task, task_size, tas
                 tasks[task_count, k] = stack[waiting, k]
             task_count += 1
             continue
-        middle = split(refs, start, stop, depth, scratch, block_shift, leaf_size)
+        middle = split(tree, start, stop, depth, scratch)
         if middle == start:
             links[node, 0], links[node, 1] = u32(start), u32(stop - start) | u32(LEAF)
             continue
@@ -328,10 +363,11 @@ def build_range(refs, boxes, links, block_shift, leaf_size, task, task_size, tas
 
 
 @jit
-def build_tasks(refs, boxes, links, block_shift, leaf_size, tasks, counter, scratch, stack):
-    """Build subtrees until none is left; threads share `counter`."""
+def build_tasks(tree, tasks, counter, scratch, stack):
+    """Build the subtrees of (n, 4) int64 `tasks` until none is left; threads share the int64 at the address
+    `counter`. Arguments as of `build_range`."""
     while True:
         k = atomic_add(counter, i64(1))
         if k >= len(tasks):
             return
-        build_range(refs, boxes, links, block_shift, leaf_size, tasks[k], i64(0), tasks, scratch, stack)
+        build_range(tree, tasks[k], i64(0), tasks, scratch, stack)

@@ -39,5 +39,4 @@ def build_mesh_bvh(positions: np.ndarray, triangles: np.ndarray, threads: int = 
     tree = BinaryTree(refs, BLOCK.bit_length() - 1, LEAF_SIZE, threads)
     nodes, leaves = collapse(tree, rows=False)
     blocks = triangle_blocks(positions, triangles, refs, leaves, threads)
-    whole = tree.boxes[0]
-    return MeshBvh(nodes, blocks, np.stack([whole[:3], -whole[4:7]]))
+    return MeshBvh(nodes, blocks, tree.bounds)

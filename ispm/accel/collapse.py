@@ -39,7 +39,7 @@ _STACK_ROWS = 7 * MAX_DEPTH + 8
 
 
 def collapse(tree: BinaryTree, rows: bool) -> tuple[np.ndarray, np.ndarray]:
-    """Return the nodes as flat float32 words and the leaves (n, 3): first reference, count, first block.
+    """Return the nodes as flat float32 words and the leaves, (n, 3) int64: first reference, count, block.
 
     rows  leaves hold one reference each and point to its id instead of a block
     """
@@ -55,7 +55,7 @@ def collapse(tree: BinaryTree, rows: bool) -> tuple[np.ndarray, np.ndarray]:
 
 
 def empty_node() -> np.ndarray:
-    """Return a node without children."""
+    """Return a node without children, (64,) float32 words."""
     node = aligned(NODE_WORDS)
     for k in range(WIDTH):
         clear_child(address(node), 0, k)
@@ -65,7 +65,7 @@ def empty_node() -> np.ndarray:
 def triangle_blocks(
     positions: np.ndarray, triangles: np.ndarray, refs: np.ndarray, leaves: np.ndarray, threads: int
 ) -> np.ndarray:
-    """Return the blocks of `leaves` as flat float32 words."""
+    """Return the blocks of `leaves` as flat float32 words; see `build_mesh_bvh` and `collapse`."""
     block_count = int(leaves[-1, 2]) + -(-int(leaves[-1, 1]) // BLOCK)
     blocks = aligned(BLOCK_WORDS * block_count)
     cuts = np.linspace(0, len(leaves), threads + 1).astype(np.int64)
@@ -80,7 +80,12 @@ def triangle_blocks(
 
 @jit
 def write_nodes(refs, boxes, links, rows, nodes, leaves, stack):
-    """Write wide nodes depth first; return how many nodes and leaves there are."""
+    """Write wide nodes depth first; return how many nodes and leaves there are.
+
+    refs, boxes, links  of a BinaryTree, the first two by address;  rows  as of `collapse`
+    nodes   address of 64 float32 words for each reference;  leaves  (n, 3) int64
+    stack   (_STACK_ROWS, 2) int64 to work in
+    """
     children = np.empty(WIDTH, np.int64)
     node_count, block_count, leaf_count = 1, i64(0), 0
     stack[0, 0], stack[0, 1] = 0, 0
@@ -115,7 +120,11 @@ def write_nodes(refs, boxes, links, rows, nodes, leaves, stack):
 
 @jit
 def open_children(boxes, links, source, children):
-    """Replace the child of largest area by its two children until there are 8; return their count."""
+    """Begin with the children of the binary node `source`, itself where it is a leaf, and replace the one of
+    largest area by its two children until there are 8; return their count.
+
+    children  (WIDTH,) int64, written;  boxes, links  as of `write_nodes`
+    """
     if links[source, 1] & u32(LEAF):
         children[0] = source
         return 1
@@ -138,7 +147,7 @@ def open_children(boxes, links, source, children):
 
 @jit
 def clear_child(nodes, node, k):
-    """Make child k of the node at word `node` empty."""
+    """Make child k of the node at word `node`, int64, of the address `nodes` empty."""
     for axis in range(3):
         stf(nodes, node + 16 * axis + k, _FAR)
         stf(nodes, node + 16 * axis + 8 + k, -_FAR)
@@ -147,7 +156,10 @@ def clear_child(nodes, node, k):
 
 @jit
 def write_blocks(positions, triangles, refs, leaves, start, stop, blocks):
-    """Write the blocks of leaves start..stop."""
+    """Write the blocks of leaves start..stop, rows of (n, 3) int64, to the address `blocks`.
+
+    positions  (V, 3) float32;  triangles  (T, 3) uint32;  refs  address of the references
+    """
     for leaf in range(start, stop):
         first, size, block = leaves[leaf, 0], leaves[leaf, 1], leaves[leaf, 2]
         for i in range(-(-size // BLOCK) * BLOCK):
@@ -166,7 +178,8 @@ def write_blocks(positions, triangles, refs, leaves, start, stop, blocks):
 
 @jit
 def is_needle(positions, triangles, triangle):
-    """Whether a triangle's least height is less than a quarter of its longest edge."""
+    """Whether a triangle's least height is less than a quarter of its longest edge; arguments as of
+    `write_blocks`, the row of the triangle."""
     p, q, s = triangles[triangle, 0], triangles[triangle, 1], triangles[triangle, 2]
     e1 = sub(_vertex(positions, q), _vertex(positions, p))
     e2 = sub(_vertex(positions, s), _vertex(positions, p))
@@ -177,12 +190,16 @@ def is_needle(positions, triangles, triangle):
 
 @jit
 def _vertex(positions, vertex):
+    """The position of a vertex as a tuple of float64."""
     return f64(positions[vertex, 0]), f64(positions[vertex, 1]), f64(positions[vertex, 2])
 
 
 @jit
 def shift_refs(nodes, node_count, first_node, first_block):
-    """Make a tree's refs absolute after it was put behind others."""
+    """Make a tree's refs absolute after it was put behind others.
+
+    nodes  address of its `node_count` nodes;  first_node, first_block  how many of others precede it, int64
+    """
     for node in range(node_count):
         for k in range(WIDTH):
             word = node * NODE_WORDS + REFS + k

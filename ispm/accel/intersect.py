@@ -2,7 +2,9 @@
 
 Boxes are met conservatively and triangles with their edges: what a ray does at an edge depends on the
 edge alone, so it never passes between two triangles that share it. Hits come in order of distance, and at
-the same distance in order of instance and triangle.
+the same distance in order of instance and triangle. In kernels `nodes`, `blocks`, `keys`, `stack`, `order`
+and `table` are uint64 addresses; a ref, int64, is a node or leaf as `accel.collapse` has it; `waiting` counts
+the uint64 words of the stack that are in use.
 
 Source of the boxes: Ize, "Robust BVH ray traversal", 2013.
 """
@@ -40,7 +42,7 @@ from ispm.kernels.simd import (
     vmin,
     vmul,
     vstore8,
-)  # fmt: skip
+)
 from ispm.optics.jit import jit
 
 f32, f64, i64, u32, u64 = np.float32, np.float64, np.int64, np.uint32, np.uint64
@@ -88,9 +90,10 @@ _NEAR = np.float32(1 / 256)
 
 @jit(inline=True)
 def slab(o, d, reach, word):
-    """Prepare one axis; return its Slab.
+    """Return the Slab of one axis.
 
-    reach  largest coordinate of the boxes;  word  of the axis' lower planes
+    o, d  the ray's origin, m, and direction along it;  reach  largest coordinate of the boxes, m
+    word  of a node, where the axis' lower planes begin
     """
     r = f32(1) / (d if abs(d) > _SMALLEST else (_SMALLEST if d >= f32(0) else -_SMALLEST))
     slack = abs(r) * ((abs(o) + reach) * _SLACK + _SLACK_AT_ZERO)
@@ -99,7 +102,7 @@ def slab(o, d, reach, word):
 
 @jit(inline=True)
 def lanes(axis):
-    """Return a Slab in eight lanes."""
+    """Return a Slab of float32 in eight lanes."""
     return Slab(splat8(axis.rate), axis.word, splat8(axis.near), splat8(axis.far))
 
 
@@ -107,8 +110,8 @@ def lanes(axis):
 def descend(nodes, node, slabs, limit, nearest, keys, stack, waiting):
     """Meet the 8 boxes of a node: the nearest one met is next, farther ones wait on the stack.
 
-    slabs  of eight lanes, as limit and nearest, the distances between which boxes are met
-    keys   address of 8 floats to work in
+    slabs  of eight lanes, as limit and nearest, float32, the distances between which boxes are met
+    keys   8 floats to work in
     ->     (next ref or _NO_NODE, waiting). A waiting word is distance bits << 32 | ref, so that
            comparing integers compares distances.
     """
@@ -148,14 +151,14 @@ def descend(nodes, node, slabs, limit, nearest, keys, stack, waiting):
                     k = i64(count_trailing_zeros(u32(met)))
                     met &= met - 1
                     key0 = (u64(ldu(keys, k)) << u64(32)) | u64(ldu(nodes, word + k))
-                    place = waiting
-                    while place > bottom:
-                        other = ldq(stack, place - 1)
+                    slot = waiting
+                    while slot > bottom:
+                        other = ldq(stack, slot - 1)
                         if other >= key0:
                             break
-                        stq(stack, place, other)
-                        place -= 1
-                    stq(stack, place, key0)
+                        stq(stack, slot, other)
+                        slot -= 1
+                    stq(stack, slot, key0)
                     waiting += 1
                 waiting -= 1
                 lower = ldq(stack, waiting)
@@ -165,7 +168,8 @@ def descend(nodes, node, slabs, limit, nearest, keys, stack, waiting):
 
 @jit(inline=True)
 def next_waiting(stack, bottom, waiting, t):
-    """Take refs off the stack down to one no farther than t; (_NO_NODE, bottom) where there is none."""
+    """Take refs off the stack down to one no farther than t, float32; return it and the words that are in
+    use, (_NO_NODE, bottom) where there is none."""
     bits = u64(f2u(t))
     found = i64(_NO_NODE)
     while waiting > bottom:
@@ -179,7 +183,8 @@ def next_waiting(stack, bottom, waiting, t):
 
 @jit(inline=True)
 def is_between(order, t, distance, primitive):
-    """Whether a hit comes before the one at t and after the one in `order`; it is then the one at t."""
+    """Return whether a hit at `distance`, float32, comes before the one at t and after the first of `order`;
+    `order` then holds its key."""
     key = (u64(ldu(order, ORDER_INSTANCE)) << u64(32)) | u64(primitive)
     first = ldf(order, ORDER_FIRST)
     before = distance < t or (distance == t and key < ldq(order, ORDER_KEY))
@@ -191,11 +196,11 @@ def is_between(order, t, distance, primitive):
 
 @jit
 def meet_mesh(mesh, ray, any_hit, scratch, bottom, order):
-    """First hit of one Mesh by a Ray of its object space.
+    """Return the distance, float32, of the first hit of one Mesh by a Ray of its object space, the ray's end
+    where there is none before; the rest goes to `scratch.found` and `order`.
 
-    bottom  words of the stack that are in use;  order  what hits come between, see ORDER_KEY
-    ->      its distance, the ray's end where there is none before; the rest goes to `scratch.found` and
-            `order`
+    any_hit  any hit will do;  bottom  words of the Scratch's stack that are in use
+    order    what hits come between, see ORDER_KEY
     """
     nodes, blocks, stack, hit, t = mesh.nodes, mesh.blocks, scratch.stack, scratch.found, ray.t_max
     (ox, oy, oz), (dx, dy, dz), reach = ray.origin, ray.direction, mesh.reach
@@ -267,7 +272,8 @@ def meet_mesh(mesh, ray, any_hit, scratch, bottom, order):
 
 @jit
 def meet_world(table, ray, first, first_key, any_hit, scratch):
-    """First hit over all instances after the one at `first`, or any; its distance, the ray's end without."""
+    """Return the distance, float32, of the first hit of a Ray over all instances after the one at the
+    distance `first` of the uint64 key `first_key`, or of any; the ray's end where there is none."""
     nodes, rows = ldq(table, TOP_NODES), ldq(table, ROWS)
     mesh_nodes, blocks = ldq(table, NODES), ldq(table, BLOCKS)
     stack, hit, t_max = scratch.stack, scratch.found, ray.t_max
@@ -323,8 +329,8 @@ def meet_world(table, ray, first, first_key, any_hit, scratch):
 
 @jit
 def closest(table, ray, scratch):
-    """Return the distance of the nearest hit of a Ray in units of its direction, its end where nothing is
-    nearer.
+    """Return the distance, float32, of the nearest hit of a Ray in lengths of its direction, its end where
+    nothing is nearer.
 
     table    address of `World.table`
     scratch  Scratch, whose `found` is written only where something is hit; for `read_hit`
@@ -334,8 +340,8 @@ def closest(table, ray, scratch):
 
 @jit
 def closest_after(table, ray, first, scratch):
-    """Return the distance of the next hit after the one in `scratch.found`, the ray's end where nothing
-    follows.
+    """Return the distance, float32, of the next hit after the one in `scratch.found`, the ray's end where
+    nothing follows.
 
     first  distance of that one; 0, and in `found` NO_HIT for instance and primitive, for the nearest
     Every triangle along the ray comes once, those that coincide too. Arguments as of `closest`.
@@ -347,13 +353,16 @@ def closest_after(table, ray, first, scratch):
 
 @jit
 def read_hit(found):
-    """Return the hit whose words are at an address."""
+    """Return the Hit whose words, uint32 and float32, are at an address."""
     return Hit(ldu(found, HIT_INSTANCE), ldu(found, HIT_PRIMITIVE), ldf(found, HIT_U), ldf(found, HIT_V))
 
 
 @jit
 def any_hit(table, ray, stack):
-    """Return whether anything lies on a Ray before its end."""
+    """Return whether anything lies on a Ray before its end.
+
+    table  address of `World.table`;  stack  address of STACK_WORDS uint64
+    """
     return meet_world(table, ray, f32(0), _NO_KEY, True, Scratch(stack, alloca(2))) < ray.t_max
 
 

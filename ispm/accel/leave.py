@@ -25,13 +25,13 @@ def leave_triangle(corner, e1, e2, u, v, n, scale):
     corner, e1, e2  first corner and edges to the second and third, world space; vectors as tuples
     u, v            barycentric coordinates of the hit;  n  unit geometric normal of the side to leave
     scale           m, `instance_scale`
-    A point from barycentrics is off by a few 2^-24 of the largest number on its way to the world: its
+    A point from barycentrics is off by a few 2^-24 of the largest number on its path to world space: its
     object space coordinates, its translation, or what they give, whichever is largest, not what they sum
-    to. Rays take the way back, where an uneven matrix makes the error grow. An instance's scale is the
-    product of both; the point moves by 4 of its 2^-24 along n. A point this close to an edge may also lie
-    behind the wall that begins there, so it first moves towards the center of the circle within the
-    triangle until it is four times as far from all edges, or half of the circle's radius: the wall may lean
-    over this triangle, down to an angle of 15 degrees. Others stay: the center of a needle is far away.
+    to. Rays are taken back to object space, where an uneven matrix makes the error grow. An instance's scale
+    is the product of both; the point moves by 4 of its 2^-24 along n. A point this close to an edge may also
+    lie behind the wall that begins there, so it first moves towards the center of the triangle's incircle
+    until it is four times as far from all edges, or half of the circle's radius: the wall may lean over this
+    triangle, down to an angle of 15 degrees. Others stay: the center of a needle is far away.
     """
     h = _OFFSET * scale
     e3, area = sub(e2, e1), cross(e1, e2)
@@ -48,7 +48,11 @@ def leave_triangle(corner, e1, e2, u, v, n, scale):
 
 @jit
 def _inwards(e1, e2, e3, u, v, margin):
-    """Move a point towards the center of the circle within until it is `margin` from all edges."""
+    """Return the barycentrics of a point moved towards the center of the triangle's incircle until it is
+    `margin`, m, from all edges, or half of the circle's radius.
+
+    e1, e2, e3  edges from the first corner to the second, to the third, and from the second to the third, m
+    """
     area = cross(e1, e2)
     a, b, c = math.sqrt(dot(e3, e3)), math.sqrt(dot(e2, e2)), math.sqrt(dot(e1, e1))
     around, twice_area = a + b + c, math.sqrt(dot(area, area))
@@ -57,11 +61,12 @@ def _inwards(e1, e2, e3, u, v, margin):
     share = f32(0.5)  # of the circle's radius
     if margin * around < share * twice_area:
         share = margin * around / twice_area
-    way = max(_way_to(share * a, f32(1) - u - v, a), max(_way_to(share * b, u, b), _way_to(share * c, v, c)))
-    return u + way * (b - u), v + way * (c - v)
+    moved = max(_share_to(share * b, u, b), _share_to(share * c, v, c))
+    moved = max(_share_to(share * a, f32(1) - u - v, a), moved)
+    return u + moved * (b - u), v + moved * (c - v)
 
 
 @jit(inline=True)
-def _way_to(low, weight, center):
-    """The share of the way from `weight` to the center's on which `low` is reached."""
+def _share_to(low, weight, center):
+    """Return which share of the distance from a weight to that of the center reaches `low`; 0 to 1."""
     return (low - weight) / (center - weight) if weight < low else f32(0)

@@ -1,4 +1,7 @@
-"""What lies between hits: where flights start, and the solids that they go through."""
+"""What lies between hits: where flights start, and the solids that they go through.
+
+`tables` is a Tables; directions are unit, as tuples of float32, world space.
+"""
 
 from __future__ import annotations
 
@@ -20,22 +23,22 @@ _ATTENUATION = word_of(MATERIAL, "attenuation")
 
 @jit
 def no_medium():
-    """Return the hit that bounds nothing."""
+    """Return the Hit that bounds nothing: its instance is NO_HIT."""
     return Hit(u32(NO_HIT), u32(0), f32(0), f32(0))
 
 
 @jit
 def medium(inside, x):
-    """Return a Hit on what bounds the solid that a flight to the SurfacePoint x went through: that one if
-    met from within, else what the path last entered, `inside`."""
+    """Return a Hit on the boundary of the solid that a flight to the SurfacePoint x went through: that of x,
+    if a solid was met from within, else `inside`, where the path last entered one (NO_HIT: nowhere)."""
     solid = x.flags & u32(MATERIAL_TRANSMITS | MATERIAL_THIN) == u32(MATERIAL_TRANSMITS)
     return x.hit if solid and not x.entering else inside
 
 
 @jit
 def spawn_ray(tables, x, inside, d):
-    """Return where a flight along `d` from a SurfacePoint starts, and a Hit on what bounds the solid
-    it is in."""
+    """Return where a flight along `d` from a SurfacePoint starts, m, and a Hit on the boundary of the solid
+    that it is in; inside: that of the flight to x."""
     side = f32(1) if dot(d, x.ng) > f32(0) else f32(-1)
     start = leave_surface(tables, x.hit, scale(side, x.ng))
     if side > f32(0) or x.flags & u32(MATERIAL_THIN):
@@ -45,21 +48,23 @@ def spawn_ray(tables, x, inside, d):
 
 @jit
 def passed_sheet(x, wi):
-    """Return whether a specular event was a straight passage through a thin sheet."""
+    """Return whether a specular event at a SurfacePoint, which sent a path along wi, went straight through a
+    MATERIAL_THIN sheet."""
     return x.flags & u32(MATERIAL_THIN) != u32(0) and dot(wi, x.ng) < f32(0)
 
 
 @jit
 def attenuated(tables, inside, origin, position, flux):
-    """Return the flux that is left of a flight through a solid."""
-    way = sub(position, origin)
-    left = attenuation(tables.surfaces, inside, f32(math.sqrt(dot(way, way))))
+    """Return the flux, RGB, that is left of a flight from `origin` to `position`, m, through the solid whose
+    boundary is the Hit `inside`."""
+    segment = sub(position, origin)
+    left = attenuation(tables.surfaces, inside, f32(math.sqrt(dot(segment, segment))))
     return left[0] * flux[0], left[1] * flux[1], left[2] * flux[2]
 
 
 @jit
 def attenuation(table, hit, distance):
-    """Return the share of light, RGB, left after `distance` metres of what the hit's material bounds.
+    """Return the share of light, RGB, left after `distance` metres of what a Hit's material bounds.
 
     Source: KHR_materials_volume, attenuation.
     """

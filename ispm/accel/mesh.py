@@ -1,6 +1,8 @@
 """A packed scene's triangles as kernels read them: by address, in words of four bytes.
 
-`table` is that of a SurfaceTable; vectors are tuples of float32.
+`table` is a SurfaceTable's (8,) uint64 addresses. A record in one of its arrays is given by its first word,
+int64, as `triangle_at` returns it: `instance`, `material` and `corners`, three vertices. Vectors are tuples
+of float32.
 """
 
 from __future__ import annotations
@@ -17,12 +19,12 @@ f32, i64, u32 = np.float32, np.int64, np.uint32
 
 
 def word_of(dtype: np.dtype, name: str) -> np.int64:
-    """Return the place of a field in its record."""
+    """Return the word, int64, at which a field begins in its record."""
     assert dtype.fields is not None
     return i64(dtype.fields[name][1] // 4)
 
 
-# slots of the addresses in a SurfaceTable
+# Which address of a SurfaceTable is whose.
 VERTICES, INDICES, INSTANCES, MATERIALS, FOOTPRINT = range(5)
 
 NORMAL = word_of(VERTEX, "normal")
@@ -33,7 +35,7 @@ _FIRST_INDEX, _INSTANCE_MATERIAL = word_of(INSTANCE, "first_index"), word_of(INS
 
 @jit
 def triangle_at(table, hit):
-    """Return where a hit's instance, material and three vertices lie, in words."""
+    """Return the words, int64, at which a Hit's instance, material and three vertices begin."""
     instance = i64(hit.instance) * _INSTANCE
     material = i64(ldu(table[INSTANCES], instance + _INSTANCE_MATERIAL)) * _MATERIAL
     first = i64(ldu(table[INSTANCES], instance + _FIRST_INDEX)) + i64(3) * i64(hit.primitive)
@@ -46,14 +48,14 @@ def triangle_at(table, hit):
 
 
 @jit
-def vector_at(base, place):
-    """Return the three floats at a place."""
-    return ldf(base, place), ldf(base, place + i64(1)), ldf(base, place + i64(2))
+def vector_at(base, word):
+    """Return the three float32 from a word on, int64, of the array at the address `base`."""
+    return ldf(base, word), ldf(base, word + i64(1)), ldf(base, word + i64(2))
 
 
 @jit
 def interpolated(table, corners, field, u, v):
-    """Return a vector attribute at barycentrics u, v."""
+    """Return a vector attribute, float32, at barycentrics u, v; field: its word in VERTEX."""
     a = scale(f32(1) - u - v, vector_at(table[VERTICES], corners[0] + field))
     b = scale(u, vector_at(table[VERTICES], corners[1] + field))
     return add(a, add(b, scale(v, vector_at(table[VERTICES], corners[2] + field))))
@@ -61,7 +63,7 @@ def interpolated(table, corners, field, u, v):
 
 @jit
 def rows_times(instances, matrix, x):
-    """Return a 3x4 matrix's left three columns times a vector."""
+    """Return the left 3x3 of a matrix, whose first word in INSTANCE records is `matrix`, times a vector."""
     return (
         dot(vector_at(instances, matrix), x),
         dot(vector_at(instances, matrix + i64(4)), x),
@@ -71,7 +73,7 @@ def rows_times(instances, matrix, x):
 
 @jit
 def world_point(instances, instance, x):
-    """Return a point of object space in world space."""
+    """Return a point of an instance's object space in world space, m; instances: their address."""
     m = instance + TO_WORLD
     moved = (ldf(instances, m + i64(3)), ldf(instances, m + i64(7)), ldf(instances, m + i64(11)))
     return add(rows_times(instances, m, x), moved)
@@ -79,13 +81,13 @@ def world_point(instances, instance, x):
 
 @jit
 def world_normal(instances, instance, x):
-    """Return a normal of object space in world space, unit."""
+    """Return a normal of an instance's object space in world space, unit; instances: their address."""
     return unit(rows_times(instances, instance + COFACTORS, x))
 
 
 @jit
 def edges_at(table, corners):
-    """Return the first corner and the edges to the second and third, object space."""
+    """Return the first corner of a triangle and the edges to the second and third, object space, float32."""
     p0 = vector_at(table[VERTICES], corners[0])
     e1 = sub(vector_at(table[VERTICES], corners[1]), p0)
     e2 = sub(vector_at(table[VERTICES], corners[2]), p0)
@@ -94,7 +96,7 @@ def edges_at(table, corners):
 
 @jit
 def hit_plane(table, hit):
-    """Return a hit's position and its triangle's normal, on the front, unit; world space."""
+    """Return a Hit's position, m, and its triangle's normal, on the front, unit; world space."""
     instance, _, corners = triangle_at(table, hit)
     p0, e1, e2 = edges_at(table, corners)
     offset = add(scale(hit.u, e1), scale(hit.v, e2))
@@ -104,7 +106,7 @@ def hit_plane(table, hit):
 
 @jit
 def normal_change(table, hit, n, dx):
-    """Return how much the interpolated normal changes along dx, a small step in a hit's triangle.
+    """Return how much the interpolated normal changes along dx, m, a small step in a Hit's triangle.
 
     n  the normal there, unit, or its opposite; world space, as dx and the result
     Source: Igehy 1999, section 3.2, with cofactors in place of object space.

@@ -12,7 +12,7 @@ f32 = np.float32
 
 @jit
 def unit(x):
-    """Scale to unit length without overflow; +Y where there is no length."""
+    """Return x at unit length, without overflow; +Y where it has no length."""
     largest = max(abs(x[0]), max(abs(x[1]), abs(x[2])))
     if not largest > f32(0):
         return f32(0), f32(1), f32(0)
@@ -22,7 +22,7 @@ def unit(x):
 
 @jit
 def bend(n, toward):
-    """`n`, or the unit vector next to it that is just on the side of `toward`.
+    """Return the unit vector `n`, or the one next to it that is just on the side of `toward`, unit.
 
     For shading normals that a map or coarse triangles turned past the surface or away from where light
     goes: nothing would leave there. Twin of seen.wgsl's.

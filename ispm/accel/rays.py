@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ispm.accel.intersect import (  # fmt: skip
+from ispm.accel.intersect import (
     HIT_INSTANCE,
     HIT_PRIMITIVE,
     HIT_U,
@@ -28,6 +28,7 @@ _CHUNK = 256  # rays a thread takes at a time
 
 @jit
 def _ray(origins, directions, limits, i):
+    """Ray i of arrays by address: float32, three a vector and one a limit."""
     origin = (ldf(origins, 3 * i), ldf(origins, 3 * i + 1), ldf(origins, 3 * i + 2))
     direction = (ldf(directions, 3 * i), ldf(directions, 3 * i + 1), ldf(directions, 3 * i + 2))
     return Ray(origin, direction, ldf(limits, i))
@@ -35,7 +36,10 @@ def _ray(origins, directions, limits, i):
 
 @jit
 def trace_rays(table, origins, directions, limits, count, counter, hits):
-    """Write a HIT for each ray; threads share `counter`. Arrays by address, three floats a vector."""
+    """Write a HIT for each of `count` rays; threads share the int64 at the address `counter`.
+
+    table  address of `World.table`;  origins, directions, limits, hits  addresses of float32 and HIT arrays
+    """
     scratch = Scratch(alloca(STACK_WORDS), alloca(2))
     hit = scratch.found
     while True:
@@ -57,7 +61,7 @@ def trace_rays(table, origins, directions, limits, count, counter, hits):
 
 @jit
 def occlude_rays(table, origins, directions, limits, count, counter, blocked):
-    """Write to blocked[i] whether something lies on ray i before its limit; as `trace_rays`."""
+    """Write to (count,) bool `blocked` whether anything is on each ray before its limit; see `trace_rays`."""
     stack = alloca(STACK_WORDS)
     while True:
         first = atomic_add(counter, i64(1)) * _CHUNK

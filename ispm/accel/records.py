@@ -10,7 +10,7 @@ from ispm.optics.vector import Vector
 
 
 class Hit(NamedTuple):
-    """What a ray meets. u, v: barycentrics of the triangle's second and third corner."""
+    """What a ray meets: a triangle of an instance. u, v: barycentrics of its second and third corner."""
 
     instance: np.uint32
     primitive: np.uint32
@@ -19,7 +19,7 @@ class Hit(NamedTuple):
 
 
 class Ray(NamedTuple):
-    """Where a ray starts, its direction, which need not be unit, and the end in units of that."""
+    """A ray; its direction need not be unit, and t_max, where it ends, counts in lengths of it."""
 
     origin: Vector
     direction: Vector
@@ -27,7 +27,8 @@ class Ray(NamedTuple):
 
 
 class Scratch(NamedTuple):
-    """Addresses that one thread's rays work in: a stack of STACK_WORDS words, and the words of a hit."""
+    """Addresses of memory that one thread's rays use: a stack of STACK_WORDS uint64, and the four words of a
+    hit, see HIT_PRIMITIVE."""
 
     stack: np.uint64
     found: np.uint64
@@ -43,8 +44,8 @@ class Mesh(NamedTuple):
 
 
 class Slab(NamedTuple):
-    """A ray along one axis, or the same in eight lanes: 1/d, finite at 0, the word of the near planes, and
-    -o/d for near and far planes."""
+    """A ray along one axis, or the same in eight lanes: 1/d, finite at 0, the word of a node where the planes
+    begin that it meets first, and -o/d for these and the others, with a margin for rounding."""
 
     rate: np.float32
     word: np.int64

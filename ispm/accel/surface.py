@@ -1,6 +1,8 @@
 """The surface at a hit: position, normals and BSDF from instance, primitive and barycentrics.
 
-The twin of what the G-buffer shader does from interpolated vertices. Vectors are tuples of float32.
+The twin of what the G-buffer shader does from interpolated vertices. Vectors are tuples of float32. In
+kernels `tables` is a Tables, `table` its `surfaces`; `instance`, `material` and `corners` are words, see
+`accel.mesh`; `use` is the word of a TEXTURE_USE in MATERIAL.
 """
 
 from __future__ import annotations
@@ -28,12 +30,12 @@ from ispm.accel.mesh import (
     word_of,
     world_normal,
     world_point,
-)  # fmt: skip
+)
 from ispm.accel.normals import bend, unit
 from ispm.accel.records import Hit, Ray
 from ispm.accel.world import World
 from ispm.kernels.simd import address, ldf, ldu, stu
-from ispm.optics.bsdf import Bsdf, surface_bsdf
+from ispm.optics.bsdf import Bsdf, Dielectric, surface_bsdf
 from ispm.optics.jit import jit
 from ispm.optics.records import (
     INSTANCE,
@@ -47,7 +49,7 @@ from ispm.optics.records import (
     NO_HIT,
     TEXTURE_USE,
     VERTEX,
-)  # fmt: skip
+)
 from ispm.optics.texture import HEIGHT, WIDTH, TextureTable, sample_texture
 from ispm.optics.vector import Vector, add, cross, dot, scale, sub
 from ispm.scene.packed import Packed
@@ -77,17 +79,12 @@ class SurfaceTable:
     """A packed scene's arrays as kernels read them; keeps them alive.
 
     footprint  metres on a surface over which a photon sees textures averaged
-    addresses  (8,) uint64;  texels, rows: a TextureTable's
+    addresses  (8,) uint64, in the order of `accel.mesh`;  texels, rows  a TextureTable's
     """
 
     def __init__(self, packed: Packed, textures: TextureTable, footprint: float) -> None:
-        self._kept = [
-            np.ascontiguousarray(array)
-            for array in (
-                packed.geometry.vertices, packed.geometry.indices, packed.instances, packed.materials,
-                np.array([footprint], np.float32),
-            )
-        ]  # fmt: skip
+        arrays = packed.geometry.vertices, packed.geometry.indices, packed.instances, packed.materials
+        self._kept = [*map(np.ascontiguousarray, arrays), np.array([footprint], np.float32)]
         self.addresses = np.array([*map(address, self._kept), 0, 0, 0], np.uint64)
         self.texels, self.rows = textures.texels, textures.rows
 
@@ -118,18 +115,19 @@ class Tables(NamedTuple):
 
 
 def scene_tables(packed: Packed, world: World | None, surfaces: SurfaceTable) -> Tables:
-    """Return what kernels are handed of a scene; it does not keep the arrays alive.
+    """Return the Tables that kernels are handed of a scene; they do not keep all arrays alive.
 
     world  None for kernels that trace no rays
     """
     porous = bool((packed.materials["flags"] & (MATERIAL_MASK | MATERIAL_BLEND | MATERIAL_THIN)).any())
-    place = np.uint64(0) if world is None else address(world.table)
-    return Tables(place, surfaces.addresses, surfaces.texels, surfaces.rows, packed.lights, porous)
+    trees = np.uint64(0) if world is None else address(world.table)
+    return Tables(trees, surfaces.addresses, surfaces.texels, surfaces.rows, packed.lights, porous)
 
 
 class SurfacePoint(NamedTuple):
     """A surface where a ray meets it; world space.
 
+    position  m
     ng, n     geometric and shading normal, unit, both turned against the ray
     flags     of the material
     entering  whether the ray met the front, the outside of a solid
@@ -145,8 +143,8 @@ class SurfacePoint(NamedTuple):
 
 
 class _TextureContext(NamedTuple):
-    """Where textures are read: rows of the instance, the material and its triangle's corners in their tables,
-    barycentrics, and the area in texture space over which is averaged."""
+    """Where textures are read: words of the instance, the material and the triangle's corners, barycentrics,
+    and the area in texture space, of which the whole texture has 1, over which is averaged."""
 
     instance: np.int64
     material: np.int64
@@ -158,7 +156,7 @@ class _TextureContext(NamedTuple):
 
 @jit
 def surface(tables, hit, d):
-    """Return the SurfacePoint at a Hit of a ray along d."""
+    """Return the SurfacePoint at a Hit of a ray along d, unit."""
     table = tables.surfaces
     instance, material, corners = triangle_at(table, hit)
     u, v = hit.u, hit.v
@@ -183,7 +181,8 @@ def surface(tables, hit, d):
 
 @jit
 def glow(tables, hit):
-    """Return the radiance that a hit sends everywhere: emission, or the base color of unlit materials."""
+    """Return the radiance, cd/m2 RGB, that a Hit sends everywhere: emission, or the base color of unlit
+    materials."""
     table = tables.surfaces
     instance, material, corners = triangle_at(table, hit)
     materials = table[MATERIALS]
@@ -204,20 +203,21 @@ def glow(tables, hit):
 
 @jit
 def material_flags(table, hit):
-    """Return the flags of the material that was hit."""
+    """Return the MATERIAL_* flags, uint32, of a Hit's material."""
     _, material, _ = triangle_at(table, hit)
     return ldu(table[MATERIALS], material + _FLAGS)
 
 
 @jit
 def hit_position(table, hit):
-    """Return the position of a hit in world space."""
-    return hit_plane(table, hit)[0]
+    """Return the position of a Hit in world space, m."""
+    position, _ = hit_plane(table, hit)
+    return position
 
 
 @jit
 def leave_surface(tables, hit, ng):
-    """Return where a ray starts that leaves a hit on the side of the geometric normal `ng`."""
+    """Return where a ray starts, m, that leaves a Hit on the side of the geometric normal `ng`, unit."""
     table = tables.surfaces
     instance, _, corners = triangle_at(table, hit)
     p0, e1, e2 = edges_at(table, corners)
@@ -229,9 +229,9 @@ def leave_surface(tables, hit, ng):
 
 @jit
 def closest_surface(tables, origin, d, u, scratch):
-    """Return (found, Hit) of the nearest surface that is not a hole of its material.
+    """Return (found, Hit) of the nearest surface from `origin`, m, along d that is no hole of its material.
 
-    u  random in [0, 1): a blended surface is met where u is below its opacity
+    u  random in [0, 1): a blended surface is met where u is below its opacity;  scratch  a Scratch
     """
     t, edge = f32(0), False
     ray, words = Ray(origin, d, f32(np.inf)), scratch.found
@@ -255,7 +255,7 @@ def closest_surface(tables, origin, d, u, scratch):
 
 @jit
 def _opacity(tables, hit):
-    """Opacity at a hit as a probability; cheap where the material is opaque."""
+    """Opacity at a Hit as a probability, 0 to 1; cheap where the material is opaque."""
     table = tables.surfaces
     instance, material, corners = triangle_at(table, hit)
     flags = ldu(table[MATERIALS], material + _FLAGS)
@@ -270,12 +270,13 @@ def _opacity(tables, hit):
 
 @jit
 def _texture(table, material, use):
-    """The texture in one slot of a material, -1: none."""
+    """The row, int64, of a material's texture in the texture table, -1: none."""
     return i64(np.int32(ldu(table[MATERIALS], material + use + _TEXTURE)))
 
 
 @jit
 def _has_texture(table, material):
+    """Whether the MATERIAL has any texture but one for emission."""
     base, rough = _texture(table, material, _BASE_MAP), _texture(table, material, _ROUGHNESS_MAP)
     normal, clear = _texture(table, material, _NORMAL_MAP), _texture(table, material, _TRANSMISSION_MAP)
     return max(max(base, rough), max(normal, clear)) >= i64(0)
@@ -283,15 +284,15 @@ def _has_texture(table, material):
 
 @jit
 def _uv(table, corners, field, k):
-    return (
-        ldf(table[VERTICES], corners[k] + field),
-        ldf(table[VERTICES], corners[k] + field + i64(1)),
-    )
+    """The float32 texture coordinates of corner k from the set at the word `field` of VERTEX."""
+    word = corners[k] + field
+    return ldf(table[VERTICES], word), ldf(table[VERTICES], word + i64(1))
 
 
 @jit
 def _footprint(table, instance, corners, e1, e2):
-    """The photon's footprint in units of uv area: that of the triangle's first uv set."""
+    """The footprint of a SurfaceTable, squared, as an area of the triangle's first uv set, float32; edges in
+    object space."""
     m = instance + TO_WORLD
     area = cross(rows_times(table[INSTANCES], m, e1), rows_times(table[INSTANCES], m, e2))
     (au, av), (bu, bv) = _uv(table, corners, _UV0, 0), _uv(table, corners, _UV0, 1)
@@ -303,7 +304,7 @@ def _footprint(table, instance, corners, e1, e2):
 
 @jit
 def _sample(tables, context, use):
-    """RGBA of the texture in slot `use` of a material."""
+    """RGBA, linear, of the texture in slot `use` of a _TextureContext's material."""
     table, rows, corners = tables.surfaces, tables.rows, context.corners
     u, v = context.u, context.v
     materials = table[MATERIALS]
@@ -312,17 +313,17 @@ def _sample(tables, context, use):
     (au, av), (bu, bv) = _uv(table, corners, field, 0), _uv(table, corners, field, 1)
     cu, cv = _uv(table, corners, field, 2)
     w = f32(1) - u - v
-    place = (w * au + u * bu + v * cu, w * av + u * bv + v * cv, f32(1))
+    uv = (w * au + u * bu + v * cu, w * av + u * bv + v * cv, f32(1))
     texture = _texture(table, context.material, use)
     texel_count = context.uv_area * f32(rows[texture, WIDTH]) * f32(rows[texture, HEIGHT])
     level = f32(0.5) * math.log2(texel_count) if texel_count > f32(1) else f32(0)
-    s, t = dot(vector_at(materials, slot), place), dot(vector_at(materials, slot + _ROW1), place)
+    s, t = dot(vector_at(materials, slot), uv), dot(vector_at(materials, slot + _ROW1), uv)
     return sample_texture(tables.texels, rows, texture, s, t, level)
 
 
 @jit
 def _base_color(tables, context):
-    """Base color and opacity: factor, texture and vertex color multiplied."""
+    """Base color, linear RGB, and opacity at a _TextureContext: factor times texture times vertex color."""
     table, material, corners = tables.surfaces, context.material, context.corners
     u, v = context.u, context.v
     color = vector_at(table[MATERIALS], material)
@@ -345,14 +346,14 @@ def _base_color(tables, context):
 
 @jit
 def _mix_channel(c0, c1, c2, shift, u, v):
-    """One channel of three packed colors, interpolated."""
+    """The channel at bit `shift` of three packed uint32 colors, interpolated, 0 to 1."""
     a, b, c = f32((c0 >> shift) & u32(255)), f32((c1 >> shift) & u32(255)), f32((c2 >> shift) & u32(255))
     return ((f32(1) - u - v) * a + u * b + v * c) * f32(1 / 255)
 
 
 @jit
 def _bsdf(tables, context, flags, entering):
-    """The Bsdf at a point of a material."""
+    """The Bsdf at a _TextureContext; flags: MATERIAL_* of the material;  entering  as of SurfacePoint."""
     table, material = tables.surfaces, context.material
     materials = table[MATERIALS]
     color, _ = _base_color(tables, context)
@@ -367,18 +368,22 @@ def _bsdf(tables, context, flags, entering):
         if _texture(table, material, _TRANSMISSION_MAP) >= i64(0):
             r, _, _, _ = _sample(tables, context, _TRANSMISSION_MAP)
             transmission *= r
-    return surface_bsdf(
-        color, metallic, roughness, ldf(materials, material + _F0),
-        vector_at(materials, material + _SPECULAR_COLOR), ldf(materials, material + _SPECULAR), transmission,
-        ldf(materials, material + _IOR), flags & u32(MATERIAL_THIN) != u32(0), entering,
-    )  # fmt: skip
+    dielectric = Dielectric(
+        ldf(materials, material + _F0),
+        vector_at(materials, material + _SPECULAR_COLOR),
+        ldf(materials, material + _SPECULAR),
+        ldf(materials, material + _IOR),
+        flags & u32(MATERIAL_THIN) != u32(0),
+    )
+    return surface_bsdf(color, metallic, roughness, transmission, dielectric, entering)
 
 
 @jit
 def _mapped_normal(tables, context, n):
-    """The normal map's normal in world space; `n` where the mesh has no tangents there."""
+    """The normal map's normal at a _TextureContext, unit, world space; `n` where the mesh has no tangents."""
     table, instance, material, corners = tables.surfaces, context.instance, context.material, context.corners
-    side = ldf(table[VERTICES], corners[0] + _TANGENT + i64(3))
+    first, _, _ = corners
+    side = ldf(table[VERTICES], first + _TANGENT + i64(3))
     tangent = interpolated(table, corners, _TANGENT, context.u, context.v)
     if side == f32(0) or dot(tangent, tangent) < f32(1e-12):
         return n

@@ -17,10 +17,12 @@ f32, f64 = np.float32, np.float64
 
 
 class Shear(NamedTuple):
-    """The way to the space where a ray starts at 0 and runs along z; all but words in four lanes.
+    """The transform to the space where a ray starts at 0 and runs along z; all but words in four lanes.
 
-    wx ..  words of the coordinates that become x, y and z;  kx ..  the ray's origin in them
-    minus_x, minus_y  what is added to x and y for each z;  rate  of the ray's parameter along z
+    wx, wy, wz        words, within a corner of a block, of the coordinates that become x, y and z
+    kx, ky, kz        the ray's origin in these coordinates
+    minus_x, minus_y  what is added to x and y for each unit of z
+    rate              of the ray's parameter along z
     """
 
     wx: np.int64
@@ -36,10 +38,10 @@ class Shear(NamedTuple):
 
 @jit(inline=True)
 def meet_block(blocks, word, shear):
-    """Meet 4 triangles, in the space of a Shear.
+    """Meet the 4 triangles from a word on, int64, of the address `blocks`, in the space of a Shear.
 
-    ->     (b, c, size, inside, scaled): weights of the second and third corner and distance, all times
-           size > 0; inside is not negative where all three weights are not
+    ->     (b, c, size, inside, scaled), float32 in four lanes: weights b and c of the second and third corner
+           and distance `scaled`, all times size > 0; inside is not negative where all three weights are not
     A weight depends on the two corners of an edge alone, and is the exact negative in the triangle beyond
     it: no ray misses both, and one on the edge hits both.
     """
@@ -64,10 +66,11 @@ def meet_block(blocks, word, shear):
 
 @jit(inline=True)
 def meet_needle(blocks, word, origin, direction):
-    """Return (distance, u, v) of the triangle whose first word is `word`; NaN where it is seen from its edge.
+    """Return (distance, u, v), float32, of the triangle whose first word in the blocks is `word`; NaN where
+    it is seen from its edge. The distance counts in lengths of the ray's direction.
 
-    In float64. Products of coordinates are as large as the square of a needle's length, their sum is its
-    area: in float32 one of 1:20 is off its plane by up to 20 roundings, more than rays start from it, and
+    In float64: products of coordinates are as large as the square of a needle's length, their sum is its
+    area. In float32 one of 1:20 is off its plane by up to 20 roundings, more than rays start from it, and
     they meet it again. Weights below 0 are taken for 0: the hit is within the triangle.
     """
     o = (f64(origin[0]), f64(origin[1]), f64(origin[2]))
@@ -84,4 +87,5 @@ def meet_needle(blocks, word, origin, direction):
 
 @jit(inline=True)
 def _corner(blocks, word):
+    """The corner of a triangle whose x is that word of the blocks, float64."""
     return f64(ldf(blocks, word)), f64(ldf(blocks, word + 4)), f64(ldf(blocks, word + 8))

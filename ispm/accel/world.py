@@ -10,7 +10,7 @@ import numpy as np
 from ispm.accel.build import BinaryTree
 from ispm.accel.bvh import MeshBvh, build_mesh_bvh
 from ispm.accel.collapse import BLOCK_WORDS, NODE_WORDS, collapse, empty_node, shift_refs
-from ispm.accel.intersect import (  # fmt: skip
+from ispm.accel.intersect import (
     BLOCKS,
     NODES,
     ROW_REACH,
@@ -25,6 +25,7 @@ from ispm.accel.rays import HIT, occlude_rays, trace_rays
 from ispm.kernels.simd import address, aligned, stf, stu
 from ispm.kernels.threads import run_threads, thread_count
 from ispm.optics.jit import jit
+from ispm.optics.vector import cross, dot
 from ispm.scene.packed import Geometry, MeshRange, Packed
 
 f32, f64, u32 = np.float32, np.float64, np.uint32
@@ -55,7 +56,7 @@ class World:
         self._place(np.zeros((0, 3, 4), np.float32), np.zeros(0, np.uint32))
 
     def update(self, packed: Packed) -> None:
-        """Follow a scene: build trees of meshes that came or changed, place all instances anew."""
+        """Build trees of the meshes that are new or changed in a scene, and the tree over its instances."""
         if packed.geometry is not self._geometry:
             self._join(packed.geometry)
             self._geometry = packed.geometry
@@ -64,7 +65,7 @@ class World:
         self._place(matrices, np.ascontiguousarray(rows["mesh"]))
 
     def scratch(self, count: int, dtype: np.dtype) -> np.ndarray:
-        """Return room for `count` records, contents unknown; the next call takes it back.
+        """Return (count,) records of any content, overwritten by who calls next.
 
         Kept between frames: fresh memory costs the system more than filling it.
         """
@@ -100,24 +101,14 @@ class World:
         directions = np.ascontiguousarray(directions, np.float32)
         limits = np.ascontiguousarray(np.broadcast_to(np.asarray(t_max, np.float32), count))
         counter = np.zeros(1, np.int64)
-        places = [address(a) for a in (self.table, origins, directions, limits)]
-        run_threads(lambda _: kernel(*places, count, address(counter), out), self.threads)
+        arrays = [address(a) for a in (self.table, origins, directions, limits)]
+        run_threads(lambda _: kernel(*arrays, count, address(counter), out), self.threads)
 
     def _join(self, geometry: Geometry) -> None:
         """Put the trees of all meshes into one array of nodes and one of blocks."""
-        kept, self._trees = self._trees, {}
-        trees = []
-        for part in geometry.ranges:
-            entry = kept.get(id(part.source))
-            if entry is None or entry[0].source is not part.source or not entry[0].shows(part.mesh):
-                last = part.first_index + 3 * part.triangle_count
-                indices = geometry.indices[part.first_index : last].reshape(-1, 3)
-                first = part.first_vertex
-                positions = geometry.vertices["position"][first : int(indices.max()) + 1]
-                tree = build_mesh_bvh(positions, indices - np.uint32(first), self.threads)
-                entry = part, tree
-            self._trees[id(part.source)] = entry
-            trees.append(entry[1])
+        trees = [self._tree(part, geometry) for part in geometry.ranges]
+        kept = zip(geometry.ranges, trees, strict=True)
+        self._trees = {id(part.source): (part, tree) for part, tree in kept}
         self._boxes = np.array([tree.bounds for tree in trees], np.float32).reshape(-1, 2, 3)
         self._nodes = aligned(sum(len(tree.nodes) for tree in trees))
         self._blocks = aligned(sum(len(tree.blocks) for tree in trees))
@@ -126,14 +117,28 @@ class World:
         for k, tree in enumerate(trees):
             nodes, blocks = len(tree.nodes) // NODE_WORDS, len(tree.blocks) // BLOCK_WORDS
             self._roots[k] = node
-            place = self._nodes[NODE_WORDS * node : NODE_WORDS * (node + nodes)]
-            place[:] = tree.nodes
+            own = self._nodes[NODE_WORDS * node : NODE_WORDS * (node + nodes)]
+            own[:] = tree.nodes
             self._blocks[BLOCK_WORDS * block : BLOCK_WORDS * (block + blocks)] = tree.blocks
-            shift_refs(address(place), nodes, node, block)
+            shift_refs(address(own), nodes, node, block)
             node, block = node + nodes, block + blocks
 
+    def _tree(self, part: MeshRange, geometry: Geometry) -> MeshBvh:
+        """Return the tree of a mesh: the one that is kept where the mesh is still the same."""
+        if id(part.source) in self._trees:
+            known, tree = self._trees[id(part.source)]
+            if known.source is part.source and known.shows(part.mesh):
+                return tree
+        last = part.first_index + 3 * part.triangle_count
+        indices = geometry.indices[part.first_index : last].reshape(-1, 3)
+        positions = geometry.vertices["position"][part.first_vertex : int(indices.max()) + 1]
+        return build_mesh_bvh(positions, indices - np.uint32(part.first_vertex), self.threads)
+
     def _place(self, matrices: np.ndarray, meshes: np.ndarray) -> None:
-        """Build the tree over instances and write the table."""
+        """Build the tree over instances and write the table.
+
+        matrices  (n, 3, 4) float32, object to world space;  meshes  (n,) uint32
+        """
         count = len(matrices)
         refs = aligned(8 * count).reshape(-1, 8)
         self._rows = aligned(ROW_WORDS * count)
@@ -142,7 +147,7 @@ class World:
         if used:
             tree = BinaryTree(refs[:used], 0, 1, 1)
             self._top, _ = collapse(tree, rows=True)
-            reach = np.abs(tree.boxes[0, [0, 1, 2, 4, 5, 6]]).max()
+            reach = np.abs(tree.bounds).max()
         else:
             self._top = empty_node()
         self.table[[TOP_NODES, ROWS, NODES, BLOCKS]] = [
@@ -155,8 +160,10 @@ class World:
 def write_rows(matrices, meshes, boxes, roots, refs, rows):
     """Write the row of each instance and a reference to each that rays can hit; return their count.
 
+    matrices  (n, 3, 4) float32, object to world space;  meshes  (n,) uint32, row of boxes and roots
+    boxes     (m, 2, 3) float32;  roots  (m,) uint32, nodes;  refs, rows  addresses, written
     An instance without a usable inverse is a plane or less: it is left out.
-    Its scale is the largest number met on the way of a point to the world, times how much an error grows
+    Its scale is the largest number met on the path of a point to world space, times how much an error grows
     that goes through the inverse and back, the norm of |M| |M^-1|.
     """
     inverse = np.empty((3, 4), np.float64)
@@ -201,33 +208,22 @@ def write_rows(matrices, meshes, boxes, roots, refs, rows):
 
 @jit
 def invert(matrices, i, inverse):
-    """Invert the 3x4 matrix i; return False where it has no inverse."""
-    a, b, c = f64(matrices[i, 0, 0]), f64(matrices[i, 0, 1]), f64(matrices[i, 0, 2])
-    d, e, f = f64(matrices[i, 1, 0]), f64(matrices[i, 1, 1]), f64(matrices[i, 1, 2])
-    g, h, k = f64(matrices[i, 2, 0]), f64(matrices[i, 2, 1]), f64(matrices[i, 2, 2])
-    determinant = a * (e * k - f * h) - b * (d * k - f * g) + c * (d * h - e * g)
+    """Write the inverse of matrix i of (n, 3, 4) float32 to (3, 4) float64; return whether it has one."""
+    x, y, z = _left_row(matrices, i, 0), _left_row(matrices, i, 1), _left_row(matrices, i, 2)
+    columns = cross(y, z), cross(z, x), cross(x, y)
+    determinant = dot(x, cross(y, z))
     if determinant == f64(0) or not math.isfinite(determinant):
         return False
     q = f64(1) / determinant
-    inverse[0, 0], inverse[0, 1], inverse[0, 2] = (
-        (e * k - f * h) * q,
-        (c * h - b * k) * q,
-        (b * f - c * e) * q,
-    )
-    inverse[1, 0], inverse[1, 1], inverse[1, 2] = (
-        (f * g - d * k) * q,
-        (a * k - c * g) * q,
-        (c * d - a * f) * q,
-    )
-    inverse[2, 0], inverse[2, 1], inverse[2, 2] = (
-        (d * h - e * g) * q,
-        (b * g - a * h) * q,
-        (a * e - b * d) * q,
-    )
     for r in range(3):
-        inverse[r, 3] = -(
-            inverse[r, 0] * f64(matrices[i, 0, 3])
-            + inverse[r, 1] * f64(matrices[i, 1, 3])
-            + inverse[r, 2] * f64(matrices[i, 2, 3])
-        )
+        inverse[r, 3] = f64(0)
+        for c in range(3):
+            inverse[r, c] = columns[c][r] * q
+            inverse[r, 3] -= inverse[r, c] * f64(matrices[i, c, 3])
     return True
+
+
+@jit
+def _left_row(matrices, i, r):
+    """The first three numbers of a row of matrix i, float64."""
+    return f64(matrices[i, r, 0]), f64(matrices[i, r, 1]), f64(matrices[i, r, 2])

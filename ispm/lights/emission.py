@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ispm.accel.intersect import STACK_WORDS
-from ispm.accel.meet import meet_texels
+from ispm.accel.meet import Rays, meet_texels
 from ispm.accel.records import Scratch
 from ispm.accel.surface import SurfaceTable, Tables, closest_surface, scene_tables
 from ispm.accel.world import World
@@ -104,8 +104,9 @@ def place_photons(
     """
     map = planned.map
     origins, directions = texel_rays(map, planned.width, planned.shift, texels)
-    found, barycentrics, along = meet_texels(surfaces, content, texels, origins, directions, map.orthographic)
-    beyond = along * np.linalg.norm(directions, axis=1) > map.range
+    rays = Rays(origins, directions, map.orthographic)
+    found, barycentrics, distances = meet_texels(surfaces, content, texels, rays)
+    beyond = distances * np.linalg.norm(directions, axis=1) > map.range
     rows["instance"], rows["primitive"] = np.where(beyond, NO_HIT, found[:, 0]), found[:, 1]
     rows["u"], rows["v"] = barycentrics.T
 

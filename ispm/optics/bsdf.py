@@ -1,8 +1,9 @@
 """The metallic-roughness surface of glTF 2.0 with KHR_materials_specular, _ior, _transmission and _volume.
 
-Twin of bsdf.wgsl. Directions leave the surface, tuples of three; the cosine is not included. `wo` is known,
-`wi` is evaluated or sampled: the eye's `wo` is towards the eye, a photon's points back along its flight. Both
-normals, shading n and geometric ng, are on wo's side.
+Twin of bsdf.wgsl. Directions leave the surface, unit, tuples of three float32; the cosine is not included.
+`wo` is known, `wi` is evaluated or sampled: the eye's `wo` is towards the eye, a photon's points back along
+its flight. Both normals, shading n and geometric ng, are on wo's side. `b` is a Bsdf, `fc` the weight Fc of
+`fresnel_weight`.
 
 Opaque surfaces take Schlick's Fresnel term, transmitting ones the exact one. glTF weighs the Lambert lobe by
 the half vector's, which gains energy at grazing angles: a smooth white dielectric reflects 1.4 times the
@@ -25,7 +26,7 @@ from ispm.optics.microfacet import (
     schlick,
     smith,
     visible_normal,
-)  # fmt: skip
+)
 from ispm.optics.sampling import cosine_hemisphere, to_local, to_world
 from ispm.optics.vector import Vector, add, dot, luminance, normalize, scale, sub
 
@@ -34,6 +35,16 @@ f32 = np.float32
 MIN_ALPHA = f32(1e-3)  # smoother surfaces are mirrors or clear
 MIN_CONTRAST = f32(1e-2)  # |index - 1| below which facets bend nothing, and rough solids count as clear
 _INV_PI = f32(1 / math.pi)
+
+
+class Dielectric(NamedTuple):
+    """What a material is where it is not metal; fields as MATERIAL has them. thin: a sheet without inside."""
+
+    f0: np.float32
+    specular_color: Vector
+    specular: np.float32
+    ior: np.float32
+    thin: bool
 
 
 class Bsdf(NamedTuple):
@@ -61,15 +72,13 @@ class Bsdf(NamedTuple):
 
 
 @jit
-def surface_bsdf(
-    base, metallic, roughness, f0, specular_color, specular, transmission, ior, thin, entering
-):  # fmt: skip
+def surface_bsdf(base, metallic, roughness, transmission, dielectric, entering):
     """Return the Bsdf of a material at a point.
 
-    base, metallic, roughness, transmission   factors with the textures' part in them
-    f0, specular_color, specular, ior         as MATERIAL has them
-    thin, entering                            whether it is a sheet; whether wo is outside the solid
+    base, metallic, roughness, transmission  RGB and float32 factors with the textures' part in them
+    dielectric  a Dielectric;  entering  whether wo is outside the solid
     """
+    f0, specular_color, specular, ior, thin = dielectric
     opaque = (f32(1) - metallic) * (f32(1) - transmission)
     clear = (f32(1) - metallic) * transmission
     r = min(f0 * specular_color[0], f32(1)) * specular
@@ -92,46 +101,47 @@ def surface_bsdf(
 
 @jit
 def _mix(a, b, t):
+    """Return a for t = 0, b for t = 1, and between them what lies between, float32."""
     return a * (f32(1) - t) + b * t
 
 
 @jit
 def transmits(b):
-    """Return whether some light goes through."""
+    """Return whether a Bsdf lets some light through, a bool."""
     return b.tint[0] + b.tint[1] + b.tint[2] > f32(0)
 
 
 @jit
 def is_lambert(b):
-    """Return whether there are no facets: neither reflection nor transmission beside the Lambert lobe."""
+    """Return whether a Bsdf has no facets: neither reflection nor transmission beside the Lambert lobe; a
+    bool."""
     return b.f0[0] + b.f0[1] + b.f0[2] + b.f90 == f32(0) and not transmits(b)
 
 
 @jit
 def is_smooth(b):
-    """Return whether reflection and transmission go one way each."""
+    """Return whether a Bsdf reflects and transmits in one direction each, a bool."""
     return b.alpha == f32(0)
 
 
 @jit
 def has_finite(b):
-    """Return whether photons that arrive here can be seen: a lobe of more than one direction, and opaque.
-
-    What rough glass shows is left to eye paths.
+    """Return whether photons that arrive at a Bsdf can be seen, a bool: an opaque lobe of more than one
+    direction. What rough glass shows is left to eye paths.
     """
     return (b.alpha > f32(0) and not transmits(b)) or b.diffuse[0] + b.diffuse[1] + b.diffuse[2] > f32(0)
 
 
 @jit
 def gloss(alpha, n, wo, wi):
-    """Return D V and Fc = (1 - wo.h)^5: the glossy lobe is D V (f0 + (f90 - f0) Fc). n.wo, n.wi > 0."""
+    """Return D V, 1/sr, and Fc = (1 - wo.h)^5 of the lobe D V (f0 + (f90 - f0) Fc). n.wo, n.wi > 0."""
     h = normalize(add(wo, wi))
     return ggx(alpha, n, h) * smith(alpha, dot(n, wo), dot(n, wi)), schlick(dot(wo, h))
 
 
 @jit
 def fresnel_weight(b, cosine):
-    """Return Fc: a facet met at `cosine` reflects f0 + (f90 - f0) Fc.
+    """Return Fc, float32, 0 to 1: a facet met at `cosine` reflects f0 + (f90 - f0) Fc.
 
     The exact one is (F - F0) / (1 - F0), so that plain glass reflects F.
     """
@@ -173,7 +183,7 @@ def specular_split(b, h, wo):
 
 @jit
 def smooth_split(b, n, ng, wo):
-    """Return `specular_split` of a smooth surface, with the directions on their sides of ng.
+    """Return `specular_split` of a smooth surface, with the unit directions on their sides of ng.
 
     Where the shading normal n leads to the wrong one, ng decides.
     """
@@ -224,7 +234,7 @@ def _eval_transmission(b, n, wo, wi):
 
 @jit
 def transmitting_facet(b, n, wo, wi):
-    """Return the normal h of the facets that take wo to wi, and 4 wo.h |d omega_h / d omega_i|.
+    """Return the unit normal h of the facets that take wo to wi, and 4 wo.h |d omega_h / d omega_i|, float32.
 
     Reflecting facets have 1 for the latter. 0: there are none. Thin sheets mirror their reflection through;
     solids: Walter et al. 2007, equations 16 and 17.
@@ -244,7 +254,7 @@ def transmitting_facet(b, n, wo, wi):
 
 @jit
 def gloss_terms(alpha, n, wo, wi):
-    """Return (D V (1 - Fc), D V Fc, Fc), from which any colour of the surface can be made afterwards:
+    """Return (D V (1 - Fc), D V Fc, Fc), from which any color of the surface can be made afterwards:
 
     f = (1 - mix(dielectric_f0, dielectric_f90, Fc)) diffuse / pi + f0 first + f90 second.
     """
@@ -256,8 +266,8 @@ def gloss_terms(alpha, n, wo, wi):
 
 @jit
 def gloss_share(b, n, wo):
-    """Return the chance that sample_bsdf draws a facet instead of the Lambert lobe; exactly 0 without facets,
-    1 without that lobe."""
+    """Return the chance, float32, that sample_bsdf draws a facet instead of the Lambert lobe; exactly 0
+    without facets, 1 without that lobe."""
     fc = schlick(dot(n, wo))
     glossy = f32(0)
     if transmits(b):
@@ -270,7 +280,7 @@ def gloss_share(b, n, wo):
 
 @jit
 def reflection_chance(b, cosine):
-    """Return the chance that sample_bsdf reflects at a facet met at `cosine`, rather than transmits."""
+    """Return the chance, float32, that sample_bsdf reflects at a facet met at `cosine`, else transmits."""
     if not transmits(b):
         return f32(1)
     fc = fresnel_weight(b, cosine)
@@ -298,7 +308,7 @@ def pdf_bsdf(b, n, wo, wi):
 
 @jit
 def _visible(alpha, n, nv, h):
-    """Density of `visible_normal` over 4 wo.h: that of the reflected direction."""
+    """Density of `visible_normal` over 4 wo.h, 1/sr: that of the reflected direction; nv: n.wo, float32."""
     a2 = alpha * alpha
     return ggx(alpha, n, h) / (f32(2) * (nv + math.sqrt(nv * nv * (f32(1) - a2) + a2)))
 
@@ -339,13 +349,13 @@ def sample_bsdf(b, n, ng, wo, u1, u2, u3, radiance):
 
 @jit
 def _compression(b):
-    """What refraction makes of radiance: 1 / eta^2; 1 for a sheet."""
+    """What refraction multiplies radiance by, float32: 1 / eta^2; 1 for a sheet."""
     return f32(1) if b.thin > f32(0) else f32(1) / (b.eta * b.eta)
 
 
 @jit
 def _sample_smooth(b, n, ng, wo, u, share, radiance):
-    """`sample_bsdf` of a smooth surface's own directions."""
+    """`sample_bsdf` of a smooth surface's own directions; u: uniform in [0, 1), share: their chance."""
     reflectance, transmittance, above, beyond, through = smooth_split(b, n, ng, wo)
     reflected, transmitted = luminance(reflectance), luminance(transmittance)
     chance = reflected / (reflected + transmitted) if transmitted > f32(0) else f32(1)
@@ -359,7 +369,7 @@ def _sample_smooth(b, n, ng, wo, u, share, radiance):
 
 @jit
 def _sample_facet(b, n, wo, u1, u2, u3):
-    """(ok, wi) from a facet that wo sees; not ok: it leads to the wrong side of the surface."""
+    """(ok, unit wi) from a facet that wo sees; not ok: it leads to the wrong side of the surface."""
     h = to_world(visible_normal(b.alpha, to_local(wo, n), u1, u2), n)
     above = mirrored(wo, h)
     if not transmits(b) or u3 < reflection_chance(b, dot(wo, h)):
@@ -372,7 +382,7 @@ def _sample_facet(b, n, wo, u1, u2, u3):
 
 @jit
 def adjoint_factor(in_ns, in_ng, out_ns, out_ng):
-    """Return what shading normals do to the flux of a photon that scatters, within [0.1, 10].
+    """Return by what shading normals multiply the flux of a photon that scatters, float32, [0.1, 10].
 
     in_*   cosines of the direction towards where it came from with the shading and geometric normal
     out_*  and of the direction it goes

@@ -36,7 +36,8 @@ def density_kernel(offset, normal, radius, height):
 
 @jit
 def ellipse_kernel(offset, u, v, n, height):
-    """Return kappa in 1/m2 of an ellipse with the semi-axes u and v, m, and the unit normal n."""
+    """Return kappa in 1/m2 at `offset` (m) from a photon, of an ellipse with the semi-axes u and v, m, and
+    the unit normal n; height as of `density_kernel`."""
     uu, vv = dot(u, u), dot(v, v)
     x, y, z = dot(offset, u) / uu, dot(offset, v) / vv, dot(offset, n) / height
     m = max(f32(1) - (x * x + y * y + z * z), f32(0))
@@ -45,7 +46,7 @@ def ellipse_kernel(offset, u, v, n, height):
 
 @jit
 def photon_counts(wi_ng, normal_ng):
-    """Return whether a photon lights a point: it came from the point's side, onto the same surface.
+    """Return whether a photon lights a point, a bool: it came from the point's side, onto the same surface.
 
     wi_ng      cosine of the photon's direction of arrival and the point's geometric normal
     normal_ng  cosine of the two geometric normals

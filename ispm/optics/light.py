@@ -10,7 +10,7 @@ import numpy as np
 
 from ispm.optics.jit import jit
 from ispm.optics.records import LIGHT_DIRECTIONAL
-from ispm.optics.vector import dot, scale, sub
+from ispm.optics.vector import dot, scale, sub, vec3
 
 f32, u32 = np.float32, np.uint32
 
@@ -20,21 +20,21 @@ FAR = f32(3.4e38)  # metres to a directional light
 @jit
 def light_arriving(light, position):
     """Return (irradiance, distance, wi): lx on a surface facing the light, metres, unit and towards it."""
-    direction = (light.direction[0], light.direction[1], light.direction[2])
-    intensity = (light.intensity[0], light.intensity[1], light.intensity[2])
+    direction = vec3(light.direction)
+    intensity = vec3(light.intensity)
     if light.kind == u32(LIGHT_DIRECTIONAL):
         return intensity, FAR, scale(f32(-1), direction)
-    way = sub((light.position[0], light.position[1], light.position[2]), position)
-    square = max(dot(way, way), f32(1e-30))
+    to_light = sub(vec3(light.position), position)
+    square = max(dot(to_light, to_light), f32(1e-30))
     distance = f32(math.sqrt(square))
-    wi = scale(f32(1) / distance, way)
+    wi = scale(f32(1) / distance, to_light)
     kept = range_window(distance, light.range) * cone_falloff(light, scale(f32(-1), wi))
     return scale(kept / square, intensity), distance, wi
 
 
 @jit
 def range_window(distance, reach):
-    """Return 1 falling to 0 at a light's range; 1 everywhere where that is 0."""
+    """Return 1 falling to 0 at a light's range, `reach` in m; 1 everywhere where that is 0."""
     if reach <= f32(0):
         return f32(1)
     x = distance / reach
@@ -44,6 +44,6 @@ def range_window(distance, reach):
 @jit
 def cone_falloff(light, d):
     """Return the share of its intensity that a light sends along `d`, unit: 1 but for spots."""
-    cosine = dot((light.direction[0], light.direction[1], light.direction[2]), d)
+    cosine = dot(vec3(light.direction), d)
     edge = min(max(cosine * light.cone_scale + light.cone_offset, f32(0)), f32(1))
     return edge * edge

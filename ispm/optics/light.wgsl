@@ -14,10 +14,10 @@ fn light_arriving(light: Light, position: vec3f) -> Arriving {
     if (light.kind == LIGHT_DIRECTIONAL) {
         return Arriving(light.intensity, FAR, -light.direction);
     }
-    let way = light.position - position;
-    let square = max(dot(way, way), 1e-30);
+    let to_light = light.position - position;
+    let square = max(dot(to_light, to_light), 1e-30);
     let distance = sqrt(square);
-    let wi = way / distance;
+    let wi = to_light / distance;
     let kept = range_window(distance, light.range) * cone_falloff(light, -wi);
     return Arriving(light.intensity * (kept / square), distance, wi);
 }

@@ -1,6 +1,6 @@
-"""Facets of rough surfaces: how their normals lie, shade each other, reflect and refract.
+"""Facets of rough surfaces: how their normals are distributed, shadow each other, reflect and refract.
 
-Twin of microfacet.wgsl. Directions leave the surface, tuples of three.
+Twin of microfacet.wgsl. Directions leave the surface, unit, tuples of three float32.
 Sources: GGX: Walter et al. 2007; V: Heitz, JCGT 2014; visible normals: Dupuy and Benyoub, HPG 2023.
 """
 
@@ -19,7 +19,7 @@ _TWO_PI = f32(2 * math.pi)
 
 @jit
 def ggx(alpha, n, h):
-    """Return the GGX distribution of normals.
+    """Return the GGX distribution of normals, 1/sr, at `h` about `n`, both unit.
 
     The sine comes from n x h: 1 - (n.h)^2 would lose it for small alpha.
     """
@@ -31,7 +31,7 @@ def ggx(alpha, n, h):
 
 @jit
 def smith(alpha, nv, nl):
-    """Return height-correlated Smith shadowing as G / (4 n.wo n.wi)."""
+    """Return height-correlated Smith shadowing as G / (4 nv nl), float32; nv = n.wo, nl = n.wi."""
     a2 = alpha * alpha
     one_a2 = f32(1) - a2
     return f32(0.5) / (nl * math.sqrt(nv * nv * one_a2 + a2) + nv * math.sqrt(nl * nl * one_a2 + a2))
@@ -39,14 +39,14 @@ def smith(alpha, nv, nl):
 
 @jit
 def schlick(cosine):
-    """Return (1 - cosine)^5, safe against rounding."""
+    """Return (1 - cosine)^5, float32, safe against rounding."""
     m = min(max(f32(1) - cosine, f32(0)), f32(1))
     return m * m * m * m * m
 
 
 @jit
 def fresnel_dielectric(cosine, eta):
-    """Return the share of unpolarised light that a boundary reflects; 1 at total internal reflection.
+    """Return the share of unpolarized light that a boundary reflects; 1 at total internal reflection.
 
     cosine  with the normal, of the direction on this side, within [0, 1]
     eta     index of the other side over this one's
@@ -62,7 +62,7 @@ def fresnel_dielectric(cosine, eta):
 
 @jit
 def mirrored(wo, h):
-    """Return `wo` reflected about the normal `h`."""
+    """Return `wo` reflected about the normal `h`, all unit."""
     return normalize(sub(scale(f32(2) * dot(wo, h), h), wo))
 
 
@@ -78,13 +78,14 @@ def refract(wo, h, eta):
 
 @jit
 def visible_normal(alpha, wo, u1, u2):
-    """Return a GGX normal as seen from `wo`, both local.
+    """Return a GGX normal as seen from `wo`, both unit and local; u1, u2: uniform in [0, 1).
 
     Source: Dupuy and Benyoub, Sampling Visible GGX Normals with Spherical Caps, HPG 2023.
     """
     stretched = normalize((alpha * wo[0], alpha * wo[1], wo[2]))
+    _, _, height = stretched
     phi = _TWO_PI * u1
-    z = (f32(1) - u2) * (f32(1) + stretched[2]) - stretched[2]
+    z = (f32(1) - u2) * (f32(1) + height) - height
     r = math.sqrt(max(f32(1) - z * z, f32(0)))
     h = add((r * math.cos(phi), r * math.sin(phi), z), stretched)
     return normalize((alpha * h[0], alpha * h[1], h[2]))

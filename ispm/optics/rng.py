@@ -13,7 +13,7 @@ u32 = np.uint32
 
 @jit
 def pcg4d(a, b, c, d):
-    """Hash four u32 to four u32."""
+    """Return four uint32 that are the hash of four uint32."""
     a = u32(a * u32(1664525) + u32(1013904223))
     b = u32(b * u32(1664525) + u32(1013904223))
     c = u32(c * u32(1664525) + u32(1013904223))
@@ -28,6 +28,7 @@ def pcg4d(a, b, c, d):
 
 @jit
 def _mix(a, b, c, d):
+    """One round of `pcg4d`: four uint32 from four."""
     a = u32(a + b * d)
     b = u32(b + c * a)
     c = u32(c + a * b)
@@ -43,6 +44,6 @@ def uniform_float(x):
 
 @jit
 def random4(key, dimension, pass_index, seed):
-    """Return four numbers in [0, 1) for the path `key` and the use `dimension` of them; all u32."""
+    """Return four float32 in [0, 1) for the path `key` and the use `dimension` of them; arguments uint32."""
     a, b, c, d = pcg4d(u32(key), u32(dimension), u32(pass_index), u32(seed))
     return uniform_float(a), uniform_float(b), uniform_float(c), uniform_float(d)

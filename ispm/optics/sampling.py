@@ -29,7 +29,7 @@ def orthonormal_basis(n):
 
 @jit
 def to_world(local, n):
-    """Return the direction that is `local` in the frame whose third axis is `n`."""
+    """Return the float32 direction that is `local` in the frame whose third axis is `n`, unit."""
     t, b = orthonormal_basis(n)
     return (
         local[0] * t[0] + local[1] * b[0] + local[2] * n[0],
@@ -40,7 +40,7 @@ def to_world(local, n):
 
 @jit
 def to_local(direction, n):
-    """Return `direction` in the frame whose third axis is `n`."""
+    """Return `direction`, float32, in the frame whose third axis is `n`, unit."""
     t, b = orthonormal_basis(n)
     return (
         direction[0] * t[0] + direction[1] * t[1] + direction[2] * t[2],
@@ -51,7 +51,7 @@ def to_local(direction, n):
 
 @jit
 def cosine_hemisphere(u1, u2):
-    """Return a direction about +z with pdf cos / pi."""
+    """Return a unit direction about +z with pdf cos / pi; u1, u2: uniform in [0, 1)."""
     radius = math.sqrt(u1)
     phi = f32(2 * math.pi) * u2
     return radius * math.cos(phi), radius * math.sin(phi), math.sqrt(f32(1) - u1)
@@ -79,7 +79,7 @@ def octahedral_decode(x, y):
 
 @jit
 def _fold(x, y):
-    """Turn the corners of the square over its diamond's edges."""
+    """Return the point (x, y), float32, turned over the nearest edge of the square's inner diamond."""
     return (
         (f32(1) - abs(y)) * (f32(1) if x >= f32(0) else f32(-1)),
         (f32(1) - abs(x)) * (f32(1) if y >= f32(0) else f32(-1)),

@@ -49,22 +49,20 @@ class TextureTable:
 
     @cached_property
     def digest(self) -> bytes:
-        """What tells these textures from others."""
+        """32 bytes that tell these textures from others."""
         return sha256(self.rows.tobytes() + self.texels.tobytes()).digest()
 
     @classmethod
     def pack(cls, textures: Sequence[Texture]) -> TextureTable:
-        """Return the table of `textures`, in their order."""
+        """Return the table of `textures`, a row each, in their order."""
         parts: list[np.ndarray] = [np.zeros(0, u32)]
         rows = np.zeros((len(textures), 8), np.int64)
         offset = 0
         for row, texture in zip(rows, textures, strict=True):
             levels = mip_chain(texture)
-            height, width = levels[0].shape[:2]
-            row[:] = (
-                width, height, len(levels), offset,
-                texture.wrap_u, texture.wrap_v, texture.linear, texture.srgb,
-            )  # fmt: skip
+            height, width, _ = texture.pixels.shape
+            row[:4] = width, height, len(levels), offset
+            row[4:] = texture.wrap_u, texture.wrap_v, texture.linear, texture.srgb
             parts += [np.ascontiguousarray(level).view("<u4").ravel() for level in levels]
             offset += sum(level.shape[0] * level.shape[1] for level in levels)
         return cls(np.concatenate(parts), rows)
@@ -144,17 +142,15 @@ def sample_texture(texels, rows, texture, u, v, level):
         level = np.floor(level + f32(0.5))
     base = int(level)
     t = level - f32(base)
-    r, g, b, a = _sample_level(texels, rows, texture, u, v, base)
+    upper = _sample_level(texels, rows, texture, u, v, base)
     if t == f32(0):
-        return r, g, b, a
-    s = f32(1) - t
-    r1, g1, b1, a1 = _sample_level(texels, rows, texture, u, v, base + 1)
-    return s * r + t * r1, s * g + t * g1, s * b + t * b1, s * a + t * a1
+        return upper
+    return _lerp4(upper, _sample_level(texels, rows, texture, u, v, base + 1), t)
 
 
 @jit
 def _sample_level(texels, rows, texture, u, v, level):
-    """Return RGBA of one level."""
+    """Return linear RGBA of one level, an int; other arguments as of `sample_texture`."""
     width, height, first = _level_place(rows, texture, level)
     wrap_u, wrap_v = rows[texture, WRAP_U], rows[texture, WRAP_V]
     srgb = rows[texture, SRGB]
@@ -179,7 +175,7 @@ def _sample_level(texels, rows, texture, u, v, level):
 
 @jit
 def _level_place(rows, texture, level):
-    """Return width, height and first texel of a mip level."""
+    """Return width, height and first texel, int64, of a mip level."""
     width, height, first = rows[texture, WIDTH], rows[texture, HEIGHT], rows[texture, OFFSET]
     for _ in range(level):
         first += width * height
@@ -190,7 +186,7 @@ def _level_place(rows, texture, level):
 
 @jit
 def _reduce(x, wrap):
-    """Bring a coordinate near [0, 1), so that large ones keep their fraction and fit an int."""
+    """Return a float32 coordinate near [0, 1), so that large ones keep their fraction and fit an int."""
     if wrap == _CLAMP:
         return min(max(x, f32(0)), f32(1))
     if wrap == _MIRROR:
@@ -211,6 +207,7 @@ def _wrap(i, size, wrap):
 
 @jit
 def _texel(texels, index, srgb):
+    """Linear RGBA, float32, of a texel by its index."""
     texel = texels[index]
     decode = _FROM_SRGB if srgb else _FROM_BYTE
     return (
@@ -222,6 +219,7 @@ def _texel(texels, index, srgb):
 
 
 @jit
-def _lerp4(a, b, t):
-    s = f32(1) - t
-    return s * a[0] + t * b[0], s * a[1] + t * b[1], s * a[2] + t * b[2], s * a[3] + t * b[3]
+def _lerp4(first, second, t):
+    """RGBA between two, float32: the first where t is 0."""
+    (r, g, b, a), (r1, g1, b1, a1), s = first, second, f32(1) - t
+    return s * r + t * r1, s * g + t * g1, s * b + t * b1, s * a + t * a1

@@ -24,13 +24,13 @@ def vec3(a):
 
 @jit
 def dot(a, b):
-    """Return a . b."""
+    """Return a . b, float32."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 @jit
 def cross(a, b):
-    """Return a x b."""
+    """Return a x b, float32."""
     return (
         a[1] * b[2] - a[2] * b[1],
         a[2] * b[0] - a[0] * b[2],
@@ -40,25 +40,25 @@ def cross(a, b):
 
 @jit
 def add(a, b):
-    """Return a + b."""
+    """Return a + b, float32."""
     return a[0] + b[0], a[1] + b[1], a[2] + b[2]
 
 
 @jit
 def sub(a, b):
-    """Return a - b."""
+    """Return a - b, float32."""
     return a[0] - b[0], a[1] - b[1], a[2] - b[2]
 
 
 @jit
 def scale(s, a):
-    """Return s a."""
+    """Return s a, float32."""
     return s * a[0], s * a[1], s * a[2]
 
 
 @jit
 def normalize(a):
-    """Return a / |a|."""
+    """Return a / |a|, unit."""
     return scale(f32(1) / math.sqrt(dot(a, a)), a)
 
 

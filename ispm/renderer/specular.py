@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ispm.accel.meet import meet_many
+from ispm.accel.meet import Rays, meet_many
 from ispm.accel.rays import HIT
 from ispm.accel.surface import SurfaceTable
 from ispm.frame import Receivers
@@ -65,10 +65,9 @@ def eye_rays(seen: np.ndarray, surfaces: SurfaceTable, view: CameraView) -> EyeR
     wide = (view.footprint, 0.0) if parallel else (0.0, view.footprint)
     hits = np.zeros(len(seen), HIT)
     hits["instance"], hits["primitive"] = seen["instance"], seen["primitive"]
-    places, hits["t"] = meet_many(
-        surfaces, seen["instance"], seen["primitive"], origins, directions, parallel
-    )
-    hits["u"], hits["v"] = places.T
+    rays = Rays(origins, directions, parallel)
+    barycentrics, hits["t"] = meet_many(surfaces, seen["instance"], seen["primitive"], rays)
+    hits["u"], hits["v"] = barycentrics.T
     f4 = np.float32
     keys, distances = seen["pixel"].astype(np.uint32), hits["t"].copy()
     return EyeRays(origins.astype(f4), directions.astype(f4), distances, keys, wide, hits=hits)

@@ -132,9 +132,10 @@ def test_ranges_are_halved_where_levels_run_out():
     refs = aligned(8 * count).reshape(-1, 8)
     refs[:, 0] = np.exp2(-np.arange(count) / 40.0)
     refs[:, 4] = -refs[:, 0]
-    scratch = aligned(1024)
-    places = (address(refs), 0, count)
-    free = build.split(*places, build.MAX_DEPTH - 13, address(scratch), 2, 8)
-    forced = build.split(*places, build.MAX_DEPTH - 12, address(scratch), 2, 8)
+    boxes, scratch = aligned(16 * count), aligned(1024)
+    links = np.zeros((2 * count, 2), np.uint32)
+    tree = build.GrowingTree(address(refs), address(boxes), links, block_shift=2, leaf_size=8)
+    free = build.split(tree, 0, count, build.MAX_DEPTH - 13, address(scratch))
+    forced = build.split(tree, 0, count, build.MAX_DEPTH - 12, address(scratch))
     assert free != count // 2
     assert forced == count // 2

@@ -51,8 +51,8 @@ def test_smooth_surfaces_have_an_alpha_of_zero():
     white = (f32(1),) * 3
 
     def alpha(roughness, transmission=0.0, ior=1.5, thin=False):
-        return bsdf.surface_bsdf(white, f32(0), f32(roughness), f32(0.04), white, f32(1), f32(transmission),
-                                 f32(ior), thin, True).alpha  # fmt: skip
+        dielectric = bsdf.Dielectric(f32(0.04), white, f32(1), f32(ior), thin)
+        return bsdf.surface_bsdf(white, f32(0), f32(roughness), f32(transmission), dielectric, True).alpha
 
     assert alpha(0.0) == 0 and alpha(0.031) == 0 and alpha(0.032) == pytest.approx(0.032**2)
     # facets of a solid that bends nothing scatter nothing either; a sheet's do

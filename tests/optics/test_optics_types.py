@@ -9,6 +9,7 @@ from ispm.optics import bsdf, density, rng, sampling, texture
 F, U, B = types.float32, types.uint32, types.boolean
 VECTOR = types.UniTuple(F, 3)
 BSDF = types.NamedTuple([VECTOR, VECTOR, F, F, F, F, VECTOR, F, F], bsdf.Bsdf)
+DIELECTRIC = types.NamedTuple([F, VECTOR, F, F, B], bsdf.Dielectric)
 TEXELS, ROWS = types.Array(U, 1, "C"), types.Array(types.int64, 2, "C")
 
 
@@ -20,7 +21,7 @@ TEXELS, ROWS = types.Array(U, 1, "C"), types.Array(types.int64, 2, "C")
         (sampling.octahedral_encode, (VECTOR,)),
         (sampling.octahedral_decode, (F, F)),
         (sampling.equal_area_octahedral, (F, F)),
-        (bsdf.surface_bsdf, (VECTOR, F, F, F, VECTOR, F, F, F, B, B)),
+        (bsdf.surface_bsdf, (VECTOR, F, F, F, DIELECTRIC, B)),
         (bsdf.fresnel_dielectric, (F, F)),
         (bsdf.refract, (VECTOR, VECTOR, F)),
         (bsdf.specular_split, (BSDF, VECTOR, VECTOR)),

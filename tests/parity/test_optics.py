@@ -53,10 +53,9 @@ def vector(r, k):
 
 @jit
 def surface(r):
-    return bsdf.surface_bsdf(
-        vector(r, 0), r[0, 3], r[2, 0], r[1, 0], (r[1, 1], r[1, 2], r[1, 3]), r[2, 3],
-        r[6, 3], r[4, 3], r[5, 3] == 1, r[5, 3] != 2,
-    )  # fmt: skip
+    specular_color = r[1, 1], r[1, 2], r[1, 3]
+    dielectric = bsdf.Dielectric(r[1, 0], specular_color, r[2, 3], r[4, 3], r[5, 3] == 1)
+    return bsdf.surface_bsdf(vector(r, 0), r[0, 3], r[2, 0], r[6, 3], dielectric, r[5, 3] != 2)
 
 
 @jit

@@ -26,10 +26,9 @@ def surface(
 ):
     white = (f32(1),) * 3
     color = tuple(f32(b) for b in base)
-    values = bsdf.surface_bsdf(
-        color, f32(metallic), f32(roughness), f32(f0), white, f32(specular), f32(transmission), f32(ior),
-        thin, entering,
-    )  # fmt: skip
+    dielectric = bsdf.Dielectric(f32(f0), white, f32(specular), f32(ior), thin)
+    factors = f32(metallic), f32(roughness), f32(transmission)
+    values = bsdf.surface_bsdf(color, *factors, dielectric, entering)
     return singles(values)
 
 
