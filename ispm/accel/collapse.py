@@ -78,7 +78,7 @@ def triangle_blocks(
     return blocks
 
 
-@jit
+@jit(allocates=True)
 def write_nodes(refs, boxes, links, rows, nodes, leaves, stack):
     """Write wide nodes depth first; return how many nodes and leaves there are.
 

@@ -2,9 +2,9 @@
 
 Boxes are met conservatively and triangles with their edges: what a ray does at an edge depends on the
 edge alone, so it never passes between two triangles that share it. Hits come in order of distance, and at
-the same distance in order of instance and triangle. In kernels `nodes`, `blocks`, `keys`, `stack`, `order`
-and `table` are uint64 addresses; a ref, int64, is a node or leaf as `accel.collapse` has it; `waiting` counts
-the uint64 words of the stack that are in use.
+the same distance in order of instance and triangle. In kernels `trees` is a Trees; `nodes`, `blocks`,
+`keys`, `stack` and `order` are uint64 addresses; a ref, int64, is a node or leaf as `accel.collapse` has it;
+`waiting` counts the uint64 words of the stack that are in use.
 
 Source of the boxes: Ize, "Robust BVH ray traversal", 2013.
 """
@@ -20,6 +20,7 @@ from ispm.accel.triangle import Shear, meet_block, meet_needle
 from ispm.kernels.simd import (
     alloca,
     count_trailing_zeros,
+    data,
     f2u,
     ldf,
     ldq,
@@ -31,7 +32,6 @@ from ispm.kernels.simd import (
     stf,
     stq,
     stu,
-    u2f,
     vdiv,
     vfma,
     vget,
@@ -46,10 +46,6 @@ from ispm.kernels.simd import (
 from ispm.optics.jit import jit
 
 f32, f64, i64, u32, u64 = np.float32, np.float64, np.int64, np.uint32, np.uint64
-
-# Slots of a world's table.
-# The last: largest coordinate of all instances' boxes, as the bits of a float32.
-TOP_NODES, ROWS, NODES, BLOCKS, TOP_REACH = range(5)
 
 # An instance's row: 16 words, the inverse 3x4 matrix first.
 ROW_WORDS = 16
@@ -271,13 +267,13 @@ def meet_mesh(mesh, ray, any_hit, scratch, bottom, order):
 
 
 @jit
-def meet_world(table, ray, first, first_key, any_hit, scratch):
+def meet_world(trees, ray, first, first_key, any_hit, scratch):
     """Return the distance, float32, of the first hit of a Ray over all instances after the one at the
     distance `first` of the uint64 key `first_key`, or of any; the ray's end where there is none."""
-    nodes, rows = ldq(table, TOP_NODES), ldq(table, ROWS)
-    mesh_nodes, blocks = ldq(table, NODES), ldq(table, BLOCKS)
+    nodes, rows = data(trees.top), data(trees.rows)
+    mesh_nodes, blocks = data(trees.nodes), data(trees.blocks)
     stack, hit, t_max = scratch.stack, scratch.found, ray.t_max
-    reach = u2f(u32(ldq(table, TOP_REACH)))
+    reach = trees.reach
     (ox, oy, oz), (dx, dy, dz) = ray.origin, ray.direction
     sx, sy, sz = slab(ox, dx, reach, 0), slab(oy, dy, reach, 16), slab(oz, dz, reach, 32)
     # What is not a number would get lost in minima and meet all boxes, empty ones too.
@@ -328,18 +324,17 @@ def meet_world(table, ray, first, first_key, any_hit, scratch):
 
 
 @jit
-def closest(table, ray, scratch):
+def closest(trees, ray, scratch):
     """Return the distance, float32, of the nearest hit of a Ray in lengths of its direction, its end where
     nothing is nearer.
 
-    table    address of `World.table`
     scratch  Scratch, whose `found` is written only where something is hit; for `read_hit`
     """
-    return meet_world(table, ray, f32(0), _NO_KEY, False, scratch)
+    return meet_world(trees, ray, f32(0), _NO_KEY, False, scratch)
 
 
 @jit
-def closest_after(table, ray, first, scratch):
+def closest_after(trees, ray, first, scratch):
     """Return the distance, float32, of the next hit after the one in `scratch.found`, the ray's end where
     nothing follows.
 
@@ -348,7 +343,7 @@ def closest_after(table, ray, first, scratch):
     """
     instance, primitive = ldu(scratch.found, HIT_INSTANCE), ldu(scratch.found, HIT_PRIMITIVE)
     key = (u64(instance) << u64(32)) | u64(primitive)
-    return meet_world(table, ray, first, key, False, scratch)
+    return meet_world(trees, ray, first, key, False, scratch)
 
 
 @jit
@@ -358,15 +353,12 @@ def read_hit(found):
 
 
 @jit
-def any_hit(table, ray, stack):
-    """Return whether anything lies on a Ray before its end.
-
-    table  address of `World.table`;  stack  address of STACK_WORDS uint64
-    """
-    return meet_world(table, ray, f32(0), _NO_KEY, True, Scratch(stack, alloca(2))) < ray.t_max
+def any_hit(trees, ray, stack):
+    """Return whether anything lies on a Ray before its end; stack: of STACK_WORDS uint64."""
+    return meet_world(trees, ray, f32(0), _NO_KEY, True, Scratch(stack, alloca(2))) < ray.t_max
 
 
 @jit
-def instance_scale(table, instance):
+def instance_scale(trees, instance):
     """Return the scale of an instance's rounding errors in metres, see `leave_triangle`."""
-    return ldf(ldq(table, ROWS), i64(instance) * i64(ROW_WORDS) + i64(ROW_SCALE))
+    return ldf(data(trees.rows), i64(instance) * i64(ROW_WORDS) + i64(ROW_SCALE))

@@ -35,10 +35,10 @@ def _ray(origins, directions, limits, i):
 
 
 @jit
-def trace_rays(table, origins, directions, limits, count, counter, hits):
+def trace_rays(trees, origins, directions, limits, count, counter, hits):
     """Write a HIT for each of `count` rays; threads share the int64 at the address `counter`.
 
-    table  address of `World.table`;  origins, directions, limits, hits  addresses of float32 and HIT arrays
+    trees  a Trees;  origins, directions, limits, hits  addresses of float32 and HIT arrays
     """
     scratch = Scratch(alloca(STACK_WORDS), alloca(2))
     hit = scratch.found
@@ -51,7 +51,7 @@ def trace_rays(table, origins, directions, limits, count, counter, hits):
             stu(hit, HIT_INSTANCE, u32(NO_HIT))
             stf(hit, HIT_U, f32(0))
             stf(hit, HIT_V, f32(0))
-            t = closest(table, _ray(origins, directions, limits, i), scratch)
+            t = closest(trees, _ray(origins, directions, limits, i), scratch)
             stf(hits, 5 * i, t)
             stu(hits, 5 * i + 1, ldu(hit, HIT_INSTANCE))
             stu(hits, 5 * i + 2, ldu(hit, HIT_PRIMITIVE))
@@ -60,7 +60,7 @@ def trace_rays(table, origins, directions, limits, count, counter, hits):
 
 
 @jit
-def occlude_rays(table, origins, directions, limits, count, counter, blocked):
+def occlude_rays(trees, origins, directions, limits, count, counter, blocked):
     """Write to (count,) bool `blocked` whether anything is on each ray before its limit; see `trace_rays`."""
     stack = alloca(STACK_WORDS)
     while True:
@@ -68,4 +68,4 @@ def occlude_rays(table, origins, directions, limits, count, counter, blocked):
         if first >= count:
             return
         for i in range(first, min(first + _CHUNK, count)):
-            blocked[i] = any_hit(table, _ray(origins, directions, limits, i), stack)
+            blocked[i] = any_hit(trees, _ray(origins, directions, limits, i), stack)

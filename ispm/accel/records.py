@@ -34,6 +34,27 @@ class Scratch(NamedTuple):
     found: np.uint64
 
 
+class Trees(NamedTuple):
+    """All trees of a World as `accel.collapse` lays them out. What they hold of each other are indices, so
+    that these bytes mean the same wherever they lie.
+
+    top     (64 t,) float32, nodes of the tree over instances, whose leaves are rows
+    rows    (16 i,) float32, of instances, see ROW_WORDS
+    nodes   (64 n,) float32, of all meshes;  blocks  (40 b,) float32, their triangles
+    reach   m, largest coordinate of all instances' boxes
+    """
+
+    top: np.ndarray
+    rows: np.ndarray
+    nodes: np.ndarray
+    blocks: np.ndarray
+    reach: np.float32
+
+
+_NOTHING = np.zeros(0, np.float32)
+NO_TREES = Trees(_NOTHING, _NOTHING, _NOTHING, _NOTHING, np.float32(0))
+
+
 class Mesh(NamedTuple):
     """A mesh's tree: addresses of all nodes and blocks, its root, and the largest coordinate of its box."""
 

@@ -32,7 +32,7 @@ from ispm.accel.mesh import (
     world_point,
 )
 from ispm.accel.normals import bend, unit
-from ispm.accel.records import Hit, Ray
+from ispm.accel.records import NO_TREES, Hit, Ray, Trees
 from ispm.accel.world import World
 from ispm.kernels.simd import address, ldf, ldu, stu
 from ispm.optics.bsdf import Bsdf, Dielectric, surface_bsdf
@@ -99,14 +99,14 @@ class SurfaceTable:
 class Tables(NamedTuple):
     """What kernels are handed of a scene, see `scene_tables`.
 
-    world         address of `World.table`
+    trees         of a World; empty for kernels that trace no rays
     surfaces      (8,) uint64, the addresses of a SurfaceTable
     texels, rows  a TextureTable's
     lights        (L,) LIGHT
     porous        whether any material may let shadow rays pass
     """
 
-    world: np.uint64
+    trees: Trees
     surfaces: np.ndarray
     texels: np.ndarray
     rows: np.ndarray
@@ -120,7 +120,7 @@ def scene_tables(packed: Packed, world: World | None, surfaces: SurfaceTable) ->
     world  None for kernels that trace no rays
     """
     porous = bool((packed.materials["flags"] & (MATERIAL_MASK | MATERIAL_BLEND | MATERIAL_THIN)).any())
-    trees = np.uint64(0) if world is None else address(world.table)
+    trees = NO_TREES if world is None else world.trees
     return Tables(trees, surfaces.addresses, surfaces.texels, surfaces.rows, packed.lights, porous)
 
 
@@ -224,7 +224,7 @@ def leave_surface(tables, hit, ng):
     matrix = instance + TO_WORLD
     corner = world_point(table[INSTANCES], instance, p0)
     e1, e2 = rows_times(table[INSTANCES], matrix, e1), rows_times(table[INSTANCES], matrix, e2)
-    return leave_triangle(corner, e1, e2, hit.u, hit.v, ng, instance_scale(tables.world, hit.instance))
+    return leave_triangle(corner, e1, e2, hit.u, hit.v, ng, instance_scale(tables.trees, hit.instance))
 
 
 @jit
@@ -239,7 +239,7 @@ def closest_surface(tables, origin, d, u, scratch):
     stu(words, HIT_PRIMITIVE, u32(NO_HIT))
     for _ in range(_HOLES_MAX):
         before = t
-        t = closest_after(tables.world, ray, before, scratch)
+        t = closest_after(tables.trees, ray, before, scratch)
         hit = read_hit(words)
         if t == f32(np.inf):
             return False, hit

@@ -11,17 +11,13 @@ from ispm.accel.build import BinaryTree
 from ispm.accel.bvh import MeshBvh, build_mesh_bvh
 from ispm.accel.collapse import BLOCK_WORDS, NODE_WORDS, collapse, empty_node, shift_refs
 from ispm.accel.intersect import (
-    BLOCKS,
-    NODES,
     ROW_REACH,
     ROW_ROOT,
     ROW_SCALE,
     ROW_WORDS,
-    ROWS,
-    TOP_NODES,
-    TOP_REACH,
 )
 from ispm.accel.rays import HIT, occlude_rays, trace_rays
+from ispm.accel.records import Trees
 from ispm.kernels.simd import address, aligned, stf, stu
 from ispm.kernels.threads import run_threads, thread_count
 from ispm.optics.jit import jit
@@ -39,20 +35,18 @@ _WORST_GROWTH = 2.0**20
 class World:
     """Two-level tree over the instances of a packed scene.
 
-    table  (16,) uint64: addresses of the arrays, for kernels (slots: `ispm.accel.intersect`); they stay
-           valid until the next `update`
+    trees  what kernels are handed of it; another one after each `update`
     """
 
     def __init__(self, threads: int | None = None) -> None:
         """threads: how many work at once; None: one for each usable core."""
         self.threads = thread_count(threads)
-        self.table = np.zeros(16, np.uint64)
         self._geometry: Geometry | None = None
         self._scratch = np.empty(0, np.uint8)
         self._trees: dict[int, tuple[MeshRange, MeshBvh]] = {}
         self._roots = np.zeros(0, np.uint32)
         self._boxes = np.zeros((0, 2, 3), np.float32)
-        self._nodes = self._blocks = self._rows = self._top = np.zeros(0, np.float32)
+        self._nodes = self._blocks = np.zeros(0, np.float32)
         self._place(np.zeros((0, 3, 4), np.float32), np.zeros(0, np.uint32))
 
     def update(self, packed: Packed) -> None:
@@ -101,8 +95,8 @@ class World:
         directions = np.ascontiguousarray(directions, np.float32)
         limits = np.ascontiguousarray(np.broadcast_to(np.asarray(t_max, np.float32), count))
         counter = np.zeros(1, np.int64)
-        arrays = [address(a) for a in (self.table, origins, directions, limits)]
-        run_threads(lambda _: kernel(*arrays, count, address(counter), out), self.threads)
+        arrays = [address(a) for a in (origins, directions, limits)]
+        run_threads(lambda _: kernel(self.trees, *arrays, count, address(counter), out), self.threads)
 
     def _join(self, geometry: Geometry) -> None:
         """Put the trees of all meshes into one array of nodes and one of blocks."""
@@ -135,28 +129,25 @@ class World:
         return build_mesh_bvh(positions, indices - np.uint32(part.first_vertex), self.threads)
 
     def _place(self, matrices: np.ndarray, meshes: np.ndarray) -> None:
-        """Build the tree over instances and write the table.
+        """Build the tree over instances.
 
         matrices  (n, 3, 4) float32, object to world space;  meshes  (n,) uint32
         """
         count = len(matrices)
         refs = aligned(8 * count).reshape(-1, 8)
-        self._rows = aligned(ROW_WORDS * count)
-        used = write_rows(matrices, meshes, self._boxes, self._roots, address(refs), address(self._rows))
+        rows = aligned(ROW_WORDS * count)
+        used = write_rows(matrices, meshes, self._boxes, self._roots, address(refs), address(rows))
         reach = np.float32(0.0)
         if used:
             tree = BinaryTree(refs[:used], 0, 1, 1)
-            self._top, _ = collapse(tree, rows=True)
+            top, _ = collapse(tree, rows=True)
             reach = np.abs(tree.bounds).max()
         else:
-            self._top = empty_node()
-        self.table[[TOP_NODES, ROWS, NODES, BLOCKS]] = [
-            a.ctypes.data for a in (self._top, self._rows, self._nodes, self._blocks)
-        ]
-        self.table[TOP_REACH] = reach.view(np.uint32)
+            top = empty_node()
+        self.trees = Trees(top, rows, self._nodes, self._blocks, reach)
 
 
-@jit
+@jit(allocates=True)
 def write_rows(matrices, meshes, boxes, roots, refs, rows):
     """Write the row of each instance and a reference to each that rays can hit; return their count.
 

@@ -55,6 +55,17 @@ def _vector(lanes: int) -> ir.VectorType:
     return ir.VectorType(_F32, lanes)
 
 
+@intrinsic
+def data(typingctx, array):
+    """The address, uint64, of the first element of an array that a kernel is given; see `address`."""
+
+    def code(context, builder, signature, args):
+        (value,) = args
+        return builder.ptrtoint(context.make_array(array)(context, builder, value).data, _I64)
+
+    return types.uintp(array), code
+
+
 def _pointer(context: Any, builder: Any, base: Any, index: Any, kind: Any, element: Any, value: Any) -> Any:
     """A pointer to a `value` that begins at the element of that index, of numba's type `kind`, of those at
     the address `base`."""

@@ -140,7 +140,7 @@ def shadow_transmittance(tables, start, d, distance, u, scratch):
     """
     none, share = (f32(0), f32(0), f32(0)), (f32(1), f32(1), f32(1))
     limit = distance * (f32(1) - BEFORE)
-    if not any_hit(tables.world, Ray(start, d, limit), scratch.stack):
+    if not any_hit(tables.trees, Ray(start, d, limit), scratch.stack):
         return share
     if not tables.porous:
         return none

@@ -28,7 +28,7 @@ def edge_rows(paths: EyePaths, pixels: np.ndarray, width: int) -> np.ndarray:
     return np.flatnonzero(marked & (paths.firsts["blur"] == 0.0))
 
 
-@jit
+@jit(allocates=True)
 def _mark(firsts, ends, points, lane, pixels, width, marked):
     """Mark the rays whose paths of a lane end on another surface than those right of or below them.
 

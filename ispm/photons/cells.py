@@ -27,7 +27,7 @@ def sort_by_cell(points: np.ndarray, low: np.ndarray, cell: float) -> tuple[np.n
     return (keys >> np.uint64(32)).astype(np.uint32), keys.astype(np.uint32)
 
 
-@jit
+@jit(allocates=True)
 def bounds_of(points):
     """Return the corners of the bounds of records with a position, (2, 3) float32 m."""
     bounds = np.empty((2, 3), np.float32)

@@ -21,11 +21,11 @@ import numpy as np
 from ispm.accel.intersect import STACK_WORDS, closest, read_hit
 from ispm.accel.mesh import hit_plane
 from ispm.accel.normals import unit
-from ispm.accel.records import Ray, Scratch
+from ispm.accel.records import Ray, Scratch, Trees
 from ispm.accel.surface import SurfaceTable, material_flags
 from ispm.accel.world import World
 from ispm.kernels.share import run_shared, shared_rows
-from ispm.kernels.simd import address, alloca
+from ispm.kernels.simd import alloca
 from ispm.optics.density import SAME_SURFACE
 from ispm.optics.jit import jit
 from ispm.optics.records import MATERIAL_DOUBLE_SIDED
@@ -68,17 +68,17 @@ def keep_light(
     rows = np.arange(len(photons), dtype=np.uint32) if rows is None else rows
     if not len(rows):
         return
-    scene = _Traced(address(world.table), surfaces.addresses, solids)
+    scene = _Traced(world.trees, surfaces.addresses, solids)
     numbers = _Numbers(keys, u32(pass_index), u32(seed))
     kernel: Callable[..., None] = _keep_ellipses if "front" in (photons.dtype.names or ()) else _keep_discs
     run_shared(lambda counter: kernel(scene, photons, rows, numbers, counter), world.threads)
 
 
 class _Traced(NamedTuple):
-    """What rays meet: address of `World.table`, addresses of a SurfaceTable, and whether points within solids
-    do not count."""
+    """What rays meet: a World's trees, addresses of a SurfaceTable, and whether points within solids do not
+    count."""
 
-    world: np.uint64
+    trees: Trees
     surfaces: np.ndarray
     solids: bool
 
@@ -178,7 +178,7 @@ def _lit_share(scene, kernel, middle, reach, scratch):
     n = kernel.normal
     top, down, length = add(middle, scale(reach, n)), scale(f32(-1), n), f32(2) * reach
     for _ in range(_LAYERS):
-        t = closest(scene.world, Ray(top, down, length), scratch)
+        t = closest(scene.trees, Ray(top, down, length), scratch)
         if not t < length:
             break
         hit = read_hit(scratch.found)
@@ -209,7 +209,7 @@ def _is_inside(scene, kernel, point, front, scratch):
     across = sub(add(center, scale(lift, kernel.normal)), start)
     length = f32(math.sqrt(dot(across, across)))
     d = scale(f32(1) / max(length, f32(1e-30)), across)
-    t = closest(scene.world, Ray(start, d, length), scratch)
+    t = closest(scene.trees, Ray(start, d, length), scratch)
     if not t < length:
         return False
     hit = read_hit(scratch.found)

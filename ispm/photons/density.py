@@ -146,7 +146,7 @@ def _reach_on_objects(photons: np.ndarray, widths: np.ndarray | None) -> np.ndar
     return np.asarray((f32(_WIDTH_SHARE) * widths)[photons["instance"]])
 
 
-@jit
+@jit(allocates=True)
 def _write_log_density(photons, keys, order, cell, log_density):
     """Write the logarithm of the density, 1/m2, of (N,) PHOTON, from the smallest cell with enough photons.
 

@@ -16,7 +16,7 @@ from ispm.accel.records import Ray, Scratch
 from ispm.accel.surface import SurfaceTable
 from ispm.accel.world import World
 from ispm.kernels.share import run_shared, shared_rows
-from ispm.kernels.simd import address, alloca
+from ispm.kernels.simd import alloca
 from ispm.optics.density import SAME_SURFACE
 from ispm.optics.jit import jit
 from ispm.optics.vector import add, cross, dot, scale, sub, vec3
@@ -35,33 +35,33 @@ def end_at_walls(kernels: np.ndarray, world: World, surfaces: SurfaceTable) -> N
     """
     if not len(kernels):
         return
-    trees, tables = address(world.table), surfaces.addresses
+    trees, tables = world.trees, surfaces.addresses
     run_shared(lambda counter: _end_some(trees, tables, kernels, counter), world.threads)
 
 
 @jit
-def _end_some(world, table, kernels, counter):
+def _end_some(trees, table, kernels, counter):
     """End as many of the (N,) CAUSTIC as a thread gets.
 
-    world  address of `World.table`;  table  addresses of a SurfaceTable
+    trees  of a World;  table  addresses of a SurfaceTable
     """
     scratch = Scratch(alloca(STACK_WORDS), alloca(2))
     for i in shared_rows(counter, _CHUNK, len(kernels)):
         kernel = kernels[i]
         for axis in (vec3(kernel.u), vec3(kernel.v)):
             for side in (f32(-1), f32(1)):
-                _end_along(world, table, kernel, scale(side, axis), scratch)
+                _end_along(trees, table, kernel, scale(side, axis), scratch)
 
 
 @jit
-def _end_along(world, table, kernel, axis, scratch):
+def _end_along(trees, table, kernel, axis, scratch):
     """End a CAUSTIC at what a ray from its center along `axis`, m, meets within it, unless that is its own
     surface."""
     n, center = unit(cross(vec3(kernel.u), vec3(kernel.v))), vec3(kernel.position)
     length = math.sqrt(dot(axis, axis))
     start = add(center, scale(_LIFT * length, n))
     d = scale(f32(1) / length, axis)
-    t = closest(world, Ray(start, d, f32(length)), scratch)
+    t = closest(trees, Ray(start, d, f32(length)), scratch)
     if not t < length:
         return
     hit = read_hit(scratch.found)

@@ -10,7 +10,7 @@ from ispm.accel.intersect import STACK_WORDS, closest, instance_scale, read_hit
 from ispm.accel.leave import leave_triangle
 from ispm.accel.records import Ray, Scratch
 from ispm.accel.world import World
-from ispm.kernels.simd import address, alloca
+from ispm.kernels.simd import alloca
 from ispm.kernels.threads import run_threads
 from ispm.optics.jit import jit
 from ispm.optics.rng import random4
@@ -28,7 +28,7 @@ FAR = np.array([1000.0, -700.0, 400.0])
 
 
 @jit
-def bounce(table, corners, photons, seed, x, y, z, out):
+def bounce(trees, corners, photons, seed, x, y, z, out):
     """Count rays, escapes, and hits on the plane just left, in out."""
     scratch = Scratch(alloca(STACK_WORDS), alloca(2))
     for photon in range(photons):
@@ -37,7 +37,7 @@ def bounce(table, corners, photons, seed, x, y, z, out):
         for step in range(PHOTONS_EACH):
             u0, u1, _, _ = random4(u32(photon), u32(step), u32(seed), u32(0))
             d = cosine_direction(n, u0, u1)
-            t = closest(table, Ray(origin, d, f32(np.inf)), scratch)
+            t = closest(trees, Ray(origin, d, f32(np.inf)), scratch)
             out[0] += 1
             if t == f32(np.inf):
                 out[1] += 1
@@ -53,7 +53,7 @@ def bounce(table, corners, photons, seed, x, y, z, out):
                 ng = scale(f32(-1), ng)
             if last > f32(0) and dot(ng, n) > f32(0.9):
                 out[2] += 1
-            origin = leave_triangle(a, e1, e2, u, v, ng, instance_scale(table, hit.instance))
+            origin = leave_triangle(a, e1, e2, u, v, ng, instance_scale(trees, hit.instance))
             n, last = ng, f32(1)
 
 
@@ -107,7 +107,7 @@ def run(kind, rays):
     counts = np.zeros((world.threads, 3), np.int64)
 
     def work(k):
-        bounce(address(world.table), corners, photons, k, *center, counts[k])
+        bounce(world.trees, corners, photons, k, *center, counts[k])
 
     run_threads(work, world.threads)
     return counts.sum(axis=0)

@@ -9,7 +9,7 @@ from ispm.accel.intersect import STACK_WORDS, closest, instance_scale, read_hit
 from ispm.accel.leave import leave_triangle
 from ispm.accel.records import Ray, Scratch
 from ispm.accel.world import World
-from ispm.kernels.simd import address, alloca
+from ispm.kernels.simd import alloca
 from ispm.optics.jit import jit
 from ispm.optics.rng import random4
 from ispm.optics.vector import add, cross, dot, scale, sub
@@ -26,7 +26,7 @@ RAYS, ESCAPED, WRONG, MOVED = range(4)
 
 
 @jit
-def reflect(table, corners, photons, flights, outside, size, middle, counts):
+def reflect(trees, corners, photons, flights, outside, size, middle, counts):
     """Follow photons among perfect mirrors, from within the prism or towards it from outside.
 
     WRONG: a triangle is met from the side on which the photon is not, or a second one outside
@@ -40,7 +40,7 @@ def reflect(table, corners, photons, flights, outside, size, middle, counts):
         if outside:
             origin = sub(origin, scale(f32(4) * size, d))
         for flight in range(flights):
-            t = closest(table, Ray(origin, d, f32(np.inf)), scratch)
+            t = closest(trees, Ray(origin, d, f32(np.inf)), scratch)
             counts[RAYS] += 1
             if t == f32(np.inf):
                 counts[ESCAPED] += 1
@@ -55,7 +55,7 @@ def reflect(table, corners, photons, flights, outside, size, middle, counts):
                 break
             n = n if outside else scale(f32(-1), n)
             d = sub(d, scale(f32(2) * dot(n, d), n))
-            origin = leave_triangle(p, e1, e2, u, v, n, instance_scale(table, hit.instance))
+            origin = leave_triangle(p, e1, e2, u, v, n, instance_scale(trees, hit.instance))
             way = sub(origin, add(p, add(scale(u, e1), scale(v, e2))))
             counts[MOVED] += math.sqrt(dot(way, way))
 
@@ -99,7 +99,7 @@ def counts_in(ratio, size, place, outside):
     corners = np.concatenate([p + np.float32(place), q - p, s - p], axis=1)
     counts = np.zeros(4)
     reflect(
-        address(world.table), corners, PHOTONS, 2 if outside else FLIGHTS, outside, f32(size),
+        world.trees, corners, PHOTONS, 2 if outside else FLIGHTS, outside, f32(size),
         tuple(f32(x) for x in place), counts,
     )  # fmt: skip
     return counts

@@ -1,5 +1,12 @@
 """Kernels as numba compiles them."""
 
+from typing import NamedTuple
+
+import numba
+import numpy as np
+import pytest
+
+from ispm.kernels import store
 from ispm.optics.jit import jit
 
 
@@ -18,3 +25,43 @@ def test_a_callee_is_compiled_for_kernels_alone_until_python_calls_it():
     assert len(_four_times.signatures) == 1 and not _double.signatures
     assert _double(3) == 6
     assert len(_double.signatures) == 1
+
+
+class _Pair(NamedTuple):
+    first: np.ndarray
+    second: np.ndarray
+
+
+@jit
+def _sum(pair, i):
+    return pair.first[i] + _second(pair, i)
+
+
+@jit
+def _second(pair, i):
+    rest = pair.second[1:]
+    return rest[i]
+
+
+@jit
+def _fresh(count):
+    return np.zeros(count)
+
+
+@jit(allocates=True)
+def _made(count):
+    return np.zeros(count)
+
+
+def test_kernels_count_no_references_to_arrays_that_they_are_given(monkeypatch):
+    monkeypatch.setattr(store, "read", lambda name: None)  # code that is kept cannot be looked at
+    pair = _Pair(np.arange(4.0), np.arange(4.0))
+    assert _sum(pair, 1) == 3.0
+    (code,) = _sum.inspect_llvm().values()
+    assert "NRT_incref" not in code and "NRT_decref" not in code
+
+
+def test_kernels_that_make_arrays_say_so():
+    assert len(_made(3)) == 3
+    with pytest.raises(numba.core.errors.NumbaError, match="Only accept returning of array passed"):
+        _fresh(3)

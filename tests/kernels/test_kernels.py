@@ -47,7 +47,7 @@ def made(by):
 
 twice, thrice = made(2.0), made(3.0)
 
-@jit
+@jit(allocates=True)
 def outer(x):
     # a remark
     return twice(inner(x)) + sum([k * FACTOR for k in range(2)])
