@@ -110,7 +110,8 @@ def classify_photons(this: Pass, path: Walk) -> PhotonClasses:
     end_at_walls(kernels, this.world, this.surfaces)
     keep_light(kernels, keys, this.world, this.surfaces, settings.seed, this.index)
     kernels = np.concatenate([kernels[wide], kernels[~wide]])
-    _, order = sort_by_cell(photons, packed.bounds[0], SMALLEST * packed.diagonal)
+    low, _ = packed.bounds
+    _, order = sort_by_cell(photons, low, SMALLEST * packed.diagonal)
     order = order[smooth[order]]
     keys = np.concatenate([path.keys[order], keys[wide], keys[~wide]])
     photons = np.concatenate([take(photons, order), caustic[wide], caustic[~wide]])

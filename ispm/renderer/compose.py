@@ -27,7 +27,8 @@ def compose(gpu: Gpu, this: Pass, lit: LitFrame) -> Frame:
     e = rest[-1] if glow else np.zeros(d.shape, f4)  # untouched pages: zeros_like would write them
     alpha, more = i[..., 3], {}
     if color is not None:
-        behind = (1.0 - alpha[..., None] + rest[0][..., :3]) * color
+        through, *_ = rest
+        behind = (1.0 - alpha[..., None] + through[..., :3]) * color
         e[..., :3] += behind
         more = {LAYER: lambda: behind}
     copies, materials = (

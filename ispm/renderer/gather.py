@@ -60,9 +60,8 @@ class PhotonLight:
     def __init__(self, this: Pass, parts: PhotonClasses) -> None:
         self._this, self.parts = this, parts
         if this.settings.gather_rays:
-            self._guide = Guide(
-                parts.smooth, ~parts.not_gathered, this.packed.bounds[0], this.packed.diagonal
-            )
+            low, _ = this.packed.bounds
+            self._guide = Guide(parts.smooth, ~parts.not_gathered, low, this.packed.diagonal)
         if not this.settings.is_plain:
             self._measure(parts.smooth)
 

@@ -28,8 +28,8 @@ from ispm.renderer.statistics import Stats
 from ispm.scene.values import FARTHEST
 from ispm.settings import Settings
 
-_SUMMED = ("direct", "indirect", "emission", "irradiance", "alpha")
-_KEPT = ("depth", "normal", "albedo", "instance", "material")  # of the first pass
+SUMMED = ("direct", "indirect", "emission", "irradiance", "alpha")
+KEPT = ("depth", "normal", "albedo", "instance", "material")  # of the first pass
 _CAMERA = ("pose", "clip_from_world")
 _PERSPECTIVE = ("intrinsics",)  # of the camera, unless it is orthographic
 _IDS = ("instance", "material")
@@ -65,7 +65,7 @@ class Progress:
     @classmethod
     def start(cls, frame: Frame, made_of: MadeOf) -> Progress:
         """Begin with the frame of pass 0."""
-        sums = {name: np.zeros_like(frame[name]) for name in (*_SUMMED, LAYER) if name in frame.layers}
+        sums = {name: np.zeros_like(frame[name]) for name in (*SUMMED, LAYER) if name in frame.layers}
         moments = np.zeros((2, *frame["depth"].shape))
         progress = cls(0, sums, moments, frame.layers, frame.camera, frame.scene, frame.stats, made_of)
         progress.add(frame)
@@ -105,7 +105,7 @@ class Progress:
         makers: dict[str, Callable[[], np.ndarray]]
         makers = {name: partial(np.multiply, total, share) for name, total in self.sums.items()}
         makers["full"] = lambda: sum_layers(mean["direct"], mean["indirect"], mean["emission"], threads)
-        makers |= {name: partial(self.first.__getitem__, name) for name in _KEPT}
+        makers |= {name: partial(self.first.__getitem__, name) for name in KEPT}
         mean = Layers(makers)
         stats = dataclasses.replace(self.stats, passes=self.passes, error=self.error())
         return Frame(mean, stats, settings, self.camera, self.scene)
@@ -116,7 +116,7 @@ class Progress:
         if target.suffix.lower() != ".npz":
             raise OutputError(f"{target}: passes are kept in an .npz; name it so")
         arrays = {f"sum.{name}": total for name, total in self.sums.items()}
-        arrays |= {f"first.{name}": self.first[name] for name in _KEPT}
+        arrays |= {f"first.{name}": self.first[name] for name in KEPT}
         arrays |= {f"camera.{name}": array for name, array in self.camera.items()}
         about = {"version": _version(), "passes": self.passes, "scene": self.scene, "error": self.error()}
         about |= {"made_of": self.made_of.to_json(), "stats": dataclasses.asdict(self.stats)}
@@ -251,7 +251,7 @@ def _array(name: str, data: bytes) -> np.ndarray:
 
 def _require_names(found: Mapping[str, Any], behind: set[str]) -> None:
     """Raise _SpoiledError where arrays are missing or too many. `behind`: those of the background."""
-    wanted = {f"sum.{name}" for name in _SUMMED} | {f"first.{name}" for name in _KEPT} | behind
+    wanted = {f"sum.{name}" for name in SUMMED} | {f"first.{name}" for name in KEPT} | behind
     wanted |= {f"camera.{name}" for name in _CAMERA} | {"indirect_moments"}
     optional = {f"camera.{name}" for name in _PERSPECTIVE}
     missing, strange = sorted(wanted - found.keys()), sorted(found.keys() - wanted - optional)
