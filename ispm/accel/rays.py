@@ -14,13 +14,15 @@ from ispm.accel.intersect import (
     closest,
 )
 from ispm.accel.records import Ray, Scratch
-from ispm.kernels.simd import alloca, atomic_add, ldf, ldu, stf, stu
+from ispm.kernels.share import shared_rows
+from ispm.kernels.simd import alloca, ldf, ldu, stf, stu
 from ispm.optics.jit import jit
 from ispm.optics.records import NO_HIT
 
 f32, i64, u32 = np.float32, np.int64, np.uint32
 
-# u, v: barycentric coordinates of the second and third corner; instance is NO_HIT where nothing was hit.
+# t: distance in lengths of the ray's direction; u, v: barycentric coordinates of the second and third corner.
+# Where nothing was hit t is the ray's limit, and instance is NO_HIT.
 HIT = np.dtype([("t", "<f4"), ("instance", "<u4"), ("primitive", "<u4"), ("u", "<f4"), ("v", "<f4")])
 
 _CHUNK = 256  # rays a thread takes at a time
@@ -38,34 +40,27 @@ def _ray(origins, directions, limits, i):
 def trace_rays(trees, origins, directions, limits, count, counter, hits):
     """Write a HIT for each of `count` rays; threads share the int64 at the address `counter`.
 
-    trees  a Trees;  origins, directions, limits, hits  addresses of float32 and HIT arrays
+    trees   a Trees;  origins, directions, hits  addresses of float32 and HIT arrays
+    limits  address of float32: where each ray ends, in lengths of its direction
     """
     scratch = Scratch(alloca(STACK_WORDS), alloca(2))
     hit = scratch.found
-    while True:
-        first = atomic_add(counter, i64(1)) * _CHUNK
-        if first >= count:
-            return
-        for i in range(first, min(first + _CHUNK, count)):
-            stu(hit, HIT_PRIMITIVE, u32(NO_HIT))
-            stu(hit, HIT_INSTANCE, u32(NO_HIT))
-            stf(hit, HIT_U, f32(0))
-            stf(hit, HIT_V, f32(0))
-            t = closest(trees, _ray(origins, directions, limits, i), scratch)
-            stf(hits, 5 * i, t)
-            stu(hits, 5 * i + 1, ldu(hit, HIT_INSTANCE))
-            stu(hits, 5 * i + 2, ldu(hit, HIT_PRIMITIVE))
-            stf(hits, 5 * i + 3, ldf(hit, HIT_U))
-            stf(hits, 5 * i + 4, ldf(hit, HIT_V))
+    for i in shared_rows(counter, _CHUNK, count):
+        stu(hit, HIT_PRIMITIVE, u32(NO_HIT))
+        stu(hit, HIT_INSTANCE, u32(NO_HIT))
+        stf(hit, HIT_U, f32(0))
+        stf(hit, HIT_V, f32(0))
+        t = closest(trees, _ray(origins, directions, limits, i), scratch)
+        stf(hits, 5 * i, t)  # a HIT's five words are in another order than those found
+        stu(hits, 5 * i + 1, ldu(hit, HIT_INSTANCE))
+        stu(hits, 5 * i + 2, ldu(hit, HIT_PRIMITIVE))
+        stf(hits, 5 * i + 3, ldf(hit, HIT_U))
+        stf(hits, 5 * i + 4, ldf(hit, HIT_V))
 
 
 @jit
 def occlude_rays(trees, origins, directions, limits, count, counter, blocked):
     """Write to (count,) bool `blocked` whether anything is on each ray before its limit; see `trace_rays`."""
     stack = alloca(STACK_WORDS)
-    while True:
-        first = atomic_add(counter, i64(1)) * _CHUNK
-        if first >= count:
-            return
-        for i in range(first, min(first + _CHUNK, count)):
-            blocked[i] = any_hit(trees, _ray(origins, directions, limits, i), stack)
+    for i in shared_rows(counter, _CHUNK, count):
+        blocked[i] = any_hit(trees, _ray(origins, directions, limits, i), stack)

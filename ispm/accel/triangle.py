@@ -39,9 +39,11 @@ class Shear(NamedTuple):
 @jit(inline=True)
 def meet_block(blocks, word, shear):
     """Meet the 4 triangles from a word on, int64, of the address `blocks`, in the space of a Shear.
+    Corners lie 12 words apart, the axes of one 4, triangle by triangle.
 
     ->     (b, c, size, inside, scaled), float32 in four lanes: weights b and c of the second and third corner
-           and distance `scaled`, all times size > 0; inside is not negative where all three weights are not
+           and distance `scaled`, all times size > 0, twice the area that the ray sees; inside: the least
+           of the three weights
     A weight depends on the two corners of an edge alone, and is the exact negative in the triangle beyond
     it: no ray misses both, and one on the edge hits both.
     """

@@ -17,7 +17,7 @@ from ispm.gpu.readback import Readback
 from ispm.gpu.texture import Texture
 from ispm.gpu.timing import Stopwatch, Timer
 
-_CHUNK = 65536  # bytes; WebGPU's largest uniform binding
+_CHUNK = 65536  # bytes; the largest uniform binding that every adapter has
 _ALIGNMENT = 256  # bytes between uniforms; WebGPU's baseline
 
 
@@ -57,7 +57,8 @@ class UniformPool:
 
 
 class Recording:
-    """Commands of one frame, made by `Gpu.frame` and used as a context; leaving it submits them.
+    """Commands that are sent together, a part of a frame; made by `Gpu.frame` and used as a context, which
+    sends them as it is left.
 
     Only one may be open at a time. `timing` says how stages are measured: `timestamps` by the
     adapter's clock, `fenced` by waiting for each stage, or `off`.
@@ -93,7 +94,7 @@ class Recording:
             self._stopwatch.finish(self.encoder)
             self._submit()
         else:
-            self._uniforms.flush()
+            self._uniforms.flush()  # the pool starts over; nothing of this recording runs
 
     def stage(self, name: str) -> None:
         """Count the passes from here on as the stage `name`; the same name adds up."""

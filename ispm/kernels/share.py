@@ -15,7 +15,8 @@ i64 = np.int64
 
 
 def run_shared(kernel: Callable[[np.uint64], Any], threads: int) -> None:
-    """Call `kernel` from some threads at the same time, with the address of a counter for `shared_rows`."""
+    """Call `kernel`, which runs numba code, from so many threads, with the address of a counter for
+    `shared_rows`; return when all are done."""
     counter = np.zeros(8, i64)  # a cache line of its own
     place = address(counter)
     run_threads(lambda _: kernel(place), threads)

@@ -21,14 +21,14 @@ def aimed_maps(base: LightMap, light: np.void, hulls: np.ndarray, most: int) -> 
 
     base   the light's own map;  light  LIGHT
     hulls  (n, k, 3) points round each object, world space
-    There is none of what the light is inside of, nor of what already fills much of its own map.
+    There is none of what has the light in its box, nor of what already fills much of its own map.
     """
     points = hulls - base.origin
     patches = _patches(base, points)
-    near = ~base.orthographic & ((patches[:, 1] - patches[:, 0]) > 2.0 * math.sin(0.6)).any(axis=1)
+    too_wide = ~base.orthographic & ((patches[:, 1] - patches[:, 0]) > 2.0 * math.sin(0.6)).any(axis=1)
     within = (points.min(axis=1) < 0.0) & (points.max(axis=1) > 0.0)
     inside = ~base.orthographic & within.all(axis=1)
-    kept = np.flatnonzero(~near & ~inside)
+    kept = np.flatnonzero(~too_wide & ~inside)
     maps = [_view(base, light, points[kept[group]]) for group in _groups(patches[kept], most)]
     return [map for map in maps if map and 0.0 < map.measure < _LARGEST * base.measure]
 

@@ -33,7 +33,7 @@ class Seen:
 
     points   (n, 3) m, world space;  normals  (n, 3) geometric, on the eye's side
     widths   (n,) m: a pixel's there, seen face on
-    reaches  (n,) m: how far from each lies what it stands for
+    reaches  (n,) m: radius of the part of its surface that each stands for
     through  whether light from behind may reach the eye
     """
 
@@ -61,12 +61,12 @@ class ShadowFace:
 
     light     row of the lights;  index  of its map's faces
     origin    (3,) m, world space
-    frame     (3, 3) unit rows right, down, forward
+    frame     (3, 3) unit rows right, down (a light map's has up), forward
     window    (2, 2) low and high corner of what the tile shows, in tangents right and down of forward;
               orthographic: in m
     depth     m before and behind the origin that an orthographic view holds; 0: a perspective one
     range     m from the origin beyond which nothing that the eye sees is lit
-    wanted    texels per unit of the window, beside those of other faces; 0: the eye sees nothing in it
+    wanted    texels per unit of the window, up to a factor that all faces share; 0: the eye sees none
     finest    texels per unit beyond which more would not be seen
     """
 

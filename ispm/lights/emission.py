@@ -51,7 +51,7 @@ class _Source(NamedTuple):
 
     light             row of the lights
     origin            (3,) float64 m, of the light's own map, world space
-    views             (K,) _VIEW of all maps of the light;  own  which of them it is
+    views             (K,) _VIEW, the first face of each map of the light (a cube's sees all); own: which
     shift_x, shift_y  and offset, of its samples, see `PlannedMap`
     """
 
@@ -260,7 +260,9 @@ def _ray(light, source, x, y):
     s, t = f64(2) * x - f64(1), f64(2) * y - f64(1)
     if view.kind == i64(_PARALLEL):
         point = _map_point(view, s, t)
-        back = f64(1) + f64(1) / _square(view.axis)  # to the near plane, a unit of `_map_point` included
+        back = f64(1) + f64(1) / _square(
+            view.axis
+        )  # `_map_point` adds the axis once; to the near plane it is axis / axis^2
         start = (
             f32(origin[0] + point[0] - back * view.axis[0]),
             f32(origin[1] + point[1] - back * view.axis[1]),

@@ -266,6 +266,7 @@ def cone_measure(light: np.void) -> float:
 
 
 def _square_measure(light: np.void, axes: np.ndarray, spread: float) -> float:
+    """Solid angle, sr, of a square view of tangent `spread` to each side, weighted by a spot's falloff."""
     square = spread * spread
     whole = 4.0 * math.atan2(square, math.sqrt(1.0 + 2.0 * square))
     if light["kind"] != records.LIGHT_SPOT:

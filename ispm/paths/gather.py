@@ -45,9 +45,9 @@ _CHUNK = 64  # receivers a thread takes at a time; results do not depend on it o
 class Gathered(NamedTuple):
     """What rays found, receiver by receiver.
 
-    radiance  (m, 3) float32, along each ray, of direct light where it ends
+    radiance  (m, 3) float32, of direct light where each ray ends, times its share and what sheets let pass
     fresnel   (m,) float32, Fc of the ray's direction at a glossy receiver, else 0
-    nearness  (m,) float32 1/m, 1 over the ray's length, 0 where it met nothing
+    nearness  (m,) float32 1/m, the ray's share over its length, 0 where it met nothing
     ends      (m,) PATH_END; slot: the ray's row
     points    (m,) RECEIVER; invalid where the ray met nothing that photons light
     """
@@ -122,7 +122,7 @@ class _Course(NamedTuple):
 class _GatherRay(NamedTuple):
     """A ray, and the row for what it finds.
 
-    share         of its receiver's light, per density
+    share         its weight: 1 over the density of rays in its direction, whose mean is 1
     u, u_shadow   random, for holes that it meets, and for those that light meets
     key, dimension   of its further random numbers
     """
@@ -153,8 +153,8 @@ def _gather_one(tables, receiver, plan, course, r, k, scratch, out):
     side, shifts = plan.side, plan.shifts
     row, key, dimension = r * side * side + k, plan.keys[r], u32(_DIMENSION + 16 * k)
     u3, u4, _, _ = random4(key, dimension, course.pass_index, course.seed)
-    share = f32(1) / f32(side)
-    u1, u2 = (f32(k // side) + shifts[r, 0]) * share, (f32(k % side) + shifts[r, 1]) * share
+    step = f32(1) / f32(side)
+    u1, u2 = (f32(k // side) + shifts[r, 0]) * step, (f32(k % side) + shifts[r, 1]) * step
     u1, u2, density = guided(plan.densities, plan.guide_rows[r], u1, u2)
     n, ng = vec3(receiver.n), vec3(receiver.ng)
     d = to_world(cosine_hemisphere(u1, u2), n)

@@ -70,8 +70,8 @@ def keep_light(
         return
     scene = _Traced(world.trees, surfaces.addresses, solids)
     numbers = _Numbers(keys, u32(pass_index), u32(seed))
-    kernel: Callable[..., None] = _keep_ellipses if "front" in (photons.dtype.names or ()) else _keep_discs
-    run_shared(lambda counter: kernel(scene, photons, rows, numbers, counter), world.threads)
+    keep: Callable[..., None] = _keep_ellipses if "front" in (photons.dtype.names or ()) else _keep_discs
+    run_shared(lambda counter: keep(scene, photons, rows, numbers, counter), world.threads)
 
 
 class _Traced(NamedTuple):
@@ -143,11 +143,11 @@ def _keep(scene, photon, kernel, key, numbers, scratch):
         turn, a, b, c = random4(key, first, numbers.pass_index, numbers.seed)
         # The greatest of three is below x with the chance x^3: within s lies 1 - (1 - s^2)^3 of a kernel.
         outside = max(max(a, b), max(c, f32(1e-6)))
-        offset, reach = _point_of(kernel, outside, turn)
+        offset, thickness = _point_of(kernel, outside, turn)
         if dot(offset, kernel.front) < -kernel.reach:
             continue  # cut off: the kernel holds its flux without it
         total += term
-        term *= f32(1) - _lit_share(scene, kernel, add(kernel.position, offset), reach, scratch)
+        term *= f32(1) - _lit_share(scene, kernel, add(kernel.position, offset), thickness, scratch)
         if abs(term) < _LEAST_TERM:
             chance, _, _, _ = random4(key, first + u32(1), numbers.pass_index, numbers.seed)
             if chance * _LEAST_TERM >= abs(term):
@@ -169,14 +169,14 @@ def _point_of(kernel, outside, turn):
 
 
 @jit
-def _lit_share(scene, kernel, middle, reach, scratch):
-    """Return the kernel's light on the surface about a point of its middle section, per area of the section,
-    over the kernel at the point: 0 to 2; 0 where there is no surface that its photon lights.
+def _lit_share(scene, kernel, middle, thickness, scratch):
+    """Return the kernel where it meets a surface that its photon lights, over the kernel at a point of its
+    middle section, times the area of surface to that of section: 0 without one, at most 1 / SAME_SURFACE.
 
-    middle  (3,) float32, the point;  reach  m, half the kernel's thickness there
+    middle  (3,) float32, the point;  thickness  m, half the kernel's there
     """
     n = kernel.normal
-    top, down, length = add(middle, scale(reach, n)), scale(f32(-1), n), f32(2) * reach
+    top, down, length = add(middle, scale(thickness, n)), scale(f32(-1), n), f32(2) * thickness
     for _ in range(_LAYERS):
         t = closest(scene.trees, Ray(top, down, length), scratch)
         if not t < length:
@@ -188,10 +188,10 @@ def _lit_share(scene, kernel, middle, reach, scratch):
             front, facing = scale(f32(-1), front), -facing
         lit = facing >= SAME_SURFACE and dot(kernel.wi, front) > f32(0)
         if lit and not (scene.solids and _is_inside(scene, kernel, add(top, scale(t, down)), front, scratch)):
-            z = (length - t) / reach - f32(1)
+            z = (length - t) / thickness - f32(1)
             m = max(f32(1) - z * z, f32(0))
             return m * m / facing
-        t += _PAST * reach
+        t += _PAST * thickness
         top, length = add(top, scale(t, down)), length - t
     return f32(0)
 

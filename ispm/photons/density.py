@@ -42,7 +42,7 @@ _CLOSE = 0.5  # of a radius: what a wall close by leaves of it, or few photons w
 _SAGITTA = 1.5  # a kernel's height over that of the curved surface it spans
 _PIXEL_RADIUS = f32(math.sqrt(2.0 / 3.0))  # over a pixel: a kernel's variance r^2 / 8 is its 1 / 12 then
 _NEIGHBORS_MAX = 128
-_ROOM = _NEIGHBORS_MAX // 2  # uint64
+_ROOM = _NEIGHBORS_MAX // 2  # uint64 that hold as many float32 squares, or uint32 rows
 _CHUNK = 256  # photons a thread takes at a time
 
 
@@ -100,10 +100,10 @@ def measure_radii(
         return
     limits = _Limits(f32(diagonal * _RADIUS_MIN), f32(diagonal * _RADIUS_MAX), f32(smoothing))
     log_density, widest = _log_density(photons, diagonal, threads), _reach_on_objects(photons, widths)
-    _write_radii(photons, log_density, widest, limits, in_kernels(pixels, _PIXEL_SHARE))
+    _write_radii(photons, log_density, widest, limits, for_kernels(pixels, _PIXEL_SHARE))
 
 
-def in_kernels(pixels: Pixels | None, share: float = 1.0) -> Pixels:
+def for_kernels(pixels: Pixels | None, share: float = 1.0) -> Pixels:
     """Return float32 pixels of a share of the width; None: their width is 0."""
     plane, eye = pixels or (np.zeros(4), np.zeros(4))
     return Pixels((share * plane).astype(np.float32), np.asarray(eye, np.float32))
@@ -167,8 +167,8 @@ def _write_log_density(photons, keys, order, cell, log_density):
                 first = i
     for i in range(n):
         p = order[i]
-        n = photons[p].normal
-        tilt = abs(n[0]) + abs(n[1]) + abs(n[2])
+        nx, ny, nz = vec3(photons[p].normal)
+        tilt = abs(nx) + abs(ny) + abs(nz)
         log_density[p] = f32(math.log(count[i] * tilt / (side[i] * side[i])))
 
 
@@ -238,7 +238,7 @@ def measure_caustic_radii(
     tree = NearestTree(points)
     near = _Neighbors(address(tree.nodes), tree.starts, order, i64(neighbors))
     low, high = _CAUSTIC_RADIUS_MIN * diagonal, _CAUSTIC_RADIUS_MAX * diagonal
-    limits, seen = _Limits(f32(low), f32(high), f32(smoothing)), in_kernels(pixels)
+    limits, seen = _Limits(f32(low), f32(high), f32(smoothing)), for_kernels(pixels)
     widest = _reach_on_objects(photons, widths)
     free = np.full(len(photons), np.inf, np.float32) if clear is None else clear
     run_shared(lambda count: _write_caustic_radii(photons, near, widest, free, limits, seen, count), threads)

@@ -15,13 +15,13 @@ from ispm.optics.jit import jit
 from ispm.optics.records import CAUSTIC
 from ispm.optics.sampling import orthonormal_basis
 from ispm.optics.vector import add, dot, scale, vec3
-from ispm.photons.density import Pixels, in_kernels, least_radius
+from ispm.photons.density import Pixels, for_kernels, least_radius
 
 f32 = np.float32
 
 OVERLAP = f32(5)  # beams' areas under a kernel: 3 leave grain (a third more error), more blur
-_ASPECT_MAX = f32(8)  # of a kernel's length over its width
-_LENGTH_MAX = f32(0.05)  # of the scene's diagonal
+_ASPECT_MAX = f32(8)  # of a kernel's length over its width; chosen, not measured
+_LENGTH_MAX = f32(0.05)  # of the scene's diagonal; likewise
 _MIN_RADIUS_RATIO = f32(0.35)  # to the measured radius: beams do not know how normal maps spread light
 
 
@@ -43,7 +43,7 @@ def shape_kernels(
     out = np.zeros(len(photons), CAUSTIC)
     for name in ("position", "height", "flux", "wi"):
         out[name] = photons[name]
-    _shape(photons, beams, clear, f32(diagonal), f32(smoothing), in_kernels(pixels), out)
+    _shape(photons, beams, clear, f32(diagonal), f32(smoothing), for_kernels(pixels), out)
     return out
 
 
@@ -122,7 +122,8 @@ def _extent(kernel, direction):
 
 @jit
 def _part_before(x):
-    """The share of a unit disc's kernel left of x in [0, 1]: the integral of 16 / (5 pi) (1 - x^2)^(5/2)."""
+    """The share of a unit disc's kernel left of x in [0, 1]: the integral of 16 / (5 pi) (1 - x^2)^(5/2),
+    which the biweight 3 / pi (1 - r^2)^2 is along lines across x."""
     xx = x * x
     root = math.sqrt(max(f32(1) - xx, f32(0)))
     part = x * root * (f32(33) - f32(26) * xx + f32(8) * xx * xx) / f32(15) + math.asin(x)

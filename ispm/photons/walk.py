@@ -32,9 +32,9 @@ f32, i64, u32 = np.float32, np.int64, np.uint32
 _CONTINUED_DIMENSION = 1 << 23  # of the random number that draws which of the split photons is continued
 _PART_BIT = 28  # first bit of a key that numbers split photons; numbers of texels stay below it
 _EVENT_STEP = 0x9E3779B1  # between the keys of two hits of a photon, from 2^32 over the golden ratio
-BEAM = 9  # floats that describe what a photon alone lights
+BEAM = 9  # floats of a beam: two vectors that span what it lights, and the normal of the surface it left
 _CHUNK = 256  # photons a thread takes at a time; results do not depend on it or on the threads
-_ROOM = 12 * _CHUNK  # hits that a chunk has room for at first; the few that need more are walked again
+_HITS = 12 * _CHUNK  # that a chunk has room for at first; the few chunks that need more are walked again
 
 _FATES = "emitted", "absorbed", "escaped", "dropped", "stored"  # rows of a chunk's sums
 _EMITTED, _ABSORBED, _ESCAPED, _DROPPED, _STORED = range(5)
@@ -96,11 +96,11 @@ def walk(
     tables = scene_tables(packed, world, surfaces)
     course = _Course(i64(bounces), f32(limit), u32(pass_index), u32(seed))
     # Mostly pages that are never touched.
-    room = world.scratch(len(chunks) * _ROOM, PHOTON)
+    room = world.scratch(len(chunks) * _HITS, PHOTON)
     found = _walk_some(tables, emitted, course, chunks, room, world.threads)
     hit_counts, ray_counts = found.counts.T
-    hits = [found.hits.part(c * _ROOM, n) for c, n in enumerate(hit_counts)]
-    for chunk in np.flatnonzero(hit_counts > _ROOM):
+    hits = [found.hits.part(c * _HITS, n) for c, n in enumerate(hit_counts)]
+    for chunk in np.flatnonzero(hit_counts > _HITS):
         room = np.empty(hit_counts[chunk], PHOTON)
         again = _walk_some(tables, emitted, course, chunks[chunk:][:1], room, 1)
         hits[chunk] = again.hits.part(0, len(room))
@@ -219,9 +219,10 @@ def _walk_one(tables, photon, split, course, scratch, found, room):
     kept = scale(within, flux)
     _add_difference(sums, chunk, _ESCAPED, flux, kept)
     flux = kept
-    direct, mirrored = True, False  # thin sheets aside: has met nothing since the light; is focused
+    # Thin sheets aside: has met nothing since the light; comes off a mirror or glass.
+    direct, focused = True, False
     hidden = False  # whether gather rays do not find where it last scattered
-    inside, plane = no_medium(), d  # of the surface that the photon comes from
+    inside, plane = no_medium(), d  # normal of the surface that the photon left; of a light: its direction
     scatters, speculars, rays = i64(0), i64(0), i64(0)
     while True:
         x = surface(tables, hit, d)
@@ -237,7 +238,7 @@ def _walk_one(tables, photon, split, course, scratch, found, room):
         if not direct and has_finite(x.bsdf):
             if row < room.end:
                 _store(hits.photons[row], x, flux, d, abs(dot(segment, plane)), length, scatters)
-                hits.focused[row], hits.not_gathered[row] = mirrored, mirrored or hidden
+                hits.focused[row], hits.not_gathered[row] = focused, focused or hidden
                 hits.keys[row] = key + u32(scatters + speculars) * u32(_EVENT_STEP)
                 if scatters == i64(0):
                     _store_beam(hits.beams, row, beam, plane)
@@ -272,7 +273,7 @@ def _walk_one(tables, photon, split, course, scratch, found, room):
         scatters += i64(not specular)
         passed_through_thin = specular and passed_sheet(x, d)
         direct = direct and passed_through_thin
-        mirrored = mirrored if passed_through_thin else specular
+        focused = focused if passed_through_thin else specular
         start, inside = spawn_ray(tables, x, inside, d)
         rays += i64(1)
         met, hit = closest_surface(tables, start, d, u, scratch)

@@ -77,7 +77,7 @@ def classify_photons(this: Pass, path: Walk) -> PhotonClasses:
 
     Light that has scattered before it was focused makes a caustic where its photons crowd; elsewhere, as in
     a plane mirror's reflection of a room, it is as smooth as before.
-    Plain kernels are as narrow as caustics need: with them all photons are smooth.
+    Plain kernels (`Settings.is_plain`) are sized by the path, caustics included: all photons count as smooth.
     """
     packed, view, settings, threads = this.packed, this.view, this.settings, this.threads
     photons, not_gathered = path.photons, path.not_gathered
@@ -98,24 +98,24 @@ def classify_photons(this: Pass, path: Walk) -> PhotonClasses:
     caustic = np.concatenate(
         [measured(photons[first], CAUSTIC_NEIGHBORS), measured(photons[later], FOCUSED_NEIGHBORS)]
     )
-    least = _SHARP * settings.subsampling * view.footprint * view.clip_from_world[3]
-    wide = caustic["radius"] > caustic["position"] @ least[:3] + least[3]
-    smooth = ~first
-    smooth[later] = False
-    beams, clear = path.beams, photons["radius"][first]
+    *slope, offset = _SHARP * settings.subsampling * view.footprint * view.clip_from_world[3]
+    is_wide = caustic["radius"] > caustic["position"] @ slope + offset
+    is_smooth = ~first
+    is_smooth[later] = False
+    beams, clear = path.beams, photons["radius"][first]  # until measured, the room before the plane they left
     if settings.kernel == "measured":
         beams, clear = beams[:0], clear[:0]
     kernels = shape_kernels(caustic, beams, clear, packed.diagonal, settings.smoothing, pixels)
     keys = np.concatenate([path.keys[first], path.keys[later]])
     end_at_walls(kernels, this.world, this.surfaces)
     keep_light(kernels, keys, this.world, this.surfaces, settings.seed, this.index)
-    kernels = np.concatenate([kernels[wide], kernels[~wide]])
+    kernels = np.concatenate([kernels[is_wide], kernels[~is_wide]])
     low, _ = packed.bounds
     _, order = sort_by_cell(photons, low, SMALLEST * packed.diagonal)
-    order = order[smooth[order]]
-    keys = np.concatenate([path.keys[order], keys[wide], keys[~wide]])
-    photons = np.concatenate([take(photons, order), caustic[wide], caustic[~wide]])
-    smooth, wide, sharp = np.split(photons, np.cumsum([len(order), np.count_nonzero(wide)]))
+    order = order[is_smooth[order]]
+    keys = np.concatenate([path.keys[order], keys[is_wide], keys[~is_wide]])
+    photons = np.concatenate([take(photons, order), caustic[is_wide], caustic[~is_wide]])
+    smooth, wide, sharp = np.split(photons, np.cumsum([len(order), np.count_nonzero(is_wide)]))
     return PhotonClasses(photons, smooth, wide, sharp, kernels, not_gathered[order], keys)
 
 

@@ -39,7 +39,9 @@ _END_KERNEL_SCALE = np.float32(0.7)  # of kernels at the rays' ends: rays averag
 _CLEARANCE = 2e-5  # offset of a ray's start, share of the distance to the eye, by which depth may err,
 _ROUNDED = 1e-6  # and of the coordinates
 _REACH = 0.4  # of the harmonic mean of rays' lengths: the filter's radius, as light changes over such lengths
-_NARROWER = -0.25  # exponent of the number of passes in the filter's radius, besides that of all kernels
+_NARROWER = (
+    -0.25
+)  # exponent of the number of passes in the filter's radius, beside that of all kernels; measured
 _RAYS_WITHIN = 800.0  # least rays within the filter's radius, over all passes: fewer leave specks in corners
 _NEAREST = 0.01  # of the scene's diagonal, for which shorter rays count there
 _BATCH = 1 << 17  # rays whose ends lie in memory at once
@@ -159,17 +161,17 @@ class PhotonLight:
         measure_radii(photons, packed.diagonal, settings.smoothing, pixels, packed.widths, self._this.threads)
 
     def _gathered(
-        self, image: Receivers, smooth: Callable[[], np.ndarray], not_gathered: np.ndarray
+        self, image: Receivers, estimate_smooth: Callable[[], np.ndarray], not_gathered: np.ndarray
     ) -> np.ndarray:
         """Light at points, (n, 16): gloss of the smooth photons, the rest by rays and of those not gathered.
 
-        smooth    estimates the light of the smooth photons, which is asked for where there is gloss alone
-        not_gathered  (n, 16) light of those not gathered
+        estimate_smooth  returns the (n, 16) light of the smooth photons; asked for where there is gloss alone
+        not_gathered     (n, 16) light of those not gathered
         """
         this, points, size = self._this, image.points, image.size
         packed, settings, threads = this.packed, this.settings, this.threads
         glossy = (points["alpha"] > 0.0).any()
-        light = smooth() if glossy else no_light(len(points))
+        light = estimate_smooth() if glossy else no_light(len(points))
         incident = channels(light)
         nearness = np.zeros(len(points), np.float32)
         rays, limit = settings.gather_rays, bright_limit(packed, settings)
@@ -201,6 +203,7 @@ class PhotonLight:
         for name in ("irradiance", "fresnel"):
             incident[name] += channels(not_gathered)[name]
         passes = 1 + this.index
+        # A disc of radius r holds pi r^2 / (footprint^2 slant) receivers, each of so many rays a pass.
         within = np.float32(_RAYS_WITHIN / (math.pi * rays * passes))
         least = points["footprint"] * np.sqrt(points["slant"] * within)
         widest = _REACH * passes**_NARROWER

@@ -26,12 +26,15 @@ _MISSED_SHARE = 1 / 64  # receivers of missed pixels to those of the picture, wh
 _GAP = 4  # unused rows between used ones of an image, at most: those on its sides never mix by interpolation
 _FINER = 2  # blocks of ends are this much smaller than the picture's: curved mirrors show much in few pixels
 SAMPLES = np.array([(-1, -3), (3, -1), (-3, 1), (1, 3)]) / 8.0  # pixels from the centre, as antialiasing's
-_FINE_SLACK = (5e-3, 2e-2)  # of the distance: a sample's first surface is known as its centre's plane
+_FINE_SLACK = (
+    5e-3,
+    2e-2,
+)  # start before, search behind, of the distance, which is to the plane at the centre
 
 
 def specular_light(this: Pass, seen: np.ndarray, light: PhotonLight) -> np.ndarray:
-    """Return direct light, indirect light and emission that chains bring to (n,) SEEN pixels, and the share
-    that these show of a colored background: (n, 12) float32.
+    """Return direct light, indirect light and emission that paths through mirrors and glass bring to SEEN
+    pixels, (n,), and the share that these show of a colored background: (n, 12) float32.
 
     Pixels on edges of what is seen in a mirror or glass are sampled four times.
     """
@@ -85,7 +88,7 @@ def fine_rays(rays: EyeRays, paths: EyePaths, rows: np.ndarray, view: CameraView
     )
     slope = np.einsum("ij,ij->i", directions, ng)
     away = np.einsum("ij,ij->i", center - origins, ng) / np.where(np.abs(slope) > 1e-3, slope, np.inf)
-    distances = np.where(np.abs(away / expected - 1.0) < 0.2, away, expected)
+    distances = np.where(np.abs(away / expected - 1.0) < 0.2, away, expected)  # beyond, it is another surface
     keys = (pixels + len(SAMPLES) * (1 + np.arange(len(SAMPLES))) * 0x9E3779B1).astype(np.uint32)
     f4 = np.float32
     return replace(

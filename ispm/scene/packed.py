@@ -24,7 +24,7 @@ from ispm.scene.packed_material import material_record
 from ispm.scene.scene import Scene
 from ispm.scene.values import FARTHEST
 
-PIECE = 64  # triangles of a mesh; neighbours in its list mostly lie close together
+PIECE = 64  # triangles of a mesh that a view draws or leaves out together, see `scene.pieces`
 _HULL_DIRECTIONS = even_directions(64)
 
 
@@ -103,9 +103,10 @@ class Packed:
     """A scene at one moment.
 
     geometry   shared between frames
-    instances  (I,) INSTANCE, world space, sorted by mesh and material
+    instances  (I,) INSTANCE, world space, by mesh, material, mirrored or not, and node; rays and the G-buffer
+               number them so
     materials  (M,) MATERIAL;  textures: what their slots point to
-    lights     (L,) LIGHT
+    lights     (L,) LIGHT;  draws: runs of instances, in order
     bounds     (2, 3) float64 corners of all instances, world space
     diagonal   m, of the smallest sphere about all of them: the scene's size, however it is turned; 1 where
                there is nothing

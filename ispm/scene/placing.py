@@ -28,7 +28,7 @@ class Tree(NamedTuple):
 
         Raises SceneError where a node has no place that can be used.
         """
-        worlds = local_matrices(self.nodes) + 0.0
+        worlds = local_matrices(self.nodes) + 0.0  # of no -0, as products have it
         parents = np.array(self.parents, np.int64)
         depths = np.zeros(len(parents), np.int64)
         for index, parent in enumerate(self.parents):
@@ -98,11 +98,11 @@ def local_matrices(nodes: Sequence[Node]) -> np.ndarray:
     together = _together(nodes)
     if together is not None:
         return together
-    return np.stack([node.local_matrix() for node in nodes])  # which names what cannot be used
+    return np.stack([node.local_matrix() for node in nodes])
 
 
 def _together(nodes: Sequence[Node]) -> np.ndarray | None:
-    """`local_matrices`, None where a node has none."""
+    """`local_matrices`; None where a value cannot be used, which asking node by node names."""
     result = np.empty((len(nodes), 4, 4))
     given = np.array([node.matrix is not None for node in nodes], bool)
     placed = [node for node in nodes if node.matrix is None]

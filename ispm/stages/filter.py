@@ -13,8 +13,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ispm.accel.mesh import word_of
-from ispm.kernels.simd import address, aligned, atomic_add, splat8, stf, vfma, vload8, vmul, vstore8
-from ispm.kernels.threads import run_threads
+from ispm.kernels.share import run_shared, shared_rows
+from ispm.kernels.simd import address, aligned, splat8, stf, vfma, vload8, vmul, vstore8
 from ispm.optics.incident import CHANNELS, INCIDENT
 from ispm.optics.jit import jit
 from ispm.optics.records import RECEIVER
@@ -156,20 +156,17 @@ def _run(
     if address(estimate) % 64:
         estimate, given = aligned(estimate.size).reshape(-1, CHANNELS), estimate
         estimate[:] = given
-    counter = np.zeros(8, np.int64)
     limits = _Limits(f32(diagonal * REACH * smoothing), f32(smoothing))
     image = _Image(words, estimate, size, bool((words[:, _ALPHA] > 0.0).any()))
-    run_threads(lambda _: kernel(address(counter), points, image, limits, out), threads)
+    run_shared(lambda counter: kernel(counter, points, image, limits, out), threads)
     return out
 
 
 @jit
 def _spread(counter, points, image, limits, out):
+    """First pass: strided taps over the reach."""
     words, size = image.words, image.size
-    while True:
-        y = atomic_add(counter, i64(1))
-        if y >= size[1]:
-            return
+    for y in shared_rows(counter, 1, size[1]):
         for x in range(size[0]):
             p = y * size[0] + x
             if words[p, _SLANT] > f32(0):
@@ -181,11 +178,13 @@ def _spread(counter, points, image, limits, out):
 
 @jit
 def _smooth(counter, points, image, limits, out):
+    """Second pass: as wide as the strides, strided where these are wide."""
     _fill_gaps(counter, points, image, limits, out, i64(1), i64(_SMOOTH_TAPS))
 
 
 @jit
 def _finish(counter, points, image, limits, out):
+    """Third pass: over the gaps that the second may leave, every receiver."""
     _fill_gaps(counter, points, image, limits, out, i64(_SMOOTH_TAPS), i64(64))
 
 
@@ -193,10 +192,7 @@ def _finish(counter, points, image, limits, out):
 def _fill_gaps(counter, points, image, limits, out, part, most):
     """Average over gaps of 1 / `part` of the first pass's strides, with at most `most` taps a side."""
     words, estimate, size = image.words, image.estimate, image.size
-    while True:
-        y = atomic_add(counter, i64(1))
-        if y >= size[1]:
-            return
+    for y in shared_rows(counter, 1, size[1]):
         for x in range(size[0]):
             p = y * size[0] + x
             if words[p, _SLANT] > f32(0):
@@ -210,7 +206,7 @@ def _fill_gaps(counter, points, image, limits, out, part, most):
                 across = f32((taps_x + 1) * step_x) * min(f32(1) / wide, f32(3))
                 down = f32((taps_y + 1) * step_y) * min(f32(1) / high, f32(3))
                 lattice = _Lattice((step_x, step_y), (taps_x, taps_y))
-                _gather(at, foot * max(across, down), lattice, False, image, out)
+                _mean_about(at, foot * max(across, down), lattice, False, image, out)
 
 
 @jit
@@ -225,17 +221,13 @@ def _gap(stride, part, most):
 
 @jit
 def _spread_points(counter, points, image, limits, out):
+    """The first pass, for points that are no receivers."""
     given, pixels = points
     width, _ = image.size
-    chunk = i64(64)
-    while True:
-        first = atomic_add(counter, chunk)
-        if first >= len(given):
-            return
-        for i in range(first, min(first + chunk, len(given))):
-            p = pixels[i]
-            reach = _reach(given[i, _FOOTPRINT], image.estimate[p, DENSITY], limits)
-            _spread_one(_Place(given, i, p % width, p // width), reach, False, image, out)
+    for i in shared_rows(counter, 64, len(given)):
+        p = pixels[i]
+        reach = _reach(given[i, _FOOTPRINT], image.estimate[p, DENSITY], limits)
+        _spread_one(_Place(given, i, p % width, p // width), reach, False, image, out)
 
 
 @jit
@@ -245,10 +237,10 @@ def _spread_one(at, reach, few, image, out):
     pixels = reach / at.points[at.p, _FOOTPRINT]
     lattice = _lattice(pixels * wide, pixels * high)
     (stride_x, stride_y), (taps_x, taps_y) = lattice
-    met = _gather(at, reach, lattice, few, image, out)
+    met = _mean_about(at, reach, lattice, few, image, out)
     if met < i64(_MIN_RECEIVERS) and max(stride_x, stride_y) > i64(1):
         taps_x, taps_y = min(i64(_TAPS), stride_x * taps_x), min(i64(_TAPS), stride_y * taps_y)
-        met = _gather(at, reach, _Lattice((i64(1), i64(1)), (taps_x, taps_y)), few, image, out)
+        met = _mean_about(at, reach, _Lattice((i64(1), i64(1)), (taps_x, taps_y)), few, image, out)
     box = (i64(2) * taps_x + i64(1)) * (i64(2) * taps_y + i64(1))
     enough = min(i64(_MIN_RECEIVERS), box // i64(4))  # a short reach holds few, and light is even over it
     stf(np.uint64(out.ctypes.data), at.p * CHANNELS + MET, f32(met) / f32(enough))
@@ -307,7 +299,7 @@ def _lattice(wide, high):
 
 
 @jit
-def _gather(at, reach, lattice, few, image, out):
+def _mean_about(at, reach, lattice, few, image, out):
     """Write the weighted mean of the estimates within `reach` m of a place; return of how many, int64.
 
     few  photons are few there, and the weights lenient

@@ -15,7 +15,7 @@ _COMPUTED = {"points": "rgba32uint", "normals": "rg32uint", "depth": "r32float"}
 
 
 class GBufferStage:
-    """Draws the scene as the eye sees it: back faces of double-sided materials only.
+    """Draws the scene as the eye sees it; back faces are drawn of double-sided materials alone.
 
     In   scene, view
     Out  GBuffer of the view's size

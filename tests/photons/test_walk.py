@@ -141,7 +141,7 @@ def test_chunks_without_room_are_walked_again(monkeypatch):
     emitted = tracer.emit(1000)
     found = []
     for room in (3, 100_000):
-        monkeypatch.setattr(walk_module, "_ROOM", room)
+        monkeypatch.setattr(walk_module, "_HITS", room)
         found.append(tracer.walk(emitted, 40))
     few, much = found
     assert len(few.photons) == 40 * len(emitted)
