@@ -17,6 +17,7 @@ f32, u32 = np.float32, np.uint32
 
 ROULETTE_AFTER = 4  # scatters; living photons lower the error more than they cost before that
 SPECULAR_MAX = 8  # events at smooth surfaces without roulette
+_NEXT_TO_NOTHING = 1e-3  # share of the flux that a scatter keeps below which roulette does not wait
 _SPECULAR_SURVIVAL = 0.9  # chance at each later one: ends paths between lossless surfaces without fireflies
 
 
@@ -43,10 +44,12 @@ def next_flight(event, x, d, flux):
     if alive and specular and event.speculars >= SPECULAR_MAX:
         alive = u3 < f32(_SPECULAR_SURVIVAL)
         scattered = scale(f32(1 / _SPECULAR_SURVIVAL), scattered)
-    if alive and not specular and event.scatters >= ROULETTE_AFTER:
+    if alive and not specular:
         survival = min(f32(1), _sum(scattered) / _sum(flux))
-        alive = u3 < survival
-        scattered = scale(f32(1) / survival, scattered)
+        # Black surfaces keep 1e-9 and less: after some of them a flux would underflow.
+        if event.scatters >= ROULETTE_AFTER or survival < f32(_NEXT_TO_NOTHING):
+            alive = u3 < survival
+            scattered = scale(f32(1) / survival, scattered)
     return alive, wi, scattered, specular
 
 

@@ -88,8 +88,9 @@ def walk(
     bounces  scatters at most, the one at the first hit included; events at smooth surfaces do not count
     limit    of bright first bounces, see `nee.is_bright`; there photons are split into `SPLIT_COUNT`
     The first hit is direct light, which shadow maps show, also behind thin sheets, so it is not stored. Flux
-    changes by f cos / pdf, and between hits by absorption; after `ROULETTE_AFTER` scatters and
-    `SPECULAR_MAX` specular events roulette keeps the expectation (docs/method.md, Emission and walk).
+    changes by f cos / pdf, and between hits by absorption; after `ROULETTE_AFTER` scatters (at once where one
+    keeps next to nothing) and `SPECULAR_MAX` specular events roulette keeps the expectation (docs/method.md,
+    Emission and walk).
     Returns the same bytes for any number of threads.
     """
     chunks = np.arange(-(-len(emitted) // _CHUNK))

@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 from ispm.library.shapes import box, icosphere, polygons
@@ -66,7 +66,16 @@ def test_light_is_finite_and_balanced(gpu, things, lamps):
     assert abs(stats.flux_emitted - spent) <= 1e-5 * max(stats.flux_emitted, 1e-30)
 
 
+HERE = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))  # where a thing or a lamp stands, and how it is turned
+BLACK = Material(base_color=(0.0, 0.0, 0.0), ior=1.0)
+LAMP_WITHIN = (
+    (0.0, 0.0, 0.0),
+    (-0.6362198406966095, -0.7223767609257714, 0.2709172005952589, 0.0),
+)  # a lamp turned so that a photon flees
+
+
 @NEVER_SLOW
+@example([(SHAPES[0], *HERE, 1.0, BLACK)], [(PointLight((5.0, 4.0, 3.0)), *LAMP_WITHIN)], 2.0**-3)
 @given(things, lamps, st.sampled_from([2.0**-10, 2.0**-3, 2.0**7]))
 def test_size_makes_no_difference(gpu, things, lamps, scale):
     """A power of 2 leaves every mantissa as it is, so that pictures differ by what is not a share of the
