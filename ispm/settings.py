@@ -17,7 +17,7 @@ from ispm.knobs import convert as convert
 from ispm.knobs import knob
 from ispm.knobs import nearest as nearest
 
-Preset = Literal["default", "fast", "best", "talk"]
+Preset = Literal["default", "fast", "best", "talk", "live"]
 Kernel = Literal["auto", "footprint", "measured", "class", "hint"]
 Estimator = Literal["auto", "volumes", "tiled", "grid"]
 Emission = Literal["auto", "map", "rays"]
@@ -96,7 +96,7 @@ class Settings(_Checked):
     preset: Preset = knob(
         "default",
         "a group of settings to start from; fast: no gather rays; best: 16 of them; "
-        "talk: as near to the talk of 2009 as can be, for comparison",
+        "talk: as near to the talk of 2009 as can be, for comparison; live: for pictures that move",
         choices=get_args(Preset),
     )
     gather: int | Literal["auto"] = knob(
@@ -168,6 +168,11 @@ class Settings(_Checked):
         metavar="C",
     )
     antialias: bool = knob(True, "supersample the pixels on edges")
+    live: bool = knob(
+        False,
+        "a renderer's frames go on from the ones before, with less noise for fewer photons; at rest they "
+        "converge. A first frame is noisier",
+    )
     seed: int = knob(
         0,
         "same seed, same settings, same machine: the same picture, bit for bit",
@@ -189,6 +194,8 @@ class Settings(_Checked):
                 f"estimator: '{self.estimator}' does not have the talk's kernel, which kernel 'hint' is; "
                 "use volumes or auto"
             )
+        if self.live and self.is_plain:
+            raise SettingsError(f"live: kernel '{self.kernel}' is for comparison; use footprint or auto")
         if self.talk_errors and self.kernel != "hint":
             raise SettingsError(
                 f"talk_errors: kernel '{self.kernel}' has none of them; use kernel 'hint' or preset 'talk'"
@@ -247,6 +254,7 @@ class Changes(TypedDict, total=False):
     tonemap: Tonemap
     background: tuple[float, float, float] | Literal["black", "transparent"]
     antialias: bool
+    live: bool
     seed: int
 
 
@@ -274,6 +282,7 @@ PRESETS: dict[str, dict[str, Any]] = {
     "default": {},
     "fast": {"gather": 0},
     "best": {"gather": 16},
+    "live": {"live": True, "photons": 10_000, "gather": 4, "exposure": "hold"},
     # The table's row 5, NS2 (Cargo Bay): 20,356 photons, 3 bounces, one sample in 6 x 6 pixels.
     "talk": {
         "photons": 20_356,

@@ -126,7 +126,7 @@ struct Receiver {          // a point whose incident light is estimated: a low-r
     position: vec3f,
     alpha: f32,            // of the glossy lobe, 0: none
     ng: vec3f,             // geometric normal, on the eye's side
-    valid: u32,            // 0: nothing is seen here
+    valid: u32,            // 0: nothing is seen here; a pixel's: instance row + 1
     n: vec3f,              // shading normal
     footprint: f32,        // m, width of the low-resolution pixel at the point, seen face on
     wo: vec3f,             // towards the eye

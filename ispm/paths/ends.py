@@ -63,7 +63,7 @@ def _nearest_neighbour(image: np.ndarray) -> np.ndarray:
         b = image[1:] if axis == 0 else image[:, 1:]
         facing = np.einsum("...k,...k->...", a["ng"], b["ng"])
         distance = np.linalg.norm(a["position"] - b["position"], axis=-1)
-        distance[(facing < _SAME_SURFACE) | (a["valid"] * b["valid"] == 0)] = np.inf
+        distance[(facing < _SAME_SURFACE) | (a["valid"] == 0) | (b["valid"] == 0)] = np.inf
         near = (apart[:-1], apart[1:]) if axis == 0 else (apart[:, :-1], apart[:, 1:])
         for side in near:
             np.minimum(side, distance, out=side)

@@ -28,6 +28,7 @@ _CELL = 2.0  # mean radii: the width of a cell
 _CHUNK = 1024  # receivers a thread takes at a time
 _NOWHERE = (1 << 26) - 1  # the cell of receivers outside
 _PARTS = 4  # of a cell along each axis, by which its receivers are sorted
+_ROUND = f32(1.0 + 1e-5)  # the square of an ellipse's radius, for which rounding may take what lies on it
 _SCANNED = 48  # receivers at most that ask every photon, in less time than the lists take to make
 
 
@@ -64,10 +65,6 @@ class PhotonGrid:
         finish: Callable[[np.ndarray, np.ndarray], None] | None = None,
     ) -> None:
         self._kernels = np.zeros(0, CAUSTIC) if kernels is None else kernels
-        if kernels is not None:  # balls round the kernels
-            photons = photons.copy()
-            reach = np.maximum(np.linalg.norm(kernels["u"], axis=1), kernels["height"])
-            photons["radius"] = photons["height"] = reach
         self.photons = np.ascontiguousarray(photons)  # kernels read by address
         self._lists: _Lists | None = None
         self._finish, self._final = finish, np.zeros(len(photons), bool)
@@ -75,18 +72,23 @@ class PhotonGrid:
     def _listed(self) -> _Lists:
         """Return the lists, made where they are not yet."""
         if self._lists is None:
-            photons = self.photons
-            reach, (low, high) = photons["radius"].max(), bounds_of(photons)
+            photons, halves = self.photons, np.empty((len(self.photons), 3), np.float32)
+            if len(self._kernels):
+                mean = float(_kernel_halves(self._kernels, halves))
+            else:
+                _disc_halves(photons, halves)
+                mean = float(photons["radius"].mean())
+            reach, (low, high) = halves.max(), bounds_of(photons)
             low, extent = low - reach, high - low + f32(2) * reach
-            wanted = _CELL * float(photons["radius"].mean())
+            wanted = _CELL * mean
             cell = f32(max(wanted, float(extent.max()) / _CELLS_MAX, 1e-30))
             shape = np.minimum(np.ceil(extent / cell), _CELLS_MAX).astype(np.int64) + 1
             starts, none = np.zeros(int(shape.prod()) + 1, np.int32), np.zeros(0, np.uint32)
             grid = _Lists(low.astype(np.float32), cell, shape, starts, none)
-            _list(photons, grid, starts[1:])
+            _list(photons, halves, grid, starts[1:])
             starts = np.cumsum(starts, dtype=np.int32)
             self._lists = grid._replace(starts=starts, ids=np.empty(int(starts[-1]), np.uint32))
-            _list(photons, self._lists, starts[:-1].copy())
+            _list(photons, halves, self._lists, starts[:-1].copy())
         return self._lists
 
     def estimate(self, receivers: np.ndarray, threads: int) -> np.ndarray:
@@ -146,24 +148,48 @@ def _one_cell(receivers: np.ndarray, photon_count: int) -> tuple[np.ndarray, _Li
 
 
 @jit
-def _span(photon, grid, axis):
-    """First and last cell, int64, of a PHOTON's ellipsoid along one axis."""
-    along = photon.normal[axis] * photon.normal[axis]
-    radius2, height2 = photon.radius * photon.radius, photon.height * photon.height
-    half = np.sqrt(radius2 * (f32(1) - along) + height2 * along)
+def _disc_halves(photons, halves):
+    """Write half the extents, (N, 3) float32 m, of the ellipsoids of PHOTON kernels."""
+    for p in range(len(photons)):
+        radius2, height2 = photons[p].radius * photons[p].radius, photons[p].height * photons[p].height
+        for axis in range(3):
+            along = photons[p].normal[axis] * photons[p].normal[axis]
+            halves[p, axis] = np.sqrt(radius2 * (f32(1) - along) + height2 * along)
+
+
+@jit
+def _kernel_halves(kernels, halves):
+    """Write the same of (N,) CAUSTIC; return the mean radius of discs as large as their ellipses, m."""
+    total = f32(0)
+    for p in range(len(kernels)):
+        u, v, height = vec3(kernels[p].u), vec3(kernels[p].v), kernels[p].height
+        n = unit(cross(u, v))
+        for axis in range(3):
+            across = height * n[axis]
+            halves[p, axis] = np.sqrt(u[axis] * u[axis] + v[axis] * v[axis] + across * across)
+        total += np.sqrt(np.sqrt(dot(u, u) * dot(v, v)))
+    return total / f32(len(kernels))
+
+
+@jit
+def _span(photon, half, grid, axis):
+    """First and last cell, int64, of what reaches `half` m from a PHOTON along one axis."""
     center = photon.position[axis] - grid.low[axis]
     first = i64(max((center - half) / grid.cell, f32(0)))
     return first, min(i64((center + half) / grid.cell), grid.shape[axis] - 1)
 
 
 @jit
-def _list(photons, grid, cursors):
+def _list(photons, halves, grid, cursors):
     """Advance (cells,) int32 cursors for each PHOTON in a cell, and put its row there in `grid.ids`, if these
-    have room."""
+    have room.
+
+    halves  (N, 3) float32 m of their kernels
+    """
     for p in range(len(photons)):
-        x0, x1 = _span(photons[p], grid, 0)
-        y0, y1 = _span(photons[p], grid, 1)
-        z0, z1 = _span(photons[p], grid, 2)
+        x0, x1 = _span(photons[p], halves[p, 0], grid, 0)
+        y0, y1 = _span(photons[p], halves[p, 1], grid, 1)
+        z0, z1 = _span(photons[p], halves[p, 2], grid, 2)
         for x in range(x0, x1 + 1):
             for y in range(y0, y1 + 1):
                 for z in range(z0, z1 + 1):
@@ -280,9 +306,13 @@ def _cell_at(position, grid):
 def _add_caustic(receiver, photon, out, r):
     """Add what a CAUSTIC brings to the RECEIVER of row `r` of (n, 16) float32. Twin of caustic.wgsl."""
     u, v = vec3(photon.u), vec3(photon.v)
-    offset, normal = sub(vec3(receiver.position), vec3(photon.position)), unit(cross(u, v))
+    offset = sub(vec3(receiver.position), vec3(photon.position))
+    along, across, uu, vv = dot(offset, u), dot(offset, v), dot(u, u), dot(v, v)
+    if along * along * vv + across * across * uu > uu * vv * _ROUND:  # most are no farther off the surface
+        return
     if dot(offset, vec3(photon.front)) < -photon.reach:
         return
+    normal = unit(cross(u, v))
     kappa = ellipse_kernel(offset, u, v, normal, photon.height)
     if kappa > f32(0):
         _add_light(receiver, photon, normal, kappa, out, r)

@@ -19,6 +19,7 @@ from ispm.photons.density import (
     measure_caustic_radii,
 )
 from ispm.photons.footprint import shape_kernels
+from ispm.photons.grid import PhotonGrid
 from ispm.photons.walk import Walk
 from ispm.photons.walls import end_at_walls
 from ispm.renderer.one_pass import Pass
@@ -30,23 +31,45 @@ _SHARP = 3.0  # low-resolution pixels: kernels of a larger radius lose nothing a
 
 
 @dataclass(frozen=True, eq=False)
+class Caustics:
+    """The photons of caustics, each with a kernel of its own.
+
+    photons  (C,) PHOTON;  kernels  (C,) CAUSTIC
+    wide     how many of them, the first ones, are estimated at low resolution, but not filtered; the others
+             are sharp, and drawn at full resolution
+    """
+
+    photons: np.ndarray
+    kernels: np.ndarray
+    wide: int
+
+    @property
+    def sharp_kernels(self) -> np.ndarray:
+        """CAUSTIC, of the sharp ones."""
+        return self.kernels[self.wide :]
+
+    def grid(self) -> PhotonGrid:
+        """Return all of them for points anywhere."""
+        return PhotonGrid(self.photons, self.kernels)
+
+    def wide_grid(self) -> PhotonGrid:
+        """Return the wide ones."""
+        return PhotonGrid(self.photons[: self.wide], self.kernels[: self.wide])
+
+
+@dataclass(frozen=True, eq=False)
 class PhotonClasses:
     """The photons, and views of their parts.
 
-    photons  (M,) PHOTON, smooth ones first, then the rest
+    photons  (M,) PHOTON, smooth ones first, then those of caustics
     smooth   to be estimated and filtered at low resolution; their kernels are not measured yet
-    wide     of caustics, to be estimated at low resolution, but not filtered
-    sharp    of caustics, to be drawn at full resolution
-    kernels   CAUSTIC, of the wide and the sharp ones
     not_gathered  (len(smooth),) bool, whether gather rays do not find their light
     keys      (M,) uint32 of the photons, see `Walk`
     """
 
     photons: np.ndarray
     smooth: np.ndarray
-    wide: np.ndarray
-    sharp: np.ndarray
-    kernels: np.ndarray
+    caustics: Caustics
     not_gathered: np.ndarray
     keys: np.ndarray
 
@@ -55,21 +78,6 @@ class PhotonClasses:
         count = self.photons["bounce"]
         rows = np.flatnonzero((count > 0) & (count < bounces))
         return take(self.photons, rows), self.keys[rows]
-
-    @property
-    def wide_kernels(self) -> np.ndarray:
-        """CAUSTIC, of the wide ones."""
-        return self.kernels[: len(self.wide)]
-
-    @property
-    def sharp_kernels(self) -> np.ndarray:
-        """CAUSTIC, of the sharp ones."""
-        return self.kernels[len(self.wide) :]
-
-    @property
-    def caustic(self) -> np.ndarray:
-        """The wide and the sharp ones."""
-        return self.photons[len(self.smooth) :]
 
 
 def classify_photons(this: Pass, path: Walk) -> PhotonClasses:
@@ -83,8 +91,8 @@ def classify_photons(this: Pass, path: Walk) -> PhotonClasses:
     photons, not_gathered = path.photons, path.not_gathered
     if settings.is_plain:
         _measure_plain(path, packed, settings)
-        none = photons[:0]
-        return PhotonClasses(photons, photons, none, none, np.zeros(0, CAUSTIC), not_gathered, path.keys)
+        none = Caustics(photons[:0], np.zeros(0, CAUSTIC), 0)
+        return PhotonClasses(photons, photons, none, not_gathered, path.keys)
     first = photons["bounce"] == 0
     later = np.flatnonzero(path.focused & ~first)
     later = later[is_crowded(take(photons, later), packed.diagonal, threads)]
@@ -115,8 +123,9 @@ def classify_photons(this: Pass, path: Walk) -> PhotonClasses:
     order = order[is_smooth[order]]
     keys = np.concatenate([path.keys[order], keys[is_wide], keys[~is_wide]])
     photons = np.concatenate([take(photons, order), caustic[is_wide], caustic[~is_wide]])
-    smooth, wide, sharp = np.split(photons, np.cumsum([len(order), np.count_nonzero(is_wide)]))
-    return PhotonClasses(photons, smooth, wide, sharp, kernels, not_gathered[order], keys)
+    smooth, caustic = np.split(photons, [len(order)])
+    caustics = Caustics(caustic, kernels, int(np.count_nonzero(is_wide)))
+    return PhotonClasses(photons, smooth, caustics, not_gathered[order], keys)
 
 
 def _measure_plain(path: Walk, packed: Packed, settings: Settings) -> None:

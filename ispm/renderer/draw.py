@@ -12,6 +12,7 @@ from ispm.photons.walk import Walk
 from ispm.renderer.caustics import classify_photons
 from ispm.renderer.gather import PhotonLight
 from ispm.renderer.light import EmissionPlan, plan_emission, trace_photons
+from ispm.renderer.live import History
 from ispm.renderer.one_pass import Pass
 from ispm.renderer.shadows import ShadowRays, join_pixels
 from ispm.renderer.specular import light_missed, specular_light
@@ -48,8 +49,11 @@ class Drawn:
     path: Walk
 
 
-def draw(this: Pass, stages: Stages, watch: Watch) -> Drawn:
-    """Draw one pass: what is seen, direct light, photons, their light at receivers, all of it in pixels."""
+def draw(this: Pass, stages: Stages, watch: Watch, history: History | None = None) -> Drawn:
+    """Draw one pass: what is seen, direct light, photons, their light at receivers, all of it in pixels.
+
+    history  of the frames that this one goes on from; None: there are none
+    """
     gpu, view = stages.gpu, this.view
     plan = plan_emission(this, gpu.is_software)
     sight = _see(this, stages, plan, watch)
@@ -58,11 +62,12 @@ def draw(this: Pass, stages: Stages, watch: Watch) -> Drawn:
     with watch("trace"):
         path = trace_photons(this, plan, sight.texels)
     with watch("radiance"):
-        light = PhotonLight(this, classify_photons(this, path))
+        parts = classify_photons(this, path)
+        light = history.light(this, parts) if history else PhotonLight(this, parts)
         raw, filtered = light.at_receivers(sight.receivers, stages.estimator)
     with watch.record(gpu) as frame:
         frame.stage("radiance")
-        sharp = stages.caustic(frame, scene, gbuffer, view, light.parts.sharp_kernels)
+        sharp = stages.caustic(frame, scene, gbuffer, view, light.caustics.sharp_kernels)
         frame.stage("upsample")
         receivers = stages.downsample.receivers
         indirect, irradiance, emission = stages.upsample(

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from functools import cached_property, partial
+from typing import NamedTuple
 
 import numpy as np
 
@@ -53,6 +54,37 @@ def bright_limit(packed: Packed, settings: Settings) -> float:
     return _BRIGHT_RATIO * mean_irradiance(packed) if settings.gather_rays else math.inf
 
 
+Ends = Callable[[np.ndarray], np.ndarray]
+
+
+class Gather(NamedTuple):
+    """What gather rays from m receivers find.
+
+    irradiance, fresnel  (m, 3) float32, as in INCIDENT
+    nearness             (m,) float32 1/m, mean inverse length of the rays
+    """
+
+    irradiance: np.ndarray
+    fresnel: np.ndarray
+    nearness: np.ndarray
+
+
+def rays_reach(
+    image: Receivers, nearness: np.ndarray, rays: float | np.ndarray, passes: float | np.ndarray
+) -> np.ndarray:
+    """Return the filter's radius at the receivers of an image, (n,) float32 m.
+
+    nearness  (n,) 1/m, mean inverse length of gather rays
+    rays      from each receiver, over all passes whose mean the light is
+    """
+    points = image.points
+    # A disc of radius r holds pi r^2 / (footprint^2 slant) receivers, each of so many rays.
+    within = np.asarray(_RAYS_WITHIN / (math.pi * rays), np.float32)
+    least = points["footprint"] * np.sqrt(points["slant"] * within)
+    widest = _REACH * passes**_NARROWER
+    return np.maximum(widest / mean_around(points, nearness, image.size), least)
+
+
 class PhotonLight:
     """The light that the photons of a pass bring to points, by gather rays where the settings have them.
 
@@ -61,6 +93,7 @@ class PhotonLight:
 
     def __init__(self, this: Pass, parts: PhotonClasses) -> None:
         self._this, self.parts = this, parts
+        self.caustics = parts.caustics
         if this.settings.gather_rays:
             low, _ = this.packed.bounds
             self._guide = Guide(parts.smooth, ~parts.not_gathered, low, this.packed.diagonal)
@@ -75,7 +108,7 @@ class PhotonLight:
         """
         raw = self.at(receivers, estimator)
         filtered = self._filtered(receivers, raw)
-        if len(self.parts.wide):
+        if self.caustics.wide:
             filtered = filtered + self.wide.estimate(receivers.points, self._this.threads)
         return raw, filtered
 
@@ -113,12 +146,12 @@ class PhotonLight:
     @cached_property
     def wide(self) -> PhotonGrid:
         """Caustic photons that are estimated at low resolution, not filtered."""
-        return PhotonGrid(self.parts.wide, self.parts.wide_kernels)
+        return self.caustics.wide_grid()
 
     @cached_property
-    def caustics(self) -> PhotonGrid:
+    def focused(self) -> PhotonGrid:
         """All caustic photons."""
-        return PhotonGrid(self.parts.caustic, self.parts.kernels)
+        return self.caustics.grid()
 
     @cached_property
     def photons(self) -> PhotonGrid:
@@ -168,24 +201,41 @@ class PhotonLight:
         estimate_smooth  returns the (n, 16) light of the smooth photons; asked for where there is gloss alone
         not_gathered     (n, 16) light of those not gathered
         """
-        this, points, size = self._this, image.points, image.size
-        packed, settings, threads = this.packed, this.settings, this.threads
+        this, points = self._this, image.points
         glossy = (points["alpha"] > 0.0).any()
         light = estimate_smooth() if glossy else no_light(len(points))
-        incident = channels(light)
         nearness = np.zeros(len(points), np.float32)
+        used = np.flatnonzero(points["valid"])  # which may be few
+        found = self.gather(image, used)
+        nearness[used] = found.nearness
+        incident = channels(light)
+        for name in ("irradiance", "fresnel"):
+            incident[name][used] = getattr(found, name)
+            incident[name] += channels(not_gathered)[name]
+        passes = 1 + this.index
+        reach = rays_reach(image, nearness, this.settings.gather_rays * passes, passes)
+        set_reach(light, points, reach, this.packed.diagonal)
+        return light
+
+    def gather(self, image: Receivers, rows: np.ndarray, ends: Ends | None = None) -> Gather:
+        """Return what gather rays find from the receivers `rows`, (m,), of an image.
+
+        ends  returns the light of RECEIVER points where rays end, (k, 16); None: that of the scattered photons
+        """
+        this, size = self._this, image.size
+        packed, settings, threads = this.packed, this.settings, this.threads
+        ends = ends or self.at_ends
         rays, limit = settings.gather_rays, bright_limit(packed, settings)
         most = np.float32(1.0 / (_NEAREST * packed.diagonal))
-        used = np.flatnonzero(points["valid"])  # which may be few
-        receivers = take(points, used)
-        densities, rows = self._guide.densities(receivers, square_blocks(size)[used], threads)
-        lifts, keys = clearance(receivers["position"], this.view.eye), used.astype(np.uint32)
-        shifts = even_numbers(size, settings.seed, this.index)[used]
-        plan = RayPlan(densities, rows, lifts, keys, shifts, math.isqrt(rays))
-        for first in range(0, len(used), _BATCH // rays):
+        found = Gather(*(np.zeros((len(rows), *shape), np.float32) for shape in ((3,), (3,), ())))
+        receivers = take(image.points, rows)
+        densities, guide_rows = self._guide.densities(receivers, square_blocks(size)[rows], threads)
+        lifts, keys = clearance(receivers["position"], this.view.eye), rows.astype(np.uint32)
+        shifts = even_numbers(size, settings.seed, this.index)[rows]
+        plan = RayPlan(densities, guide_rows, lifts, keys, shifts, math.isqrt(rays))
+        for first in range(0, len(rows), _BATCH // rays):
             some = slice(first, first + _BATCH // rays)
-            part = used[some]
-            found = gather_rays(
+            met = gather_rays(
                 packed,
                 this.world,
                 this.surfaces,
@@ -195,21 +245,15 @@ class PhotonLight:
                 settings.seed,
                 this.index,
             )
-            ends = self._scattered.estimate(found.points, threads)
-            radiance = found.radiance + reflect_light(found.ends, ends, len(found.ends))
-            incident["irradiance"][part] = math.pi * _mean(radiance, rays)
-            incident["fresnel"][part] = math.pi * _mean(found.fresnel[:, None] * radiance, rays)
-            nearness[part] = _mean(np.minimum(found.nearness, most), rays)
-        for name in ("irradiance", "fresnel"):
-            incident[name] += channels(not_gathered)[name]
-        passes = 1 + this.index
-        # A disc of radius r holds pi r^2 / (footprint^2 slant) receivers, each of so many rays a pass.
-        within = np.float32(_RAYS_WITHIN / (math.pi * rays * passes))
-        least = points["footprint"] * np.sqrt(points["slant"] * within)
-        widest = _REACH * passes**_NARROWER
-        reach = np.maximum(widest / mean_around(points, nearness, size), least)
-        set_reach(light, points, reach, packed.diagonal)
-        return light
+            radiance = met.radiance + reflect_light(met.ends, ends(met.points), len(met.ends))
+            found.irradiance[some] = math.pi * _mean(radiance, rays)
+            found.fresnel[some] = math.pi * _mean(met.fresnel[:, None] * radiance, rays)
+            found.nearness[some] = _mean(np.minimum(met.nearness, most), rays)
+        return found
+
+    def at_ends(self, points: np.ndarray) -> np.ndarray:
+        """Return the light of scattered photons where gather rays end, (n, 16); points: (n,) RECEIVER."""
+        return self._scattered.estimate(points, self._this.threads)
 
 
 def even_numbers(size: tuple[int, int], seed: int, pass_index: int) -> np.ndarray:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 from collections.abc import Iterator
+from contextlib import AbstractContextManager
 from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
@@ -20,6 +21,7 @@ from ispm.renderer.converge import converge, of_pass
 from ispm.renderer.draw import draw
 from ispm.renderer.last import LastFrame
 from ispm.renderer.light import light_warnings
+from ispm.renderer.live import History
 from ispm.renderer.limits import require_drawable, require_scene
 from ispm.renderer.made_of import MadeOf
 from ispm.renderer.motion import moved
@@ -27,6 +29,7 @@ from ispm.renderer.one_pass import Pass
 from ispm.renderer.picture import Frame
 from ispm.renderer.progress import MOST_PASSES, Progress
 from ispm.renderer.ready import Ready
+from ispm.renderer.rest import Rest
 from ispm.renderer.stages import Stages
 from ispm.renderer.statistics import collect
 from ispm.renderer.watch import Watch
@@ -70,6 +73,9 @@ class Renderer:
         self._photons = np.zeros(0, PHOTON)
         self._instances: np.ndarray | None = None  # of the last frame
         self._last: LastFrame | None = None
+        self._history = History()
+        self._rest: Rest | None = None
+        self._live_scene: Scene | None = None
         self.progress: Progress | None = None
         self.names = Names()
         self._warned: set[str] = set()
@@ -152,8 +158,12 @@ class Renderer:
     def render(self) -> Frame:
         """Render one picture, of as many passes as the settings say.
 
+        With setting `live` it is the next frame of those since `reset`, and goes on from them: the same
+        frames in the same order have the same bytes. While nothing changes it becomes that of `converge`.
         Raises SceneError for a scene without a surface, SettingsError for more than memory can hold.
         """
+        if self.settings.live:
+            return self._render_live()
         if self.settings.most_passes == 1:
             return self.render_pass(0)
         *_, last = self.converge()
@@ -195,15 +205,17 @@ class Renderer:
         self._require_open()
         if not isinstance(index, int) or not 0 <= index < MOST_PASSES:
             raise SettingsError(f"pass {index!r}: passes are numbered from 0")
-        width, height = self.settings.size
-        with within_memory(f"a picture of {width}x{height} pixels and {self.settings.photons:,} photons"):
-            return self._draw(index)
+        with self._enough_memory():
+            return self._draw(self._prepare(index))
 
-    def _draw(self, index: int) -> Frame:
+    def _enough_memory(self) -> AbstractContextManager[None]:
+        width, height = self.settings.size
+        return within_memory(f"a picture of {width}x{height} pixels and {self.settings.photons:,} photons")
+
+    def _draw(self, this: Pass, history: History | None = None) -> Frame:
         watch = Watch()
         self._last = None  # so that its memory can be used again
-        this = self._prepare(index)
-        drawn = draw(this, self._stages, watch)
+        drawn = draw(this, self._stages, watch, history)
         for line in light_warnings(this.packed, drawn.path):
             self._say(line)
         with watch("readback"):
@@ -220,6 +232,31 @@ class Renderer:
         self._last = LastFrame(
             frame, this, self._photons, drawn.sight.receivers, drawn.plan.maps, drawn.sight.texels
         )
+        return frame
+
+    def reset(self) -> None:
+        """Forget the frames so far: with setting `live` the next one is as a new renderer's first."""
+        self._history.reset()
+        self._rest = None
+
+    def _render_live(self) -> Frame:
+        this = self._prepare(0)
+        now, rest = self._made_of(this), self._rest
+        if rest and (rest.made_of.settings != now.settings or self.scene is not self._live_scene):
+            self.reset()
+            rest = None
+        self._live_scene = self.scene
+        with self._enough_memory():
+            if rest and rest.made_of == now:
+                frame = self._draw(self._prepare(rest.passes))
+                shown = rest.add(frame, self.settings, self.threads)
+                shown.scene = frame.scene
+                return self.chosen.expose(shown)
+            changes = rest is None or rest.made_of.scene != now.scene
+            this = self._history.begin(this, self.scene.nodes, changes)
+            frame = self._draw(this, self._history)
+        frame.settings = self.settings
+        self._rest = Rest(frame, now)
         return frame
 
     def made_of(self) -> MadeOf:

@@ -119,7 +119,7 @@ def light_ends(this: Pass, paths: EyePaths, pixels: np.ndarray, light: PhotonLig
         rows = np.flatnonzero(lanes == SCATTERED)
         if len(rows):
             found[rows] = light.photons.estimate(points[rows], this.threads)
-        found += light.caustics.estimate(points, this.threads)
+        found += light.focused.estimate(points, this.threads)
     indirect = reflect_light(paths.ends, found, len(pixels))
     return np.concatenate([paths.direct, indirect, paths.emission], axis=1)
 

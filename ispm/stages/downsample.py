@@ -14,7 +14,7 @@ class Downsample:
     """Choose a pixel of each K x K block and describe the surface it sees.
 
     In   gbuffer (W, H)
-    Out  (w h,) RECEIVER, row by row, w = ceil(W / K)
+    Out  (w h,) RECEIVER, row by row, w = ceil(W / K); `valid`: instance row + 1
     """
 
     def __init__(self, gpu: Gpu, subsampling: int) -> None:
@@ -36,6 +36,7 @@ class Downsample:
             materials=scene.materials,
             **gbuffer.surfaces,
             depth=gbuffer.depth,
+            ids=gbuffer.ids,
             receivers=self.receivers,
         )
         return self.receivers

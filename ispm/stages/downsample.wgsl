@@ -16,7 +16,8 @@ const SAME_PLANE = 1.0;    // pixels that one may lie off the plane of another w
 @group(0) @binding(4) var base: texture_2d<f32>;
 @group(0) @binding(5) var emission: texture_2d<f32>;
 @group(0) @binding(6) var depth: texture_2d<f32>;
-@group(0) @binding(7) var<storage, read_write> receivers: array<Receiver>;
+@group(0) @binding(7) var ids: texture_2d<u32>;
+@group(0) @binding(8) var<storage, read_write> receivers: array<Receiver>;
 
 // The pixel in the middle of what a block shows; (-1, -1) where it shows nothing.
 fn middle_pixel(block: vec2u) -> vec2i {
@@ -98,7 +99,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
         r.alpha = receiver_alpha(b, materials[material].flags);
         r.n = unpack_normal(packed.x);
         r.ng = unpack_normal(packed.y);
-        r.valid = 1u;
+        r.valid = textureLoad(ids, pixel, 0).r;
         r.footprint = pixel_footprint(view_depth(r.position)) * f32(BLOCK);
         r.wo = view_direction(r.position);
         r.slant = 1.0 / max(abs(dot(r.wo, r.ng)), 0.02);

@@ -89,7 +89,7 @@ fn load_tap(at: vec2i, low: vec2i) -> Tap {
     }
     let k = u32(at.y * low.x + at.x);
     let first = light[4u * k];
-    tap.valid = select(0.0, f32(receivers[k].valid), first.w >= 0.0);
+    tap.valid = select(0.0, 1.0, receivers[k].valid != 0u && first.w >= 0.0);
     tap.position = receivers[k].position;
     tap.ng = receivers[k].ng;
     tap.n = receivers[k].n;

@@ -1,0 +1,238 @@
+"""The live frame: light that goes on from the frame before, docs/method.md, Live.
+
+A frame gathers at a quarter of the receivers, and at those whose light is new or has changed; the others keep
+the mean of the frames before, which moves with what they show. Few photons do, for their noise does not last.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ispm.estimators import Estimator
+from ispm.frame import Receivers
+from ispm.live.blend import HISTORY, blend, effective_frames, light_of, no_history, words
+from ispm.live.cache import CELL, WorldCache
+from ispm.live.change import SIDE, changed_share, coarse
+from ispm.live.reproject import Instances, Seen, moves, reproject, seen
+from ispm.optics.incident import channels, no_light
+from ispm.optics.records import take
+from ispm.optics.rng import pcg4d
+from ispm.photons.density import Pixels, measure_radii
+from ispm.photons.grid import PhotonGrid
+from ispm.renderer.caustics import Caustics, PhotonClasses, sample_width
+from ispm.renderer.gather import PhotonLight, rays_reach
+from ispm.renderer.light import EmissionPlan, trace_photons
+from ispm.renderer.one_pass import Pass
+from ispm.lights.plan import plan_maps
+from ispm.stages.filter import DENSITY, set_reach
+from ispm.stages.mean import mean_around
+
+_PROBES = 1000  # photons that tell where light changes; 500 are too few where few find a way through a door
+_PROBES_LEAST = 16  # of a light
+_PROBE_SEED = 7  # any, as long as it stays
+_PROBE_SMOOTHING = 2.0  # factor on the width of their kernels
+_PATTERN = 4  # receivers on a side of the blocks that are gathered in turn
+_TURNS = (0, 3, 1, 2)  # in which the four blocks of a square are
+_FEW = 4.0  # frames, of fewer receivers are gathered each time
+_CHANGED = 0.15  # share of light that has changed, above which they are
+_MUCH = 0.3  # share that has changed at 2 % of the receivers, above which the world's cache forgets all
+_NARROWEST = 16.0  # frames, of more the filter that hides their noise gets no narrower
+_BATCHES = 8  # frames whose caustics are shown together while nothing but the camera moves
+_CAUSTIC_PHOTONS = 40_000  # of all of these, if more than one
+_END_CELLS = 1.0  # reach of the filter over what mirrors show, in cells of the cache
+
+
+@dataclass(frozen=True, eq=False)
+class _Before:
+    """The frame before: its instances, and its receivers with their HISTORY."""
+
+    instances: Instances
+    seen: Seen
+
+
+class History:
+    """What live frames hand on to the next.
+
+    number  of the next frame, from 0; with the seed it selects the random numbers
+    """
+
+    def __init__(self) -> None:
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget all: the next frame is as a renderer's first."""
+        self.number = 0
+        self._before: _Before | None = None
+        self._probes: np.ndarray | None = None
+        self._cache: WorldCache | None = None
+        self._nodes: Sequence[object] = ()
+        self._changes = False
+        self._caustics: list[Caustics] = []
+
+    def begin(self, this: Pass, nodes: Sequence[object], changes: bool) -> Pass:
+        """Return the pass with the random numbers of the next frame.
+
+        nodes    of the scene, whose identity tells instances from others
+        changes  whether anything but the camera may have changed since the frame before
+        """
+        width = CELL * this.packed.diagonal
+        if self._cache is None or not 0.5 < self._cache.width / width < 2.0:
+            self._cache = WorldCache(width)
+        self._nodes, self._changes = nodes, changes
+        key, _, _, _ = pcg4d(np.uint32(self.number), np.uint32(0), np.uint32(0), np.uint32(this.settings.seed))
+        seed = this.settings.seed if self.number == 0 else int(key)
+        return replace(this, settings=this.settings.replace(seed=seed, antialias=False))
+
+    def light(self, this: Pass, parts: PhotonClasses) -> LiveLight:
+        """Return what lights the frame."""
+        assert self._cache is not None
+        return LiveLight(this, parts, self, self._cache)
+
+    def caustics(self, new: Caustics) -> Caustics:
+        """Return those of the frames since the world last changed: their mean is that of all their photons."""
+        if self._changes:
+            self._caustics = []
+        self._caustics = [*self._caustics, new][-_BATCHES:]
+        while len(self._caustics) > 1 and sum(len(each.kernels) for each in self._caustics) > _CAUSTIC_PHOTONS:
+            del self._caustics[0]
+        return mean_caustics(self._caustics)
+
+    def recall(self, this: Pass, image: Receivers) -> np.ndarray:
+        """Return what is known of light at the receivers, (n,) HISTORY."""
+        if self._before is None:
+            return no_history(len(image.points))
+        moved = moves(self._instances(this), self._before.instances)
+        found = reproject(image.points, moved, self._before.seen, this.threads)
+        return np.asarray(found.view(HISTORY)[:, 0])
+
+    def remember(self, this: Pass, image: Receivers, history: np.ndarray) -> None:
+        """Keep what is known at the receivers for the next frame."""
+        block = this.settings.subsampling
+        self._before = _Before(self._instances(this), seen(image, this.view, block, words(history)))
+        self.number += 1
+
+    def _instances(self, this: Pass) -> Instances:
+        packed = this.packed
+        return Instances(packed.instances, packed.ids, packed.names, self._nodes)
+
+    def changed(self, this: Pass, image: Receivers) -> np.ndarray:
+        """Return the share of light at the receivers that is not what it was, (n,) float32 in [0, 1]."""
+        none = np.zeros(len(image.points), np.float32)
+        if not self._changes:
+            return none
+        before, self._probes = self._probes, _trace_probes(this)
+        if before is None:
+            return none
+        few = coarse(image)
+        estimates = [_probe_light(this, few, photons) for photons in (before, self._probes)]
+        changed = changed_share(*estimates, few.size, image.size)
+        assert self._cache is not None
+        much = np.percentile(changed[image.points["valid"] > 0], 98) if image.points["valid"].any() else 1.0
+        self._cache.change(1.0 if much > _MUCH else 0.0)
+        return changed
+
+    def sampled(self, image: Receivers, history: np.ndarray, changed: np.ndarray) -> np.ndarray:
+        """Return the receivers that gather in this frame, (m,) rows."""
+        width, height = image.size
+        x, y = np.arange(width) // _PATTERN, np.arange(height)[:, None] // _PATTERN
+        turn = (x % 2 + 2 * (y % 2) == _TURNS[self.number % len(_TURNS)]).reshape(-1)
+        wanted = turn | (history["frames"] < _FEW) | (changed > _CHANGED)
+        return np.flatnonzero(wanted & (image.points["valid"] > 0))
+
+
+class LiveLight(PhotonLight):
+    """The light of a live frame: at its receivers with what is known of frames before, elsewhere from the
+    world's cache."""
+
+    def __init__(self, this: Pass, parts: PhotonClasses, history: History, cache: WorldCache) -> None:
+        super().__init__(this, parts)
+        self._history, self._cache = history, cache
+        self._draws = 0
+        self.caustics = history.caustics(parts.caustics)
+
+    def at(self, receivers: Receivers, estimator: Estimator | None = None) -> np.ndarray:
+        if not len(self.parts.smooth) and estimator is None:
+            return no_light(len(receivers.points))
+        return self._cached(receivers) if estimator is None else self._accumulated(receivers)
+
+    def _accumulated(self, image: Receivers) -> np.ndarray:
+        """Light at the picture's receivers, (n, 16)."""
+        this, kept = self._this, self._history
+        history = kept.recall(this, image)
+        changed = kept.changed(this, image)
+        rows = kept.sampled(image, history, changed)
+        light, nearness = self._estimated(image, rows)
+        blend(history, rows, light, nearness, changed)
+        kept.remember(this, image, history)
+        frames, light = effective_frames(history), light_of(history)
+        if this.settings.gather_rays:
+            rays, passes = this.settings.gather_rays * frames, np.minimum(frames, _NARROWEST)
+            reach = rays_reach(image, np.ascontiguousarray(history["nearness"]), rays, passes)
+            set_reach(light, image.points, reach, this.packed.diagonal)
+        else:
+            light[:, DENSITY] *= frames
+        return light
+
+    def _estimated(self, image: Receivers, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """This frame's light at some receivers, (m, 16), and the nearness of what is around them, (m,)."""
+        points, threads = take(image.points, rows), self._this.threads
+        if not len(self.parts.smooth):
+            return no_light(len(rows)), np.zeros(len(rows), np.float32)
+        if not self._this.settings.gather_rays:
+            return self.photons.estimate(points, threads), np.zeros(len(rows), np.float32)
+        glossy = (points["alpha"] > 0.0).any()
+        light = self.photons.estimate(points, threads) if glossy else no_light(len(rows))
+        found, others = self.gather(image, rows, self._at_ends), self._not_gathered.estimate(points, threads)
+        for name in ("irradiance", "fresnel"):
+            channels(light)[name] = getattr(found, name) + channels(others)[name]
+        return light, found.nearness
+
+    def _at_ends(self, points: np.ndarray) -> np.ndarray:
+        """Light where gather rays end."""
+        self._draws += 1
+        return self._cache.light(points, self.at_ends, self._this.settings.seed + self._draws)
+
+    def _cached(self, image: Receivers) -> np.ndarray:
+        """Light at points that mirrors and glass show, or receivers miss, (n, 16)."""
+        points = image.points
+        light = self._at_ends(points)
+        channels(light)["irradiance"] += channels(self._not_gathered.estimate(points, self._this.threads))["irradiance"]
+        reach = np.full(len(points), _END_CELLS * self._cache.width, np.float32)
+        set_reach(light, points, reach, self._this.packed.diagonal)
+        return light
+
+
+def mean_caustics(batches: Sequence[Caustics]) -> Caustics:
+    """Return the photons of several frames as those of one, each with its share of their flux."""
+    if len(batches) == 1:
+        return batches[0]
+    parts = [part for each in batches for part in ((each, slice(each.wide)), (each, slice(each.wide, None)))]
+    ordered = parts[::2] + parts[1::2]  # wide ones first
+    photons = np.concatenate([each.photons[rows] for each, rows in ordered])
+    kernels = np.concatenate([each.kernels[rows] for each, rows in ordered])
+    for records in (photons, kernels):
+        records["flux"] *= np.float32(1.0 / len(batches))
+    return Caustics(photons, kernels, sum(each.wide for each in batches))
+
+
+def _trace_probes(this: Pass) -> np.ndarray:
+    """Return the probes' photons, PHOTON: of each light as many, whatever the others do."""
+    count = len(this.packed.lights)
+    each = max(_PROBES >> max(count - 1, 0).bit_length(), _PROBES_LEAST)
+    settings = this.settings.replace(seed=_PROBE_SEED, gather=0)
+    told = replace(this, settings=settings)
+    maps = plan_maps(this.packed, np.full(count, each, np.int64), 0.0, _PROBE_SEED, 0)
+    return trace_photons(told, EmissionPlan(maps, "rays"), []).photons
+
+
+def _probe_light(this: Pass, image: Receivers, photons: np.ndarray) -> np.ndarray:
+    """(n, 3) irradiance of probes at the receivers of a coarse image."""
+    if not len(photons):
+        return np.zeros((len(image.points), 3), np.float32)
+    photons = photons.copy()
+    pixels = Pixels(SIDE * this.settings.subsampling * sample_width(this.view), this.view.eye_or_direction)
+    measure_radii(photons, this.packed.diagonal, _PROBE_SMOOTHING, pixels, threads=this.threads)
+    return np.asarray(PhotonGrid(photons).estimate(image.points, this.threads)[:, :3])

@@ -1,0 +1,58 @@
+"""A live picture at rest: passes take the place of what it showed as it came to rest."""
+
+from __future__ import annotations
+
+from functools import partial
+
+import numpy as np
+
+from ispm.renderer.backdrop import LAYER
+from ispm.renderer.layers import Layers, sum_layers
+from ispm.renderer.made_of import MadeOf
+from ispm.renderer.picture import Frame
+from ispm.renderer.progress import KEPT, SUMMED, Progress
+from ispm.settings import Settings
+
+_WORTH = 16.0  # passes that the live picture is worth: of fewer the first one's noise is seen to come
+_GONE = 32  # passes after which it counts no more: its kernels' bias would stay
+
+
+class Rest:
+    """The mean of the passes of a picture that stands still, and the live frame that it began with.
+
+    made_of  scene, camera and settings of all of them
+    """
+
+    def __init__(self, live: Frame, made_of: MadeOf) -> None:
+        self.made_of = made_of
+        self._live, self._progress = live, None
+
+    @property
+    def passes(self) -> int:
+        """How many there are."""
+        return self._progress.passes if self._progress else 0
+
+    def add(self, frame: Frame, settings: Settings, threads: int) -> Frame:
+        """Add the frame of the next pass; return what is to be shown."""
+        if self._progress is None:
+            self._progress = Progress.start(frame, self.made_of)
+        else:
+            self._progress.add(frame)
+        mean = self._progress.frame(settings, threads)
+        mean.names = frame.names
+        k = self.passes
+        weight = np.float32(_WORTH / (_WORTH + k) * max(1.0 - k / _GONE, 0.0))
+        return _mixed(mean, self._live, weight, threads) if weight > 0.0 else mean
+
+
+def _mixed(mean: Frame, live: Frame, weight: np.float32, threads: int) -> Frame:
+    """The mean with `weight` of the live frame in it."""
+
+    def mix(name: str) -> np.ndarray:
+        return np.asarray(mean[name] + weight * (live[name] - mean[name]))
+
+    makers = {name: partial(mix, name) for name in (*SUMMED, LAYER) if name in mean.layers}
+    makers["full"] = lambda: sum_layers(layers["direct"], layers["indirect"], layers["emission"], threads)
+    makers |= {name: partial(mean.layers.__getitem__, name) for name in KEPT}
+    layers = Layers(makers)
+    return Frame(layers, mean.stats, mean.settings, mean.camera, mean.scene, names=mean.names)
