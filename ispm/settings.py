@@ -170,8 +170,8 @@ class Settings(_Checked):
     antialias: bool = knob(True, "supersample the pixels on edges")
     live: bool = knob(
         False,
-        "a renderer's frames go on from the ones before, with less noise for fewer photons; at rest they "
-        "converge. A first frame is noisier",
+        "a renderer's frames go on from the ones before: of the photons it emits what stores some 16,000, a "
+        "quarter of the pixels gathers, and at rest they converge",
     )
     seed: int = knob(
         0,
@@ -282,7 +282,7 @@ PRESETS: dict[str, dict[str, Any]] = {
     "default": {},
     "fast": {"gather": 0},
     "best": {"gather": 16},
-    "live": {"live": True, "photons": 10_000, "gather": 4, "exposure": "hold"},
+    "live": {"live": True, "gather": 4, "exposure": "hold"},
     # The table's row 5, NS2 (Cargo Bay): 20,356 photons, 3 bounces, one sample in 6 x 6 pixels.
     "talk": {
         "photons": 20_356,

@@ -23,16 +23,16 @@ def _kernels_are_listed() -> Iterator[None]:
     """Fail a picture that calls a kernel which the manifest lacks: users would wait for the compiler."""
     from every_kernel import called, lines
 
-    listed, render = set(manifest.lines()), Renderer.render_pass
+    listed, draw = set(manifest.lines()), Renderer._draw
 
-    @wraps(render)
-    def render_pass(self, index):
+    @wraps(draw)
+    def watched(self, *given):
         before = called()
-        frame = render(self, index)
+        frame = draw(self, *given)
         unlisted = set(lines(called() - before)) - listed
         assert not unlisted, f"kernels.txt lacks these; {manifest.MEND}\n" + "\n".join(sorted(unlisted))
         return frame
 
-    Renderer.render_pass = render_pass
+    Renderer._draw = watched
     yield
-    Renderer.render_pass = render
+    Renderer._draw = draw

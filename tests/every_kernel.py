@@ -72,6 +72,10 @@ def render_everything() -> None:
         for variant in VARIANTS:
             renderer.settings = ispm.Settings(**{**SMALL, **variant})
             assert renderer.render().image.size
+        renderer.settings = ispm.Settings(**SMALL, preset="live")
+        for step in (0.0, 0.1, 0.1):  # the last frame rests
+            renderer.scene.nodes[1].translation = (-2.8 + step, 0.7, 0.0)
+            assert renderer.render().image.size
         renderer.settings = ispm.Settings(**SMALL)
         for name in ("cornell-box", "caustic-ring", "objects-in-box"):  # the last has large meshes
             renderer.scene, renderer.camera = ispm.builtin(name), None

@@ -17,7 +17,9 @@ HISTORY = np.dtype(
     ]
 )
 WORDS = HISTORY.itemsize // 4
-_LEAST_SHARE = np.float32(0.05)  # of a new estimate in the mean; .03 lags behind what moves, .1 has more noise
+_LEAST_SHARE = np.float32(
+    0.05
+)  # of a new estimate in the mean; .03 lags behind what moves, .1 has more noise
 _MOST_FRAMES = 64.0  # that a mean can be worth: neighbors' noise is not independent
 
 
@@ -37,26 +39,33 @@ def light_of(history: np.ndarray) -> np.ndarray:
 
 
 def blend(
-    history: np.ndarray, rows: np.ndarray, light: np.ndarray, nearness: np.ndarray, changed: np.ndarray
+    history: np.ndarray,
+    rows: np.ndarray,
+    light: np.ndarray,
+    nearness: np.ndarray,
+    worth: np.ndarray,
+    changed: np.ndarray,
 ) -> None:
     """Add new estimates to (n,) HISTORY, in place.
 
     rows      (m,) those that have one;  light, nearness  (m, 16) and (m,) of these
+    worth     (m,) frames' estimates that each is worth
     changed   (n,) share of the light that is not what it was, in [0, 1]
-    With the share a of the new estimate in the mean of n frames, max(1 / (n + 1), .05) or more where light
-    changed, n becomes 1 / a and the variance (1 - a)^2 v + a^2. Those without one only forget.
+    With the share a of a new estimate in the mean of n frames, max(w / (n + w), .05) or more where light
+    changed, n becomes w / a and the variance (1 - a)^2 v + a^2 / w. Those without one only forget.
     """
     known = history["frames"] > 0.0
     frames = np.maximum(history["frames"], np.float32(1e-6))
     history["frames"] = np.where(known, 1.0 / np.maximum(1.0 / frames, changed), 0.0)
-    share = np.maximum(1.0 / (frames[rows] + 1.0), _LEAST_SHARE)
+    share = np.maximum(worth / (frames[rows] + worth), _LEAST_SHARE)
     share += changed[rows] * (1.0 - share)
     share = np.where(known[rows], share, np.float32(1.0)).astype(np.float32)
     some = history[rows]
     values, new = words(some), np.concatenate([light, nearness[:, None]], axis=1)
     values[:, : CHANNELS + 1] += share[:, None] * (new - values[:, : CHANNELS + 1])
-    some["variance"] = np.where(known[rows], (1.0 - share) ** 2 * some["variance"] + share**2, 1.0)
-    some["frames"] = 1.0 / share
+    some["variance"] = np.where(known[rows], (1.0 - share) ** 2 * some["variance"], 0.0)
+    some["variance"] += share**2 / worth
+    some["frames"] = worth / share
     history[rows] = some
 
 

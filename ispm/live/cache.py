@@ -10,7 +10,6 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ispm.optics.incident import channels
 from ispm.optics.jit import jit
 from ispm.optics.records import take
 from ispm.optics.rng import random4
@@ -23,11 +22,24 @@ _SLOTS = 1 << 18  # a power of two; `atrium` fills 57,000
 _FULL = _SLOTS // 2  # cells, of more all are forgotten
 _PROBES = 16  # slots looked at for one cell
 _REFRESHED = 1 / 8  # of the points that are estimated anew, by lot
-_YOUNG = 2.0  # estimates of a cell below which all its points are
-_MOST = 512.0  # estimates that a mean remembers
+_YOUNG = 2.0  # frames that a cell was estimated in, below which all its points are
+_MOST = 512.0  # frames that a mean remembers
 _CHANGED = 4.0  # likewise once light has changed
 _KEY_BITS = 20  # of a cell's number along each axis
 _DIMENSION = 1 << 24  # of the random numbers that jitter points
+
+
+# The mean of the frames before, how many they were, and the sum of this frame's estimates. These share their
+# noise, so that however many they are, they count once in the mean.
+_CELL = np.dtype(
+    [
+        ("light", np.float32, 3),
+        ("frames", np.float32),
+        ("sum", np.float32, 3),
+        ("count", np.float32),
+        ("frame", np.uint32),
+    ]
+)
 
 
 class WorldCache:
@@ -39,45 +51,62 @@ class WorldCache:
     def __init__(self, width: float) -> None:
         self.width = width
         self._keys = np.zeros(_SLOTS, np.int64)  # 0: a slot is free
-        self._light = np.zeros((_SLOTS, 3), np.float32)
-        self._counts = np.zeros(_SLOTS, np.float32)
+        self._cells = np.zeros(_SLOTS, _CELL)
         self._used = 0
 
     def change(self, share: float) -> None:
         """Forget, where a `share` of the light has changed: little of it, or all where that is 1."""
-        np.minimum(self._counts, f32(_CHANGED * (1.0 - share)), out=self._counts)
+        _close(self._cells, f32(_CHANGED * (1.0 - share)))
 
     def light(
-        self, points: np.ndarray, estimate: Callable[[np.ndarray], np.ndarray], seed: int
+        self, points: np.ndarray, estimate: Callable[[np.ndarray], np.ndarray], frame: int, draw: int
     ) -> np.ndarray:
         """Return the light at (n,) RECEIVER points, (n, 16) as estimators do; learn from some of them.
 
         estimate  returns what (m,) RECEIVER points get from photons, (m, 16); asked for a few of them, and
                   for all that are glossy, whose light depends on where they are seen from
-        seed      of the frame's random numbers
+        frame     whose photons these are;  draw  a number that no other call of the frame has
         """
         if self._used > _FULL:
-            self._keys[:], self._counts[:], self._used = 0, 0.0, 0
-        slots, inverse = np.empty(len(points), np.int64), f32(1.0 / self.width)
-        self._used += _find(points, inverse, u32(seed), u32(0), self._keys, True, slots)
-        rows = np.arange(len(points), dtype=np.uint32)
+            self._keys[:], self._cells[:], self._used = 0, 0, 0
+        found, inverse = np.zeros((len(points), 16), np.float32), f32(1.0 / self.width)
+        own, other = np.empty((2, len(points)), np.int64)
+        seed = u32(frame), u32(_DIMENSION + 3 * draw)
+        self._used += _find(points, inverse, seed, self._keys, True, own)
         chosen = np.empty(len(points), bool)
-        _choose(points, slots, self._counts, u32(seed), chosen)
+        _choose(points, own, self._cells, seed, chosen)
         asked = np.flatnonzero(chosen)
-        found = np.zeros((len(points), 16), np.float32)
         found[asked] = estimate(take(points, asked))
-        _learn(asked, slots, found, self._light, self._counts)
-        near = np.empty(len(points), np.int64)
-        _find(points, inverse, u32(seed), u32(1), self._keys, False, near)
-        _look_up(rows, slots, near, self._light, self._counts, found)
+        _learn(asked, own, found, u32(frame), self._cells)
+        _find(points, inverse, (seed[0], u32(seed[1] + 1)), self._keys, False, other)
+        _look_up(own, other, self._cells, found)
         return found
 
 
 @jit
-def _find(points, inverse, seed, draw, keys, insert, slots):
+def _close(cells, most):
+    """Make the sums part of the means, and let these remember so many frames at most."""
+    for k in range(len(cells)):
+        _fold(cells[k])
+        cells[k].frames = min(cells[k].frames, most)
+
+
+@jit
+def _fold(cell):
+    """Make a cell's sum part of its mean."""
+    if cell.count > f32(0):
+        frames = min(cell.frames, f32(_MOST))
+        for c in range(3):
+            cell.light[c] += (cell.sum[c] / cell.count - cell.light[c]) / (frames + f32(1))
+            cell.sum[c] = f32(0)
+        cell.frames, cell.count = frames + f32(1), f32(0)
+
+
+@jit
+def _find(points, inverse, seed, keys, insert, slots):
     """Write the slot of each of (n,) RECEIVER points, -1: there is none; return how many were taken.
 
-    inverse  1 / m of the cells;  seed, draw  of the random numbers
+    inverse  1 / m of the cells;  seed  frame and dimension of the random numbers
     insert   whether cells that are not there yet take one
     """
     mask, taken = i64(len(keys) - 1), i64(0)
@@ -85,7 +114,7 @@ def _find(points, inverse, seed, draw, keys, insert, slots):
         slots[i] = i64(-1)
         if points[i].valid == u32(0):
             continue
-        key = _key(points[i], inverse, random4(u32(i), u32(_DIMENSION) + draw, u32(0), seed))
+        key = _key(points[i], inverse, random4(u32(i), seed[1], seed[0], u32(0)))
         hashed = key * i64(-7046029254386353131)  # 2^64 over the golden ratio
         first = hashed ^ (hashed >> i64(29))
         for step in range(_PROBES):
@@ -120,34 +149,41 @@ def _key(point, inverse, u):
 
 
 @jit
-def _choose(points, slots, counts, seed, chosen):
+def _choose(points, slots, cells, seed, chosen):
     """Write which points are estimated: (n,) bool."""
     for i in range(len(points)):
-        u, _, _, _ = random4(u32(i), u32(_DIMENSION + 2), u32(0), seed)
-        slot = slots[i]
-        new = slot < i64(0) or counts[slot] < f32(_YOUNG)
+        u, _, _, _ = random4(u32(i), seed[1] + u32(2), seed[0], u32(0))
+        new = slots[i] < i64(0) or cells[slots[i]].frames < f32(_YOUNG)
         chosen[i] = points[i].valid != u32(0) and (u < f32(_REFRESHED) or new or points[i].alpha > f32(0))
 
 
 @jit
-def _learn(asked, slots, found, light, counts):
-    """Add what was estimated at the points `asked`, (m,) of (n, 16) `found`, to the means of their cells."""
+def _learn(asked, slots, found, frame, cells):
+    """Add what was estimated at the points `asked`, (m,) of (n, 16) `found`, to their cells."""
     for k in range(len(asked)):
         i = asked[k]
-        slot = slots[i]
-        if slot >= i64(0):
-            count = min(counts[slot], f32(_MOST))
+        if slots[i] >= i64(0):
+            cell = cells[slots[i]]
+            if cell.frame != frame:
+                _fold(cell)
+                cell.frame = frame
             for c in range(3):
-                light[slot, c] += (found[i, c] - light[slot, c]) / (count + f32(1))
-            counts[slot] = count + f32(1)
+                cell.sum[c] += found[i, c]
+            cell.count += f32(1)
 
 
 @jit
-def _look_up(rows, slots, near, light, counts, found):
-    """Write the irradiance of each point's cell, where one is known, else leave what was estimated."""
-    for k in range(len(rows)):
-        i = i64(rows[k])
-        slot = near[i] if near[i] >= i64(0) and counts[near[i]] >= f32(_YOUNG) else slots[i]
-        if slot >= i64(0) and counts[slot] > f32(0):
-            for c in range(3):
-                found[i, c] = light[slot, c]
+def _look_up(own, other, cells, found):
+    """Write the irradiance of each point's cell, where one is known, else leave what was estimated.
+
+    other  (n,) the cells of points jittered anew, which are asked where they are known well
+    """
+    for i in range(len(found)):
+        slot = other[i] if other[i] >= i64(0) and cells[other[i]].frames >= f32(_YOUNG) else own[i]
+        if slot >= i64(0):
+            cell = cells[slot]
+            frames = cell.frames + (f32(1) if cell.count > f32(0) else f32(0))
+            if frames > f32(0):
+                for c in range(3):
+                    now = cell.sum[c] / cell.count if cell.count > f32(0) else f32(0)
+                    found[i, c] = (cell.frames * cell.light[c] + now) / frames

@@ -12,11 +12,11 @@ from ispm.optics.records import RECEIVER
 
 SIDE = 3  # receivers on a side of a block that one stands for
 _GAIN = 2.0  # of the share; noise of the probes makes it too small where light moves by little
-_DARK = 0.05  # of the mean: changes of less do not count
+_ANYWHERE = 0.05  # share of the mean over the picture
 
 
 def coarse(image: Receivers) -> Receivers:
-    """Return an image of one receiver in SIDE x SIDE, that in the middle or, where it sees nothing, another."""
+    """Return an image of one receiver in SIDE x SIDE: that in the middle, or another if it sees nothing."""
     width, height = image.size
     columns, rows = -(-width // SIDE), -(-height // SIDE)
     numbers = np.full((rows * SIDE, columns * SIDE), -1)
@@ -31,17 +31,21 @@ def coarse(image: Receivers) -> Receivers:
     return Receivers(chosen, (columns, rows))
 
 
-def changed_share(before: np.ndarray, now: np.ndarray, size: tuple[int, int], fine: tuple[int, int]) -> np.ndarray:
-    """Return the share of light that is not what it was at the receivers of an image, (h w,) float32 in [0, 1].
+def changed_share(
+    before: np.ndarray, now: np.ndarray, size: tuple[int, int], fine: tuple[int, int]
+) -> np.ndarray:
+    """Return the share of light in [0, 1] that is not what it was, at the receivers of an image, (h w,).
 
     before, now  (n, 3) irradiance at the receivers of the `coarse` image of `size`; fine: the image's
-    Both are averaged over 3 x 3 of them; the channel that changes most counts.
+    Both are averaged over 3 x 3 of them, and with a little of what they are everywhere, which counts where no
+    probe came; the channel that changes most counts.
     """
     width, height = size
     change = np.abs(now - before).max(axis=1).reshape(height, width)
     most = np.maximum(now, before).max(axis=1).reshape(height, width)
-    floor = _DARK * float(now.mean()) + 1e-30
-    share = np.clip(_GAIN * _blurred(change) / (_blurred(most) + floor), 0.0, 1.0).astype(np.float32)
+    changes = _blurred(change) + _ANYWHERE * change.mean()
+    lights = _blurred(most) + _ANYWHERE * most.mean()
+    share = np.clip(_GAIN * changes / np.maximum(lights, 1e-30), 0.0, 1.0).astype(np.float32)
     spread = share.repeat(SIDE, axis=0).repeat(SIDE, axis=1)
     return np.ascontiguousarray(spread[: fine[1], : fine[0]]).reshape(-1)
 

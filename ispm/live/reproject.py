@@ -7,7 +7,7 @@ as centers of blocks, history drifts even at rest.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 

@@ -62,8 +62,7 @@ def draw(this: Pass, stages: Stages, watch: Watch, history: History | None = Non
     with watch("trace"):
         path = trace_photons(this, plan, sight.texels)
     with watch("radiance"):
-        parts = classify_photons(this, path)
-        light = history.light(this, parts) if history else PhotonLight(this, parts)
+        light = history.light(this, path) if history else PhotonLight(this, classify_photons(this, path))
         raw, filtered = light.at_receivers(sight.receivers, stages.estimator)
     with watch.record(gpu) as frame:
         frame.stage("radiance")

@@ -82,7 +82,7 @@ def rays_reach(
     within = np.asarray(_RAYS_WITHIN / (math.pi * rays), np.float32)
     least = points["footprint"] * np.sqrt(points["slant"] * within)
     widest = _REACH * passes**_NARROWER
-    return np.maximum(widest / mean_around(points, nearness, image.size), least)
+    return np.asarray(np.maximum(widest / mean_around(points, nearness, image.size), least))
 
 
 class PhotonLight:
@@ -129,7 +129,13 @@ class PhotonLight:
             return no_light(len(points))
         if not this.settings.gather_rays:
             return summed(self.photons)
-        return self._gathered(receivers, lambda: summed(self.photons), summed(self._not_gathered))
+        return self._gathered(
+            receivers, lambda: summed(self.photons), summed(self._not_gathered), self.at_ends
+        )
+
+    def at_missed(self, receivers: Receivers) -> np.ndarray:
+        """Return likewise the light at points of the picture that its receivers miss."""
+        return self.at(receivers)
 
     def _filtered(self, receivers: Receivers, raw: np.ndarray) -> np.ndarray:
         """Such light without its noise; plain kernels are wide enough to have little."""
@@ -194,19 +200,24 @@ class PhotonLight:
         measure_radii(photons, packed.diagonal, settings.smoothing, pixels, packed.widths, self._this.threads)
 
     def _gathered(
-        self, image: Receivers, estimate_smooth: Callable[[], np.ndarray], not_gathered: np.ndarray
+        self,
+        image: Receivers,
+        estimate_smooth: Callable[[], np.ndarray],
+        not_gathered: np.ndarray,
+        ends: Ends,
     ) -> np.ndarray:
         """Light at points, (n, 16): gloss of the smooth photons, the rest by rays and of those not gathered.
 
         estimate_smooth  returns the (n, 16) light of the smooth photons; asked for where there is gloss alone
         not_gathered     (n, 16) light of those not gathered
+        ends             as of `gather`
         """
         this, points = self._this, image.points
         glossy = (points["alpha"] > 0.0).any()
         light = estimate_smooth() if glossy else no_light(len(points))
         nearness = np.zeros(len(points), np.float32)
         used = np.flatnonzero(points["valid"])  # which may be few
-        found = self.gather(image, used)
+        found = self.gather(image, used, this.settings.gather_rays, ends)
         nearness[used] = found.nearness
         incident = channels(light)
         for name in ("irradiance", "fresnel"):
@@ -217,15 +228,14 @@ class PhotonLight:
         set_reach(light, points, reach, this.packed.diagonal)
         return light
 
-    def gather(self, image: Receivers, rows: np.ndarray, ends: Ends | None = None) -> Gather:
-        """Return what gather rays find from the receivers `rows`, (m,), of an image.
+    def gather(self, image: Receivers, rows: np.ndarray, rays: int, ends: Ends) -> Gather:
+        """Return what so many gather rays from each of the receivers `rows`, (m,), of an image find.
 
-        ends  returns the light of RECEIVER points where rays end, (k, 16); None: that of the scattered photons
+        ends  returns the light of RECEIVER points where rays end, (k, 16)
         """
         this, size = self._this, image.size
         packed, settings, threads = this.packed, this.settings, this.threads
-        ends = ends or self.at_ends
-        rays, limit = settings.gather_rays, bright_limit(packed, settings)
+        limit = bright_limit(packed, settings)
         most = np.float32(1.0 / (_NEAREST * packed.diagonal))
         found = Gather(*(np.zeros((len(rows), *shape), np.float32) for shape in ((3,), (3,), ())))
         receivers = take(image.points, rows)

@@ -13,6 +13,7 @@ import numpy as np
 
 from ispm.estimators import Estimator
 from ispm.frame import Receivers
+from ispm.lights.plan import plan_maps
 from ispm.live.blend import HISTORY, blend, effective_frames, light_of, no_history, words
 from ispm.live.cache import CELL, WorldCache
 from ispm.live.change import SIDE, changed_share, coarse
@@ -22,13 +23,13 @@ from ispm.optics.records import take
 from ispm.optics.rng import pcg4d
 from ispm.photons.density import Pixels, measure_radii
 from ispm.photons.grid import PhotonGrid
-from ispm.renderer.caustics import Caustics, PhotonClasses, sample_width
+from ispm.photons.walk import Walk
+from ispm.renderer.caustics import Caustics, PhotonClasses, classify_photons, sample_width
+from ispm.renderer.converge import shrunk
 from ispm.renderer.gather import PhotonLight, rays_reach
 from ispm.renderer.light import EmissionPlan, trace_photons
 from ispm.renderer.one_pass import Pass
-from ispm.lights.plan import plan_maps
 from ispm.stages.filter import DENSITY, set_reach
-from ispm.stages.mean import mean_around
 
 _PROBES = 1000  # photons that tell where light changes; 500 are too few where few find a way through a door
 _PROBES_LEAST = 16  # of a light
@@ -37,9 +38,12 @@ _PROBE_SMOOTHING = 2.0  # factor on the width of their kernels
 _PATTERN = 4  # receivers on a side of the blocks that are gathered in turn
 _TURNS = (0, 3, 1, 2)  # in which the four blocks of a square are
 _FEW = 4.0  # frames, of fewer receivers are gathered each time
+_MORE, _NEW = 4, 1 / 8  # times as many rays from receivers of which nothing is known, if few of all are new
 _CHANGED = 0.15  # share of light that has changed, above which they are
 _MUCH = 0.3  # share that has changed at 2 % of the receivers, above which the world's cache forgets all
 _NARROWEST = 16.0  # frames, of more the filter that hides their noise gets no narrower
+_STORED = 16_000  # photons that a frame emits enough for
+_EMITTED_LEAST = 1000
 _BATCHES = 8  # frames whose caustics are shown together while nothing but the camera moves
 _CAUSTIC_PHOTONS = 40_000  # of all of these, if more than one
 _END_CELLS = 1.0  # reach of the filter over what mirrors show, in cells of the cache
@@ -56,7 +60,7 @@ class _Before:
 class History:
     """What live frames hand on to the next.
 
-    number  of the next frame, from 0; with the seed it selects the random numbers
+    number  of the frame, from 0; with the seed it selects the random numbers
     """
 
     def __init__(self) -> None:
@@ -64,13 +68,15 @@ class History:
 
     def reset(self) -> None:
         """Forget all: the next frame is as a renderer's first."""
-        self.number = 0
+        self.number = -1
         self._before: _Before | None = None
         self._probes: np.ndarray | None = None
         self._cache: WorldCache | None = None
         self._nodes: Sequence[object] = ()
         self._changes = False
         self._caustics: list[Caustics] = []
+        self._photons: int | None = None  # to be emitted
+        self._most = 0
 
     def begin(self, this: Pass, nodes: Sequence[object], changes: bool) -> Pass:
         """Return the pass with the random numbers of the next frame.
@@ -78,25 +84,38 @@ class History:
         nodes    of the scene, whose identity tells instances from others
         changes  whether anything but the camera may have changed since the frame before
         """
+        self.number += 1
         width = CELL * this.packed.diagonal
         if self._cache is None or not 0.5 < self._cache.width / width < 2.0:
             self._cache = WorldCache(width)
-        self._nodes, self._changes = nodes, changes
-        key, _, _, _ = pcg4d(np.uint32(self.number), np.uint32(0), np.uint32(0), np.uint32(this.settings.seed))
-        seed = this.settings.seed if self.number == 0 else int(key)
-        return replace(this, settings=this.settings.replace(seed=seed, antialias=False))
+        self._nodes, self._changes, self._most = nodes, changes, this.settings.photons
+        if changes:
+            self._caustics = []
+        settings = this.settings.replace(photons=self._photons or this.settings.photons, antialias=False)
+        key, _, _, _ = pcg4d(
+            np.uint32(self.number), np.uint32(0), np.uint32(0), np.uint32(this.settings.seed)
+        )
+        if self.number:
+            settings = settings.replace(seed=int(key))
+        return replace(this, settings=settings)
 
-    def light(self, this: Pass, parts: PhotonClasses) -> LiveLight:
-        """Return what lights the frame."""
+    def light(self, this: Pass, path: Walk) -> LiveLight:
+        """Return what lights the frame: the photons of its walk, and what is kept."""
         assert self._cache is not None
-        return LiveLight(this, parts, self, self._cache)
+        if len(path.photons):
+            wanted = path.photon_count * _STORED / len(path.photons)
+            self._photons = int(np.clip(wanted, min(_EMITTED_LEAST, self._most), self._most))
+        # Kernels of caustics get narrower as those of passes do, since the frames' mean is shown.
+        smoothing = this.settings.smoothing * shrunk(len(self._caustics))
+        narrow = replace(this, settings=this.settings.replace(smoothing=smoothing))
+        return LiveLight(this, classify_photons(narrow, path), self, self._cache)
 
     def caustics(self, new: Caustics) -> Caustics:
-        """Return those of the frames since the world last changed: their mean is that of all their photons."""
-        if self._changes:
-            self._caustics = []
+        """Return those of the frames since the world last changed, whose mean is shown."""
         self._caustics = [*self._caustics, new][-_BATCHES:]
-        while len(self._caustics) > 1 and sum(len(each.kernels) for each in self._caustics) > _CAUSTIC_PHOTONS:
+        while (
+            len(self._caustics) > 1 and sum(len(each.kernels) for each in self._caustics) > _CAUSTIC_PHOTONS
+        ):
             del self._caustics[0]
         return mean_caustics(self._caustics)
 
@@ -112,7 +131,6 @@ class History:
         """Keep what is known at the receivers for the next frame."""
         block = this.settings.subsampling
         self._before = _Before(self._instances(this), seen(image, this.view, block, words(history)))
-        self.number += 1
 
     def _instances(self, this: Pass) -> Instances:
         packed = this.packed
@@ -127,8 +145,8 @@ class History:
         if before is None:
             return none
         few = coarse(image)
-        estimates = [_probe_light(this, few, photons) for photons in (before, self._probes)]
-        changed = changed_share(*estimates, few.size, image.size)
+        old, new = (_probe_light(this, few, photons) for photons in (before, self._probes))
+        changed = changed_share(old, new, few.size, image.size)
         assert self._cache is not None
         much = np.percentile(changed[image.points["valid"] > 0], 98) if image.points["valid"].any() else 1.0
         self._cache.change(1.0 if much > _MUCH else 0.0)
@@ -158,14 +176,29 @@ class LiveLight(PhotonLight):
             return no_light(len(receivers.points))
         return self._cached(receivers) if estimator is None else self._accumulated(receivers)
 
+    def at_missed(self, receivers: Receivers) -> np.ndarray:
+        points, threads = receivers.points, self._this.threads
+        if not len(self.parts.smooth):
+            return no_light(len(points))
+        if not self._this.settings.gather_rays:
+            return self.photons.estimate(points, threads)
+        others = self._not_gathered.estimate(points, threads)
+        return self._gathered(
+            receivers, lambda: self.photons.estimate(points, threads), others, self._at_ends
+        )
+
     def _accumulated(self, image: Receivers) -> np.ndarray:
         """Light at the picture's receivers, (n, 16)."""
         this, kept = self._this, self._history
         history = kept.recall(this, image)
         changed = kept.changed(this, image)
         rows = kept.sampled(image, history, changed)
-        light, nearness = self._estimated(image, rows)
-        blend(history, rows, light, nearness, changed)
+        new = np.flatnonzero(history["frames"][rows] == 0.0)
+        more = _MORE if len(new) < _NEW * len(image.points) else 1
+        light, nearness = self._estimated(image, rows, new, more)
+        worth = np.ones(len(rows), np.float32)
+        worth[new] = more
+        blend(history, rows, light, nearness, worth, changed)
         kept.remember(this, image, history)
         frames, light = effective_frames(history), light_of(history)
         if this.settings.gather_rays:
@@ -176,8 +209,13 @@ class LiveLight(PhotonLight):
             light[:, DENSITY] *= frames
         return light
 
-    def _estimated(self, image: Receivers, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """This frame's light at some receivers, (m, 16), and the nearness of what is around them, (m,)."""
+    def _estimated(
+        self, image: Receivers, rows: np.ndarray, new: np.ndarray, more: int
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """This frame's light at some receivers, (m, 16), and the nearness of what is around them, (m,).
+
+        new   those of the m that get `more` times as many rays
+        """
         points, threads = take(image.points, rows), self._this.threads
         if not len(self.parts.smooth):
             return no_light(len(rows)), np.zeros(len(rows), np.float32)
@@ -185,21 +223,27 @@ class LiveLight(PhotonLight):
             return self.photons.estimate(points, threads), np.zeros(len(rows), np.float32)
         glossy = (points["alpha"] > 0.0).any()
         light = self.photons.estimate(points, threads) if glossy else no_light(len(rows))
-        found, others = self.gather(image, rows, self._at_ends), self._not_gathered.estimate(points, threads)
-        for name in ("irradiance", "fresnel"):
-            channels(light)[name] = getattr(found, name) + channels(others)[name]
-        return light, found.nearness
+        others = self._not_gathered.estimate(points, threads)
+        nearness, rays = np.zeros(len(rows), np.float32), self._this.settings.gather_rays
+        for some, count in ((np.setdiff1d(np.arange(len(rows)), new), rays), (new, more * rays)):
+            found = self.gather(image, rows[some], count, self._at_ends)
+            nearness[some] = found.nearness
+            for name in ("irradiance", "fresnel"):
+                channels(light)[name][some] = getattr(found, name) + channels(others)[name][some]
+        return light, nearness
 
     def _at_ends(self, points: np.ndarray) -> np.ndarray:
         """Light where gather rays end."""
         self._draws += 1
-        return self._cache.light(points, self.at_ends, self._this.settings.seed + self._draws)
+        return self._cache.light(points, self.at_ends, self._history.number, self._draws)
 
     def _cached(self, image: Receivers) -> np.ndarray:
         """Light at points that mirrors and glass show, or receivers miss, (n, 16)."""
         points = image.points
         light = self._at_ends(points)
-        channels(light)["irradiance"] += channels(self._not_gathered.estimate(points, self._this.threads))["irradiance"]
+        channels(light)["irradiance"] += channels(self._not_gathered.estimate(points, self._this.threads))[
+            "irradiance"
+        ]
         reach = np.full(len(points), _END_CELLS * self._cache.width, np.float32)
         set_reach(light, points, reach, self._this.packed.diagonal)
         return light

@@ -21,8 +21,8 @@ from ispm.renderer.converge import converge, of_pass
 from ispm.renderer.draw import draw
 from ispm.renderer.last import LastFrame
 from ispm.renderer.light import light_warnings
-from ispm.renderer.live import History
 from ispm.renderer.limits import require_drawable, require_scene
+from ispm.renderer.live import History
 from ispm.renderer.made_of import MadeOf
 from ispm.renderer.motion import moved
 from ispm.renderer.one_pass import Pass

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import partial
 
 import numpy as np
@@ -25,7 +26,8 @@ class Rest:
 
     def __init__(self, live: Frame, made_of: MadeOf) -> None:
         self.made_of = made_of
-        self._live, self._progress = live, None
+        self._live = live
+        self._progress: Progress | None = None
 
     @property
     def passes(self) -> int:
@@ -51,8 +53,9 @@ def _mixed(mean: Frame, live: Frame, weight: np.float32, threads: int) -> Frame:
     def mix(name: str) -> np.ndarray:
         return np.asarray(mean[name] + weight * (live[name] - mean[name]))
 
+    makers: dict[str, Callable[[], np.ndarray]]
     makers = {name: partial(mix, name) for name in (*SUMMED, LAYER) if name in mean.layers}
     makers["full"] = lambda: sum_layers(layers["direct"], layers["indirect"], layers["emission"], threads)
     makers |= {name: partial(mean.layers.__getitem__, name) for name in KEPT}
-    layers = Layers(makers)
+    layers: Layers = Layers(makers)
     return Frame(layers, mean.stats, mean.settings, mean.camera, mean.scene, names=mean.names)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -115,7 +116,7 @@ def light_ends(this: Pass, paths: EyePaths, pixels: np.ndarray, light: PhotonLig
         for lane in (REFLECTED, TRANSMITTED):
             rows = np.flatnonzero(lanes == lane)
             shown = pixels[paths.ends["slot"][rows]]
-            found[rows] = light_by_image(this, points[rows], shown, finer, light)
+            found[rows] = light_by_image(this, points[rows], shown, finer, light.at)
         rows = np.flatnonzero(lanes == SCATTERED)
         if len(rows):
             found[rows] = light.photons.estimate(points[rows], this.threads)
@@ -125,12 +126,17 @@ def light_ends(this: Pass, paths: EyePaths, pixels: np.ndarray, light: PhotonLig
 
 
 def light_by_image(
-    this: Pass, points: np.ndarray, pixels: np.ndarray, block: int, light: PhotonLight
+    this: Pass,
+    points: np.ndarray,
+    pixels: np.ndarray,
+    block: int,
+    light_at: Callable[[Receivers], np.ndarray],
 ) -> np.ndarray:
     """Return light at (m,) RECEIVER points that some pixels show, (m, 16): from an image of few of them.
 
-    pixels  (m,) their numbers
-    block   pixels to a side of one of the image's
+    pixels    (m,) their numbers
+    block     pixels to a side of one of the image's
+    light_at  returns the light at an image's points, (n, 16), not filtered
     The image leaves out the rows and columns of the picture that show none.
     """
     if not len(points):
@@ -142,7 +148,7 @@ def light_by_image(
     size = (int(column.max()) + 1, int(row.max()) + 1)
     cells = row * size[0] + column
     image = image_of_ends(points, cells, size, block, this.index)
-    raw = light.at(Receivers(image, size))
+    raw = light_at(Receivers(image, size))
     filtered = filter_estimate(image, raw, size, diagonal, smoothing, threads)
     within = (np.stack([x % block, y % block], axis=1) + 0.5) / block - 0.5
     places = (np.stack([column, row], axis=1) + within).astype(np.float32)
@@ -154,7 +160,7 @@ def light_by_image(
         )
         alone = lost[channels(spread)["met"][lost] == 0.0]
         if len(alone):
-            spread[alone] = light.at(Receivers(points[alone], (len(alone), 1)))
+            spread[alone] = light_at(Receivers(points[alone], (len(alone), 1)))
     return spread
 
 
@@ -195,6 +201,6 @@ def light_missed(
     lone["footprint"] /= settings.subsampling  # a pixel's, as an image wants
     share = len(lone) / (_MISSED_SHARE * len(receivers.points))
     block = min(max(math.ceil(share), 1), settings.subsampling)
-    image = light_by_image(this, lone, missed["pixel"][alone], block, light)
+    image = light_by_image(this, lone, missed["pixel"][alone], block, light.at_missed)
     found[alone] = image + met[alone, None] * (found[alone] - image)
     return found

@@ -11,7 +11,7 @@ import math
 import sys
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -28,7 +28,7 @@ from ispm.scene.scene import Node, Scene
 from ispm.settings import Settings
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
-from references.scenes import door  # noqa: E402
+from references.scenes import door
 
 _PASSES = 24  # of a truth
 _DARK = 1e-3  # of the square of the mean: as in relMSE
@@ -110,7 +110,9 @@ def s4() -> Sequence:
         scale = float(10 <= t < 22)
         lamp.light = PointLight((3.0 * scale, 6.0 * scale, 9.0 * scale))
 
-    return Sequence("S4 Cornell box, switch", scene, step, 36, {9: 9, 10: 10, 11: 10, 21: 10, 22: 9, 23: 9}, 22)
+    return Sequence(
+        "S4 Cornell box, switch", scene, step, 36, {9: 9, 10: 10, 11: 10, 21: 10, 22: 9, 23: 9}, 22
+    )
 
 
 def s5() -> Sequence:
@@ -195,7 +197,7 @@ def run(sequence: Sequence, settings: Settings, scratch: bool) -> dict[str, obje
                 renderer.settings = settings.replace(seed=t)
             a, c = time.perf_counter(), time.process_time()
             frame = renderer.render()
-            frame.image  # what a viewer shows
+            _ = frame.image  # what a viewer shows
             wall.append(time.perf_counter() - a)
             cpu.append(time.process_time() - c)
             if t in sequence.made:

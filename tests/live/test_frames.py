@@ -1,0 +1,247 @@
+"""Live frames: what they remember, what they must not, and what they become at rest."""
+
+import numpy as np
+import pytest
+
+import ispm
+from ispm.library.builtin import builtin
+
+SETTINGS = ispm.Settings(size=(96, 54), preset="live", photons=20_000, exposure=0.0)
+LAYERS = ("direct", "indirect", "emission", "irradiance", "depth", "instance", "full")
+
+
+def lamp_of(scene):
+    return next(node for node in scene.nodes if node.light is not None)
+
+
+@pytest.fixture
+def scene():
+    return builtin("cornell-box")
+
+
+@pytest.fixture
+def live(gpu, scene):
+    with ispm.Renderer(scene, SETTINGS, gpu=gpu) as renderer:
+        yield renderer
+
+
+def shift(renderer, step):
+    """Move the camera to the right, m."""
+    camera = renderer.camera
+    pose = camera.pose.copy()
+    pose[:3, 3] += step * pose[:3, 0]
+    renderer.camera = ispm.Camera(**{**vars(camera), "pose": pose})
+
+
+def same(a, b):
+    return all(np.array_equal(a[name], b[name]) for name in LAYERS)
+
+
+def play(renderer):
+    """Frames in which everything happens once."""
+    scene = renderer.scene
+    lamp = lamp_of(scene)
+    for t in range(9):
+        shift(renderer, 0.02)
+        if t in (2, 3):
+            lamp.translation = tuple(np.add(lamp.translation, (0.05, 0.0, 0.0)))
+        if t == 4:
+            scene.add(ispm.shapes.box((0.5, 0.5, 0.5)), translation=(2.0, 2.0, 2.0), name="new")
+        if t == 5:
+            scene.add(ispm.PointLight((20.0, 5.0, 5.0)), translation=(1.0, 3.0, 1.0), name="second")
+        if t == 6:
+            scene.remove("new")
+        if t == 7:
+            mesh = scene.nodes[1].parts[0].mesh
+            scene.nodes[1].parts[0].mesh = ispm.Mesh(mesh.positions * np.float32(0.9), mesh.triangles)
+        if t == 8:
+            scene.remove("second")
+        yield renderer.render()
+
+
+def test_the_same_frames_have_the_same_bytes(gpu):
+    """On one thread as on two."""
+    runs = []
+    for threads in (1, 2):
+        with ispm.Renderer(builtin("cornell-box"), SETTINGS, gpu=gpu, threads=threads) as renderer:
+            runs.append([frame.radiance for frame in play(renderer)])
+    for first, second in zip(*runs, strict=True):
+        assert np.array_equal(first, second)
+        assert np.isfinite(first).all()
+
+
+def test_frames_differ_and_go_on_from_each_other(live):
+    first = live.render()
+    shift(live, 1e-5)
+    second = live.render()
+    assert not np.array_equal(first["indirect"], second["indirect"])
+    live.reset()
+    alone = live.render()
+    assert not np.array_equal(second["indirect"], alone["indirect"])
+
+
+def test_reset_forgets_all(gpu, live):
+    for _ in play(live):
+        pass
+    live.reset()
+    again = live.render()
+    with ispm.Renderer(live.scene, SETTINGS, live.camera, gpu=gpu) as fresh:
+        assert same(again, fresh.render())
+
+
+@pytest.mark.parametrize("change", [dict(size=(80, 60)), dict(bounces=3), dict(seed=5), dict(subsampling=2)])
+def test_other_settings_begin_anew(gpu, live, change):
+    for _ in range(3):
+        shift(live, 0.02)
+        live.render()
+    live.settings = live.settings.replace(**change)
+    again = live.render()
+    with ispm.Renderer(live.scene, live.settings, live.camera, gpu=gpu) as fresh:
+        assert same(again, fresh.render())
+
+
+def test_how_it_is_shown_may_change(live):
+    live.render()
+    shift(live, 0.02)
+    live.settings = live.settings.replace(exposure=1.0, tonemap="agx")
+    frame = live.render()
+    live.reset()
+    assert not np.array_equal(frame["indirect"], live.render()["indirect"])
+
+
+def test_another_scene_begins_anew(gpu, live):
+    for _ in range(3):
+        shift(live, 0.02)
+        live.render()
+    live.scene = builtin("caustic-ring")
+    live.camera = None
+    again = live.render()
+    with ispm.Renderer(live.scene, SETTINGS, gpu=gpu) as fresh:
+        assert same(again, fresh.render())
+
+
+def test_rest_becomes_converge(gpu, scene, live):
+    """The live picture counts for less with each pass, and from the 32nd on for nothing."""
+    live.settings = live.settings.replace(size=(32, 18), photons=2000)
+    first = live.render()
+    frames = [live.render() for _ in range(33)]
+    with ispm.Renderer(scene, live.settings, gpu=gpu) as other:
+        passes = list(other.converge(33))
+    for k in (31, 32):
+        for name in LAYERS:
+            np.testing.assert_array_equal(frames[k][name], passes[k][name], err_msg=name)
+    assert frames[-1].stats.passes == 33
+    weight = 16 / 17 * 31 / 32
+    expected = passes[0]["indirect"] + np.float32(weight) * (first["indirect"] - passes[0]["indirect"])
+    np.testing.assert_allclose(frames[0]["indirect"], expected, rtol=1e-5, atol=1e-6)
+
+
+def test_what_moves_again_goes_on_from_before_it_rested(live):
+    for _ in range(4):
+        shift(live, 0.01)
+        live.render()
+    for _ in range(3):
+        resting = live.render()
+    shift(live, 0.01)
+    moved = live.render()
+    assert moved.stats.passes == 1
+    assert moved["indirect"].mean() == pytest.approx(resting["indirect"].mean(), rel=0.05)
+
+
+def test_light_goes_off_at_once(scene, live):
+    for _ in range(6):
+        shift(live, 0.01)
+        lit = live.render()
+    lamp_of(scene).light = ispm.PointLight((0.0, 0.0, 0.0))
+    dark = live.render()
+    assert lit["indirect"].mean() > 0.0
+    assert not dark["indirect"].any()
+
+
+def test_light_goes_on_at_once(gpu, scene, live):
+    """The first frame is as bright as one from scratch, within three standard errors of such frames."""
+    lamp = lamp_of(scene)
+    light, lamp.light = lamp.light, ispm.PointLight((0.0, 0.0, 0.0))
+    for _ in range(6):
+        shift(live, 0.01)
+        live.render()
+    lamp.light = light
+    lit = live.render()["indirect"].mean()
+    others = []
+    with ispm.Renderer(scene, SETTINGS, live.camera, gpu=gpu) as fresh:
+        for seed in range(8):
+            fresh.settings = SETTINGS.replace(seed=seed)
+            others.append(fresh.render()["indirect"].mean())
+    assert abs(lit - np.mean(others)) < 3.0 * np.std(others, ddof=1) * np.sqrt(1 + 1 / 8)
+
+
+def error(frame, truth):
+    light = truth["full"].mean(-1)
+    wrong = ((frame["indirect"] - truth["indirect"]) ** 2).mean(-1)
+    return float((wrong / (light**2 + 1e-3 * light.mean() ** 2)).mean())
+
+
+def test_a_cut_shows_no_light_of_before(gpu, scene, live):
+    """The eye turns round, and the box is lit from elsewhere: as far from the truth as from scratch."""
+    for _ in range(10):
+        shift(live, 0.01)
+        live.render()
+    low, high = scene.bounds
+    lamp_of(scene).translation = tuple(low + (high - low) * (0.2, 0.3, 0.6))
+    target, eye = low + (high - low) * (0.1, 0.4, 0.2), low + (high - low) * (0.8, 0.8, 0.9)
+    live.camera = ispm.Camera.look_at(tuple(eye), tuple(target))
+    cut = live.render()
+    plain = SETTINGS.replace(live=False, antialias=False)
+    scratch = []
+    with ispm.Renderer(scene, plain, live.camera, gpu=gpu) as other:
+        *_, truth = other.converge(48)
+        for seed in range(6):
+            other.settings = plain.replace(seed=seed, photons=10_000)
+            scratch.append(error(other.render(), truth))
+    assert error(cut, truth) < 1.5 * max(scratch)
+
+
+def test_history_halves_the_error(gpu, scene, live):
+    """With the camera moving, against frames from scratch of as many photons."""
+    for _ in range(20):
+        shift(live, 0.01)
+        frame = live.render()
+    plain = SETTINGS.replace(live=False, antialias=False)
+    scratch = []
+    with ispm.Renderer(scene, plain, live.camera, gpu=gpu) as other:
+        *_, truth = other.converge(48)
+        for seed in range(6):
+            other.settings = plain.replace(seed=seed, photons=frame.stats.emitted_photons)
+            scratch.append(error(other.render(), truth))
+    assert error(frame, truth) < 0.5 * np.mean(scratch)
+
+
+@pytest.mark.parametrize("name", ["glass-sphere", "caustic-ring", "objects-in-box", "atrium"])
+def test_other_scenes_keep_their_light(gpu, name):
+    """Mirrors, glass, gloss and caustics: no light is lost or won over frames, but for noise."""
+    scene = builtin(name)
+    with ispm.Renderer(scene, SETTINGS, gpu=gpu) as live:
+        frames = []
+        for _ in range(10):
+            shift(live, 0.003)
+            frames.append(live.render()["indirect"].mean())
+        camera = live.camera
+    with ispm.Renderer(scene, SETTINGS.replace(live=False, antialias=False), camera, gpu=gpu) as other:
+        *_, truth = other.converge(24)
+    wanted = truth["indirect"].mean()
+    spread = np.std(frames, ddof=1)
+    assert abs(np.mean(frames) - wanted) < max(0.04 * wanted, 3 * spread)
+
+
+def test_without_gather_rays(gpu, scene):
+    with ispm.Renderer(scene, SETTINGS.replace(gather=0), gpu=gpu) as live:
+        frames = []
+        for _ in range(6):
+            shift(live, 0.01)
+            frames.append(live.render()["indirect"].mean())
+    assert frames[-1] == pytest.approx(frames[0], rel=0.1)
+
+
+def test_kernels_of_comparison_have_no_history():
+    with pytest.raises(ispm.SettingsError, match="live: kernel 'hint' is for comparison"):
+        ispm.Settings(preset="talk", live=True)
