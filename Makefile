@@ -7,7 +7,7 @@ ARGS ?=
 WRITE ?=
 run = .venv/bin
 
-.PHONY: help demo test guard docs drivers check bench soak fuzz accuracy biases peers kernels wheel clean
+.PHONY: help demo test guard docs drivers check bench soak fuzz accuracy biases live peers kernels wheel clean
 
 help:
 	@echo 'make demo               render a few built-in scenes to out/'
@@ -24,6 +24,7 @@ help:
 	@echo 'make peers              seconds for the same error, beside other renderers, to docs/accuracy.md'
 	@echo '                        LUXCORE=, MITSUBA=: interpreters that have them, if not this one'
 	@echo 'make biases             each bias of the estimate by itself, to docs/accuracy.md'
+	@echo 'make live               errors of live frames and their flicker, to docs/accuracy.md'
 	@echo 'make kernels            list again which kernels pictures call, to ispm/kernels/kernels.txt'
 	@echo 'make fuzz               load 3,000 damaged files and 580 harmful ones; ARGS=, see tests/fuzz'
 	@echo 'make wheel              a wheel with compiled kernels, for Linux x86-64, to dist/'
@@ -68,6 +69,10 @@ soak:
 accuracy:
 	@scripts/setup.sh all
 	cd tests && ../$(run)/python -m references.accuracy
+
+live:
+	@scripts/setup.sh core
+	cd tests && ../$(run)/python -m references.live $(ARGS)
 
 peers:
 	@scripts/setup.sh all

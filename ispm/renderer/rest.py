@@ -14,7 +14,7 @@ from ispm.renderer.picture import Frame
 from ispm.renderer.progress import KEPT, SUMMED, Progress
 from ispm.settings import Settings
 
-_WORTH = 16.0  # passes that the live picture is worth: of fewer the first one's noise is seen to come
+_WORTH = 8.0  # passes that the live picture is worth: 16 give way slowly, 4 show the first pass come
 _GONE = 32  # passes after which it counts no more: its kernels' bias would stay
 
 

@@ -131,7 +131,7 @@ def test_rest_becomes_converge(gpu, scene, live):
         for name in LAYERS:
             np.testing.assert_array_equal(frames[k][name], passes[k][name], err_msg=name)
     assert frames[-1].stats.passes == 33
-    weight = 16 / 17 * 31 / 32
+    weight = 8 / 9 * 31 / 32
     expected = passes[0]["indirect"] + np.float32(weight) * (first["indirect"] - passes[0]["indirect"])
     np.testing.assert_allclose(frames[0]["indirect"], expected, rtol=1e-5, atol=1e-6)
 

@@ -1,4 +1,4 @@
-"""How good and how steady live frames are, beside frames from scratch: `make live`, docs/benchmarks.md.
+"""How good and how steady live frames are, beside frames from scratch: `make live`.
 
 Sequences of moving pictures; the truth of some of their frames is the mean of many passes. Errors are of the
 indirect light of pixels on no edge, over the square of all their light: direct light is the same for both.
@@ -13,6 +13,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -28,6 +29,7 @@ from ispm.scene.scene import Node, Scene
 from ispm.settings import Settings
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
+from references.page import table, write_between
 from references.scenes import door
 
 _PASSES = 24  # of a truth
@@ -187,59 +189,70 @@ def error(frame: Frame, true: np.ndarray) -> float:
     return float((wrong / (full * full + _DARK * full.mean() ** 2)).mean())
 
 
-def run(sequence: Sequence, settings: Settings, scratch: bool) -> dict[str, object]:
+@dataclass(frozen=True)
+class Found:
+    """Errors by frame, ms of a frame's processor time, flicker in percent of the pixels at rest."""
+
+    errors: dict[int, float]
+    cpu: float
+    flicker: float
+
+
+def run(sequence: Sequence, settings: Settings, scratch: bool) -> Found:
     """Render it frame by frame; from scratch: each with random numbers of its own."""
-    errors, cpu, wall, flicker, before = {}, [], [], [], None
+    errors, cpu, flicker, before = {}, [], [], None
     with Renderer(sequence.scene, settings) as renderer:
         for t in range(sequence.frames):
             sequence.step(t)
             if scratch:
                 renderer.settings = settings.replace(seed=t)
-            a, c = time.perf_counter(), time.process_time()
+            started = time.process_time()
             frame = renderer.render()
             _ = frame.image  # what a viewer shows
-            wall.append(time.perf_counter() - a)
-            cpu.append(time.process_time() - c)
+            cpu.append(time.process_time() - started)
             if t in sequence.made:
                 errors[t] = error(frame, sequence.made[t])
             luminance = frame["full"] @ np.array(LUMINANCE, np.float32)
             if before is not None and t > sequence.rests + 1:
                 flicker.append(np.median(np.abs(luminance - before) / np.maximum(before, 1e-9)))
             before = luminance
-    steady = slice(3, min(sequence.rests, sequence.frames))
-    return dict(
-        errors=errors,
-        cpu=float(np.median(cpu[steady])) * 1e3,
-        wall=float(np.median(wall[steady])) * 1e3,
-        flicker=100.0 * float(np.median(flicker)) if flicker else math.nan,
-    )
+    steady = cpu[3 : min(sequence.rests, sequence.frames)]
+    return Found(errors, 1e3 * float(np.median(steady)), 100.0 * float(np.median(flicker or [math.nan])))
+
+
+VARIANTS: dict[str, dict[str, object]] = {
+    "live": dict(preset="live"),
+    "default": {},
+    "default, 10,000 photons": dict(photons=10_000),
+    "fast": dict(preset="fast"),
+}
+_HEADINGS = ["sequence", "frames", "CPU ms", "error, median", "worst", "flicker at rest"]
 
 
 def main() -> None:
+    """Measure, print and write to docs/accuracy.md if all of it was measured."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("names", nargs="*", default=list(SEQUENCES))
+    parser.add_argument("names", nargs="*", default=list(SEQUENCES), help=", ".join(SEQUENCES))
     parser.add_argument("--size", default=f"{_SIZE[0]}x{_SIZE[1]}")
-    parser.add_argument("--truths", type=Path, default=Path("out/live"))
-    parser.add_argument("--only", default="live,default,fast")
-    parser.add_argument("--set", default="", help="more settings of live frames, name=value,...")
+    parser.add_argument("--truths", type=Path, default=Path("../out/live"), help="where they are kept")
+    parser.add_argument("--only", nargs="*", default=list(VARIANTS), help="of these variants")
     given = parser.parse_args()
     width, height = map(int, given.size.split("x"))
-    more = dict(pair.split("=") for pair in given.set.split(",") if pair)
+    rows = []
     for name in given.names:
         sequence = SEQUENCES[name]()
         truth(sequence, (width, height), given.truths)
-        for preset in given.only.split(","):
-            settings = Settings(size=(width, height), preset=preset, exposure=0.0, antialias=False)
-            if preset == "live":
-                settings = settings.replace(**more)
-            found = run(sequence, settings, preset != "live")
-            errors = found["errors"]
-            print(
-                f"{sequence.name:26s} {preset:8s} cpu {found['cpu']:4.0f} ms wall {found['wall']:4.0f} ms  "
-                f"median {np.median(list(errors.values())):.5f} worst {max(errors.values()):.5f}  "
-                f"flicker {found['flicker']:.2f} %  " + " ".join(f"{t}:{e:.5f}" for t, e in errors.items()),
-                flush=True,
-            )
+        for variant in given.only:
+            shown: dict[str, Any] = dict(size=(width, height), exposure=0.0, antialias=False)
+            settings = Settings(**shown, **VARIANTS[variant])  # type: ignore[arg-type]  # of their kinds
+            found = run(sequence, settings, not settings.live)
+            errors = list(found.errors.values())
+            steady = "" if math.isnan(found.flicker) else f"{found.flicker:.2f}%"
+            row = [sequence.name, variant, f"{found.cpu:.0f}", f"{np.median(errors):.5f}"]
+            rows.append([*row, f"{max(errors):.5f}", steady])
+            print("  ".join(rows[-1]), " ".join(f"{t}:{e:.5f}" for t, e in found.errors.items()), flush=True)
+    if len(rows) == len(SEQUENCES) * len(VARIANTS) and (width, height) == _SIZE:
+        write_between("live", table(_HEADINGS, rows, "llrrrr"))
 
 
 if __name__ == "__main__":
