@@ -1,9 +1,9 @@
 """Render again and again, and fail where memory mappings, file descriptors or resident memory grow.
 
-.venv/bin/python scripts/soak.py                    6,000 calls, 300 frames, 30 renderers: an hour and more
-.venv/bin/python scripts/soak.py --calls 60 --frames 30 --renderers 6
+.venv/bin/python scripts/soak.py                    6,000 calls, 300 + 5,000 frames, 30 renderers: 2 hours
+.venv/bin/python scripts/soak.py --calls 60 --frames 30 --live 100 --renderers 6
 
-Each of the three is warm after its first half: caches of the driver are full, each kernel was called. What
+Each of the four is warm after its first half: caches of the driver are full, each kernel was called. What
 the other half takes more than that is a leak. Linux alone: it reads /proc.
 """
 
@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import argparse
 import gc
+import math
 import random
 import sys
 import time
@@ -70,6 +71,29 @@ def frames() -> Iterator[None]:
             renderer.settings, renderer.camera = made["settings"], made["camera"]
             renderer.render().image  # noqa: B018  made when first asked for
             renderer.view("photons")
+            yield
+
+
+def live() -> Iterator[None]:
+    """Live frames in which everything moves, and objects and lights come and go."""
+    draw, scene, guests = random.Random(5), changed(random.Random(5)), list[ispm.Node]()
+    made = ispm.Settings(size=(96, 54), photons=4000, preset="live")
+    with ispm.Renderer(scene, made) as renderer:
+        for t in count():
+            angle = 0.02 * t
+            eye = 5.0 * math.sin(angle), 1.5 + math.sin(0.7 * angle), 5.0 * math.cos(angle)
+            renderer.camera = ispm.Camera.look_at(eye, (0.0, 1.0, 0.0))
+            for k, node in enumerate(scene.nodes[2:]):
+                node.translation = tuple(np.add(node.translation, 0.02 * math.cos(angle + k)))
+            if t % 7 == 3:
+                guests.append(
+                    scene.add(icosphere(0.3, 2), material=material(draw), translation=(0.0, 2.0, 0.0))
+                )
+            if t % 11 == 5:
+                guests.append(scene.add(ispm.PointLight((9.0,) * 3), translation=(1.0, 2.0, 1.0)))
+            while len(guests) > 4:
+                scene.remove(guests.pop(0))
+            renderer.render().image  # noqa: B018  made when first asked for
             yield
 
 
@@ -153,7 +177,12 @@ def run(name: str, times: int, work: Callable[[], Iterator[None]]) -> str:
 def main(arguments: list[str]) -> int:
     """Return 1 where something grew."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
-    parts = {"calls": (calls, 6000), "frames": (frames, 300), "renderers": (renderers, 30)}
+    parts = {
+        "calls": (calls, 6000),
+        "frames": (frames, 300),
+        "live": (live, 5000),
+        "renderers": (renderers, 30),
+    }
     for name, (work, times) in parts.items():
         parser.add_argument(f"--{name}", type=int, default=times, metavar="N", help=work.__doc__)
     asked = vars(parser.parse_args(arguments))
