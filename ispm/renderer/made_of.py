@@ -48,6 +48,10 @@ class MadeOf:
         digests = {name: sha256(data).hexdigest() for name, data in zip(_SCENE, tables, strict=True)}
         return cls(Settings(**{name: getattr(settings, name) for name in _KNOBS}), camera, digests)
 
+    def lit_as(self, other: MadeOf) -> bool:
+        """Whether settings are those of the other but for the picture's size, so that light found there holds here."""
+        return self.settings.replace(size=other.settings.size) == other.settings
+
     def to_json(self) -> dict[str, dict[str, Any]]:
         """Return what `from_json` reads, of the kinds that JSON has."""
         knobs = {name: getattr(self.settings, name) for name in _KNOBS}

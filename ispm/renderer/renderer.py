@@ -242,7 +242,7 @@ class Renderer:
     def _render_live(self) -> Frame:
         this = self._prepare(0)
         now, rest = self._made_of(this), self._rest
-        if rest and (rest.made_of.settings != now.settings or self.scene is not self._live_scene):
+        if rest and (self.scene is not self._live_scene or not rest.made_of.lit_as(now)):
             self.reset()
             rest = None
         self._live_scene = self.scene
