@@ -49,7 +49,7 @@ class MadeOf:
         return cls(Settings(**{name: getattr(settings, name) for name in _KNOBS}), camera, digests)
 
     def lit_as(self, other: MadeOf) -> bool:
-        """Whether settings are those of the other but for the picture's size, so that light found there holds here."""
+        """Whether its settings are the other's but for the picture's size: light found there holds here."""
         return self.settings.replace(size=other.settings.size) == other.settings
 
     def to_json(self) -> dict[str, dict[str, Any]]:
