@@ -6,7 +6,7 @@ import hmac
 import ipaddress
 import secrets
 from collections.abc import Iterable
-from urllib.parse import urlsplit
+from urllib.parse import SplitResult, urlsplit
 
 from ispm.errors import SettingsError
 
@@ -43,17 +43,11 @@ class Access:
         self.cookie = f"ispm-{port}"  # browsers send cookies to all ports of a host
         self._session = secrets.token_urlsafe(32)
         self._tokens: list[str] = []
-        names = {"127.0.0.1", "localhost", "[::1]", _bracketed(host)}
+        self._hosts = {f"{name}:{port}" for name in ("127.0.0.1", "localhost", "[::1]", _bracketed(host))}
         self._any_address = not is_loopback(host)
-        self._origins = {f"http://{name}:{port}" for name in names}
-        if public:
-            parts = urlsplit(public)
-            if parts.scheme not in ("http", "https") or not parts.netloc or parts.query or parts.fragment:
-                raise SettingsError(
-                    f"--public-url: {public} is not an address such as https://example.org/view/"
-                )
-            self._origins.add(f"{parts.scheme}://{parts.netloc}".lower())
-        self._hosts = {urlsplit(origin).netloc for origin in self._origins}
+        self._public = urlsplit(public)
+        if public and not _is_base(self._public):
+            raise SettingsError(f"--public-url: {public} is not an address such as https://example.org/view/")
 
     def url(self) -> str:
         """Return an address with a token that nobody has used."""
@@ -82,13 +76,19 @@ class Access:
     def is_host(self, host: str) -> bool:
         """Whether a Host header is one of this server's names: another's page may have had its name changed
         to this address."""
-        return host.lower() in self._hosts or (self._any_address and self._is_address(host))
+        own = host.lower() in self._hosts or (self._any_address and self._is_address(host))
+        return own or self._is_public(host)
 
     def is_origin(self, origin: str, host: str) -> bool:
         """Whether an Origin header is of this server's own pages, got from the name in the Host header."""
-        return origin.lower() in self._origins or (
-            self.is_host(host) and origin.lower() == f"http://{host.lower()}"
-        )
+        scheme, _, name = origin.lower().partition("://")
+        if self._is_public(name):
+            return scheme == self._public.scheme  # whatever the proxy calls this server
+        return scheme == "http" and name == host.lower() and self.is_host(host)
+
+    def _is_public(self, name: str) -> bool:
+        """Whether it is the name that a proxy goes by."""
+        return bool(self.public) and name.lower() == self._public.netloc.lower()
 
     def _is_address(self, host: str) -> bool:
         """Whether it is a bare IP address with this port: no name that could be changed."""
@@ -102,6 +102,11 @@ class Access:
     def _shown(self) -> str:
         unspecified = self.host in ("0.0.0.0", "::")
         return "127.0.0.1" if unspecified else _bracketed(self.host)
+
+
+def _is_base(parts: SplitResult) -> bool:
+    """Whether pages can lie below an address."""
+    return parts.scheme in ("http", "https") and bool(parts.netloc) and not (parts.query or parts.fragment)
 
 
 def _bracketed(host: str) -> str:

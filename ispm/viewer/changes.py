@@ -25,13 +25,13 @@ def fingerprint(scene: Scene) -> int:
     for node in scene.nodes:
         found.append(_place(node))
         if node.light is not None:
-            found.append((type(node.light).__name__, *vars(node.light).values()))
+            found.append((type(node.light).__name__, *map(_value, vars(node.light).values())))
         for part in node.parts:
             mesh = part.mesh
             found.append((id(mesh), mesh.version, id(mesh.positions), id(mesh.triangles), id(part.material)))
             materials[id(part.material)] = part.material
     found += [tuple(_value(getattr(m, name)) for name in _MATERIAL) for m in materials.values()]
-    return hash(tuple(map(_hashable, found)))
+    return hash(tuple(found))
 
 
 def _place(node: Node) -> tuple[Any, ...]:
@@ -48,12 +48,6 @@ def _value(value: Any) -> Any:
         return tuple(value)
     if isinstance(value, TextureUse):
         return id(value.texture), value.texture.version, value.uv_set, value.transform
-    return (
-        value
-        if isinstance(value, (int, float, str, tuple)) or value is None
-        else (id(value), getattr(value, "version", 0))
-    )
-
-
-def _hashable(values: tuple[Any, ...]) -> Any:
-    return tuple(map(_value, values))
+    if value is None or isinstance(value, (int, float, str, tuple)):
+        return value
+    return id(value), getattr(value, "version", 0)

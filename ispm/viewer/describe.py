@@ -151,14 +151,21 @@ def _lights(session: Session) -> list[list[Any]]:
 
 
 def _handle(session: Session) -> dict[str, Any] | None:
-    """Where the selected node can be dragged: its number, place, and how long handles are."""
+    """Where the selected node can be dragged: its number, the middle of it, and from its origin to there."""
     node = session.selected
     if node is None or node not in session.scene:
         return None
     nodes = session.scene.nodes
     index = next(k for k, each in enumerate(nodes) if each is node)
     place = session.shown().tree().world(index)[:3, 3]
-    return {"node": session.numbering.of(node), "place": _rounded(place)}
+    offset = np.zeros(3)
+    if node.light is None and node.camera is None:
+        offset = session.bounds_of(node).mean(axis=0) - session.scene.world_matrix(node)[:3, 3]
+    return {
+        "node": session.numbering.of(node),
+        "place": _rounded(place + offset),
+        "offset": _rounded(offset),
+    }
 
 
 def _rounded(point: np.ndarray) -> list[float]:

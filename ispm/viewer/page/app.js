@@ -86,7 +86,7 @@ surface.addEventListener("pointermove", (event) => {
   Object.assign(drag, { x: event.clientX, y: event.clientY, moved: drag.moved + Math.abs(dx) + Math.abs(dy) });
   if (drag.moved < 4) return;
   if (drag.how === "handle") {
-    const value = overlay.move(...local(event));
+    const { offset } = overlay.about.handle, value = overlay.move(...local(event)).map((v, k) => v - offset[k]);
     link.soon("handle", { type: "change", what: "node", node: overlay.drag.node, field: "place", value, gesture: drag.gesture });
     overlay.draw();
   } else if (drag.how === "pan") {
