@@ -80,6 +80,11 @@ class Running:
                 self._wake.notify_all()
 
     @property
+    def listened(self) -> bool:
+        """Whether anyone listens."""
+        return bool(self._listeners)
+
+    @property
     def closed(self) -> bool:
         """Whether it has ended, or is about to."""
         return self._closing

@@ -156,6 +156,7 @@ def _listen(host: str, port: int) -> socket.socket:
         made = socket.socket(family, kind, protocol)
         made.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         made.bind(address)
+        made.listen(128)  # who comes before the loop runs waits
     except (OSError, OverflowError) as error:
         raise SettingsError(
             f"cannot listen at {host}, port {port}: {getattr(error, 'strerror', error)}"

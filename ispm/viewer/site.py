@@ -149,6 +149,11 @@ class Site:
         if ending not in READERS:
             await _answer(send, 415, f"{name[:80]}: is none of {' '.join(READERS)}\n".encode())
             return
+        too_large = f"{name[:80]}: is larger than {MOST_UPLOADED >> 20} MiB\n".encode()
+        length = dict(scope["headers"]).get(b"content-length", b"0")
+        if not length.isdigit() or int(length) > MOST_UPLOADED:
+            await _answer(send, 413, too_large, {"connection": "close"})
+            return
         with tempfile.TemporaryDirectory(prefix="ispm-") as folder:
             path, size = Path(folder) / f"scene{ending}", 0
             with path.open("wb") as file:
@@ -159,8 +164,7 @@ class Site:
                         return
                     size += len(event.get("body", b""))
                     if size > MOST_UPLOADED:
-                        line = f"{name[:80]}: is larger than {MOST_UPLOADED >> 20} MiB\n"
-                        await _answer(send, 413, line.encode(), {"connection": "close"})
+                        await _answer(send, 413, too_large, {"connection": "close"})
                         return
                     file.write(event.get("body", b""))
                     more = event.get("more_body", False)

@@ -15,7 +15,7 @@ from ispm.viewer.session import Session
 
 
 class Painting:
-    """Draws without a device: ids and depths of the first two boxes by their bounds, seen along -Z; of flat color.
+    """Draws without a device: ids and depths of what is there by its bounds, in flat colors.
 
     seconds  that a picture takes
     """

@@ -260,7 +260,7 @@ def test_the_command_makes_the_picture_again(session):
     session.handle(m.Look(0.3, 0.2))
     words = shlex.split(describe(session)["about"]["command"])
     assert words[:3] == ["ispm", "render", "a room.glb"]
-    function, bound, _ = app.parse_args(words[1:], exit_on_error=False, print_error=False)
+    _, bound, _ = app.parse_args(words[1:], exit_on_error=False, print_error=False)
     assert bound.kwargs["exposure"] == "-1.5" and bound.kwargs["preset"] == "fast"
     eye = [float(v) for v in bound.kwargs["look_from"].split(",")]
     np.testing.assert_allclose(eye, session.orbit.eye, rtol=1e-3)
