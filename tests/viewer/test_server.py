@@ -5,6 +5,7 @@ import json
 import socket
 import struct
 import time
+from contextlib import ExitStack
 
 import pytest
 from conftest import CAMERA, Painting, boxes
@@ -382,8 +383,7 @@ def test_a_client_that_acknowledges_nothing_gets_two_pictures_and_starves_no_one
 
 def test_one_that_reads_nothing_starves_no_one(site):
     site.enter()
-    with site.live() as quick:
-        stuck = site.live(max_size=None, max_queue=1)
+    with site.live() as quick, site.live(max_size=None, max_queue=1) as stuck:
         stuck.socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
         fast = Eye(quick)
         fast.still()
@@ -391,7 +391,7 @@ def test_one_that_reads_nothing_starves_no_one(site):
             fast.send(type="look", right=0.1, down=0.0)
             count = len(fast.pictures)
             fast.until(lambda count=count: len(fast.pictures) > count, seconds=5)
-        stuck.socket.close()
+        stuck.socket.shutdown(socket.SHUT_RDWR)
 
 
 def test_one_that_vanishes_leaves_nothing(site):
@@ -399,10 +399,10 @@ def test_one_that_vanishes_leaves_nothing(site):
     with site.live() as line:
         eye = Eye(line)
         eye.still()
-        gone = site.live()
-        Eye(gone).still()
-        assert site.server.clients == 2
-        gone.socket.shutdown(socket.SHUT_RDWR)  # in mid-stream, without a word
+        with site.live() as gone:
+            Eye(gone).still()
+            assert site.server.clients == 2
+            gone.socket.shutdown(socket.SHUT_RDWR)  # in mid-stream, without a word
         end = time.monotonic() + 10
         while site.server.clients != 1:
             assert time.monotonic() < end
@@ -422,16 +422,18 @@ def test_one_that_vanishes_leaves_nothing(site):
 
 def test_clients_are_bounded(site):
     site.enter()
-    lines = [site.live() for _ in range(MOST_CLIENTS)]
-    with site.live() as more, pytest.raises(ConnectionClosed) as error:
-        Eye(more).until(lambda: False, seconds=5)
-    assert error.value.rcvd.code == 1013
-    lines.pop().close()
-    time.sleep(0.3)
-    with site.live() as line:
-        Eye(line).still()
-    for each in lines:
-        each.close()
+    with ExitStack() as others:
+        lines = [others.enter_context(site.live()) for _ in range(MOST_CLIENTS)]
+        with site.live() as more, pytest.raises(ConnectionClosed) as error:
+            Eye(more).until(lambda: False, seconds=5)
+        assert error.value.rcvd.code == 1013
+        lines[0].close()
+        end = time.monotonic() + 10
+        while site.server.clients == MOST_CLIENTS:
+            assert time.monotonic() < end
+            time.sleep(0.02)
+        with site.live() as line:
+            Eye(line).still()
 
 
 # -- files -----------------------------------------------------------------------------------------

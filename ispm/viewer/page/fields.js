@@ -23,7 +23,7 @@ export function make(tag, about = {}, ...children) {
 // A row for a field; `set(value, gesture)` sends what is entered. The row's `update(field)` shows another value.
 export function row(field, set) {
   const control = CONTROLS[field.kind](field, set);
-  const element = make("label", { class: "row", title: field.help || "" }, make("span", { textContent: field.label }), control);
+  const element = make("label", { class: field.kind === "vector" && field.label.length < 9 ? "row wide" : "row", title: field.help || "" }, make("span", { textContent: field.label }), control);
   element.update = (next) => control.update(next);
   control.update(field);
   return element;
