@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import Parameter
 
 from ispm.cli.console import Console
+from ispm.cli.interrupts import interrupts
 from ispm.cli.options import command, loading_from, settings_from
 from ispm.cli.scene import choose_camera, open_scene
 from ispm.cli.viewpoint import Viewpoint
@@ -111,7 +112,8 @@ def view(console: Console, scene: str, /, *, shown: Shown, look: Viewpoint, **gi
         url = server.access.url()
         console.written(url)
         console.result({"url": url})
-        running.wait()
+        with interrupts() as asked:
+            running.wait(asked)
     finally:
         running.close()
     console.say("closed")

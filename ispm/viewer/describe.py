@@ -24,7 +24,7 @@ _STAGES = ("direct", "bounce_map", "copy", "trace", "radiance", "upsample", "com
 def describe(session: Session) -> dict[str, dict[str, Any]]:
     """Return all that panels show, by panel; canvases need what changed alone."""
     return {
-        "scene": _scene(session),
+        "scene": session.once("rows", lambda: _scene(session)),
         "selection": _selection(session),
         "settings": _settings(session),
         "time": _time(session),
@@ -51,8 +51,8 @@ def header(session: Session, picture: Picture, fps: float) -> dict[str, Any]:
         "size": [width, height],
         "still": picture.still,
         "clip": [round(float(v), 9) for v in np.asarray(picture.frame.camera["clip_from_world"]).ravel()],
-        "lights": _lights(session),
-        "handle": _handle(session),
+        "lights": session.once("lights", lambda: _lights(session), session.selected),
+        "handle": session.once("handle", lambda: _handle(session), session.selected),
         "time": session.timeline.time,
         "stats": {
             "fps": round(fps, 2),

@@ -233,3 +233,6 @@ HANDLERS: dict[type[messages.Message], Callable[[Session, Any, object], None]] =
     messages.Show: show,
     messages.Play: play,
 }
+
+EDITS = (messages.Change, messages.Add, messages.Delete, messages.Duplicate, messages.Undo, messages.Redo)
+"""The messages that change the scene; others change how it is looked at."""

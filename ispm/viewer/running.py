@@ -89,10 +89,10 @@ class Running:
         """Whether it has ended, or is about to."""
         return self._closing
 
-    def wait(self) -> None:
-        """Wait until Ctrl-C, or another thread, ends it."""
+    def wait(self, asked: Callable[[], bool] = lambda: False) -> None:
+        """Wait until Ctrl-C, another thread, or what `asked` says, ends it."""
         try:
-            while self._thread.is_alive():
+            while self._thread.is_alive() and not asked():
                 self._thread.join(0.2)
         except KeyboardInterrupt:
             pass

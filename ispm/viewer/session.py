@@ -8,7 +8,7 @@ from __future__ import annotations
 import time as clock
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field, replace
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -21,12 +21,14 @@ from ispm.settings import LOADING, Settings
 from ispm.viewer import messages
 from ispm.viewer.drawing import Draws
 from ispm.viewer.edits import Hidden, History
-from ispm.viewer.handling import HANDLERS
+from ispm.viewer.handling import EDITS, HANDLERS
 from ispm.viewer.numbering import Numbering
 from ispm.viewer.orbit import orbit_of
 from ispm.viewer.pace import Pace
 from ispm.viewer.pick import Picked, pick
 from ispm.viewer.timeline import TimeLine
+
+_Made = TypeVar("_Made")
 
 
 @dataclass(eq=False)
@@ -84,6 +86,7 @@ class Session:
 
     def __post_init__(self) -> None:
         self.begun = self.settings
+        self._made: dict[str, tuple[object, Any]] = {}
         self._pace = Pace(self.fps)
         self.open(self.scene, self.source)
 
@@ -99,11 +102,10 @@ class Session:
         self.history.clear()
         self.numbering = Numbering()
         self.timeline, self.timed = TimeLine.of(scene), False
-        self._shown: tuple[int, float | None, Scene] | None = None
         self.touch()
 
     def touch(self) -> None:
-        """Say that the scene, or how it is looked at, has changed."""
+        """Say that the scene has changed."""
         self.version += 1
         self._changed, self._failed = True, False
 
@@ -162,14 +164,20 @@ class Session:
 
     def shown(self) -> Scene:
         """Return the scene at the time line's moment, without what is hidden."""
-        moment = self.timeline.time if self.timed else None
-        if self._shown is not None and self._shown[:2] == (self.version, moment):
-            return self._shown[2]
-        scene = self.scene if moment is None else self.scene.at(moment, self.timeline.animation)
-        if self.hidden.nodes:
-            scene = _without(scene, self.scene, self.hidden.nodes)
-        self._shown = self.version, moment, scene
-        return scene
+        return self.once("shown", self._shown)
+
+    def _shown(self) -> Scene:
+        scene = self.scene.at(self.timeline.time, self.timeline.animation) if self.timed else self.scene
+        return _without(scene, self.scene, self.hidden.nodes) if self.hidden.nodes else scene
+
+    def once(self, name: str, make: Callable[[], _Made], *more: object) -> _Made:
+        """Return what `make` does, made anew where the scene, its moment or one of `more` changed."""
+        moment = (self.timeline.time, self.timeline.animation) if self.timed else None
+        key = self.version, moment, more
+        if name not in self._made or self._made[name][0] != key:
+            self._made[name] = key, make()
+        made: _Made = self._made[name][1]
+        return made
 
     def handle(self, message: messages.Message, sender: object = None) -> None:
         """Do what a canvas asks for. Raises IspmError, in one line, where that cannot be done.
@@ -178,7 +186,9 @@ class Session:
         """
         self.line = ""
         HANDLERS[type(message)](self, message, sender)
-        self.touch()
+        if isinstance(message, EDITS):
+            self.touch()
+        self._changed, self._failed = True, False
 
     def node(self, number: int | None) -> Node:
         """Return the node of a number. Raises SceneError where none in the scene has it."""

@@ -96,9 +96,10 @@ function slider(field, set) {
   let { least, most } = field;
   if (most === null || most === undefined || least === undefined || !(most < 1e7)) {
     if (field.scale !== "log") return null;
-    least = 0; most = 1e6;
+    least = (field.value || 1) / 100; // about what it is when it is selected
+    most = (field.value || 1) * 100;
   }
-  const log = field.scale === "log" || most - least > 2000, low = log ? Math.max(least, field.scale === "log" ? 1e-2 : 1) : least;
+  const log = field.scale === "log" || most - least > 2000, low = log && field.scale !== "log" ? Math.max(least, 1) : least;
   const from = (t) => (log ? (t <= 0 ? least : low * (most / low) ** t) : least + t * (most - least));
   const to = (v) => (log ? (v <= low ? 0 : Math.log(v / low) / Math.log(most / low)) : (v - least) / (most - least));
   const input = make("input", { type: "range", min: 0, max: 1, step: 0.001 });
