@@ -50,7 +50,7 @@ def view(console: Console, scene: str, /, *, shown: Shown, look: Viewpoint, **gi
     Example: ispm view cornell-box --web
 
     SCENE is a file (.glb .gltf .obj .ply .stl) or the name of a built-in scene. Settings as of render; the
-    preset is fast where none is given. Ctrl-C ends it.
+    preset is live where none is given. Ctrl-C ends it.
     """
     look.check()
     if not (math.isfinite(shown.fps) and 0.1 <= shown.fps <= 240.0):

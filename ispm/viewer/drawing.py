@@ -13,10 +13,10 @@ from ispm.scene.camera import Camera
 from ispm.scene.scene import Scene
 from ispm.settings import RENDERER_VIEWS, Preset, Settings
 
-PRESET: Preset = "fast"
+PRESET: Preset = "live"
 """What a viewer begins with where its user asks for no preset."""
-STILL_PASSES = 16
-"""Passes that a picture gets where nothing moves."""
+STILL_PASSES = 32
+"""Passes that a picture gets where nothing moves; the live frame that it began with counts no more then."""
 
 
 class Draws(Protocol):
@@ -70,13 +70,16 @@ class Drawing:
         if renderer.settings != settings:
             renderer.settings = settings
         self._passes, self._left = None, STILL_PASSES
-        return renderer.render_pass(0)
+        return renderer.render() if settings.live else renderer.render_pass(0)
 
     def settle(self) -> Frame | None:
         """Return the mean of one pass more of what stands still; None: there were enough."""
         assert self._renderer is not None
         if self._left <= 0:
             return None
+        if self._renderer.settings.live:  # which converges by itself
+            self._left -= 1
+            return self._renderer.render()
         if self._passes is None:
             self._passes = self._renderer.converge(STILL_PASSES)
             next(self._passes)  # the picture that is shown

@@ -19,6 +19,7 @@ from ispm.scene.node import Node
 from ispm.scene.scene import Scene
 from ispm.settings import LOADING, Settings
 from ispm.viewer import messages
+from ispm.viewer.copied import Copy, without
 from ispm.viewer.drawing import Draws
 from ispm.viewer.edits import Hidden, History
 from ispm.viewer.handling import EDITS, HANDLERS
@@ -100,7 +101,7 @@ class Session:
             self.orbit = orbit
         self.selected, self.hidden, self.picture = None, Hidden(), None
         self.history.clear()
-        self.numbering = Numbering()
+        self.numbering, self._copy = Numbering(), Copy()
         self.timeline, self.timed = TimeLine.of(scene), False
         self.touch()
 
@@ -167,8 +168,11 @@ class Session:
         return self.once("shown", self._shown)
 
     def _shown(self) -> Scene:
+        if not self.timed and not self.hidden.nodes:
+            return self.scene
         scene = self.scene.at(self.timeline.time, self.timeline.animation) if self.timed else self.scene
-        return _without(scene, self.scene, self.hidden.nodes) if self.hidden.nodes else scene
+        copied = without(scene, self.scene, self.hidden.nodes)
+        return self._copy.become(copied, self.scene)
 
     def once(self, name: str, make: Callable[[], _Made], *more: object) -> _Made:
         """Return what `make` does, made anew where the scene, its moment or one of `more` changed."""
@@ -217,15 +221,3 @@ class Session:
         except SceneError:
             return 1.0
         return float(np.linalg.norm(high - low)) or 1.0
-
-
-def _without(scene: Scene, original: Scene, hidden: frozenset[Node]) -> Scene:
-    """A scene, at some moment, without the nodes of the original that are hidden and what is below them."""
-    copied = scene.at_rest() if scene is original else scene
-    tree = original.tree()
-    away: list[bool] = []
-    for node, parent, twin in zip(tree.nodes, tree.parents, copied.nodes, strict=True):
-        away.append(node in hidden or (parent >= 0 and away[parent]))
-        if away[-1]:
-            twin.parts, twin.light = [], None
-    return copied

@@ -6,7 +6,7 @@ import pytest
 import ispm
 from ispm.settings import Settings
 from ispm.viewer import messages as m
-from ispm.viewer.drawing import PRESET, STILL_PASSES
+from ispm.viewer.drawing import STILL_PASSES
 from ispm.viewer.running import live
 
 pytestmark = pytest.mark.gpu
@@ -14,7 +14,7 @@ pytestmark = pytest.mark.gpu
 
 @pytest.fixture(scope="module")
 def running():
-    made = live(ispm.builtin("cornell-box"), Settings(preset=PRESET, size=(64, 36), photons=2000), fps=0.2)
+    made = live(ispm.builtin("cornell-box"), Settings(preset="fast", size=(64, 36), photons=2000), fps=0.2)
     yield made
     made.close()
 

@@ -8,7 +8,7 @@ import time
 from contextlib import ExitStack
 
 import pytest
-from conftest import CAMERA, Painting, boxes
+from painting import CAMERA, Painting, boxes
 
 import ispm
 from ispm.errors import IspmError, SettingsError

@@ -207,6 +207,8 @@ def test_the_time_line_plays_and_begins_again(session, painting):
     np.testing.assert_allclose(painting.drawn[-1][0]["left"].translation, (3, 0, 0))
     session.pass_time(0.75)
     assert session.timeline.time == pytest.approx(0.25)
+    session.next_picture()
+    assert painting.drawn[-1][0] is painting.drawn[-2][0]  # a live renderer knows its nodes again
     session.handle(m.Play(playing=False))
     settle(session)
     session.pass_time(1.0)
