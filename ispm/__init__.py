@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from ispm.scene.rotation import axis_angle, euler
     from ispm.scene.scene import Node, Part, Scene
     from ispm.settings import Settings
+    from ispm.viewer.viewer import Viewer, view
 
 __version__ = "0.1.0"
 
@@ -58,6 +59,7 @@ _HOMES = {
     "Stats": "ispm.renderer.statistics",
     "Texture": "ispm.scene.material",
     "TextureUse": "ispm.scene.material",
+    "Viewer": "ispm.viewer.viewer",
     "Wrap": "ispm.scene.material",
     "adapters": "ispm.gpu.device:list_adapters",
     "axis_angle": "ispm.scene.rotation",
@@ -69,6 +71,7 @@ _HOMES = {
     "render": "ispm.renderer",
     "save": "ispm.io.save",
     "shapes": "ispm.shapes",
+    "view": "ispm.viewer.viewer",
 }
 
 __all__ = [
@@ -97,6 +100,7 @@ __all__ = [
     "Stats",
     "Texture",
     "TextureUse",
+    "Viewer",
     "Wrap",
     "__version__",
     "adapters",
@@ -109,6 +113,7 @@ __all__ = [
     "render",
     "save",
     "shapes",
+    "view",
 ]
 
 

@@ -57,6 +57,14 @@ def convert(f: Field[Any], value: Any, called: str = "") -> Any:
         raise SettingsError(f"{called or f.name}: {error}") from None
 
 
+def as_text(value: Any) -> str:
+    """Return a knob's value as it is written on the command line."""
+    if isinstance(value, tuple):
+        whole = all(isinstance(v, int) for v in value)
+        return ("x" if whole else ",").join(repr(v).removesuffix(".0") for v in value)
+    return str(value).lower() if isinstance(value, bool) else str(value)
+
+
 def _choice(f: Field[Any], value: Any) -> str:
     choices: tuple[str, ...] = f.metadata["choices"]
     if value in choices:

@@ -11,7 +11,7 @@ import sys
 from dataclasses import fields
 from pathlib import Path
 
-from ispm.cli.options import as_text
+from ispm.knobs import as_text
 from ispm.settings import Settings
 
 README = Path(__file__).parents[1] / "README.md"

@@ -11,13 +11,13 @@ from typing import Any
 from cyclopts import CycloptsError
 
 from ispm import __version__
-from ispm.cli import bench, compare, doctor, info, render, scenes
+from ispm.cli import bench, compare, doctor, info, render, scenes, view
 from ispm.cli.console import Console, drop, fault_of, one_line, tell
 from ispm.cli.main import INTERRUPTED
 from ispm.cli.options import app
 from ispm.errors import AdapterError, IspmError, SceneWarning
 
-COMMANDS = (render, compare, scenes, info, doctor, bench)  # importing a command registers it
+COMMANDS = (render, view, compare, scenes, info, doctor, bench)  # importing a command registers it
 
 BAD_INPUT, NO_ADAPTER = 2, 3  # exit codes
 

@@ -14,6 +14,7 @@ from cyclopts import App, Parameter
 
 from ispm.cli.console import Console
 from ispm.errors import SettingsError
+from ispm.knobs import as_text
 from ispm.settings import LOADING, Settings, convert, nearest, resolve
 
 app = App(
@@ -173,11 +174,3 @@ def _option(f: Field[Any]) -> inspect.Parameter:
 def _keyword(name: str, kind: Any, help: str, *, default: Any = None, **about: Any) -> inspect.Parameter:
     annotation = Annotated[kind, Parameter(help=help, **about)]
     return inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=annotation)
-
-
-def as_text(value: Any) -> str:
-    """Return a knob's value as it is written on the command line."""
-    if isinstance(value, tuple):
-        whole = all(isinstance(v, int) for v in value)
-        return ("x" if whole else ",").join(repr(v).removesuffix(".0") for v in value)
-    return str(value).lower() if isinstance(value, bool) else str(value)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,17 +10,16 @@ from typing import Annotated, Any
 
 from cyclopts import Parameter
 
-from ispm.cli.command_line import command_line
 from ispm.cli.console import Console, to_json
 from ispm.cli.options import command, loading_from, settings_from
 from ispm.cli.passes import render_passes
 from ispm.cli.scene import choose_camera, open_scene, require_not_input
+from ispm.cli.viewpoint import Viewpoint
 from ispm.errors import OutputError, SettingsError
-from ispm.settings import LAYERS, LOADING, RENDERER_VIEWS, VIEWS, Settings, nearest
+from ispm.settings import LAYERS, LOADING, RENDERER_VIEWS, Settings, nearest
 
 _ARRAYS = [(".npy", layer) for layer in LAYERS]
 _TELLING = ("polygons", "emitters", "stored_photons", "passes", "error", "total_ms", "peak_memory", "adapter")
-_Point = Parameter(metavar="X,Y,Z", allow_leading_hyphen=True)
 
 
 @dataclass(frozen=True)
@@ -31,17 +29,6 @@ class Asked:
     output: Annotated[
         str | None, Parameter(name=("--output", "-o"), help="the picture; default SCENE.png", metavar="FILE")
     ] = None
-    camera: Annotated[
-        str | None, Parameter(help="one of the scene's; default: its first", metavar="NAME or INDEX")
-    ] = None
-    look_from: Annotated[str | None, _Point, Parameter(help="where the camera stands, metres")] = None
-    look_at: Annotated[str | None, _Point, Parameter(help="what it looks at, metres")] = None
-    fov: Annotated[float | None, Parameter(help="vertical angle of view", metavar="DEGREES")] = None
-    time: Annotated[
-        float | None, Parameter(help="animation time; default: as the file stands", metavar="SECONDS")
-    ] = None
-    animation: Annotated[str | None, Parameter(help="the one to play; default: all", metavar="NAME")] = None
-    show: Annotated[str, Parameter(help=f"what to show ({', '.join(VIEWS)})", metavar="VIEW")] = "full"
     layers: Annotated[
         str | None, Parameter(help="layers of an EXR or NPZ; default: all", metavar="A,B,...")
     ] = None
@@ -55,13 +42,9 @@ class Asked:
             help="write all statistics as JSON; -: show them all", metavar="FILE", allow_leading_hyphen=True
         ),
     ] = None
-    adapter: Annotated[
-        str | None, Parameter(help="part of a graphics adapter's name; default: the best", metavar="NAME")
-    ] = None
     list_adapters: Annotated[
         bool, Parameter(help="list the adapters and stop", negative="", show_default=False)
     ] = False
-    threads: Annotated[int | None, Parameter(help="CPU threads; default: all cores", metavar="N")] = None
     resume: Annotated[
         str | None,
         Parameter(
@@ -69,7 +52,6 @@ class Asked:
             metavar="FILE.npz",
         ),
     ] = None
-    config: Annotated[str | None, Parameter(help="settings as TOML", metavar="FILE.toml")] = None
     print_config: Annotated[
         bool,
         Parameter(help="print the settings as TOML on stdout and stop", negative="", show_default=False),
@@ -77,12 +59,14 @@ class Asked:
 
 
 # what of it makes a picture again
-_VIEW = ("camera", "look_from", "look_at", "fov", "animation", "time")
-_REPEATED = (*_VIEW, "show", "layers", "float", "bits", "adapter")
+_VIEW = ("camera", "look_from", "look_at", "fov", "animation", "time", "show", "adapter")
+_FILE = ("layers", "float", "bits")
 
 
 @command(Settings, *LOADING)
-def render(console: Console, scene: str | None = None, /, *, asked: Asked, **given: Any) -> None:
+def render(
+    console: Console, scene: str | None = None, /, *, look: Viewpoint, asked: Asked, **given: Any
+) -> None:
     """Render one picture.
 
     Example: ispm render cornell-box -o room.png --photons 100k --size 640x360
@@ -90,8 +74,8 @@ def render(console: Console, scene: str | None = None, /, *, asked: Asked, **giv
     SCENE is a file (.glb .gltf .obj .ply .stl) or the name of a built-in scene. The settings may also come
     from the environment (ISPM_PHOTONS=100k) or from --config.
     """
-    settings = settings_from(given, asked.config)
-    loading = loading_from(given, asked.config)
+    settings = settings_from(given, look.config)
+    loading = loading_from(given, look.config)
     if asked.print_config:
         _print_config(console, settings, loading)
         return
@@ -100,7 +84,7 @@ def render(console: Console, scene: str | None = None, /, *, asked: Asked, **giv
         return
     if not scene:
         raise SettingsError("no scene was named; give a file or a built-in scene, such as cornell-box")
-    target, layers = _checked(scene, asked)
+    target, layers = _checked(scene, look, asked)
 
     from ispm.kernels import background, store
 
@@ -109,26 +93,29 @@ def render(console: Console, scene: str | None = None, /, *, asked: Asked, **giv
         background.start()  # while the scene is read
 
     world = open_scene(console, scene, loading)
-    if asked.time is not None or asked.animation is not None:
-        world = world.at(asked.time or 0.0, asked.animation)
-    view = choose_camera(world, asked.camera, asked.look_from, asked.look_at, asked.fov)
+    if look.time is not None or look.animation is not None:
+        world = world.at(look.time or 0.0, look.animation)
+    camera = choose_camera(world, look.camera, look.look_from, look.look_at, look.fov)
 
     from ispm.renderer import Renderer
+    from ispm.renderer.command_line import command_line
 
     background.finish()
     background.bar = False  # below, something else moves on the terminal
-    show = asked.show
+    show = look.show
     with (
         console.step(
             f"rendering {settings.size[0]}x{settings.size[1]}, {settings.photons:,} photons",
             spin=settings.most_passes == 1,
         ),
-        Renderer(world, settings, camera=view, adapter=asked.adapter, threads=asked.threads) as renderer,
+        Renderer(world, settings, camera=camera, adapter=look.adapter, threads=look.threads) as renderer,
     ):
         frame, interrupted, not_kept = render_passes(console, renderer, asked.resume)
         if show in RENDERER_VIEWS:
             frame.image, show = renderer.view(show), "full"
-    options = {name: getattr(asked, name) for name in _REPEATED}
+    options = {
+        name: getattr(owner, name) for owner, names in ((look, _VIEW), (asked, _FILE)) for name in names
+    }
     if not world.animations:
         options["time"] = None
     frame.command = command_line(scene, options, settings, loading, output=str(target))
@@ -143,18 +130,15 @@ def render(console: Console, scene: str | None = None, /, *, asked: Asked, **giv
         raise KeyboardInterrupt
 
 
-def _checked(scene: str, asked: Asked) -> tuple[Path, list[str] | None]:
+def _checked(scene: str, look: Viewpoint, asked: Asked) -> tuple[Path, list[str] | None]:
     """Find out before the work whether what is asked makes sense; return the picture's path and layers."""
-    if asked.threads is not None and asked.threads < 1:
-        raise SettingsError(f"--threads: {asked.threads} is less than 1")
-    if asked.time is not None and not math.isfinite(asked.time):
-        raise SettingsError(f"--time: {asked.time} is not a time")
+    look.check()
     target = _target(scene, asked.output)
     layers = _layers(asked.layers, target)
-    _require_view(asked.show, target)
+    _require_view(look.show, target)
     if asked.float and target.suffix.lower() != ".exr":
         raise SettingsError(f"--float: is for .exr, not '{target.suffix}'")
-    _require_bits(asked.bits, asked.show, target)
+    _require_bits(asked.bits, look.show, target)
     resume, stats = asked.resume, None if asked.stats == "-" else asked.stats
     if resume is not None and Path(resume).suffix.lower() != ".npz":
         raise OutputError(f"--resume: {resume} would be an .npz; name it so")
@@ -186,8 +170,6 @@ def _layers(text: str | None, target: Path) -> list[str] | None:
 
 
 def _require_view(show: str, target: Path) -> None:
-    if show not in VIEWS:
-        raise SettingsError(f"--show: '{show}' is not one of {', '.join(VIEWS)}{nearest(show, VIEWS)}")
     ending = target.suffix.lower()
     if show != "full" and ending not in (".png", ".jpg", ".jpeg") and (ending, show) not in _ARRAYS:
         raise SettingsError(

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import asdict, fields
 from typing import Any
 
-from ispm.cli.options import as_text
+from ispm.knobs import as_text
 from ispm.settings import LOADING, Settings, resolve
 
 _DEFAULTS = {"time": None, "show": "full", "bits": 8}

@@ -1,0 +1,17 @@
+"""What the tests of the live view share: a session that draws without a device."""
+
+import pytest
+from painting import CAMERA, Painting, boxes
+
+from ispm.settings import Settings
+from ispm.viewer.session import Session
+
+
+@pytest.fixture
+def painting():
+    return Painting()
+
+
+@pytest.fixture
+def session(painting):
+    return Session(boxes(), painting, Settings(size=(64, 32), preset="fast"), CAMERA)
