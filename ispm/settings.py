@@ -170,7 +170,7 @@ class Settings(_Checked):
     antialias: bool = knob(True, "supersample the pixels on edges")
     live: bool = knob(
         False,
-        "a renderer's frames go on from the ones before: of the photons it emits what stores some 16,000, a "
+        "a renderer's frames go on from the ones before: of the photons it emits what stores some 24,000, a "
         "quarter of the pixels gathers, and at rest they converge",
     )
     seed: int = knob(
