@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from types import TracebackType
 from typing import Any
@@ -78,6 +78,7 @@ class Recording:
         self.timing = "timestamps" if timer else "fenced" if timed else "off"
         self._stage, self._started = "", time.perf_counter()
         self.encoder = device.create_command_encoder()
+        self._afterwards: list[Callable[[], None]] = []
 
     def __enter__(self) -> Recording:
         if self._uniforms.in_use:
@@ -93,6 +94,8 @@ class Recording:
             self.stage("")
             self._stopwatch.finish(self.encoder)
             self._submit()
+            for do in self._afterwards:
+                do()
         else:
             self._uniforms.flush()  # the pool starts over; nothing of this recording runs
 
@@ -107,6 +110,10 @@ class Recording:
                 self._stopwatch.add(self._stage, (now - self._started) * 1e3)
             self._started = now
         self._stage = name
+
+    def afterwards(self, do: Callable[[], None]) -> None:
+        """Have `do` called when all is sent; it is not where the recording is left by an error."""
+        self._afterwards.append(do)
 
     def submit(self) -> None:
         """Send what is recorded so far to the device and go on recording."""
