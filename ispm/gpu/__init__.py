@@ -6,6 +6,7 @@ What is made on a device is freed with the last reference to it; `Gpu.close` fre
 
 from ispm.gpu.buffer import Buffer
 from ispm.gpu.compute import Compute
+from ispm.gpu.counted import Counted
 from ispm.gpu.device import AdapterInfo, Gpu, list_adapters, open_gpu, within_memory
 from ispm.gpu.raster import FLAT, Canvas, Group, Raster, RasterState, Target
 from ispm.gpu.recording import Recording
@@ -17,6 +18,7 @@ __all__ = [
     "Buffer",
     "Canvas",
     "Compute",
+    "Counted",
     "Gpu",
     "Group",
     "Raster",

@@ -15,7 +15,7 @@ from ispm.errors import IspmError
 from ispm.gpu.raster import Canvas
 from ispm.gpu.readback import Readback
 from ispm.gpu.texture import Texture
-from ispm.gpu.timing import Stopwatch, Timer
+from ispm.gpu.timing import Stopwatch, Timer, read_times
 
 _CHUNK = 65536  # bytes; the largest uniform binding that every adapter has
 _ALIGNMENT = 256  # bytes between uniforms; WebGPU's baseline
@@ -123,6 +123,11 @@ class Recording:
     def milliseconds(self) -> dict[str, float]:
         """Return the time of each stage on the device in ms; waits for it. Call it after the context."""
         return self._stopwatch.milliseconds()
+
+    @staticmethod
+    def read_times(recordings: Sequence[Recording]) -> None:
+        """Read at once what recordings of one device have to tell; `milliseconds` then does not wait."""
+        read_times([recording._stopwatch for recording in recordings])
 
     def uniform(self, array: np.ndarray) -> dict[str, Any]:
         """Return a binding of a uniform that holds `array` for the commands until the next submission."""

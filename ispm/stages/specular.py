@@ -6,7 +6,7 @@ import numpy as np
 
 from ispm import wgsl
 from ispm.frame import GBuffer, GpuScene
-from ispm.gpu import Gpu, Recording, Texture
+from ispm.gpu import Counted, Gpu, Recording, Texture
 from ispm.optics.records import MATERIAL_TRANSMITS
 
 _PATH = "stages/specular.wgsl"
@@ -36,6 +36,7 @@ class SpecularStage:
             gpu.texture(name, "rgba32float", usage=usage) for name in ("seen through glass", "nothing seen")
         )
         self._none.sized((1, 1))
+        self._counted = Counted(gpu)
         self._looked = False
 
     def __call__(self, frame: Recording, scene: GpuScene, gbuffer: GBuffer) -> None:
@@ -61,9 +62,8 @@ class SpecularStage:
         """Return the pixels that were found; waits for them."""
         if not self._looked:
             return np.zeros(0, SEEN)
-        count = int(self._gpu.read_buffer(self._count, np.uint32, 1)[0])
-        count = min(count, self._seen.nbytes // SEEN.itemsize)
-        found = self._gpu.read_buffer(self._seen, SEEN, count)
+        most = self._seen.nbytes // SEEN.itemsize
+        _, (found,) = self._counted.read(self._count, most, (self._seen, SEEN))
         return np.asarray(found[np.argsort(found["pixel"])])
 
     def patch(

@@ -9,7 +9,7 @@ import numpy as np
 
 from ispm import wgsl
 from ispm.frame import GBuffer, GpuScene
-from ispm.gpu import FLAT, Buffer, Gpu, Recording, Texture
+from ispm.gpu import FLAT, Buffer, Counted, Gpu, Recording, Texture
 from ispm.optics.records import RECEIVER
 from ispm.stages.camera import CameraView
 
@@ -35,7 +35,7 @@ class Upsample:
         self._glow = gpu.raster(path, ["rgba32float"], replace(FLAT, fragment="fs_glow"))
         self._patch = gpu.compute(path, "patch_missed", BLOCK=subsampling)
         self._light = gpu.buffer("incident light")
-        self._count = gpu.buffer("missed count")
+        self._count, self._counted = gpu.buffer("missed count"), Counted(gpu)
         self._missed = gpu.buffer("missed pixels")
         self._missed_receivers = gpu.buffer("missed receivers")
         self._missed_light = gpu.buffer("missed light")
@@ -81,11 +81,9 @@ class Upsample:
 
     def missed(self) -> tuple[np.ndarray, np.ndarray]:
         """Return (M,) MISSED and (M,) RECEIVER: the pixels that found no neighbour; waits for them."""
-        count = int(self._gpu.read_buffer(self._count, np.uint32, 1)[0])
-        count = min(count, self._missed.nbytes // MISSED.itemsize)
-        pixels, receivers = self._gpu.read_many(
-            [(self._missed, MISSED, count), (self._missed_receivers, RECEIVER, count)]
-        )
+        most = self._missed.nbytes // MISSED.itemsize
+        lists = (self._missed, MISSED), (self._missed_receivers, RECEIVER)
+        _, (pixels, receivers) = self._counted.read(self._count, most, *lists)
         return pixels, receivers
 
     def patch(
