@@ -8,6 +8,7 @@ from ispm.gpu.buffer import Buffer
 from ispm.gpu.compute import Compute
 from ispm.gpu.counted import Counted
 from ispm.gpu.device import AdapterInfo, Gpu, list_adapters, open_gpu, within_memory
+from ispm.gpu.kept import Kept
 from ispm.gpu.raster import FLAT, Canvas, Group, Raster, RasterState, Target
 from ispm.gpu.recording import Recording
 from ispm.gpu.texture import Sampler, Texture
@@ -21,6 +22,7 @@ __all__ = [
     "Counted",
     "Gpu",
     "Group",
+    "Kept",
     "Raster",
     "RasterState",
     "Recording",

@@ -6,14 +6,13 @@ McGuire and Luebke 2009: the first segment of a photon's path leaves a point, so
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import partial
 from itertools import compress
 
 import numpy as np
 
 from ispm.errors import SettingsError
 from ispm.frame import BounceMap, BounceMaps, GpuScene
-from ispm.gpu import Canvas, Gpu, Raster, RasterState, Recording
+from ispm.gpu import Canvas, Gpu, Kept, Raster, RasterState, Recording
 from ispm.lights.atlas import pack_shelves
 from ispm.lights.plan import PlannedMap
 from ispm.optics.records import NO_HIT
@@ -36,8 +35,7 @@ class BounceStage:
         self._masked = gpu.raster(path, [format], RasterState(vertex="vs_masked", fragment="fs_masked"))
         self._texels = gpu.texture("bounce maps", format, usage=["attachment"])
         self._depth = gpu.texture("bounce depth", "depth32float", usage=["attachment"])
-        self._drawn: tuple[object, ...] | None = None  # what the texture shows
-        self._maps: BounceMaps | None = None
+        self._kept, self._maps = Kept(), BounceMaps(self._texels, [])
 
     def __call__(
         self, frame: Recording, scene: GpuScene, plan: Sequence[PlannedMap], near: float, pass_index: int = 0
@@ -61,15 +59,13 @@ class BounceStage:
             shift = (2.0 * x / map.width, 2.0 * y / map.width)
             views.append(face_uniforms(map.map, index, near, shift, pass_index))
         told = [(map.width, map.map.range, view.tobytes()) for map, view in zip(maps, views, strict=True)]
-        wanted = scene.packed.placed, scene.packed.looks, *told
-        if self._maps is not None and self._drawn == wanted:
+        if not self._kept.lacks(frame, scene.packed.placed, scene.packed.looks, *told):
             return self._maps
-        self._drawn, self._maps = None, BounceMaps(self._texels, maps)
+        self._maps = BounceMaps(self._texels, maps)
         depth = self._depth.sized(size)
         with frame.draw_into(self._texels.sized(size), depth=depth, clear=(NO_HIT, 0, 0, 0)) as canvas:
             for map, uniforms in zip(maps, views, strict=True):
                 self._draw(frame, canvas, scene, map, uniforms)
-        frame.afterwards(partial(setattr, self, "_drawn", wanted))
         return self._maps
 
     def _draw(

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 
 from ispm import wgsl
 from ispm.errors import SceneError
 from ispm.frame import GpuScene, ShadowMaps, vertex_layout
-from ispm.gpu import Canvas, Gpu, RasterState, Recording, Target, Texture
+from ispm.gpu import Canvas, Gpu, Kept, RasterState, Recording, Target, Texture
 from ispm.lights.atlas import GUARD, LEAST, Seen, ShadowAtlas, ShadowTile, plan_atlas
 from ispm.lights.lightmap import LightMap, light_maps
 from ispm.optics.records import MATERIAL_BLEND, MATERIAL_THIN, MATERIAL_TRANSMITS
@@ -48,7 +47,7 @@ class ShadowStage:
         self._sheet = gpu.raster(_PATH, [Target("rgba8unorm", "multiply")], tint)
         self._geometry: Geometry | None = None
         self._pieces: tuple[GpuScene, Pieces] | None = None
-        self._drawn: tuple[object, ...] | None = None  # what the atlas shows
+        self._kept = Kept()
         self._indices = gpu.buffer("shared indices", "index")
         self._depth = gpu.texture("shadow atlas", "depth32float")
         self._sheets = gpu.texture("sheet atlas", "depth32float")
@@ -84,10 +83,8 @@ class ShadowStage:
             )
         sheets = _are_sheets(packed.materials[[draw.material for draw in scene.draws]])
         views = [view_row(tile, near) for tile in atlas.tiles]
-        wanted = packed.placed, packed.looks, *map(_told, atlas.tiles, views)
-        if self._drawn != wanted:
+        if self._kept.lacks(frame, packed.placed, packed.looks, *map(_told, atlas.tiles, views)):
             self._draw(frame, scene, pieces, atlas, views, sheets)
-            frame.afterwards(partial(setattr, self, "_drawn", wanted))
         return ShadowMaps(
             map_rows(maps, near),
             tile_rows(atlas, len(maps)),
@@ -107,7 +104,6 @@ class ShadowStage:
         sheets: np.ndarray,
     ) -> None:
         """Draw the tiles; sheets: (draws,) bool."""
-        self._drawn = None
         self._fit(self._depth, atlas.size)
         for texture in (self._sheets, self._tints):
             texture.sized(self._depth.size if sheets.any() else (1, 1))

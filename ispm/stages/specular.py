@@ -6,7 +6,7 @@ import numpy as np
 
 from ispm import wgsl
 from ispm.frame import GBuffer, GpuScene
-from ispm.gpu import Counted, Gpu, Recording, Texture
+from ispm.gpu import Counted, Gpu, Kept, Recording, Texture
 from ispm.optics.records import MATERIAL_TRANSMITS
 
 _PATH = "stages/specular.wgsl"
@@ -37,13 +37,15 @@ class SpecularStage:
         )
         self._none.sized((1, 1))
         self._counted = Counted(gpu)
-        self._looked = False
+        self._kept, self._read = Kept(), np.zeros(0, SEEN)
+        self._looked = self._unread = False
 
     def __call__(self, frame: Recording, scene: GpuScene, gbuffer: GBuffer) -> None:
         """Record the search for the pixels."""
         self._looked = _may_lead_on(scene.packed.materials)
-        if not self._looked:
+        if not self._looked or not self._kept.lacks(frame, gbuffer, scene.packed.looks):
             return
+        self._unread = True
         capacity = min(gbuffer.size[0] * gbuffer.size[1], self._gpu.max_binding // SEEN.itemsize)
         self._count.write(np.zeros(4, np.uint32))
         self._find(
@@ -62,9 +64,11 @@ class SpecularStage:
         """Return the pixels that were found; waits for them."""
         if not self._looked:
             return np.zeros(0, SEEN)
-        most = self._seen.nbytes // SEEN.itemsize
-        _, (found,) = self._counted.read(self._count, most, (self._seen, SEEN))
-        return np.asarray(found[np.argsort(found["pixel"])])
+        if self._unread:
+            most = self._seen.nbytes // SEEN.itemsize
+            _, (found,) = self._counted.read(self._count, most, (self._seen, SEEN))
+            self._read, self._unread = found[np.argsort(found["pixel"])], False
+        return self._read.copy()
 
     def patch(
         self,

@@ -17,7 +17,9 @@ from ispm import (
     Wrap,
     shapes,
 )
+from ispm.stages.antialias import Antialias
 from ispm.stages.bounce import BounceStage
+from ispm.stages.gbuffer import GBufferStage
 from ispm.stages.shadow import ShadowStage
 
 SETTINGS = Settings(size=(48, 27), preset="fast", photons=400, emission="map", shadow_resolution=64)
@@ -94,14 +96,19 @@ def _replace_scene(renderer: Renderer) -> None:
 
 
 def _leave_a_frame_unfinished(renderer: Renderer) -> None:
-    """A frame that fails when shadows and maps were recorded, of lights that stand elsewhere."""
-    lamp = renderer.scene["lamp"]
-    place, direct = lamp.translation, renderer._stages.direct
-    lamp.translation = (1.0, 2.5, 0.5)
-    renderer._stages.direct = None
-    with pytest.raises(TypeError):
-        renderer.render()
-    lamp.translation, renderer._stages.direct = place, direct
+    """Frames of other places that fail when this and that was recorded, some of it without being sent."""
+    nodes = [renderer.scene[name] for name in ("lamp", "mirror", "camera")]
+    places = [node.translation for node in nodes]
+    for number, name in enumerate(("downsample", "bounce", "direct", "upsample", "antialias")):
+        for node, (x, y, z) in zip(nodes, places, strict=True):
+            node.translation = (x, y + 0.1 + 0.02 * number, z)
+        stage = getattr(renderer._stages, name)
+        setattr(renderer._stages, name, None)
+        with pytest.raises((TypeError, AttributeError)):
+            renderer.render()
+        setattr(renderer._stages, name, stage)
+    for node, place in zip(nodes, places, strict=True):
+        node.translation = place
 
 
 CHANGES = {
@@ -174,16 +181,23 @@ def test_changes_and_back(used):
 
 def test_what_rests_is_not_drawn_again(gpu, monkeypatch):
     drawn = []
-    for stage in (ShadowStage, BounceStage):
+    stages = {ShadowStage, BounceStage, GBufferStage, Antialias}
+    for stage in stages:
         monkeypatch.setattr(
             stage, "_draw", lambda self, *_, draw=stage._draw: (drawn.append(type(self)), draw(self, *_))
         )
-    with Renderer(room(), SETTINGS, threads=2, gpu=gpu) as renderer:
-        renderer.render()
-        assert {ShadowStage, BounceStage} == set(drawn)
+
+    def of_a_frame() -> set[type]:
         drawn.clear()
         renderer.render()
-        assert drawn == []
+        return set(drawn)
+
+    with Renderer(room(), SETTINGS, threads=2, gpu=gpu) as renderer:
+        assert of_a_frame() == stages
+        assert of_a_frame() == set()
         _move("lamp", 0.3, 0.0, 0.0)(renderer)
-        renderer.render()
-        assert {ShadowStage, BounceStage} == set(drawn)
+        assert of_a_frame() == {ShadowStage, BounceStage}
+        _move("camera", 0.3, 0.0, 0.0)(renderer)
+        assert of_a_frame() >= {GBufferStage, Antialias}
+        _move("mirror", 0.3, 0.0, 0.0)(renderer)
+        assert of_a_frame() == stages
