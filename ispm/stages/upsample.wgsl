@@ -119,12 +119,12 @@ fn load_tap(at: vec2i, low: vec2i) -> Tap {
         return tap;
     }
     let place = textureLoad(places, at, 0);
-    let lit = textureLoad(lights, at, 0);
+    let shone = textureLoad(lights, at, 0);
     tap.position = bitcast<vec3f>(place.xyz);
     tap.valid = select(1.0, 0.0, place.w == NO_TAP);
     tap.ng = unpack_normal(place.w);
-    tap.n = unpack_normal(lit.w);
-    tap.light.irradiance = bitcast<vec3f>(lit.xyz);
+    tap.n = unpack_normal(shone.w);
+    tap.light.irradiance = bitcast<vec3f>(shone.xyz);
     if (GLOSS == FOUND) {
         let k = u32(at.y * low.x + at.x);
         tap.alpha = receivers[k].alpha;
