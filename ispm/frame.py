@@ -215,16 +215,16 @@ class BounceMaps:
 
     texels: Texture
     maps: list[BounceMap]
+    _read: list[np.ndarray] = field(default_factory=list, repr=False)
 
     def read(self, gpu: Gpu) -> list[np.ndarray]:
-        """Return the maps as (F, width, width, 2) uint32, after one wait for all."""
-        if not self.maps:
-            return []
-        (texels,) = gpu.read_many([(self.texels, np.uint32, 2)])
-        return [
-            np.stack([texels[y : y + each.width, x : x + each.width] for x, y in each.corners])
-            for each in self.maps
-        ]
+        """Return the maps as (F, width, width, 2) uint32, after one wait for all; they are read once."""
+        if self.maps and not self._read:
+            (texels,) = gpu.read_many([(self.texels, np.uint32, 2)])
+            for each in self.maps:
+                faces = [texels[y : y + each.width, x : x + each.width] for x, y in each.corners]
+                self._read.append(np.stack(faces))
+        return self._read
 
 
 _ATTRIBUTES = {"position": "float32x3", "color": "unorm8x4", "uv0": "float32x2", "uv1": "float32x2"}

@@ -5,7 +5,7 @@ both from the text, so that neither is written twice.
 """
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache
 from importlib.resources import files
 from typing import Any
@@ -51,6 +51,7 @@ class Source:
 
     text: str
     origin: tuple[tuple[str, int], ...]  # origin[i] = (file, line) of line i, both counted from 1
+    _dtypes: dict[str, np.dtype] = field(default_factory=dict, init=False, compare=False, repr=False)
 
     @property
     def bindings(self) -> dict[str, Binding]:
@@ -67,8 +68,10 @@ class Source:
 
     def dtype(self, struct: str) -> np.dtype:
         """Return the numpy dtype with exactly the memory layout of `struct`."""
-        structs = dict(_STRUCT.findall(_uncomment(self.text)))
-        return _struct_dtype(structs, struct)[0]
+        if struct not in self._dtypes:
+            structs = dict(_STRUCT.findall(_uncomment(self.text)))
+            self._dtypes[struct] = _struct_dtype(structs, struct)[0]
+        return self._dtypes[struct]
 
     def located(self, message: str) -> str:
         """Rewrite the line numbers of a compiler's message as file:line of our sources."""
@@ -120,10 +123,10 @@ def _struct_dtype(structs: dict[str, str], name: str) -> tuple[np.dtype, int]:
     formats: list[Any] = []
     offsets: list[int] = []
     end, alignment = 0, 4
-    for field, kind in _FIELD.findall(structs[name]):
+    for member, kind in _FIELD.findall(structs[name]):
         form, size, align = _layout(structs, kind.strip())
         end = _round_up(end, align)
-        names.append(field)
+        names.append(member)
         formats.append(form)
         offsets.append(end)
         end += size

@@ -22,7 +22,7 @@ from ispm.kernels.simd import address, aligned, stf, stu
 from ispm.kernels.threads import run_threads, thread_count
 from ispm.optics.jit import jit
 from ispm.optics.vector import cross, dot
-from ispm.scene.packed import Geometry, MeshRange, Packed
+from ispm.scene.packed import Geometry, MeshRange, Packed, to_world
 
 f32, f64, u32 = np.float32, np.float64, np.uint32
 
@@ -42,6 +42,7 @@ class World:
         """threads: how many work at once; None: one for each usable core."""
         self.threads = thread_count(threads)
         self._geometry: Geometry | None = None
+        self._placed: np.ndarray | None = None
         self._scratch = np.empty(0, np.uint8)
         self._trees: dict[int, tuple[MeshRange, MeshBvh]] = {}
         self._roots = np.zeros(0, np.uint32)
@@ -50,12 +51,17 @@ class World:
         self._place(np.zeros((0, 3, 4), np.float32), np.zeros(0, np.uint32))
 
     def update(self, packed: Packed) -> None:
-        """Build trees of the meshes that are new or changed in a scene, and the tree over its instances."""
+        """Build trees of the meshes that are new or changed in a scene, and the tree over its instances.
+
+        Nothing is done for instances that are in it already, which are not to be edited.
+        """
+        if packed.instances is self._placed:
+            return
         if packed.geometry is not self._geometry:
             self._join(packed.geometry)
             self._geometry = packed.geometry
-        rows = packed.instances
-        matrices = np.stack([rows["world0"], rows["world1"], rows["world2"]], axis=1)
+        rows = self._placed = packed.instances
+        matrices = to_world(rows)
         self._place(matrices, np.ascontiguousarray(rows["mesh"]))
 
     def scratch(self, count: int, dtype: np.dtype) -> np.ndarray:

@@ -16,6 +16,7 @@ from ispm.scene.camera import Camera, look_at_pose
 from ispm.scene.extent import enclosing_diameter
 from ispm.scene.light import DirectionalLight, Light, PointLight
 from ispm.scene.packed import Packed, farthest_points, pack, to_world
+from ispm.scene.placing import Tree
 from ispm.scene.scene import Node, Scene
 from ispm.scene.values import BRIGHTEST
 from ispm.settings import Settings
@@ -35,13 +36,16 @@ _YFOV = math.radians(50.0)
 _ROOM_YFOV = math.radians(70.0)
 
 
-def find_camera(scene: Scene, wanted: str | int | None) -> tuple[Camera, np.ndarray] | None:
+def find_camera(
+    scene: Scene, wanted: str | int | None, tree: Tree | None = None
+) -> tuple[Camera, np.ndarray] | None:
     """Return the camera called `wanted`, or of that index, or the first, and its (4, 4) pose.
 
+    tree  the scene's, where it is at hand
     ->  None where the scene has no camera and none was asked for
     Raises SceneError where there is no such camera.
     """
-    tree = scene.tree()
+    tree = scene.tree() if tree is None else tree
     placed = [(node, tree.world(k)) for k, node in enumerate(tree.nodes) if node.camera is not None]
     if wanted is None:
         chosen = placed[:1]
@@ -62,9 +66,12 @@ def find_camera(scene: Scene, wanted: str | int | None) -> tuple[Camera, np.ndar
     return node.camera, pose
 
 
-def given_camera(scene: Scene, camera: Camera | str | int | None) -> tuple[Camera, np.ndarray] | None:
+def given_camera(
+    scene: Scene, camera: Camera | str | int | None, tree: Tree | None = None
+) -> tuple[Camera, np.ndarray] | None:
     """Return the camera to look through and its (4, 4) pose: the one asked for, or the scene's first.
 
+    tree  the scene's, where it is at hand
     ->  None where the scene has no camera and none was asked for
     Raises SettingsError for a camera without a pose, SceneError for one that the scene does not have.
     """
@@ -77,7 +84,7 @@ def given_camera(scene: Scene, camera: Camera | str | int | None) -> tuple[Camer
         raise SettingsError(
             f"camera: must be a Camera, or the name or index of one of the scene's, not {camera!r}"
         )
-    return find_camera(scene, camera)
+    return find_camera(scene, camera, tree)
 
 
 def camera_of(scene: Scene, size: tuple[int, int]) -> Camera:

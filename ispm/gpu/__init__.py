@@ -6,7 +6,9 @@ What is made on a device is freed with the last reference to it; `Gpu.close` fre
 
 from ispm.gpu.buffer import Buffer
 from ispm.gpu.compute import Compute
+from ispm.gpu.counted import Counted
 from ispm.gpu.device import AdapterInfo, Gpu, list_adapters, open_gpu, within_memory
+from ispm.gpu.kept import Kept
 from ispm.gpu.raster import FLAT, Canvas, Group, Raster, RasterState, Target
 from ispm.gpu.recording import Recording
 from ispm.gpu.texture import Sampler, Texture
@@ -17,8 +19,10 @@ __all__ = [
     "Buffer",
     "Canvas",
     "Compute",
+    "Counted",
     "Gpu",
     "Group",
+    "Kept",
     "Raster",
     "RasterState",
     "Recording",

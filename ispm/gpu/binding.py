@@ -11,6 +11,7 @@ import wgpu
 
 from ispm import wgsl
 from ispm.errors import IspmError
+from ispm.gpu import memory
 from ispm.gpu.buffer import Buffer
 from ispm.gpu.texture import Texture
 
@@ -19,6 +20,7 @@ _FUNCTION = re.compile(r"\bfn\s+(?P<name>\w+)")
 _OVERRIDE = re.compile(r"\boverride\s+(\w+)")
 _WORD = re.compile(r"(?<![.\w])[A-Za-z_]\w*")  # no fields
 _ERROR = re.compile(r"error: (?P<fault>.*)\n\s*┌─ (?P<place>\S+)")
+_MOST_GROUPS = 512  # of a shader that are kept
 _ACCESS = {"write": "write-only", "read": "read-only", "read_write": "read-write"}
 _SAMPLE_TYPES = {"u32": "uint", "i32": "sint"}
 
@@ -64,13 +66,15 @@ class Shader:
             for group in range(max(self.groups, default=-1) + 1)
         ]
         self.pipeline_layout = device.create_pipeline_layout(bind_group_layouts=self.layouts)
+        self._groups: dict[tuple[object, ...], tuple[wgpu.GPUBindGroup, list[Any]]] = {}
+        self._generation = 0  # of the memory that they refer to
 
     def explained(self) -> _Explained:
         """Return a context that turns the driver's errors into an IspmError about our files."""
         return _Explained(self.label, self.source)
 
     def bind(self, group: int, given: Mapping[str, Any], uploads: Uploads | None) -> wgpu.GPUBindGroup:
-        """Return a bind group of named resources.
+        """Return a bind group of named resources; the same one for the same, until memory is allocated.
 
         Raises TypeError for a name that is missing or unknown and for a resource that does not fit.
         """
@@ -78,12 +82,19 @@ class Shader:
         if given.keys() != bindings.keys():
             missing, unknown = sorted(bindings.keys() - given.keys()), sorted(given.keys() - bindings.keys())
             raise TypeError(f"{self.label}, group {group}: missing {missing}, unknown {unknown}")
-        entries = [
-            {"binding": b.index, "resource": self._resource(b, given[name], uploads)}
-            for name, b in bindings.items()
-        ]
-        with self.explained():
-            return self.device.create_bind_group(layout=self.layouts[group], entries=entries)
+        resources = [self._resource(b, given[name], uploads) for name, b in bindings.items()]
+        if self._generation != memory.generation() or len(self._groups) >= _MOST_GROUPS:
+            self._groups, self._generation = {}, memory.generation()  # what was freed is not to be kept alive
+        key = group, *map(_told, resources)
+        if key not in self._groups:
+            entries = [
+                {"binding": b.index, "resource": resource}
+                for b, resource in zip(bindings.values(), resources, strict=True)
+            ]
+            with self.explained():
+                made = self.device.create_bind_group(layout=self.layouts[group], entries=entries)
+            self._groups[key] = made, resources  # held, so that no other resource gets one's id
+        return self._groups[key][0]
 
     def _resource(self, binding: wgsl.Binding, given: Any, uploads: Uploads | None) -> Any:
         if isinstance(given, Texture):
@@ -110,6 +121,13 @@ class Shader:
             raise TypeError(f"{self.path}: there is no entry point {absent}")
         if unknown := sorted(constants.keys() - set(_OVERRIDE.findall(text))):
             raise TypeError(f"{self.path}: there is no override {unknown}")
+
+
+def _told(resource: Any) -> object:
+    """What tells a resource of a bind group from others while it lives."""
+    if isinstance(resource, dict):
+        return id(resource["buffer"]), resource["offset"], resource["size"]
+    return id(resource)
 
 
 class _Explained:

@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 import wgpu
 
+from ispm.gpu import memory
+
 _USAGE = {
     "storage": wgpu.BufferUsage.STORAGE,
     "vertex": wgpu.BufferUsage.VERTEX | wgpu.BufferUsage.STORAGE,
@@ -49,4 +51,5 @@ class Buffer:
         return self
 
     def _create(self, size: int) -> wgpu.GPUBuffer:
+        memory.changed()
         return self._device.create_buffer(label=self.name, size=size, usage=self._usage)

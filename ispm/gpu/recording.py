@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from types import TracebackType
 from typing import Any
@@ -15,7 +15,7 @@ from ispm.errors import IspmError
 from ispm.gpu.raster import Canvas
 from ispm.gpu.readback import Readback
 from ispm.gpu.texture import Texture
-from ispm.gpu.timing import Stopwatch, Timer
+from ispm.gpu.timing import Stopwatch, Timer, read_times
 
 _CHUNK = 65536  # bytes; the largest uniform binding that every adapter has
 _ALIGNMENT = 256  # bytes between uniforms; WebGPU's baseline
@@ -78,6 +78,7 @@ class Recording:
         self.timing = "timestamps" if timer else "fenced" if timed else "off"
         self._stage, self._started = "", time.perf_counter()
         self.encoder = device.create_command_encoder()
+        self._afterwards: list[Callable[[], None]] = []
 
     def __enter__(self) -> Recording:
         if self._uniforms.in_use:
@@ -93,6 +94,8 @@ class Recording:
             self.stage("")
             self._stopwatch.finish(self.encoder)
             self._submit()
+            for do in self._afterwards:
+                do()
         else:
             self._uniforms.flush()  # the pool starts over; nothing of this recording runs
 
@@ -108,6 +111,10 @@ class Recording:
             self._started = now
         self._stage = name
 
+    def afterwards(self, do: Callable[[], None]) -> None:
+        """Have `do` called when all is sent; it is not where the recording is left by an error."""
+        self._afterwards.append(do)
+
     def submit(self) -> None:
         """Send what is recorded so far to the device and go on recording."""
         self._submit()
@@ -116,6 +123,11 @@ class Recording:
     def milliseconds(self) -> dict[str, float]:
         """Return the time of each stage on the device in ms; waits for it. Call it after the context."""
         return self._stopwatch.milliseconds()
+
+    @staticmethod
+    def read_times(recordings: Sequence[Recording]) -> None:
+        """Read at once what recordings of one device have to tell; `milliseconds` then does not wait."""
+        read_times([recording._stopwatch for recording in recordings])
 
     def uniform(self, array: np.ndarray) -> dict[str, Any]:
         """Return a binding of a uniform that holds `array` for the commands until the next submission."""

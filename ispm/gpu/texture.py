@@ -8,6 +8,8 @@ from typing import TypeAlias
 import numpy as np
 import wgpu
 
+from ispm.gpu import memory
+
 Sampler: TypeAlias = wgpu.GPUSampler
 
 _USAGE = {
@@ -59,6 +61,7 @@ class Texture:
         """
         if self._handle is None or (size, levels) != (self.size, self._levels):
             self._view = None
+            memory.changed()
             self._handle = self._device.create_texture(
                 label=self.name,
                 size=(*size, 1),

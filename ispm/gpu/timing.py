@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -9,15 +10,26 @@ import wgpu
 
 from ispm.gpu.readback import Readback
 
-_CAPACITY = 4096  # timestamps of one frame, two a pass; WebGPU's largest set
+_CAPACITY = 4096  # timestamps of one recording, two a pass; WebGPU's largest set
+_HELD = 4 * _CAPACITY  # of the recordings that are not read yet: a frame's are a few dozen
+_STEP = 32  # timestamps that a recording's begin at multiples of
 
 
 class Timer:
-    """The device's timestamps; shared by all frames, as the queue runs them one after the other."""
+    """The device's timestamps; shared by all recordings, as the queue runs them one after the other."""
 
     def __init__(self, device: wgpu.GPUDevice) -> None:
         self.queries = device.create_query_set(type="timestamp", count=_CAPACITY)
         self.period_ns = _timestamp_period(device)
+        usage = wgpu.BufferUsage.QUERY_RESOLVE | wgpu.BufferUsage.COPY_SRC
+        self.resolved = device.create_buffer(label="timestamps", size=8 * _HELD, usage=usage)
+        self._next = 0
+
+    def room(self, count: int) -> int:
+        """Return the row of `resolved` from which on there is room for so many timestamps."""
+        first = self._next if self._next + count <= _HELD else 0
+        self._next = first + -(-count // _STEP) * _STEP
+        return first
 
 
 class Stopwatch:
@@ -27,7 +39,7 @@ class Stopwatch:
         self._device, self._readback, self._timer = device, readback, timer
         self._stages: list[str] = []  # of each timed pass
         self._times: dict[str, float] = {}
-        self._resolved: wgpu.GPUBuffer | None = None
+        self._first: int | None = None  # row of the timer's, of timestamps that are not read
 
     def add(self, stage: str, milliseconds: float) -> None:
         """Add a time measured elsewhere."""
@@ -50,21 +62,40 @@ class Stopwatch:
         if self._timer is None or not self._stages:
             return
         count = 2 * len(self._stages)
-        usage = wgpu.BufferUsage.QUERY_RESOLVE | wgpu.BufferUsage.COPY_SRC
-        self._resolved = self._device.create_buffer(label="timestamps", size=8 * count, usage=usage)
-        encoder.resolve_query_set(self._timer.queries, 0, count, self._resolved, 0)
+        self._first = self._timer.room(count)
+        encoder.resolve_query_set(self._timer.queries, 0, count, self._timer.resolved, 8 * self._first)
 
     def milliseconds(self) -> dict[str, float]:
         """Return the sum of each stage's passes, ms."""
-        if self._resolved is not None and self._timer is not None:
-            (ticks,) = self._readback.read([(self._resolved, np.uint64, 2 * len(self._stages))])
-            begin, end = ticks[0::2], ticks[1::2]
+        read_times([self])
+        return dict(self._times)
+
+    def take(self, ticks: np.ndarray) -> None:
+        """Count what (n,) uint64 timestamps tell, of which this recording's are from its first row on."""
+        if self._first is not None and self._timer is not None:
+            own = ticks[self._first : self._first + 2 * len(self._stages)]
+            begin, end = own[0::2], own[1::2]
             spans = np.where(end > begin, end - begin, 0) * (self._timer.period_ns * 1e-6)
             for stage, span in zip(self._stages, spans, strict=True):
                 self.add(stage, float(span))
-            self._resolved.destroy()
-            self._resolved = None
-        return dict(self._times)
+        self._first = None
+
+    @property
+    def end(self) -> int:
+        """The row of the timer's after its last; 0 where it has none that are not read."""
+        return 0 if self._first is None else self._first + 2 * len(self._stages)
+
+
+def read_times(stopwatches: Sequence[Stopwatch]) -> None:
+    """Read the timestamps of recordings of one device, with one wait for all."""
+    waiting = [each for each in stopwatches if each.end]
+    if not waiting:
+        return
+    first, timer = waiting[0], waiting[0]._timer
+    assert timer is not None
+    (ticks,) = first._readback.read([(timer.resolved, np.uint64, max(each.end for each in waiting))])
+    for each in waiting:
+        each.take(ticks)
 
 
 def _timestamp_period(device: wgpu.GPUDevice) -> float:

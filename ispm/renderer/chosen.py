@@ -11,6 +11,7 @@ from ispm.framing.camera import default_camera, default_light, given_camera, pas
 from ispm.renderer.picture import Frame
 from ispm.scene.camera import Camera
 from ispm.scene.packed import Packed
+from ispm.scene.placing import Tree
 from ispm.scene.scene import Node, Scene
 
 
@@ -36,9 +37,9 @@ class Chosen:
         if camera is None:
             self._cameras, self._light = {}, None
 
-    def eye(self, scene: Scene, size: tuple[int, int]) -> tuple[Camera, np.ndarray]:
-        """Return the camera for pictures of `size`, and its (4, 4) pose. Errors as of `given_camera`."""
-        given = given_camera(scene, self.wanted)
+    def eye(self, scene: Scene, size: tuple[int, int], tree: Tree | None = None) -> tuple[Camera, np.ndarray]:
+        """Return the camera for pictures of `size`, and its (4, 4) pose. Else as `given_camera`."""
+        given = given_camera(scene, self.wanted, tree)
         if given is not None:
             return given
         aspect = size[0] / size[1]
@@ -47,17 +48,17 @@ class Chosen:
             self._cameras[aspect] = default_camera(packed, self._world, aspect, passed_points(scene))
         return self._cameras[aspect]
 
-    def lit(self, scene: Scene, size: tuple[int, int]) -> Scene:
-        """Return the scene, with a light where it has none."""
-        if scene.lights:
-            return scene
+    def lit(self, scene: Scene, size: tuple[int, int], tree: Tree) -> Tree:
+        """Return the scene's tree, with a light where it has none."""
+        if any(node.light is not None for node in tree.nodes):
+            return tree
         if self._light is None:
             rest = scene.at_rest()
             _, pose = self.eye(rest, size)
             packed = self._place(rest)
             self._light, line = default_light(packed, self._world, pose[:3, 3], passed_points(scene))
             self._say(line)
-        return Scene([*scene.roots, self._light], scene.animations, scene.name)
+        return Tree([*tree.nodes, self._light], [*tree.parents, -1])
 
     def expose(self, frame: Frame) -> Frame:
         """Return the frame; with setting "hold" it is shown at the exposure of the first one."""

@@ -14,6 +14,8 @@ from ispm.renderer.chosen import Chosen
 from ispm.renderer.converge import place_in_pixel
 from ispm.renderer.limits import without_area
 from ispm.scene.packed import Packed, pack
+from ispm.scene.packed_material import texture_state
+from ispm.scene.placing import Tree
 from ispm.scene.scene import Scene
 from ispm.stages.camera import CameraView
 
@@ -26,21 +28,23 @@ class Ready:
 
     say       takes a line for the user
     world     the tracer's trees, of the scene that was placed last
-    textures  likewise
+    textures, surfaces  likewise, what photons meet
     chosen    what the scene does not bring
     """
 
     def __init__(self, threads: int, say: Callable[[str], None]) -> None:
         self._say = say
         self.world = World(threads)
-        self.textures, self._looks = TextureTable.pack([]), list[object]()
+        self.textures, self._looks = TextureTable.pack([]), list[tuple[object, ...]]()
         self.chosen = Chosen(self.place, self.world, say)
+        self.surfaces = SurfaceTable(pack(Scene()), self.textures, 0.0)
         self._packed: Packed | None = None
 
     def __call__(self, scene: Scene, size: tuple[int, int], index: int) -> tuple[Packed, CameraView]:
         """Return the scene with its lights, and what pass `index` of a picture of `size` sees it through."""
-        camera, pose = self.chosen.eye(scene, size)
-        packed = self.place(self.chosen.lit(scene, size))
+        tree = scene.tree()
+        camera, pose = self.chosen.eye(scene, size, tree)
+        packed = self.place(scene, self.chosen.lit(scene, size, tree))
         reach = float(np.abs(packed.bounds - pose[:3, 3]).max()) + packed.diagonal
         near = _EYE_NEAR * packed.diagonal if camera.ymag is None else 0.0
         view = CameraView(
@@ -57,12 +61,17 @@ class Ready:
         )
         return packed, view
 
-    def place(self, scene: Scene) -> Packed:
-        """Pack a scene and place it in the tracer. Raises SceneError where it cannot be rendered."""
+    def place(self, scene: Scene, tree: Tree | None = None) -> Packed:
+        """Pack a scene and place it in the tracer. Raises SceneError where it cannot be rendered.
+
+        tree  the scene's, or one with more in it
+        """
         old = self._packed
-        packed = pack(scene, old.geometry if old else None)
+        packed = pack(scene if tree is None else tree, old)
+        if packed is old:
+            return packed
         require_visible(scene, packed)
-        looks: list[object] = [each for texture in packed.textures for each in (texture, texture.state)]
+        looks = list(map(texture_state, packed.textures))
         if looks != self._looks:
             self.textures, self._looks = TextureTable.pack(packed.textures), looks
         if line := far_off(packed):
@@ -71,8 +80,5 @@ class Ready:
             self._say(line)
         self.world.update(packed)
         self._packed = packed
+        self.surfaces = SurfaceTable(packed, self.textures, _TEXTURE_FOOTPRINT * packed.diagonal)
         return packed
-
-    def surfaces(self, packed: Packed) -> SurfaceTable:
-        """Return what photons meet."""
-        return SurfaceTable(packed, self.textures, _TEXTURE_FOOTPRINT * packed.diagonal)

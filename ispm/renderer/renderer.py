@@ -296,8 +296,8 @@ class Renderer:
         self._require_open()
         packed, view = self._ready(require_scene(self.scene), self.settings.size, index)
         self.names = packed.names
-        surfaces, settings = self._ready.surfaces(packed), of_pass(self.settings, index)
-        return Pass(packed, self._ready.world, surfaces, view, settings, self.threads)
+        settings = of_pass(self.settings, index)
+        return Pass(packed, self._ready.world, self._ready.surfaces, view, settings, self.threads)
 
     def _say(self, line: str) -> None:
         """Warn once in this renderer's life."""

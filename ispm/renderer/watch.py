@@ -38,6 +38,7 @@ class Watch:
 
     def stop(self) -> float:
         """Add what the device tells of the recordings, which it waits for; return ms since the start."""
+        Recording.read_times(self._recordings)
         for recording in self._recordings:
             self.timing = recording.timing
             for name, spent in recording.milliseconds().items():

@@ -28,16 +28,23 @@ def enclosing_diameter(points: np.ndarray) -> float:
     if not len(points):
         return 0.0
     center = points.mean(axis=0)
-    if len(points) > _FARTHEST:
-        away = np.square(points - center).sum(axis=1)
-        points = points[np.argpartition(away, -_FARTHEST)[-_FARTHEST:]]
+    points = np.ascontiguousarray(points.T)
+    if len(points.T) > _FARTHEST:
+        points = points[:, np.argpartition(_squares(points, center), -_FARTHEST)[-_FARTHEST:]]
     radius = np.inf
     for step in range(1, _STEPS + 1):
-        away = np.square(points - center).sum(axis=1)
+        away = _squares(points, center)
         farthest = int(away.argmax())
         radius = min(radius, float(away[farthest]))
-        center = center + (points[farthest] - center) / (step + 1)
+        center = center + (points[:, farthest] - center) / (step + 1)
     return 2.0 * float(np.sqrt(radius))
+
+
+def _squares(points: np.ndarray, center: np.ndarray) -> np.ndarray:
+    """(n,) squared distances of (3, n) points from one, (3,)."""
+    away = points - center[:, None]
+    x, y, z = away * away
+    return np.asarray(x + y + z)
 
 
 def corners_of(boxes: np.ndarray) -> np.ndarray:

@@ -6,21 +6,21 @@ import copy
 from dataclasses import dataclass
 from functools import cached_property
 from hashlib import sha256
-from typing import NamedTuple
 
 import numpy as np
 
 from ispm.errors import SceneError
 from ispm.optics import records
 from ispm.scene.directions import even_directions
-from ispm.scene.extent import corners_of, enclosing_diameter
-from ispm.scene.light import light_called
-from ispm.scene.material import Material, Texture
+from ispm.scene.layout import layout_of
+from ispm.scene.material import Texture
 from ispm.scene.mesh import ARRAYS, Mesh
-from ispm.scene.names import Names, Place, Run
-from ispm.scene.node import Node
-from ispm.scene.packed_light import light_record
-from ispm.scene.packed_material import material_record
+from ispm.scene.names import Names
+from ispm.scene.packed_instance import Draw as Draw
+from ispm.scene.packed_instance import Placed, place_instances
+from ispm.scene.packed_light import Lit, pack_lights
+from ispm.scene.packed_material import Looks, pack_materials
+from ispm.scene.placing import Tree
 from ispm.scene.scene import Scene
 from ispm.scene.values import FARTHEST
 
@@ -87,46 +87,79 @@ class Geometry:
         )
 
 
-@dataclass
-class Draw:
-    """Consecutive instances of one mesh with one material."""
-
-    mesh: int
-    material: int
-    first_instance: int
-    instance_count: int
-    mirrored: bool
-
-
 @dataclass(frozen=True, eq=False)
 class Packed:
-    """A scene at one moment.
+    """A scene at one moment, in parts that frames share while they stay as they are.
 
-    geometry   shared between frames
-    instances  (I,) INSTANCE, world space, by mesh, material, mirrored or not, and node; rays and the G-buffer
-               number them so
-    materials  (M,) MATERIAL;  textures: what their slots point to
-    lights     (L,) LIGHT;  draws: runs of instances, in order
-    bounds     (2, 3) float64 corners of all instances, world space
-    diagonal   m, of the smallest sphere about all of them: the scene's size, however it is turned; 1 where
-               there is nothing
-    widths     (I,) float32 m: the second largest extent of each instance, what a kernel should fit into
-    boxes      (I, 2, 3) float64 corners of each instance, world space
-    ids        (I,) what `names` calls each instance by: they count in the order of nodes, parts and copies
+    placed  its meshes and their instances
+    looks   its materials
+    lit     its lights
     """
 
-    geometry: Geometry
-    instances: np.ndarray
-    materials: np.ndarray
-    textures: list[Texture]
-    lights: np.ndarray
-    draws: list[Draw]
-    bounds: np.ndarray
-    diagonal: float
-    widths: np.ndarray
-    boxes: np.ndarray
-    ids: np.ndarray
-    names: Names
+    placed: Placed
+    looks: Looks
+    lit: Lit
+
+    @property
+    def geometry(self) -> Geometry:
+        """The meshes."""
+        return self.placed.geometry
+
+    @property
+    def instances(self) -> np.ndarray:
+        """(I,) INSTANCE, world space, by mesh, material, mirrored or not, and node; rays and the G-buffer
+        number them so."""
+        return self.placed.instances
+
+    @property
+    def draws(self) -> list[Draw]:
+        """Runs of instances, in order."""
+        return self.placed.draws
+
+    @property
+    def bounds(self) -> np.ndarray:
+        """(2, 3) float64 corners of all instances, world space."""
+        return self.placed.bounds
+
+    @property
+    def diagonal(self) -> float:
+        """m, of the smallest sphere about all instances: the scene's size, however turned; 1 of nothing."""
+        return self.placed.diagonal
+
+    @property
+    def widths(self) -> np.ndarray:
+        """(I,) float32 m: the second largest extent of each instance, what a kernel should fit into."""
+        return self.placed.widths
+
+    @property
+    def boxes(self) -> np.ndarray:
+        """(I, 2, 3) float64 corners of each instance, world space."""
+        return self.placed.boxes
+
+    @property
+    def ids(self) -> np.ndarray:
+        """(I,) what `names` calls each instance by: they count in the order of nodes, parts and copies."""
+        return self.placed.ids
+
+    @property
+    def names(self) -> Names:
+        """What ids stand for."""
+        return self.placed.layout.names
+
+    @property
+    def materials(self) -> np.ndarray:
+        """(M,) MATERIAL."""
+        return self.looks.rows
+
+    @property
+    def textures(self) -> list[Texture]:
+        """What the slots of the materials point to."""
+        return self.looks.textures
+
+    @property
+    def lights(self) -> np.ndarray:
+        """(L,) LIGHT."""
+        return self.lit.rows
 
     def surface_area(self) -> float:
         """Return the area of all triangles, m2, world space."""
@@ -168,68 +201,28 @@ def farthest_points(mesh: Mesh) -> np.ndarray:
     return np.asarray(used[farthest], np.float64)
 
 
-def pack(scene: Scene, geometry: Geometry | None = None) -> Packed:
-    """Flatten `scene`; reuse `geometry` of an earlier frame where its meshes are unchanged.
+def pack(scene: Scene | Tree, before: Packed | None = None) -> Packed:
+    """Flatten a scene, or its tree.
 
+    before  of an earlier frame: what of it is still so is used again; where all is, it is returned itself
     Raises SceneError where a mesh, material, light or node has a value that cannot be used.
     """
-    tree = scene.tree()
+    tree = scene.tree() if isinstance(scene, Scene) else scene
     worlds = tree.worlds()
-    far = np.flatnonzero(~(np.abs(worlds).max(axis=(1, 2), initial=0.0) <= FARTHEST))
-    if len(far):
-        name = tree.nodes[far[0]].name
+    if not np.abs(worlds).max(initial=0.0) <= FARTHEST:  # NaN is not
+        far = ~(np.abs(worlds).max(axis=(1, 2)) <= FARTHEST)
+        name = tree.nodes[int(far.argmax())].name
         raise SceneError(f"node '{name}': stands in nodes that together move or scale it too far")
-    meshes: dict[int, int] = {}
-    mesh_list: list[Mesh] = []
-    materials: dict[int, int] = {}
-    material_list: list[Material] = []
-    rows: list[_Placed] = []
-    light_rows: list[np.ndarray] = []
-    runs: list[Run] = []
-    for index, (node, world) in enumerate(zip(tree.nodes, worlds, strict=True)):
-        node.check()
-        light = node.light
-        if light is not None:
-            light_rows.append(light_record(light, world, light_called(light, node.name, len(light_rows))))
-        copies = node.copies
-        for number, part in enumerate(node.parts):
-            if not len(part.mesh.triangles) or not copies:
-                continue
-            mesh = meshes.setdefault(id(part.mesh), len(meshes))
-            if mesh == len(mesh_list):
-                mesh_list.append(part.mesh)
-            material = materials.setdefault(id(part.material), len(materials))
-            if material == len(material_list):
-                material_list.append(part.material)
-            rows.append(_Placed(mesh, material, index, copies))
-            runs.append(Run(index, number, part.mesh.name, material, copies))
-
-    if geometry is None or not geometry.fits(mesh_list):
-        geometry = pack_geometry(mesh_list)
-    textures: list[Texture] = []
-    material_rows = np.zeros(len(material_list), records.MATERIAL)
-    for i, item in enumerate(material_list):
-        material_rows[i] = material_record(item, textures)
-    instances, draws, widths, corners, ids = _instances(rows, tree.nodes, worlds, geometry)
-    boxes = np.stack([corners.min(axis=1), corners.max(axis=1)], axis=1)
-    bounds = np.stack([boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)]) if len(boxes) else np.zeros((2, 3))
-    diagonal = enclosing_diameter(corners.reshape(-1, 3)) or 1.0
-    lights = np.array(light_rows, records.LIGHT)
-    nodes = tuple(map(Place, [node.name for node in tree.nodes], tree.parents))
-    return Packed(
-        geometry,
-        instances,
-        material_rows,
-        textures,
-        lights,
-        draws,
-        bounds,
-        diagonal,
-        widths,
-        boxes,
-        ids,
-        Names(tuple(runs), tuple(material.name for material in material_list), nodes),
-    )
+    layout = layout_of(tree, before.placed.layout if before else None)
+    lit = pack_lights(layout, worlds, before.lit if before else None)
+    geometry = before.geometry if before else None
+    if geometry is None or not geometry.fits(layout.meshes):
+        geometry = pack_geometry(layout.meshes)
+    looks = pack_materials(layout.materials, before.looks if before else None)
+    placed = place_instances(layout, worlds, geometry, before.placed if before else None)
+    if before and placed is before.placed and looks is before.looks and lit is before.lit:
+        return before
+    return Packed(placed, looks, lit)
 
 
 def to_world(instances: np.ndarray | np.void) -> np.ndarray:
@@ -324,70 +317,3 @@ def _unit(vectors: np.ndarray) -> np.ndarray:
     length = np.linalg.norm(vectors, axis=1, keepdims=True)
     good = np.isfinite(length) & (length > 0.0)
     return np.where(good, vectors / np.where(good, length, 1.0), (0.0, 1.0, 0.0))
-
-
-class _Placed(NamedTuple):
-    """A mesh with a material at a node: the number of each, and of its copies there."""
-
-    mesh: int
-    material: int
-    node: int
-    copies: int
-
-
-def _instances(
-    rows: list[_Placed], nodes: list[Node], worlds: np.ndarray, geometry: Geometry
-) -> tuple[np.ndarray, list[Draw], np.ndarray, np.ndarray, np.ndarray]:
-    """INSTANCE rows, the draws that show them, their widths in m, (n, 8, 3) corners of their own boxes,
-    turned with them, in world space, and the index that each has in the order of `rows`."""
-    if not rows:
-        none = np.zeros(0, np.int64)
-        return np.zeros(0, records.INSTANCE), [], np.zeros(0, np.float32), np.zeros((0, 8, 3)), none
-    *numbers, copies = np.array(rows, np.int64).T
-    mesh, material, node = (np.repeat(each, copies) for each in numbers)
-    world = worlds[node]
-    first = 0
-    for row in rows:
-        here = nodes[row.node]
-        if here.instances is not None:
-            world[first : first + row.copies] = here.places(worlds[row.node])
-        first += row.copies
-    mirrored = np.linalg.det(world[:, :3, :3]) < 0.0
-    order = np.lexsort((node, mirrored, material, mesh))
-    mesh, material, node, mirrored = mesh[order], material[order], node[order], mirrored[order]
-    world = world[order]
-    instances = np.zeros(len(world), records.INSTANCE)
-    cofactors = _cofactors(world[:, :3, :3])
-    for k in range(3):
-        instances[f"world{k}"] = world[:, k]
-        instances[f"normal{k}"][:, :3] = cofactors[:, k]
-    instances["first_index"] = np.array([r.first_index for r in geometry.ranges])[mesh]
-    instances["triangle_count"] = np.array([r.triangle_count for r in geometry.ranges])[mesh]
-    instances["material"], instances["node"], instances["mesh"] = material, node, mesh
-    instances["flags"] = np.where(mirrored, records.INSTANCE_MIRRORED, 0)
-    boxes = np.stack([kept.box for kept in geometry.ranges])[mesh]
-    corners = np.einsum("nij,nkj->nki", world[:, :3, :3], corners_of(boxes)) + world[:, None, :3, 3]
-    extents = (boxes[:, 1] - boxes[:, 0]) * np.linalg.norm(world[:, :3, :3], axis=1)
-    widths = np.sort(extents, axis=1)[:, 1].astype(np.float32)
-    draws = _draws(mesh, material, mirrored)
-    return instances, draws, widths, corners, order
-
-
-def _draws(mesh: np.ndarray, material: np.ndarray, mirrored: np.ndarray) -> list[Draw]:
-    """Runs of instances of the same mesh and material, turned the same direction."""
-    new = np.ones(len(mesh), bool)
-    new[1:] = (np.diff(mesh) != 0) | (np.diff(material) != 0) | (mirrored[1:] != mirrored[:-1])
-    first = np.flatnonzero(new)
-    counts = np.diff(np.append(first, len(mesh)))
-    return [
-        Draw(int(mesh[i]), int(material[i]), int(i), int(n), bool(mirrored[i]))
-        for i, n in zip(first, counts, strict=True)
-    ]
-
-
-def _cofactors(m: np.ndarray) -> np.ndarray:
-    """Cofactors of (n, 3, 3) matrices, which take normals to world space even where there is no inverse."""
-    x, y, z = m[:, 0], m[:, 1], m[:, 2]
-    stacked = np.stack([np.cross(y, z), np.cross(z, x), np.cross(x, y)], axis=1)
-    mirrored = np.einsum("ni,ni->n", stacked[:, 0], x) < 0.0
-    return np.where(mirrored[:, None, None], -stacked, stacked)

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 
 from ispm.optics import records
-from ispm.scene.light import DirectionalLight, Light, PointLight, SpotLight
+from ispm.scene.layout import Layout
+from ispm.scene.light import DirectionalLight, Light, PointLight, SpotLight, light_called
+from ispm.scene.values import frozen
 
 _SHARPEST = 1e-6  # difference of the cosines of a spot's cones, in float32
 _KINDS = {
@@ -15,6 +18,35 @@ _KINDS = {
     SpotLight: records.LIGHT_SPOT,
     DirectionalLight: records.LIGHT_DIRECTIONAL,
 }
+
+
+@dataclass(frozen=True, eq=False)
+class Lit:
+    """A scene's lights.
+
+    rows  (L,) LIGHT;  made_of  what they were made of, to be compared
+    """
+
+    rows: np.ndarray
+    made_of: list[object]
+
+
+def pack_lights(layout: Layout, worlds: np.ndarray, before: Lit | None = None) -> Lit:
+    """Return a scene's lights: `before` itself if they are as then.
+
+    worlds  (n, 4, 4) float64 node-to-world matrices
+    Raises SceneError for a value out of range.
+    """
+    lights = [(layout.nodes[index].light, layout.nodes[index].name, worlds[index]) for index in layout.lights]
+    made_of: list[object] = [(type(light), *frozen(light), name, at.tobytes()) for light, name, at in lights]
+    if before is not None and made_of == before.made_of:
+        return before
+    rows = [
+        light_record(light, at, light_called(light, name, number))
+        for number, (light, name, at) in enumerate(lights)
+        if light is not None
+    ]
+    return Lit(np.array(rows, records.LIGHT), made_of)
 
 
 def light_record(light: Light, world: np.ndarray, called: str) -> np.ndarray:

@@ -2,10 +2,64 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
+
 import numpy as np
 
 from ispm.optics import records
 from ispm.scene.material import TEXTURES, AlphaMode, Material, Texture, TextureUse
+from ispm.scene.values import frozen, kept_value
+
+_UNCHANGING = {float, int, bool, str, tuple, type(None)}
+
+
+@dataclass(frozen=True, eq=False)
+class Looks:
+    """A scene's materials.
+
+    rows      (M,) MATERIAL;  textures  what their slots point to
+    made_of   what they were made of, to be compared
+    """
+
+    rows: np.ndarray
+    textures: list[Texture]
+    made_of: list[object]
+
+
+def pack_materials(materials: Sequence[Material], before: Looks | None = None) -> Looks:
+    """Return materials as kernels and shaders read them: `before` itself if they are as then.
+
+    Raises SceneError for a value out of range.
+    """
+    if before is not None and _made_of(materials) == before.made_of:
+        return before
+    textures: list[Texture] = []
+    rows = np.zeros(len(materials), records.MATERIAL)
+    for index, material in enumerate(materials):
+        rows[index] = material_record(material, textures)
+    return Looks(rows, textures, _made_of(materials))  # as checks have left them
+
+
+def _made_of(materials: Sequence[Material]) -> list[object]:
+    """What the rows of materials, and the pictures that they show, depend on."""
+    return [[_value(value) for value in vars(material).values()] for material in materials]
+
+
+def _value(value: object) -> object:
+    """A field's value, of which nothing can change."""
+    if type(value) in _UNCHANGING:  # most are
+        return value
+    if isinstance(value, TextureUse):
+        return _value(value.texture), *frozen(value)
+    if isinstance(value, Texture):
+        return texture_state(value)
+    return kept_value(value)
+
+
+def texture_state(texture: Texture) -> tuple[object, ...]:
+    """Return all that pictures depend on of a texture, to be compared with what it has become."""
+    return texture, texture.state, texture.wrap_u, texture.wrap_v, texture.linear
 
 
 def material_record(material: Material, textures: list[Texture]) -> np.ndarray:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from functools import reduce
 from itertools import pairwise
 from typing import NamedTuple
@@ -30,6 +30,8 @@ class Tree(NamedTuple):
         """
         worlds = local_matrices(self.nodes) + 0.0  # of no -0, as products have it
         parents = np.array(self.parents, np.int64)
+        if not (parents >= 0).any():
+            return worlds
         depths = np.zeros(len(parents), np.int64)
         for index, parent in enumerate(self.parents):
             if parent >= 0:
@@ -57,19 +59,22 @@ def tree_of(roots: Sequence[Node]) -> Tree:
     many places: a few dozen nodes, each twice below the next, have more than can ever be visited.
     """
     tree = Tree([], [])
-    stack = [(node, -1) for node in reversed(roots)]
+    waiting: list[tuple[Iterator[Node], int]] = [(iter(roots), -1)]
     met: set[int] = set()
-    while stack:
-        node, parent = stack.pop()
-        met.add(id(node))
-        index = len(tree.nodes)
-        tree.nodes.append(node)
-        tree.parents.append(parent)
-        if index - len(met) >= _MOST_AGAIN:
-            _refuse(tree)
-        children = listed(node, "children", Node)
-        if children:
-            stack.extend((child, index) for child in reversed(children))
+    while waiting:
+        siblings, parent = waiting[-1]
+        for node in siblings:
+            met.add(id(node))
+            index = len(tree.nodes)
+            tree.nodes.append(node)
+            tree.parents.append(parent)
+            if index - len(met) >= _MOST_AGAIN:
+                _refuse(tree)
+            if node.children or type(node.children) is not list:
+                waiting.append((iter(listed(node, "children", Node)), index))
+                break
+        else:
+            waiting.pop()
     return tree
 
 
@@ -123,7 +128,12 @@ def _together(nodes: Sequence[Node]) -> np.ndarray | None:
 
 def _rows(values: Sequence[object], *shape: int) -> np.ndarray:
     """Arrays of one shape as one of float64. Raises ValueError or TypeError where they are not of that."""
-    rows = np.array(values, np.float64)
+    rows: np.ndarray
+    arrays = [value for value in values if isinstance(value, np.ndarray) and value.shape == shape]
+    if len(arrays) == len(values) > 0:
+        rows = np.concatenate(arrays, dtype=np.float64).reshape(-1, *shape)  # two thirds of the time
+    else:
+        rows = np.array(values, np.float64)
     if rows.shape != (len(values), *shape):
         raise ValueError
     return rows

@@ -138,6 +138,18 @@ def array_of(
     return array
 
 
+def frozen(item: object) -> tuple[object, ...]:
+    """Return the values of an object's fields, to be compared with what they have become."""
+    return tuple(map(kept_value, vars(item).values()))
+
+
+def kept_value(value: object) -> object:
+    """Return a value that is equal while this one is, and stays so if what this one holds is edited."""
+    if isinstance(value, np.ndarray):
+        return value.dtype.str, value.shape, value.tobytes()
+    return tuple(map(kept_value, value)) if isinstance(value, list | tuple) else value
+
+
 def matches(name: str, pattern: str) -> bool:
     """Return whether a name is `pattern`, or matches it as files' names do: "ball *", "ball ?", "[ab]*".
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from ispm import wgsl
 from ispm.frame import GpuScene, LitFrame, vertex_layout
-from ispm.gpu import Gpu, Raster, RasterState, Recording
+from ispm.gpu import Gpu, Kept, Raster, RasterState, Recording
 from ispm.optics import records
 from ispm.scene.packed import Draw
 from ispm.stages.camera import CameraView
@@ -38,16 +38,19 @@ class Antialias:
         )
         self._count = gpu.buffer("edge count")
         self._edges = gpu.buffer("edges")
+        self._kept = Kept()
 
     def __call__(self, frame: Recording, scene: GpuScene, lit: LitFrame, view: CameraView) -> None:
         gbuffer = lit.gbuffer
-        self._draw(frame, scene, view)
         capacity = min(view.size[0] * view.size[1], self._gpu.max_binding // _EDGE.itemsize)
-        self._count.write(np.zeros(4, np.uint32))
         edges = self._edges.sized(capacity * _EDGE.itemsize)
-        samples = dict(sample_ids=self._ids, sample_depth=self._depth)
+        samples = dict(sample_ids=self._ids.sized(view.size), sample_depth=self._depth.sized(view.size))
         shared = dict(camera=view.uniform(), ids=gbuffer.ids, edges=edges, **samples)
-        self._find(frame, over=view.size, **shared, depth=gbuffer.depth, edge_count=self._count)
+        packed = scene.packed
+        if self._kept.lacks(frame, gbuffer, packed.placed, packed.looks, view.uniform().tobytes()):
+            self._count.write(np.zeros(4, np.uint32))
+            self._draw(frame, scene, view)
+            self._find(frame, over=view.size, **shared, depth=gbuffer.depth, edge_count=self._count)
         self._mix(
             frame,
             over=_THREADS,
@@ -74,8 +77,7 @@ class Antialias:
 
     def _draw(self, frame: Recording, scene: GpuScene, view: CameraView) -> None:
         shared = {"camera": frame.uniform(view.uniform()), "instances": scene.instances}
-        ids, depth = self._ids.sized(view.size), self._depth.sized(view.size)
-        with frame.draw_into(ids, depth=depth) as canvas:
+        with frame.draw_into(self._ids, depth=self._depth) as canvas:
             canvas.vertices(scene.vertices)
             canvas.indices(scene.indices)
             pipeline = partial(self._pipeline, scene)

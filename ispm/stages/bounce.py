@@ -12,7 +12,7 @@ import numpy as np
 
 from ispm.errors import SettingsError
 from ispm.frame import BounceMap, BounceMaps, GpuScene
-from ispm.gpu import Canvas, Gpu, Raster, RasterState, Recording
+from ispm.gpu import Canvas, Gpu, Kept, Raster, RasterState, Recording
 from ispm.lights.atlas import pack_shelves
 from ispm.lights.plan import PlannedMap
 from ispm.optics.records import NO_HIT
@@ -24,6 +24,7 @@ class BounceStage:
     """Draws the scene as each map sees it; both sides of every surface count.
 
     Texels take the nearest surface that is no hole of its material.
+    What is drawn is kept while it would be drawn alike.
     All faces lie side by side in one texture: a pass of its own for each would cost more than to draw it.
     """
 
@@ -34,6 +35,7 @@ class BounceStage:
         self._masked = gpu.raster(path, [format], RasterState(vertex="vs_masked", fragment="fs_masked"))
         self._texels = gpu.texture("bounce maps", format, usage=["attachment"])
         self._depth = gpu.texture("bounce depth", "depth32float", usage=["attachment"])
+        self._kept, self._maps = Kept(), BounceMaps(self._texels, [])
 
     def __call__(
         self, frame: Recording, scene: GpuScene, plan: Sequence[PlannedMap], near: float, pass_index: int = 0
@@ -51,14 +53,20 @@ class BounceStage:
                 f"photons: {sum(each.photons for each in plan)} need bounce maps larger than "
                 f"{self._gpu.name} can draw; use fewer, or emission 'rays'"
             )
+        views = []
+        for index, (map, planned) in enumerate(zip(maps, plan, strict=True)):
+            x, y = planned.shift
+            shift = (2.0 * x / map.width, 2.0 * y / map.width)
+            views.append(face_uniforms(map.map, index, near, shift, pass_index))
+        told = [(map.width, map.map.range, view.tobytes()) for map, view in zip(maps, views, strict=True)]
+        if not self._kept.lacks(frame, scene.packed.placed, scene.packed.looks, *told):
+            return self._maps
+        self._maps = BounceMaps(self._texels, maps)
         depth = self._depth.sized(size)
         with frame.draw_into(self._texels.sized(size), depth=depth, clear=(NO_HIT, 0, 0, 0)) as canvas:
-            for index, (map, planned) in enumerate(zip(maps, plan, strict=True)):
-                x, y = planned.shift
-                shift = (2.0 * x / map.width, 2.0 * y / map.width)
-                uniforms = face_uniforms(map.map, index, near, shift, pass_index)
+            for map, uniforms in zip(maps, views, strict=True):
                 self._draw(frame, canvas, scene, map, uniforms)
-        return BounceMaps(self._texels, maps)
+        return self._maps
 
     def _draw(
         self, frame: Recording, canvas: Canvas, scene: GpuScene, map: BounceMap, uniforms: np.ndarray

@@ -6,7 +6,7 @@ import numpy as np
 
 from ispm import wgsl
 from ispm.frame import GBuffer, GpuScene, ShadowMaps
-from ispm.gpu import FLAT, Gpu, Raster, Recording, Texture
+from ispm.gpu import FLAT, Counted, Gpu, Raster, Recording, Texture
 from ispm.optics.records import MATERIAL_TRANSMITS
 from ispm.stages.camera import CameraView
 
@@ -34,6 +34,7 @@ class DirectStage:
         self._radiance = [gpu.texture(f"direct radiance {k}", "rgba32float", usage=usage) for k in range(2)]
         self._nothing = gpu.texture("no radiance", "rgba32float").sized((1, 1))
         self._count, self._doubts = gpu.buffer("doubt count"), gpu.buffer("doubts")
+        self._counted = Counted(gpu)
         self._room = 0  # rows of the list, as many as some frame wanted
         self._most = gpu.max_binding // DOUBT.itemsize
         self._drawn: tuple[GpuScene, GBuffer, ShadowMaps, CameraView] | None = None
@@ -60,18 +61,14 @@ class DirectStage:
         largest buffer holds have been lit by the share of four texels.
         """
         assert self._drawn is not None
-        count = self._listed()
+        count, (found,) = self._counted.read(self._count, self._room, (self._doubts, DOUBT))
         if count > self._room < self._most:
             self._room = count * 5 // 4
             with self._gpu.frame() as frame:
                 self(frame, *self._drawn)
-            count = self._listed()
+            _, (found,) = self._counted.read(self._count, self._room, (self._doubts, DOUBT))
         self._drawn = None
-        found = self._gpu.read_buffer(self._doubts, DOUBT, min(count, self._room))
         return np.asarray(found[np.lexsort((found["pixel"], found["light"]))])
-
-    def _listed(self) -> int:
-        return int(self._gpu.read_buffer(self._count, np.uint32, 1)[0])
 
     def _shade(
         self,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ispm.frame import GBuffer, GpuScene
-from ispm.gpu import Buffer, Gpu, Recording
+from ispm.gpu import Buffer, Gpu, Kept, Recording
 from ispm.optics.records import RECEIVER
 from ispm.stages.camera import CameraView
 
@@ -21,6 +21,7 @@ class Downsample:
         self._block = subsampling
         self._shader = gpu.compute("stages/downsample.wgsl", BLOCK=subsampling)
         self.receivers = gpu.buffer("receivers")
+        self._kept = Kept()
 
     def size(self, view: CameraView) -> tuple[int, int]:
         """Return (w, h) of the low resolution."""
@@ -29,6 +30,8 @@ class Downsample:
     def __call__(self, frame: Recording, scene: GpuScene, gbuffer: GBuffer, view: CameraView) -> Buffer:
         width, height = self.size(view)
         self.receivers.sized(width * height * RECEIVER.itemsize)
+        if not self._kept.lacks(frame, gbuffer, scene.packed.looks, view.uniform().tobytes()):
+            return self.receivers
         self._shader(
             frame,
             over=(width, height),

@@ -5,7 +5,7 @@ from __future__ import annotations
 from itertools import compress
 
 from ispm.frame import SLOTS, GBuffer, GpuScene
-from ispm.gpu import FLAT, Gpu, Group, Raster, RasterState, Recording
+from ispm.gpu import FLAT, Gpu, Group, Kept, Raster, RasterState, Recording, Texture
 from ispm.optics import records
 from ispm.scene.packed import Draw
 from ispm.stages.camera import CameraView
@@ -36,9 +36,21 @@ class GBufferStage:
             for formats in (_DRAWN, _COMPUTED)
         )
         self._nearest = gpu.texture("gbuffer nearest", "depth32float", usage=["attachment"])
+        self._kept, self._last = Kept(), GBuffer(**self._textures())
 
     def __call__(self, frame: Recording, scene: GpuScene, view: CameraView) -> GBuffer:
-        """Record the draws and return where their result will be."""
+        """Record the draws and return where their result will be: the last frame's if it is the same."""
+        packed = scene.packed
+        if self._kept.lacks(frame, packed.placed, packed.looks, view.size, view.uniform().tobytes()):
+            self._draw(frame, scene, view)
+            self._last = GBuffer(**self._textures())  # another one, so that all can tell
+        return self._last
+
+    def _textures(self) -> dict[str, Texture]:
+        """Those of a GBuffer, by name."""
+        return {name: each for name, each in (self._drawn | self._computed).items() if name != "bump"}
+
+    def _draw(self, frame: Recording, scene: GpuScene, view: CameraView) -> None:
         drawn, computed = (
             {name: target.sized(view.size) for name, target in targets.items()}
             for targets in (self._drawn, self._computed)
@@ -55,12 +67,10 @@ class GBufferStage:
                 maps = scene.material_maps(draw.material, *SLOTS)
                 canvas.use(raster, groups[raster], raster.bind(1, material=material, **maps))
                 scene.draw_corners(canvas, draw)
-        bumps = drawn.pop("bump")
         resolve = self._resolve[bool((scene.packed.materials["normal_texture"]["texture"] >= 0).any())]
         with frame.draw_into(*computed.values()) as canvas:
-            canvas.use(resolve, resolve.bind(0, **shared, ids=drawn["ids"], bumps=bumps))
+            canvas.use(resolve, resolve.bind(0, **shared, ids=drawn["ids"], bumps=drawn["bump"]))
             canvas.draw(3)
-        return GBuffer(**drawn, **computed)
 
     def _pipeline(self, scene: GpuScene, draw: Draw) -> Raster:
         """The pipeline for a draw's material; compiled when first needed."""

@@ -10,7 +10,7 @@ import numpy as np
 from ispm import wgsl
 from ispm.errors import SceneError
 from ispm.frame import GpuScene, ShadowMaps, vertex_layout
-from ispm.gpu import Canvas, Gpu, RasterState, Recording, Target, Texture
+from ispm.gpu import Canvas, Gpu, Kept, RasterState, Recording, Target, Texture
 from ispm.lights.atlas import GUARD, LEAST, Seen, ShadowAtlas, ShadowTile, plan_atlas
 from ispm.lights.lightmap import LightMap, light_maps
 from ispm.optics.records import MATERIAL_BLEND, MATERIAL_THIN, MATERIAL_TRANSMITS
@@ -28,7 +28,8 @@ _ROUND = 256  # texels that the atlas grows by
 
 
 class ShadowStage:
-    """Draws the scene's depth as each light sees it, and the tint of thin sheets.
+    """Draws the scene's depth as each light sees it, and the tint of thin sheets; what is drawn is kept while
+    it would be drawn alike.
 
     resolution  texels of a tile's side at most
     Both sides of every surface cast. Raises SceneError where the adapter's largest texture cannot hold
@@ -45,6 +46,8 @@ class ShadowStage:
         self._masked = gpu.raster(_PATH, (), holes)
         self._sheet = gpu.raster(_PATH, [Target("rgba8unorm", "multiply")], tint)
         self._geometry: Geometry | None = None
+        self._pieces: tuple[GpuScene, Pieces] | None = None
+        self._kept = Kept()
         self._indices = gpu.buffer("shared indices", "index")
         self._depth = gpu.texture("shadow atlas", "depth32float")
         self._sheets = gpu.texture("sheet atlas", "depth32float")
@@ -64,35 +67,50 @@ class ShadowStage:
         view       the eye's
         near       m, a tiny part of the scene's diagonal
         """
-        packed, pieces = scene.packed, Pieces.of(scene.packed, scene.boxes)
+        packed = scene.packed
+        if self._pieces is None or self._pieces[0] is not scene:
+            self._pieces = scene, Pieces.of(packed, scene.boxes)
+        _, pieces = self._pieces
         self._share(packed.geometry)
         seen = _seen(packed, receivers, view)
         limit = self._gpu.max_texture
-        atlas = plan_atlas(packed.lights, light_maps(packed), pieces.boxes, seen, self.resolution, limit)
+        maps = light_maps(packed)
+        atlas = plan_atlas(packed.lights, maps, pieces.boxes, seen, self.resolution, limit)
         if atlas is None:
             raise SceneError(
                 f"the scene has {len(packed.lights)} lights, more than {self._gpu.name} can hold shadow maps "
                 f"for in a texture of {self._gpu.max_texture} texels a side; remove some"
             )
-        materials = packed.materials[[draw.material for draw in scene.draws]]
-        sheets = _are_sheets(materials)
-        has_sheets = bool(sheets.any())
-        self._fit(self._depth, atlas.size)
-        for texture in (self._sheets, self._tints):
-            texture.sized(self._depth.size if has_sheets else (1, 1))
+        sheets = _are_sheets(packed.materials[[draw.material for draw in scene.draws]])
         views = [view_row(tile, near) for tile in atlas.tiles]
-        self._draw_depth(frame, scene, pieces, atlas, views, self._depth, ~sheets)
-        if has_sheets:
-            self._draw_tints(frame, scene, pieces, atlas, views, sheets)
-            self._draw_depth(frame, scene, pieces, atlas, views, self._sheets, sheets)
+        if self._kept.lacks(frame, packed.placed, packed.looks, *map(_told, atlas.tiles, views)):
+            self._draw(frame, scene, pieces, atlas, views, sheets)
         return ShadowMaps(
-            map_rows(light_maps(packed), near),
-            tile_rows(atlas, len(light_maps(packed))),
+            map_rows(maps, near),
+            tile_rows(atlas, len(maps)),
             self._depth,
             self._sheets,
             self._tints,
-            has_sheets,
+            bool(sheets.any()),
         )
+
+    def _draw(
+        self,
+        frame: Recording,
+        scene: GpuScene,
+        pieces: Pieces,
+        atlas: ShadowAtlas,
+        views: list[np.ndarray],
+        sheets: np.ndarray,
+    ) -> None:
+        """Draw the tiles; sheets: (draws,) bool."""
+        self._fit(self._depth, atlas.size)
+        for texture in (self._sheets, self._tints):
+            texture.sized(self._depth.size if sheets.any() else (1, 1))
+        self._draw_depth(frame, scene, pieces, atlas, views, self._depth, ~sheets)
+        if sheets.any():
+            self._draw_tints(frame, scene, pieces, atlas, views, sheets)
+            self._draw_depth(frame, scene, pieces, atlas, views, self._sheets, sheets)
 
     def _fit(self, texture: Texture, size: tuple[int, int]) -> None:
         """Make a texture large enough; it shrinks only where it is far too large."""
@@ -174,6 +192,11 @@ def shared_indices(geometry: Geometry) -> np.ndarray:
             corners = slice(kept.first_index, kept.first_index + 3 * kept.triangle_count)
             indices[corners] = kept.first_vertex + first[row]
     return indices
+
+
+def _told(tile: ShadowTile, view: np.ndarray) -> tuple[object, ...]:
+    """All that a tile of a scene depends on."""
+    return tile.corner, tile.size, tile.seen.tobytes(), view.tobytes()
 
 
 def _draw_run(canvas: Canvas, run: DrawRange) -> None:

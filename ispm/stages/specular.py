@@ -6,7 +6,7 @@ import numpy as np
 
 from ispm import wgsl
 from ispm.frame import GBuffer, GpuScene
-from ispm.gpu import Gpu, Recording, Texture
+from ispm.gpu import Counted, Gpu, Kept, Recording, Texture
 from ispm.optics.records import MATERIAL_TRANSMITS
 
 _PATH = "stages/specular.wgsl"
@@ -36,13 +36,16 @@ class SpecularStage:
             gpu.texture(name, "rgba32float", usage=usage) for name in ("seen through glass", "nothing seen")
         )
         self._none.sized((1, 1))
-        self._looked = False
+        self._counted = Counted(gpu)
+        self._kept, self._read = Kept(), np.zeros(0, SEEN)
+        self._looked = self._unread = False
 
     def __call__(self, frame: Recording, scene: GpuScene, gbuffer: GBuffer) -> None:
         """Record the search for the pixels."""
         self._looked = _may_lead_on(scene.packed.materials)
-        if not self._looked:
+        if not self._looked or not self._kept.lacks(frame, gbuffer, scene.packed.looks):
             return
+        self._unread = True
         capacity = min(gbuffer.size[0] * gbuffer.size[1], self._gpu.max_binding // SEEN.itemsize)
         self._count.write(np.zeros(4, np.uint32))
         self._find(
@@ -61,10 +64,11 @@ class SpecularStage:
         """Return the pixels that were found; waits for them."""
         if not self._looked:
             return np.zeros(0, SEEN)
-        count = int(self._gpu.read_buffer(self._count, np.uint32, 1)[0])
-        count = min(count, self._seen.nbytes // SEEN.itemsize)
-        found = self._gpu.read_buffer(self._seen, SEEN, count)
-        return np.asarray(found[np.argsort(found["pixel"])])
+        if self._unread:
+            most = self._seen.nbytes // SEEN.itemsize
+            _, (found,) = self._counted.read(self._count, most, (self._seen, SEEN))
+            self._read, self._unread = found[np.argsort(found["pixel"])], False
+        return self._read.copy()
 
     def patch(
         self,

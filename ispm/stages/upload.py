@@ -29,13 +29,14 @@ class _Loaded(NamedTuple):
 
 
 class Upload:
-    """`Packed` to `GpuScene`: geometry and textures once, by identity; the rest with each frame.
+    """`Packed` to `GpuScene`; of parts that are the last frame's nothing is done.
 
     Raises SceneError where an array is larger than the adapter can bind or a texture too wide for it.
     """
 
     def __init__(self, gpu: Gpu) -> None:
         self._gpu = gpu
+        self._scene: GpuScene | None = None
         self._geometry: Geometry | None = None
         self._boxes = np.zeros((0, 2, 3))  # of the meshes, object space
         self._vertices = gpu.buffer("vertices", "vertex")
@@ -49,25 +50,37 @@ class Upload:
 
     def __call__(self, packed: Packed) -> GpuScene:
         """Return the scene as the device holds it."""
+        known, self._scene = self._scene, None  # none, if this fails halfway
+        before = known.packed if known else None
+        if known is None or before is not packed:
+            if before is None or before.placed is not packed.placed:
+                self._place(packed)
+            if before is None or before.looks is not packed.looks:
+                self._write(self._materials, packed.materials)
+                self._keep(packed.textures)
+            if before is None or before.lit is not packed.lit:
+                self._write(self._lights, packed.lights)
+            known = GpuScene(
+                packed,
+                self._draw_boxes(packed),
+                self._vertices,
+                self._indices,
+                self._instances,
+                self._materials,
+                self._lights,
+                [self._maps(row, packed.textures) for row in packed.materials],
+            )
+        self._scene = known
+        return known
+
+    def _place(self, packed: Packed) -> None:
         if packed.geometry is not self._geometry:
+            self._geometry = None
             self._write(self._vertices, packed.geometry.vertices)
             self._write(self._indices, packed.geometry.indices)
             self._geometry = packed.geometry
             self._boxes = np.array([kept.box for kept in packed.geometry.ranges])
         self._write(self._instances, packed.instances)
-        self._write(self._materials, packed.materials)
-        self._write(self._lights, packed.lights)
-        self._keep(packed.textures)
-        return GpuScene(
-            packed,
-            self._draw_boxes(packed),
-            self._vertices,
-            self._indices,
-            self._instances,
-            self._materials,
-            self._lights,
-            [self._maps(row, packed.textures) for row in packed.materials],
-        )
 
     def _write(self, buffer: Buffer, rows: np.ndarray) -> None:
         if rows.nbytes > self._gpu.max_binding:

@@ -9,11 +9,15 @@ import numpy as np
 
 from ispm import wgsl
 from ispm.frame import GBuffer, GpuScene
-from ispm.gpu import FLAT, Buffer, Gpu, Recording, Texture
+from ispm.gpu import FLAT, Buffer, Counted, Gpu, Raster, Recording, Texture
 from ispm.optics.records import RECEIVER
 from ispm.stages.camera import CameraView
 
-MISSED = wgsl.load("stages/upsample.wgsl").dtype("Missed")
+_PATH = "stages/upsample.wgsl"
+_SHADER = wgsl.load(_PATH)
+MISSED = _SHADER.dtype("Missed")
+_FINISHING = 64 * int(_SHADER.constants["FINISHING"])  # threads
+_MUCH_GLOSS = 0.125  # of the receivers, above which all pixels look for gloss at once
 UNUSED = np.float32(-1e30)  # density of light that is not to be spread
 
 
@@ -30,13 +34,20 @@ class Upsample:
 
     def __init__(self, gpu: Gpu, subsampling: int) -> None:
         self._gpu, self._block = gpu, subsampling
-        path = "stages/upsample.wgsl"
-        self._main = gpu.raster(path, ["rgba32float"] * 2, FLAT, BLOCK=subsampling)
-        self._glow = gpu.raster(path, ["rgba32float"], replace(FLAT, fragment="fs_glow"))
-        self._patch = gpu.compute(path, "patch_missed", BLOCK=subsampling)
+        self._main: dict[int, Raster] = {}  # by how they treat gloss
+        self._pack, self._finish = (
+            gpu.compute(_PATH, entry, BLOCK=subsampling) for entry in ("pack_receivers", "finish")
+        )
+        self._glow = gpu.raster(_PATH, ["rgba32float"], replace(FLAT, fragment="fs_glow"))
+        self._patch = gpu.compute(_PATH, "patch_missed", BLOCK=subsampling)
         self._light = gpu.buffer("incident light")
-        self._count = gpu.buffer("missed count")
+        self._count, self._counted = gpu.buffer("missed count"), Counted(gpu)
         self._missed = gpu.buffer("missed pixels")
+        self._left_count, self._left = gpu.buffer("left count"), gpu.buffer("left pixels")
+        self._places, self._lights = (
+            gpu.texture(f"receivers' {what}", "rgba32uint", usage=["storage", "sampled"])
+            for what in ("places", "lights")
+        )
         self._missed_receivers = gpu.buffer("missed receivers")
         self._missed_light = gpu.buffer("missed light")
         usage = ("attachment", "storage", "sampled")
@@ -59,33 +70,63 @@ class Upsample:
         self._missed.sized(capacity * MISSED.itemsize)
         self._missed_receivers.sized(capacity * RECEIVER.itemsize)
         self._count.write(np.zeros(4, np.uint32))
-        group = self._main.bind(
-            0,
+        self._left.sized(4 * view.size[0] * view.size[1])
+        self._left_count.write(np.zeros(4, np.uint32))
+        low = -(-view.size[0] // self._block), -(-view.size[1] // self._block)
+        incident = self._light.write(light)
+        self._pack(
             frame,
-            **self._surface(scene, gbuffer, view),
+            over=low,
+            camera=view.uniform(),
             receivers=receivers,
-            light=self._light.write(light),
+            light=incident,
+            places_out=self._places.sized(low),
+            lights_out=self._lights.sized(low),
+        )
+        shared: dict[str, Any] = dict(
+            **self._surface(scene, gbuffer, view),
+            **self._sharp(caustic),
+            receivers=receivers,
+            light=incident,
+            places=self._places,
+            lights=self._lights,
+            left_count=self._left_count,
+            left=self._left,
+        )
+        main = self._pipeline(light)
+        group = main.bind(0, frame, **shared)
+        with frame.draw_into(*self._targets(view).values()) as canvas:
+            canvas.use(main, group)
+            canvas.draw(3)
+        self._finish(
+            frame,
+            over=_FINISHING,
+            **shared,
             missed_count=self._count,
             missed=self._missed,
             missed_receivers=self._missed_receivers,
-            **self._sharp(caustic),
+            **self._targets(view),
         )
-        with frame.draw_into(*self._targets(view).values()) as canvas:
-            canvas.use(self._main, group)
-            canvas.draw(3)
         with frame.draw_into(self.emission.sized(view.size)) as canvas:
             if scene.packed.glows:
                 canvas.use(self._glow, self._glow.bind(0, emission=gbuffer.emission, points=gbuffer.points))
                 canvas.draw(3)
         return self.indirect, self.irradiance, self.emission
 
+    def _pipeline(self, light: np.ndarray) -> Raster:
+        """The pipeline for (w h, 16) light; compiled when first needed."""
+        glossy = float(light.reshape(-1, 4, 4)[:, 1:, :3].any(axis=(1, 2)).mean())
+        gloss = (glossy > 0.0) + (glossy > _MUCH_GLOSS)
+        if gloss not in self._main:
+            formats = ["rgba32float"] * 2
+            self._main[gloss] = self._gpu.raster(_PATH, formats, FLAT, BLOCK=self._block, GLOSS=gloss)
+        return self._main[gloss]
+
     def missed(self) -> tuple[np.ndarray, np.ndarray]:
         """Return (M,) MISSED and (M,) RECEIVER: the pixels that found no neighbour; waits for them."""
-        count = int(self._gpu.read_buffer(self._count, np.uint32, 1)[0])
-        count = min(count, self._missed.nbytes // MISSED.itemsize)
-        pixels, receivers = self._gpu.read_many(
-            [(self._missed, MISSED, count), (self._missed_receivers, RECEIVER, count)]
-        )
+        most = self._missed.nbytes // MISSED.itemsize
+        lists = (self._missed, MISSED), (self._missed_receivers, RECEIVER)
+        _, (pixels, receivers) = self._counted.read(self._count, most, *lists)
         return pixels, receivers
 
     def patch(

@@ -1,6 +1,7 @@
 // Incident light from low to full resolution, and the radiance the pixel's surface makes of it.
 // Joint bilateral (Kopf et al. 2007), by distance from the pixel's tangent plane rather than by depth, so
-// that oblique floors find their neighbours. Pixels that find none are listed for the world-space estimate.
+// that oblique floors find their neighbours. Pixels to which the four about them bring little, or gloss, are left
+// to `finish`: elsewhere they would slow down all. Those that find none are listed for the world-space estimate.
 // include stages/camera.wgsl
 // include stages/fullscreen.wgsl
 // include stages/receivers.wgsl
@@ -10,6 +11,11 @@ const PLANE_REACH = 1.3;    // low-resolution pixels: a biweight as wide as a Ga
 const FEW = 0.02;          // sum of weights below which farther neighbours are asked too
 const TOO_LITTLE = 1e-3;   // and below which a pixel has found none
 const TURNED = 0.01;       // least share of its weight that a receiver keeps whose bump faces elsewhere
+const NO_TAP = 0x80008000u;  // in place of a packed normal, which has no such numbers
+const FINISHING = 64u;     // workgroups of `finish`, each of as many threads
+const LEFT = 1u;           // values of GLOSS: none is looked for, it is left to `finish`, or it is found at once
+const FOUND = 2u;
+override GLOSS: u32 = FOUND;
 
 struct Missed {
     pixel: u32,
@@ -26,6 +32,12 @@ struct Missed {
 @group(0) @binding(5) var emission: texture_2d<f32>;
 @group(0) @binding(7) var<storage, read> receivers: array<Receiver>;
 @group(0) @binding(8) var<storage, read> light: array<vec4f>;          // four for each receiver
+@group(0) @binding(6) var places: texture_2d<u32>;   // of each receiver the position and geometric normal,
+@group(0) @binding(16) var lights: texture_2d<u32>;  // the irradiance and shading normal
+@group(0) @binding(19) var places_out: texture_storage_2d<rgba32uint, write>;
+@group(0) @binding(20) var lights_out: texture_storage_2d<rgba32uint, write>;
+@group(0) @binding(21) var<storage, read_write> left_count: array<atomic<u32>>;
+@group(0) @binding(22) var<storage, read_write> left: array<u32>;          // pixels for `finish`
 @group(0) @binding(9) var<storage, read_write> missed_count: array<atomic<u32>>;
 @group(0) @binding(10) var<storage, read_write> missed: array<Missed>;
 @group(0) @binding(11) var<storage, read_write> missed_receivers: array<Receiver>;
@@ -69,9 +81,9 @@ fn surface_at(pixel: vec2u, seen: vec4u) -> Surface {
 
 struct Tap {               // a receiver and its light
     position: vec3f,
-    alpha: f32,
+    valid: f32,            // 0: there is none, or its light is not to be spread
     ng: vec3f,
-    valid: f32,
+    alpha: f32,
     n: vec3f,
     light: Incident,
 }
@@ -82,23 +94,45 @@ struct Taps {
     gloss_weight: f32,
 }
 
+// What all taps need, in two texels: llvmpipe takes longer for two words of a buffer.
+@compute @workgroup_size(8, 8)
+fn pack_receivers(@builtin(global_invocation_id) id: vec3u) {
+    let low = low_size();
+    if (any(vec2i(id.xy) >= low)) {
+        return;
+    }
+    let k = id.y * u32(low.x) + id.x;
+    let r = receivers[k];
+    let i = light[4u * k];
+    let ng = select(NO_TAP, pack_normal(r.ng), (r.valid != 0u) && (i.w >= 0.0));
+    textureStore(places_out, id.xy, vec4u(bitcast<vec3u>(r.position), ng));
+    textureStore(lights_out, id.xy, vec4u(bitcast<vec3u>(i.rgb), pack_normal(r.n)));
+}
+
+fn low_size() -> vec2i {
+    return (vec2i(camera.size) + i32(BLOCK) - 1) / i32(BLOCK);
+}
+
 fn load_tap(at: vec2i, low: vec2i) -> Tap {
     var tap = Tap();
     if (any(at < vec2i(0)) || any(at >= low)) {
         return tap;
     }
-    let k = u32(at.y * low.x + at.x);
-    let first = light[4u * k];
-    tap.valid = select(0.0, 1.0, receivers[k].valid != 0u && first.w >= 0.0);
-    tap.position = receivers[k].position;
-    tap.ng = receivers[k].ng;
-    tap.n = receivers[k].n;
-    tap.alpha = receivers[k].alpha;
-    tap.light.irradiance = first.rgb;
-    if (tap.alpha > 0.0) {
-        tap.light.fresnel = light[4u * k + 1u].rgb;
-        tap.light.gloss = light[4u * k + 2u].rgb;
-        tap.light.grazing = light[4u * k + 3u].rgb;
+    let place = textureLoad(places, at, 0);
+    let shone = textureLoad(lights, at, 0);
+    tap.position = bitcast<vec3f>(place.xyz);
+    tap.valid = select(1.0, 0.0, place.w == NO_TAP);
+    tap.ng = unpack_normal(place.w);
+    tap.n = unpack_normal(shone.w);
+    tap.light.irradiance = bitcast<vec3f>(shone.xyz);
+    if (GLOSS == FOUND) {
+        let k = u32(at.y * low.x + at.x);
+        tap.alpha = receivers[k].alpha;
+        if (tap.alpha > 0.0) {
+            tap.light.fresnel = light[4u * k + 1u].rgb;
+            tap.light.gloss = light[4u * k + 2u].rgb;
+            tap.light.grazing = light[4u * k + 3u].rgb;
+        }
     }
     return tap;
 }
@@ -154,25 +188,62 @@ fn fs(@builtin(position) at: vec4f) -> Lit {
     if (seen.w == 0u) {
         return Lit(vec4f(0.0), vec4f(0.0));
     }
-    let block = i32(BLOCK);
-    let low = (vec2i(camera.size) + block - 1) / block;
-    let q = (vec2f(pixel) - receiver_offset()) / f32(block);
-    let corner = vec2i(floor(q));
-    let f = q - vec2f(corner);
-    let least = select(1e-3, 0.0, BLOCK == 1u);  // any of the four may have to serve; at K = 1 its own does
     let s = surface_at(pixel, seen);
-    var taps = Taps();    // without a value, some compilers keep that of the turn before
-    add_tap(&taps, s, load_tap(corner, low), (1.0 - f.x) * (1.0 - f.y) + least);
-    add_tap(&taps, s, load_tap(corner + vec2i(1, 0), low), f.x * (1.0 - f.y) + least);
-    add_tap(&taps, s, load_tap(corner + vec2i(0, 1), low), (1.0 - f.x) * f.y + least);
-    add_tap(&taps, s, load_tap(corner + vec2i(1, 1), low), f.x * f.y + least);
-    if (taps.weight < FEW) {
-        add_ring(&taps, s, corner, f, low);
-    }
-    if (taps.weight < TOO_LITTLE) {
-        list_missed(pixel, s, vec2u(low));
+    let taps = nearest_taps(pixel, s);
+    if ((taps.weight < FEW) || ((GLOSS == LEFT) && (s.alpha > 0.0))) {
+        let slot = atomicAdd(&left_count[0], 1u);
+        if (slot < arrayLength(&left)) {
+            left[slot] = pixel.y * u32(camera.size.x) + pixel.x;
+        }
     }
     return lit(pixel, s.bsdf, mean_of(taps));
+}
+
+// A pixel among the receivers: the upper left of the four about it, and how far right of and below that it is.
+struct Corner {
+    at: vec2i,
+    f: vec2f,
+}
+
+fn corner_of(pixel: vec2u) -> Corner {
+    let q = (vec2f(pixel) - receiver_offset()) / f32(BLOCK);
+    let at = floor(q);
+    return Corner(vec2i(at), q - at);
+}
+
+// The four receivers about a pixel.
+fn nearest_taps(pixel: vec2u, s: Surface) -> Taps {
+    let low = low_size();
+    let c = corner_of(pixel);
+    let f = c.f;
+    let least = select(1e-3, 0.0, BLOCK == 1u);  // any of the four may have to serve; at K = 1 its own does
+    var taps = Taps();    // without a value, some compilers keep that of the turn before
+    add_tap(&taps, s, load_tap(c.at, low), (1.0 - f.x) * (1.0 - f.y) + least);
+    add_tap(&taps, s, load_tap(c.at + vec2i(1, 0), low), f.x * (1.0 - f.y) + least);
+    add_tap(&taps, s, load_tap(c.at + vec2i(0, 1), low), (1.0 - f.x) * f.y + least);
+    add_tap(&taps, s, load_tap(c.at + vec2i(1, 1), low), f.x * f.y + least);
+    return taps;
+}
+
+// Write the pixels that were left.
+@compute @workgroup_size(64)
+fn finish(@builtin(global_invocation_id) id: vec3u) {
+    let count = min(atomicLoad(&left_count[0]), arrayLength(&left));
+    for (var k = id.x; k < count; k += 64u * FINISHING) {
+        let width = u32(camera.size.x);
+        let pixel = vec2u(left[k] % width, left[k] / width);
+        let s = surface_at(pixel, textureLoad(points, pixel, 0));
+        var taps = nearest_taps(pixel, s);
+        if (taps.weight < FEW) {
+            add_ring(&taps, s, pixel);
+        }
+        if (taps.weight < TOO_LITTLE) {
+            list_missed(pixel, s);
+        }
+        let out = lit(pixel, s.bsdf, mean_of(taps));
+        textureStore(indirect_out, pixel, out.indirect);
+        textureStore(irradiance_out, pixel, out.irradiance);
+    }
 }
 
 // Emission as it is.
@@ -183,20 +254,22 @@ fn fs_glow(@builtin(position) at: vec4f) -> @location(0) vec4f {
 }
 
 // The 4 x 4 receivers about a pixel.
-fn add_ring(taps: ptr<function, Taps>, s: Surface, corner: vec2i, f: vec2f, low: vec2i) {
+fn add_ring(taps: ptr<function, Taps>, s: Surface, pixel: vec2u) {
+    let c = corner_of(pixel);
     for (var k = 0; k < 16; k++) {
         let at = vec2i(k % 4, k / 4) - 1;
-        let away = vec2f(at) - f;
-        add_tap(taps, s, load_tap(corner + at, low), exp(-dot(away, away)));
+        let away = vec2f(at) - c.f;
+        add_tap(taps, s, load_tap(c.at + at, low_size()), exp(-dot(away, away)));
     }
 }
 
 // Ask for an estimate of this pixel's own.
-fn list_missed(pixel: vec2u, s: Surface, low: vec2u) {
+fn list_missed(pixel: vec2u, s: Surface) {
     let slot = atomicAdd(&missed_count[0], 1u);
     if (slot >= arrayLength(&missed)) {
         return;
     }
+    let low = vec2u(low_size());
     let block = min(pixel / BLOCK, low - 1u);
     missed[slot] = Missed(pixel.y * u32(camera.size.x) + pixel.x, block.y * low.x + block.x, 0u, 0u);
     let wo = view_direction(s.position);

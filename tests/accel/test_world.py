@@ -158,14 +158,14 @@ def test_an_update_follows_what_moves_and_what_is_touched():
     ray = [[0.0, 0.5, -1.0]], [[0.0, 0.0, 1.0]]
     assert world.trace(*ray)["t"][0] == 1.0
     node.translation = (0.0, 0.0, 2.0)
-    packed = pack(scene, packed.geometry)
+    packed = pack(scene, packed)
     before = world.trees
     world.update(packed)
     assert world.trace(*ray)["t"][0] == 3.0
     assert world.trees.nodes is before.nodes  # the mesh's tree was kept
     mesh.positions[:, 2] = 1.0
     mesh.touch()
-    world.update(pack(scene, packed.geometry))
+    world.update(pack(scene, packed))
     assert world.trace(*ray)["t"][0] == 4.0
     scene.roots.clear()
     world.update(pack(scene))

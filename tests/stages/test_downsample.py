@@ -89,7 +89,7 @@ def test_where_a_pass_sees_nothing_the_median_serves(gpu):
     assert (depth == 0.0).any()
     for index in range(1, 17):
         later, *_ = receivers_and_depth(gpu, 4, pass_index=index)
-        np.testing.assert_array_equal(later["valid"], first["valid"])
+        np.testing.assert_array_equal(later["valid"] > 0, first["valid"] > 0)
 
 
 @pytest.mark.parametrize("block", [1, 4])

@@ -1,0 +1,125 @@
+"""What stands at which node of a scene, numbered, wherever the nodes stand."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from itertools import chain, compress, count
+from operator import attrgetter, is_
+from typing import Any, get_args
+
+import numpy as np
+
+from ispm.scene.camera import Camera
+from ispm.scene.light import Light
+from ispm.scene.material import Material
+from ispm.scene.mesh import Mesh
+from ispm.scene.names import Names, Place, Run
+from ispm.scene.node import Node, Part
+from ispm.scene.placing import Tree
+
+_NONE = type(None)
+_KINDS = {
+    "parts": {list},
+    "light": {_NONE, *get_args(Light)},
+    "camera": {_NONE, Camera},
+    "instances": {_NONE},
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Layout:
+    """The parts that are shown, a row for each: not where, and not what they look like.
+
+    nodes      of the tree, in order
+    meshes, materials   each once, in the order met; of materials, those of parts that are shown
+    mesh, material, node, copies   (R,) int64 of each row the number of its mesh, material and node, and how
+               often it is placed
+    instanced  rows whose node has instances;  lights  numbers of the nodes that hold a light
+    names      what ids stand for
+    """
+
+    nodes: list[Node]
+    meshes: list[Mesh]
+    materials: list[Material]
+    mesh: np.ndarray
+    material: np.ndarray
+    node: np.ndarray
+    copies: np.ndarray
+    instanced: list[int]
+    lights: list[int]
+    names: Names
+    _things: Sequence[object]
+    _values: Sequence[object]
+
+    def _is_of(self, things: Sequence[object], values: Sequence[object]) -> bool:
+        """Whether it is of these very objects, and of values like these."""
+        same = len(things) == len(self._things) and all(map(is_, things, self._things))
+        return same and values == self._values
+
+
+def layout_of(tree: Tree, before: Layout | None = None) -> Layout:
+    """Return the layout of a tree: `before` itself where nothing came, went or was renamed.
+
+    Raises SceneError where something that cannot be drawn stands at a node.
+    """
+    nodes, parents = tree
+    _require_drawable(nodes)
+    parts = list(chain.from_iterable(map(attrgetter("parts"), nodes)))
+    part_counts = [len(node.parts) for node in nodes]
+    part_meshes, part_materials = ([getattr(part, name) for part in parts] for name in ("mesh", "material"))
+    copies = [1 if node.instances is None else len(node.instances) for node in nodes]
+    is_lit = [node.light is not None for node in nodes]
+    met = {id(mesh): mesh for mesh in part_meshes}
+    hollow = {key for key, mesh in met.items() if not len(mesh.triangles)}
+    names = [[item.name for item in items] for items in (nodes, part_meshes, part_materials)]
+    things = [*nodes, *part_meshes, *part_materials]
+    values = [parents, part_counts, copies, is_lit, hollow, *names]
+    if before is not None and before._is_of(things, values):
+        return before
+
+    node = np.repeat(np.arange(len(nodes)), part_counts)
+    part = np.arange(len(parts)) - np.repeat(np.cumsum(part_counts) - part_counts, part_counts)
+    placed = np.array(copies, np.int64)[node]
+    shown = (placed > 0) & np.array([id(mesh) not in hollow for mesh in part_meshes], bool)
+    node, part, placed = node[shown], part[shown], placed[shown]
+    meshes, mesh = _numbered(compress(part_meshes, shown))
+    materials, material = _numbered(compress(part_materials, shown))
+    mesh_names = compress(names[1], shown)
+    runs = map(Run, node.tolist(), part.tolist(), mesh_names, material.tolist(), placed.tolist())
+    return Layout(
+        nodes,
+        meshes,
+        materials,
+        mesh,
+        material,
+        node,
+        placed,
+        [row for row, index in enumerate(node.tolist()) if nodes[index].instances is not None],
+        [index for index, lit in enumerate(is_lit) if lit],
+        Names(tuple(runs), tuple(each.name for each in materials), tuple(map(Place, names[0], parents))),
+        things,
+        values,
+    )
+
+
+def _require_drawable(nodes: Sequence[Node]) -> None:
+    """Raise SceneError as `Node.check`, which is asked of each only where kinds are not the usual ones."""
+    usual = all(set(map(type, map(attrgetter(name), nodes))) <= kinds for name, kinds in _KINDS.items())
+    if usual:
+        parts = list(chain.from_iterable(map(attrgetter("parts"), nodes)))
+        usual = set(map(type, parts)) <= {Part}
+        usual = usual and {type(part.mesh) for part in parts} <= {Mesh}
+        usual = usual and {type(part.material) for part in parts} <= {Material}
+    if not usual:
+        for node in nodes:
+            node.check()
+
+
+def _numbered(items: Iterable[Any]) -> tuple[list[Any], np.ndarray]:
+    """The items, each once in the order met, and of all, (n,) int64, which of those it is; by identity."""
+    every = list(items)
+    keys = list(map(id, every))
+    each = dict(zip(reversed(keys), reversed(every), strict=True))
+    numbers = dict(zip(dict.fromkeys(keys), count()))
+    return [each[key] for key in numbers], np.array([numbers[key] for key in keys], np.int64)
