@@ -55,6 +55,7 @@ def keep_light(
     seed: int,
     pass_index: int,
     *,
+    series: int = 1,
     solids: bool = False,
     rows: np.ndarray | None = None,
 ) -> None:
@@ -62,6 +63,7 @@ def keep_light(
 
     photons  (N,) PHOTON with radius and height set, or CAUSTIC; flux changed in place
     keys     (N,) uint32, of the random numbers
+    series   whose mean is taken where a kernel loses something: more, less noise and more rays
     solids   whether points on surfaces within solids do not count
     rows     (n,) uint32, the photons to change; None: all
     """
@@ -69,7 +71,7 @@ def keep_light(
     if not len(rows):
         return
     scene = _Traced(world.trees, surfaces.addresses, solids)
-    numbers = _Numbers(keys, u32(pass_index), u32(seed))
+    numbers = _Numbers(keys, u32(pass_index), u32(seed), i64(series))
     keep: Callable[..., None] = _keep_ellipses if "front" in (photons.dtype.names or ()) else _keep_discs
     run_shared(lambda counter: keep(scene, photons, rows, numbers, counter), world.threads)
 
@@ -84,11 +86,12 @@ class _Traced(NamedTuple):
 
 
 class _Numbers(NamedTuple):
-    """Random numbers of each kernel: those of its key, uint32."""
+    """Random numbers of each kernel, those of its key, uint32, and how many series are drawn by them."""
 
     keys: np.ndarray
     pass_index: np.uint32
     seed: np.uint32
+    series: np.int64
 
 
 class _Kernel(NamedTuple):
@@ -136,25 +139,46 @@ def _keep_ellipses(scene, photons, rows, numbers, counter):
 @jit
 def _keep(scene, photon, kernel, key, numbers, scratch):
     """Multiply the flux of a PHOTON or CAUSTIC by 1 over the share of its _Kernel on lit surfaces, in
-    expectation: by the terms of its series. key: uint32."""
+    expectation: by the terms of series, which share the first point. key: uint32."""
+    first = u32(_DIMENSION)
+    total, term = _terms(scene, kernel, key, numbers, first, i64(1), scratch)
+    if term != f32(0):
+        rest = f32(0)
+        for _ in range(numbers.series):
+            first += u32(2 * _DRAWS_MAX)
+            part, _ = _terms(scene, kernel, key, numbers, first, i64(_DRAWS_MAX), scratch)
+            rest += part
+        total += term * rest / f32(numbers.series)
+    for c in range(3):
+        photon.flux[c] *= total
+
+
+@jit
+def _terms(scene, kernel, key, numbers, first, most, scratch):
+    """Return the sum of a series's first terms, at most so many, and the next one, 0 where roulette ended it.
+
+    first  uint32, dimension of the first random numbers
+    """
     total, term = f32(0), f32(1)
-    for draw in range(_DRAWS_MAX):
-        first = u32(_DIMENSION + 2 * draw)
+    for _ in range(_DRAWS_MAX):
         turn, a, b, c = random4(key, first, numbers.pass_index, numbers.seed)
         # The greatest of three is below x with the chance x^3: within s lies 1 - (1 - s^2)^3 of a kernel.
         outside = max(max(a, b), max(c, f32(1e-6)))
         offset, thickness = _point_of(kernel, outside, turn)
+        first += u32(2)
         if dot(offset, kernel.front) < -kernel.reach:
             continue  # cut off: the kernel holds its flux without it
         total += term
         term *= f32(1) - _lit_share(scene, kernel, add(kernel.position, offset), thickness, scratch)
         if abs(term) < _LEAST_TERM:
-            chance, _, _, _ = random4(key, first + u32(1), numbers.pass_index, numbers.seed)
+            chance, _, _, _ = random4(key, first - u32(1), numbers.pass_index, numbers.seed)
             if chance * _LEAST_TERM >= abs(term):
-                break
+                return total, f32(0)
             term = _LEAST_TERM if term > f32(0) else -_LEAST_TERM
-    for c in range(3):
-        photon.flux[c] *= total
+        most -= i64(1)
+        if most == i64(0):
+            break
+    return total, term
 
 
 @jit

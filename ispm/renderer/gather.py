@@ -43,9 +43,11 @@ _REACH = 0.4  # of the harmonic mean of rays' lengths: the filter's radius, as l
 _NARROWER = (
     -0.25
 )  # exponent of the number of passes in the filter's radius, beside that of all kernels; measured
+_RAYS_USUAL = 4  # of a receiver, to which the radius belongs
 _RAYS_WITHIN = 800.0  # least rays within the filter's radius, over all passes: fewer leave specks in corners
 _NEAREST = 0.01  # of the scene's diagonal, for which shorter rays count there
 _BATCH = 1 << 17  # rays whose ends lie in memory at once
+_SERIES = 8  # of photons that light receivers; at rays' ends, which meet many of them, more gain nothing
 _DIMENSION = 1 << 21  # of the random numbers that shift whole pictures of rays
 
 
@@ -191,7 +193,10 @@ class PhotonLight:
         """Give photons back, in place, what their kernels lose past edges, and within solids."""
         this = self._this
         seed, index = this.settings.seed, this.index
-        keep_light(photons, keys, this.world, this.surfaces, seed, index, solids=solids, rows=rows)
+        series = 1 if solids else _SERIES
+        keep_light(
+            photons, keys, this.world, this.surfaces, seed, index, series=series, solids=solids, rows=rows
+        )
 
     def _measure(self, photons: np.ndarray) -> None:
         """Give kernels of the low resolution their size."""
@@ -224,7 +229,10 @@ class PhotonLight:
             incident[name][used] = getattr(found, name)
             incident[name] += channels(not_gathered)[name]
         passes = 1 + this.index
-        reach = rays_reach(image, nearness, this.settings.gather_rays * passes, passes)
+        rays = this.settings.gather_rays
+        # More rays free the picture of their own noise, not of the photons', nor of any in gloss.
+        freed = np.where(points["alpha"] > 0.0, 1.0, math.sqrt(rays / _RAYS_USUAL))
+        reach = rays_reach(image, nearness, rays * passes, passes * freed)
         set_reach(light, points, reach, this.packed.diagonal)
         return light
 

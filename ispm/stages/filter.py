@@ -91,7 +91,8 @@ def filter_estimate(
     Three passes: the first reaches h, with strided taps where that is many pixels; the others, each as
     wide as the stride before, remove the comb that strided taps leave. The disc of that reach is an ellipse
     on the screen, as wide as what its box holds: a ceiling seen aslant has long strides along its rows, and
-    none from row to row. On things that are narrower than the strides all taps lie next to the point.
+    none from row to row. Things narrower than the strides have them along their length alone, as columns and
+    shelves, or none where they stand aslant.
     Weights: (1 - d^2/h^2)^2 (n.n')^16 (1 - z^2/b^2)^2 dA; d and z are the distances from the point and
     from its tangent plane, dA the area that a receiver stands for, n the shading normals, or bumps would
     be averaged away. Where even h holds few photons, as on small round things, (n.n')^4 and twice the b,
@@ -235,12 +236,20 @@ def _spread_one(at, reach, few, image, out):
     """Write the mean over `reach` m about a place, and how many receivers it met over what is enough."""
     wide, high = _widths(at, image)
     pixels = reach / at.points[at.p, _FOOTPRINT]
-    lattice = _lattice(pixels * wide, pixels * high)
-    (stride_x, stride_y), (taps_x, taps_y) = lattice
-    met = _mean_about(at, reach, lattice, few, image, out)
+    wanted = _lattice(pixels * wide, pixels * high)
+    (stride_x, stride_y), (taps_x, taps_y) = wanted
+    met = _mean_about(at, reach, wanted, few, image, out)
     if met < i64(_MIN_RECEIVERS) and max(stride_x, stride_y) > i64(1):
-        taps_x, taps_y = min(i64(_TAPS), stride_x * taps_x), min(i64(_TAPS), stride_y * taps_y)
-        met = _mean_about(at, reach, _Lattice((i64(1), i64(1)), (taps_x, taps_y)), few, image, out)
+        dense_x, dense_y = min(i64(_TAPS), stride_x * taps_x), min(i64(_TAPS), stride_y * taps_y)
+        taps = dense_x, taps_y
+        met = _mean_about(at, reach, _Lattice((i64(1), stride_y), taps), few, image, out)
+        if met < i64(_MIN_RECEIVERS):
+            taps = taps_x, dense_y
+            met = _mean_about(at, reach, _Lattice((stride_x, i64(1)), taps), few, image, out)
+        if met < i64(_MIN_RECEIVERS):
+            taps = dense_x, dense_y
+            met = _mean_about(at, reach, _Lattice((i64(1), i64(1)), taps), few, image, out)
+        taps_x, taps_y = taps
     box = (i64(2) * taps_x + i64(1)) * (i64(2) * taps_y + i64(1))
     enough = min(i64(_MIN_RECEIVERS), box // i64(4))  # a short reach holds few, and light is even over it
     stf(np.uint64(out.ctypes.data), at.p * CHANNELS + MET, f32(met) / f32(enough))
