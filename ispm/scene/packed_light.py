@@ -37,14 +37,15 @@ def pack_lights(layout: Layout, worlds: np.ndarray, before: Lit | None = None) -
     worlds  (n, 4, 4) float64 node-to-world matrices
     Raises SceneError for a value out of range.
     """
-    lights = [(layout.nodes[index].light, layout.nodes[index].name, worlds[index]) for index in layout.lights]
+    nodes = [(layout.nodes[index], worlds[index]) for index in layout.lights]
+    # Each is asked once: another thread may take it away at any time.
+    lights = [(light, node.name, at) for node, at in nodes if (light := node.light) is not None]
     made_of: list[object] = [(type(light), *frozen(light), name, at.tobytes()) for light, name, at in lights]
     if before is not None and made_of == before.made_of:
         return before
     rows = [
         light_record(light, at, light_called(light, name, number))
         for number, (light, name, at) in enumerate(lights)
-        if light is not None
     ]
     return Lit(np.array(rows, records.LIGHT), made_of)
 

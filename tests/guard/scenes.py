@@ -83,7 +83,7 @@ _METHODS: dict[str, dict[str, Any]] = {
     "kernel-class": dict(kernel="class", photons=20_000),  # fewer have the widest kernels that there are
     **{f"class-{name}": dict(kernel="class", estimator=name) for name in ("tiled", "grid")},
     "measured-photons": dict(kernel="measured", gather=0),
-    **{f"preset-{name}": dict(preset=name) for name in ("fast", "best", "talk")},
+    **{f"preset-{name}": dict(preset=name) for name in ("fast", "best", "live", "talk")},
     "talk-errors": dict(preset="talk", talk_errors=True),
     "emission-map": dict(emission="map", views=("bounce-map",)),
     "emission-rays": dict(emission="rays"),
