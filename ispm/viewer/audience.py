@@ -7,22 +7,13 @@ import time
 from collections.abc import Awaitable, Callable
 from dataclasses import dataclass, field
 
+from ispm.viewer.packets import Packet
+
 MOST_CLIENTS = 16
 MOST_IN_FLIGHT = 2  # pictures on the way to a client that it has not said to have shown
 RATE = 300.0  # messages a second of one client; more are refused
 _PATIENCE = 300  # refused messages after which a client is sent away
 _MOST_BAD = 20  # messages that are none, likewise
-
-
-@dataclass(frozen=True, eq=False)
-class Packet:
-    """A picture as it is sent.
-
-    data  the header's length in 4 bytes, little end first, the header as JSON, a JPEG or PNG
-    """
-
-    number: int
-    data: bytes
 
 
 @dataclass(eq=False)

@@ -4,25 +4,18 @@ from __future__ import annotations
 
 import asyncio
 import socket
-import struct
 import threading
-import time
 from collections.abc import Callable
 from typing import Any
 
-import msgspec
-
 from ispm.errors import IspmError, SettingsError
 from ispm.viewer.access import Access, require_host
-from ispm.viewer.audience import Packet
-from ispm.viewer.describe import describe, header
 from ispm.viewer.messages import MOST_BYTES
-from ispm.viewer.pictures import encoded
+from ispm.viewer.packets import Rate, packed, told
 from ispm.viewer.running import Running
 from ispm.viewer.session import Picture, Session
 
 _SOON = 5.0  # s in which a server starts and ends
-_SMOOTH = 0.8  # of the last rate in the one that is shown
 _HOW: dict[str, Any] = dict(
     log_config=None,
     access_log=False,
@@ -85,7 +78,7 @@ class Server:
         self._running = running
         self._site = Site(running, self.access, spent, self._watch)
         self._uvicorn = Uvicorn(Config(self._site, **_HOW))
-        self._rate, self._before = 0.0, 0.0
+        self._rate = Rate()
         self._loop: asyncio.AbstractEventLoop | None = None
         self._begun = threading.Event()
         self._thread = threading.Thread(target=self._run, name="ispm-server", daemon=True)
@@ -122,24 +115,11 @@ class Server:
             self._running.leave(self)
 
     def _show(self, picture: Picture, session: Session) -> None:
-        now = time.monotonic()
-        rate = 1.0 / max(now - self._before, 1e-6)
-        self._rate = _SMOOTH * self._rate + (1.0 - _SMOOTH) * rate if now - self._before < 1.0 else rate
-        self._before = now
-        moving = picture.frame.stats.passes == 1
-        kind, data = encoded(picture.image, moving=moving and not picture.still, lossless=picture.still)
-        about = msgspec.json.encode({"kind": kind, **header(session, picture, self._rate)})
-        packet = Packet(picture.number, struct.pack("<I", len(about)) + about + data)
-        self._call(self._site.audience.show, packet)
+        self._call(self._site.audience.show, packed(picture, session, self._rate.now()))
         self._tell(session)
 
     def _tell(self, session: Session) -> None:
-        parts = describe(session)
-        state = {
-            name: msgspec.json.encode({"part": name, "value": value}).decode()
-            for name, value in parts.items()
-        }
-        self._call(self._site.audience.tell, state)
+        self._call(self._site.audience.tell, told(session))
 
     def _call(self, function: Callable[[Any], None], value: Any) -> None:
         assert self._loop is not None

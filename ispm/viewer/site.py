@@ -10,11 +10,11 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import parse_qs
 
-from ispm.errors import IspmError, SceneError
+from ispm.errors import IspmError
 from ispm.viewer.access import Access
 from ispm.viewer.audience import MOST_CLIENTS, Audience, Client
+from ispm.viewer.files import MOST_UPLOADED, ending_of, loaded, saved, screenshot
 from ispm.viewer.messages import Ack, read
-from ispm.viewer.pictures import encoded
 from ispm.viewer.running import Running
 from ispm.viewer.session import Session
 
@@ -22,7 +22,6 @@ Scope = MutableMapping[str, Any]
 Receive = Callable[[], Awaitable[MutableMapping[str, Any]]]
 Send = Callable[[Mapping[str, Any]], Awaitable[None]]
 
-MOST_UPLOADED = 64 << 20  # bytes of a file that is dropped on the page
 _PAGE = Path(__file__).parent / "page"
 _KINDS = {".html": "text/html", ".js": "text/javascript", ".css": "text/css", ".svg": "image/svg+xml"}
 _FILES = {path.name: _KINDS[path.suffix] for path in sorted(_PAGE.iterdir())}
@@ -121,9 +120,9 @@ class Site:
         if name in _FILES:
             await _answer(send, 200, (_PAGE / name).read_bytes(), {"content-type": _FILES[name]})
         elif name == "scene.glb":
-            await self._made(send, _saved, "model/gltf-binary", "scene.glb")
+            await self._made(send, saved, "model/gltf-binary", "scene.glb")
         elif name == "picture.png":
-            await self._made(send, _screenshot, "image/png", "picture.png")
+            await self._made(send, screenshot, "image/png", "picture.png")
         elif name == "address":
             await _answer(send, 200, self.access.url().encode())
         else:
@@ -142,12 +141,11 @@ class Site:
 
     async def _upload(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Take a file that was dropped on the page, and show it."""
-        from ispm.io.load import READERS
-
         name = Path(parse_qs(scope["query_string"].decode("latin-1")).get("name", [""])[0]).name
-        ending = Path(name).suffix.lower()
-        if ending not in READERS:
-            await _answer(send, 415, f"{name[:80]}: is none of {' '.join(READERS)}\n".encode())
+        try:
+            ending = ending_of(name)
+        except IspmError as error:
+            await _answer(send, 415, f"{error}\n".encode())
             return
         too_large = f"{name[:80]}: is larger than {MOST_UPLOADED >> 20} MiB\n".encode()
         length = dict(scope["headers"]).get(b"content-length", b"0")
@@ -170,7 +168,7 @@ class Site:
                     more = event.get("more_body", False)
             async with self._busy:
                 try:
-                    scene = await asyncio.to_thread(_loaded, path, Path(name).stem)
+                    scene = await asyncio.to_thread(loaded, path, Path(name).stem)
                     await asyncio.wrap_future(self.running.ask(lambda session: session.open(scene, name)))
                 except IspmError as error:
                     await _answer(send, 422, f"{error}\n".replace(path.name, name[:80]).encode())
@@ -235,28 +233,6 @@ def _line(text: str) -> str:
     import msgspec
 
     return msgspec.json.encode({"part": "line", "value": text[:500]}).decode()
-
-
-def _saved(session: Session) -> bytes:
-    from ispm.io.save import save
-
-    with tempfile.TemporaryDirectory(prefix="ispm-") as folder:
-        return save(session.scene, Path(folder) / "scene.glb").read_bytes()
-
-
-def _screenshot(session: Session) -> bytes:
-    if session.picture is None:
-        raise SceneError("there is no picture yet")
-    return encoded(session.picture.image, moving=False, lossless=True)[1]
-
-
-def _loaded(path: Path, name: str) -> Any:
-    from ispm.io.load import load
-
-    scene = load(path, max_file_bytes=MOST_UPLOADED)
-    if scene.name == path.stem:
-        scene.name = name
-    return scene
 
 
 async def _answer(send: Send, status: int, body: bytes, more: Mapping[str, str] | None = None) -> None:

@@ -6,9 +6,11 @@ from collections.abc import Callable
 from contextlib import AbstractContextManager
 from pathlib import Path
 from types import TracebackType
+from typing import Any
 
-from ispm.errors import IspmError
+from ispm.errors import IspmError, warn_caller
 from ispm.renderer.picture import Frame
+from ispm.renderer.show import in_marimo, in_notebook
 from ispm.scene.camera import Camera
 from ispm.scene.scene import Scene
 from ispm.settings import Settings
@@ -22,11 +24,13 @@ class Viewer:
 
     The scene may go on to be changed: what changes shows at once. Changes that belong together are made
     within `with viewer.editing():`, which no picture sees half of.
-    running, server  the session in its thread, and what shows it: `ispm.view` makes both
+    A notebook shows it as it is, in the cell whose last line names it.
+    running         the session in its thread
+    server, widget  what shows it: `ispm.view` makes one of them
     """
 
-    def __init__(self, running: Running, server: Server) -> None:
-        self._running, self._server = running, server
+    def __init__(self, running: Running, server: Server | None, widget: Any = None) -> None:
+        self._running, self._server, self._widget = running, server, widget
 
     def __repr__(self) -> str:
         return f"<Viewer of {self.scene!r}, {'closed' if self._running.closed else 'open'}>"
@@ -39,9 +43,27 @@ class Viewer:
     ) -> None:
         self.close()
 
+    def _repr_mimebundle_(self, **how: Any) -> Any:
+        """How Jupyter and VS Code show it."""
+        return {"text/plain": repr(self)} if self._widget is None else self._widget._repr_mimebundle_(**how)
+
+    def _display_(self) -> Any:
+        """How marimo shows it."""
+        return repr(self) if self._widget is None else self._widget
+
+    @property
+    def widget(self) -> Any:
+        """The widget that a notebook shows; None elsewhere."""
+        return self._widget
+
     @property
     def url(self) -> str:
-        """An address that opens the view in one browser; each time it is asked for it is another."""
+        """An address that opens the view in one browser; each time it is asked for it is another.
+
+        Raises IspmError in a notebook, which shows it itself.
+        """
+        if self._server is None:
+            raise IspmError("this view is shown in the notebook and has no address")
         return self._server.access.url()
 
     @property
@@ -90,16 +112,16 @@ def view(
     on_frame: Callable[[Frame], None] | None = None,
     on_pick: Callable[[Picked], None] | None = None,
 ) -> Viewer:
-    """Show a scene live in a browser, at an address that is printed; return the viewer.
+    """Show a scene live, in a notebook or in a browser at an address that is printed; return the viewer.
 
     scene         a Scene, which may go on to be changed, a file, or the name of a built-in scene
     settings      None: those of the preset for live views
     camera        a Camera with a pose, or the name or index of one of the scene's
-    block         whether to wait until Ctrl-C; else go on at once, until `viewer.close()`
+    block         whether to wait until Ctrl-C; else, and in a notebook, go on until `viewer.close()`
     host, port    where it listens; port 0: any that is free
     allow_remote  whether `host` may be one that other machines reach
     fps           pictures a second while something moves, for which they become smaller
-    on_frame      called in the drawing thread with each Frame, whether or not a browser looks
+    on_frame      called in the drawing thread with each Frame, whether or not anyone looks
     on_pick       called there with what a click in the picture shows
     Raises SceneError, SettingsError, AdapterError; IspmError without the packages of the extra `web`.
     """
@@ -108,7 +130,9 @@ def view(
     from ispm.viewer.running import live
     from ispm.viewer.server import require_web
 
-    require_web()
+    widget = _widget() if in_notebook() or in_marimo() else None
+    if widget is None:
+        require_web()
     source = "" if isinstance(scene, Scene) else str(scene)
     world = scene if isinstance(scene, Scene) else open_named(scene)
     chosen = settings or Settings(preset=PRESET)
@@ -116,6 +140,8 @@ def view(
     running.on_pick = on_pick
     if on_frame is not None:
         running.listen(on_frame, lambda picture, _: on_frame(picture.frame), lambda _: None)
+    if widget is not None:
+        return Viewer(running, None, widget(running))
     try:
         viewer = Viewer(running, Server(running, host, port, allow_remote=allow_remote))
     except IspmError:
@@ -125,3 +151,16 @@ def view(
     if block:
         viewer.wait()
     return viewer
+
+
+def _widget() -> Callable[[Running], Any] | None:
+    """What makes a notebook's widget; None, with a warning, without the package of the extra."""
+    try:
+        import anywidget
+    except ImportError:
+        warn_caller("a notebook's cell needs one more package; run: pip install 'ispm[notebook]'")
+        return None
+    del anywidget
+    from ispm.viewer.widget import Widget
+
+    return Widget

@@ -39,7 +39,7 @@ def viewer(monkeypatch):
 
 
 def test_a_window_shows_the_view_that_is_asked_for(frame, viewer, monkeypatch):
-    monkeypatch.setattr(show, "_has_display", lambda: True)
+    monkeypatch.setattr(show, "has_display", lambda: True)
     assert frame.show() is None
     frame.show("direct")
     assert [title for title, _ in viewer] == ["room, full", "room, direct"]
@@ -61,7 +61,7 @@ def test_linux_has_a_display_where_one_is_named(frame, viewer, monkeypatch, name
 
 
 def test_a_system_without_a_viewer_says_so(frame, monkeypatch):
-    monkeypatch.setattr(show, "_has_display", lambda: True)
+    monkeypatch.setattr(show, "has_display", lambda: True)
     monkeypatch.setattr(ImageShow, "_viewers", [])
     with pytest.warns(ispm.SceneWarning, match="no display"):
         frame.show()
@@ -80,7 +80,7 @@ def test_a_notebook_shows_it_in_the_page(frame, viewer, monkeypatch):
         np.testing.assert_array_equal(np.asarray(picture), frame.view("direct"))
     assert viewer == []
     ipython.get_ipython = lambda: types.SimpleNamespace()  # a terminal's shell has no kernel
-    monkeypatch.setattr(show, "_has_display", lambda: True)
+    monkeypatch.setattr(show, "has_display", lambda: True)
     frame.show()
     assert len(viewer) == 1
 

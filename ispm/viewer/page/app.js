@@ -168,7 +168,7 @@ function hide() {
 
 async function download(what, name) {
   panels.say(`making ${name} …`);
-  const answer = await fetch(what);
+  const answer = await link.fetch(what);
   if (!answer.ok) return panels.say(await answer.text(), true);
   const url = URL.createObjectURL(await answer.blob()), anchor = document.createElement("a");
   Object.assign(anchor, { href: url, download: name });
@@ -187,7 +187,7 @@ async function copy() {
 async function upload(file) {
   if (file.size > 64 * 2 ** 20) return panels.say(`${file.name}: is larger than 64 MiB; open it from the command line`, true);
   panels.say(`opening ${file.name} …`);
-  const answer = await fetch(`scene?name=${encodeURIComponent(file.name)}`, { method: "PUT", body: file });
+  const answer = await link.fetch(`scene?name=${encodeURIComponent(file.name)}`, { method: "PUT", body: file });
   return answer.ok ? panels.say(`${file.name} is open`) : panels.say((await answer.text()).trim(), true);
 }
 function fold(side) {

@@ -23,9 +23,14 @@ export class Link {
     };
   }
 
-  send(message) {
-    if (this.socket.readyState === WebSocket.OPEN) this.socket.send(JSON.stringify(message));
+  put(text) {
+    if (this.socket.readyState === WebSocket.OPEN) this.socket.send(text);
   }
+
+  // Files: what the scene is saved as, the picture, one that is dropped; as the browser's own `fetch`.
+  fetch(what, how) { return fetch(what, how); }
+
+  send(message) { this.put(JSON.stringify(message)); }
 
   // Send with the next animation frame; `merge` joins what has the same key.
   soon(key, message, merge = (_, next) => next) {
