@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -14,10 +15,11 @@ from ispm.cli.interrupts import interrupts
 from ispm.cli.options import command, loading_from, settings_from
 from ispm.cli.scene import choose_camera, open_scene
 from ispm.cli.viewpoint import Viewpoint
-from ispm.errors import SettingsError
+from ispm.errors import IspmError, SettingsError
 from ispm.settings import LOADING, Settings
 
 if TYPE_CHECKING:
+    from ispm.viewer.running import Running
     from ispm.viewer.session import Session
 
 _SWITCH = Parameter(negative="", show_default=False)
@@ -27,7 +29,9 @@ _SWITCH = Parameter(negative="", show_default=False)
 class Shown:
     """Where a view is shown."""
 
-    web: Annotated[bool, _SWITCH, Parameter(help="in a browser, at an address that is printed")] = False
+    web: Annotated[
+        bool, _SWITCH, Parameter(help="in a browser, at an address that is printed, not in a window")
+    ] = False
     port: Annotated[int, Parameter(help="where the page is served; 0: any that is free", metavar="N")] = 0
     host: Annotated[str, Parameter(help="the address that it is served at", metavar="ADDRESS")] = "127.0.0.1"
     allow_remote: Annotated[
@@ -47,10 +51,11 @@ class Shown:
 def view(console: Console, scene: str, /, *, shown: Shown, look: Viewpoint, **given: Any) -> None:
     """Show a scene live: move the camera, lights and objects, and the light follows.
 
-    Example: ispm view cornell-box --web
+    Example: ispm view cornell-box
 
-    SCENE is a file (.glb .gltf .obj .ply .stl) or the name of a built-in scene. Settings as of render; the
-    preset is live where none is given. Ctrl-C ends it.
+    A window opens; with --web, or where none can be opened, a page is served for browsers. SCENE is a file
+    (.glb .gltf .obj .ply .stl) or the name of a built-in scene. Settings as of render; the preset is live
+    where none is given. Ctrl-C ends it.
     """
     look.check()
     if not (math.isfinite(shown.fps) and 0.1 <= shown.fps <= 240.0):
@@ -60,9 +65,16 @@ def view(console: Console, scene: str, /, *, shown: Shown, look: Viewpoint, **gi
     settings = settings_from(given, look.config)
     loading = loading_from(given, look.config)
 
-    from ispm.viewer.server import Server, require_web
+    from ispm.viewer.screen import why_no_window
 
-    require_web()
+    why = "" if shown.web else why_no_window()
+    page = shown.web or bool(why)
+    if page:
+        from ispm.viewer.server import require_web
+
+        if why:
+            console.say(f"{why}; the page is served instead")
+        require_web()
     from ispm.kernels import background
     from ispm.viewer.access import require_host
     from ispm.viewer.drawing import PRESET
@@ -99,21 +111,40 @@ def view(console: Console, scene: str, /, *, shown: Shown, look: Viewpoint, **gi
         prepare=prepare,
     )
     try:
-        server = Server(
-            running,
-            shown.host,
-            shown.port,
-            allow_remote=shown.allow_remote,
-            public=shown.public_url,
-            spent=lambda: console.say(f"for another browser: {server.access.url()}"),
-        )
-        if not shown.web:
-            console.say("no window can be opened here; this page shows the scene:")
-        url = server.access.url()
-        console.written(url)
-        console.result({"url": url})
         with interrupts() as asked:
-            running.wait(asked)
+            if page or not _in_window(console, running, asked):
+                _on_page(console, running, shown, asked)
     finally:
         running.close()
     console.say("closed")
+
+
+def _in_window(console: Console, running: Running, asked: Callable[[], bool]) -> bool:
+    """Show a session in a window until it is closed; False, having said why, where none opens."""
+    from ispm.viewer.window import Window
+
+    try:
+        window = Window(running)
+    except IspmError as error:
+        console.say(f"{error}; the page is served instead")
+        return False
+    window.run(asked)
+    return True
+
+
+def _on_page(console: Console, running: Running, shown: Shown, asked: Callable[[], bool]) -> None:
+    """Serve a session's page until it is asked to end."""
+    from ispm.viewer.server import Server
+
+    server = Server(
+        running,
+        shown.host,
+        shown.port,
+        allow_remote=shown.allow_remote,
+        public=shown.public_url,
+        spent=lambda: console.say(f"for another browser: {server.access.url()}"),
+    )
+    url = server.access.url()
+    console.written(url)
+    console.result({"url": url})
+    running.wait(asked)

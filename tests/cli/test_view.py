@@ -1,12 +1,15 @@
 """`ispm view`: what it refuses before it begins, and that it ends."""
 
 import http.client
+import os
 import signal
 import subprocess
 import sys
 from urllib.parse import urlsplit
 
 import pytest
+
+from ispm.viewer import screen
 
 
 @pytest.mark.parametrize(
@@ -40,11 +43,20 @@ def test_without_the_extra_it_says_what_to_install(ispm_command, monkeypatch):
     assert err == "ispm: the page needs two more packages; run: pip install 'ispm[web]'\n"
 
 
+def test_without_the_packages_for_a_window_it_says_what_to_install(monkeypatch):
+    monkeypatch.setattr(screen, "has_display", lambda: True)
+    monkeypatch.setattr(screen, "find_spec", lambda name: None)
+    assert screen.why_no_window().endswith("run: pip install 'ispm[view]'")
+
+
 @pytest.mark.gpu
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="elsewhere there always is a display")
 @pytest.mark.parametrize("ending", [signal.SIGINT, signal.SIGTERM])
 def test_it_prints_an_address_that_serves_and_ends_cleanly(ending):
     line = [sys.executable, "-m", "ispm", "view", "cornell-box", "--size", "64x36"]
-    with subprocess.Popen(line, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as run:
+    blind = {k: v for k, v in os.environ.items() if k not in ("DISPLAY", "WAYLAND_DISPLAY")}
+    pipes = dict(stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    with subprocess.Popen(line, env=blind, **pipes) as run:
         url = urlsplit(run.stdout.readline().strip())
         asked = http.client.HTTPConnection(url.netloc, timeout=30)
         asked.request("GET", f"{url.path}?{url.query}")
@@ -55,6 +67,6 @@ def test_it_prints_an_address_that_serves_and_ends_cleanly(ending):
     assert run.returncode == 0
     assert out == ""
     said = err.splitlines()
-    assert said[0].startswith("no window can be opened here")
+    assert said[0] == "no window can be opened: there is no display; the page is served instead"
     assert said[1].startswith("for another browser: http://127.0.0.1:")
     assert said[-1] == "closed"

@@ -1,6 +1,7 @@
 """The examples run, at a size that takes no time."""
 
 import re
+import sys
 from pathlib import Path
 
 import pytest
@@ -14,11 +15,15 @@ EXAMPLES = sorted((Path(__file__).parents[2] / "examples").glob("*.py"))
 def test_example_runs(path, tmp_path, monkeypatch, capsys):
     if "trimesh" in path.stem:
         pytest.importorskip("trimesh", reason="trimesh is not installed")
+    if "ispm.view(" in path.read_text("utf-8"):
+        pytest.importorskip("uvicorn", reason="uvicorn is not installed")
+        pytest.importorskip("websockets", reason="websockets is not installed")
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(ImageShow, "_viewers", [])  # no windows while tests run
     text, sizes = re.subn(r"^SIZE = .*$", "SIZE = (64, 48)", path.read_text("utf-8"), flags=re.MULTILINE)
     text = re.sub(r"^(STEPS|PICTURES) = .*$", r"\1 = 2", text, flags=re.MULTILINE)
     assert sizes == 1
+    monkeypatch.setattr(sys, "argv", [path.name, *(["--frames", "3"] if "--frames" in text else [])])
     exec(compile(text, str(path), "exec"), {"__name__": "__main__"})
     assert list(tmp_path.glob("*.*")), "it writes a file"
     if path.stem == "save_and_load":

@@ -72,8 +72,9 @@ export class Overlay {
     const at = (k) => dot(k, from) + m[4 * k + 3];
     const dx = 2 * (x - this.drag.x) / width, dy = -2 * (y - this.drag.y) / height;
     const w = at(3);
-    if (part === "free") { // in the plane of the picture: x, y and w of the clip space are known
-      const step = solve([0, 1, 3].map((k) => [m[4 * k], m[4 * k + 1], m[4 * k + 2]]), [dx * w, dy * w, 0]);
+    if (part === "free") { // in the plane of the picture: x, y and w of the clip space are known, or z for parallel rays
+      const kept = m[12] || m[13] || m[14] ? 3 : 2;
+      const step = solve([0, 1, kept].map((k) => [m[4 * k], m[4 * k + 1], m[4 * k + 2]]), [dx * w, dy * w, 0]);
       if (step) this.drag.place = from.map((v, k) => v + step[k]);
       return this.drag.place;
     }

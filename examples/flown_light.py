@@ -1,0 +1,35 @@
+"""A light flown by a script, shown live: it circles, and its color goes round with it.
+
+python flown_light.py [--frames N]    ends after N pictures, or with Ctrl-C
+"""
+
+import argparse
+import contextlib
+import math
+import time
+
+import ispm
+
+SIZE = (640, 360)
+
+parser = argparse.ArgumentParser()
+parser.add_argument("--frames", type=int, default=0)
+frames = parser.parse_args().frames
+
+scene = ispm.builtin("caustic-ring")
+lamp = scene.lights[0]
+x, y, z = lamp.translation
+strength = max(lamp.light.intensity)
+times = []  # of frames, ms
+
+settings = ispm.Settings(preset="live", size=SIZE)
+note = lambda frame: times.append(frame.stats.total_ms)  # noqa: E731
+with ispm.view(scene, settings, block=False, on_frame=note) as viewer, contextlib.suppress(KeyboardInterrupt):
+    while not frames or len(times) < frames:
+        angle = time.monotonic()
+        with viewer.editing():
+            lamp.translation = (x + 0.5 * math.cos(angle), y, z + 0.5 * math.sin(angle))
+            lamp.light.intensity = tuple(strength * (0.8 + 0.2 * math.cos(angle + k)) for k in range(3))
+        time.sleep(1 / 60)
+    viewer.frame.save("flown_light.png")
+    print(f"{len(times)} frames, the last in {times[-1]:.0f} ms")

@@ -1,0 +1,136 @@
+"""Opens a window on the display that there is, uses it, and prints what came of it; for test_window.
+
+python in_window.py FOLDER: screenshots go there. The session draws without a renderer.
+"""
+
+import json
+import sys
+import threading
+import time
+from pathlib import Path
+
+from painting import CAMERA, Painting, boxes
+from PIL import ImageGrab
+
+from ispm.settings import Settings
+from ispm.viewer.running import Running
+from ispm.viewer.session import Session
+from ispm.viewer.window import Window
+
+
+class Bright(Painting):
+    """Paints what lies behind a pixel: nothing gray, objects in a color of their own."""
+
+    def view(self, frame, name):
+        image = super().view(frame, name)
+        image[:] = 90
+        for k, color in enumerate([(200, 60, 60), (60, 60, 200), (220, 220, 80)]):
+            image[frame.instance == k] = color
+        return image
+
+
+class Hand:
+    """What a user does: events, and looks at the screen."""
+
+    def __init__(self, window, running, folder):
+        self.window, self.running, self.folder, self.found = window, running, folder, {}
+
+    def event(self, kind, x=0.0, y=0.0, button=0, **more):
+        about = dict(button=button, buttons=(), modifiers=(), ntouches=0, touches={}, **more)
+        self.window.canvas.submit_event(dict(event_type=kind, x=x, y=y, **about))
+        time.sleep(0.15)
+
+    def key(self, name):
+        for kind in ("key_down", "key_up"):
+            self.event(kind, key=name)
+
+    def click(self, x, y):
+        self.event("pointer_move", x, y)
+        self.event("pointer_down", x, y, 1)
+        self.event("pointer_up", x, y, 1)
+
+    def drag(self, x, y, dx, dy):
+        self.event("pointer_move", x, y)
+        self.event("pointer_down", x, y, 1)
+        for k in range(1, 6):
+            self.event("pointer_move", x + dx * k / 5, y + dy * k / 5)
+        self.event("pointer_up", x + dx, y + dy, 1)
+
+    def until(self, what, true, seconds=30.0):
+        end = time.monotonic() + seconds
+        while not true():
+            if time.monotonic() > end:
+                raise TimeoutError(what)
+            time.sleep(0.05)
+
+    def still(self, size):
+        """Wait for a picture of the stage at rest, and for the window to show it."""
+
+        def rests():
+            picture = self.running.session.picture
+            return picture is not None and picture.still and picture.frame.settings.size == size
+
+        self.until(f"a still picture of {size}", rests)
+        time.sleep(1.0)
+
+    def look(self, name):
+        ImageGrab.grab().save(self.folder / f"{name}.png")
+
+    def use(self):
+        session, canvas = self.running.session, self.window.canvas
+        self.still((732, 726))  # 1280 x 800 without the panels
+        self.look("opened")
+        self.click(500.0, 400.0)
+        self.until("a node selected", lambda: session.selected is not None)
+        self.found["selected"] = session.selected.name
+        self.still((732, 726))
+        self.look("selected")
+        handle = self.window._about["handle"]["place"]
+        before = session.selected.translation[0]
+        clip = [self.window._about["clip"][4 * k : 4 * k + 4] for k in range(4)]
+        u, w = (sum(a * b for a, b in zip(clip[k], [*handle, 1.0], strict=True)) for k in (0, 3))
+        x = 232.0 + 732.0 * (0.5 + 0.5 * u / w)
+        self.drag(x + 40.0, 42.0 + 363.0, 60.0, 0.0)  # along the axis that lies across the picture
+        self.until("a node moved", lambda: session.selected.translation[0] != before)
+        time.sleep(0.5)
+        self.found["moved"] = session.selected.translation[0] - before
+        self.found["wanted"] = 60.0 * 2.0 * w / (clip[0][0] * 732.0)
+        self.found["undos"] = len(session.history.undos)
+        self.event("pointer_move", 240.0, 420.0)
+        self.drag(260.0, 100.0, 40.0, 0.0)
+        self.until("an orbit", lambda: abs(session.orbit.eye[0]) > 0.01)
+        self.key("?")
+        self.until("help", lambda: self.window.panels.help)
+        self.look("help")
+        self.key("?")
+        self.key("]")
+        self.still((1048, 726))
+        canvas.set_logical_size(900, 600)
+        self.still((668, 526))
+        self.look("small")
+        self.found["lines"] = [session.line, self.window.panels.line]
+        canvas.close()
+
+
+def main(folder):
+    made = lambda: Session(boxes(), Bright(0.005), Settings(size=(64, 32), preset="fast"), CAMERA)  # noqa: E731
+    running = Running(made, fps=50.0).start()
+    window = Window(running)
+    hand = Hand(window, running, Path(folder))
+
+    def use():
+        try:
+            hand.use()
+        except Exception as error:
+            hand.found["error"] = repr(error)
+            running.close()
+
+    threading.Thread(target=use, daemon=True).start()
+    window.run()
+    hand.found["listened"] = running.listened
+    running.close()
+    print(json.dumps(hand.found))
+
+
+if __name__ == "__main__":
+    main(sys.argv[1])
