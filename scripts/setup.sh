@@ -78,3 +78,9 @@ if [ ! -f "$venv/.ready-adapter" ]; then
     fi
     touch "$venv/.ready-adapter"
 fi
+
+# The window of `ispm view` is tested on a display that nobody sees; apt is asked for one once.
+if [ "$kind" = all ] && [ "$(uname)" = Linux ] && [ ! -f "$venv/.ready-display" ]; then
+    command -v Xvfb >/dev/null || install xvfb || say "there is no Xvfb, tests of the window will be skipped"
+    touch "$venv/.ready-display"
+fi

@@ -32,6 +32,7 @@ class Shown:
     web: Annotated[
         bool, _SWITCH, Parameter(help="in a browser, at an address that is printed, not in a window")
     ] = False
+    terminal: Annotated[bool, _SWITCH, Parameter(help="in this terminal, two pixels to a character")] = False
     port: Annotated[int, Parameter(help="where the page is served; 0: any that is free", metavar="N")] = 0
     host: Annotated[str, Parameter(help="the address that it is served at", metavar="ADDRESS")] = "127.0.0.1"
     allow_remote: Annotated[
@@ -67,7 +68,13 @@ def view(console: Console, scene: str, /, *, shown: Shown, look: Viewpoint, **gi
 
     from ispm.viewer.screen import why_no_window
 
-    why = "" if shown.web else why_no_window()
+    if shown.terminal:
+        if shown.web:
+            raise SettingsError("--terminal and --web exclude each other")
+        from ispm.viewer.terminal import require_terminal
+
+        require_terminal()
+    why = "" if shown.web or shown.terminal else why_no_window()
     page = shown.web or bool(why)
     if page:
         from ispm.viewer.server import require_web
@@ -112,7 +119,11 @@ def view(console: Console, scene: str, /, *, shown: Shown, look: Viewpoint, **gi
     )
     try:
         with interrupts() as asked:
-            if page or not _in_window(console, running, asked):
+            if shown.terminal:
+                from ispm.viewer.terminal import Terminal
+
+                Terminal(running).run(asked)
+            elif page or not _in_window(console, running, asked):
                 _on_page(console, running, shown, asked)
     finally:
         running.close()

@@ -4,7 +4,7 @@ import { Link as Socket } from "./link.js";
 export class Link extends Socket {
   open() {
     this.answers = new Map();
-    this.asked = 0;
+    this.asked = this.shown = 0;
     addEventListener("message", (event) => { if (event.source === parent) this.hear(event.data); });
     setTimeout(() => { parent.postMessage({ what: "open" }, "*"); this.on.open(); });
   }
