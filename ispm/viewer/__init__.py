@@ -2,7 +2,8 @@
 
 In come a scene, and messages from whoever looks at it; out go pictures, what the panels show, and the scene
 as it was edited. `Session` is the state and needs no network; `Viewer` runs it in a thread of its own;
-`Server` shows it in browsers.
+`Server` shows it in browsers, `Window` in a window, `Widget` in notebooks, `Terminal` in a terminal. The page
+and the notebook's cell share page/, the window has `controls`, `gizmo` and `panels` of its own.
 """
 
 from __future__ import annotations

@@ -56,7 +56,7 @@ class Hand:
             self.event("pointer_move", x + dx * k / 5, y + dy * k / 5)
         self.event("pointer_up", x + dx, y + dy, 1)
 
-    def until(self, what, true, seconds=30.0):
+    def until(self, what, true, seconds=60.0):
         end = time.monotonic() + seconds
         while not true():
             if time.monotonic() > end:
@@ -71,7 +71,8 @@ class Hand:
             return picture is not None and picture.still and picture.frame.settings.size == size
 
         self.until(f"a still picture of {size}", rests)
-        time.sleep(1.0)
+        self.until("that it is shown", lambda: self.window._latest is None and self.window._left <= 0)
+        time.sleep(0.5)
 
     def look(self, name):
         ImageGrab.grab().save(self.folder / f"{name}.png")
@@ -83,6 +84,7 @@ class Hand:
         self.click(500.0, 400.0)
         self.until("a node selected", lambda: session.selected is not None)
         self.found["selected"] = session.selected.name
+        self.until("handles", lambda: self.window._about["handle"] is not None)
         self.still((732, 726))
         self.look("selected")
         handle = self.window._about["handle"]["place"]
@@ -92,7 +94,7 @@ class Hand:
         x = 232.0 + 732.0 * (0.5 + 0.5 * u / w)
         self.drag(x + 40.0, 42.0 + 363.0, 60.0, 0.0)  # along the axis that lies across the picture
         self.until("a node moved", lambda: session.selected.translation[0] != before)
-        time.sleep(0.5)
+        self.still((732, 726))
         self.found["moved"] = session.selected.translation[0] - before
         self.found["wanted"] = 60.0 * 2.0 * w / (clip[0][0] * 732.0)
         self.found["undos"] = len(session.history.undos)
@@ -101,6 +103,7 @@ class Hand:
         self.until("an orbit", lambda: abs(session.orbit.eye[0]) > 0.01)
         self.key("?")
         self.until("help", lambda: self.window.panels.help)
+        self.still((732, 726))
         self.look("help")
         self.key("?")
         self.key("]")

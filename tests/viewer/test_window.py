@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from PIL import Image
+from PIL import Image, ImageGrab
 
 for package in ("glfw", "imgui_bundle"):
     pytest.importorskip(package, reason="needs the extra view")
@@ -97,8 +97,10 @@ def test_ispm_view_opens_it_and_ends_by_a_signal(display):
     line = [sys.executable, "-m", "ispm", "view", "cornell-box", "--photons", "1000"]
     pipes = dict(stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     with subprocess.Popen(line, env=display, **pipes) as run:
-        time.sleep(8.0)
-        assert run.poll() is None
+        end = time.monotonic() + 120.0
+        while not np.asarray(ImageGrab.grab(xdisplay=display["DISPLAY"])).any():  # nothing is open yet
+            assert run.poll() is None and time.monotonic() < end
+            time.sleep(0.2)
         run.send_signal(signal.SIGTERM)
         out, err = run.communicate(timeout=60)
     assert (run.returncode, out) == (0, "")
