@@ -19,17 +19,22 @@ frames = parser.parse_args().frames
 scene = ispm.builtin("caustic-ring")
 lamp = scene.lights[0]
 x, y, z = lamp.translation
+assert lamp.light is not None
 strength = max(lamp.light.intensity)
-times = []  # of frames, ms
 
+times: list[float] = []  # of frames, ms
 settings = ispm.Settings(preset="live", size=SIZE)
-note = lambda frame: times.append(frame.stats.total_ms)  # noqa: E731
-with ispm.view(scene, settings, block=False, on_frame=note) as viewer, contextlib.suppress(KeyboardInterrupt):
+with (
+    ispm.view(scene, settings, block=False, on_frame=lambda f: times.append(f.stats.total_ms)) as viewer,
+    contextlib.suppress(KeyboardInterrupt),
+):
     while not frames or len(times) < frames:
         angle = time.monotonic()
         with viewer.editing():
             lamp.translation = (x + 0.5 * math.cos(angle), y, z + 0.5 * math.sin(angle))
-            lamp.light.intensity = tuple(strength * (0.8 + 0.2 * math.cos(angle + k)) for k in range(3))
+            red, green, blue = (strength * (0.8 + 0.2 * math.cos(angle + k)) for k in range(3))
+            lamp.light.intensity = (red, green, blue)
         time.sleep(1 / 60)
-    viewer.frame.save("flown_light.png")
+    if viewer.frame is not None:
+        viewer.frame.save("flown_light.png")
     print(f"{len(times)} frames, the last in {times[-1]:.0f} ms")
