@@ -10,11 +10,10 @@ import numpy as np
 from ispm.errors import IspmError, SettingsError
 from ispm.optics.records import LIGHT_DIRECTIONAL, RECEIVER, take
 from ispm.optics.vector import LUMINANCE
-from ispm.photons.coverage import keep_light
 from ispm.photons.grid import PhotonGrid
 from ispm.photons.retrace import retrace
 from ispm.photons.steps import EVENTS
-from ispm.renderer.gather import bright_limit
+from ispm.renderer.gather import bright_limit, keep_all_light
 from ispm.renderer.last import LastFrame
 from ispm.renderer.light import EmissionPlan, emit_photons
 from ispm.renderer.one_pass import Pass
@@ -120,20 +119,8 @@ def _face_normal(made: Pass, instance: int, primitive: int) -> np.ndarray:
 def _photons_at(last: LastFrame, point: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The photons that light a point: rows of the map, (m,), and what they bring, (m, 3) lx."""
     made, parts = last.made, last.parts
-    keep = partial(
-        keep_light,
-        keys=parts.keys,
-        world=made.world,
-        surfaces=made.surfaces,
-        seed=made.settings.seed,
-        pass_index=made.index,
-    )
-
-    def finish(photons: np.ndarray, rows: np.ndarray) -> None:
-        keep(photons, rows=rows)
-
-    smooth = PhotonGrid(parts.smooth.copy(), finish=None if made.settings.is_plain else finish)
-    rows, brought = smooth.each(point)
+    finish = None if made.settings.is_plain else partial(keep_all_light, made, parts.keys)
+    rows, brought = PhotonGrid(parts.smooth.copy(), finish=finish).each(point)
     more, others = parts.caustics.grid().each(point)
     return np.concatenate([rows, len(parts.smooth) + more]), np.concatenate([brought, others])
 

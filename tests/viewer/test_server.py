@@ -6,6 +6,7 @@ import socket
 import struct
 import time
 from contextlib import ExitStack
+from pathlib import Path
 
 import pytest
 from painting import CAMERA, Painting, boxes
@@ -24,6 +25,8 @@ websockets = pytest.importorskip("websockets", reason="needs the extra web")
 pytest.importorskip("uvicorn", reason="needs the extra web")
 from websockets.exceptions import ConnectionClosed, InvalidStatus  # noqa: E402
 from websockets.sync.client import connect  # noqa: E402
+
+PAGE = Path(ispm.__file__).parent / "viewer/page"
 
 
 class Site:
@@ -265,7 +268,7 @@ def test_pictures_come_and_the_last_is_lossless(site):
         about, data = eye.pictures[-1]
         assert about["kind"] == "image/png" and data.startswith(b"\x89PNG")
         assert eye.pictures[0][0]["kind"] == "image/jpeg" and eye.pictures[0][1].startswith(b"\xff\xd8")
-        assert {"scene", "selection", "settings", "time", "history", "about"} == set(eye.state)
+        assert {"scene", "selection", "settings", "time", "inspected", "history", "about"} == set(eye.state)
         eye.send(type="look", right=0.2, down=0.1)
         count = len(eye.pictures)
         eye.until(lambda: len(eye.pictures) > count)
@@ -532,3 +535,19 @@ def test_a_viewer_that_closes_ends_its_sockets_and_refuses_more(site):
         site.get("/")
     with pytest.raises(IspmError, match="closed"):
         site.running.ask(lambda session: session).result()
+
+
+def test_a_client_is_told_which_photons_light_a_place(site):
+    site.enter()
+    with site.live() as socket_:
+        eye = Eye(socket_)
+        eye.still()
+        eye.send(type="inspect", x=0.36, y=0.5)
+        eye.until(lambda: eye.state["inspected"]["point"] is not None)
+        (path,) = eye.state["inspected"]["paths"]
+        assert path["events"] == ["light", "diffuse", "stored"] and len(path["places"]) == 3
+        eye.send(type="inspect", x=1.5, y=0.5)
+        eye.until(lambda: eye.lines)
+        assert eye.state["inspected"]["point"] is not None
+        eye.send(type="inspect")
+        eye.until(lambda: eye.state["inspected"]["point"] is None)
