@@ -218,6 +218,9 @@ def play(session: Session, m: messages.Play, _: object) -> None:
     session.timed, session.inspected = True, None
 
 
+QUIET = (messages.Inspect,)
+"""The messages after which the picture is what it was."""
+
 HANDLERS: dict[type[messages.Message], Callable[[Session, Any, object], None]] = {
     messages.Look: look,
     messages.Pan: pan,
@@ -244,6 +247,3 @@ HANDLERS: dict[type[messages.Message], Callable[[Session, Any, object], None]] =
 
 EDITS = (messages.Change, messages.Add, messages.Delete, messages.Duplicate, messages.Undo, messages.Redo)
 """The messages that change the scene; others change how it is looked at."""
-
-QUIET = (messages.Inspect,)
-"""Those after which the picture is what it was."""

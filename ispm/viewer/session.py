@@ -110,8 +110,9 @@ class Session:
 
     def touch(self) -> None:
         """Say that the scene has changed."""
+        self.inspected = None
         self.version += 1
-        self._changed, self._failed, self.inspected = True, False, None
+        self._changed, self._failed = True, False
 
     @property
     def wants_picture(self) -> bool:

@@ -26,8 +26,6 @@ pytest.importorskip("uvicorn", reason="needs the extra web")
 from websockets.exceptions import ConnectionClosed, InvalidStatus  # noqa: E402
 from websockets.sync.client import connect  # noqa: E402
 
-PAGE = Path(ispm.__file__).parent / "viewer/page"
-
 
 class Site:
     """A server of a session that draws without a device, and what a browser does with it."""
@@ -211,7 +209,7 @@ def test_pages_run_no_script_but_their_own_and_lie_in_no_frame(site):
     assert " style=" not in text and "<style" not in text and "onclick" not in text
     assert all("src=" in tag for tag in text.split("<script")[1:])
     assert "http:" not in text and "https:" not in text and '="/' not in text  # all is near, below any path
-    for name in sorted(path.name for path in PAGE.glob("*.js")):
+    for name in sorted(path.name for path in (Path(ispm.__file__).parent / "viewer/page").glob("*.js")):
         answer = site.get(f"/{name}")
         assert answer.status == 200 and answer.headers["content-type"] == "text/javascript"
         assert answer.headers["x-content-type-options"] == "nosniff"
