@@ -2,39 +2,31 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
-from ispm.accel.surface import SurfaceTable
-from ispm.accel.world import World
 from ispm.photons.steps import STEP
-from ispm.photons.walk import EVENT_STEP, PART_BIT, all_steps
-from ispm.scene.packed import Packed
+from ispm.photons.walk import EVENT_STEP, PART_BIT
 
 _ROUNDED = 1e-5  # of coordinates: steps are written by other machine code, whose sums may round otherwise
 _MOST_SPECULARS = 256  # events; roulette lets one photon in 10^11 live for more
 
 
 def retrace(
-    packed: Packed,
-    world: World,
-    surfaces: SurfaceTable,
     emitted: np.ndarray,
     photons: np.ndarray,
     keys: np.ndarray,
-    bounces: int,
-    seed: int,
-    pass_index: int,
-    limit: float,
+    follow: Callable[[np.ndarray], np.ndarray],
 ) -> list[np.ndarray]:
     """Return the way of each photon, (n,) STEP from the light to where it is stored; empty where it is not of
     such a walk.
 
     emitted  (N,) EMITTED, all that were followed
     photons  (m,) PHOTON that `walk` stored, and their keys, (m,) uint32
-    Other arguments as of `walk`.
+    follow   returns what some of the emitted ones meet: `all_steps` with what that walk was given
     """
-    rows = _parents(emitted["key"], photons["bounce"], keys)
-    steps = all_steps(packed, world, surfaces, emitted[rows], bounces, seed, pass_index, limit)
+    steps = follow(emitted[_parents(emitted["key"], photons["bounce"], keys)])
     return [_way(steps, photon, key) for photon, key in zip(photons, keys, strict=True)]
 
 

@@ -13,6 +13,7 @@ from ispm.optics.vector import LUMINANCE
 from ispm.photons.grid import PhotonGrid
 from ispm.photons.retrace import retrace
 from ispm.photons.steps import EVENTS
+from ispm.photons.walk import all_steps
 from ispm.renderer.gather import bright_limit, keep_all_light
 from ispm.renderer.last import LastFrame
 from ispm.renderer.light import EmissionPlan, emit_photons
@@ -130,18 +131,13 @@ def _paths(last: LastFrame, rows: np.ndarray, brought: np.ndarray) -> list[Photo
     made = last.made
     emitted = emit_photons(made, EmissionPlan(last.maps, last.frame.stats.emission), last.texels)
     photons, settings = take(last.parts.photons, rows), made.settings
-    found = retrace(
-        made.packed,
-        made.world,
-        made.surfaces,
-        emitted,
-        photons,
-        last.parts.keys[rows],
-        settings.bounces,
-        settings.seed,
-        made.index,
-        bright_limit(made.packed, settings),
-    )
+    limit = bright_limit(made.packed, settings)
+
+    def follow(few: np.ndarray) -> np.ndarray:
+        scene = made.packed, made.world, made.surfaces
+        return all_steps(*scene, few, settings.bounces, settings.seed, made.index, limit)
+
+    found = retrace(emitted, photons, last.parts.keys[rows], follow)
     if not all(map(len, found)):
         raise IspmError("the scene was changed after the last picture; render it again")
     return [_path(made, *each) for each in zip(found, photons, brought, strict=True)]

@@ -22,8 +22,8 @@ CLEAR = Material((1.0,) * 3, transmission=1.0, roughness=0.0, ior=1.0, thickness
 
 def ways(tracer, emitted, path, rows, bounces, seed=0, limit=math.inf):
     scene = tracer.packed, tracer.world, tracer.surfaces
-    photons, keys = path.photons[rows], path.keys[rows]
-    return retrace(*scene, emitted, photons, keys, bounces, seed, 0, limit)
+    follow = lambda few: all_steps(*scene, few, bounces, seed, 0, limit)  # noqa: E731
+    return retrace(emitted, path.photons[rows], path.keys[rows], follow)
 
 
 def events(way):
