@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from ispm.io.named import builtin
     from ispm.io.save import save
     from ispm.renderer import Renderer, render
+    from ispm.renderer.light_paths import LightPaths, PhotonPath
     from ispm.renderer.picture import Frame
     from ispm.renderer.statistics import Stats
     from ispm.scene.animation import Animation, Channel
@@ -42,12 +43,14 @@ _HOMES = {
     "DirectionalLight": "ispm.scene.light",
     "Frame": "ispm.renderer.picture",
     "IspmError": "ispm.errors",
+    "LightPaths": "ispm.renderer.light_paths",
     "Material": "ispm.scene.material",
     "Mesh": "ispm.scene.mesh",
     "Names": "ispm.scene.names",
     "Node": "ispm.scene.scene",
     "OutputError": "ispm.errors",
     "Part": "ispm.scene.scene",
+    "PhotonPath": "ispm.renderer.light_paths",
     "PointLight": "ispm.scene.light",
     "Renderer": "ispm.renderer",
     "Scene": "ispm.scene.scene",
@@ -83,12 +86,14 @@ __all__ = [
     "DirectionalLight",
     "Frame",
     "IspmError",
+    "LightPaths",
     "Material",
     "Mesh",
     "Names",
     "Node",
     "OutputError",
     "Part",
+    "PhotonPath",
     "PointLight",
     "Renderer",
     "Scene",

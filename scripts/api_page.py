@@ -25,6 +25,7 @@ from ispm.settings import LoadLimits
 PAGE = Path(__file__).parents[1] / "docs" / "api.md"
 CHAPTERS = {
     "Pictures": ["render", "Renderer", "Settings", "Frame", "Names", "read_names", "Stats", "compare"],
+    "Where light comes from": ["LightPaths", "PhotonPath"],
     "The live view": ["view", "Viewer"],
     "Scenes": ["load", "builtin", "save", "Scene", "Node", "Part", "Animation", "Channel"],
     "Shapes and surfaces": ["shapes", "Mesh", "Material", "AlphaMode", "Texture", "Wrap", "TextureUse"],

@@ -69,6 +69,7 @@ def render_everything() -> None:
         renderer.render().save(Path(folder) / "a.png", bits=16)
         for name in RENDERER_VIEWS:
             renderer.view(name)
+        assert renderer.light_paths(24, 20).photons
         for variant in VARIANTS:
             renderer.settings = ispm.Settings(**{**SMALL, **variant})
             assert renderer.render().image.size

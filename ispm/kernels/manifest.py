@@ -89,6 +89,8 @@ def _text(kind: Any) -> str:
         return f"{name}({', '.join(map(_text, kind))})"
     if isinstance(kind, types.Record):
         return _record_name(kind)
+    if isinstance(kind, types.NoneType):
+        return "none"
     if isinstance(kind, (types.Number, types.Boolean)):
         return "boolean" if isinstance(kind, types.Boolean) else str(kind)
     raise ValueError(f"kernels are called with {kind}, which {FILE.name} has no words for")

@@ -127,6 +127,33 @@ class PhotonGrid:
             points, photons, sums = address(receivers), address(self.photons), address(out)
             run_shared(lambda count: _gather(points, order, photons, lists, count, sums), threads)
 
+    def each(self, receiver: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the photons that light a point, (m,) rows, and what each brings, (m, 3) float32 lx.
+
+        receiver  (1,) RECEIVER
+        Together they bring what `estimate` returns, but for the rounding of sums.
+        """
+        reach2 = self.photons["radius"] ** 2 + self.photons["height"] ** 2
+        if len(self._kernels):
+            u, v, height = (self._kernels[name] for name in ("u", "v", "height"))
+            reach2 = (u * u).sum(axis=1) + (v * v).sum(axis=1) + height * height
+        offsets = self.photons["position"] - receiver["position"]
+        near = np.flatnonzero((offsets * offsets).sum(axis=1) <= _ROUND * reach2)
+        if self._finish is not None:
+            rows = near[~self._final[near]]
+            self._finish(self.photons, rows.astype(np.uint32))
+            self._final[rows] = True
+        # The point many times over, in cells of one photon each.
+        points, count = np.repeat(receiver, len(near)), len(near)
+        cells = np.arange(count, dtype=np.uint64)
+        ids, starts = near.astype(np.uint32), np.arange(count + 1, dtype=np.int32)
+        lists = _Lists(np.zeros(3, np.float32), f32(0), np.ones(3, np.int64), starts, ids)
+        out = np.zeros((count, 16), np.float32)
+        self._gather(points, cells << np.uint64(38) | cells, lists, 1, out)
+        light = out[:, :3]
+        rows = np.flatnonzero(light.any(axis=1))
+        return near[rows], light[rows]
+
     def count(self, receivers: np.ndarray, threads: int) -> np.ndarray:
         """Return how many kernels hold each point, (n,) int32, whether they light it or not.
 

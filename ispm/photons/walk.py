@@ -25,13 +25,14 @@ from ispm.optics.rng import random4
 from ispm.optics.vector import dot, scale, sub, vec3
 from ispm.photons.beam import beam_at, redirected_beam
 from ispm.photons.scatter import Event, flight_number, next_flight
+from ispm.photons.steps import STEP, Steps, write_event, write_step
 from ispm.scene.packed import Packed
 
 f32, i64, u32 = np.float32, np.int64, np.uint32
 
 _CONTINUED_DIMENSION = 1 << 23  # of the random number that draws which of the split photons is continued
-_PART_BIT = 28  # first bit of a key that numbers split photons; numbers of texels stay below it
-_EVENT_STEP = 0x9E3779B1  # between the keys of two hits of a photon, from 2^32 over the golden ratio
+PART_BIT = 28  # first bit of a key that numbers split photons; numbers of texels stay below it
+EVENT_STEP = 0x9E3779B1  # between the keys of two hits of a photon, from 2^32 over the golden ratio
 BEAM = 9  # floats of a beam: two vectors that span what it lights, and the normal of the surface it left
 _CHUNK = 256  # photons a thread takes at a time; results do not depend on it or on the threads
 _HITS = 12 * _CHUNK  # that a chunk has room for at first; the few chunks that need more are walked again
@@ -113,15 +114,53 @@ def walk(
     return Walk(**joined._asdict(), **flux, photon_count=len(emitted), rays=rays)
 
 
+def all_steps(
+    packed: Packed,
+    world: World,
+    surfaces: SurfaceTable,
+    emitted: np.ndarray,
+    bounces: int,
+    seed: int,
+    pass_index: int,
+    limit: float = math.inf,
+) -> np.ndarray:
+    """Return what photons meet on the ways that `walk` has them go, (n,) STEP, one photon after the other.
+
+    Arguments as of `walk`; made for few photons.
+    """
+    tables = scene_tables(packed, world, surfaces)
+    course = _Course(i64(bounces), f32(limit), u32(pass_index), u32(seed))
+    batches, no_hits = [np.zeros(0, STEP)], np.empty(0, PHOTON)
+    for first in range(0, len(emitted), _CHUNK):
+        few, chunk = emitted[first : first + _CHUNK], np.arange(1)
+        steps = Steps(np.empty(_HITS, STEP), np.zeros(1, np.int64))
+        _walk_some(tables, few, course, chunk, no_hits, 1, steps)
+        count = int(steps.written[0])
+        if count > len(steps.rows):
+            steps = Steps(np.empty(count, STEP), np.zeros(1, np.int64))
+            _walk_some(tables, few, course, chunk, no_hits, 1, steps)
+        batches.append(steps.rows[:count])
+    return np.concatenate(batches)
+
+
 def _walk_some(
-    tables: Tables, emitted: np.ndarray, course: _Course, chunks: np.ndarray, room: np.ndarray, threads: int
+    tables: Tables,
+    emitted: np.ndarray,
+    course: _Course,
+    chunks: np.ndarray,
+    room: np.ndarray,
+    threads: int,
+    steps: Steps | None = None,
 ) -> _Found:
-    """Walk the photons of some chunks, each with its part of `room`, PHOTON records, for its hits."""
+    """Walk the photons of some chunks, each with its part of `room`, PHOTON records, for its hits.
+
+    steps  None: they are not wanted; else there is one chunk, whose steps are added
+    """
     focused, not_gathered = np.zeros((2, len(room)), np.bool_)
     keys, beams = np.empty(len(room), np.uint32), np.empty((len(room), BEAM), np.float32)
     counts, sums = np.zeros((len(chunks), 2), np.int64), np.zeros((len(chunks), 5, 3))
     found = _Found(_Hits(room, focused, not_gathered, keys, beams), counts, sums)
-    run_shared(lambda counter: _walk_chunks(tables, emitted, course, chunks, counter, found), threads)
+    run_shared(lambda counter: _walk_chunks(tables, emitted, course, chunks, counter, found, steps), threads)
     return found
 
 
@@ -179,8 +218,9 @@ class _Room(NamedTuple):
 
 
 @jit
-def _walk_chunks(tables, emitted, course, chunks, counter, found):
-    """Walk the (N,) EMITTED photons of as many of the (chunks,) int64 as a thread gets, writing a _Found."""
+def _walk_chunks(tables, emitted, course, chunks, counter, found, steps):
+    """Walk the (N,) EMITTED photons of as many of the (chunks,) int64 as a thread gets, writing a _Found,
+    and Steps where these are not None."""
     scratch = Scratch(alloca(STACK_WORDS), alloca(2))
     room = i64(len(found.hits.photons) // max(len(chunks), 1))
     for chunk in shared_rows(counter, 1, len(chunks)):
@@ -195,18 +235,20 @@ def _walk_chunks(tables, emitted, course, chunks, counter, found):
                 continued = i64(u * f32(parts))
             for part in range(parts):
                 split = _Split(part, parts, continued)
-                row, traced = _walk_one(tables, photon, split, course, scratch, found, _Room(row, end, chunk))
+                place = _Room(row, end, chunk)
+                row, traced = _walk_one(tables, photon, split, course, scratch, found, place, steps)
                 rays += traced
         found.counts[chunk, 0] = row - chunk * room
         found.counts[chunk, 1] = rays
 
 
 @jit
-def _walk_one(tables, photon, split, course, scratch, found, room):
+def _walk_one(tables, photon, split, course, scratch, found, room, steps):
     """Follow a _Split of an EMITTED photon on its _Course; return the next row for hits and the number of
-    rays traced. Rows from `room.end` on are counted, not written to the _Found."""
+    rays traced. Rows from `room.end` on are counted, not written to the _Found; steps: Steps or None, for
+    which the compiler leaves out what is about them."""
     row, chunk, hits, sums = room.row, room.chunk, found.hits, found.sums
-    key = photon.key ^ u32(split.part << i64(_PART_BIT))
+    key = photon.key ^ u32(split.part << i64(PART_BIT))
     whole = vec3(photon.flux)
     flux = scale(f32(1) / f32(split.parts), whole)
     _add(sums, chunk, _EMITTED, flux)
@@ -217,6 +259,8 @@ def _walk_one(tables, photon, split, course, scratch, found, room):
     light = tables.lights[i64(photon.light)]
     origin, d, within = first_segment(tables, photon)
     beam = emitted_beam(light, whole, d)
+    if steps is not None:
+        write_step(steps, origin, flux, photon, key, i64(0))
     kept = scale(within, flux)
     _add_difference(sums, chunk, _ESCAPED, flux, kept)
     flux = kept
@@ -232,6 +276,9 @@ def _walk_one(tables, photon, split, course, scratch, found, room):
             kept = attenuated(tables, inside, origin, x.position, flux)
             _add_difference(sums, chunk, _ABSORBED, flux, kept)
             flux = kept
+        if steps is not None:
+            met = scatters + speculars
+            write_step(steps, x.position, flux, photon, key + u32(met) * u32(EVENT_STEP), met + i64(1))
         segment = sub(x.position, origin)
         length = f32(math.sqrt(dot(segment, segment)))
         if scatters == i64(0):
@@ -240,7 +287,7 @@ def _walk_one(tables, photon, split, course, scratch, found, room):
             if row < room.end:
                 _store(hits.photons[row], x, flux, d, abs(dot(segment, plane)), length, scatters)
                 hits.focused[row], hits.not_gathered[row] = focused, focused or hidden
-                hits.keys[row] = key + u32(scatters + speculars) * u32(_EVENT_STEP)
+                hits.keys[row] = key + u32(scatters + speculars) * u32(EVENT_STEP)
                 if scatters == i64(0):
                     _store_beam(hits.beams, row, beam, plane)
             _add(sums, chunk, _STORED, flux)
@@ -261,6 +308,8 @@ def _walk_one(tables, photon, split, course, scratch, found, room):
             _add(sums, chunk, _ABSORBED, flux)
             break
         _add_difference(sums, chunk, _ABSORBED, flux, scattered)
+        if steps is not None:
+            write_event(steps, x, wi, specular)
         if not specular:
             hidden = not is_gathered(x.bsdf)
             if scatters == i64(0):

@@ -9,7 +9,7 @@ import numpy as np
 from ispm.frame import GBuffer, GpuScene, LitFrame, Receivers
 from ispm.gpu import Texture
 from ispm.photons.walk import Walk
-from ispm.renderer.caustics import classify_photons
+from ispm.renderer.caustics import PhotonClasses, classify_photons
 from ispm.renderer.gather import PhotonLight
 from ispm.renderer.light import EmissionPlan, plan_emission, trace_photons
 from ispm.renderer.live import History
@@ -41,12 +41,16 @@ class Sight:
 
 @dataclass(frozen=True, eq=False)
 class Drawn:
-    """A frame's light on the device, and what it came from; kernels of the path's photons are measured."""
+    """A frame's light on the device, and what it came from; kernels of the path's photons are measured.
+
+    parts  these photons by the ways that they take to the picture
+    """
 
     lit: LitFrame
     sight: Sight
     plan: EmissionPlan
     path: Walk
+    parts: PhotonClasses
 
 
 def draw(this: Pass, stages: Stages, watch: Watch, history: History | None = None) -> Drawn:
@@ -84,7 +88,7 @@ def draw(this: Pass, stages: Stages, watch: Watch, history: History | None = Non
         lit = LitFrame(gbuffer, direct, indirect, irradiance, emission, through)
         if this.settings.antialias:
             stages.antialias(frame, scene, lit, view)
-    return Drawn(lit, sight, plan, replace(path, photons=light.parts.photons))
+    return Drawn(lit, sight, plan, replace(path, photons=light.parts.photons), light.parts)
 
 
 def _see(this: Pass, stages: Stages, plan: EmissionPlan, watch: Watch) -> Sight:

@@ -167,7 +167,7 @@ class PhotonLight:
         if self._this.settings.is_plain:
             return PhotonGrid(self.parts.smooth)
         smooth = self.parts.smooth.copy()
-        self._keep_light(self.parts.keys[: len(smooth)], smooth)
+        keep_all_light(self._this, self.parts.keys[: len(smooth)], smooth)
         return PhotonGrid(smooth)
 
     @cached_property
@@ -176,7 +176,7 @@ class PhotonLight:
         scattered, keys = self.parts.scattered(self._this.settings.bounces)
         scattered["radius"] *= _END_KERNEL_SCALE
         scattered["height"] *= _END_KERNEL_SCALE
-        return PhotonGrid(scattered, finish=partial(self._keep_light, keys, solids=True))
+        return PhotonGrid(scattered, finish=partial(keep_all_light, self._this, keys, solids=True))
 
     @cached_property
     def _not_gathered(self) -> PhotonGrid:
@@ -184,19 +184,8 @@ class PhotonLight:
         rows = np.flatnonzero(self.parts.not_gathered)
         not_gathered = take(self.parts.smooth, rows)
         self._measure(not_gathered)
-        self._keep_light(self.parts.keys[rows], not_gathered)
+        keep_all_light(self._this, self.parts.keys[rows], not_gathered)
         return PhotonGrid(not_gathered)
-
-    def _keep_light(
-        self, keys: np.ndarray, photons: np.ndarray, rows: np.ndarray | None = None, *, solids: bool = False
-    ) -> None:
-        """Give photons back, in place, what their kernels lose past edges, and within solids."""
-        this = self._this
-        seed, index = this.settings.seed, this.index
-        series = 1 if solids else _SERIES
-        keep_light(
-            photons, keys, this.world, this.surfaces, seed, index, series=series, solids=solids, rows=rows
-        )
 
     def _measure(self, photons: np.ndarray) -> None:
         """Give kernels of the low resolution their size."""
@@ -272,6 +261,21 @@ class PhotonLight:
     def at_ends(self, points: np.ndarray) -> np.ndarray:
         """Return the light of scattered photons where gather rays end, (n, 16); points: (n,) RECEIVER."""
         return self._scattered.estimate(points, self._this.threads)
+
+
+def keep_all_light(
+    this: Pass,
+    keys: np.ndarray,
+    photons: np.ndarray,
+    rows: np.ndarray | None = None,
+    *,
+    solids: bool = False,
+) -> None:
+    """Give photons back, in place, what their kernels lose past edges, and within solids; arguments as of
+    `keep_light`."""
+    seed, index = this.settings.seed, this.index
+    series = 1 if solids else _SERIES
+    keep_light(photons, keys, this.world, this.surfaces, seed, index, series=series, solids=solids, rows=rows)
 
 
 def even_numbers(size: tuple[int, int], seed: int, pass_index: int) -> np.ndarray:

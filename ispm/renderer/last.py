@@ -15,6 +15,7 @@ from ispm.lights.plan import PlannedMap
 from ispm.optics.records import EMITTED
 from ispm.photons.first_hits import first_hits
 from ispm.photons.grid import PhotonGrid
+from ispm.renderer.caustics import PhotonClasses
 from ispm.renderer.charts import bounce_chart, overdraw_chart
 from ispm.renderer.one_pass import Pass
 from ispm.renderer.picture import Frame
@@ -27,16 +28,21 @@ class LastFrame:
     """A frame, its photons and how they came about.
 
     made      what it was made of
-    photons   (N,) PHOTON with their kernels
+    parts     its photons with their kernels
     maps      bounce maps, and texels that they held; none where photons left the lights as rays
     """
 
     frame: Frame
     made: Pass
-    photons: np.ndarray
+    parts: PhotonClasses
     receivers: Receivers
     maps: list[PlannedMap]
     texels: list[np.ndarray]
+
+    @property
+    def photons(self) -> np.ndarray:
+        """(N,) PHOTON with their kernels."""
+        return self.parts.photons
 
     def show(self, name: str) -> np.ndarray:
         """Return a view as uint8 sRGB. Raises SettingsError for one that cannot be made."""

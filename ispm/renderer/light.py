@@ -83,14 +83,19 @@ def emission_of(plan: list[PlannedMap], packed: Packed, settings: Settings, soft
 
 def trace_photons(this: Pass, plan: EmissionPlan, texels: Sequence[np.ndarray]) -> Walk:
     """Emit the photons and follow them; texels: what the bounce maps hold, where there are any."""
-    packed, world, surfaces = this.packed, this.world, this.surfaces
-    settings, seed = this.settings, this.settings.seed
-    if plan.by == "rays":
-        emitted = emit_rays(packed, world, surfaces, plan.maps, seed, this.index)
-    else:
-        emitted = emit_texels(packed, surfaces, plan.maps, texels)
+    packed, settings = this.packed, this.settings
+    emitted = emit_photons(this, plan, texels)
     limit = bright_limit(packed, settings)
-    return walk(packed, world, surfaces, emitted, settings.bounces, seed, this.index, limit)
+    return walk(
+        packed, this.world, this.surfaces, emitted, settings.bounces, settings.seed, this.index, limit
+    )
+
+
+def emit_photons(this: Pass, plan: EmissionPlan, texels: Sequence[np.ndarray]) -> np.ndarray:
+    """Return the photons that leave the lights, (N,) EMITTED; texels as of `trace_photons`."""
+    if plan.by == "rays":
+        return emit_rays(this.packed, this.world, this.surfaces, plan.maps, this.settings.seed, this.index)
+    return emit_texels(this.packed, this.surfaces, plan.maps, texels)
 
 
 def light_warnings(packed: Packed, path: Walk) -> Iterator[str]:

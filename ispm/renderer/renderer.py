@@ -21,6 +21,7 @@ from ispm.renderer.converge import converge, of_pass
 from ispm.renderer.draw import draw
 from ispm.renderer.last import LastFrame
 from ispm.renderer.light import light_warnings
+from ispm.renderer.light_paths import LightPaths, light_paths
 from ispm.renderer.limits import require_drawable, require_scene
 from ispm.renderer.live import History
 from ispm.renderer.made_of import MadeOf
@@ -230,7 +231,7 @@ class Renderer:
         frame.stats = replace(stats, adapter=self._gpu.name, emission=drawn.plan.by, timing=watch.timing)
         self._photons = drawn.path.photons
         self._last = LastFrame(
-            frame, this, self._photons, drawn.sight.receivers, drawn.plan.maps, drawn.sight.texels
+            frame, this, drawn.parts, drawn.sight.receivers, drawn.plan.maps, drawn.sight.texels
         )
         return frame
 
@@ -275,6 +276,21 @@ class Renderer:
         """Return the last frame's photon map, (N,), world space: `position` (3,) m, `flux` (3,) lm, `normal`,
         `wi` (3,) to where it came from, `bounce` (scatters before), a kernel's `radius` and `height`, m."""
         return self._photons
+
+    def light_paths(self, x: float, y: float, count: int = 32) -> LightPaths | None:
+        """Return the photons of the last frame that light what pixel x, y shows, and the ways that the
+        `count` strongest came from the lights; None where nothing is seen.
+
+        x, y  pixels right and down from the top left corner
+        It shows the photon map at the point: all indirect light. Where gather rays find most of that light
+        for the picture (setting `gather`), it is the same light, less finely resolved. With several passes
+        it is the last one's, and with setting `live` this frame's alone.
+        Raises SettingsError for a pixel outside the picture and a count beyond 1000, IspmError before the
+        first frame, and where the scene was changed after it.
+        """
+        if self._last is None:
+            raise IspmError("nothing was rendered yet; call render first")
+        return light_paths(self._last, x, y, count)
 
     def view(self, name: str) -> np.ndarray:
         """Return a view of the last frame, (h, w, 3) uint8 sRGB. Raises SettingsError where it has none.

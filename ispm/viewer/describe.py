@@ -7,6 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from ispm.optics.vector import LUMINANCE
+from ispm.renderer.light_paths import LightPaths
 from ispm.scene.light import DirectionalLight
 from ispm.scene.node import Node
 from ispm.settings import VIEWS, Settings
@@ -28,6 +30,7 @@ def describe(session: Session) -> dict[str, dict[str, Any]]:
         "selection": _selection(session),
         "settings": _settings(session),
         "time": _time(session),
+        "inspected": _inspected(session.inspected),
         "history": {
             "undo": session.history.undos[-1].label if session.history.undos else "",
             "redo": session.history.redos[-1].label if session.history.redos else "",
@@ -135,6 +138,29 @@ def _time(session: Session) -> dict[str, Any]:
     }
 
 
+def _inspected(found: LightPaths | None) -> dict[str, Any]:
+    """The photons at a point: each with its places, m, its flux there, lm, and the light it brings, lx; flux
+    and light by their luminance."""
+    if found is None:
+        return {"point": None, "paths": []}
+    weights = np.array(LUMINANCE)
+    return {
+        "point": _rounded(found.position),
+        "light": _short(found.irradiance @ weights),
+        "photons": found.photons,
+        "paths": [
+            {
+                "bounce": path.bounce,
+                "light": _short(path.irradiance @ weights),
+                "flux": [_short(flux) for flux in path.flux @ weights],
+                "places": [_rounded(place) for place in path.positions],
+                "events": list(path.events),
+            }
+            for path in found.paths
+        ],
+    }
+
+
 def _lights(session: Session) -> list[list[Any]]:
     """Number, place in the world and kind of the lights that have a place."""
     found: list[list[Any]] = []
@@ -166,6 +192,10 @@ def _handle(session: Session) -> dict[str, Any] | None:
         "place": _rounded(place + offset),
         "offset": _rounded(offset),
     }
+
+
+def _short(value: float) -> float:
+    return float(f"{value:.4g}")
 
 
 def _rounded(point: np.ndarray) -> list[float]:

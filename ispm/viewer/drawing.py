@@ -7,6 +7,7 @@ from typing import Protocol
 
 import numpy as np
 
+from ispm.renderer.light_paths import LightPaths
 from ispm.renderer.picture import Frame
 from ispm.renderer.renderer import Renderer
 from ispm.scene.camera import Camera
@@ -33,6 +34,10 @@ class Draws(Protocol):
 
     def view(self, frame: Frame, name: str) -> np.ndarray:
         """Return a view of the last picture, (h, w, 3 or 4) uint8 sRGB. Raises SettingsError."""
+
+    def light_paths(self, frame: Frame, x: float, y: float) -> LightPaths | None:
+        """Return the photons that light a place in the last picture, by parts of its sides; None: nothing is
+        there."""
 
     def exposed(self) -> None:
         """Have the next picture find the exposure that is held anew."""
@@ -91,6 +96,13 @@ class Drawing:
         """Return a view of the last picture, (h, w, 3 or 4) uint8 sRGB. Raises SettingsError."""
         assert self._renderer is not None
         return self._renderer.view(name) if name in RENDERER_VIEWS else frame.view(name)
+
+    def light_paths(self, frame: Frame, x: float, y: float) -> LightPaths | None:
+        """Return the photons that light a place in the last picture, by parts of its sides; None: nothing is
+        there."""
+        assert self._renderer is not None
+        height, width = frame.depth.shape
+        return self._renderer.light_paths(min(x * width, width - 1), min(y * height, height - 1))
 
     def exposed(self) -> None:
         """Have the next picture find the exposure that is held anew."""

@@ -95,6 +95,13 @@ def pick(session: Session, m: messages.Pick, _: object) -> None:
             session.on_pick(found)
 
 
+def inspect(session: Session, m: messages.Inspect, _: object) -> None:
+    """Find the photons that light a place in the picture."""
+    session.inspected = None
+    if m.x is not None and m.y is not None:
+        session.inspected = session.lit_by(m.x, m.y)
+
+
 def select(session: Session, m: messages.Select, _: object) -> None:
     """Select a node."""
     session.selected = None if m.node is None else session.node(m.node)
@@ -208,8 +215,11 @@ def play(session: Session, m: messages.Play, _: object) -> None:
     if m.playing is not None:
         line = replace(line, playing=m.playing)
     session.timeline = line if m.time is None else line.at(m.time)
-    session.timed = True
+    session.timed, session.inspected = True, None
 
+
+QUIET = (messages.Inspect,)
+"""The messages after which the picture is what it was."""
 
 HANDLERS: dict[type[messages.Message], Callable[[Session, Any, object], None]] = {
     messages.Look: look,
@@ -222,6 +232,7 @@ HANDLERS: dict[type[messages.Message], Callable[[Session, Any, object], None]] =
     messages.Up: up,
     messages.Resize: resize,
     messages.Pick: pick,
+    messages.Inspect: inspect,
     messages.Select: select,
     messages.Change: change,
     messages.Add: add,

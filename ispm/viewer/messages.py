@@ -95,6 +95,13 @@ class Pick(Message, frozen=True, tag="pick"):
     y: Part
 
 
+class Inspect(Message, frozen=True, tag="inspect"):
+    """Show the photons that light a place in the picture; None: no more."""
+
+    x: Part | None = None
+    y: Part | None = None
+
+
 class Select(Message, frozen=True, tag="select"):
     """Select a node by its number, or nothing."""
 
@@ -182,6 +189,7 @@ ANY = (
     | Up
     | Resize
     | Pick
+    | Inspect
     | Select
     | Change
     | Add
@@ -223,7 +231,7 @@ def merged(first: Message, second: Message) -> Message | None:
         return second if first.name == second.name and first.gesture == second.gesture != 0 else None
     if isinstance(first, Play) and isinstance(second, Play):
         return _overlaid(first, second)
-    if type(first) is type(second) and isinstance(second, (Resize, Select, Show, UseCamera)):
+    if type(first) is type(second) and isinstance(second, (Inspect, Resize, Select, Show, UseCamera)):
         return second
     return None
 

@@ -13,6 +13,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from ispm.errors import SceneError, SettingsError
+from ispm.renderer.light_paths import LightPaths
 from ispm.renderer.picture import Frame
 from ispm.scene.camera import Camera
 from ispm.scene.node import Node
@@ -22,7 +23,7 @@ from ispm.viewer import messages
 from ispm.viewer.copied import Copy, without
 from ispm.viewer.drawing import Draws
 from ispm.viewer.edits import Hidden, History
-from ispm.viewer.handling import EDITS, HANDLERS
+from ispm.viewer.handling import EDITS, HANDLERS, QUIET
 from ispm.viewer.numbering import Numbering
 from ispm.viewer.orbit import orbit_of
 from ispm.viewer.pace import Pace
@@ -62,6 +63,7 @@ class Session:
     source    what the scene was opened by: a file or a name
     loading   what `load` took
     on_pick   called with what was picked
+    inspected  the photons that light a place which was asked for, until the scene changes
     """
 
     scene: Scene
@@ -78,6 +80,7 @@ class Session:
     view: str = "full"
     line: str = ""
     selected: Node | None = None
+    inspected: LightPaths | None = None
     hidden: Hidden = field(default_factory=Hidden)
     history: History = field(default_factory=History)
     numbering: Numbering = field(default_factory=Numbering)
@@ -86,7 +89,7 @@ class Session:
     count: int = 0  # of pictures
 
     def __post_init__(self) -> None:
-        self.begun = self.settings
+        self.begun, self._drawn_version = self.settings, -1
         self._made: dict[str, tuple[object, Any]] = {}
         self._pace = Pace(self.fps)
         self.open(self.scene, self.source)
@@ -107,6 +110,7 @@ class Session:
 
     def touch(self) -> None:
         """Say that the scene has changed."""
+        self.inspected = None
         self.version += 1
         self._changed, self._failed = True, False
 
@@ -121,7 +125,7 @@ class Session:
         """Let seconds of the clock go by, for what plays."""
         after = self.timeline.after(seconds)
         if after.time != self.timeline.time:
-            self.timeline, self._changed, self._failed = after, True, False
+            self.timeline, self._changed, self._failed, self.inspected = after, True, False, None
 
     def next_picture(self) -> Picture | None:
         """Draw, and return what canvases should show now; None where nothing is to be drawn.
@@ -154,7 +158,9 @@ class Session:
         self._failed = True
 
     def _drawn(self, size: tuple[int, int]) -> Frame:
-        return self.draw.draw(self.shown(), self.settings.replace(size=size), self.orbit.placed)
+        frame = self.draw.draw(self.shown(), self.settings.replace(size=size), self.orbit.placed)
+        self._drawn_version = self.version
+        return frame
 
     def _image(self, frame: Frame) -> np.ndarray:
         try:
@@ -192,7 +198,8 @@ class Session:
         HANDLERS[type(message)](self, message, sender)
         if isinstance(message, EDITS):
             self.touch()
-        self._changed, self._failed = True, False
+        if not isinstance(message, QUIET):
+            self._changed, self._failed = True, False
 
     def node(self, number: int | None) -> Node:
         """Return the node of a number. Raises SceneError where none in the scene has it."""
@@ -204,6 +211,15 @@ class Session:
     def picked(self, x: float, y: float) -> Picked | None:
         """Return what a place in the last picture shows."""
         return None if self.picture is None else pick(self.picture.frame, x, y)
+
+    def lit_by(self, x: float, y: float) -> LightPaths | None:
+        """Return the photons that light a place in the last picture; None: nothing is there.
+
+        Raises SceneError where the scene has changed and is not drawn yet, IspmError as of `Renderer`.
+        """
+        if self.picture is None or self._drawn_version != self.version:
+            raise SceneError("the picture is about to change: ask again when it has")
+        return self.draw.light_paths(self.picture.frame, x, y)
 
     def bounds_of(self, node: Node) -> np.ndarray:
         """Return the (2, 3) bounds of a node, m, world space; without a surface, of a box about its place."""

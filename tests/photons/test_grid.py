@@ -84,15 +84,46 @@ def test_points_outside_and_no_photons_get_no_light():
     assert PhotonGrid(photons).estimate(receivers[:0], 2).shape == (0, 16)
 
 
-def test_few_points_get_the_same_light_without_lists():
-    """To the bit, beside many that ask for lists; of photons with kernels of their own also."""
-    photons = photons_in_box(2000, 7)
-    receivers = receivers_near(photons, 400, 8)
+def kernels_of(photons):
+    """Equal ellipses about photons, as those of caustics."""
     kernels = np.zeros(len(photons), CAUSTIC)
     for name in ("position", "flux", "wi"):
         kernels[name] = photons[name]
     kernels["u"], kernels["v"] = (0.3, 0.0, 0.0), (0.0, 0.2, 0.1)
     kernels["height"] = 0.1
-    for shapes in (None, kernels):
+    return kernels
+
+
+def test_few_points_get_the_same_light_without_lists():
+    """To the bit, beside many that ask for lists; of photons with kernels of their own also."""
+    photons = photons_in_box(2000, 7)
+    receivers = receivers_near(photons, 400, 8)
+    for shapes in (None, kernels_of(photons)):
         few = PhotonGrid(photons, shapes).estimate(receivers[:8], 2)
         assert few.any() and few.tobytes() == PhotonGrid(photons, shapes).estimate(receivers, 2)[:8].tobytes()
+
+
+def test_what_each_photon_brings_is_what_all_of_them_bring():
+    """Also of photons with kernels of their own, and of those that are finished first."""
+    photons = photons_in_box(2000, 7)
+    receivers = receivers_near(photons, 40, 8)
+    receivers["valid"] = 1
+    kernels = kernels_of(photons)
+
+    def finish(them, rows):
+        them["flux"][rows] *= 2.0
+
+    for make in (
+        lambda: PhotonGrid(photons),
+        lambda: PhotonGrid(photons, kernels),
+        lambda: PhotonGrid(photons.copy(), finish=finish),
+    ):
+        all_light, grid = make().estimate(receivers, 1), make()
+        assert all_light[:, :3].any(axis=1).sum() > 10
+        for k in range(len(receivers)):
+            rows, brought = grid.each(receivers[k : k + 1])
+            assert (brought > 0.0).any(axis=1).all() and len(np.unique(rows)) == len(rows)
+            # float32 sums of hundreds of terms
+            total = brought.sum(axis=0, dtype=float)
+            np.testing.assert_allclose(total, all_light[k, :3], rtol=1e-5, atol=1e-5 * all_light.max())
+    assert len(PhotonGrid(photons[:0]).each(receivers[:1])[0]) == 0

@@ -224,7 +224,6 @@ VARIANTS: dict[str, dict[str, object]] = {
     "live": dict(preset="live"),
     "default": {},
     "default, 10,000 photons": dict(photons=10_000),
-    "fast": dict(preset="fast"),
 }
 _HEADINGS = ["sequence", "frames", "CPU ms", "error, median", "worst", "flicker at rest"]
 

@@ -5,6 +5,7 @@ import time
 import numpy as np
 
 import ispm
+from ispm.renderer.light_paths import LightPaths, PhotonPath
 from ispm.renderer.picture import Frame
 from ispm.renderer.statistics import Stats
 from ispm.scene.packed import pack
@@ -70,6 +71,16 @@ class Painting:
         if name in RENDERER_VIEWS:
             raise ispm.SettingsError(f"{name}: there is none")
         return np.full((height, width, 3), frame.stats.passes, np.uint8)
+
+    def light_paths(self, frame, x, y):
+        """One photon of the lamp, stored after a scatter, wherever anything is seen."""
+        height, width = frame.depth.shape
+        if frame.instance[int(y * height), int(x * width)] < 0:
+            return None
+        places = np.array([(0, 3, 0), (1, 0, 0), (x, y, 0)], np.float32)
+        flux = np.array([(2, 2, 2), (2, 2, 2), (1, 1, 1)], np.float32)
+        path = PhotonPath(places, flux, ("light", "diffuse", "stored"), 1, np.full(3, 0.5, np.float32))
+        return LightPaths(places[-1], np.array([0, 0, 1]), np.full(3, 0.75, np.float32), 2, [path])
 
     def exposed(self):
         pass

@@ -6,6 +6,7 @@ import socket
 import struct
 import time
 from contextlib import ExitStack
+from pathlib import Path
 
 import pytest
 from painting import CAMERA, Painting, boxes
@@ -208,7 +209,7 @@ def test_pages_run_no_script_but_their_own_and_lie_in_no_frame(site):
     assert " style=" not in text and "<style" not in text and "onclick" not in text
     assert all("src=" in tag for tag in text.split("<script")[1:])
     assert "http:" not in text and "https:" not in text and '="/' not in text  # all is near, below any path
-    for name in ("app.js", "link.js", "overlay.js", "fields.js", "panels.js", "plot.js", "timeline.js"):
+    for name in sorted(path.name for path in (Path(ispm.__file__).parent / "viewer/page").glob("*.js")):
         answer = site.get(f"/{name}")
         assert answer.status == 200 and answer.headers["content-type"] == "text/javascript"
         assert answer.headers["x-content-type-options"] == "nosniff"
@@ -265,7 +266,7 @@ def test_pictures_come_and_the_last_is_lossless(site):
         about, data = eye.pictures[-1]
         assert about["kind"] == "image/png" and data.startswith(b"\x89PNG")
         assert eye.pictures[0][0]["kind"] == "image/jpeg" and eye.pictures[0][1].startswith(b"\xff\xd8")
-        assert {"scene", "selection", "settings", "time", "history", "about"} == set(eye.state)
+        assert {"scene", "selection", "settings", "time", "inspected", "history", "about"} == set(eye.state)
         eye.send(type="look", right=0.2, down=0.1)
         count = len(eye.pictures)
         eye.until(lambda: len(eye.pictures) > count)
@@ -532,3 +533,19 @@ def test_a_viewer_that_closes_ends_its_sockets_and_refuses_more(site):
         site.get("/")
     with pytest.raises(IspmError, match="closed"):
         site.running.ask(lambda session: session).result()
+
+
+def test_a_client_is_told_which_photons_light_a_place(site):
+    site.enter()
+    with site.live() as socket_:
+        eye = Eye(socket_)
+        eye.still()
+        eye.send(type="inspect", x=0.36, y=0.5)
+        eye.until(lambda: eye.state["inspected"]["point"] is not None)
+        (path,) = eye.state["inspected"]["paths"]
+        assert path["events"] == ["light", "diffuse", "stored"] and len(path["places"]) == 3
+        eye.send(type="inspect", x=1.5, y=0.5)
+        eye.until(lambda: eye.lines)
+        assert eye.state["inspected"]["point"] is not None
+        eye.send(type="inspect")
+        eye.until(lambda: eye.state["inspected"]["point"] is None)

@@ -252,6 +252,60 @@ def test_the_description_is_json_and_has_a_control_for_each_setting(session):
     assert about["lights"] == [[number(session, "lamp"), 0.0, 3.0, 0.0, "point"]]
 
 
+def test_photons_that_light_a_place_are_told_until_the_scene_changes(session):
+    import msgspec
+
+    with pytest.raises(SceneError, match="about to change"):
+        session.handle(m.Inspect(0.36, 0.5))  # nothing was drawn
+    settle(session)
+    session.handle(m.Inspect(0.36, 0.5))
+    assert not session.wants_picture
+    told = msgspec.json.decode(msgspec.json.encode(describe(session)["inspected"]))
+    assert told == {
+        "point": [0.36, 0.5, 0.0],
+        "light": 0.75,
+        "photons": 2,
+        "paths": [
+            {
+                "bounce": 1,
+                "light": 0.5,
+                "flux": [2.0, 2.0, 1.0],
+                "places": [[0.0, 3.0, 0.0], [1.0, 0.0, 0.0], [0.36, 0.5, 0.0]],
+                "events": ["light", "diffuse", "stored"],
+            }
+        ],
+    }
+    session.handle(m.Look(0.1, 0.0))  # which leaves the light where it is
+    settle(session)
+    assert session.inspected
+    nothing = {"point": None, "paths": []}
+    for message in (
+        m.Change("node", number(session, "lamp"), "place", [0.0, 2.0, 0.0]),
+        m.Undo(),
+        m.Inspect(),
+        m.Inspect(0.01, 0.01),  # where nothing is
+    ):
+        session.inspected = session.inspected or session.draw.light_paths(session.picture.frame, 0.36, 0.5)
+        session.handle(message)
+        assert describe(session)["inspected"] == nothing
+        settle(session)
+
+
+def test_photons_are_forgotten_as_time_goes_by(session):
+    node = session.scene["left"]
+    slide = Channel(node, "translation", np.array([0.0, 2.0]), np.array([[-1, 0, 0], [4, 0, 0]]))
+    session.scene.animations.append(Animation([slide], "slide"))
+    session.open(session.scene, "")
+    for message in (m.Play(playing=True), m.Play(time=1.0)):
+        settle(session)
+        session.timeline = session.timeline.at(0.0)
+        session.inspected = session.draw.light_paths(session.picture.frame, 0.36, 0.5)
+        session.handle(message)
+        session.pass_time(0.1)
+        assert session.inspected is None
+        session.handle(m.Play(playing=False))
+
+
 def test_the_command_makes_the_picture_again(session):
     import shlex
 

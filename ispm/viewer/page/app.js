@@ -1,5 +1,6 @@
 // The page: the picture, what drags and keys do, and the wiring of the rest.
 import { gesture } from "./fields.js";
+import { Inspector } from "./inspector.js";
 import { Link } from "./link.js";
 import { Overlay } from "./overlay.js";
 import { Panels } from "./panels.js";
@@ -9,7 +10,7 @@ import { TimeLine } from "./timeline.js";
 const $ = (id) => document.getElementById(id);
 const KEYS = [["drag", "orbit"], ["Shift drag, middle drag", "pan"], ["right drag", "look around; with W A S D Q E fly"], ["wheel", "zoom"],
   ["arrows, PgUp, PgDn", "fly"], ["click", "select"], ["double click", "focus there"], ["F", "frame what is selected, or all"], ["R", "camera as at the beginning"],
-  ["Del, Ctrl+D, H", "delete, duplicate, hide"], ["Ctrl+Z, Ctrl+Shift+Z", "undo, redo"], ["Space", "play or pause"], ["1 to 9", "views"],
+  ["Del, Ctrl+D, H", "delete, duplicate, hide"], ["Ctrl+Z, Ctrl+Shift+Z", "undo, redo"], ["I, then click", "the photons that light a place"], ["Space", "play or pause"], ["1 to 9", "views"],
   ["S", "save the picture"], ["C", "copy the command"], ["[ and ]", "fold the panels"], ["?", "this"]];
 const FLY = { ArrowRight: [1, 0, 0], ArrowLeft: [-1, 0, 0], PageUp: [0, 1, 0], PageDown: [0, -1, 0], ArrowUp: [0, 0, 1], ArrowDown: [0, 0, -1] };
 const FLY_HELD = { d: [1, 0, 0], a: [-1, 0, 0], e: [0, 1, 0], q: [0, -1, 0], w: [0, 0, 1], s: [0, 0, -1] };
@@ -19,7 +20,7 @@ const plot = new Plot($("plot"), $("legend"));
 const link = new Link({
   open() { asked = ""; ask(); panels.say(""); },
   close(reason) { panels.say(reason, true); },
-  part(name, value) { panels.part(name, value); if (name === "time") timeline.show(value); },
+  part(name, value) { panels.part(name, value); if (name === "time") timeline.show(value); if (name === "inspected") inspector.show(value); },
   picture(about, bitmap) {
     if (picture.width !== bitmap.width || picture.height !== bitmap.height) { picture.width = bitmap.width; picture.height = bitmap.height; }
     picture.getContext("2d").drawImage(bitmap, 0, 0);
@@ -35,7 +36,7 @@ const link = new Link({
     timeline.at(about.time);
   },
 });
-const panels = new Panels(link), timeline = new TimeLine(link);
+const panels = new Panels(link), timeline = new TimeLine(link), inspector = new Inspector(link, overlay);
 
 // -- the picture's place and size ---------------------------------------------------------------------------
 
@@ -75,7 +76,11 @@ surface.addEventListener("pointerdown", (event) => {
   if (over === "free" || typeof over === "number") { overlay.begin(over, ...local(event)); drag.how = "handle"; }
   surface.classList.add("dragging");
 });
+let under = null; // the place in the picture that the pointer is over
+surface.addEventListener("pointerleave", () => { under = null; });
 surface.addEventListener("pointermove", (event) => {
+  const [x, y] = part(event);
+  under = x >= 0 && x <= 1 && y >= 0 && y <= 1 ? [x, y] : null;
   if (!drag) {
     const hover = overlay.at(...local(event));
     surface.classList.toggle("over", hover !== null);
@@ -105,7 +110,8 @@ const end = (event) => {
   if (overlay.drag) { link.flush(); overlay.about.handle.place = overlay.drag.place; overlay.drag = null; overlay.draw(); }
   if (event.type !== "pointerup" || moved >= 4 || how === "handle" || how === "turn") return;
   const [x, y] = part(event);
-  if (over && over.light) link.send({ type: "select", node: over.light });
+  if (inspector.on && x >= 0 && x <= 1 && y >= 0 && y <= 1) inspector.at(x, y);
+  else if (over && over.light) link.send({ type: "select", node: over.light });
   else if (x >= 0 && x <= 1 && y >= 0 && y <= 1) link.send({ type: "pick", x, y });
 };
 surface.addEventListener("pointerup", end);
@@ -152,8 +158,8 @@ addEventListener("keydown", (event) => {
   if (FLY[event.key] && !event.target.matches("input[type=range]")) { hold(event.key, FLY[event.key]); return done(); }
   const action = {
     "?": () => $("help").showModal(), f: () => link.send({ type: "frame", node: chosen }), r: () => link.send({ type: "camera", index: null }),
-    s: screenshot, c: copy, h: () => hide(), "[": () => fold("left"), "]": () => fold("right"), " ": () => timeline.toggle(),
-    Delete: () => chosen !== null && link.send({ type: "delete", node: chosen }), Escape: () => link.send({ type: "select", node: null }),
+    s: screenshot, c: copy, h: () => hide(), i: () => inspector.toggle(under), "[": () => fold("left"), "]": () => fold("right"), " ": () => timeline.toggle(),
+    Delete: () => chosen !== null && link.send({ type: "delete", node: chosen }), Escape: () => (inspector.on ? inspector.toggle(null) : link.send({ type: "select", node: null })),
   }[key];
   if (action && !event.repeat) { action(); done(); }
   const view = $("view").options[Number(key) - 1];

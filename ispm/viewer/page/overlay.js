@@ -108,6 +108,7 @@ export class Overlay {
       const p = this.project(number === chosen && this.drag ? this.drag.place : [a, b, d]);
       if (p) this.mark(p, kind, number === chosen || (this.hover && this.hover.light === number));
     }
+    if (this.inspector) this.inspector.draw();
     this.handles();
   }
 
