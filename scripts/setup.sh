@@ -78,3 +78,9 @@ if [ ! -f "$venv/.ready-adapter" ]; then
     fi
     touch "$venv/.ready-adapter"
 fi
+
+# The page of `ispm view` is tested in a real browser; apt is asked for one once.
+if [ "$kind" = all ] && [ ! -f "$venv/.ready-browser" ]; then
+    has_browser || install chromium || say "there is no Chromium, tests of the page will be skipped"
+    touch "$venv/.ready-browser"
+fi

@@ -198,6 +198,7 @@ for (const side of ["left", "right"]) {
   if (localStorage.getItem(`ispm-no-${side}`) === "true") document.body.classList.add(`no-${side}`);
   $(`fold-${side}`).addEventListener("click", () => fold(side));
 }
+if (innerHeight <= 560) $("cost-box").open = false;
 $("undo").addEventListener("click", () => link.send({ type: "undo" }));
 $("redo").addEventListener("click", () => link.send({ type: "redo" }));
 $("shot").addEventListener("click", screenshot);
