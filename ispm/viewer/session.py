@@ -22,7 +22,7 @@ from ispm.viewer import messages
 from ispm.viewer.copied import Copy, without
 from ispm.viewer.drawing import Draws
 from ispm.viewer.edits import Hidden, History
-from ispm.viewer.handling import EDITS, HANDLERS
+from ispm.viewer.handling import EDITS, HANDLERS, SAME_FRAME
 from ispm.viewer.numbering import Numbering
 from ispm.viewer.orbit import orbit_of
 from ispm.viewer.pace import Pace
@@ -108,14 +108,19 @@ class Session:
     def touch(self) -> None:
         """Say that the scene has changed."""
         self.version += 1
-        self._changed, self._failed = True, False
+        self._changed, self._again, self._failed = True, False, False
+
+    @property
+    def moves(self) -> bool:
+        """Whether what is seen has changed since the last picture."""
+        return (self._changed or self._again or self.picture is None) and not self._failed
 
     @property
     def wants_picture(self) -> bool:
         """Whether a picture should be drawn: something changed, or it can still become better."""
         if self._failed:
             return False
-        return self._changed or self.picture is None or not self.picture.still
+        return self.moves or self.picture is None or not self.picture.still
 
     def pass_time(self, seconds: float) -> None:
         """Let seconds of the clock go by, for what plays."""
@@ -130,7 +135,10 @@ class Session:
         """
         began = clock.perf_counter()
         full = self.settings.size
-        moving, self._changed = self._changed, False
+        if self._again and not self._changed and self.picture is not None:
+            self._again = False
+            return self._next(self.picture.frame, self.picture.still, began)
+        moving, self._changed, self._again = self._changed, False, False
         frame: Frame | None = None
         if moving:
             frame = self._drawn(self._pace.size(full))
@@ -144,9 +152,12 @@ class Session:
             self.count += 1
             self.picture = replace(self.picture, still=True, number=self.count)
             return self.picture
+        return self._next(frame, False, began)
+
+    def _next(self, frame: Frame, still: bool, began: float) -> Picture:
         image = np.ascontiguousarray(self._image(frame)[..., :3])
         self.count += 1
-        self.picture = Picture(self.count, image, False, frame, clock.perf_counter() - began)
+        self.picture = Picture(self.count, image, still, frame, clock.perf_counter() - began)
         return self.picture
 
     def fail(self) -> None:
@@ -192,7 +203,10 @@ class Session:
         HANDLERS[type(message)](self, message, sender)
         if isinstance(message, EDITS):
             self.touch()
-        self._changed, self._failed = True, False
+        if isinstance(message, SAME_FRAME):
+            self._again, self._failed = True, False
+        else:
+            self._changed, self._failed = True, False
 
     def node(self, number: int | None) -> Node:
         """Return the node of a number. Raises SceneError where none in the scene has it."""

@@ -436,6 +436,19 @@ def test_clients_are_bounded(site):
             Eye(line).still()
 
 
+def test_a_better_picture_waits_for_a_drag_that_is_about_to_begin(site):
+    site.enter()
+    with site.live() as line:
+        eye = Eye(line)
+        eye.still()
+        eye.send(type="look", right=0.1, down=0.0)
+        for _ in range(4):
+            eye.send(type="hold")
+            time.sleep(0.2)
+        assert site.painting.settled == 0
+        eye.until(lambda: eye.pictures[-1][0]["still"] and site.painting.settled == 3)
+
+
 # -- files -----------------------------------------------------------------------------------------
 
 

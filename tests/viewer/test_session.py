@@ -46,6 +46,16 @@ def test_slow_moving_pictures_become_smaller_and_full_where_all_is_still(session
     assert settle(session)[-1].frame.settings.size == (64, 32)
 
 
+@pytest.mark.parametrize("message", [m.Pick(0.36, 0.5), m.Select(None), m.Show("depth")])
+def test_what_changes_marks_alone_shows_the_same_frame_again(session, painting, message):
+    before, drawn = settle(session)[-1], len(painting.drawn)
+    session.handle(message)
+    assert session.moves
+    after = session.next_picture()
+    assert (after.frame, after.still) == (before.frame, True) and after.number == before.number + 1
+    assert len(painting.drawn) == drawn and not session.wants_picture
+
+
 def test_the_camera_is_dragged_and_comes_home(session, painting):
     session.handle(m.Look(0.5, 0.25))
     session.handle(m.Pan(0.1, 0.1))

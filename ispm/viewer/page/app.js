@@ -33,6 +33,7 @@ const link = new Link({
     if (!about.still) plot.add(about.stats.stages);
     panels.stats(about);
     timeline.at(about.time);
+    picture.dispatchEvent(new CustomEvent("shown", { detail: about })); // for those who measure
   },
 });
 const panels = new Panels(link), timeline = new TimeLine(link);
@@ -69,6 +70,7 @@ const local = (event) => { const box = surface.getBoundingClientRect(); return [
 surface.addEventListener("pointerdown", (event) => {
   surface.focus();
   surface.setPointerCapture(event.pointerId);
+  link.send({ type: "hold" });
   const over = event.button === 0 ? overlay.at(...local(event)) : null;
   const how = event.button === 2 ? "turn" : event.button === 1 || event.shiftKey ? "pan" : "orbit";
   drag = { how, x: event.clientX, y: event.clientY, moved: 0, over, gesture: gesture() };
