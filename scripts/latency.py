@@ -2,9 +2,9 @@
 
     python scripts/latency.py [SCENE] [--size WxH] [--bursts N] [-- OPTION OF ispm view...]
 
-In a real Chromium: the pointer drags the camera about to and fro at 60 moves a second, a second at a time with
-rests between. Each move is timed from the browser's own stamp of its event to the moment that a picture is drawn
-on the page whose camera has turned as far. Needs playwright and Chromium.
+In a real Chromium: the pointer drags the camera to and fro at 60 moves a second, a second at a time with
+rests between. Each move is timed from the browser's own stamp of its event to the moment that a picture is
+drawn on the page whose camera has turned as far. Needs playwright and Chromium.
 """
 
 from __future__ import annotations
@@ -26,7 +26,8 @@ _WATCH = """() => {
     window.moves = []; window.pictures = [];
     document.getElementById("overlay").addEventListener("pointermove",
         (e) => { if (e.buttons) moves.push([e.timeStamp, e.clientX]); }, true);
-    document.getElementById("picture").addEventListener("shown", (e) => { const { clip, size, stats } = e.detail;
+    document.getElementById("picture").addEventListener("shown", (e) => {
+        const { clip, size, stats } = e.detail;
         pictures.push([performance.now(), clip[12], clip[14], size[0], size[1], stats.ms]); });
 }"""
 
@@ -113,12 +114,14 @@ def main() -> None:
         server.wait(20)
     middle, late = np.percentile(found, 50), np.percentile(found, 95)
     print(
-        f"{args.scene}: {len(found)} moves; ms from a move to its picture: median {middle:.0f}, 95 % {late:.0f}"
+        f"{args.scene}: {len(found)} moves; ms from a move to its picture: "
+        f"median {middle:.0f}, 95 % {late:.0f}"
     )
     print(f"  the first move of each drag, after rest: median {np.median(first):.0f}, most {max(first):.0f}")
     size = np.median(sizes, axis=0).astype(int)
     print(
-        f"  {np.median(rate):.1f} pictures a second of {size[0]}x{size[1]}, {np.median(cost):.0f} ms each (median)"
+        f"  {np.median(rate):.1f} pictures a second of {size[0]}x{size[1]}, "
+        f"{np.median(cost):.0f} ms each (median)"
     )
     print(f"  load {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores, browser included")
 

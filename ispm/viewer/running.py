@@ -25,6 +25,7 @@ MOST_QUEUED = 512  # messages; more are refused
 _LOOKED_AT = 0.5  # s between looks at a file that is watched, at least
 _LOOKING = 0.1  # of a core at most that looking for changes of the scene may take
 _REST = 0.15  # s after the last message, until which no time is spent on what stands still
+_RESTED = 1.5  # s after the last message, until which it is drawn as large as is quick, not at its full size
 _HELD = 0.5  # s, likewise where a drag is about to begin
 _FORGET = 1.0  # s after which a pause between pictures is no slow picture
 
@@ -49,6 +50,7 @@ class Running:
         self._listeners: dict[object, Listener] = {}
         self._told: dict[object, Callable[[Session], None]] = {}
         self._closing, self._editors = False, 0
+        self._moved = 0.0  # when the last message came
         self._quiet = 0.0  # when pictures of what stands still may be drawn better again
         self._editing = threading.RLock()
         self._opened: Future[Session] = Future()
@@ -117,7 +119,8 @@ class Running:
     def post(self, message: Message, sender: object = None) -> bool:
         """Queue a message, merged with the last one where both are one; False where the queue is full."""
         with self._wake:
-            self._quiet = max(self._quiet, clock.monotonic() + (_HELD if type(message) is Hold else _REST))
+            self._moved = clock.monotonic()
+            self._quiet = max(self._quiet, self._moved + (_HELD if type(message) is Hold else _REST))
             if type(message) is Hold:
                 return not self._closing
             if self._queue and self._queue[-1][1] is sender:
@@ -218,7 +221,7 @@ class Running:
         return bool(self._closing or self._queue or self._jobs or self._wanted(session))
 
     def _wanted(self, session: Session) -> bool:
-        """Whether to draw now: a better picture of what stands still waits for those who are about to move it."""
+        """Whether to draw now: a better picture of what stands still waits for who is about to move it."""
         if not self._listeners or not session.wants_picture:
             return False
         return session.moves or clock.monotonic() >= self._quiet
@@ -241,7 +244,7 @@ class Running:
 
     def _draw(self, session: Session) -> None:
         try:
-            picture = session.next_picture()
+            picture = session.next_picture(rested=clock.monotonic() - self._moved > _RESTED)
         except Exception as error:  # a scene half changed, or one that cannot be drawn
             session.line = str(error) if isinstance(error, IspmError) else f"{type(error).__name__}: {error}"
             session.fail()

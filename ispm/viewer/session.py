@@ -128,13 +128,15 @@ class Session:
         if after.time != self.timeline.time:
             self.timeline, self._changed, self._failed = after, True, False
 
-    def next_picture(self) -> Picture | None:
+    def next_picture(self, *, rested: bool = True) -> Picture | None:
         """Draw, and return what canvases should show now; None where nothing is to be drawn.
 
+        rested  whether what stands still is drawn at its full size, though that may take long
         Raises IspmError where the scene or a setting cannot be drawn; the next change is tried again.
         """
         began = clock.perf_counter()
         full = self.settings.size
+        wanted = full if rested else self._pace.resting(full)
         if self._again and not self._changed and self.picture is not None:
             self._again = False
             return self._next(self.picture.frame, self.picture.still, began)
@@ -143,10 +145,12 @@ class Session:
         if moving:
             frame = self._drawn(self._pace.size(full))
             self._pace.spent(clock.perf_counter() - began)
-        elif self.picture is None or self.picture.frame.settings.size != full:
-            frame = self._drawn(full)
+        elif self.picture is None or self.picture.frame.settings.size not in (wanted, full):
+            frame = self._drawn(wanted)
         else:
             frame = self.draw.settle()
+            if frame is None and self.picture.frame.settings.size != full:
+                frame = self._drawn(full)
         if frame is None:
             assert self.picture is not None
             self.count += 1

@@ -8,9 +8,10 @@ from contextlib import contextmanager
 NAMES = ("chromium", "chromium-browser", "google-chrome")
 _WATCH = """
 window.faults = [];
-addEventListener("securitypolicyviolation", (e) => faults.push(`policy: ${e.violatedDirective} ${e.blockedURI}`));
+addEventListener("securitypolicyviolation",
+    (e) => faults.push(`policy: ${e.violatedDirective} ${e.blockedURI}`));
 addEventListener("error", (e) => faults.push(`error: ${e.message}`));
-addEventListener("unhandledrejection", (e) => faults.push(`rejected: ${e.reason}`));
+addEventListener("unhandledrejection", (e) => faults.push(`rejection: ${e.reason}`));
 """
 
 

@@ -247,7 +247,7 @@ def test_another_page_of_this_machine_gets_nothing(site, tab):
     """Cookies go to all ports of a host: it is the Origin that tells pages apart."""
 
     class Stranger(http.server.BaseHTTPRequestHandler):
-        def do_GET(self):  # noqa: N802
+        def do_GET(self):
             self.send_response(200)
             self.send_header("content-type", "text/html")
             self.end_headers()
@@ -265,7 +265,8 @@ def test_another_page_of_this_machine_gets_nothing(site, tab):
                 await new Promise((done) => {
                     const line = new WebSocket(`ws://${host}/live`);
                     line.onopen = () => done("open"); line.onerror = () => done("refused"); }),
-                await fetch(`http://${host}/scene.glb`, { credentials: "include" }).then(() => "read", () => "refused"),
+                await fetch(`http://${host}/scene.glb`, { credentials: "include" })
+                    .then(() => "read", () => "refused"),
             ]""",
             host,
         )
