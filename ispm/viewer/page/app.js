@@ -42,7 +42,9 @@ const panels = new Panels(link), timeline = new TimeLine(link);
 
 let asked = "", asking = 0;
 function fit() {
-  const { clientWidth: w, clientHeight: h } = stage, aspect = picture.width / picture.height;
+  const { clientWidth: w, clientHeight: h } = stage;
+  const [wide, high] = overlay.about ? overlay.about.full : [picture.width, picture.height];
+  const aspect = wide / high; // not the picture's own: a small one's is rounded
   const width = Math.min(w, h * aspect), height = width / aspect;
   const rect = { x: (w - width) / 2, y: (h - height) / 2, width, height };
   Object.assign(picture.style, { left: `${rect.x}px`, top: `${rect.y}px`, width: `${width}px`, height: `${height}px` });
