@@ -23,3 +23,5 @@ fetch() { # fetch FOLDER PACKAGE...: download .deb files into it, install nothin
     (cd "$folder" && { apt-get download -qq "$@" 2>/dev/null ||
         { as_root apt-get update -qq && apt-get download -qq "$@"; }; } >&2)
 }
+
+has_browser() { for name in chromium chromium-browser google-chrome; do command -v $name && return; done >/dev/null; }

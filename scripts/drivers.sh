@@ -56,8 +56,6 @@ find_layer() { # print where the loader looks for it
         usr/share/vulkan/explicit_layer.d/VkLayer_khronos_validation.json >&2 && echo "$cache"
 }
 
-has_browser() { for name in chromium chromium-browser google-chrome; do command -v $name && return; done >/dev/null; }
-
 on() { # on DRIVER COMMAND...: with that driver alone; the second variable is older loaders'
     icd=$1
     shift

@@ -84,3 +84,9 @@ if [ "$kind" = all ] && [ "$(uname)" = Linux ] && [ ! -f "$venv/.ready-display" 
     command -v Xvfb >/dev/null || install xvfb || say "there is no Xvfb, tests of the window will be skipped"
     touch "$venv/.ready-display"
 fi
+
+# The page of `ispm view` is tested in a real browser; apt is asked for one once.
+if [ "$kind" = all ] && [ ! -f "$venv/.ready-browser" ]; then
+    has_browser || install chromium || say "there is no Chromium, tests of the page will be skipped"
+    touch "$venv/.ready-browser"
+fi

@@ -52,6 +52,7 @@ def header(session: Session, picture: Picture, fps: float) -> dict[str, Any]:
     return {
         "number": picture.number,
         "size": [width, height],
+        "full": list(session.settings.size),
         "still": picture.still,
         "clip": [round(float(v), 9) for v in np.asarray(picture.frame.camera["clip_from_world"]).ravel()],
         "lights": session.once("lights", lambda: _lights(session), session.selected),

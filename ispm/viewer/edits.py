@@ -6,9 +6,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
+
 from ispm.errors import SceneError
 
 _MOST = 1000  # edits that can be taken back
+_NOTHING = 1e-6  # of a value: a drag that ends as near to where it began has changed nothing
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,13 +76,19 @@ class History:
     redos: list[Edit] = field(default_factory=list)
 
     def make(self, edit: Edit) -> None:
-        """Apply an edit and remember it. Raises SceneError as `Edit.apply`; nothing is changed then."""
+        """Apply an edit and remember it, unless it ends a drag where that began.
+
+        Raises SceneError as `Edit.apply`; nothing is changed then.
+        """
         before = edit.apply()
-        self.redos.clear()
         last = self.undos[-1] if self.undos else None
         if last is not None and edit.gesture is not None and last.gesture == edit.gesture:
             before = Edit(last.label, _earliest([*before.steps, *last.steps]), edit.gesture)
             self.undos.pop()
+        if edit.gesture is not None and all(_same(getattr(s.owner, s.field), s.value) for s in before.steps):
+            before.apply()
+            return
+        self.redos.clear()
         self.undos.append(before)
         del self.undos[:-_MOST]
 
@@ -111,6 +120,17 @@ def _earliest(steps: Sequence[Assign]) -> tuple[Assign, ...]:
     """Of steps that are applied in a row, the last to each field alone."""
     kept = {(id(step.owner), step.field): step for step in steps}
     return tuple(kept.values())
+
+
+def _same(first: Any, second: Any) -> bool:
+    """Whether two values of a field are one, numbers but for what rounding does."""
+    try:
+        a, b = np.asarray(first, np.float64), np.asarray(second, np.float64)
+    except (TypeError, ValueError):
+        return bool(first == second)
+    if first is None or a.shape != b.shape:
+        return first is second
+    return bool(np.all(np.abs(a - b) <= _NOTHING * max(float(np.abs(a).max()), float(np.abs(b).max()))))
 
 
 def _check(owner: Any) -> None:

@@ -247,3 +247,6 @@ HANDLERS: dict[type[messages.Message], Callable[[Session, Any, object], None]] =
 
 EDITS = (messages.Change, messages.Add, messages.Delete, messages.Duplicate, messages.Undo, messages.Redo)
 """The messages that change the scene; others change how it is looked at."""
+
+SAME_FRAME = (messages.Pick, messages.Select, messages.Show)
+"""The messages after which the last frame is shown anew, with other marks or by another view of it."""

@@ -171,6 +171,10 @@ class Play(Message, frozen=True, tag="play"):
     animation: Word | None = None  # "": all
 
 
+class Hold(Message, frozen=True, tag="hold"):
+    """Something is about to be dragged: for a moment, what stands still is not drawn better."""
+
+
 class Ack(Message, frozen=True, tag="ack"):
     """A picture was shown: for what carries messages, which sends no more than are shown."""
 
@@ -179,6 +183,7 @@ class Ack(Message, frozen=True, tag="ack"):
 
 ANY = (
     Ack
+    | Hold
     | Look
     | Pan
     | Zoom

@@ -17,13 +17,16 @@ from ispm.scene.scene import Scene
 from ispm.settings import Settings
 from ispm.viewer.changes import fingerprint
 from ispm.viewer.drawing import Drawing
-from ispm.viewer.messages import Message, merged
+from ispm.viewer.messages import Hold, Message, merged
 from ispm.viewer.pick import Picked
 from ispm.viewer.session import Picture, Session
 
 MOST_QUEUED = 512  # messages; more are refused
 _LOOKED_AT = 0.5  # s between looks at a file that is watched, at least
 _LOOKING = 0.1  # of a core at most that looking for changes of the scene may take
+_REST = 0.15  # s after the last message, until which no time is spent on what stands still
+_RESTED = 1.5  # s after the last message, until which it is drawn as large as is quick, not at its full size
+_HELD = 0.5  # s, likewise where a drag is about to begin
 _FORGET = 1.0  # s after which a pause between pictures is no slow picture
 
 _Result = TypeVar("_Result")
@@ -47,6 +50,8 @@ class Running:
         self._listeners: dict[object, Listener] = {}
         self._told: dict[object, Callable[[Session], None]] = {}
         self._closing, self._editors = False, 0
+        self._moved = 0.0  # when the last message came
+        self._quiet = 0.0  # when pictures of what stands still may be drawn better again
         self._editing = threading.RLock()
         self._opened: Future[Session] = Future()
         self._thread = threading.Thread(target=self._run, name="ispm-view", daemon=True)
@@ -114,6 +119,10 @@ class Running:
     def post(self, message: Message, sender: object = None) -> bool:
         """Queue a message, merged with the last one where both are one; False where the queue is full."""
         with self._wake:
+            self._moved = clock.monotonic()
+            self._quiet = max(self._quiet, self._moved + (_HELD if type(message) is Hold else _REST))
+            if type(message) is Hold:
+                return not self._closing
             if self._queue and self._queue[-1][1] is sender:
                 both = merged(self._queue[-1][0], message)
                 if both is not None:
@@ -181,7 +190,8 @@ class Running:
         while True:
             with self._wake:
                 if not self._waiting(session):
-                    self._wake.wait(pause)
+                    rest = self._quiet - clock.monotonic()
+                    self._wake.wait(min(pause, rest) if rest > 0.0 else pause)
                 self._wake.wait_for(lambda: not self._editors)
                 if self._closing:
                     return
@@ -203,12 +213,18 @@ class Running:
                     changed |= reloaded
                 if changed:
                     self._tell(session)
-                if self._listeners and session.wants_picture:
+                if self._wanted(session):
                     self._draw(session)
 
     def _waiting(self, session: Session) -> bool:
         """Whether there is something to do."""
-        return bool(self._closing or self._queue or self._jobs or (self._listeners and session.wants_picture))
+        return bool(self._closing or self._queue or self._jobs or self._wanted(session))
+
+    def _wanted(self, session: Session) -> bool:
+        """Whether to draw now: a better picture of what stands still waits for who is about to move it."""
+        if not self._listeners or not session.wants_picture:
+            return False
+        return session.moves or clock.monotonic() >= self._quiet
 
     def _handled(self, session: Session, posted: list[Any], jobs: list[Any]) -> bool:
         """Do what was asked for; whether anything was."""
@@ -228,7 +244,7 @@ class Running:
 
     def _draw(self, session: Session) -> None:
         try:
-            picture = session.next_picture()
+            picture = session.next_picture(rested=clock.monotonic() - self._moved > _RESTED)
         except Exception as error:  # a scene half changed, or one that cannot be drawn
             session.line = str(error) if isinstance(error, IspmError) else f"{type(error).__name__}: {error}"
             session.fail()

@@ -73,11 +73,12 @@ class Server:
         from uvicorn import Config
         from uvicorn import Server as Uvicorn
 
+        from ispm.viewer.door import door
         from ispm.viewer.site import Site
 
         self._running = running
         self._site = Site(running, self.access, spent, self._watch)
-        self._uvicorn = Uvicorn(Config(self._site, **_HOW))
+        self._uvicorn = Uvicorn(Config(self._site, http=door(), **_HOW))
         self._rate = Rate()
         self._loop: asyncio.AbstractEventLoop | None = None
         self._begun = threading.Event()

@@ -23,7 +23,7 @@ from ispm.viewer import messages
 from ispm.viewer.copied import Copy, without
 from ispm.viewer.drawing import Draws
 from ispm.viewer.edits import Hidden, History
-from ispm.viewer.handling import EDITS, HANDLERS, QUIET
+from ispm.viewer.handling import EDITS, HANDLERS, QUIET, SAME_FRAME
 from ispm.viewer.numbering import Numbering
 from ispm.viewer.orbit import orbit_of
 from ispm.viewer.pace import Pace
@@ -112,14 +112,19 @@ class Session:
         """Say that the scene has changed."""
         self.inspected = None
         self.version += 1
-        self._changed, self._failed = True, False
+        self._changed, self._again, self._failed = True, False, False
+
+    @property
+    def moves(self) -> bool:
+        """Whether what is seen has changed since the last picture."""
+        return (self._changed or self._again or self.picture is None) and not self._failed
 
     @property
     def wants_picture(self) -> bool:
         """Whether a picture should be drawn: something changed, or it can still become better."""
         if self._failed:
             return False
-        return self._changed or self.picture is None or not self.picture.still
+        return self.moves or self.picture is None or not self.picture.still
 
     def pass_time(self, seconds: float) -> None:
         """Let seconds of the clock go by, for what plays."""
@@ -127,30 +132,40 @@ class Session:
         if after.time != self.timeline.time:
             self.timeline, self._changed, self._failed, self.inspected = after, True, False, None
 
-    def next_picture(self) -> Picture | None:
+    def next_picture(self, *, rested: bool = True) -> Picture | None:
         """Draw, and return what canvases should show now; None where nothing is to be drawn.
 
+        rested  whether what stands still is drawn at its full size, though that may take long
         Raises IspmError where the scene or a setting cannot be drawn; the next change is tried again.
         """
         began = clock.perf_counter()
         full = self.settings.size
-        moving, self._changed = self._changed, False
+        wanted = full if rested else self._pace.resting(full)
+        if self._again and not self._changed and self.picture is not None:
+            self._again = False
+            return self._next(self.picture.frame, self.picture.still, began)
+        moving, self._changed, self._again = self._changed, False, False
         frame: Frame | None = None
         if moving:
             frame = self._drawn(self._pace.size(full))
             self._pace.spent(clock.perf_counter() - began)
-        elif self.picture is None or self.picture.frame.settings.size != full:
-            frame = self._drawn(full)
+        elif self.picture is None or self.picture.frame.settings.size not in (wanted, full):
+            frame = self._drawn(wanted)
         else:
             frame = self.draw.settle()
+            if frame is None and self.picture.frame.settings.size != full:
+                frame = self._drawn(full)
         if frame is None:
             assert self.picture is not None
             self.count += 1
             self.picture = replace(self.picture, still=True, number=self.count)
             return self.picture
+        return self._next(frame, False, began)
+
+    def _next(self, frame: Frame, still: bool, began: float) -> Picture:
         image = np.ascontiguousarray(self._image(frame)[..., :3])
         self.count += 1
-        self.picture = Picture(self.count, image, False, frame, clock.perf_counter() - began)
+        self.picture = Picture(self.count, image, still, frame, clock.perf_counter() - began)
         return self.picture
 
     def fail(self) -> None:
@@ -198,7 +213,9 @@ class Session:
         HANDLERS[type(message)](self, message, sender)
         if isinstance(message, EDITS):
             self.touch()
-        if not isinstance(message, QUIET):
+        if isinstance(message, SAME_FRAME):
+            self._again, self._failed = True, False
+        elif not isinstance(message, QUIET):
             self._changed, self._failed = True, False
 
     def node(self, number: int | None) -> Node:

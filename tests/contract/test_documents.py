@@ -1,5 +1,6 @@
 """What the documents say is so."""
 
+import json
 import os
 import re
 import subprocess
@@ -49,6 +50,15 @@ def headings(path):
         repeats = sum(re.sub(r"-\d+$", "", other) == anchor for other in found)
         found.append(f"{anchor}-{repeats}" if repeats else anchor)
     return found
+
+
+def test_the_keys_of_the_page_are_those_of_its_document():
+    page = (ROOT / "ispm" / "viewer" / "page" / "app.js").read_text("utf-8")
+    keys = json.loads(re.search(r"const KEYS = (\[\[.*?\]\]);", page, re.DOTALL)[1])
+    text = (ROOT / "docs" / "viewer.md").read_text("utf-8")
+    assert [f"| {key} | {does} |" for key, does in keys] == re.findall(
+        r"^\| (?!key|-).*\|$", text, re.MULTILINE
+    )
 
 
 def test_files_that_documents_name_exist():

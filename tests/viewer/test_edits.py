@@ -86,6 +86,30 @@ def test_steps_of_one_drag_are_taken_back_at_once():
     np.testing.assert_array_equal(lamp.translation, (3, 0, 0))
 
 
+@pytest.mark.parametrize("end", [(0.0, 3.0, 0.0), (1e-9, 3.0 - 1e-7, -1e-9)])
+def test_a_drag_that_ends_where_it_began_leaves_nothing(end):
+    world, history = scene(), History()
+    lamp = world["lamp"]
+    history.make(fields.node_edit(lamp, "name", "a", None))
+    history.undo()
+    for place in ((0.0, 3.1, 0.0), (0.2, 3.1, 0.0), end):
+        history.make(actions.move(world, lamp, np.array(place), gesture=("client", 7)))
+    assert history.undos == []
+    np.testing.assert_array_equal(lamp.translation, (0, 3, 0))  # and not what rounding made of it
+    bright = fields.light_fields(lamp.light)[2]["value"]
+    for value in (2.0 * bright, bright):
+        history.make(fields.light_edit(lamp, "strength", value, 1.0, ("client", 8)))
+    assert history.undos == []
+
+
+def test_a_drag_by_nothing_keeps_what_can_be_made_again():
+    world, history = scene(), History()
+    history.make(fields.node_edit(world["lamp"], "name", "a", None))
+    history.undo()
+    history.make(actions.move(world, world["lamp"], np.array([0.0, 3.0, 0.0]), gesture=("client", 7)))
+    assert history.redo()
+
+
 def test_a_drag_that_was_taken_back_does_not_go_on():
     world, history = scene(), History()
     for x in (1.0, 2.0):

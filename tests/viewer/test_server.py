@@ -4,6 +4,7 @@ import http.client
 import json
 import socket
 import struct
+import threading
 import time
 from contextlib import ExitStack
 from pathlib import Path
@@ -25,6 +26,8 @@ websockets = pytest.importorskip("websockets", reason="needs the extra web")
 pytest.importorskip("uvicorn", reason="needs the extra web")
 from websockets.exceptions import ConnectionClosed, InvalidStatus  # noqa: E402
 from websockets.sync.client import connect  # noqa: E402
+
+from ispm.viewer.door import MOST_WAITING, PATIENCE  # noqa: E402
 
 
 class Site:
@@ -435,6 +438,88 @@ def test_clients_are_bounded(site):
             time.sleep(0.02)
         with site.live() as line:
             Eye(line).still()
+
+
+def test_a_better_picture_waits_for_a_drag_that_is_about_to_begin(site):
+    site.enter()
+    with site.live() as line:
+        eye = Eye(line)
+        eye.still()
+        eye.send(type="look", right=0.1, down=0.0)
+        for _ in range(4):
+            eye.send(type="hold")
+            time.sleep(0.2)
+        assert site.painting.settled == 0
+        eye.until(lambda: eye.pictures[-1][0]["still"] and site.painting.settled == 3)
+
+
+def closed(line, seconds):
+    """Whether the server ends a connection in time; what it answers is read."""
+    line.settimeout(seconds)
+    try:
+        while line.recv(1000):
+            pass
+    except TimeoutError:
+        return False
+    except OSError:
+        pass
+    return True
+
+
+def test_strangers_who_ask_nothing_hold_no_place(site):
+    site.enter()
+    with ExitStack() as ends:
+        lines = [
+            ends.enter_context(socket.create_connection(("127.0.0.1", site.port)))
+            for _ in range(3 * MOST_WAITING)
+        ]
+        began = time.monotonic()
+        assert site.get("/").status == 200
+        with site.live() as line:
+            Eye(line).still()
+        assert time.monotonic() - began < PATIENCE  # no one had to wait until they gave up
+        assert all(closed(line, 2.0) for line in lines[:MOST_WAITING])
+
+
+@pytest.mark.parametrize("before", [b"", b"GET / HTTP/1.1\r\nHost: x\r\n\r\n"])
+def test_a_head_that_trickles_in_is_not_waited_for(site, monkeypatch, before):
+    monkeypatch.setattr("ispm.viewer.door.PATIENCE", 0.5)
+    with socket.create_connection(("127.0.0.1", site.port)) as line:
+        line.sendall(before)
+        began = time.monotonic()
+        with pytest.raises(OSError):
+            while time.monotonic() - began < 10.0:
+                line.sendall(b"G" if time.monotonic() - began < 0.1 else b"x")
+                time.sleep(0.1)
+        assert time.monotonic() - began < 5.0
+
+
+def test_a_refused_socket_is_closed(site):
+    head = f"GET /live HTTP/1.1\r\nHost: {site.host}\r\nOrigin: http://{site.host}\r\nUpgrade: websocket\r\n"
+    head += "Connection: Upgrade\r\nSec-WebSocket-Version: 13\r\n"
+    head += "Sec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\n\r\n"
+    with socket.create_connection(("127.0.0.1", site.port)) as line:
+        line.sendall(head.encode())
+        assert closed(line, 5.0)
+
+
+def test_sockets_and_answers_that_take_long_are_waited_for(site, monkeypatch, tmp_path):
+    monkeypatch.setattr("ispm.viewer.door.PATIENCE", 0.3)
+    site.enter()
+    with site.live() as line:
+        eye = Eye(line)
+        eye.still()
+        time.sleep(1.0)
+        eye.send(type="look", right=0.1, down=0.0)
+        count = len(eye.pictures)
+        eye.until(lambda: len(eye.pictures) > count)
+        with site.running.editing():  # nothing is drawn, nor saved, meanwhile
+            answers = []
+            asking = threading.Thread(target=lambda: answers.append(site.get("/picture.png")))
+            asking.start()
+            time.sleep(1.0)
+        asking.join(10)
+    assert answers[0].text.startswith(b"\x89PNG")
 
 
 # -- files -----------------------------------------------------------------------------------------

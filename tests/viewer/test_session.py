@@ -10,6 +10,7 @@ from ispm.io.save import save
 from ispm.scene.animation import Animation, Channel
 from ispm.viewer import messages as m
 from ispm.viewer.describe import describe, header
+from ispm.viewer.pace import Pace
 
 
 def settle(session):
@@ -44,6 +45,38 @@ def test_slow_moving_pictures_become_smaller_and_full_where_all_is_still(session
     assert moving[0] < 64 and moving[1] < 32
     painting.seconds = 0.0
     assert settle(session)[-1].frame.settings.size == (64, 32)
+
+
+def test_what_stands_still_is_drawn_as_large_as_is_quick_at_first_and_then_in_full(session, painting):
+    class Slow(Pace):
+        def spent(self, seconds):
+            super().spent(0.1)
+
+    session._pace = Slow(15.0)
+    session.settings = session.settings.replace(size=(400, 300))
+    size = lambda: session.picture.frame.settings.size  # noqa: E731
+    for _ in range(6):
+        session.handle(m.Look(0.1, 0.0))
+        session.next_picture()
+    assert size() == (100, 75)
+    for _ in range(2):
+        session.next_picture(rested=False)
+        assert size() == (140, 105)  # twice its pixels fit into 0.2 s
+    assert [p.frame.settings.size for p in settle(session)] == [(400, 300)] * 4
+    session.handle(m.Look(0.1, 0.0))
+    while session.wants_picture:
+        session.next_picture(rested=False)
+    assert size() == (400, 300)  # in the end
+
+
+@pytest.mark.parametrize("message", [m.Pick(0.36, 0.5), m.Select(None), m.Show("depth")])
+def test_what_changes_marks_alone_shows_the_same_frame_again(session, painting, message):
+    before, drawn = settle(session)[-1], len(painting.drawn)
+    session.handle(message)
+    assert session.moves
+    after = session.next_picture()
+    assert (after.frame, after.still) == (before.frame, True) and after.number == before.number + 1
+    assert len(painting.drawn) == drawn and not session.wants_picture
 
 
 def test_the_camera_is_dragged_and_comes_home(session, painting):

@@ -34,6 +34,7 @@ const link = new Link({
     if (!about.still) plot.add(about.stats.stages);
     panels.stats(about);
     timeline.at(about.time);
+    picture.dispatchEvent(new CustomEvent("shown", { detail: about })); // for those who measure
   },
 });
 const panels = new Panels(link), timeline = new TimeLine(link), inspector = new Inspector(link, overlay);
@@ -42,7 +43,9 @@ const panels = new Panels(link), timeline = new TimeLine(link), inspector = new 
 
 let asked = "", asking = 0;
 function fit() {
-  const { clientWidth: w, clientHeight: h } = stage, aspect = picture.width / picture.height;
+  const { clientWidth: w, clientHeight: h } = stage;
+  const [wide, high] = overlay.about ? overlay.about.full : [picture.width, picture.height];
+  const aspect = wide / high; // not the picture's own: a small one's is rounded
   const width = Math.min(w, h * aspect), height = width / aspect;
   const rect = { x: (w - width) / 2, y: (h - height) / 2, width, height };
   Object.assign(picture.style, { left: `${rect.x}px`, top: `${rect.y}px`, width: `${width}px`, height: `${height}px` });
@@ -70,6 +73,7 @@ const local = (event) => { const box = surface.getBoundingClientRect(); return [
 surface.addEventListener("pointerdown", (event) => {
   surface.focus();
   surface.setPointerCapture(event.pointerId);
+  link.send({ type: "hold" });
   const over = event.button === 0 ? overlay.at(...local(event)) : null;
   const how = event.button === 2 ? "turn" : event.button === 1 || event.shiftKey ? "pan" : "orbit";
   drag = { how, x: event.clientX, y: event.clientY, moved: 0, over, gesture: gesture() };
@@ -204,6 +208,7 @@ for (const side of ["left", "right"]) {
   if (localStorage.getItem(`ispm-no-${side}`) === "true") document.body.classList.add(`no-${side}`);
   $(`fold-${side}`).addEventListener("click", () => fold(side));
 }
+if (innerHeight <= 560) $("cost-box").open = false;
 $("undo").addEventListener("click", () => link.send({ type: "undo" }));
 $("redo").addEventListener("click", () => link.send({ type: "redo" }));
 $("shot").addEventListener("click", screenshot);

@@ -14,6 +14,7 @@ export class Link {
     url.protocol = url.protocol === "https:" ? "wss:" : "ws:";
     this.socket = new WebSocket(url);
     this.socket.binaryType = "arraybuffer";
+    this.shown = 0;
     this.socket.onopen = () => { this.tries = 0; this.on.open(); };
     this.socket.onmessage = (event) => this.receive(event.data);
     this.socket.onclose = (event) => {
@@ -52,7 +53,10 @@ export class Link {
     const length = new DataView(data).getUint32(0, true);
     const about = JSON.parse(decoder.decode(new Uint8Array(data, 4, length)));
     const picture = await createImageBitmap(new Blob([new Uint8Array(data, 4 + length)], { type: about.kind }));
-    this.on.picture(about, picture);
+    if (about.number > this.shown) {
+      this.shown = about.number;
+      this.on.picture(about, picture);
+    } else picture.close(); // a newer one was decoded sooner
     this.send({ type: "ack", number: about.number });
   }
 }

@@ -125,7 +125,8 @@ export class Panels {
 
   stats({ size, stats, still }) {
     const of = (n) => n.toLocaleString("en");
-    $("rate").textContent = `${size[0]} × ${size[1]}   ${still ? "at rest" : `${stats.fps.toFixed(1)} fps`}   ${stats.ms.toFixed(0)} ms`;
+    const state = still ? "at rest" : stats.passes > 1 ? `pass ${stats.passes}` : `${stats.fps.toFixed(1)} fps`;
+    $("rate").textContent = `${size[0]} × ${size[1]}   ${state}   ${stats.ms.toFixed(0)} ms`;
     const values = [["photons stored", of(stats.photons)], ["emitted", of(stats.emitted)], ["passes", stats.passes],
       ["error estimate", stats.error === null ? "–" : `${(100 * stats.error).toFixed(1)} %`], ["exposure", `${stats.exposure.toFixed(2)} EV`], ["adapter", stats.adapter]];
     $("stats").replaceChildren(...values.flatMap(([name, value]) => [make("dt", { textContent: name }), make("dd", { textContent: value, title: value })]));
