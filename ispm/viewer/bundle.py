@@ -9,6 +9,7 @@ from pathlib import Path
 _PAGE = Path(__file__).parent / "page"
 _IMPORT = re.compile(r'^import \{([^}]*)\} from "\./([\w.]+)";\n', re.MULTILINE)
 _EXPORT = re.compile(r"^export (const|let|class|function|async function) (\w+)", re.MULTILINE)
+_STYLE = re.compile(r'<link rel="stylesheet" href="([\w.]+)">')
 _FOLDED = "no-left no-right"  # what a cell of a notebook is too narrow for
 
 
@@ -44,17 +45,16 @@ def _name(file: str) -> str:
 def page() -> str:
     """Return the page as one document, which speaks to the window that it is a frame of."""
     text = (_PAGE / "index.html").read_text("utf-8")
-    style, code = (_PAGE / "style.css").read_text("utf-8"), script("app.js", {"link.js": "comm.js"})
+    code = script("app.js", {"link.js": "comm.js"})
     for old, new in (
         ('<link rel="icon" href="icon.svg">\n', ""),
-        ('<link rel="stylesheet" href="style.css">', f"<style>{style}</style>"),
         ('<script type="module" src="app.js"></script>', ""),
         ("<body>", f'<body class="{_FOLDED}">'),
         ("</body>", f'<script type="module">{code}</script></body>'),
     ):
         assert text.count(old) == 1, old
         text = text.replace(old, new)
-    return text
+    return _STYLE.sub(lambda m: f"<style>{(_PAGE / m[1]).read_text('utf-8')}</style>", text)
 
 
 def widget() -> str:

@@ -81,7 +81,8 @@ def test_a_cell_that_opens_is_told_everything_and_sent_pictures(cell, painted):
     assert not painted[1].drawn  # for nobody
     cell.says(what="open")
     until(cell.pictures)
-    until(lambda: set(cell.parts()) == {"scene", "selection", "settings", "time", "history", "about"})
+    parts = {"scene", "selection", "inspected", "settings", "time", "history", "about"}
+    until(lambda: set(cell.parts()) == parts)
     assert cell.pictures()[0]["size"] == [64, 32]
 
 
