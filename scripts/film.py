@@ -21,6 +21,7 @@ import ispm
 from ispm.settings import Settings
 from ispm.viewer import messages as m
 from ispm.viewer.drawing import PRESET, Drawing
+from ispm.viewer.running import LEAST_FPS
 from ispm.viewer.session import Picture, Session
 
 SECONDS = 6.0
@@ -39,17 +40,6 @@ def dragged(t: float) -> np.ndarray:
     return np.array(
         [0.6 * math.sin(4.0 * math.pi * t), -0.62 * far, 0.55 * math.sin(2.0 * math.pi * t) * far]
     )
-
-
-class Whole:
-    """Draws moving pictures at their full size, however long they take."""
-
-    def size(self, full: tuple[int, int]) -> tuple[int, int]:
-        """The full size."""
-        return full
-
-    def spent(self, seconds: float) -> None:
-        """Take no notice."""
 
 
 def marked(picture: Picture, place: np.ndarray) -> Image.Image:
@@ -85,8 +75,7 @@ def main() -> None:
     scene = ispm.builtin(args.scene)
     settings = Settings(preset=PRESET, size=(width, height), exposure="hold")
     drawing = Drawing()
-    session = Session(scene, drawing, settings)
-    session._pace = Whole()  # type: ignore[assignment]
+    session = Session(scene, drawing, settings, fps=LEAST_FPS)  # at which no picture becomes smaller
     node = next(each for each in scene.nodes if each.light is not None)
     lamp, home = session.numbering.of(node), scene.world_matrix(node)[:3, 3].copy()
     reach = 0.5 * (scene.bounds[1] - scene.bounds[0])

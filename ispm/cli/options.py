@@ -15,7 +15,7 @@ from cyclopts import App, Parameter
 from ispm.cli.console import Console
 from ispm.errors import SettingsError
 from ispm.knobs import as_text
-from ispm.settings import LOADING, Settings, convert, nearest, resolve
+from ispm.settings import LOADING, Preset, Settings, convert, nearest, resolve
 
 app = App(
     name="ispm",
@@ -72,12 +72,15 @@ def command(*owners: type) -> Callable[[Callable[..., int | None]], Callable[...
     return register
 
 
-def settings_from(given: Mapping[str, Any], config: str | None) -> Settings:
+def settings_from(
+    given: Mapping[str, Any], config: str | None, *, preset: Preset = Settings.preset
+) -> Settings:
     """Return the settings: flags, else ISPM_<NAME>, else the TOML file, else preset, else default.
 
+    preset  where the user asks for none
     Raises SettingsError, saying where the value stands.
     """
-    return resolve(*_layers(Settings, given, config))
+    return resolve(*_layers(Settings, given, config), {"preset": preset})
 
 
 def loading_from(given: Mapping[str, Any], config: str | None) -> dict[str, Any]:

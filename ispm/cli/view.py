@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,6 +22,7 @@ if TYPE_CHECKING:
     from ispm.viewer.session import Session
 
 _SWITCH = Parameter(negative="", show_default=False)
+_HERE = "127.0.0.1"
 
 
 @dataclass(frozen=True)
@@ -33,8 +33,16 @@ class Shown:
         bool, _SWITCH, Parameter(help="in a browser, at an address that is printed, not in a window")
     ] = False
     terminal: Annotated[bool, _SWITCH, Parameter(help="in this terminal, two pixels to a character")] = False
-    port: Annotated[int, Parameter(help="where the page is served; 0: any that is free", metavar="N")] = 0
-    host: Annotated[str, Parameter(help="the address that it is served at", metavar="ADDRESS")] = "127.0.0.1"
+    port: Annotated[
+        int | None,
+        Parameter(
+            help="where the page is served; 0: any that is free", metavar="N", show_default=lambda _: 0
+        ),
+    ] = None
+    host: Annotated[
+        str | None,
+        Parameter(help="the address that it is served at", metavar="ADDRESS", show_default=lambda _: _HERE),
+    ] = None
     allow_remote: Annotated[
         bool, _SWITCH, Parameter(help="whether --host may be one that other machines reach")
     ] = False
@@ -47,6 +55,18 @@ class Shown:
     ] = 15.0
     watch: Annotated[bool, _SWITCH, Parameter(help="load the file again whenever it changes")] = False
 
+    @property
+    def of_page(self) -> str:
+        """The option given that means the page; empty: none."""
+        given = {
+            "--web": self.web,
+            "--port": self.port is not None,
+            "--host": self.host is not None,
+            "--allow-remote": self.allow_remote,
+            "--public-url": self.public_url,
+        }
+        return next((name for name, value in given.items() if value), "")
+
 
 @command(Settings, *LOADING)
 def view(console: Console, scene: str, /, *, shown: Shown, look: Viewpoint, **given: Any) -> None:
@@ -54,28 +74,29 @@ def view(console: Console, scene: str, /, *, shown: Shown, look: Viewpoint, **gi
 
     Example: ispm view cornell-box
 
-    A window opens; with --web, or where none can be opened, a page is served for browsers. SCENE is a file
-    (.glb .gltf .obj .ply .stl) or the name of a built-in scene. Settings as of render; the preset is live
-    where none is given. Ctrl-C ends it.
+    A window opens; with --web, --port, --host, --allow-remote or --public-url, or where none can be opened, a
+    page is served for browsers. SCENE is a file (.glb .gltf .obj .ply .stl) or the name of a built-in scene.
+    Settings as of render; the preset is live where none is given. Ctrl-C ends it.
     """
     look.check()
-    if not (math.isfinite(shown.fps) and 0.1 <= shown.fps <= 240.0):
-        raise SettingsError(f"--fps: {shown.fps:g} is not within 0.1 to 240")
-    if not 0 <= shown.port <= 65535:
-        raise SettingsError(f"--port: {shown.port} is not within 0 to 65535")
-    settings = settings_from(given, look.config)
-    loading = loading_from(given, look.config)
+    host, port = shown.host or _HERE, shown.port or 0
+    if not 0 <= port <= 65535:
+        raise SettingsError(f"--port: {port} is not within 0 to 65535")
 
+    from ispm.viewer.drawing import PRESET
     from ispm.viewer.screen import why_no_window
 
+    settings = settings_from(given, look.config, preset=PRESET)
+    loading = loading_from(given, look.config)
+
     if shown.terminal:
-        if shown.web:
-            raise SettingsError("--terminal and --web exclude each other")
+        if shown.of_page:
+            raise SettingsError(f"--terminal and {shown.of_page} exclude each other")
         from ispm.viewer.terminal import require_terminal
 
         require_terminal()
-    why = "" if shown.web or shown.terminal else why_no_window()
-    page = shown.web or bool(why)
+    why = "" if shown.of_page or shown.terminal else why_no_window()
+    page = bool(shown.of_page or why)
     if page:
         from ispm.viewer.server import require_web
 
@@ -84,15 +105,10 @@ def view(console: Console, scene: str, /, *, shown: Shown, look: Viewpoint, **gi
         require_web()
     from ispm.kernels import background
     from ispm.viewer.access import require_host
-    from ispm.viewer.drawing import PRESET
-    from ispm.viewer.fields import granted
     from ispm.viewer.messages import Play
     from ispm.viewer.running import live
 
-    require_host(shown.host, shown.allow_remote)
-    if "preset" not in given and settings == Settings().replace(size=settings.size):
-        settings = Settings(preset=PRESET, size=settings.size)
-    granted(settings)
+    require_host(host, shown.allow_remote)
     background.say = console.say
     world = open_scene(console, scene, loading)
     camera = choose_camera(world, look.camera, look.look_from, look.look_at, look.fov)
@@ -149,8 +165,8 @@ def _on_page(console: Console, running: Running, shown: Shown, asked: Callable[[
 
     server = Server(
         running,
-        shown.host,
-        shown.port,
+        shown.host or _HERE,
+        shown.port or 0,
         allow_remote=shown.allow_remote,
         public=shown.public_url,
         spent=lambda: console.say(f"for another browser: {server.access.url()}"),

@@ -6,16 +6,19 @@ as centers of blocks, history drifts even at rest.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
 
+from ispm.accel.normals import unit
 from ispm.frame import Receivers
 from ispm.kernels.share import run_shared, shared_rows
 from ispm.optics.jit import jit
 from ispm.optics.vector import Vector, dot, sub, vec3
-from ispm.scene.names import Names
+from ispm.scene.layout import Layout
+from ispm.scene.packed_instance import Placed
 from ispm.stages.camera import CameraView
 
 f32, i64, u32 = np.float32, np.int64, np.uint32
@@ -75,70 +78,50 @@ def seen(image: Receivers, view: CameraView, block: int, kept: np.ndarray) -> Se
     return Seen(image.points, pixels, image.size, size, clip.astype(np.float32), kept)
 
 
-class Instances(NamedTuple):
-    """The instances of a frame, and what tells them from others in another frame.
-
-    rows   (I,) INSTANCE;  ids  (I,) of `names`
-    nodes  the scene's, whose identity counts
-    """
-
-    rows: np.ndarray
-    ids: np.ndarray
-    names: Names
-    nodes: Sequence[object]
-
-
-def moves(now: Instances, before: Instances) -> Moves:
+def moves(now: Placed, before: Placed) -> Moves:
     """Return where instances were. The same part of the same node is the same instance, whatever its mesh."""
-    found = _ids_before(now, before)[now.ids]
-    place = np.full(len(before.ids) + 1, NOWHERE, np.int64)  # the last one: of id NOWHERE
-    place[before.ids] = np.arange(len(before.ids))
-    rows = place[found]
+    rows = np.full(len(now.ids), NOWHERE, np.int64)
     places = np.tile(np.eye(3, 4, dtype=np.float32), (len(rows), 1, 1))
     normals = np.tile(np.eye(3, dtype=np.float32), (len(rows), 1, 1))
-    stay = np.flatnonzero(rows >= 0)
-    here, there = _matrices(now.rows), np.empty((len(rows), 4, 4))
-    there[stay] = _matrices(before.rows[rows[stay]])
-    other = stay[(here[stay] != there[stay]).any(axis=(1, 2))]
-    if len(other):
-        flat = np.abs(np.linalg.det(here[other, :3, :3])) < 1e-30  # of no volume: there is no way back
-        rows[other[flat]] = NOWHERE
-        other = other[~flat]
-        back = there[other] @ np.linalg.inv(here[other])
-        places[other] = back[:, :3]
-        normals[other] = np.linalg.inv(back[:, :3, :3]).transpose(0, 2, 1)
+    ids = _ids_before(now.layout, before.layout)[now.ids]
+    stay = np.flatnonzero(ids >= 0)
+    row_of = np.empty(len(before.ids), np.int64)
+    row_of[before.ids] = np.arange(len(before.ids))
+    rows[stay] = row_of[ids[stay]]
+    here, there = now.places[now.ids[stay]], before.places[ids[stay]]
+    other = np.flatnonzero((here != there).any(axis=(1, 2)))
+    flat = np.abs(np.linalg.det(here[other, :3, :3])) < 1e-30  # of no volume: there is no way back
+    rows[stay[other[flat]]] = NOWHERE
+    other = other[~flat]
+    back = there[other] @ np.linalg.inv(here[other])
+    places[stay[other]] = back[:, :3]
+    normals[stay[other]] = np.linalg.inv(back[:, :3, :3]).transpose(0, 2, 1)
     return Moves(rows, places, normals)
 
 
-def _ids_before(now: Instances, before: Instances) -> np.ndarray:
+def _ids_before(now: Layout, before: Layout) -> np.ndarray:
     """The id in the frame before of each id of this one, (n,) int64; NOWHERE."""
-    count = len(now.ids)
-    if now.names.runs == before.names.runs and all(map(_same, now.nodes, before.nodes)):
+    count = int(now.copies.sum())
+    if now is before:
         return np.arange(count)
-    known, first = {}, 0
-    for run in before.names.runs:
-        known[id(before.nodes[run.node]), run.part] = first, run.copies
-        first += run.copies
-    found, first = np.full(count, NOWHERE), 0
-    for run in now.names.runs:
-        begin, copies = known.get((id(now.nodes[run.node]), run.part), (0, 0))
-        both = min(copies, run.copies)
-        found[first : first + both] = np.arange(begin, begin + both)
-        first += run.copies
+    known = dict(_parts(before))
+    found = np.full(count, NOWHERE, np.int64)
+    for key, ids in _parts(now):
+        then = known.get(key, range(0))
+        both = min(len(ids), len(then))
+        found[ids.start : ids.start + both] = np.arange(then.start, then.start + both)
     return found
 
 
-def _same(a: object, b: object) -> bool:
-    return a is b
-
-
-def _matrices(rows: np.ndarray) -> np.ndarray:
-    """(n, 4, 4) float64 object to world."""
-    out = np.zeros((len(rows), 4, 4))
-    for k in range(3):
-        out[:, k] = rows[f"world{k}"]
-    out[:, 3, 3] = 1.0
-    return out
+def _parts(layout: Layout) -> Iterator[tuple[tuple[int, int, int], range]]:
+    """Each part with the ids of its copies: by its node, its number there, and how often the node was met
+    before, as one may hang in several places."""
+    met, first = Counter[tuple[int, int]](), 0
+    for run in layout.names.runs:
+        part = id(layout.nodes[run.node]), run.part
+        yield (*part, met[part]), range(first, first + run.copies)
+        met[part] += 1
+        first += run.copies
 
 
 def reproject(points: np.ndarray, moves: Moves, before: Seen, threads: int) -> np.ndarray:
@@ -165,7 +148,7 @@ def _reproject(counter, points, moves, before, out):
             m, k = moves.places[instance], moves.normals[instance]
             x, ng, n = vec3(points[i].position), vec3(points[i].ng), vec3(points[i].n)
             here = _Here(_placed(m, x), _turned(k, ng), _turned(k, n))
-            _mean_about(here, moves.rows[instance] + i64(1), before, out[i])
+            _mean_near(here, moves.rows[instance] + i64(1), before, out[i])
 
 
 class _Here(NamedTuple):
@@ -189,15 +172,17 @@ def _placed(m, x):
 @jit
 def _turned(k, n):
     """The normal n by a (3, 3) matrix, of unit length."""
-    x = k[0, 0] * n[0] + k[0, 1] * n[1] + k[0, 2] * n[2]
-    y = k[1, 0] * n[0] + k[1, 1] * n[1] + k[1, 2] * n[2]
-    z = k[2, 0] * n[0] + k[2, 1] * n[1] + k[2, 2] * n[2]
-    scale = f32(1) / max(np.sqrt(x * x + y * y + z * z), f32(1e-30))
-    return x * scale, y * scale, z * scale
+    return unit(
+        (
+            k[0, 0] * n[0] + k[0, 1] * n[1] + k[0, 2] * n[2],
+            k[1, 0] * n[0] + k[1, 1] * n[1] + k[1, 2] * n[2],
+            k[2, 0] * n[0] + k[2, 1] * n[1] + k[2, 2] * n[2],
+        )
+    )
 
 
 @jit
-def _mean_about(here, valid, before, out):
+def _mean_near(here, valid, before, out):
     """Write the weighted mean of what is kept about a _Here, on the instance of `valid`; k zeros else."""
     clip, (width, height), x = before.clip, before.size, here.x
     columns, rows = before.shape

@@ -47,23 +47,31 @@ _TURNS = 2.0 * np.pi * (np.arange(256) + 0.5) / 256
 _CIRCLE = np.stack([np.cos(_TURNS), np.sin(_TURNS)], axis=1).astype(np.float32)
 
 
+class Draws(NamedTuple):
+    """What the trials of kernels are drawn by.
+
+    keys    (N,) uint32 of their random numbers, with the pass and the seed
+    series  whose mean is taken where a kernel loses something: more, less noise and more rays
+    """
+
+    keys: np.ndarray
+    seed: int | np.integer
+    pass_index: int | np.integer
+    series: int | np.integer = 1
+
+
 def keep_light(
     photons: np.ndarray,
-    keys: np.ndarray,
+    draws: Draws,
     world: World,
     surfaces: SurfaceTable,
-    seed: int,
-    pass_index: int,
     *,
-    series: int = 1,
     solids: bool = False,
     rows: np.ndarray | None = None,
 ) -> None:
     """Multiply the flux of photons by the inverse of the share of their kernels on surfaces, in expectation.
 
     photons  (N,) PHOTON with radius and height set, or CAUSTIC; flux changed in place
-    keys     (N,) uint32, of the random numbers
-    series   whose mean is taken where a kernel loses something: more, less noise and more rays
     solids   whether points on surfaces within solids do not count
     rows     (n,) uint32, the photons to change; None: all
     """
@@ -71,7 +79,7 @@ def keep_light(
     if not len(rows):
         return
     scene = _Traced(world.trees, surfaces.addresses, solids)
-    numbers = _Numbers(keys, u32(pass_index), u32(seed), i64(series))
+    numbers = Draws(draws.keys, u32(draws.seed), u32(draws.pass_index), i64(draws.series))
     keep: Callable[..., None] = _keep_ellipses if "front" in (photons.dtype.names or ()) else _keep_discs
     run_shared(lambda counter: keep(scene, photons, rows, numbers, counter), world.threads)
 
@@ -83,15 +91,6 @@ class _Traced(NamedTuple):
     trees: Trees
     surfaces: np.ndarray
     solids: bool
-
-
-class _Numbers(NamedTuple):
-    """Random numbers of each kernel, those of its key, uint32, and how many series are drawn by them."""
-
-    keys: np.ndarray
-    pass_index: np.uint32
-    seed: np.uint32
-    series: np.int64
 
 
 class _Kernel(NamedTuple):

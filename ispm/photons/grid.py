@@ -28,7 +28,7 @@ _CELL = 2.0  # mean radii: the width of a cell
 _CHUNK = 1024  # receivers a thread takes at a time
 _NOWHERE = (1 << 26) - 1  # the cell of receivers outside
 _PARTS = 4  # of a cell along each axis, by which its receivers are sorted
-_ROUND = f32(1.0 + 1e-5)  # the square of an ellipse's radius, for which rounding may take what lies on it
+_ROUND = f32(1.0 + 1e-5)  # square of an ellipse's radius in its own units, with room for rounding
 _SCANNED = 48  # receivers at most that ask every photon, in less time than the lists take to make
 
 
@@ -334,8 +334,8 @@ def _add_caustic(receiver, photon, out, r):
     """Add what a CAUSTIC brings to the RECEIVER of row `r` of (n, 16) float32. Twin of caustic.wgsl."""
     u, v = vec3(photon.u), vec3(photon.v)
     offset = sub(vec3(receiver.position), vec3(photon.position))
-    along, across, uu, vv = dot(offset, u), dot(offset, v), dot(u, u), dot(v, v)
-    if along * along * vv + across * across * uu > uu * vv * _ROUND:  # most are no farther off the surface
+    x, y = dot(offset, u) / dot(u, u), dot(offset, v) / dot(v, v)
+    if x * x + y * y > _ROUND:  # most of those that are not lit
         return
     if dot(offset, vec3(photon.front)) < -photon.reach:
         return

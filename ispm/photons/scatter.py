@@ -17,7 +17,7 @@ f32, u32 = np.float32, np.uint32
 
 ROULETTE_AFTER = 4  # scatters; living photons lower the error more than they cost before that
 SPECULAR_MAX = 8  # events at smooth surfaces without roulette
-_NEXT_TO_NOTHING = 1e-3  # share of the flux that a scatter keeps below which roulette does not wait
+_NEXT_TO_NOTHING = 1e-3  # share of the flux that an event keeps, below which roulette does not wait
 _SPECULAR_SURVIVAL = 0.9  # chance at each later one: ends paths between lossless surfaces without fireflies
 
 
@@ -41,15 +41,17 @@ def next_flight(event, x, d, flux):
         event.key, u32(2 * (event.scatters + event.speculars)), event.pass_index, event.seed
     )
     alive, wi, scattered, specular = scatter(x, d, flux, u0, u1, u2)
-    if alive and specular and event.speculars >= SPECULAR_MAX:
-        alive = u3 < f32(_SPECULAR_SURVIVAL)
-        scattered = scale(f32(1 / _SPECULAR_SURVIVAL), scattered)
-    if alive and not specular:
-        survival = min(f32(1), _sum(scattered) / _sum(flux))
+    survival = f32(1)
+    if alive:
+        kept = min(f32(1), _sum(scattered) / _sum(flux))
         # Black surfaces keep 1e-9 and less: after some of them a flux would underflow.
-        if event.scatters >= ROULETTE_AFTER or survival < f32(_NEXT_TO_NOTHING):
-            alive = u3 < survival
-            scattered = scale(f32(1) / survival, scattered)
+        if kept < f32(_NEXT_TO_NOTHING) or (not specular and event.scatters >= ROULETTE_AFTER):
+            survival = kept
+        elif specular and event.speculars >= SPECULAR_MAX:
+            survival = f32(_SPECULAR_SURVIVAL)
+    if survival < f32(1):
+        alive = u3 < survival
+        scattered = scale(f32(1) / survival, scattered)
     return alive, wi, scattered, specular
 
 

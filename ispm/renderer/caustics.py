@@ -10,7 +10,7 @@ import numpy as np
 from ispm.optics.records import CAUSTIC, take
 from ispm.photons.apriori import class_radii, hint_radii
 from ispm.photons.cells import SMALLEST, sort_by_cell
-from ispm.photons.coverage import keep_light
+from ispm.photons.coverage import Draws, keep_light
 from ispm.photons.density import (
     CAUSTIC_NEIGHBORS,
     FOCUSED_NEIGHBORS,
@@ -116,7 +116,7 @@ def classify_photons(this: Pass, path: Walk) -> PhotonClasses:
     kernels = shape_kernels(caustic, beams, clear, packed.diagonal, settings.smoothing, pixels)
     keys = np.concatenate([path.keys[first], path.keys[later]])
     end_at_walls(kernels, this.world, this.surfaces)
-    keep_light(kernels, keys, this.world, this.surfaces, settings.seed, this.index)
+    keep_light(kernels, Draws(keys, settings.seed, this.index), this.world, this.surfaces)
     kernels = np.concatenate([kernels[is_wide], kernels[~is_wide]])
     low, _ = packed.bounds
     _, order = sort_by_cell(photons, low, SMALLEST * packed.diagonal)

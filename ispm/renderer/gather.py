@@ -22,7 +22,7 @@ from ispm.optics.sampling import LATTICE
 from ispm.paths.ends import reflect_light
 from ispm.paths.gather import RayPlan, gather_rays
 from ispm.paths.guide import Guide, square_blocks
-from ispm.photons.coverage import keep_light
+from ispm.photons.coverage import Draws, keep_light
 from ispm.photons.density import Pixels, measure_radii
 from ispm.photons.grid import PhotonGrid
 from ispm.renderer.caustics import PhotonClasses, sample_width
@@ -85,6 +85,14 @@ def rays_reach(
     least = points["footprint"] * np.sqrt(points["slant"] * within)
     widest = _REACH * passes**_NARROWER
     return np.asarray(np.maximum(widest / mean_around(points, nearness, image.size), least))
+
+
+def rays_worth(points: np.ndarray, rays: int) -> np.ndarray:
+    """Return how many passes of the usual count of rays one of so many is worth to the filter, (n,).
+
+    More rays free the picture of their own noise, not of the photons', nor of any in gloss.
+    """
+    return np.where(points["alpha"] > 0.0, 1.0, math.sqrt(rays / _RAYS_USUAL))
 
 
 class PhotonLight:
@@ -219,9 +227,7 @@ class PhotonLight:
             incident[name] += channels(not_gathered)[name]
         passes = 1 + this.index
         rays = this.settings.gather_rays
-        # More rays free the picture of their own noise, not of the photons', nor of any in gloss.
-        freed = np.where(points["alpha"] > 0.0, 1.0, math.sqrt(rays / _RAYS_USUAL))
-        reach = rays_reach(image, nearness, rays * passes, passes * freed)
+        reach = rays_reach(image, nearness, rays * passes, passes * rays_worth(points, rays))
         set_reach(light, points, reach, this.packed.diagonal)
         return light
 
@@ -273,9 +279,8 @@ def keep_all_light(
 ) -> None:
     """Give photons back, in place, what their kernels lose past edges, and within solids; arguments as of
     `keep_light`."""
-    seed, index = this.settings.seed, this.index
-    series = 1 if solids else _SERIES
-    keep_light(photons, keys, this.world, this.surfaces, seed, index, series=series, solids=solids, rows=rows)
+    draws = Draws(keys, this.settings.seed, this.index, 1 if solids else _SERIES)
+    keep_light(photons, draws, this.world, this.surfaces, solids=solids, rows=rows)
 
 
 def even_numbers(size: tuple[int, int], seed: int, pass_index: int) -> np.ndarray:

@@ -6,8 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ispm.accel.records import Trees
 from ispm.accel.surface import SurfaceTable
-from ispm.errors import SettingsError
+from ispm.errors import IspmError, SettingsError
 from ispm.frame import Receivers
 from ispm.lights.emission import place_photons
 from ispm.lights.lightmap import texel_measures
@@ -22,18 +23,22 @@ from ispm.renderer.picture import Frame
 from ispm.renderer.views import photon_points
 from ispm.scene.packed import Packed
 
+CHANGED = "the scene has changed since the last picture; render it first"
+
 
 @dataclass(frozen=True, eq=False)
 class LastFrame:
     """A frame, its photons and how they came about.
 
     made      what it was made of
+    trees     of its world, which later frames change
     parts     its photons with their kernels
     maps      bounce maps, and texels that they held; none where photons left the lights as rays
     """
 
     frame: Frame
     made: Pass
+    trees: Trees
     parts: PhotonClasses
     receivers: Receivers
     maps: list[PlannedMap]
@@ -43,6 +48,11 @@ class LastFrame:
     def photons(self) -> np.ndarray:
         """(N,) PHOTON with their kernels."""
         return self.parts.photons
+
+    def require_as_drawn(self) -> None:
+        """Raise IspmError where the world has been placed anew since: rays would meet another scene."""
+        if self.made.world.trees is not self.trees:
+            raise IspmError(CHANGED)
 
     def show(self, name: str) -> np.ndarray:
         """Return a view as uint8 sRGB. Raises SettingsError for one that cannot be made."""

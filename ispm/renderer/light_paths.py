@@ -15,7 +15,7 @@ from ispm.photons.retrace import retrace
 from ispm.photons.steps import EVENTS
 from ispm.photons.walk import all_steps
 from ispm.renderer.gather import bright_limit, keep_all_light
-from ispm.renderer.last import LastFrame
+from ispm.renderer.last import CHANGED, LastFrame
 from ispm.renderer.light import EmissionPlan, emit_photons
 from ispm.renderer.one_pass import Pass
 from ispm.scene.packed import to_world
@@ -73,6 +73,7 @@ def light_paths(last: LastFrame, x: float, y: float, count: int) -> LightPaths |
         raise SettingsError(f"pixel {x:g}, {y:g}: is not in the picture of {width}x{height}")
     if not 0 <= count <= MOST_PATHS:
         raise SettingsError(f"count {count}: of 0 to {MOST_PATHS} photons")
+    last.require_as_drawn()
     point = receiver_at(last, int(x), int(y))
     if point is None:
         return None
@@ -139,7 +140,7 @@ def _paths(last: LastFrame, rows: np.ndarray, brought: np.ndarray) -> list[Photo
 
     found = retrace(emitted, photons, last.parts.keys[rows], follow)
     if not all(map(len, found)):
-        raise IspmError("the scene was changed after the last picture; render it again")
+        raise IspmError(CHANGED)
     return [_path(made, *each) for each in zip(found, photons, brought, strict=True)]
 
 

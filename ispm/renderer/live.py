@@ -17,7 +17,7 @@ from ispm.lights.plan import plan_maps
 from ispm.live.blend import HISTORY, blend, effective_frames, light_of, no_history, words
 from ispm.live.cache import CELL, WorldCache
 from ispm.live.change import SIDE, changed_share, coarse
-from ispm.live.reproject import Instances, Seen, moves, reproject, seen
+from ispm.live.reproject import Seen, moves, reproject, seen
 from ispm.optics.incident import channels, no_light
 from ispm.optics.records import take
 from ispm.optics.rng import pcg4d
@@ -26,9 +26,10 @@ from ispm.photons.grid import PhotonGrid
 from ispm.photons.walk import Walk
 from ispm.renderer.caustics import Caustics, PhotonClasses, classify_photons, sample_width
 from ispm.renderer.converge import shrunk
-from ispm.renderer.gather import PhotonLight, rays_reach
+from ispm.renderer.gather import Ends, PhotonLight, rays_reach, rays_worth
 from ispm.renderer.light import EmissionPlan, trace_photons
 from ispm.renderer.one_pass import Pass
+from ispm.scene.packed_instance import Placed
 from ispm.stages.filter import DENSITY, set_reach
 
 _PROBES = 3000  # photons that tell where light changes; of 1000 few find a way through a door
@@ -53,7 +54,7 @@ _END_CELLS = 1.0  # reach of the filter over what mirrors show, in cells of the 
 class _Before:
     """The frame before: its instances, and its receivers with their HISTORY."""
 
-    instances: Instances
+    placed: Placed
     seen: Seen
 
 
@@ -71,24 +72,22 @@ class History:
         self.number = -1
         self._before: _Before | None = None
         self._probes: np.ndarray | None = None
-        self._cache: WorldCache | None = None
-        self._nodes: Sequence[object] = ()
+        self._caches: tuple[WorldCache, ...] = ()
         self._changes = False
         self._caustics: list[Caustics] = []
         self._photons: int | None = None  # to be emitted
         self._most = 0
 
-    def begin(self, this: Pass, nodes: Sequence[object], changes: bool) -> Pass:
+    def begin(self, this: Pass, changes: bool) -> Pass:
         """Return the pass with the random numbers of the next frame.
 
-        nodes    of the scene, whose identity tells instances from others
         changes  whether anything but the camera may have changed since the frame before
         """
         self.number += 1
         width = CELL * this.packed.diagonal
-        if self._cache is None or not 0.5 < self._cache.width / width < 2.0:
-            self._cache = WorldCache(width)
-        self._nodes, self._changes, self._most = nodes, changes, this.settings.photons
+        if not self._caches or not 0.5 < self._caches[0].width / width < 2.0:
+            self._caches = WorldCache(width), WorldCache(width)
+        self._changes, self._most = changes, this.settings.photons
         if changes:
             self._caustics = []
         settings = this.settings.replace(photons=self._photons or this.settings.photons, antialias=False)
@@ -101,14 +100,13 @@ class History:
 
     def light(self, this: Pass, path: Walk) -> LiveLight:
         """Return what lights the frame: the photons of its walk, and what is kept."""
-        assert self._cache is not None
         if len(path.photons):
             wanted = path.photon_count * _STORED / len(path.photons)
             self._photons = int(np.clip(wanted, min(_EMITTED_LEAST, self._most), self._most))
         # Kernels of caustics get narrower as those of passes do, since the frames' mean is shown.
         smoothing = this.settings.smoothing * shrunk(len(self._caustics))
         narrow = replace(this, settings=this.settings.replace(smoothing=smoothing))
-        return LiveLight(this, classify_photons(narrow, path), self, self._cache)
+        return LiveLight(this, classify_photons(narrow, path), self, *self._caches)
 
     def caustics(self, new: Caustics) -> Caustics:
         """Return those of the frames since the world last changed, whose mean is shown."""
@@ -123,18 +121,14 @@ class History:
         """Return what is known of light at the receivers, (n,) HISTORY."""
         if self._before is None:
             return no_history(len(image.points))
-        moved = moves(self._instances(this), self._before.instances)
+        moved = moves(this.packed.placed, self._before.placed)
         found = reproject(image.points, moved, self._before.seen, this.threads)
         return np.asarray(found.view(HISTORY)[:, 0])
 
     def remember(self, this: Pass, image: Receivers, history: np.ndarray) -> None:
         """Keep what is known at the receivers for the next frame."""
         block = this.settings.subsampling
-        self._before = _Before(self._instances(this), seen(image, this.view, block, words(history)))
-
-    def _instances(self, this: Pass) -> Instances:
-        packed = this.packed
-        return Instances(packed.instances, packed.ids, packed.names, self._nodes)
+        self._before = _Before(this.packed.placed, seen(image, this.view, block, words(history)))
 
     def changed(self, this: Pass, image: Receivers) -> np.ndarray:
         """Return the share of light at the receivers that is not what it was, (n,) float32 in [0, 1]."""
@@ -147,10 +141,10 @@ class History:
         few = coarse(image)
         old, new = (_probe_light(this, few, photons) for photons in (before, self._probes))
         changed = changed_share(old, new, few.size, image.size)
-        assert self._cache is not None
         valid = image.points["valid"] > 0
         much = float(changed[valid].mean()) if valid.any() else 1.0
-        self._cache.change(min(_FORGET * much, 1.0))
+        for cache in self._caches:
+            cache.change(min(_FORGET * much, 1.0))
         return changed
 
     def sampled(self, image: Receivers, history: np.ndarray, changed: np.ndarray) -> np.ndarray:
@@ -163,12 +157,17 @@ class History:
 
 
 class LiveLight(PhotonLight):
-    """The light of a live frame: at its receivers with what is known of frames before, elsewhere from the
-    world's cache."""
+    """The light of a live frame: at its receivers with what is known of frames before, elsewhere from caches.
 
-    def __init__(self, this: Pass, parts: PhotonClasses, history: History, cache: WorldCache) -> None:
+    ends   of what lights the ends of gather rays, without what these find themselves
+    whole  of all smooth photons, for what mirrors and glass show
+    """
+
+    def __init__(
+        self, this: Pass, parts: PhotonClasses, history: History, ends: WorldCache, whole: WorldCache
+    ) -> None:
         super().__init__(this, parts)
-        self._history, self._cache = history, cache
+        self._history, self._ends, self._whole = history, ends, whole
         self._draws = 0
         self.caustics = history.caustics(parts.caustics)
 
@@ -195,16 +194,18 @@ class LiveLight(PhotonLight):
         changed = kept.changed(this, image)
         rows = kept.sampled(image, history, changed)
         new = np.flatnonzero(history["frames"][rows] == 0.0)
-        more = _MORE if len(new) < _NEW * len(image.points) else 1
-        light, nearness = self._estimated(image, rows, new, more)
+        few = len(new) < _NEW * len(image.points)
+        more = _MORE if few and self._this.settings.gather_rays and len(self.parts.smooth) else 1
+        light, near = self._estimated(image, rows, new, more)
         worth = np.ones(len(rows), np.float32)
         worth[new] = more
-        blend(history, rows, light, nearness, worth, changed)
+        blend(history, rows, light, near, worth, changed)
         kept.remember(this, image, history)
         frames, light = effective_frames(history), light_of(history)
         if this.settings.gather_rays:
-            rays, passes = this.settings.gather_rays * frames, np.minimum(frames, _NARROWEST)
-            reach = rays_reach(image, np.ascontiguousarray(history["nearness"]), rays, passes)
+            rays, nearness = this.settings.gather_rays, np.ascontiguousarray(history["nearness"])
+            passes = np.minimum(frames, _NARROWEST) * rays_worth(image.points, rays)
+            reach = rays_reach(image, nearness, rays * frames, passes)
             set_reach(light, image.points, reach, this.packed.diagonal)
         else:
             light[:, DENSITY] *= frames
@@ -226,7 +227,9 @@ class LiveLight(PhotonLight):
         light = self.photons.estimate(points, threads) if glossy else no_light(len(rows))
         others = self._not_gathered.estimate(points, threads)
         nearness, rays = np.zeros(len(rows), np.float32), self._this.settings.gather_rays
-        for some, count in ((np.setdiff1d(np.arange(len(rows)), new), rays), (new, more * rays)):
+        is_old = np.ones(len(rows), bool)
+        is_old[new] = False
+        for some, count in ((np.flatnonzero(is_old), rays), (new, more * rays)):
             found = self.gather(image, rows[some], count, self._at_ends)
             nearness[some] = found.nearness
             for name in ("irradiance", "fresnel"):
@@ -235,19 +238,20 @@ class LiveLight(PhotonLight):
 
     def _at_ends(self, points: np.ndarray) -> np.ndarray:
         """Light where gather rays end."""
-        self._draws += 1
-        return self._cache.light(points, self.at_ends, self._history.number, self._draws)
+        return self._ask(self._ends, points, self.at_ends)
 
     def _cached(self, image: Receivers) -> np.ndarray:
-        """Light at points that mirrors and glass show, or receivers miss, (n, 16)."""
-        points = image.points
-        light = self._at_ends(points)
-        channels(light)["irradiance"] += channels(self._not_gathered.estimate(points, self._this.threads))[
-            "irradiance"
-        ]
-        reach = np.full(len(points), _END_CELLS * self._cache.width, np.float32)
+        """Light at points that mirrors and glass show, (n, 16)."""
+        points, threads = image.points, self._this.threads
+        light = self._ask(self._whole, points, lambda some: self.photons.estimate(some, threads))
+        reach = np.full(len(points), _END_CELLS * self._whole.width, np.float32)
         set_reach(light, points, reach, self._this.packed.diagonal)
         return light
+
+    def _ask(self, cache: WorldCache, points: np.ndarray, estimate: Ends) -> np.ndarray:
+        """Light at RECEIVER points by a cache, with random numbers that no other call of the frame has."""
+        self._draws += 1
+        return cache.light(points, estimate, self._history.number, self._draws)
 
 
 def mean_caustics(batches: Sequence[Caustics]) -> Caustics:

@@ -231,7 +231,13 @@ class Renderer:
         frame.stats = replace(stats, adapter=self._gpu.name, emission=drawn.plan.by, timing=watch.timing)
         self._photons = drawn.path.photons
         self._last = LastFrame(
-            frame, this, drawn.parts, drawn.sight.receivers, drawn.plan.maps, drawn.sight.texels
+            frame,
+            this,
+            this.world.trees,
+            drawn.parts,
+            drawn.sight.receivers,
+            drawn.plan.maps,
+            drawn.sight.texels,
         )
         return frame
 
@@ -254,8 +260,11 @@ class Renderer:
                 shown.scene = frame.scene
                 return self.chosen.expose(shown)
             changes = rest is None or rest.made_of.scene != now.scene
-            this = self._history.begin(this, self.scene.nodes, changes)
-            frame = self._draw(this, self._history)
+            try:
+                frame = self._draw(self._history.begin(this, changes), self._history)
+            except BaseException:  # what is kept may be of this frame in part
+                self.reset()
+                raise
         frame.settings = self.settings
         self._rest = Rest(frame, now)
         return frame

@@ -70,7 +70,7 @@ class Upsample:
         self._missed.sized(capacity * MISSED.itemsize)
         self._missed_receivers.sized(capacity * RECEIVER.itemsize)
         self._count.write(np.zeros(4, np.uint32))
-        self._left.sized(4 * view.size[0] * view.size[1])
+        self._left.sized(min(4 * view.size[0] * view.size[1], self._gpu.max_binding))
         self._left_count.write(np.zeros(4, np.uint32))
         low = -(-view.size[0] // self._block), -(-view.size[1] // self._block)
         incident = self._light.write(light)

@@ -7,8 +7,6 @@ import math
 from ispm.renderer.command_line import command_line
 from ispm.viewer.session import Session
 
-_LOADING: dict[str, object] = {}
-
 
 def command_of(session: Session) -> str:
     """Return the command, without the edits: these are in the scene that can be saved."""

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from ispm.errors import SceneError, SettingsError
-from ispm.scene.light import DirectionalLight, Light, PointLight, SpotLight
+from ispm.scene.light import DirectionalLight, Light, SpotLight
 from ispm.scene.material import RANGES, AlphaMode, Material
 from ispm.scene.node import Node
 from ispm.settings import Settings
@@ -22,7 +22,7 @@ from ispm.viewer.edits import Assign, Edit
 
 Field = dict[str, Any]
 
-KINDS = {PointLight: "point", SpotLight: "spot", DirectionalLight: "directional"}
+KINDS = {made: kind for kind, made in actions.LIGHTS.items()}
 NOT_LIVE = ("size", "passes", "time_limit", "target_error")
 """Settings that are not shown: canvases say how large pictures are, the viewer how many passes."""
 MOST = {"photons": 1_000_000, "gather": 64, "shadow_resolution": 4096}

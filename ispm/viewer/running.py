@@ -11,16 +11,18 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, TypeVar
 
-from ispm.errors import IspmError, SceneError
+from ispm.errors import IspmError, SceneError, SettingsError
 from ispm.scene.camera import Camera
 from ispm.scene.scene import Scene
 from ispm.settings import Settings
 from ispm.viewer.changes import fingerprint
 from ispm.viewer.drawing import Drawing
+from ispm.viewer.fields import granted
 from ispm.viewer.messages import Hold, Message, merged
 from ispm.viewer.pick import Picked
 from ispm.viewer.session import Picture, Session
 
+LEAST_FPS, MOST_FPS = 0.1, 240.0
 MOST_QUEUED = 512  # messages; more are refused
 _LOOKED_AT = 0.5  # s between looks at a file that is watched, at least
 _LOOKING = 0.1  # of a core at most that looking for changes of the scene may take
@@ -31,6 +33,7 @@ _FORGET = 1.0  # s after which a pause between pictures is no slow picture
 
 _Result = TypeVar("_Result")
 Listener = Callable[[Picture, Session], None]
+Told = Callable[[Session], None]
 
 
 class Running:
@@ -47,8 +50,7 @@ class Running:
         self._wake = threading.Condition()
         self._queue: deque[tuple[Message, object]] = deque()
         self._jobs: deque[tuple[Callable[[Session], Any], Future[Any]]] = deque()
-        self._listeners: dict[object, Listener] = {}
-        self._told: dict[object, Callable[[Session], None]] = {}
+        self._listeners: dict[object, tuple[Listener, Told]] = {}
         self._closing, self._editors = False, 0
         self._moved = 0.0  # when the last message came
         self._quiet = 0.0  # when pictures of what stands still may be drawn better again
@@ -145,20 +147,19 @@ class Running:
             self._wake.notify_all()
         return answer
 
-    def listen(self, key: object, picture: Listener, told: Callable[[Session], None]) -> None:
-        """Call `picture` with each picture, and `told` where the state changed, in the drawing thread.
+    def listen(self, key: object, picture: Listener, told: Told) -> None:
+        """Call, in the drawing thread, `picture` with each picture, and `told` where the state alone changed.
 
         key  by which `leave` ends it. Nothing is drawn while nobody listens.
         """
         with self._wake:
-            self._listeners[key], self._told[key] = picture, told
+            self._listeners[key] = picture, told
             self._wake.notify_all()
 
     def leave(self, key: object) -> None:
         """Stop calling a listener."""
         with self._wake:
             self._listeners.pop(key, None)
-            self._told.pop(key, None)
 
     def on_closing(self, do: Callable[[], None]) -> None:
         """Call `do` when it closes."""
@@ -211,9 +212,11 @@ class Running:
                     pause = max(1.0 / self._fps, (looked - now) / _LOOKING)
                     stamp, reloaded = self._reloaded(session, stamp)
                     changed |= reloaded
-                if changed:
+                wanted = self._wanted(session)
+                # a picture brings the state with it, but the first one may take long
+                if changed and not (wanted and session.picture is not None):
                     self._tell(session)
-                if self._wanted(session):
+                if wanted:
                     self._draw(session)
 
     def _waiting(self, session: Session) -> bool:
@@ -253,11 +256,11 @@ class Running:
             return
         if picture is None:
             return
-        for listener in list(self._listeners.values()):
+        for listener, _ in list(self._listeners.values()):
             listener(picture, session)
 
     def _tell(self, session: Session) -> None:
-        for told in list(self._told.values()):
+        for _, told in list(self._listeners.values()):
             told(session)
 
     def _picked(self, found: Picked) -> None:
@@ -305,7 +308,11 @@ def live(
     """Return a viewer that has begun to draw for whoever listens. Arguments as of `Session`.
 
     prepare  called with the session before its first picture
+    Raises SettingsError for settings, or pictures a second, that a viewer does not grant.
     """
+    if not LEAST_FPS <= fps <= MOST_FPS:  # not a number is neither
+        raise SettingsError(f"fps: {fps:g} is not within {LEAST_FPS:g} to {MOST_FPS:g}")
+    granted(settings)
     if settings.exposure == "auto":  # which would flicker
         settings = settings.replace(exposure="hold")
 

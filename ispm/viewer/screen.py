@@ -14,7 +14,7 @@ def why_no_window() -> str:
     if not has_display():
         return "no window can be opened: there is no display"
     if any(find_spec(name) is None for name in _NEEDED):
-        return "no window can be opened: that needs two more packages; run: pip install 'ispm[view]'"
+        return "no window can be opened: two packages are missing; in the checkout run: pip install '.[view]'"
     import glfw
 
     if not glfw.init():

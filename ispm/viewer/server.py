@@ -38,7 +38,9 @@ def require_web() -> None:
         import uvicorn
         import websockets
     except ImportError:
-        raise IspmError("the page needs two more packages; run: pip install 'ispm[web]'") from None
+        raise IspmError(
+            "the page needs two more packages; in the checkout run: pip install '.[web]'"
+        ) from None
     del uvicorn, websockets
 
 

@@ -41,14 +41,12 @@ class Picture:
     image   (h, w, 3) uint8 sRGB
     still   whether none will follow while nothing changes
     frame   that it is a view of
-    seconds that it took
     """
 
     number: int
     image: np.ndarray
     still: bool
     frame: Frame
-    seconds: float
 
 
 @dataclass(eq=False)
@@ -122,9 +120,8 @@ class Session:
     @property
     def wants_picture(self) -> bool:
         """Whether a picture should be drawn: something changed, or it can still become better."""
-        if self._failed:
-            return False
-        return self.moves or self.picture is None or not self.picture.still
+        still = self.picture is not None and self.picture.still
+        return self.moves or not (still or self._failed)
 
     def pass_time(self, seconds: float) -> None:
         """Let seconds of the clock go by, for what plays."""
@@ -138,15 +135,15 @@ class Session:
         rested  whether what stands still is drawn at its full size, though that may take long
         Raises IspmError where the scene or a setting cannot be drawn; the next change is tried again.
         """
-        began = clock.perf_counter()
         full = self.settings.size
         wanted = full if rested else self._pace.resting(full)
         if self._again and not self._changed and self.picture is not None:
             self._again = False
-            return self._next(self.picture.frame, self.picture.still, began)
+            return self._next(self.picture.frame, self.picture.still)
         moving, self._changed, self._again = self._changed, False, False
         frame: Frame | None = None
         if moving:
+            began = clock.perf_counter()
             frame = self._drawn(self._pace.size(full))
             self._pace.spent(clock.perf_counter() - began)
         elif self.picture is None or self.picture.frame.settings.size not in (wanted, full):
@@ -160,12 +157,12 @@ class Session:
             self.count += 1
             self.picture = replace(self.picture, still=True, number=self.count)
             return self.picture
-        return self._next(frame, False, began)
+        return self._next(frame, False)
 
-    def _next(self, frame: Frame, still: bool, began: float) -> Picture:
+    def _next(self, frame: Frame, still: bool) -> Picture:
         image = np.ascontiguousarray(self._image(frame)[..., :3])
         self.count += 1
-        self.picture = Picture(self.count, image, still, frame, clock.perf_counter() - began)
+        self.picture = Picture(self.count, image, still, frame)
         return self.picture
 
     def fail(self) -> None:

@@ -34,7 +34,7 @@ _HEADERS = {
     "cross-origin-resource-policy": "same-origin",
     "cache-control": "no-store",
 }
-_POLICY, _FULL, _BAD = 1008, 1013, 1008  # codes that a socket is closed with
+_POLICY, _FULL = 1008, 1013  # codes that a socket is closed with
 
 
 class Site:
@@ -123,8 +123,6 @@ class Site:
             await self._made(send, saved, "model/gltf-binary", "scene.glb")
         elif name == "picture.png":
             await self._made(send, screenshot, "image/png", "picture.png")
-        elif name == "address":
-            await _answer(send, 200, self.access.url().encode())
         else:
             await _answer(send, 404, b"there is no such page\n")
 

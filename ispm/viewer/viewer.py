@@ -158,7 +158,9 @@ def _widget() -> Callable[[Running], Any] | None:
     try:
         import anywidget
     except ImportError:
-        warn_caller("a notebook's cell needs one more package; run: pip install 'ispm[notebook]'")
+        warn_caller(
+            "a notebook's cell needs one more package; in the checkout run: pip install '.[notebook]'"
+        )
         return None
     del anywidget
     from ispm.viewer.widget import Widget

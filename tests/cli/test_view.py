@@ -19,8 +19,8 @@ from ispm.viewer import screen
         ("view nowhere.glb --web", "there is no such file"),
         ("view cornell-box --web --host 0.0.0.0", "add --allow-remote"),
         ("view cornell-box --web --host 192.168.0.9", "add --allow-remote"),
-        ("view cornell-box --web --fps 0", "--fps: 0 is not within"),
-        ("view cornell-box --web --fps nan", "--fps: nan is not within"),
+        ("view cornell-box --web --fps 0", "fps: 0 is not within"),
+        ("view cornell-box --web --fps nan", "fps: nan is not within"),
         ("view cornell-box --web --port 99999", "--port: 99999 is not within"),
         ("view cornell-box --web --watch", "--watch: cornell-box is no file"),
         ("view cornell-box --web --photons 4M", "the most that a viewer grants"),
@@ -40,13 +40,13 @@ def test_without_the_extra_it_says_what_to_install(ispm_command, monkeypatch):
     monkeypatch.setitem(sys.modules, "uvicorn", None)
     code, out, err = ispm_command("view cornell-box --web")
     assert (code, out) == (2, "")
-    assert err == "ispm: the page needs two more packages; run: pip install 'ispm[web]'\n"
+    assert err == "ispm: the page needs two more packages; in the checkout run: pip install '.[web]'\n"
 
 
 def test_without_the_packages_for_a_window_it_says_what_to_install(monkeypatch):
     monkeypatch.setattr(screen, "has_display", lambda: True)
     monkeypatch.setattr(screen, "find_spec", lambda name: None)
-    assert screen.why_no_window().endswith("run: pip install 'ispm[view]'")
+    assert screen.why_no_window().endswith("in the checkout run: pip install '.[view]'")
 
 
 @pytest.mark.gpu

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import ispm
-from ispm.live.reproject import NOWHERE, Instances, moves, reproject, seen
+from ispm.live.reproject import NOWHERE, moves, reproject, seen
 from ispm.scene.packed import pack
 
 SETTINGS = ispm.Settings(size=(160, 96), photons=100, subsampling=4)
@@ -27,8 +27,7 @@ class Look:
         with ispm.Renderer(scene, SETTINGS, camera, gpu=gpu) as renderer:
             renderer.render()
             self.image, self.view = renderer._last.receivers, renderer._last.made.view
-            packed = renderer._last.made.packed
-        self.instances = Instances(packed.instances, packed.ids, packed.names, scene.nodes)
+            self.placed = renderer._last.made.packed.placed
         self.points = self.image.points
         self.shown = self.points["valid"] > 0
 
@@ -37,12 +36,12 @@ class Look:
 
     def find(self, before, values):
         """What is found here of values kept at the receivers of the frame before."""
-        return reproject(self.points, moves(self.instances, before.instances), before.keep(values), 2)
+        return reproject(self.points, moves(self.placed, before.placed), before.keep(values), 2)
 
 
 def test_receivers_tell_their_instance(gpu, scene):
     look = Look(gpu, scene)
-    rows = look.instances.rows
+    rows = look.placed.instances
     numbers = look.points["valid"][look.shown].astype(int) - 1
     assert set(numbers) == {0, 1}
     box = look.points["position"][look.shown][rows["node"][numbers] == 1]
@@ -80,11 +79,11 @@ def test_a_camera_that_moves_finds_the_same_places(gpu, scene):
 
 def test_an_object_that_moves_takes_its_light_along(gpu, scene):
     before = Look(gpu, scene)
-    is_box = before.instances.rows["node"][np.maximum(before.points["valid"].astype(int) - 1, 0)] == 1
+    is_box = before.placed.instances["node"][np.maximum(before.points["valid"].astype(int) - 1, 0)] == 1
     scene.nodes[1].translation = (1.0, 0.5, 0.2)
     now = Look(gpu, scene)
     found = now.find(before, np.where(is_box, 7.0, 2.0)[:, None])
-    box = (now.instances.rows["node"][np.maximum(now.points["valid"].astype(int) - 1, 0)] == 1) & now.shown
+    box = (now.placed.instances["node"][np.maximum(now.points["valid"].astype(int) - 1, 0)] == 1) & now.shown
     known = found[:, 0] > 0.0
     assert known[box].mean() > 0.8
     np.testing.assert_allclose(found[box & known], 7.0, rtol=1e-5)
@@ -108,36 +107,50 @@ def test_a_cut_knows_nothing(gpu, scene):
     assert not found.any()
 
 
-def rows(scene):
-    packed = pack(scene)
-    return Instances(packed.instances, packed.ids, packed.names, scene.nodes)
+def placed(scene):
+    return pack(scene).placed
 
 
 def test_instances_are_told_by_their_nodes(scene):
-    before = rows(scene)
+    before = placed(scene)
     first = scene.nodes[0]
     scene.roots.insert(0, scene.add(ispm.shapes.box((1, 1, 1)), name="new"))
     scene.roots.pop()
     scene.remove(first)
-    now = rows(scene)
+    now = placed(scene)
     found = moves(now, before).rows
-    names = [scene.nodes[node].name for node in now.rows["node"]]
+    names = [scene.nodes[node].name for node in now.instances["node"]]
     assert dict(zip(names, found, strict=True))["new"] == NOWHERE
-    node = before.rows["node"][found[names.index("box")]]
-    assert before.nodes[node].name == "box"
+    node = before.instances["node"][found[names.index("box")]]
+    assert before.layout.nodes[node].name == "box"
 
 
 def test_where_a_turned_and_stretched_instance_was(scene):
-    before = rows(scene)
+    before = placed(scene)
     scene.nodes[1].rotation = (0.0, 0.6, 0.0, 0.8)
     scene.nodes[1].scale = (1.0, 3.0, 0.5)
-    now = rows(scene)
-    (k,) = np.flatnonzero(now.rows["node"] == 1)
+    now = placed(scene)
+    (k,) = np.flatnonzero(now.instances["node"] == 1)
     found = moves(now, before)
-    world = np.stack([now.rows[k][f"world{i}"] for i in range(3)])
-    old = np.stack([before.rows[found.rows[k]][f"world{i}"] for i in range(3)])
+    world = np.stack([now.instances[k][f"world{i}"] for i in range(3)])
+    old = np.stack([before.instances[found.rows[k]][f"world{i}"] for i in range(3)])
     point, normal = np.array([0.3, 0.5, -0.2, 1.0]), np.array([0.0, 0.6, 0.8])
     np.testing.assert_allclose(found.places[k] @ np.append(world @ point, 1.0), old @ point, atol=1e-5)
     there = found.normals[k] @ (np.linalg.inv(world[:, :3]).T @ normal)
     expected = np.linalg.inv(old[:, :3]).T @ normal
     np.testing.assert_allclose(there / np.linalg.norm(there), expected / np.linalg.norm(expected), atol=1e-5)
+
+
+def test_a_node_that_hangs_in_several_places(scene):
+    """Each of its copies is found where that one was, also when another node comes."""
+    shared = scene.nodes[1]
+    for x in (2.0, 3.0):
+        scene.roots.append(ispm.Node("parent", translation=(x, 0.0, 0.0), children=[shared]))
+    before = placed(scene)
+    scene.add(ispm.shapes.box((0.1, 0.1, 0.1)), name="new")
+    now = placed(scene)
+    found = moves(now, before)
+    for row, then in enumerate(found.rows):
+        if then != NOWHERE:
+            assert (now.instances[row]["world0"] == before.instances[then]["world0"]).all()
+    assert (found.rows != NOWHERE).sum() == len(before.ids) == 4

@@ -9,7 +9,7 @@ from transport import Tracer, lit
 from ispm.library.common import lambert
 from ispm.library.shapes import box, polygons
 from ispm.optics.records import CAUSTIC, PHOTON
-from ispm.photons.coverage import keep_light
+from ispm.photons.coverage import Draws, keep_light
 from ispm.photons.footprint import end_kernel
 from ispm.scene.scene import Scene
 
@@ -34,7 +34,8 @@ def photons_at(position, normal=(0.0, 1.0, 0.0), wi=(0.0, 1.0, 0.0), count=_COUN
 def kept(tracer, photons, seed=0, pass_index=0, threads=2, **options) -> np.ndarray:
     photons, tracer.world.threads = photons.copy(), threads
     keys = np.arange(len(photons), dtype=np.uint32) * np.uint32(0x9E3779B1)
-    keep_light(photons, keys, tracer.world, tracer.surfaces, seed, pass_index, **options)
+    draws = Draws(keys, seed, pass_index, options.pop("series", 1))
+    keep_light(photons, draws, tracer.world, tracer.surfaces, **options)
     return photons["flux"]
 
 

@@ -127,3 +127,22 @@ def test_what_each_photon_brings_is_what_all_of_them_bring():
             total = brought.sum(axis=0, dtype=float)
             np.testing.assert_allclose(total, all_light[k, :3], rtol=1e-5, atol=1e-5 * all_light.max())
     assert len(PhotonGrid(photons[:0]).each(receivers[:1])[0]) == 0
+
+
+@pytest.mark.parametrize("scale", [2.0**-6, 2.0**5])
+def test_kernels_of_any_size_light_alike(scale):
+    """To the bit, scenes as large by a power of two, of kernels from under a meter to several."""
+    photons = photons_in_box(500, 9)
+    receivers, kernels = receivers_near(photons, 300, 10), kernels_of(photons)
+    expected = PhotonGrid(photons, kernels).estimate(receivers, 2)
+    expected[:, 3] /= scale**2  # photons per m2
+    for each in (photons, receivers, kernels):
+        each["position"] *= scale
+    photons["radius"] *= scale
+    photons["height"] *= scale
+    for name in ("u", "v", "height"):
+        kernels[name] *= scale
+    for each in (photons, kernels):
+        each["flux"] *= scale**2
+    assert expected.any()
+    assert PhotonGrid(photons, kernels).estimate(receivers, 2).tobytes() == expected.tobytes()

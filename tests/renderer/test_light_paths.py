@@ -142,7 +142,7 @@ def test_what_cannot_be_asked_for(gpu):
         renderer.scene["ball"].translation = (0.2, -0.3, 0.0)
         assert renderer.light_paths(20, 30).paths  # of the last frame
         renderer.made_of()  # which packs the scene as it is now
-        with pytest.raises(IspmError, match="render it again"):
+        with pytest.raises(IspmError, match="render it first"):
             for x in range(0, 64, 4):
                 renderer.light_paths(x, 30, 1000)
 

@@ -15,3 +15,15 @@ def painting():
 @pytest.fixture
 def session(painting):
     return Session(boxes(), painting, Settings(size=(64, 32), preset="fast"), CAMERA)
+
+
+@pytest.fixture
+def site():
+    for name in ("websockets", "uvicorn"):
+        pytest.importorskip(name, reason="needs the extra web")
+    from serving import Site
+
+    made = Site()
+    yield made
+    made.running.close()
+    assert made.painting.closed
