@@ -274,7 +274,7 @@ GLASS = ispm.Material(base_color=(1.0, 1.0, 1.0), transmission=1.0, roughness=0.
     ids=["mirror, one bounce", "mirror", "gloss", "glass"],
 )
 def test_mirrors_gloss_and_glass_show_their_light(gpu, scene, material, bounces):
-    """Both blocks of one material, which show each other; light after one bounce counts for as much as any."""
+    """Both blocks of one material, which show each other, after one bounce and after many."""
     for name in ("tall block", "short block"):
         for each in scene[name].parts:
             each.material = material
