@@ -22,22 +22,22 @@ _SLOTS = 1 << 18  # a power of two; `atrium` fills 57,000
 _FULL = _SLOTS // 2  # cells, of more all are forgotten
 _PROBES = 16  # slots looked at for one cell
 _REFRESHED = 1 / 8  # of the points that are estimated anew, by lot
-_YOUNG = 2.0  # frames that a cell was estimated in, below which all its points are
-_MOST = 512.0  # frames that a mean remembers
+_YOUNG = 2.0  # batches that a cell was estimated by, below which all its points are
+_MOST = 512.0  # batches that a mean remembers
 _CHANGED = 4.0  # likewise once light has changed
 _KEY_BITS = 20  # of a cell's number along each axis
 _DIMENSION = 1 << 24  # of the random numbers that jitter points
 
 
-# The mean of the frames before, how many they were, and the sum of this frame's estimates. These share their
-# noise, so that however many they are, they count once in the mean.
+# The mean of the batches of photons before, how many they were, and the sum of estimates by this one. These
+# share their noise, so that however many they are, they count once in the mean.
 _CELL = np.dtype(
     [
         ("light", np.float32, 3),
-        ("frames", np.float32),
+        ("batches", np.float32),
         ("sum", np.float32, 3),
         ("count", np.float32),
-        ("frame", np.uint32),
+        ("batch", np.uint32),
     ]
 )
 
@@ -59,25 +59,26 @@ class WorldCache:
         _close(self._cells, f32(_CHANGED * (1.0 - share)))
 
     def light(
-        self, points: np.ndarray, estimate: Callable[[np.ndarray], np.ndarray], frame: int, draw: int
+        self, points: np.ndarray, estimate: Callable[[np.ndarray], np.ndarray], batch: int, draw: int
     ) -> np.ndarray:
         """Return the light at (n,) RECEIVER points, (n, 16) as estimators do; learn from some of them.
 
         estimate  returns what (m,) RECEIVER points get from photons, (m, 16); asked for a few of them, and
                   for all that are glossy, whose light depends on where they are seen from
-        frame     whose photons these are;  draw  a number that no other call of the frame has
+        batch     number of the photons, which may serve several frames
+        draw      a number of its own, that selects the random numbers
         """
         if self._used > _FULL:
             self._keys[:], self._cells[:], self._used = 0, 0, 0
         found, inverse = np.zeros((len(points), 16), np.float32), f32(1.0 / self.width)
         own, other = np.empty((2, len(points)), np.int64)
-        seed = u32(frame), u32(_DIMENSION + 3 * draw)
+        seed = u32(draw), u32(_DIMENSION)
         self._used += _find(points, inverse, seed, self._keys, True, own)
         chosen = np.empty(len(points), bool)
         _choose(points, own, self._cells, seed, chosen)
         asked = np.flatnonzero(chosen)
         found[asked] = estimate(take(points, asked))
-        _learn(asked, own, found, u32(frame), self._cells)
+        _learn(asked, own, found, u32(batch), self._cells)
         _find(points, inverse, (seed[0], u32(seed[1] + 1)), self._keys, False, other)
         _look_up(own, other, self._cells, found)
         return found
@@ -85,28 +86,28 @@ class WorldCache:
 
 @jit
 def _close(cells, most):
-    """Make the sums part of the means, and let these remember so many frames at most."""
+    """Make the sums part of the means, and let these remember so many batches at most."""
     for k in range(len(cells)):
         _fold(cells[k])
-        cells[k].frames = min(cells[k].frames, most)
+        cells[k].batches = min(cells[k].batches, most)
 
 
 @jit
 def _fold(cell):
     """Make a cell's sum part of its mean."""
     if cell.count > f32(0):
-        frames = min(cell.frames, f32(_MOST))
+        batches = min(cell.batches, f32(_MOST))
         for c in range(3):
-            cell.light[c] += (cell.sum[c] / cell.count - cell.light[c]) / (frames + f32(1))
+            cell.light[c] += (cell.sum[c] / cell.count - cell.light[c]) / (batches + f32(1))
             cell.sum[c] = f32(0)
-        cell.frames, cell.count = frames + f32(1), f32(0)
+        cell.batches, cell.count = batches + f32(1), f32(0)
 
 
 @jit
 def _find(points, inverse, seed, keys, insert, slots):
     """Write the slot of each of (n,) RECEIVER points, -1: there is none; return how many were taken.
 
-    inverse  1 / m of the cells;  seed  frame and dimension of the random numbers
+    inverse  1 / m of the cells;  seed  draw and dimension of the random numbers
     insert   whether cells that are not there yet take one
     """
     mask, taken = i64(len(keys) - 1), i64(0)
@@ -153,20 +154,20 @@ def _choose(points, slots, cells, seed, chosen):
     """Write which points are estimated: (n,) bool."""
     for i in range(len(points)):
         u, _, _, _ = random4(u32(i), seed[1] + u32(2), seed[0], u32(0))
-        new = slots[i] < i64(0) or cells[slots[i]].frames < f32(_YOUNG)
+        new = slots[i] < i64(0) or cells[slots[i]].batches < f32(_YOUNG)
         chosen[i] = points[i].valid != u32(0) and (u < f32(_REFRESHED) or new or points[i].alpha > f32(0))
 
 
 @jit
-def _learn(asked, slots, found, frame, cells):
+def _learn(asked, slots, found, batch, cells):
     """Add what was estimated at the points `asked`, (m,) of (n, 16) `found`, to their cells."""
     for k in range(len(asked)):
         i = asked[k]
         if slots[i] >= i64(0):
             cell = cells[slots[i]]
-            if cell.frame != frame:
+            if cell.batch != batch:
                 _fold(cell)
-                cell.frame = frame
+                cell.batch = batch
             for c in range(3):
                 cell.sum[c] += found[i, c]
             cell.count += f32(1)
@@ -179,11 +180,11 @@ def _look_up(own, other, cells, found):
     other  (n,) the cells of points jittered anew, which are asked where they are known well
     """
     for i in range(len(found)):
-        slot = other[i] if other[i] >= i64(0) and cells[other[i]].frames >= f32(_YOUNG) else own[i]
+        slot = other[i] if other[i] >= i64(0) and cells[other[i]].batches >= f32(_YOUNG) else own[i]
         if slot >= i64(0):
             cell = cells[slot]
-            frames = cell.frames + (f32(1) if cell.count > f32(0) else f32(0))
-            if frames > f32(0):
+            batches = cell.batches + (f32(1) if cell.count > f32(0) else f32(0))
+            if batches > f32(0):
                 for c in range(3):
                     now = cell.sum[c] / cell.count if cell.count > f32(0) else f32(0)
-                    found[i, c] = (cell.frames * cell.light[c] + now) / frames
+                    found[i, c] = (cell.batches * cell.light[c] + now) / batches

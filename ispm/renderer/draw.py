@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ispm.frame import GBuffer, GpuScene, LitFrame, Receivers
+from ispm.frame import BounceMaps, GBuffer, GpuScene, LitFrame, Receivers
 from ispm.gpu import Texture
+from ispm.lights.plan import PlannedMap
 from ispm.photons.walk import Walk
 from ispm.renderer.caustics import PhotonClasses, classify_photons
 from ispm.renderer.gather import PhotonLight
-from ispm.renderer.light import EmissionPlan, plan_emission, trace_photons
+from ispm.renderer.light import Traced, plan_emission, trace_photons
 from ispm.renderer.live import History
 from ispm.renderer.one_pass import Pass
 from ispm.renderer.shadows import ShadowRays, join_pixels
@@ -24,31 +26,30 @@ _NEAR = 1e-4  # of the scene's diagonal; reversed depth has precision to spare
 
 @dataclass(frozen=True, eq=False)
 class Sight:
-    """What the eye and the lights see first.
+    """What the eye sees first.
 
     scene      on the device, where the G-buffer is too
     receivers  the picture at low resolution
     mirrors    (n,) SEEN pixels from which eye paths go on
-    texels     of each map of the lights, (F, width, width, 2) uint32; none where photons leave as rays
     """
 
     scene: GpuScene
     gbuffer: GBuffer
     receivers: Receivers
     mirrors: np.ndarray
-    texels: list[np.ndarray]
 
 
 @dataclass(frozen=True, eq=False)
 class Drawn:
-    """A frame's light on the device, and what it came from; kernels of the path's photons are measured.
+    """A frame's light on the device, and what it came from.
 
+    path   of the photons, their kernels measured
     parts  these photons by the ways that they take to the picture
     """
 
     lit: LitFrame
     sight: Sight
-    plan: EmissionPlan
+    traced: Traced
     path: Walk
     parts: PhotonClasses
 
@@ -59,22 +60,32 @@ def draw(this: Pass, stages: Stages, watch: Watch, history: History | None = Non
     history  of the frames that this one goes on from; None: there are none
     """
     gpu, view = stages.gpu, this.view
-    plan = plan_emission(this, gpu.is_software)
-    sight = _see(this, stages, plan, watch)
-    scene, gbuffer = sight.scene, sight.gbuffer
+    traced = history.traced if history else None
+    plan = traced.plan if traced else plan_emission(this, gpu.is_software)
+    scene, gbuffer, maps = _draw_first(this, stages, [] if traced else plan.drawn, watch)
+    if not (traced or plan.drawn):
+        with watch("trace"):  # these need nothing of what the device is drawing
+            traced = trace_photons(this, plan, [])
+    with watch("copy"):
+        receivers = Receivers(stages.downsample.read(gpu, view), stages.downsample.size(view))
+        sight = Sight(scene, gbuffer, receivers, stages.chains.read())
+        texels = maps.read(gpu)
     direct = _light_directly(this, stages, sight, watch)
-    with watch("trace"):
-        path = trace_photons(this, plan, sight.texels)
+    if not traced:
+        with watch("trace"):
+            traced = trace_photons(this, plan, texels)
     with watch("radiance"):
-        light = history.light(this, path) if history else PhotonLight(this, classify_photons(this, path))
+        if history:
+            light: PhotonLight = history.light(this, traced)
+        else:
+            light = PhotonLight(this, classify_photons(this, traced.path))
         raw, filtered = light.at_receivers(sight.receivers, stages.estimator)
     with watch.record(gpu) as frame:
         frame.stage("radiance")
         sharp = stages.caustic(frame, scene, gbuffer, view, light.caustics.sharp_kernels)
         frame.stage("upsample")
-        receivers = stages.downsample.receivers
         indirect, irradiance, emission = stages.upsample(
-            frame, scene, gbuffer, view, receivers, filtered, sharp
+            frame, scene, gbuffer, view, stages.downsample.receivers, filtered, sharp
         )
     with watch("direct"):
         brought = sight.mirrors["pixel"], specular_light(this, sight.mirrors, light)
@@ -88,12 +99,15 @@ def draw(this: Pass, stages: Stages, watch: Watch, history: History | None = Non
         lit = LitFrame(gbuffer, direct, indirect, irradiance, emission, through)
         if this.settings.antialias:
             stages.antialias(frame, scene, lit, view)
-    return Drawn(lit, sight, plan, replace(path, photons=light.parts.photons), light.parts)
+    return Drawn(lit, sight, traced, replace(traced.path, photons=light.parts.photons), light.parts)
 
 
-def _see(this: Pass, stages: Stages, plan: EmissionPlan, watch: Watch) -> Sight:
-    gpu, view = stages.gpu, this.view
-    with watch.record(gpu) as frame:
+def _draw_first(
+    this: Pass, stages: Stages, drawn: Sequence[PlannedMap], watch: Watch
+) -> tuple[GpuScene, GBuffer, BounceMaps]:
+    """Have drawn what the eye sees first, and the lights in their bounce maps."""
+    view = this.view
+    with watch.record(stages.gpu) as frame:
         scene = stages.upload(this.packed)
         frame.stage("direct")
         gbuffer = stages.gbuffer(frame, scene, view)
@@ -101,11 +115,8 @@ def _see(this: Pass, stages: Stages, plan: EmissionPlan, watch: Watch) -> Sight:
         stages.downsample(frame, scene, gbuffer, view)
         stages.chains(frame, scene, gbuffer)
         frame.stage("bounce_map")
-        maps = stages.bounce(frame, scene, plan.drawn, _NEAR * this.packed.diagonal, this.index)
-    with watch("copy"):
-        receivers = Receivers(stages.downsample.read(gpu, view), stages.downsample.size(view))
-        texels = maps.read(gpu)
-        return Sight(scene, gbuffer, receivers, stages.chains.read(), texels)
+        maps = stages.bounce(frame, scene, drawn, _NEAR * this.packed.diagonal, this.index)
+    return scene, gbuffer, maps
 
 
 def _light_directly(this: Pass, stages: Stages, sight: Sight, watch: Watch) -> Texture:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,6 +19,7 @@ from ispm.photons.first_hits import first_hits
 from ispm.photons.grid import PhotonGrid
 from ispm.renderer.caustics import PhotonClasses
 from ispm.renderer.charts import bounce_chart, overdraw_chart
+from ispm.renderer.light import Traced
 from ispm.renderer.one_pass import Pass
 from ispm.renderer.picture import Frame
 from ispm.renderer.views import photon_points
@@ -33,7 +35,7 @@ class LastFrame:
     made      what it was made of
     trees     of its world, which later frames change
     parts     its photons with their kernels
-    maps      bounce maps, and texels that they held; none where photons left the lights as rays
+    traced    how these left the lights
     """
 
     frame: Frame
@@ -41,8 +43,7 @@ class LastFrame:
     trees: Trees
     parts: PhotonClasses
     receivers: Receivers
-    maps: list[PlannedMap]
-    texels: list[np.ndarray]
+    traced: Traced
 
     @property
     def photons(self) -> np.ndarray:
@@ -69,13 +70,14 @@ class LastFrame:
 
     def _bounce_maps(self) -> np.ndarray:
         settings = self.frame.settings
-        if not self.texels:
+        maps, texels = self.traced.plan.maps, self.traced.texels
+        if not texels:
             why = "photons left the lights as rays" if settings.bounces else "bounces is 0"
             raise SettingsError(f"bounce-map: there is none, {why}; use bounces 1 or more and emission 'map'")
         shown, names = [], []
         packed, surfaces = self.made.packed, self.made.surfaces
-        emitted = texels_as_photons(packed, surfaces, self.maps, self.texels)
-        for each, batch in zip(self.maps, emitted, strict=True):
+        emitted = texels_as_photons(packed, surfaces, maps, texels)
+        for each, batch in zip(maps, emitted, strict=True):
             found = first_hits(packed, surfaces, batch, settings.seed, 0)
             shown.append(found.reshape(-1, each.width, each.width, 12))
             faces = f"{len(shown[-1])} faces of " if len(shown[-1]) > 1 else ""
@@ -84,7 +86,7 @@ class LastFrame:
 
 
 def texels_as_photons(
-    packed: Packed, surfaces: SurfaceTable, maps: list[PlannedMap], texels: list[np.ndarray]
+    packed: Packed, surfaces: SurfaceTable, maps: Sequence[PlannedMap], texels: Sequence[np.ndarray]
 ) -> list[np.ndarray]:
     """Return each map's texels as (faces W^2,) EMITTED of the flux they stand for, before any thinning."""
     batches = []

@@ -38,6 +38,24 @@ class EmissionPlan:
         return self.maps if self.by == "map" else []
 
 
+@dataclass(frozen=True, eq=False)
+class Traced:
+    """The photons of a pass: how they left the lights, and where they went.
+
+    this    the pass that traced them; a live frame may show those of an earlier one
+    texels  of each map of the lights, (F, width, width, 2) uint32; none where photons left as rays
+    """
+
+    this: Pass
+    plan: EmissionPlan
+    texels: Sequence[np.ndarray]
+    path: Walk
+
+    def emitted(self) -> np.ndarray:
+        """Return the photons as they left the lights, (N,) EMITTED."""
+        return emit_photons(self.this, self.plan, self.texels)
+
+
 def map_plan(
     packed: Packed, settings: Settings, pass_index: int, seen: np.ndarray | None = None
 ) -> list[PlannedMap]:
@@ -81,14 +99,15 @@ def emission_of(plan: list[PlannedMap], packed: Packed, settings: Settings, soft
     return "rays" if software and drawn > traced else "map"
 
 
-def trace_photons(this: Pass, plan: EmissionPlan, texels: Sequence[np.ndarray]) -> Walk:
+def trace_photons(this: Pass, plan: EmissionPlan, texels: Sequence[np.ndarray]) -> Traced:
     """Emit the photons and follow them; texels: what the bounce maps hold, where there are any."""
     packed, settings = this.packed, this.settings
     emitted = emit_photons(this, plan, texels)
     limit = bright_limit(packed, settings)
-    return walk(
+    path = walk(
         packed, this.world, this.surfaces, emitted, settings.bounces, settings.seed, this.index, limit
     )
+    return Traced(this, plan, texels, path)
 
 
 def emit_photons(this: Pass, plan: EmissionPlan, texels: Sequence[np.ndarray]) -> np.ndarray:

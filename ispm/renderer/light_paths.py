@@ -16,7 +16,6 @@ from ispm.photons.steps import EVENTS
 from ispm.photons.walk import all_steps
 from ispm.renderer.gather import bright_limit, keep_all_light
 from ispm.renderer.last import CHANGED, LastFrame
-from ispm.renderer.light import EmissionPlan, emit_photons
 from ispm.renderer.one_pass import Pass
 from ispm.scene.packed import to_world
 
@@ -129,8 +128,7 @@ def _photons_at(last: LastFrame, point: np.ndarray) -> tuple[np.ndarray, np.ndar
 
 def _paths(last: LastFrame, rows: np.ndarray, brought: np.ndarray) -> list[PhotonPath]:
     """How photons of the map, (m,) rows, came."""
-    made = last.made
-    emitted = emit_photons(made, EmissionPlan(last.maps, last.frame.stats.emission), last.texels)
+    made = last.traced.this
     photons, settings = take(last.parts.photons, rows), made.settings
     limit = bright_limit(made.packed, settings)
 
@@ -138,7 +136,7 @@ def _paths(last: LastFrame, rows: np.ndarray, brought: np.ndarray) -> list[Photo
         scene = made.packed, made.world, made.surfaces
         return all_steps(*scene, few, settings.bounces, settings.seed, made.index, limit)
 
-    found = retrace(emitted, photons, last.parts.keys[rows], follow)
+    found = retrace(last.traced.emitted(), photons, last.parts.keys[rows], follow)
     if not all(map(len, found)):
         raise IspmError(CHANGED)
     return [_path(made, *each) for each in zip(found, photons, brought, strict=True)]

@@ -7,6 +7,7 @@ the mean of the frames before, which moves with what they show. Few photons do, 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -23,11 +24,10 @@ from ispm.optics.records import take
 from ispm.optics.rng import pcg4d
 from ispm.photons.density import Pixels, measure_radii
 from ispm.photons.grid import PhotonGrid
-from ispm.photons.walk import Walk
 from ispm.renderer.caustics import Caustics, PhotonClasses, classify_photons, sample_width
 from ispm.renderer.converge import shrunk
 from ispm.renderer.gather import Ends, PhotonLight, rays_reach, rays_worth
-from ispm.renderer.light import EmissionPlan, trace_photons
+from ispm.renderer.light import EmissionPlan, Traced, trace_photons
 from ispm.renderer.one_pass import Pass
 from ispm.scene.packed_instance import Placed
 from ispm.stages.filter import DENSITY, set_reach
@@ -40,6 +40,9 @@ _PATTERN = 4  # receivers on a side of the blocks that are gathered in turn
 _TURNS = (0, 3, 1, 2)  # in which the four blocks of a square are
 _FEW = 4.0  # frames, of fewer receivers are gathered each time
 _MORE, _NEW = 4, 1 / 8  # times as many rays from receivers of which nothing is known, if few of all are new
+_SERVED = (
+    4  # frames that photons serve while nothing but the camera moves: until all receivers had their turn
+)
 _CHANGED = 0.15  # share of light that has changed, above which they are
 _FORGET = 3.0  # share of what the world's cache knows that is forgotten, over the mean share that has changed
 _NARROWEST = 16.0  # frames, of more the filter that hides their noise gets no narrower
@@ -62,6 +65,8 @@ class History:
     """What live frames hand on to the next.
 
     number  of the frame, from 0; with the seed it selects the random numbers
+    draws   of random numbers by caches so far
+    traced  photons of a frame before that light the next one too; None: it traces its own
     """
 
     def __init__(self) -> None:
@@ -69,7 +74,10 @@ class History:
 
     def reset(self) -> None:
         """Forget all: the next frame is as a renderer's first."""
-        self.number = -1
+        self.number, self.draws = -1, 0
+        self.traced: Traced | None = None
+        self._light: LiveLight | None = None
+        self._served = 0
         self._before: _Before | None = None
         self._probes: np.ndarray | None = None
         self._caches: tuple[WorldCache, ...] = ()
@@ -90,6 +98,8 @@ class History:
         self._changes, self._most = changes, this.settings.photons
         if changes:
             self._caustics = []
+        if changes or self._served == _SERVED:
+            self.traced = self._light = None
         settings = this.settings.replace(photons=self._photons or this.settings.photons, antialias=False)
         key, _, _, _ = pcg4d(
             np.uint32(self.number), np.uint32(0), np.uint32(0), np.uint32(this.settings.seed)
@@ -98,15 +108,22 @@ class History:
             settings = settings.replace(seed=int(key))
         return replace(this, settings=settings)
 
-    def light(self, this: Pass, path: Walk) -> LiveLight:
-        """Return what lights the frame: the photons of its walk, and what is kept."""
+    def light(self, this: Pass, traced: Traced) -> LiveLight:
+        """Return what lights the frame: its photons, and what is kept."""
+        path = traced.path
+        if self._light and traced is self.traced:
+            self._served += 1
+            self._light = self._light.seen_in(this)
+            return self._light
+        self.traced, self._served = traced, 1
         if len(path.photons):
             wanted = path.photon_count * _STORED / len(path.photons)
             self._photons = int(np.clip(wanted, min(_EMITTED_LEAST, self._most), self._most))
         # Kernels of caustics get narrower as those of passes do, since the frames' mean is shown.
         smoothing = this.settings.smoothing * shrunk(len(self._caustics))
         narrow = replace(this, settings=this.settings.replace(smoothing=smoothing))
-        return LiveLight(this, classify_photons(narrow, path), self, *self._caches)
+        self._light = LiveLight(this, classify_photons(narrow, path), self, *self._caches)
+        return self._light
 
     def caustics(self, new: Caustics) -> Caustics:
         """Return those of the frames since the world last changed, whose mean is shown."""
@@ -168,8 +185,14 @@ class LiveLight(PhotonLight):
     ) -> None:
         super().__init__(this, parts)
         self._history, self._ends, self._whole = history, ends, whole
-        self._draws = 0
+        self._batch = history.number
         self.caustics = history.caustics(parts.caustics)
+
+    def seen_in(self, this: Pass) -> LiveLight:
+        """Return the light of the same photons in another frame."""
+        other = copy(self)
+        other._this = this
+        return other
 
     def at(self, receivers: Receivers, estimator: Estimator | None = None) -> np.ndarray:
         if not len(self.parts.smooth) and estimator is None:
@@ -249,9 +272,9 @@ class LiveLight(PhotonLight):
         return light
 
     def _ask(self, cache: WorldCache, points: np.ndarray, estimate: Ends) -> np.ndarray:
-        """Light at RECEIVER points by a cache, with random numbers that no other call of the frame has."""
-        self._draws += 1
-        return cache.light(points, estimate, self._history.number, self._draws)
+        """Light at RECEIVER points by a cache, with random numbers that no other call has."""
+        self._history.draws += 1
+        return cache.light(points, estimate, self._batch, self._history.draws)
 
 
 def mean_caustics(batches: Sequence[Caustics]) -> Caustics:
@@ -274,7 +297,7 @@ def _trace_probes(this: Pass) -> np.ndarray:
     settings = this.settings.replace(seed=_PROBE_SEED, gather=0)
     told = replace(this, settings=settings)
     maps = plan_maps(this.packed, np.full(count, each, np.int64), 0.0, _PROBE_SEED, 0)
-    return trace_photons(told, EmissionPlan(maps, "rays"), []).photons
+    return trace_photons(told, EmissionPlan(maps, "rays"), []).path.photons
 
 
 def _probe_light(this: Pass, image: Receivers, photons: np.ndarray) -> np.ndarray:

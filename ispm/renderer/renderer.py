@@ -228,7 +228,9 @@ class Renderer:
         total = watch.stop()
         instances, self._instances = self._instances, this.packed.instances
         stats = collect(this, drawn.path, watch.milliseconds, total, moved(this.packed.instances, instances))
-        frame.stats = replace(stats, adapter=self._gpu.name, emission=drawn.plan.by, timing=watch.timing)
+        frame.stats = replace(
+            stats, adapter=self._gpu.name, emission=drawn.traced.plan.by, timing=watch.timing
+        )
         self._photons = drawn.path.photons
         self._last = LastFrame(
             frame,
@@ -236,8 +238,7 @@ class Renderer:
             this.world.trees,
             drawn.parts,
             drawn.sight.receivers,
-            drawn.plan.maps,
-            drawn.sight.texels,
+            drawn.traced,
         )
         return frame
 
