@@ -73,6 +73,7 @@ accuracy:
 live:
 	@scripts/setup.sh core
 	cd tests && ../$(run)/python -m references.live $(ARGS)
+	cd tests && ../$(run)/python -m references.rate
 
 peers:
 	@scripts/setup.sh all

@@ -58,14 +58,20 @@ def _own(*frames: int) -> dict[int, int]:
     return {t: t for t in frames}
 
 
-def _node(scene: Scene, kind: str) -> Node:
-    return next(node for node in scene.nodes if getattr(node, kind) is not None)
+def camera_of(scene: Scene) -> Node:
+    """Return the first node with a camera."""
+    return next(node for node in scene.nodes if node.camera is not None)
+
+
+def lamp_of(scene: Scene) -> Node:
+    """Return the first node with a light."""
+    return next(node for node in scene.nodes if node.light is not None)
 
 
 def s1() -> Sequence:
     """The camera walks and turns in `atrium`."""
     scene = builtin("atrium", time=0.0)
-    eye_node = _node(scene, "camera")
+    eye_node = camera_of(scene)
 
     def step(t: int) -> None:
         eye = np.array([-10.4 + 0.1 * t, 1.75, -1.5 + 0.03 * t])
@@ -79,7 +85,7 @@ def s1() -> Sequence:
 def s2() -> Sequence:
     """The light of the Cornell box moves, then rests."""
     scene = builtin("cornell-box")
-    lamp = _node(scene, "light")
+    lamp = lamp_of(scene)
     start = np.array(lamp.translation)
 
     def step(t: int) -> None:
@@ -120,7 +126,7 @@ def s4() -> Sequence:
 def s5() -> Sequence:
     """The camera goes round the caustic of a ring."""
     scene = builtin("caustic-ring")
-    node = _node(scene, "camera")
+    node = camera_of(scene)
     pose = next(world for each, world in scene.placed() if each is node)
     middle = 0.5 * (np.array(scene.bounds[0]) + np.array(scene.bounds[1]))
 
@@ -137,7 +143,7 @@ def s5() -> Sequence:
 def s6() -> Sequence:
     """A light moves above a ball of glass, then rests."""
     scene = builtin("glass-sphere")
-    lamp = _node(scene, "light")
+    lamp = lamp_of(scene)
     start = np.array(lamp.translation)
 
     def step(t: int) -> None:
@@ -147,10 +153,6 @@ def s6() -> Sequence:
 
 
 SEQUENCES = {f.__name__: f for f in (s1, s2, s3, s4, s5, s6)}
-
-
-def _camera(sequence: Sequence) -> Node | None:
-    return next((node for node in sequence.scene.nodes if node.camera is not None), None)
 
 
 def truth(sequence: Sequence, size: tuple[int, int], folder: Path) -> None:
