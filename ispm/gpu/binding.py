@@ -20,7 +20,7 @@ _FUNCTION = re.compile(r"\bfn\s+(?P<name>\w+)")
 _OVERRIDE = re.compile(r"\boverride\s+(\w+)")
 _WORD = re.compile(r"(?<![.\w])[A-Za-z_]\w*")  # no fields
 _ERROR = re.compile(r"error: (?P<fault>.*)\n\s*┌─ (?P<place>\S+)")
-_MOST_GROUPS = 512  # of a shader that are kept
+_MOST_GROUPS = 1 << 14  # of a shader that are kept: one for each material
 _ACCESS = {"write": "write-only", "read": "read-only", "read_write": "read-write"}
 _SAMPLE_TYPES = {"u32": "uint", "i32": "sint"}
 

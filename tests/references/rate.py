@@ -17,6 +17,7 @@ from ispm.library.builtin import builtin
 from ispm.renderer import Renderer
 from ispm.scene.camera import Camera
 from ispm.scene.light import PointLight
+from ispm.scene.material import Material
 from ispm.scene.scene import Scene
 from ispm.settings import Settings
 
@@ -103,9 +104,9 @@ def boxes() -> str:
     random = np.random.default_rng(0)
     scene = Scene()
     scene.add(box((-2.0, -0.1, -2.0), (2.0, 0.0, 2.0)))
-    mesh = box((0.0, 0.0, 0.0), (0.05, 0.05, 0.05))
+    mesh, material = box((0.0, 0.0, 0.0), (0.05, 0.05, 0.05)), Material()
     places = random.uniform(-1.8, 1.8, (_BOXES, 3)) + np.array([0.0, 2.0, 0.0])
-    nodes = [scene.add(mesh, translation=tuple(place)) for place in places]
+    nodes = [scene.add(mesh, material=material, translation=tuple(place)) for place in places]
     scene.add(PointLight((50.0, 50.0, 50.0)), translation=(0.0, 5.0, 2.0))
     camera = Camera.look_at((0.0, 2.0, 7.0), (0.0, 2.0, 0.0))
     matrices = np.tile(np.eye(4), (_BOXES, 1, 1))
@@ -116,7 +117,7 @@ def boxes() -> str:
             started = time.perf_counter()
             scene.set_transforms(nodes, matrices)
             set_ = time.perf_counter()
-            renderer.made_of()  # which packs the scene and places it in the tracer
+            renderer._prepare(0)
             ready = time.perf_counter()
             renderer.render()
             placed.append(set_ - started)
@@ -129,7 +130,7 @@ def boxes() -> str:
 
 def main() -> None:
     """Measure, print and write to docs/accuracy.md."""
-    rows = []
+    rows: list[list[str]] = []
     for moving in movements():
         rows.append(measured(moving))
         print("  ".join(rows[-1]), flush=True)
