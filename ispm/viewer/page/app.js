@@ -80,12 +80,14 @@ surface.addEventListener("pointerdown", (event) => {
   if (over === "free" || typeof over === "number") { overlay.begin(over, ...local(event)); drag.how = "handle"; }
   surface.classList.add("dragging");
 });
+let told = 0; // ms, when the last `hold` was sent
 let under = null; // the place in the picture that the pointer is over
 surface.addEventListener("pointerleave", () => { under = null; });
 surface.addEventListener("pointermove", (event) => {
   const [x, y] = part(event);
   under = x >= 0 && x <= 1 && y >= 0 && y <= 1 ? [x, y] : null;
   if (!drag) {
+    if (performance.now() - told > 100) { told = performance.now(); link.send({ type: "hold" }); } // a drag may begin
     const hover = overlay.at(...local(event));
     surface.classList.toggle("over", hover !== null);
     if (JSON.stringify(hover) !== JSON.stringify(overlay.hover)) { overlay.hover = hover; overlay.draw(); }
