@@ -17,9 +17,7 @@ HISTORY = np.dtype(
     ]
 )
 WORDS = HISTORY.itemsize // 4
-_LEAST_SHARE = np.float32(
-    0.05
-)  # of a new estimate in the mean; .03 lags behind what moves, .1 has more noise
+_LEAST_SHARE = np.float32(0.05)  # of a new estimate; .03 lags behind what moves, .1 has more noise
 _MOST_FRAMES = 64.0  # that a mean can be worth: neighbors' noise is not independent
 
 

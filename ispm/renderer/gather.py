@@ -33,16 +33,13 @@ from ispm.stages.filter import filter_estimate, set_reach
 from ispm.stages.mean import mean_around
 from ispm.stages.upsample import UNUSED
 
-_BRIGHT_RATIO = (
-    9.0  # to the mean irradiance: brighter first bounces are left to photons; 4.5, 18: 10 % more error
-)
+# To the mean irradiance: brighter first bounces are left to photons; 4.5 and 18 have 10 % more error.
+_BRIGHT_RATIO = 9.0
 _END_KERNEL_SCALE = np.float32(0.7)  # of kernels at the rays' ends: rays average over many of them
 _CLEARANCE = 2e-5  # offset of a ray's start, share of the distance to the eye, by which depth may err,
 _ROUNDED = 1e-6  # and of the coordinates
 _REACH = 0.4  # of the harmonic mean of rays' lengths: the filter's radius, as light changes over such lengths
-_NARROWER = (
-    -0.25
-)  # exponent of the number of passes in the filter's radius, beside that of all kernels; measured
+_NARROWER = -0.25  # exponent of the number of passes in that radius, beside that of all kernels; measured
 _RAYS_USUAL = 4  # of a receiver, to which the radius belongs
 _RAYS_WITHIN = 800.0  # least rays within the filter's radius, over all passes: fewer leave specks in corners
 _NEAREST = 0.01  # of the scene's diagonal, for which shorter rays count there

@@ -27,10 +27,8 @@ _MISSED_SHARE = 1 / 64  # receivers of missed pixels to those of the picture, wh
 _GAP = 4  # unused rows between used ones of an image, at most: those on its sides never mix by interpolation
 _FINER = 2  # blocks of ends are this much smaller than the picture's: curved mirrors show much in few pixels
 SAMPLES = np.array([(-1, -3), (3, -1), (-3, 1), (1, 3)]) / 8.0  # pixels from the centre, as antialiasing's
-_FINE_SLACK = (
-    5e-3,
-    2e-2,
-)  # start before, search behind, of the distance, which is to the plane at the centre
+# Start before, and search behind, of the distance, which is that to the plane at the center.
+_FINE_SLACK = 5e-3, 2e-2
 
 
 def specular_light(this: Pass, seen: np.ndarray, light: PhotonLight) -> np.ndarray:
