@@ -27,6 +27,7 @@ HELP = (
     ("R", "camera as at the beginning"),
     ("Del, Ctrl+D, H", "delete, duplicate, hide"),
     ("Ctrl+Z, Ctrl+Shift+Z", "undo, redo"),
+    ("I, then click", "the photons that light a place"),
     ("Space", "play or pause"),
     ("1 to 9", "views"),
     ("S", "save the picture"),
@@ -98,19 +99,25 @@ def dragged(drag: Drag, to: Place, height: float) -> m.Message | None:
     return m.Look(right, down, "turn" if drag.how == "turn" else "orbit")
 
 
-def released(drag: Drag, glass: Glass) -> m.Message | None:
-    """Return what a click asks for that ended a drag; None: it was one."""
+def released(drag: Drag, glass: Glass, inspecting: bool = False) -> m.Message | None:
+    """Return what a click asks for that ended a drag; None: it was one.
+
+    inspecting  whether it asks for what lights the place
+    """
     if drag.moved >= _STILL or drag.how in ("handle", "turn"):
         return None
+    place = inside(glass, drag.last)
+    if inspecting and place is not None:
+        return m.Inspect(*place)
     if drag.light:
         return m.Select(drag.light)
-    x, y = part_of(glass, drag.last)
-    return m.Pick(x, y) if 0.0 <= x <= 1.0 and 0.0 <= y <= 1.0 else None
+    return None if place is None else m.Pick(*place)
 
 
-def part_of(glass: Glass, place: Place) -> Place:
-    """Return a place as parts of the picture's width and height."""
-    return (place[0] - glass.x) / glass.width, (place[1] - glass.y) / glass.height
+def inside(glass: Glass, place: Place) -> Place | None:
+    """Return a place as parts of the picture's width and height; None: it is beside the picture."""
+    x, y = (place[0] - glass.x) / glass.width, (place[1] - glass.y) / glass.height
+    return (x, y) if 0.0 <= x <= 1.0 and 0.0 <= y <= 1.0 else None
 
 
 def zoomed(notches: float) -> m.Message:

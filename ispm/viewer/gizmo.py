@@ -1,4 +1,4 @@
-"""Handles over the picture that drag what is selected: where they are, and where they take it.
+"""How the world is seen on a canvas, and the handles over the picture that drag what is selected.
 
 Places on the canvas are (x, y) from the top left in its own units, points in the world (3,) m. The page has
 the same in page/overlay.js.
@@ -15,6 +15,7 @@ LENGTH = 70.0  # of an axis on the canvas, where it does not point at the eye
 _NEAR = 9.0  # of a handle, within which it is meant
 _FROM, _TO = 0.12, 1.06  # of an axis, within which it is meant
 _BEFORE = 1e-9  # of clip space's w, that a point before the eye has at least
+_CUT = 1e-3  # of the larger w of a line's ends, where what lies behind the eye is cut off
 
 Part = Literal[0, 1, 2, "free"]
 Place = tuple[float, float]
@@ -40,6 +41,16 @@ class Glass:
         if w <= _BEFORE:
             return None
         return self.x + (0.5 + 0.5 * u / w) * self.width, self.y + (0.5 - 0.5 * v / w) * self.height
+
+    def segment(self, a: np.ndarray, b: np.ndarray) -> tuple[Place, Place] | None:
+        """Return where the ends of a line are seen, as much of it as lies before the eye; None: nothing."""
+        u, v = (float(self.clip[3] @ np.append(end, 1.0)) for end in (a, b))
+        least = _CUT * max(abs(u), abs(v), 1e-6)
+        if u < least and v < least:
+            return None
+        start = self.project(a if u >= least else a + (b - a) * (least - u) / (v - u))
+        end = self.project(b if v >= least else b + (a - b) * (least - v) / (u - v))
+        return None if start is None or end is None else (start, end)
 
     def length(self, point: np.ndarray) -> float:
         """Return m at a point before the eye that are LENGTH long on the canvas."""

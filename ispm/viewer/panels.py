@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 from imgui_bundle import imgui
@@ -12,7 +11,9 @@ from imgui_bundle import imgui
 from ispm.viewer import messages as m
 from ispm.viewer.controls import HELP, gestures
 from ispm.viewer.fields import Field
+from ispm.viewer.inspector import Inspector
 from ispm.viewer.messages import Message
+from ispm.viewer.theme import ACCENT
 
 LEFT, RIGHT, HEAD, FOOT = 232.0, 316.0, 42.0, 32.0  # units of the screen
 _MOST_COSTS = 120  # pictures in the plot
@@ -21,7 +22,7 @@ _FIRST = ("preset", "exposure", "tonemap", "photons", "bounces")
 _SPEEDS = (-1.0, 0.25, 0.5, 1.0, 2.0)
 _MARKS = {"light": "*", "camera": "o", "object": "-", "group": ">"}
 _STAGES = (0xFFF0A86F, 0xFF7FCE8F, 0xFFE8A6C3, 0xFF72B8E9, 0xFF6D7AEE, 0xFFC8CF6F, 0xFF99908B)  # ABGR
-_LINE = 15.0  # units of the font
+_HEAD = 674.0  # of what stands at its right
 
 Say = Callable[[Message], None]
 
@@ -30,11 +31,14 @@ class Panels:
     """What stands around the picture.
 
     post  sends a message; file: saves "scene" or "picture"; copy: puts a text on the clipboard
+    inspector  whose button and list are among them
     state  as of `describe`; set by the thread that draws pictures
     """
 
-    def __init__(self, post: Say, file: Callable[[str], None], copy: Callable[[str], None]) -> None:
-        self._post, self._file, self._copy = post, file, copy
+    def __init__(
+        self, post: Say, file: Callable[[str], None], copy: Callable[[str], None], inspector: Inspector
+    ) -> None:
+        self._post, self._file, self._copy, self._inspector = post, file, copy, inspector
         self.state: dict[str, dict[str, Any]] = {}
         self.left = self.right = True
         self.help = self.flying = False
@@ -114,8 +118,11 @@ class Panels:
         imgui.align_text_to_frame_padding()
         imgui.text(self.name)
         imgui.same_line()
-        imgui.text_disabled(f"{state['scene']['triangles']:,} triangles")
-        imgui.same_line(max(imgui.get_window_width() - 612.0, 240.0))
+        at = max(imgui.get_window_width() - _HEAD, 226.0)
+        count = f"{state['scene']['triangles']:,} triangles"
+        if imgui.get_cursor_pos_x() + imgui.calc_text_size(count).x < at:
+            imgui.text_disabled(count)
+        imgui.same_line(at)
         views, now = state["settings"]["views"], state["about"]["view"]
         imgui.set_next_item_width(130)
         changed, index = imgui.combo("##view", views.index(now), views)
@@ -130,6 +137,8 @@ class Panels:
             if imgui.button(label):
                 post(message)
             imgui.end_disabled()
+        imgui.same_line()
+        self._inspector.button()
         for label, do in (
             ("Screenshot", lambda: self._file("picture")),
             ("Command", lambda: self._copy(state["about"]["command"])),
@@ -230,6 +239,7 @@ class Panels:
 
     def _right(self) -> None:
         imgui.begin_child("properties", (0, max(imgui.get_content_region_avail().y - 236.0, 80.0)))
+        self._inspector.panel()
         selection = self.state["selection"]
         node = selection["node"]
         imgui.separator_text("Nothing selected" if node is None else selection["kind"].capitalize())
@@ -318,7 +328,7 @@ class Panels:
         kept = flags.no_collapse | flags.always_auto_resize | flags.no_saved_settings
         self.help = bool(imgui.begin("Keys", True, kept)[1])
         for name, does in HELP:
-            imgui.text_colored((0.91, 0.72, 0.45, 1.0), name)
+            imgui.text_colored((*ACCENT, 1.0), name)
             imgui.same_line(210.0)
             imgui.text(does)
         imgui.end()
@@ -362,39 +372,3 @@ def _number(field: Field, label: str, value: float) -> tuple[bool, Any]:
     speed = max(0.005 * abs(value), 0.002)
     unit = f" {field['unit']}".replace("%", "%%") if field.get("unit") else ""
     return imgui.drag_float(label, float(value), speed, low, high, f"%.4g{unit}", flags)
-
-
-def style(font: Path) -> None:
-    """Give Dear ImGui the page's colors and a font that reads well."""
-    look, colors = imgui.get_style(), imgui.Col_
-    imgui.style_colors_dark()
-    look.window_border_size = 0.0
-    look.window_rounding = look.child_rounding = 0.0
-    look.frame_rounding = look.grab_rounding = look.popup_rounding = 5.0
-    look.frame_padding, look.item_spacing = imgui.ImVec2(8.0, 4.0), imgui.ImVec2(6.0, 5.0)
-    look.window_padding = imgui.ImVec2(10.0, 8.0)
-    panel, raised, line = (0.106, 0.114, 0.129, 1.0), (0.145, 0.157, 0.176, 1.0), (0.18, 0.196, 0.216, 1.0)
-    accent, dim = (0.914, 0.722, 0.447, 1.0), (0.302, 0.259, 0.188, 1.0)
-    for name, color in {
-        "window_bg": panel,
-        "popup_bg": panel,
-        "title_bg": panel,
-        "title_bg_active": panel,
-        "frame_bg": raised,
-        "frame_bg_hovered": line,
-        "frame_bg_active": dim,
-        "button": raised,
-        "button_hovered": line,
-        "button_active": dim,
-        "header": dim,
-        "header_hovered": line,
-        "header_active": dim,
-        "check_mark": accent,
-        "slider_grab": accent,
-        "slider_grab_active": accent,
-        "separator": line,
-        "text": (0.847, 0.855, 0.871, 1.0),
-        "text_disabled": (0.6, 0.62, 0.65, 1.0),
-    }.items():
-        look.set_color_(getattr(colors, name), color)
-    imgui.get_io().fonts.add_font_from_file_ttf(str(font), _LINE)

@@ -21,16 +21,17 @@ from ispm.viewer import messages as m
 from ispm.viewer.controls import Drag
 from ispm.viewer.describe import describe, header
 from ispm.viewer.files import saved, screenshot
-from ispm.viewer.gizmo import Glass
+from ispm.viewer.gizmo import Glass, Place
+from ispm.viewer.inspector import Inspector
 from ispm.viewer.messages import Message
 from ispm.viewer.packets import Rate
-from ispm.viewer.panels import FOOT, HEAD, LEFT, RIGHT, Panels, style
+from ispm.viewer.panels import FOOT, HEAD, LEFT, RIGHT, Panels
 from ispm.viewer.running import Running
 from ispm.viewer.session import Picture, Session
+from ispm.viewer.theme import ACCENT, BRIGHT, SHADE, Rgb, color, style
 
 _SIZE = 1280, 800
 _AXES = ((0.93, 0.48, 0.43), (0.56, 0.81, 0.5), (0.44, 0.66, 0.94))
-_LAMP, _BRIGHT, _SHADE = (0.91, 0.72, 0.45), (1.0, 1.0, 1.0), (0.0, 0.0, 0.0)
 _LINGER = 4  # frames drawn after the last event, in which Dear ImGui settles
 _STILL = 0.15  # s that a size stands before pictures of it are asked for
 _FONT = Path(imgui_bundle.__file__).parent / "assets" / "fonts" / "Roboto" / "Roboto-Regular.ttf"
@@ -54,13 +55,14 @@ class Window:
         except Exception as error:  # whatever the system lacks for it
             raise IspmError(f"no window can be opened: {error}") from None
         style(_FONT)
-        self.panels = Panels(self._post, self._file, self._copy)
+        self.inspector = Inspector(self._post)
+        self.panels = Panels(self._post, self._file, self._copy, self.inspector)
         self._latest: tuple[Picture, dict[str, Any]] | None = None  # set by the drawing thread
         self._about: dict[str, Any] | None = None
         self._texture: tuple[wgpu.GPUTexture, Any] | None = None
         self._drag: Drag | None = None
         self._asked, self._wanted, self._since = (0, 0), (0, 0), 0.0
-        self._left = _LINGER
+        self._left, self._cursor = _LINGER, "default"
         self._imgui.set_gui(self._draw)
         self._typed: list[str] = []
         self.canvas.add_event_handler(self._event, *_EVENTS, order=-100)
@@ -92,7 +94,8 @@ class Window:
         self._tell(session)
 
     def _tell(self, session: Session) -> None:
-        self.panels.state = describe(session)
+        self.panels.state = state = describe(session)
+        self.inspector.found = state["inspected"]
         self._wake()
 
     def _wake(self) -> None:
@@ -193,6 +196,7 @@ class Window:
             "stage", None, flags.no_decoration | flags.no_background | flags.no_bring_to_front_on_focus
         )
         imgui.pop_style_var()
+        under: Place | None = None
         if self._about is None or self._texture is None:
             imgui.set_cursor_pos((width / 2 - 80, height / 2))
             imgui.text_disabled("waiting for the first picture")
@@ -205,10 +209,20 @@ class Window:
             glass = Glass(clip, float(left), float(top), *seen)
             imgui.set_cursor_screen_pos((left, top))
             imgui.image(self._texture[1], seen)
-            self._mouse(glass, imgui.is_window_hovered())
+            over = imgui.is_window_hovered()
+            self._mouse(glass, over)
             self._overlay(glass)
+            if over:
+                mouse = imgui.get_io().mouse_pos
+                under = controls.inside(glass, (mouse.x, mouse.y))
         imgui.end()
-        self._keys()
+        self._point("crosshair" if under is not None and self.inspector.on else "default")
+        self._keys(under)
+
+    def _point(self, cursor: str) -> None:
+        if cursor != self._cursor:
+            self._cursor = cursor
+            self.canvas.set_cursor(cursor)
 
     def _mouse(self, glass: Glass, over: bool) -> None:
         io = imgui.get_io()
@@ -218,9 +232,8 @@ class Window:
             if io.mouse_wheel:
                 self._post(controls.zoomed(io.mouse_wheel))
             if imgui.is_mouse_double_clicked(0):
-                part = controls.part_of(glass, at)
-                if min(part) >= 0.0 and max(part) <= 1.0:
-                    self._post(m.Focus(*part))
+                if (place := controls.inside(glass, at)) is not None:
+                    self._post(m.Focus(*place))
                 return
             for button in range(3):
                 if imgui.is_mouse_clicked(button):
@@ -232,12 +245,13 @@ class Window:
             if message is not None:
                 self._post(message)
             if not imgui.is_mouse_down(self._button):
-                message = controls.released(self._drag, glass)
+                message = controls.released(self._drag, glass, self.inspector.on)
                 if message is not None:
                     self._post(message)
                 self._drag = None
 
-    def _keys(self) -> None:
+    def _keys(self, under: Place | None) -> None:
+        """Do what keys ask for. under: the place in the picture under the mouse."""
         io, panels = imgui.get_io(), self.panels
         typed, self._typed, panels.flying = self._typed, [], False
         if io.want_text_input or not panels.state:
@@ -254,7 +268,7 @@ class Window:
         if not turning:
             typed += [name for name, number in _KEYS.items() if imgui.is_key_pressed(number, False)]
         for name in typed:
-            if io.key_ctrl or not panels.key(name):
+            if io.key_ctrl or not (panels.key(name) or self.inspector.key(name, under)):
                 message = controls.key(name, io.key_ctrl, io.key_shift, panels.state)
                 if message is not None:
                     self._post(message)
@@ -269,7 +283,8 @@ class Window:
             chosen = handle is not None and handle["node"] == number
             at = glass.project(moved if chosen and moved is not None else np.array(place))
             if at is not None:
-                _mark(lines, at, kind, _BRIGHT if chosen else _LAMP)
+                _mark(lines, at, kind, BRIGHT if chosen else ACCENT)
+        self.inspector.draw(glass, lines)
         if handle is None:
             return
         point = np.array(handle["place"]) if moved is None else moved
@@ -282,27 +297,23 @@ class Window:
         )
         for k, tip in enumerate(glass.tips(point)):
             if tip is not None:
-                color = _color(_BRIGHT if over == k else _AXES[k])
-                lines.add_line(base, tip, _color(_SHADE, 0.6), 5.0)
-                lines.add_line(base, tip, color, 2.5)
-                lines.add_circle_filled(tip, 5.0, color)
+                tint = color(BRIGHT if over == k else _AXES[k])
+                lines.add_line(base, tip, color(SHADE, 0.6), 5.0)
+                lines.add_line(base, tip, tint, 2.5)
+                lines.add_circle_filled(tip, 5.0, tint)
         low, high = (base[0] - 4, base[1] - 4), (base[0] + 4, base[1] + 4)
-        lines.add_rect_filled(low, high, _color(_BRIGHT if over == "free" else (0.85, 0.86, 0.87)))
+        lines.add_rect_filled(low, high, color(BRIGHT if over == "free" else (0.85, 0.86, 0.87)))
 
 
-def _mark(lines: Any, at: tuple[float, float], kind: str, color: tuple[float, float, float]) -> None:
+def _mark(lines: Any, at: tuple[float, float], kind: str, rgb: Rgb) -> None:
     """Draw a light: a circle with rays, of which those of a point light go all ways."""
-    for shade, width in ((_color(_SHADE, 0.6), 4.0), (_color(color), 1.6)):
+    for shade, width in ((color(SHADE, 0.6), 4.0), (color(rgb), 1.6)):
         lines.add_circle(at, 4.0, shade, 0, width)
         for angle in np.arange(8) * np.pi / 4:
             if kind == "point" or round(angle * 4 / np.pi) % 2:
                 x, y = float(np.cos(angle)), float(np.sin(angle))
                 near, far = (at[0] + 6.5 * x, at[1] + 6.5 * y), (at[0] + 9 * x, at[1] + 9 * y)
                 lines.add_line(near, far, shade, width)
-
-
-def _color(rgb: tuple[float, float, float], alpha: float = 1.0) -> int:
-    return int(imgui.color_convert_float4_to_u32((*rgb, alpha)))
 
 
 _KEYS = {chr(97 + k): getattr(imgui.Key, chr(97 + k)) for k in range(26)}

@@ -7,6 +7,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+from ispm.viewer.controls import HELP
+
 ROOT = Path(__file__).parents[2]
 
 
@@ -52,13 +54,14 @@ def headings(path):
     return found
 
 
-def test_the_keys_of_the_page_are_those_of_its_document():
+def test_the_keys_of_the_page_are_those_of_its_document_and_of_the_window():
     page = (ROOT / "ispm" / "viewer" / "page" / "app.js").read_text("utf-8")
     keys = json.loads(re.search(r"const KEYS = (\[\[.*?\]\]);", page, re.DOTALL)[1])
     text = (ROOT / "docs" / "viewer.md").read_text("utf-8")
     assert [f"| {key} | {does} |" for key, does in keys] == re.findall(
         r"^\| (?!key|-).*\|$", text, re.MULTILINE
     )
+    assert tuple(map(tuple, keys)) == HELP
 
 
 def test_files_that_documents_name_exist():

@@ -77,6 +77,47 @@ class Hand:
     def look(self, name):
         ImageGrab.grab().save(self.folder / f"{name}.png")
 
+    def inspect(self, session):
+        """Ask twice for the light of a place, by the key and a click, look at what came, and leave."""
+        inspector, told = self.window.inspector, []
+        places = lambda: inspector.found["point"]  # noqa: E731
+        at = lambda name: tuple(self.place(session.scene[name].translation))  # noqa: E731
+        chosen = session.selected
+        self.event("pointer_move", *at("right"))
+        self.still((732, 726))
+        self.look("before")
+        self.event("pointer_move", *at("left"))
+        self.key("i")
+        self.until("the light of the place under the mouse", lambda: places() is not None)
+        told.append(places())
+        self.click(*at("right"))
+        self.until("the light of another place", lambda: places() not in (None, told[0]))
+        told.append(places())
+        self.still((732, 726))
+        self.look("inspected")
+        self.found["told"], self.found["kept"] = told, session.selected is chosen
+        self.found["place"] = self.place(told[1])
+        self.found["way"] = [self.place(place) for place in inspector.found["paths"][0]["places"]]
+        self.event("pointer_move", 1100.0, 145.0)  # the row of the only way
+        self.until("a way chosen", lambda: inspector._chosen == 0)
+        self.still((732, 726))
+        self.look("chosen")
+        self.event("pointer_move", 240.0, 420.0)
+        self.key("Escape")
+        self.until("an end", lambda: not inspector.on and session.inspected is None)
+        self.still((732, 726))
+        self.look("left")
+        self.found["kept"] &= session.selected is chosen
+
+    def place(self, point):
+        """Where a point in the world is seen in the window."""
+        about = self.window._about
+        u, v, _, w = (
+            sum(a * b for a, b in zip(about["clip"][4 * k : 4 * k + 4], [*point, 1.0], strict=True))
+            for k in range(4)
+        )
+        return 232.0 + 732.0 * (0.5 + 0.5 * u / w), 42.0 + 726.0 * (0.5 - 0.5 * v / w)
+
     def use(self):
         session, canvas = self.running.session, self.window.canvas
         self.still((732, 726))  # 1280 x 800 without the panels
@@ -89,18 +130,17 @@ class Hand:
         self.look("selected")
         handle = self.window._about["handle"]["place"]
         before = session.selected.translation[0]
-        clip = [self.window._about["clip"][4 * k : 4 * k + 4] for k in range(4)]
-        u, w = (sum(a * b for a, b in zip(clip[k], [*handle, 1.0], strict=True)) for k in (0, 3))
-        x = 232.0 + 732.0 * (0.5 + 0.5 * u / w)
+        (x, _), (far, _) = self.place(handle), self.place([handle[0] + 1.0, *handle[1:]])
         self.drag(x + 40.0, 42.0 + 363.0, 60.0, 0.0)  # along the axis that lies across the picture
         self.until("a node moved", lambda: session.selected.translation[0] != before)
         self.still((732, 726))
         self.found["moved"] = session.selected.translation[0] - before
-        self.found["wanted"] = 60.0 * 2.0 * w / (clip[0][0] * 732.0)
+        self.found["wanted"] = 60.0 / (far - x)
         self.found["undos"] = len(session.history.undos)
         self.event("pointer_move", 240.0, 420.0)
         self.drag(260.0, 100.0, 40.0, 0.0)
         self.until("an orbit", lambda: abs(session.orbit.eye[0]) > 0.01)
+        self.inspect(session)
         self.key("?")
         self.until("help", lambda: self.window.panels.help)
         self.still((732, 726))

@@ -47,6 +47,17 @@ def test_a_click_on_a_mark_selects_its_light():
     )
 
 
+def test_a_click_asks_for_the_light_of_a_place_while_the_inspector_is_on():
+    about = {"handle": None, "lights": [[7, 0.0, 0.0, 0.0, "point"]]}
+    for place, asked in (
+        ((50, 25), m.Inspect(0.25, 0.25)),
+        ((104, 52), m.Inspect(0.52, 0.52)),
+        ((300, 25), None),
+    ):
+        made = controls.begun(place, 0, False, about, GLASS)
+        assert controls.released(made, GLASS, inspecting=True) == asked
+
+
 def test_a_drag_of_a_handle_moves_the_node_by_one_gesture():
     about = {"handle": {"node": 3, "place": [0.0, 0.0, 0.0], "offset": [0.0, 0.5, 0.0]}, "lights": []}
     asked, end = drag((100, 50), (110, 50), (120, 50), about=about)

@@ -33,6 +33,24 @@ def test_what_is_behind_the_eye_is_not_seen():
     assert glass_of(PERSPECTIVE).project(np.array([6.0, 8.0, 10.0])) is None
 
 
+def test_a_line_is_seen_as_far_as_it_lies_before_the_eye(glass):
+    behind = np.array([6.0, 8.0, 10.0])
+    ahead = np.array([0.5, 0.1, -0.3])
+    assert glass.segment(POINT, ahead) == (glass.project(POINT), glass.project(ahead))
+    start, end = np.array(glass.segment(POINT, behind))
+    np.testing.assert_allclose((end, start), glass.segment(behind, POINT), atol=1e-6)
+    np.testing.assert_allclose(start, glass.project(POINT))
+    direction = np.array(glass.project(POINT + 0.01 * (behind - POINT))) - start
+    size = np.linalg.norm(direction) * np.linalg.norm(end - start)
+    assert direction @ (end - start) == pytest.approx(size, rel=1e-6)  # they point the same way
+    assert np.isfinite(end).all()
+
+
+def test_a_line_behind_the_eye_is_not_seen():
+    glass = glass_of(PERSPECTIVE)
+    assert glass.segment(np.array([6.0, 8.0, 10.0]), np.array([7.0, 8.0, 10.0])) is None
+
+
 def test_perspective_is_that_of_a_pinhole():
     """By hand: similar triangles, and a picture of 200 units' height that shows 2 tan(yfov / 2) at 1 m."""
     local = np.linalg.inv(PERSPECTIVE.pose) @ np.append(POINT, 1.0)

@@ -81,6 +81,36 @@ def test_a_handle_moves_the_node_along_its_axis_as_one_edit(used):
     assert found["undos"] == 1
 
 
+def test_photons_that_light_a_place_are_listed_and_drawn_until_the_mode_is_left(used):
+    folder, found = used
+    assert found["told"][0] != found["told"][1]  # by the key where the mouse is, then by a click
+    assert found["kept"]  # which selects nothing then
+    before, after, chosen, left = (picture(folder, k) for k in ("before", "inspected", "chosen", "left"))
+    stage = np.s_[42:768, 232:964]
+    ways = np.argwhere((before != after).any(axis=-1)[stage])[:, ::-1] + (232, 42)
+    lamp, wall, end = np.array(found["way"])
+    far = np.minimum(off_line(ways, lamp, wall), off_line(ways, wall, end))
+    ring = np.hypot(*(ways - found["place"]).T) < 9.0
+    far = far[~ring]
+    assert len(far) > 400
+    assert far.max() < 5.0  # 3.5 units, dots of 3.3, and their smooth edges
+    column, row = (ways[~ring][far.argmin()]).astype(int)
+    assert after[row, column] == pytest.approx(
+        0.7 * np.array([240, 176, 79]) + 0.3 * before[row, column], abs=4
+    )
+    panel = np.s_[42:536, 964:1280]
+    assert (after[panel] != before[panel]).any(axis=-1).sum() > 1000
+    strong = (chosen[stage] == 255).all(axis=-1).sum()
+    assert strong > (after[stage] == 255).all(axis=-1).sum() + 15  # a dot where it met the wall
+    assert (left == before).all()
+
+
+def off_line(points, a, b):
+    """How far (n, 2) points are from the line between two others."""
+    along = np.clip((points - a) @ (b - a) / ((b - a) @ (b - a)), 0.0, 1.0)
+    return np.linalg.norm(points - a - along[:, None] * (b - a), axis=1)
+
+
 def test_it_follows_its_size_and_closes(used):
     folder, found = used
     assert (picture(folder, "small")[600:, :] == 0).all()  # the window became smaller than the screen
