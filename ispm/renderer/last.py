@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from ispm.accel.records import Trees
-from ispm.accel.surface import SurfaceTable
 from ispm.errors import IspmError, SettingsError
 from ispm.frame import Receivers
 from ispm.lights.emission import place_photons
 from ispm.lights.lightmap import texel_measures
-from ispm.lights.plan import PlannedMap
 from ispm.optics.records import EMITTED
 from ispm.photons.first_hits import first_hits
 from ispm.photons.grid import PhotonGrid
@@ -23,7 +20,6 @@ from ispm.renderer.light import Traced
 from ispm.renderer.one_pass import Pass
 from ispm.renderer.picture import Frame
 from ispm.renderer.views import photon_points
-from ispm.scene.packed import Packed
 
 CHANGED = "the scene has changed since the last picture; render it first"
 
@@ -70,14 +66,13 @@ class LastFrame:
 
     def _bounce_maps(self) -> np.ndarray:
         settings = self.frame.settings
-        maps, texels = self.traced.plan.maps, self.traced.texels
-        if not texels:
+        traced = self.traced
+        if not traced.texels:
             why = "photons left the lights as rays" if settings.bounces else "bounces is 0"
             raise SettingsError(f"bounce-map: there is none, {why}; use bounces 1 or more and emission 'map'")
         shown, names = [], []
-        packed, surfaces = self.made.packed, self.made.surfaces
-        emitted = texels_as_photons(packed, surfaces, maps, texels)
-        for each, batch in zip(maps, emitted, strict=True):
+        packed, surfaces = traced.this.packed, traced.this.surfaces
+        for each, batch in zip(traced.plan.maps, texels_as_photons(traced), strict=True):
             found = first_hits(packed, surfaces, batch, settings.seed, 0)
             shown.append(found.reshape(-1, each.width, each.width, 12))
             faces = f"{len(shown[-1])} faces of " if len(shown[-1]) > 1 else ""
@@ -85,13 +80,13 @@ class LastFrame:
         return bounce_chart(shown, names, packed.bounds)
 
 
-def texels_as_photons(
-    packed: Packed, surfaces: SurfaceTable, maps: Sequence[PlannedMap], texels: Sequence[np.ndarray]
-) -> list[np.ndarray]:
-    """Return each map's texels as (faces W^2,) EMITTED of the flux they stand for, before any thinning."""
+def texels_as_photons(traced: Traced) -> list[np.ndarray]:
+    """Return the texels of each bounce map as (faces W^2,) EMITTED of the flux they stand for, before any
+    thinning."""
+    packed, surfaces = traced.this.packed, traced.this.surfaces
     batches = []
     first_key = 0
-    for each, content in zip(maps, texels, strict=True):
+    for each, content in zip(traced.plan.maps, traced.texels, strict=True):
         row, rows = packed.lights[each.map.light], np.zeros(content.size // 2, EMITTED)
         place_photons(surfaces, each, content, rows, np.arange(len(rows)))
         measures = texel_measures(each.map, row, each.width, each.shift)

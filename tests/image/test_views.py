@@ -55,7 +55,7 @@ def test_bounce_maps_hold_what_leaves_the_first_hits(sphere):
     """In the integrating sphere: points at its radius, normals inwards, albedo times the light's flux."""
     last = sphere._last
     assert isinstance(last, LastFrame)
-    (emitted,) = texels_as_photons(last.made.packed, last.made.surfaces, last.maps, last.texels)
+    (emitted,) = texels_as_photons(last.traced)
     assert emitted["flux"].sum(axis=0, dtype=float) == pytest.approx([100.0] * 3, rel=1e-5)
     found = first_hits(last.made.packed, last.made.surfaces, emitted, seed=0, pass_index=0).astype(float)
     position, n, flux, wi = (found[:, k : k + 3] for k in (0, 3, 6, 9))
