@@ -33,6 +33,7 @@ from ispm.viewer.theme import ACCENT, BRIGHT, SHADE, Rgb, color, style
 _SIZE = 1280, 800
 _AXES = ((0.93, 0.48, 0.43), (0.56, 0.81, 0.5), (0.44, 0.66, 0.94))
 _LINGER = 4  # frames drawn after the last event, in which Dear ImGui settles
+_HOLDING = 0.1  # s between messages of a mouse that moves
 _STILL = 0.15  # s that a size stands before pictures of it are asked for
 _FONT = Path(imgui_bundle.__file__).parent / "assets" / "fonts" / "Roboto" / "Roboto-Regular.ttf"
 _EVENTS = ("pointer_move", "pointer_down", "pointer_up", "wheel", "key_down", "key_up", "char", "resize")
@@ -65,6 +66,7 @@ class Window:
         self._left, self._cursor = _LINGER, "default"
         self._imgui.set_gui(self._draw)
         self._typed: list[str] = []
+        self._held = 0.0  # when the last Hold was sent
         self.canvas.add_event_handler(self._event, *_EVENTS, order=-100)
         self.canvas.request_draw(self._paint)
         running.listen(self, self._show, self._tell)
@@ -229,6 +231,7 @@ class Window:
         at = io.mouse_pos.x, io.mouse_pos.y
         assert self._about is not None
         if self._drag is None and over:
+            self._hold(io.mouse_delta.x != 0.0 or io.mouse_delta.y != 0.0)
             if io.mouse_wheel:
                 self._post(controls.zoomed(io.mouse_wheel))
             if imgui.is_mouse_double_clicked(0):
@@ -249,6 +252,13 @@ class Window:
                 if message is not None:
                     self._post(message)
                 self._drag = None
+
+    def _hold(self, moved: bool) -> None:
+        """Hold better pictures back where the mouse moves: a drag may begin."""
+        now = time.monotonic()
+        if moved and now - self._held > _HOLDING:
+            self._held = now
+            self._post(m.Hold())
 
     def _keys(self, under: Place | None) -> None:
         """Do what keys ask for. under: the place in the picture under the mouse."""
