@@ -73,10 +73,15 @@ def plan_emission(this: Pass, software: bool) -> EmissionPlan:
     return EmissionPlan(maps, emission_of(maps, this.packed, this.settings, software))
 
 
+def aims_by_view(packed: Packed) -> bool:
+    """Whether some light sends its photons to where the picture needs them."""
+    return any(map(aims_at_seen, light_maps(packed)))
+
+
 def _seen_places(this: Pass) -> np.ndarray | None:
     """What a coarse picture shows, (n, 3) m world space; None where no light asks for it."""
     view = this.view
-    if not any(map(aims_at_seen, light_maps(this.packed))):
+    if not aims_by_view(this.packed):
         return None
     width, height = view.size
     x, y = ((np.arange(n) + 0.5) / n for n in _COARSE)

@@ -27,7 +27,7 @@ from ispm.photons.grid import PhotonGrid
 from ispm.renderer.caustics import Caustics, PhotonClasses, classify_photons, sample_width
 from ispm.renderer.converge import shrunk
 from ispm.renderer.gather import Ends, PhotonLight, rays_reach, rays_worth
-from ispm.renderer.light import EmissionPlan, Traced, trace_photons
+from ispm.renderer.light import EmissionPlan, Traced, aims_by_view, trace_photons
 from ispm.renderer.one_pass import Pass
 from ispm.scene.packed_instance import Placed
 from ispm.stages.filter import DENSITY, set_reach
@@ -40,9 +40,7 @@ _PATTERN = 4  # receivers on a side of the blocks that are gathered in turn
 _TURNS = (0, 3, 1, 2)  # in which the four blocks of a square are
 _FEW = 4.0  # frames, of fewer receivers are gathered each time
 _MORE, _NEW = 4, 1 / 8  # times as many rays from receivers of which nothing is known, if few of all are new
-_SERVED = (
-    4  # frames that photons serve while nothing but the camera moves: until all receivers had their turn
-)
+_SERVED = 4  # frames that photons serve while only the camera moves, until all receivers had their turn
 _CHANGED = 0.15  # share of light that has changed, above which they are
 _FORGET = 3.0  # share of what the world's cache knows that is forgotten, over the mean share that has changed
 _NARROWEST = 16.0  # frames, of more the filter that hides their noise gets no narrower
@@ -98,7 +96,7 @@ class History:
         self._changes, self._most = changes, this.settings.photons
         if changes:
             self._caustics = []
-        if changes or self._served == _SERVED:
+        if changes or self._served == _SERVED or aims_by_view(this.packed):
             self.traced = self._light = None
         settings = this.settings.replace(photons=self._photons or this.settings.photons, antialias=False)
         key, _, _, _ = pcg4d(

@@ -80,6 +80,33 @@ def test_frames_differ_and_go_on_from_each_other(live):
     assert not np.array_equal(second["indirect"], alone["indirect"])
 
 
+def test_photons_serve_while_only_the_camera_moves(live, scene):
+    maps = []
+    for _ in range(9):
+        shift(live, 0.01)
+        live.render()
+        maps.append(live.photons()["position"].tobytes())
+    assert [len({*maps[k : k + 4]}) for k in (0, 4)] == [1, 1] and len({*maps}) == 3
+    lamp_of(scene).translation = tuple(np.add(lamp_of(scene).translation, (0.05, 0.0, 0.0)))
+    live.render()
+    assert live.photons()["position"].tobytes() != maps[-1]
+
+
+def test_photons_that_aim_at_what_is_seen_serve_once(gpu):
+    """Else the first frames after a cut lack those of a sun over wide ground."""
+    ground = ispm.Scene()
+    ground.add(ispm.shapes.box((1000.0, 0.1, 1000.0)))
+    ground.add(ispm.shapes.box((1.0, 1.0, 1.0)), translation=(0.0, 0.55, 0.0))
+    ground.add(ispm.DirectionalLight((5.0, 5.0, 5.0)), rotation=(-0.6, 0.0, 0.0, 0.8))
+    camera = ispm.Camera.look_at((3.0, 2.0, 3.0), (0.0, 0.5, 0.0))
+    with ispm.Renderer(ground, SETTINGS, camera, gpu=gpu) as live:
+        live.render()
+        before = live.photons()["position"].tobytes()
+        shift(live, 0.01)
+        live.render()
+        assert live.photons()["position"].tobytes() != before
+
+
 def test_reset_forgets_all(gpu, live):
     for _ in play(live):
         pass

@@ -84,19 +84,27 @@ def movements() -> list[Moving]:
 
 def measured(moving: Moving) -> list[str]:
     """Return a row of the table."""
+    settings = Settings(size=_SIZE, preset="live", exposure=0.0)
+    spent, stages = played(moving, settings, _FRAMES)
+    direct, _ = played(moving, settings.replace(bounces=0), _FRAMES // 4)
+    low, middle, high = np.percentile(spent, [25, 50, 75])
+    times = f"{middle:.0f} ({low:.0f} to {high:.0f})"
+    rates = f"{1e3 / middle:.1f}", f"{1e3 / np.median(direct):.1f}"
+    return [moving.name, *rates, times, *(f"{ms:.0f}" for ms in np.median(stages, axis=0))]
+
+
+def played(moving: Moving, settings: Settings, count: int) -> tuple[list[float], list[list[float]]]:
+    """Return the wall ms of each of the last `count` frames, and those of its stages."""
     spent, stages = [], []
-    with Renderer(moving.scene, Settings(size=_SIZE, preset="live", exposure=0.0)) as renderer:
-        for t in range(_FIRST + _FRAMES):
+    with Renderer(moving.scene, settings) as renderer:
+        for t in range(_FIRST + count):
             moving.step(t)
             started = time.perf_counter()
             frame = renderer.render()
             _ = frame.image
             spent.append(1e3 * (time.perf_counter() - started))
             stages.append([getattr(frame.stats, f"{name}_ms") for name in _STAGES])
-    low, middle, high = np.percentile(spent[_FIRST:], [25, 50, 75])
-    each = np.median(stages[_FIRST:], axis=0)
-    times = f"{middle:.0f} ({low:.0f} to {high:.0f})"
-    return [moving.name, f"{1e3 / middle:.1f}", times, *(f"{ms:.0f}" for ms in each)]
+    return spent[_FIRST:], stages[_FIRST:]
 
 
 def boxes() -> str:
@@ -136,8 +144,8 @@ def main() -> None:
         print("  ".join(rows[-1]), flush=True)
     line = boxes()
     print(line)
-    headings = ["moving", "frames a second", "ms (quarters)", *_STAGES]
-    write_between("rate", f"{table(headings, rows, 'lrr' + 'r' * len(_STAGES))}\n\n{line}")
+    headings = ["moving", "frames a second", "without indirect light", "ms (quarters)", *_STAGES]
+    write_between("rate", f"{table(headings, rows, 'lrrr' + 'r' * len(_STAGES))}\n\n{line}")
 
 
 if __name__ == "__main__":
