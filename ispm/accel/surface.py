@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ispm.accel.emitters import NO_EMITTERS, Emitters
 from ispm.accel.intersect import HIT_INSTANCE, HIT_PRIMITIVE, closest_after, instance_scale, read_hit
 from ispm.accel.leave import leave_triangle
 from ispm.accel.mesh import (
@@ -36,6 +37,7 @@ from ispm.accel.records import NO_TREES, Hit, Ray, Trees
 from ispm.accel.world import World
 from ispm.kernels.simd import address, ldf, ldu, stu
 from ispm.optics.bsdf import Bsdf, Dielectric, surface_bsdf
+from ispm.optics.environment import EnvironmentTable
 from ispm.optics.jit import jit
 from ispm.optics.records import (
     INSTANCE,
@@ -87,6 +89,7 @@ class SurfaceTable:
         self._kept = [*map(np.ascontiguousarray, arrays), np.array([footprint], np.float32)]
         self.addresses = np.array([*map(address, self._kept), 0, 0, 0], np.uint64)
         self.texels, self.rows = textures.texels, textures.rows
+        self.emitters = NO_EMITTERS
 
     def own_footprint(self) -> tuple[np.ndarray, np.ndarray]:
         """Return addresses whose footprint is the caller's to set, and the (1,) float32 that holds it."""
@@ -104,6 +107,8 @@ class Tables(NamedTuple):
     texels, rows  a TextureTable's
     lights        (L,) LIGHT
     porous        whether any material may let shadow rays pass
+    emitters      the triangles that emit light
+    environment   the light from all around
     """
 
     trees: Trees
@@ -112,6 +117,8 @@ class Tables(NamedTuple):
     rows: np.ndarray
     lights: np.ndarray
     porous: bool
+    emitters: Emitters
+    environment: EnvironmentTable
 
 
 def scene_tables(packed: Packed, world: World | None, surfaces: SurfaceTable) -> Tables:
@@ -121,7 +128,8 @@ def scene_tables(packed: Packed, world: World | None, surfaces: SurfaceTable) ->
     """
     porous = bool((packed.materials["flags"] & (MATERIAL_MASK | MATERIAL_BLEND | MATERIAL_THIN)).any())
     trees = NO_TREES if world is None else world.trees
-    return Tables(trees, surfaces.addresses, surfaces.texels, surfaces.rows, packed.lights, porous)
+    arrays = surfaces.addresses, surfaces.texels, surfaces.rows
+    return Tables(trees, *arrays, packed.lights, porous, surfaces.emitters, packed.environment)
 
 
 class SurfacePoint(NamedTuple):

@@ -11,6 +11,7 @@ import numpy as np
 
 from ispm.errors import SceneError
 from ispm.optics import records
+from ispm.optics.environment import NO_ENVIRONMENT, EnvironmentTable
 from ispm.scene.directions import even_directions
 from ispm.scene.layout import layout_of
 from ispm.scene.material import Texture
@@ -160,6 +161,11 @@ class Packed:
     def lights(self) -> np.ndarray:
         """(L,) LIGHT."""
         return self.lit.rows
+
+    @property
+    def environment(self) -> EnvironmentTable:
+        """The light from all around."""
+        return NO_ENVIRONMENT
 
     def surface_area(self) -> float:
         """Return the area of all triangles, m2, world space."""
