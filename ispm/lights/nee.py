@@ -5,17 +5,20 @@ bounces so bright that photons carry their light.
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
 from ispm.accel.intersect import any_hit
 from ispm.accel.records import Hit, Ray
 from ispm.accel.surface import closest_surface, hit_position, leave_surface, surface
+from ispm.lights.area import area_numbers, lamp_irradiance, sample_lamps
+from ispm.lights.emitted import first_irradiance
 from ispm.optics.bsdf import eval_bsdf, has_finite, smooth_split, transmits
 from ispm.optics.jit import jit
 from ispm.optics.light import light_arriving
 from ispm.optics.records import NO_HIT
-from ispm.optics.vector import add, dot, scale, sub
+from ispm.optics.vector import Vector, add, dot, scale, sub
 
 f32, i64, u32 = np.float32, np.int64, np.uint32
 
@@ -31,56 +34,103 @@ BEFORE = f32(1e-4)  # of the distance that a shadow ray ends before a light, whi
 def direct_light(tables, x, wo, u, scratch, limit):
     """Return the radiance along wo, (3,) cd/m2, of the finite lobes at a SurfacePoint, and the rays traced.
 
-    u      random in [0, 1), for holes that shadow rays meet
+    u      random in [0, 1), for holes that shadow rays meet, and for points of lamps with a surface
     limit  lights whose first bounce here is bright are left out, see `is_bright`; infinite: none
     """
     total, traced = (f32(0), f32(0), f32(0)), i64(0)
     for k in range(len(tables.lights)):
-        radiance, distance, wi = _unshadowed(tables.lights[k], x, wo, limit)
-        if greatest(radiance) > f32(0):
-            start = leave_surface(tables, x.hit, side_of(x.ng, wi))
-            passed = shadow_transmittance(tables, start, wi, distance, u, scratch)
-            total, traced = add(total, times(radiance, passed)), traced + i64(1)
+        arriving = _unshadowed(tables.lights[k], x, wo, limit)
+        light, rays = _shadowed(tables, x, arriving, u, scratch)
+        total, traced = add(total, light), traced + rays
+    if len(tables.emitters.triangles) > 0:
+        arriving = _unshadowed_lamp(tables, x, wo, area_numbers(x.hit, u), limit)
+        light, rays = _shadowed(tables, x, arriving, u, scratch)
+        total, traced = add(total, light), traced + rays
     return total, traced
 
 
 @jit
 def light_from_one(tables, x, wo, u, pick, scratch, limit):
     """Return an estimate of the radiance of `direct_light` by one ray: to a light that `pick`, of [0, 1),
-    draws in proportion to the radiance that each makes without shadows."""
+    draws in proportion to the radiance that each makes without shadows, of emissive surfaces by a point."""
     total, none = f32(0), (f32(0), f32(0), f32(0))
-    drawn, weight, farthest, toward = none, f32(1), f32(0), wo
+    drawn, weight = Arriving(none, f32(0), wo), f32(1)
     for k in range(len(tables.lights)):
-        radiance, distance, wi = _unshadowed(tables.lights[k], x, wo, limit)
-        value = radiance[0] + radiance[1] + radiance[2]
-        if value > f32(0):
-            total += value
-            if pick * total < value:
-                drawn, weight, farthest, toward = radiance, value, distance, wi
-                pick *= total / value
-            else:
-                pick = (pick * total - value) / (total - value)
+        arriving = _unshadowed(tables.lights[k], x, wo, limit)
+        drawn, weight, total, pick = _draw(drawn, weight, total, arriving, pick)
+    if len(tables.emitters.triangles) > 0:
+        arriving = _unshadowed_lamp(tables, x, wo, area_numbers(x.hit, u), limit)
+        drawn, weight, total, pick = _draw(drawn, weight, total, arriving, pick)
     if total <= f32(0):
         return none
-    start = leave_surface(tables, x.hit, side_of(x.ng, toward))
-    passed = shadow_transmittance(tables, start, toward, farthest, u, scratch)
-    return scale(total / weight, times(drawn, passed))
+    light, _ = _shadowed(tables, x, drawn, u, scratch)
+    return scale(total / weight, light)
+
+
+class Arriving(NamedTuple):
+    """Light from one point of a light, shadows aside: radiance that it makes along wo, cd/m2 RGB, over the
+    density with which the point was drawn; distance to it, m; and wi."""
+
+    radiance: Vector
+    distance: np.float32
+    wi: Vector
+
+
+@jit
+def _draw(drawn, weight, total, arriving, pick):
+    """Draw one of several Arriving as they come, in proportion to their radiance: return the one drawn so
+    far, its sum of channels, the sum of all, and the random number `pick`, uniform again."""
+    value = arriving.radiance[0] + arriving.radiance[1] + arriving.radiance[2]
+    if value > f32(0):
+        total += value
+        if pick * total < value:
+            return arriving, value, total, pick * (total / value)
+        pick = (pick * total - value) / (total - value)
+    return drawn, weight, total, pick
+
+
+@jit
+def _shadowed(tables, x, arriving, u, scratch):
+    """What of an Arriving comes to a SurfacePoint, cd/m2 RGB, and the rays traced; u: for holes."""
+    if greatest(arriving.radiance) <= f32(0):
+        return (f32(0), f32(0), f32(0)), i64(0)
+    start = leave_surface(tables, x.hit, side_of(x.ng, arriving.wi))
+    passed = shadow_transmittance(tables, start, arriving.wi, arriving.distance, u, scratch)
+    return times(arriving.radiance, passed), i64(1)
 
 
 @jit
 def _unshadowed(light, x, wo, limit):
-    """Unshadowed radiance along wo of a LIGHT at a SurfacePoint, cd/m2, 0 where its first bounce is bright;
-    the light's distance, m; and wi."""
+    """The Arriving of a LIGHT at a SurfacePoint; black where its first bounce is bright."""
     irradiance, distance, wi = light_arriving(light, x.position)
+    return Arriving(_reflected(x, wo, irradiance, irradiance, wi, limit), distance, wi)
+
+
+@jit
+def _unshadowed_lamp(tables, x, wo, numbers, limit):
+    """The Arriving of a point of a lamp with a surface, drawn by four random numbers of [0, 1)."""
+    radiance, distance, wi, pdf, row, point = sample_lamps(tables, x, numbers[0], numbers[1], numbers[2])
+    if pdf <= f32(0):
+        return Arriving((f32(0), f32(0), f32(0)), distance, wi)
+    bright = radiance
+    if limit != f32(np.inf):
+        bright = lamp_irradiance(tables.emitters.triangles[row], point, x.position)
+    return Arriving(_reflected(x, wo, scale(f32(1) / pdf, radiance), bright, wi, limit), distance, wi)
+
+
+@jit
+def _reflected(x, wo, irradiance, bright, wi, limit):
+    """Radiance along wo, cd/m2 RGB, that a SurfacePoint makes of light from wi; black where the first bounce
+    of light of the irradiance `bright` is bright. irradiance, bright: lx on a surface that faces wi."""
     none = f32(0), f32(0), f32(0)
     if greatest(irradiance) <= f32(0):
-        return none, distance, wi
+        return none
     f = eval_bsdf(x.bsdf, x.n, x.ng, wo, wi)
-    if greatest(f) <= f32(0) or is_bright(x.bsdf, x.ng, wo, irradiance, wi, limit):
-        return none, distance, wi
+    if greatest(f) <= f32(0) or is_bright(x.bsdf, x.ng, wo, bright, wi, limit):
+        return none
     if dot(wi, x.ng) < f32(0) and x.bsdf.thin == f32(0):  # refracted radiance
         f = scale(f32(1) / (x.bsdf.eta * x.bsdf.eta), f)
-    return scale(abs(dot(x.n, wi)), times(f, irradiance)), distance, wi
+    return scale(abs(dot(x.n, wi)), times(f, irradiance))
 
 
 @jit
@@ -100,10 +150,10 @@ def is_bright(b, ng, wo, irradiance, wi, limit):
 
 
 @jit
-def is_bright_first_bounce(light, x, wo, limit):
-    """Return whether the first bounce of a LIGHT at a SurfacePoint is bright, seen along wo; limit: lx, see
-    `is_bright`."""
-    irradiance, _, wi = light_arriving(light, x.position)
+def is_bright_first_bounce(tables, photon, x, wo, limit):
+    """Return whether the first bounce of an EMITTED photon, at a SurfacePoint, is bright, seen along wo;
+    limit: lx, see `is_bright`."""
+    irradiance, wi = first_irradiance(tables, photon, x.position)
     return is_bright(x.bsdf, x.ng, wo, irradiance, wi, limit)
 
 
@@ -116,9 +166,8 @@ def split_count(tables, photon, limit):
     """
     if limit == f32(np.inf) or photon.instance == u32(NO_HIT):
         return i64(1)
-    light = tables.lights[i64(photon.light)]
     hit = Hit(photon.instance, photon.primitive, photon.u, photon.v)
-    irradiance, _, wi = light_arriving(light, hit_position(tables.surfaces, hit))
+    irradiance, wi = first_irradiance(tables, photon, hit_position(tables.surfaces, hit))
     if greatest(irradiance) <= limit:
         return i64(1)
     x = surface(tables, hit, scale(f32(-1), wi))
