@@ -44,6 +44,7 @@ from ispm.optics.records import (
     INSTANCE_MIRRORED,
     MATERIAL,
     MATERIAL_BLEND,
+    MATERIAL_DOUBLE_SIDED,
     MATERIAL_MASK,
     MATERIAL_THIN,
     MATERIAL_TRANSMITS,
@@ -188,18 +189,22 @@ def surface(tables, hit, d):
 
 
 @jit
-def glow(tables, hit):
-    """Return the radiance, cd/m2 RGB, that a Hit sends everywhere: emission, or the base color of unlit
-    materials."""
+def glow(tables, hit, d):
+    """Return the radiance, cd/m2 RGB, that a Hit sends against d, unit: emission, of materials that are not
+    double-sided from the front alone, or the base color of unlit materials, from both faces."""
     table = tables.surfaces
     instance, material, corners = triangle_at(table, hit)
     materials = table[MATERIALS]
-    unlit = ldu(materials, material + _FLAGS) & u32(MATERIAL_UNLIT) != u32(0)
+    flags = ldu(materials, material + _FLAGS)
+    unlit, one_sided = flags & u32(MATERIAL_UNLIT) != u32(0), flags & u32(MATERIAL_DOUBLE_SIDED) == u32(0)
     emission = vector_at(materials, material + _EMISSION)
-    texture = _texture(table, material, _EMISSION_MAP)
-    if not unlit and (texture < i64(0) or emission[0] + emission[1] + emission[2] == f32(0)):
+    if not unlit and emission[0] + emission[1] + emission[2] == f32(0):
         return emission
     _, e1, e2 = edges_at(table, corners)
+    if not unlit and one_sided and dot(world_normal(table[INSTANCES], instance, cross(e1, e2)), d) > f32(0):
+        return f32(0), f32(0), f32(0)
+    if not unlit and _texture(table, material, _EMISSION_MAP) < i64(0):
+        return emission
     area = _footprint(table, instance, corners, e1, e2)
     context = _TextureContext(instance, material, corners, hit.u, hit.v, area)
     if unlit:
