@@ -184,7 +184,7 @@ def _average_glow(tables, emitters):
                 b = (f32(j) + f32(1 / 3)) / f32(_GLOW_SIDE)
                 if flip:
                     a, b = f32(1) - a, f32(1) - b
-                total = add(total, glow(tables, Hit(row.instance, row.primitive, a, b)))
+                total = add(total, emitted_radiance(tables, Hit(row.instance, row.primitive, a, b)))
         for c in range(3):
             mean = total[c] / f32(_GLOW_SIDE * _GLOW_SIDE)
             row.radiance[c] = max(mean, f32(_GLOW_FLOOR) * row.radiance[c])
@@ -234,23 +234,38 @@ def surface(tables, hit, d):
 
 
 @jit
-def glow(tables, hit):
-    """Return the radiance, cd/m2 RGB, that a Hit sends everywhere: emission, or the base color of unlit
-    materials."""
+def glow(tables, hit, d):
+    """Return the radiance, cd/m2 RGB, that a Hit sends against d, unit: emission, of materials that are not
+    double-sided from the front alone, or the base color of unlit materials, from both faces."""
     table = tables.surfaces
     instance, material, corners = triangle_at(table, hit)
-    materials = table[MATERIALS]
-    unlit = ldu(materials, material + _FLAGS) & u32(MATERIAL_UNLIT) != u32(0)
-    emission = vector_at(materials, material + _EMISSION)
-    texture = texture_row(table, material, EMISSION_MAP)
-    if not unlit and (texture < i64(0) or emission[0] + emission[1] + emission[2] == f32(0)):
+    flags = ldu(table[MATERIALS], material + _FLAGS)
+    if flags & u32(MATERIAL_UNLIT) != u32(0):
+        _, e1, e2 = edges_at(table, corners)
+        area = uv_footprint(table, instance, corners, e1, e2)
+        color, _ = base_color(tables, TextureContext(instance, material, corners, hit.u, hit.v, area))
+        return color
+    emission = vector_at(table[MATERIALS], material + _EMISSION)
+    if emission[0] + emission[1] + emission[2] == f32(0):
+        return emission
+    if flags & u32(MATERIAL_DOUBLE_SIDED) == u32(0):
+        _, e1, e2 = edges_at(table, corners)
+        if dot(world_normal(table[INSTANCES], instance, cross(e1, e2)), d) > f32(0):
+            return f32(0), f32(0), f32(0)
+    return emitted_radiance(tables, hit)
+
+
+@jit
+def emitted_radiance(tables, hit):
+    """Return the radiance, cd/m2 RGB, that a Hit's material emits from the faces that do."""
+    table = tables.surfaces
+    instance, material, corners = triangle_at(table, hit)
+    emission = vector_at(table[MATERIALS], material + _EMISSION)
+    if texture_row(table, material, EMISSION_MAP) < i64(0):
         return emission
     _, e1, e2 = edges_at(table, corners)
     area = uv_footprint(table, instance, corners, e1, e2)
     context = TextureContext(instance, material, corners, hit.u, hit.v, area)
-    if unlit:
-        color, _ = base_color(tables, context)
-        return color
     r, g, b, _ = sample_slot(tables, context, EMISSION_MAP)
     return emission[0] * r, emission[1] * g, emission[2] * b
 

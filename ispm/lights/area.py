@@ -15,7 +15,7 @@ from ispm.accel.emitters import (
     triangle_pdf,
 )
 from ispm.accel.records import Hit
-from ispm.accel.surface import glow
+from ispm.accel.surface import emitted_radiance
 from ispm.optics.bsdf import transmits
 from ispm.optics.jit import jit
 from ispm.optics.rng import random4
@@ -52,7 +52,7 @@ def sample_lamps(tables, x, u0, u1, u2):
     if distance == f32(0) or not _faces(emitter, segment):
         return none, f32(0), none, f32(0), row, none
     wi = scale(f32(1) / distance, segment)
-    radiance = glow(tables, Hit(emitter.instance, emitter.primitive, u, v))
+    radiance = emitted_radiance(tables, Hit(emitter.instance, emitter.primitive, u, v))
     return radiance, distance, wi, chance * pdf, row, point
 
 

@@ -16,7 +16,7 @@ import numpy as np
 from ispm.accel.emitters import emitter_flux, emitter_point
 from ispm.accel.intersect import STACK_WORDS
 from ispm.accel.records import Hit, Scratch
-from ispm.accel.surface import SurfaceTable, closest_surface, glow, leave_surface, scene_tables
+from ispm.accel.surface import SurfaceTable, closest_surface, emitted_radiance, leave_surface, scene_tables
 from ispm.accel.world import World
 from ispm.kernels.share import run_shared, shared_rows
 from ispm.kernels.simd import alloca
@@ -31,9 +31,7 @@ f32, f64, i64, u32 = np.float32, np.float64, np.int64, np.uint32
 
 _DIMENSION = (1 << 20) - 2  # of the random numbers of a ray, and of those that shift all of them
 _CHUNK = 1024  # rays a thread takes at a time
-_ROOT = (
-    1.1347241384015194  # x^6 = x + 1: steps of a lattice that lies evenly in five dimensions (Roberts 2018)
-)
+_ROOT = 1.1347241384015194  # x^6 = x + 1: for a lattice even in five dimensions (Roberts 2018)
 _STEPS = tuple(_ROOT**-k for k in range(1, 6))
 
 
@@ -128,7 +126,7 @@ def _emit(tables, lamps, pass_index, seed, counter, rows):
             continue
         # m2 sr of the lamp's light that are the photon's own
         extent = sides * emitter.area * cosine / (count * chance * density)
-        radiance = glow(tables, hit)
+        radiance = emitted_radiance(tables, hit)
         row = rows[i]
         row.spread = f32(math.sqrt(emitter.lamp)) * (extent / (f32(math.pi) * emitter.lamp)) ** f32(0.25)
         row.turn = f32(math.sqrt(extent)) / row.spread

@@ -100,7 +100,7 @@ def _path(tables, task, start, d, key, sample, scratch):
         if inside.instance != u32(NO_HIT):
             weight = attenuated(tables, inside, start, x.position, weight)
         if scatters == i64(0):  # what glows does not light
-            total = add(total, times(weight, glow(tables, hit)))
+            total = add(total, times(weight, glow(tables, hit, d)))
         if x.flags & u32(MATERIAL_UNLIT):
             return total
         wo = scale(f32(-1), d)
