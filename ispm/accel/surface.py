@@ -354,14 +354,21 @@ def _bsdf(tables, context, flags, entering):
         if texture_row(table, material, TRANSMISSION_MAP) >= i64(0):
             r, _, _, _ = sample_slot(tables, context, TRANSMISSION_MAP)
             transmission *= r
-    dielectric = Dielectric(
+    dielectric = dielectric_at(table, material)
+    return surface_bsdf(color, metallic, roughness, transmission, dielectric, entering)
+
+
+@jit
+def dielectric_at(table, material):
+    """Return the Dielectric of the MATERIAL that begins at a word."""
+    materials = table[MATERIALS]
+    return Dielectric(
         ldf(materials, material + _F0),
         vector_at(materials, material + _SPECULAR_COLOR),
         ldf(materials, material + _SPECULAR),
         ldf(materials, material + _IOR),
-        flags & u32(MATERIAL_THIN) != u32(0),
+        ldu(materials, material + _FLAGS) & u32(MATERIAL_THIN) != u32(0),
     )
-    return surface_bsdf(color, metallic, roughness, transmission, dielectric, entering)
 
 
 @jit

@@ -41,7 +41,7 @@ def sample_lamps(tables, x, u0, u1, u2):
     ->  (radiance, cd/m2 RGB, distance, m, wi, pdf, 1/sr, row and point, m, of the emitter); pdf 0: none
     """
     none, position = (f32(0), f32(0), f32(0)), x.position
-    row, chance, _ = draw_emitter(tables.emitters, position, _lit_side(x), u0)
+    row, chance, _ = draw_emitter(tables.emitters, position, lit_side(x), u0)
     if row < i64(0):
         return none, f32(0), none, f32(0), row, none
     emitter = tables.emitters.triangles[row]
@@ -57,17 +57,17 @@ def sample_lamps(tables, x, u0, u1, u2):
 
 
 @jit
-def lamp_pdf(tables, x, hit, d):
+def lamp_pdf(tables, position, side, hit, d):
     """Return the density, 1/sr, with which `sample_lamps` draws a Hit's point, which is met along d, for a
-    SurfacePoint; 0: it does not."""
+    SurfacePoint at `position`, m, whose `lit_side` is `side`; 0: it does not."""
     row = emitter_row(tables.emitters, hit.instance, hit.primitive)
     if row < i64(0):
         return f32(0)
     emitter = tables.emitters.triangles[row]
     if not _faces(emitter, d):
         return f32(0)
-    chance = emitter_chance(tables.emitters, row, x.position, _lit_side(x))
-    return chance * triangle_pdf(emitter, x.position, hit.u, hit.v)
+    chance = emitter_chance(tables.emitters, row, position, side)
+    return chance * triangle_pdf(emitter, position, hit.u, hit.v)
 
 
 @jit
@@ -85,8 +85,8 @@ def lamp_irradiance(emitter, point, position):
 
 
 @jit
-def _lit_side(x):
-    """The normal of the side of a SurfacePoint that light comes to; zeros: it comes to both."""
+def lit_side(x):
+    """Return the normal of the side of a SurfacePoint that light comes to; zeros: it comes to both."""
     return (f32(0), f32(0), f32(0)) if transmits(x.bsdf) else x.ng
 
 

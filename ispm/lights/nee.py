@@ -11,10 +11,10 @@ import numpy as np
 
 from ispm.accel.intersect import any_hit
 from ispm.accel.records import Hit, Ray
-from ispm.accel.surface import closest_surface, hit_position, leave_surface, surface
-from ispm.lights.area import area_numbers, lamp_irradiance, sample_lamps
+from ispm.accel.surface import SurfacePoint, closest_surface, hit_position, leave_surface, surface
+from ispm.lights.area import area_numbers, lamp_irradiance, lamp_pdf, sample_lamps
 from ispm.lights.emitted import first_irradiance
-from ispm.optics.bsdf import eval_bsdf, has_finite, smooth_split, transmits
+from ispm.optics.bsdf import Bsdf, eval_bsdf, has_finite, pdf_bsdf, smooth_split, transmits
 from ispm.optics.jit import jit
 from ispm.optics.light import light_arriving
 from ispm.optics.records import NO_HIT
@@ -27,15 +27,19 @@ SPLIT_COUNT = (
 )
 
 SHEETS_MAX = 8  # of glass that a shadow ray passes, or a gather ray
+_NONE = f32(0), f32(0), f32(0)
 BEFORE = f32(1e-4)  # of the distance that a shadow ray ends before a light, which may hang on a wall
 
 
 @jit
-def direct_light(tables, x, wo, u, scratch, limit):
+def direct_light(tables, x, wo, u, scratch, limit, sampled=False):
     """Return the radiance along wo, (3,) cd/m2, of the finite lobes at a SurfacePoint, and the rays traced.
 
-    u      random in [0, 1), for holes that shadow rays meet, and for points of lamps with a surface
-    limit  lights whose first bounce here is bright are left out, see `is_bright`; infinite: none
+    u        random in [0, 1), for holes that shadow rays meet, and for points of lamps with a surface
+    limit    lights whose first bounce here is bright are left out, see `is_bright`; infinite: none
+    sampled  the path goes on by `sample_bsdf` and may meet the lamps too: theirs is weighed by the balance
+             heuristic (Veach 1997, section 9.2.2), see `lamp_weight`. Else paths go on by the facets of what
+             transmits alone, and their light is left to these
     """
     total, traced = (f32(0), f32(0), f32(0)), i64(0)
     for k in range(len(tables.lights)):
@@ -43,10 +47,22 @@ def direct_light(tables, x, wo, u, scratch, limit):
         light, rays = _shadowed(tables, x, arriving, u, scratch)
         total, traced = add(total, light), traced + rays
     if len(tables.emitters.triangles) > 0:
-        arriving = _unshadowed_lamp(tables, x, wo, area_numbers(x.hit, u), limit)
+        arriving = _unshadowed_lamp(tables, x, wo, area_numbers(x.hit, u), limit, sampled)
         light, rays = _shadowed(tables, x, arriving, u, scratch)
         total, traced = add(total, light), traced + rays
     return total, traced
+
+
+@jit
+def lamp_weight(tables, position, side, pdf, hit, d):
+    """Return the weight, float32, of emission at a Hit that a path meets along d, where its start also draws
+    from lamps (balance heuristic, Veach 1997, section 9.2.2).
+
+    position, side  of the start, m, and its `lit_side`;  pdf  1/sr, with which it drew d; infinite: 1
+    """
+    if pdf == f32(np.inf):
+        return f32(1)
+    return pdf / (pdf + lamp_pdf(tables, position, side, hit, d))
 
 
 @jit
@@ -59,7 +75,7 @@ def light_from_one(tables, x, wo, u, pick, scratch, limit):
         arriving = _unshadowed(tables.lights[k], x, wo, limit)
         drawn, weight, total, pick = _draw(drawn, weight, total, arriving, pick)
     if len(tables.emitters.triangles) > 0:
-        arriving = _unshadowed_lamp(tables, x, wo, area_numbers(x.hit, u), limit)
+        arriving = _unshadowed_lamp(tables, x, wo, area_numbers(x.hit, u), limit, False)
         drawn, weight, total, pick = _draw(drawn, weight, total, arriving, pick)
     if total <= f32(0):
         return none
@@ -107,14 +123,21 @@ def _unshadowed(light, x, wo, limit):
 
 
 @jit
-def _unshadowed_lamp(tables, x, wo, numbers, limit):
-    """The Arriving of a point of a lamp with a surface, drawn by four random numbers of [0, 1)."""
+def _unshadowed_lamp(tables, x, wo, numbers, limit, sampled):
+    """The Arriving of a point of a lamp with a surface, drawn by four random numbers of [0, 1); sampled: see
+    `direct_light`."""
     radiance, distance, wi, pdf, row, point = sample_lamps(tables, x, numbers[0], numbers[1], numbers[2])
     if pdf <= f32(0):
         return Arriving((f32(0), f32(0), f32(0)), distance, wi)
     bright = radiance
     if limit != f32(np.inf):
         bright = lamp_irradiance(tables.emitters.triangles[row], point, x.position)
+    b = x.bsdf
+    if sampled:
+        pdf += pdf_bsdf(b, x.n, wo, wi)
+    elif transmits(b):
+        b = Bsdf(b.diffuse, _NONE, f32(0), f32(0), b.dielectric_f0, b.dielectric_f90, _NONE, b.eta, b.thin)
+        x = SurfacePoint(x.hit, x.position, x.ng, x.n, b, x.flags, x.entering)
     return Arriving(_reflected(x, wo, scale(f32(1) / pdf, radiance), bright, wi, limit), distance, wi)
 
 
