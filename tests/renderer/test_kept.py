@@ -187,6 +187,7 @@ def test_changes_and_back(used):
         assert content(used) == first
 
 
+@pytest.mark.filterwarnings("ignore::ispm.SceneWarning")
 def test_what_rests_is_not_drawn_again(gpu, monkeypatch):
     drawn = []
     stages = {ShadowStage, BounceStage, GBufferStage, Antialias}
