@@ -115,6 +115,7 @@ def _leave_a_frame_unfinished(renderer: Renderer) -> None:
         node.translation = place
 
 
+LIGHTS = ("spot", "lamp", "sun", "panel")
 CHANGES = {
     "nothing": lambda renderer: None,
     "mesh edited in place": _edit_mesh,
@@ -131,7 +132,7 @@ CHANGES = {
     "panel's size": _light("panel", "width", 0.5),
     "panel's kind": lambda renderer: setattr(renderer.scene["panel"], "light", SphereLight(radius=0.2)),
     "light gone": lambda renderer: renderer.scene.remove("spot"),
-    "all lights gone": lambda renderer: [renderer.scene.remove(name) for name in ("spot", "lamp", "sun")],
+    "all lights gone": lambda renderer: [renderer.scene.remove(name) for name in LIGHTS],
     "node gone": lambda renderer: renderer.scene.remove("mirror"),
     "node added": lambda renderer: renderer.scene.add(shapes.box(0.3), translation=(0.0, 1.2, 0.0)),
     "color": _material("floor", "base_color", (0.2, 0.9, 0.2)),
