@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from ispm.renderer.statistics import Stats
     from ispm.scene.animation import Animation, Channel
     from ispm.scene.camera import Camera
-    from ispm.scene.light import DirectionalLight, PointLight, SpotLight
+    from ispm.scene.light import DirectionalLight, DiskLight, PointLight, RectLight, SphereLight, SpotLight
     from ispm.scene.material import AlphaMode, Material, Texture, TextureUse, Wrap
     from ispm.scene.mesh import Mesh
     from ispm.scene.names import Names
@@ -41,6 +41,7 @@ _HOMES = {
     "Camera": "ispm.scene.camera",
     "Channel": "ispm.scene.animation",
     "DirectionalLight": "ispm.scene.light",
+    "DiskLight": "ispm.scene.light",
     "Frame": "ispm.renderer.picture",
     "IspmError": "ispm.errors",
     "LightPaths": "ispm.renderer.light_paths",
@@ -52,12 +53,14 @@ _HOMES = {
     "Part": "ispm.scene.scene",
     "PhotonPath": "ispm.renderer.light_paths",
     "PointLight": "ispm.scene.light",
+    "RectLight": "ispm.scene.light",
     "Renderer": "ispm.renderer",
     "Scene": "ispm.scene.scene",
     "SceneError": "ispm.errors",
     "SceneWarning": "ispm.errors",
     "Settings": "ispm.settings",
     "SettingsError": "ispm.errors",
+    "SphereLight": "ispm.scene.light",
     "SpotLight": "ispm.scene.light",
     "Stats": "ispm.renderer.statistics",
     "Texture": "ispm.scene.material",
@@ -84,6 +87,7 @@ __all__ = [
     "Camera",
     "Channel",
     "DirectionalLight",
+    "DiskLight",
     "Frame",
     "IspmError",
     "LightPaths",
@@ -95,12 +99,14 @@ __all__ = [
     "Part",
     "PhotonPath",
     "PointLight",
+    "RectLight",
     "Renderer",
     "Scene",
     "SceneError",
     "SceneWarning",
     "Settings",
     "SettingsError",
+    "SphereLight",
     "SpotLight",
     "Stats",
     "Texture",

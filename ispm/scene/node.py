@@ -12,7 +12,7 @@ from ispm.errors import SceneError
 from ispm.knobs import nearest
 from ispm.scene.animation import Channel
 from ispm.scene.camera import Camera
-from ispm.scene.light import DirectionalLight, Light, PointLight, SpotLight
+from ispm.scene.light import Light
 from ispm.scene.material import Material
 from ispm.scene.mesh import Mesh
 from ispm.scene.rotation import facing, place_matrices, quaternion
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from ispm.scene.scene import Scene
 
 _Kind = TypeVar("_Kind")
-_LIGHTS, _CAMERAS = PointLight | SpotLight | DirectionalLight | None, Camera | None  # what a node may hold
+_LIGHTS, _CAMERAS = Light | None, Camera | None  # what a node may hold
 _PLACE = ("translation", "rotation", "scale", "matrix")
 
 

@@ -94,7 +94,7 @@ class Packed:
 
     placed  its meshes and their instances
     looks   its materials
-    lit     its lights
+    lit     its lights, lamps with a surface aside, which are instances
     """
 
     placed: Placed
@@ -159,7 +159,7 @@ class Packed:
 
     @property
     def lights(self) -> np.ndarray:
-        """(L,) LIGHT."""
+        """(L,) LIGHT: those without a surface. Lamps with one are instances of meshes that emit."""
         return self.lit.rows
 
     @property
@@ -224,7 +224,7 @@ def pack(scene: Scene | Tree, before: Packed | None = None) -> Packed:
     geometry = before.geometry if before else None
     if geometry is None or not geometry.fits(layout.meshes):
         geometry = pack_geometry(layout.meshes)
-    looks = pack_materials(layout.materials, before.looks if before else None)
+    looks = pack_materials(layout.looks(), before.looks if before else None)
     placed = place_instances(layout, worlds, geometry, before.placed if before else None)
     if before and placed is before.placed and looks is before.looks and lit is before.lit:
         return before
