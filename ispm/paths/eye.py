@@ -42,6 +42,7 @@ from ispm.paths.vertices import (
     FIRST_VERTEX,
     PATH_END,
     PATH_END_AND_POINT,
+    add_light,
     store_end,
     store_first,
     store_point,
@@ -227,9 +228,9 @@ def _follow_pixel(tables, view, thread, rays, i, slot, out, done):
         found, hit = closest_surface(tables, start, d, f32(0), thread.scratch)
         if not found:
             if view.shows_environment:
-                _add(out.emission, i, environment_radiance(tables.environment, d), _WHITE)
+                add_light(out.emission, i, environment_radiance(tables.environment, d), _WHITE)
             else:
-                _add(out.through, i, _WHITE, _WHITE)
+                add_light(out.through, i, _WHITE, _WHITE)
             return _Done(done.row, done.traced + i64(1))
         length = near + _distance(tables, hit, start)
         past = length > rays.distances[i] * (f32(1) + view.past)  # the edge of what the rasteriser drew
@@ -338,9 +339,9 @@ def _follow(tables, view, thread, path, i, slot, out, done):
         if not found:
             if has_environment(tables.environment):
                 light = environment_radiance(tables.environment, d)
-                _add(out.emission, i, light, scale(focus, weight))
+                add_light(out.emission, i, light, scale(focus, weight))
             elif sees_background:
-                _add(out.through, i, _WHITE, weight)
+                add_light(out.through, i, _WHITE, weight)
             length = f32(1e30)
             break
         length += _distance(tables, hit, start)
@@ -352,12 +353,12 @@ def _follow(tables, view, thread, path, i, slot, out, done):
         if inside.instance != u32(NO_HIT):
             weight = attenuated(tables, inside, start, x.position, weight)
         seen = scale(focus, weight)
-        _add(out.emission, i, glow(tables, hit), seen)
+        add_light(out.emission, i, glow(tables, hit), seen)
         unlit = x.flags & u32(MATERIAL_UNLIT) != u32(0)
         wo = scale(f32(-1), d)
         if not unlit and (has_finite(b) or not is_smooth(b)):
             light, shadows = direct_light(tables, x, wo, u0, thread.scratch, f32(np.inf))
-            _add(out.direct, i, light, seen)
+            add_light(out.direct, i, light, seen)
             traced += shadows
         if has_finite(b) or unlit:
             if unlit:
@@ -395,11 +396,3 @@ def _distance(tables, hit, start):
 def _width(view, length):
     """Width in m that a pixel covers after `length` m of its path, were all mirrors flat."""
     return view.width + view.spread * length
-
-
-@jit
-def _add(sums, i, value, weight):
-    """Add value times weight, Vectors, to row `i` of (n, 3) sums."""
-    sums[i, 0] += value[0] * weight[0]
-    sums[i, 1] += value[1] * weight[1]
-    sums[i, 2] += value[2] * weight[2]

@@ -28,6 +28,7 @@ class Environment(Strict):
     intensity   factor of the radiance
     background  whether it is seen behind the scene; in mirrors and through glass it always is
     name        default, of a file: its name without the ending
+    file        the path of the file that it was read from; empty: of none
     version     counts calls of `touch`
     Another array may be given at any time; call `touch` after editing it in place.
     Raises SceneError for an image, or a file, that cannot be used.
@@ -38,6 +39,7 @@ class Environment(Strict):
     intensity: float
     background: bool
     name: str
+    file: str
     version: int
 
     def __init__(
@@ -49,11 +51,12 @@ class Environment(Strict):
         name: str = "",
     ) -> None:
         self.rotation, self.intensity, self.background = rotation, intensity, background
-        self.name, self.version = name, 0
+        self.name, self.file, self.version = name, "", 0
         if isinstance(image, str | os.PathLike):
             from ispm.io.hdr import read_environment
 
-            self.name, self.image = name or Path(image).stem, read_environment(image)
+            self.name, self.file = name or Path(image).stem, os.fspath(image)
+            self.image = read_environment(image)
         else:
             self.image = image
             self._check_values()
