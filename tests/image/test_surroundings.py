@@ -106,17 +106,19 @@ def test_a_flat_mirror_shows_what_lies_where_it_looks(gpu, background):
 
 
 def test_a_mirror_ball_shows_the_whole_of_it(gpu):
-    """Each pixel by the law of reflection at a sphere; the mesh's normals lean by up to 1e-3."""
-    frame = picture(gpu, around(ball()), antialias=False)
+    """Each pixel by the law of reflection at a sphere. The mesh is none: with edges half as long it is off by
+    a quarter, by 2.6, 0.5 and 0.15 of 100 at worst with 8,000, 32,000 and 128,000 triangles."""
+    scene = Scene()
+    scene.add(icosphere(0.8, 40), material=MIRROR)
+    frame = picture(gpu, around(scene), antialias=False)
     d, eye = rays()
     along = -(d @ eye)
     square = along**2 - (eye @ eye - 0.64)
-    inner = square > 0.02  # towards the rim the mesh is flatter than the ball
+    inner = square > (0.8 * math.cos(math.radians(65))) ** 2
     point = eye + (along - np.sqrt(np.maximum(square, 0.0)))[..., None] * d
     expected = seen_along(IMAGE, reflected(d, point / 0.8), TURN)
-    assert inner.sum() > 200
-    error = np.abs(frame.radiance - expected)[inner] / 100.0
-    assert np.median(error) < 0.003 and np.quantile(error, 0.95) < 0.03
+    assert inner.sum() > 120
+    np.testing.assert_allclose(frame.radiance[inner], expected[inner], atol=1.0)
 
 
 def test_a_thin_pane_shows_what_lies_behind_less_what_it_reflects(gpu):
@@ -140,8 +142,8 @@ def test_a_thin_pane_shows_what_lies_behind_less_what_it_reflects(gpu):
 
 
 def test_glass_under_an_even_sky_is_as_bright_as_the_sky(gpu):
-    """Of what comes from everywhere alike, glass that absorbs nothing shows all, but for paths that are cut at
-    8 events or a weight of 1e-3: a few per cent, towards the rim."""
+    """Of what comes from everywhere alike, glass that absorbs nothing shows all, but for paths that are cut
+    at 8 events or a weight of 1e-3: a few per cent, towards the rim."""
     scene = ball(GLASS)
     scene.environment = Environment(np.full((4, 8, 3), 50.0))
     frame = picture(gpu, scene)
