@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from ispm.renderer.statistics import Stats
     from ispm.scene.animation import Animation, Channel
     from ispm.scene.camera import Camera
+    from ispm.scene.environment import Environment
     from ispm.scene.light import DirectionalLight, DiskLight, PointLight, RectLight, SphereLight, SpotLight
     from ispm.scene.material import AlphaMode, Material, Texture, TextureUse, Wrap
     from ispm.scene.mesh import Mesh
@@ -42,6 +43,7 @@ _HOMES = {
     "Channel": "ispm.scene.animation",
     "DirectionalLight": "ispm.scene.light",
     "DiskLight": "ispm.scene.light",
+    "Environment": "ispm.scene.environment",
     "Frame": "ispm.renderer.picture",
     "IspmError": "ispm.errors",
     "LightPaths": "ispm.renderer.light_paths",
@@ -88,6 +90,7 @@ __all__ = [
     "Channel",
     "DirectionalLight",
     "DiskLight",
+    "Environment",
     "Frame",
     "IspmError",
     "LightPaths",
