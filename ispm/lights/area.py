@@ -1,4 +1,4 @@
-"""Light that comes to a point from lamps with a surface: from points drawn on them."""
+"""Light that comes to a point from lamps with a surface and from the environment: from points drawn there."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ from ispm.accel.emitters import (
 from ispm.accel.records import Hit
 from ispm.accel.surface import emitted_radiance
 from ispm.optics.bsdf import transmits
+from ispm.optics.environment import sample_environment
 from ispm.optics.jit import jit
 from ispm.optics.rng import random4
 from ispm.optics.vector import dot, scale, sub, vec3
@@ -54,6 +55,18 @@ def sample_lamps(tables, x, u0, u1, u2):
     wi = scale(f32(1) / distance, segment)
     radiance = emitted_radiance(tables, Hit(emitter.instance, emitter.primitive, u, v))
     return radiance, distance, wi, chance * pdf, row, point
+
+
+@jit
+def sample_surround(tables, x, u1, u2):
+    """Draw a direction of the environment for a SurfacePoint; u1, u2: random in [0, 1).
+
+    ->  (radiance, cd/m2 RGB, wi, pdf, 1/sr); pdf 0: nothing comes from there
+    """
+    wi, radiance, pdf = sample_environment(tables.environment, u1, u2)
+    if dot(lit_side(x), wi) < f32(0):
+        pdf = f32(0)
+    return radiance, wi, pdf
 
 
 @jit

@@ -12,11 +12,12 @@ import numpy as np
 from ispm.accel.intersect import any_hit
 from ispm.accel.records import Hit, Ray
 from ispm.accel.surface import SurfacePoint, closest_surface, hit_position, leave_surface, surface
-from ispm.lights.area import area_numbers, lamp_irradiance, lamp_pdf, sample_lamps
+from ispm.lights.area import area_numbers, lamp_irradiance, lamp_pdf, sample_lamps, sample_surround
 from ispm.lights.emitted import first_irradiance
 from ispm.optics.bsdf import Bsdf, eval_bsdf, has_finite, pdf_bsdf, smooth_split, transmits
+from ispm.optics.environment import environment_pdf, has_environment
 from ispm.optics.jit import jit
-from ispm.optics.light import light_arriving
+from ispm.optics.light import FAR, light_arriving
 from ispm.optics.records import NO_HIT
 from ispm.optics.vector import Vector, add, dot, scale, sub
 
@@ -50,6 +51,10 @@ def direct_light(tables, x, wo, u, scratch, limit, sampled=False):
         arriving = _unshadowed_lamp(tables, x, wo, area_numbers(x.hit, u), limit, sampled)
         light, rays = _shadowed(tables, x, arriving, u, scratch)
         total, traced = add(total, light), traced + rays
+    if has_environment(tables.environment):
+        arriving = _unshadowed_surround(tables, x, wo, area_numbers(x.hit, u), sampled)
+        light, rays = _shadowed(tables, x, arriving, u, scratch)
+        total, traced = add(total, light), traced + rays
     return total, traced
 
 
@@ -66,6 +71,14 @@ def lamp_weight(tables, position, side, pdf, hit, d):
 
 
 @jit
+def surround_weight(tables, pdf, d):
+    """Return likewise the weight of the environment's light where a path leaves the scene along d."""
+    if pdf == f32(np.inf):
+        return f32(1)
+    return pdf / (pdf + environment_pdf(tables.environment, d))
+
+
+@jit
 def light_from_one(tables, x, wo, u, pick, scratch, limit):
     """Return an estimate of the radiance of `direct_light` by one ray: to a light that `pick`, of [0, 1),
     draws in proportion to the radiance that each makes without shadows, of emissive surfaces by a point."""
@@ -76,6 +89,9 @@ def light_from_one(tables, x, wo, u, pick, scratch, limit):
         drawn, weight, total, pick = _draw(drawn, weight, total, arriving, pick)
     if len(tables.emitters.triangles) > 0:
         arriving = _unshadowed_lamp(tables, x, wo, area_numbers(x.hit, u), limit, False)
+        drawn, weight, total, pick = _draw(drawn, weight, total, arriving, pick)
+    if has_environment(tables.environment):
+        arriving = _unshadowed_surround(tables, x, wo, area_numbers(x.hit, u), False)
         drawn, weight, total, pick = _draw(drawn, weight, total, arriving, pick)
     if total <= f32(0):
         return none
@@ -132,13 +148,32 @@ def _unshadowed_lamp(tables, x, wo, numbers, limit, sampled):
     bright = radiance
     if limit != f32(np.inf):
         bright = lamp_irradiance(tables.emitters.triangles[row], point, x.position)
+    x, pdf = _beside_paths(x, wo, wi, pdf, sampled)
+    return Arriving(_reflected(x, wo, scale(f32(1) / pdf, radiance), bright, wi, limit), distance, wi)
+
+
+@jit
+def _unshadowed_surround(tables, x, wo, numbers, sampled):
+    """The Arriving of a direction of the environment, drawn by the middle two of four random numbers;
+    sampled: see `direct_light`."""
+    radiance, wi, pdf = sample_surround(tables, x, numbers[1], numbers[2])
+    if pdf <= f32(0):
+        return Arriving(_NONE, FAR, wi)
+    x, pdf = _beside_paths(x, wo, wi, pdf, sampled)
+    return Arriving(_reflected(x, wo, scale(f32(1) / pdf, radiance), _NONE, wi, f32(np.inf)), FAR, wi)
+
+
+@jit
+def _beside_paths(x, wo, wi, pdf, sampled):
+    """The SurfacePoint with the lobes that light drawn along wi is for, and the density, 1/sr, that it is
+    divided by: `pdf`, and where it counts that of the path that goes on. See `direct_light`."""
     b = x.bsdf
     if sampled:
         pdf += pdf_bsdf(b, x.n, wo, wi)
     elif transmits(b):
         b = Bsdf(b.diffuse, _NONE, f32(0), f32(0), b.dielectric_f0, b.dielectric_f90, _NONE, b.eta, b.thin)
         x = SurfacePoint(x.hit, x.position, x.ng, x.n, b, x.flags, x.entering)
-    return Arriving(_reflected(x, wo, scale(f32(1) / pdf, radiance), bright, wi, limit), distance, wi)
+    return x, pdf
 
 
 @jit

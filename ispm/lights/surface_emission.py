@@ -74,16 +74,12 @@ def emit_from_surfaces(
     flux = emitter_flux(tables.emitters)
     if count == 0 or not flux.any():
         return np.zeros(0, EMITTED)
-    numbers = [
-        random4(np.uint32(k), np.uint32(_DIMENSION), np.uint32(pass_index), np.uint32(seed)) for k in (0, 1)
-    ]
-    shifts = np.array([*numbers[0], numbers[1][0]], np.float64)
     spheres = caustic_spheres(packed)
     lamps = _Lamps(
         np.append(0.0, np.cumsum(flux) / flux.sum()),
         spheres,
         f32(caustic_share if len(spheres) else 0.0),
-        shifts,
+        lattice_shifts(_DIMENSION, seed, pass_index),
     )
     rows = np.zeros(count, EMITTED)
     rows["light"] = EMITTED_BY_SURFACE
@@ -91,6 +87,14 @@ def emit_from_surfaces(
     numbers_of = np.uint32(pass_index), np.uint32(seed)
     run_shared(lambda counter: _emit(tables, lamps, *numbers_of, counter, rows), world.threads)
     return rows[rows["flux"].any(axis=1)]
+
+
+def lattice_shifts(dimension: int, seed: int, pass_index: int) -> np.ndarray:
+    """Return where a pass's `lattice5` begins, (5,) float64; dimension: of the random numbers."""
+    numbers = [
+        random4(np.uint32(k), np.uint32(dimension), np.uint32(pass_index), np.uint32(seed)) for k in (0, 1)
+    ]
+    return np.array([*numbers[0], numbers[1][0]], np.float64)
 
 
 def caustic_spheres(packed: Packed) -> np.ndarray:
@@ -108,7 +112,7 @@ def _emit(tables, lamps, pass_index, seed, counter, rows):
     scratch = Scratch(alloca(STACK_WORDS), alloca(2))
     count = f32(len(rows))
     for i in shared_rows(counter, _CHUNK, len(rows)):
-        u0, u1, u2, u3, u4 = _lattice(lamps, i)
+        u0, u1, u2, u3, u4 = lattice5(lamps.shifts, i)
         k, chance, u0 = _draw_triangle(lamps.cumulative, u0)
         emitter = tables.emitters.triangles[k]
         root = f32(math.sqrt(u1))
@@ -144,10 +148,9 @@ def _emit(tables, lamps, pass_index, seed, counter, rows):
 
 
 @jit
-def _lattice(lamps, i):
-    """Point `i` of the lattice in [0, 1)^5, float32."""
+def lattice5(s, i):
+    """Return point `i` of a lattice in [0, 1)^5, float32, that is shifted by (5,) float64."""
     a, b, c, d, e = _STEPS
-    s = lamps.shifts
     return (
         _part(s[0] + f64(i) * a),
         _part(s[1] + f64(i) * b),

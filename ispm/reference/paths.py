@@ -18,7 +18,7 @@ from ispm.accel.surface import Tables, closest_surface, glow, surface
 from ispm.kernels.simd import address, alloca, atomic_add
 from ispm.kernels.threads import run_threads
 from ispm.lights.area import lit_side
-from ispm.lights.nee import direct_light, lamp_weight, times
+from ispm.lights.nee import direct_light, lamp_weight, surround_weight, times
 from ispm.optics.bsdf import pdf_bsdf, sample_bsdf
 from ispm.optics.environment import environment_radiance, has_environment
 from ispm.optics.jit import jit
@@ -97,12 +97,11 @@ def _path(tables, task, start, d, key, sample, scratch):
         u1, u2, u3, u4 = random4(key, u32(event), sample, task.seed)
         found, hit = closest_surface(tables, start, d, u4, scratch)
         if not found:
-            if scatters > i64(0):
-                return total
-            behind = task.background
             if has_environment(tables.environment):
-                behind = environment_radiance(tables.environment, d)
-            return add(total, times(weight, behind))
+                share = surround_weight(tables, pdf, d)
+                behind = scale(share, environment_radiance(tables.environment, d))
+                return add(total, times(weight, behind))
+            return add(total, times(weight, task.background)) if scatters == i64(0) else total
         x = surface(tables, hit, d)
         inside = medium(inside, x)
         if inside.instance != u32(NO_HIT):

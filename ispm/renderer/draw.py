@@ -124,7 +124,7 @@ def _draw_first(
 def _light_directly(this: Pass, stages: Stages, sight: Sight, watch: Watch) -> Texture:
     """The light of lamps at pixels, but where shadow maps leave it in doubt."""
     points, others = sight.receivers.points, None
-    if emissive_flux(this.packed, this.surfaces) > 0.0:
+    if emissive_flux(this.packed, this.surfaces) > 0.0 or len(this.packed.environment.rows):
         with watch("direct"):
             others = area_light(
                 stages.gpu,

@@ -17,6 +17,7 @@ from ispm.estimators import Estimator
 from ispm.frame import Receivers
 from ispm.lights.lightmap import mean_irradiance
 from ispm.lights.surface_emission import emissive_flux
+from ispm.optics.environment import environment_power
 from ispm.optics.incident import channels, no_light
 from ispm.optics.records import take
 from ispm.optics.rng import random4
@@ -55,7 +56,8 @@ def bright_limit(packed: Packed, surfaces: SurfaceTable, settings: Settings) -> 
     if not settings.gather_rays:
         return math.inf
     of_surfaces = emissive_flux(packed, surfaces) / (math.pi * packed.diagonal**2)
-    return _BRIGHT_RATIO * (mean_irradiance(packed) + of_surfaces)
+    of_environment = environment_power(packed.environment) / 4.0
+    return _BRIGHT_RATIO * (mean_irradiance(packed) + of_surfaces + of_environment)
 
 
 Ends = Callable[[np.ndarray], np.ndarray]

@@ -9,6 +9,7 @@ import numpy as np
 
 from ispm.lights.aim import aims_at_seen
 from ispm.lights.emission import emit_rays, emit_texels
+from ispm.lights.environment_emission import emit_from_environment, environment_flux
 from ispm.lights.lightmap import light_maps
 from ispm.lights.plan import PlannedMap, plan_maps, share_photons
 from ispm.lights.surface_emission import emissive_flux, emit_from_surfaces
@@ -28,12 +29,14 @@ class EmissionPlan:
 
     maps      that emit them, light by light
     by        "map": they are drawn, and photons come from their texels; or "rays": rays are sent through them
-    surfaces  how many leave emissive surfaces, always as rays
+    surfaces  how many leave emissive surfaces, and
+    surround  how many come from the environment, always as rays
     """
 
     maps: list[PlannedMap]
     by: str
     surfaces: int = 0
+    surround: int = 0
 
     @property
     def drawn(self) -> list[PlannedMap]:
@@ -74,10 +77,12 @@ def plan_emission(this: Pass, software: bool) -> EmissionPlan:
     """Return how the photons of a pass leave the lights; software: see `emission_of`."""
     packed, settings = this.packed, this.settings
     counts = share_photons(
-        packed, settings.photons if settings.bounces else 0, [emissive_flux(packed, this.surfaces)]
+        packed,
+        settings.photons if settings.bounces else 0,
+        [emissive_flux(packed, this.surfaces), environment_flux(packed)],
     )
     maps = plan_maps(packed, counts, settings.caustic_photons, settings.seed, this.index, _seen_places(this))
-    return EmissionPlan(maps, emission_of(maps, packed, settings, software), int(counts[-1]))
+    return EmissionPlan(maps, emission_of(maps, packed, settings, software), *map(int, counts[-2:]))
 
 
 def aims_by_view(packed: Packed) -> bool:
@@ -129,12 +134,12 @@ def emit_photons(this: Pass, plan: EmissionPlan, texels: Sequence[np.ndarray]) -
         emitted = emit_rays(*scene, plan.maps, settings.seed, this.index)
     else:
         emitted = emit_texels(this.packed, this.surfaces, plan.maps, texels)
-    if not plan.surfaces:
-        return emitted
-    first_key = int(emitted["key"].max(initial=0)) + 1
-    aimed = settings.caustic_photons
-    more = emit_from_surfaces(*scene, plan.surfaces, aimed, settings.seed, this.index, first_key)
-    return np.concatenate([emitted, more])
+    told = settings.caustic_photons, settings.seed, this.index
+    for emit, count in ((emit_from_surfaces, plan.surfaces), (emit_from_environment, plan.surround)):
+        if count:
+            first_key = int(emitted["key"].max(initial=0)) + 1
+            emitted = np.concatenate([emitted, emit(*scene, count, *told, first_key)])
+    return emitted
 
 
 def light_warnings(packed: Packed, path: Walk) -> Iterator[str]:

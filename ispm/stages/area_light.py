@@ -1,11 +1,12 @@
-"""Direct light of lamps with a surface at the eye's pixels: a shadow ray or a few from each, and a filter.
+"""Direct light of lamps with a surface and of the environment at the eye's pixels: a shadow ray to each, and
+a filter.
 
 It runs on the CPU, where the trees are. A pixel draws from one of the 4 x 4 equal parts of what is to be
-drawn from, and its neighbors from the others, so that any 4 x 4 pixels together draw evenly; the filter is the
-mean over such a square (Keller and Heidrich, Interleaved Sampling, EGWR 2001; the discontinuity buffer of Wald et
-al., Interactive Global Illumination using Fast Ray Tracing, EGWR 2002). It takes in pixels of the same plane
-alone, and no farther than a fraction of the penumbra's width, by the distance to what casts the shadow: at
-contacts its edge stays sharp.
+drawn from, and its neighbors from the others, so that any 4 x 4 pixels together draw evenly; the filter is
+the mean over such a square (Keller and Heidrich, Interleaved Sampling, EGWR 2001; the discontinuity buffer of
+Wald et al., Interactive Global Illumination using Fast Ray Tracing, EGWR 2002). It takes in pixels of the
+same plane alone, and no farther than a fraction of the penumbra's width, by the distance to what casts the
+shadow: at contacts its edge stays sharp.
 """
 
 from __future__ import annotations
@@ -24,10 +25,12 @@ from ispm.frame import GBuffer
 from ispm.gpu import Gpu
 from ispm.kernels.share import run_shared, shared_rows
 from ispm.kernels.simd import alloca, ldu, u2f
-from ispm.lights.area import sample_lamps
+from ispm.lights.area import sample_lamps, sample_surround
 from ispm.lights.nee import BEFORE, greatest, shadow_transmittance, side_of
 from ispm.optics.bsdf import Bsdf, eval_bsdf, is_lambert, surface_bsdf, transmits
+from ispm.optics.environment import has_environment
 from ispm.optics.jit import jit
+from ispm.optics.light import FAR
 from ispm.optics.records import MATERIAL, MATERIAL_UNLIT, NO_HIT
 from ispm.optics.rng import random4
 from ispm.optics.sampling import octahedral_decode
@@ -72,7 +75,8 @@ class _View(NamedTuple):
 
 class _Samples(NamedTuple):
     """What shadow rays found: (n, 3) float32 light of the Lambert lobe over its albedo and of the others,
-    cd/m2; (n,) float32, pixels to each side that the penumbra can be blurred over, infinite where nothing shades."""
+    cd/m2; (n,) float32, pixels to each side that the penumbra can be blurred over, infinite where nothing
+    shades."""
 
     diffuse: np.ndarray
     gloss: np.ndarray
@@ -89,7 +93,8 @@ def area_light(
     smoothing: float,
     seed: int,
 ) -> np.ndarray:
-    """Return the direct light of lamps with a surface, (h, w, 4) float32 cd/m2; of an opacity of 1.
+    """Return the direct light of lamps with a surface and of the environment, (h, w, 4) float32 cd/m2; of an
+    opacity of 1.
 
     smoothing  factor on the filter's width
     """
@@ -152,11 +157,16 @@ def _sample_pixels(tables, pixels, view, counter, samples):
         if pdf > f32(0):
             arriving = _Arriving(scale(f32(1) / pdf, radiance), distance, wi, f32(1) / f32(math.sqrt(pdf)))
             _add_light(tables, shown, arriving, holes, i, scratch, samples)
+        if has_environment(tables.environment):
+            radiance, wi, pdf = sample_surround(tables, shown.x, u1, u2)
+            if pdf > f32(0):
+                arriving = _Arriving(scale(f32(1) / pdf, radiance), FAR, wi, f32(1) / f32(math.sqrt(pdf)))
+                _add_light(tables, shown, arriving, holes, i, scratch, samples)
 
 
 class _Arriving(NamedTuple):
-    """Light of one point of a lamp: irradiance over the density of its direction, distance, m, wi, and the
-    angle that the point stands for, the root of its sr."""
+    """Light of one point of a lamp, or from one direction: irradiance over the density of its direction,
+    distance, m, wi, and the angle that the point stands for, the root of its sr."""
 
     irradiance: Vector
     distance: np.float32
@@ -229,7 +239,7 @@ def _add_light(tables, shown, arriving, holes, i, scratch, samples):
     passed = f32(1), f32(1), f32(1)
     if met < limit:
         # of the lamp's image through a pinhole at what is between
-        width = arriving.angle * met * arriving.distance / max(arriving.distance - met, f32(1e-30))
+        width = arriving.angle * met / max(f32(1) - met / arriving.distance, f32(1e-6))
         samples.reach[i] = min(samples.reach[i], _BLUR * width / shown.width)
         if not tables.porous:
             return
