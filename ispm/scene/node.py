@@ -79,7 +79,7 @@ class Node(Branch, Strict):
     matrix               (4, 4) used instead of the three where given; last row 0 0 0 1
     parts                meshes with their materials
     instances            (n, 4, 4) where the parts stand n times, from each copy to this node; None: once
-    light, camera        one of each at most; they look along -Z
+    light, camera        one of each at most, whatever `instances` says; they look along -Z
     children             nodes in the space of this one; loops, `in`, `find` and `node[name]` reach all below
     rest                 of a node that `Scene.at` moved: the one it was before, for its place
     """
