@@ -24,6 +24,7 @@ from ispm.library.builtin import BUILTINS, builtin
 from ispm.library.shapes import box, icosphere
 from ispm.scene.animation import Animation, Channel
 from ispm.scene.camera import Camera, look_at_pose
+from ispm.scene.environment import Environment
 from ispm.scene.light import DirectionalLight, PointLight, SpotLight
 from ispm.scene.material import AlphaMode, Material, Texture, TextureUse, Wrap
 from ispm.scene.mesh import Mesh
@@ -386,3 +387,10 @@ def test_extras_of_a_camera_that_make_no_sense_are_passed_over(tmp_path, extras)
     path.write_text(json.dumps(text))
     back = load(path)
     assert back.cameras and "its extras are passed over" in back.warnings[0]
+
+
+def test_an_environment_is_left_out_with_a_line(tmp_path):
+    scene = Scene(environment=Environment(np.ones((2, 4, 3))))
+    with pytest.warns(SceneWarning, match=r"a\.glb: the environment is not in it: glTF has none"):
+        save(scene, tmp_path / "a.glb")
+    assert load(tmp_path / "a.glb").environment is None
