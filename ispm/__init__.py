@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from ispm.renderer.statistics import Stats
     from ispm.scene.animation import Animation, Channel
     from ispm.scene.camera import Camera
+    from ispm.scene.environment import Environment
     from ispm.scene.light import DirectionalLight, PointLight, SpotLight
     from ispm.scene.material import AlphaMode, Material, Texture, TextureUse, Wrap
     from ispm.scene.mesh import Mesh
@@ -41,6 +42,7 @@ _HOMES = {
     "Camera": "ispm.scene.camera",
     "Channel": "ispm.scene.animation",
     "DirectionalLight": "ispm.scene.light",
+    "Environment": "ispm.scene.environment",
     "Frame": "ispm.renderer.picture",
     "IspmError": "ispm.errors",
     "LightPaths": "ispm.renderer.light_paths",
@@ -84,6 +86,7 @@ __all__ = [
     "Camera",
     "Channel",
     "DirectionalLight",
+    "Environment",
     "Frame",
     "IspmError",
     "LightPaths",

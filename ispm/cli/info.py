@@ -112,6 +112,7 @@ def summary(scene: Scene) -> dict[str, Any]:
         "materials": len(scene.materials),
         "textures": len({id(t) for m in scene.materials for t in _textures(m)}),
         "lights": [node.name or f"light {i}" for i, node in enumerate(scene.lights)],
+        "environment": _environment(scene),
         "cameras": [node.name or f"camera {i}" for i, node in enumerate(scene.cameras)],
         "animations": [a.name or f"animation {i}" for i, a in enumerate(scene.animations)],
         "extensions_used": list(scene.extensions_used),
@@ -120,6 +121,15 @@ def summary(scene: Scene) -> dict[str, Any]:
         "bounds_high": high,
         "warnings": list(scene.warnings),
     }
+
+
+def _environment(scene: Scene) -> str | None:
+    """The environment's name and size; None: there is none."""
+    around = scene.environment
+    if around is None:
+        return None
+    height, width = around.image.shape[:2]
+    return f"{around.name or '(no name)'}, {width} x {height}"
 
 
 def nodes(scene: Scene) -> list[dict[str, Any]]:

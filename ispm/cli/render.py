@@ -13,7 +13,7 @@ from cyclopts import Parameter
 from ispm.cli.console import Console, to_json
 from ispm.cli.options import command, loading_from, settings_from
 from ispm.cli.passes import render_passes
-from ispm.cli.scene import choose_camera, open_scene, require_not_input
+from ispm.cli.scene import choose_camera, open_scene, require_not_input, surround
 from ispm.cli.viewpoint import Viewpoint
 from ispm.errors import OutputError, SettingsError
 from ispm.settings import LAYERS, LOADING, RENDERER_VIEWS, Settings, nearest
@@ -59,7 +59,8 @@ class Asked:
 
 
 # what of it makes a picture again
-_VIEW = ("camera", "look_from", "look_at", "fov", "animation", "time", "show", "adapter")
+_AROUND = ("environment", "environment_rotation", "environment_intensity")
+_VIEW = ("camera", "look_from", "look_at", "fov", "animation", "time", *_AROUND, "show", "adapter")
 _FILE = ("layers", "float", "bits")
 
 
@@ -93,6 +94,7 @@ def render(
         background.start()  # while the scene is read
 
     world = open_scene(console, scene, loading)
+    surround(world, look)
     if look.time is not None or look.animation is not None:
         world = world.at(look.time or 0.0, look.animation)
     camera = choose_camera(world, look.camera, look.look_from, look.look_at, look.fov)
@@ -142,7 +144,8 @@ def _checked(scene: str, look: Viewpoint, asked: Asked) -> tuple[Path, list[str]
     resume, stats = asked.resume, None if asked.stats == "-" else asked.stats
     if resume is not None and Path(resume).suffix.lower() != ".npz":
         raise OutputError(f"--resume: {resume} would be an .npz; name it so")
-    _require_writable([Path(path) for path in (target, stats, resume) if path is not None], scene)
+    outputs = [Path(path) for path in (target, stats, resume) if path is not None]
+    _require_writable(outputs, scene, look.environment)
     return target, layers
 
 
@@ -186,12 +189,12 @@ def _require_bits(bits: int, show: str, target: Path) -> None:
         raise SettingsError(f"--bits: the view '{show}' has 8")
 
 
-def _require_writable(outputs: list[Path], scene: str) -> None:
+def _require_writable(outputs: list[Path], scene: str, environment: str | None) -> None:
     """Find out before the work whether its results can be written."""
     from ispm.io.atomic import require_writable
 
     for path in outputs:
-        require_not_input(path, scene)
+        require_not_input(path, scene, environment)
         require_writable(path)
     if len({path.resolve() for path in outputs}) < len(outputs):
         raise OutputError(

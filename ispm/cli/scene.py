@@ -16,6 +16,7 @@ from ispm.cli.options import vector
 from ispm.errors import OutputError, SettingsError
 
 if TYPE_CHECKING:
+    from ispm.cli.viewpoint import Viewpoint
     from ispm.scene.camera import Camera
     from ispm.scene.scene import Scene
 
@@ -37,6 +38,16 @@ def open_scene(console: Console, name: str, options: Mapping[str, Any]) -> Scene
     for warning in scene.warnings:
         console.warn(warning)
     return scene
+
+
+def surround(scene: Scene, look: Viewpoint) -> None:
+    """Give a scene the environment that the options ask for. Raises SceneError where it cannot be used."""
+    if look.environment is None:
+        return
+    from ispm.scene.environment import Environment
+
+    intensity = 1.0 if look.environment_intensity is None else look.environment_intensity
+    scene.environment = Environment(look.environment, radians(look.environment_rotation or 0.0), intensity)
 
 
 def choose_camera(
@@ -71,10 +82,14 @@ def _with_fov(scene: Scene, camera: str | None, fov: float) -> Camera:
     return replace(own, yfov=radians(fov), ymag=None, pose=pose)
 
 
-def require_not_input(output: Path, scene: str) -> None:
-    """Raise OutputError where `output` is the scene's file, or one that the scene's file names."""
+def require_not_input(output: Path, scene: str, environment: str | None = None) -> None:
+    """Raise OutputError where `output` is the scene's file, one that it names, or the environment's."""
     source = Path(scene)
-    if not os.path.exists(output) or not os.path.isfile(source):
+    if not os.path.exists(output):
+        return
+    if environment is not None and os.path.exists(environment) and output.samefile(environment):
+        raise OutputError(f"{output}: is the environment; name another file with -o")
+    if not os.path.isfile(source):
         return
     readers = [source, *source.parent.glob("*.mtl")]
     spellings = {output.name, quote(output.name), json.dumps(output.name)[1:-1]}

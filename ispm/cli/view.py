@@ -12,7 +12,7 @@ from cyclopts import Parameter
 from ispm.cli.console import Console
 from ispm.cli.interrupts import interrupts
 from ispm.cli.options import command, loading_from, settings_from
-from ispm.cli.scene import choose_camera, open_scene
+from ispm.cli.scene import choose_camera, open_scene, surround
 from ispm.cli.viewpoint import Viewpoint
 from ispm.errors import IspmError, SettingsError
 from ispm.settings import LOADING, Settings
@@ -111,6 +111,7 @@ def view(console: Console, scene: str, /, *, shown: Shown, look: Viewpoint, **gi
     require_host(host, shown.allow_remote)
     background.say = console.say
     world = open_scene(console, scene, loading)
+    surround(world, look)
     camera = choose_camera(world, look.camera, look.look_from, look.look_at, look.fov)
     path = Path(scene)
     if shown.watch and not path.is_file():

@@ -29,6 +29,15 @@ class Viewpoint:
     ] = None
     animation: Annotated[str | None, Parameter(help="the one to play; default: all", metavar="NAME")] = None
     show: Annotated[str, Parameter(help=f"what to show ({', '.join(VIEWS)})", metavar="VIEW")] = "full"
+    environment: Annotated[
+        str | None, Parameter(help="an .hdr or .exr that lights and is reflected", metavar="FILE")
+    ] = None
+    environment_rotation: Annotated[
+        float | None, Parameter(help="turned so far, counterclockwise seen from above", metavar="DEGREES")
+    ] = None
+    environment_intensity: Annotated[float | None, Parameter(help="factor of its radiance", metavar="X")] = (
+        None
+    )
     adapter: Annotated[
         str | None, Parameter(help="part of a graphics adapter's name; default: the best", metavar="NAME")
     ] = None
@@ -41,6 +50,16 @@ class Viewpoint:
             raise SettingsError(f"--threads: {self.threads} is less than 1")
         if self.time is not None and not math.isfinite(self.time):
             raise SettingsError(f"--time: {self.time} is not a time")
+        for name, value in (
+            ("rotation", self.environment_rotation),
+            ("intensity", self.environment_intensity),
+        ):
+            if value is not None and self.environment is None:
+                raise SettingsError(f"--environment-{name}: is of --environment; give that too")
+            if value is not None and not math.isfinite(value):
+                raise SettingsError(f"--environment-{name}: {value} is not a number")
+        if (self.environment_intensity or 0.0) < 0.0:
+            raise SettingsError(f"--environment-intensity: {self.environment_intensity:g} is less than 0")
         if self.show not in VIEWS:
             raise SettingsError(
                 f"--show: '{self.show}' is not one of {', '.join(VIEWS)}{nearest(self.show, VIEWS)}"

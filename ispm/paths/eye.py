@@ -31,6 +31,7 @@ from ispm.kernels.share import run_shared, shared_rows
 from ispm.kernels.simd import alloca
 from ispm.lights.nee import direct_light, greatest, times
 from ispm.optics.bsdf import has_finite, is_smooth, transmits
+from ispm.optics.environment import environment_radiance, has_environment
 from ispm.optics.jit import jit
 from ispm.optics.records import MATERIAL_UNLIT, NO_HIT, RECEIVER
 from ispm.optics.vector import Vector, add, dot, scale, sub, vec3
@@ -41,6 +42,7 @@ from ispm.paths.vertices import (
     FIRST_VERTEX,
     PATH_END,
     PATH_END_AND_POINT,
+    add_light,
     store_end,
     store_first,
     store_point,
@@ -77,7 +79,8 @@ def trace_eye(
     arrays = ray_arrays(rays)
     tables = scene_tables(packed, world, surfaces)
     (width, spread), (near, past) = rays.width, rays.slack
-    view = _View(f32(width), f32(spread), f32(near), f32(past), u32(pass_index), u32(seed))
+    numbers = u32(pass_index), u32(seed), rays.shows_environment
+    view = _View(f32(width), f32(spread), f32(near), f32(past), *numbers)
     capacity = _CHUNK * _PATHS_MAX * _ENDS_MAX * _samples(packed)
     ends, points, traced = [np.zeros(0, PATH_END)], [np.zeros(0, RECEIVER)], 0
     for first in range(0, count, _BATCH):
@@ -116,7 +119,8 @@ def _samples(packed: Packed) -> int:
 
 
 class _View(NamedTuple):
-    """What holds for all rays: width, spread, near and past are `EyeRays.width` and `slack`."""
+    """What holds for all rays: width, spread, near and past are `EyeRays.width` and `slack`, and the last is
+    theirs too."""
 
     width: np.float32
     spread: np.float32
@@ -124,6 +128,7 @@ class _View(NamedTuple):
     past: np.float32
     pass_index: np.uint32
     seed: np.uint32
+    shows_environment: bool
 
 
 class _Out(NamedTuple):
@@ -222,7 +227,10 @@ def _follow_pixel(tables, view, thread, rays, i, slot, out, done):
         start = add(start, scale(near, d))
         found, hit = closest_surface(tables, start, d, f32(0), thread.scratch)
         if not found:
-            _add(out.through, i, _WHITE, _WHITE)
+            if view.shows_environment:
+                add_light(out.emission, i, environment_radiance(tables.environment, d), _WHITE)
+            else:
+                add_light(out.through, i, _WHITE, _WHITE)
             return _Done(done.row, done.traced + i64(1))
         length = near + _distance(tables, hit, start)
         past = length > rays.distances[i] * (f32(1) + view.past)  # the edge of what the rasteriser drew
@@ -329,8 +337,11 @@ def _follow(tables, view, thread, path, i, slot, out, done):
         traced += i64(1)
         found, hit = closest_surface(tables, start, d, u0, thread.scratch)
         if not found:
-            if sees_background:
-                _add(out.through, i, _WHITE, weight)
+            if has_environment(tables.environment):
+                light = environment_radiance(tables.environment, d)
+                add_light(out.emission, i, light, scale(focus, weight))
+            elif sees_background:
+                add_light(out.through, i, _WHITE, weight)
             length = f32(1e30)
             break
         length += _distance(tables, hit, start)
@@ -342,12 +353,12 @@ def _follow(tables, view, thread, path, i, slot, out, done):
         if inside.instance != u32(NO_HIT):
             weight = attenuated(tables, inside, start, x.position, weight)
         seen = scale(focus, weight)
-        _add(out.emission, i, glow(tables, hit), seen)
+        add_light(out.emission, i, glow(tables, hit), seen)
         unlit = x.flags & u32(MATERIAL_UNLIT) != u32(0)
         wo = scale(f32(-1), d)
         if not unlit and (has_finite(b) or not is_smooth(b)):
             light, shadows = direct_light(tables, x, wo, u0, thread.scratch, f32(np.inf))
-            _add(out.direct, i, light, seen)
+            add_light(out.direct, i, light, seen)
             traced += shadows
         if has_finite(b) or unlit:
             if unlit:
@@ -385,11 +396,3 @@ def _distance(tables, hit, start):
 def _width(view, length):
     """Width in m that a pixel covers after `length` m of its path, were all mirrors flat."""
     return view.width + view.spread * length
-
-
-@jit
-def _add(sums, i, value, weight):
-    """Add value times weight, Vectors, to row `i` of (n, 3) sums."""
-    sums[i, 0] += value[0] * weight[0]
-    sums[i, 1] += value[1] * weight[1]
-    sums[i, 2] += value[2] * weight[2]

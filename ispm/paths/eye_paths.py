@@ -22,6 +22,7 @@ class EyeRays:
     slack      shares of the distance: a ray starts so far before what its pixel shows, which lies not farther
                behind than so
     hits       (n,) HIT, what the pixels show; None: it is looked for
+    shows_environment  whether one that meets nothing at all shows the scene's environment
     """
 
     origins: np.ndarray
@@ -31,14 +32,16 @@ class EyeRays:
     width: tuple[float, float]
     slack: tuple[float, float] = (1e-4, 1e-3)
     hits: np.ndarray | None = None
+    shows_environment: bool = False
 
 
 @dataclass(frozen=True)
 class EyePaths:
     """What the paths found.
 
-    direct, emission  (n, 3) float32 radiance that they bring to each ray
-    through  (n, 3) float32 share of the background that each sees through glass; mirrors show none of it
+    direct, emission  (n, 3) float32 radiance that they bring to each ray; the latter of the environment too
+    through  (n, 3) float32 share of the background that each sees through glass; mirrors show none of it, and
+             where there is an environment, glass shows that
     ends    (m,) PATH_END in the order of the rays; lane: REFLECTED or TRANSMITTED by a smooth surface;
             SCATTERED: by a rough one, or a path's second end
     points  (m,) RECEIVER, the same; footprint: of a pixel

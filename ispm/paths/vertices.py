@@ -82,3 +82,11 @@ def store_first(first, x, instance, angle):
     first.tint = luminance(b.tint)
     first.blur = _BLUR_SHARE * f32(2) * bent * b.alpha * angle
     first.instance = instance
+
+
+@jit
+def add_light(sums, i, value, weight):
+    """Add value times weight, Vectors, to row `i` of (n, 3) sums."""
+    sums[i, 0] += value[0] * weight[0]
+    sums[i, 1] += value[1] * weight[1]
+    sums[i, 2] += value[2] * weight[2]

@@ -15,6 +15,7 @@ from ispm.accel.world import World
 from ispm.kernels.simd import alloca
 from ispm.lights.nee import direct_light, times
 from ispm.optics.bsdf import Bsdf, has_finite, is_smooth, sample_bsdf, smooth_split, transmits
+from ispm.optics.environment import environment_radiance, has_environment
 from ispm.optics.jit import jit
 from ispm.optics.records import MATERIAL_UNLIT, NO_HIT
 from ispm.optics.rng import random4
@@ -161,6 +162,8 @@ def _path(tables, view, i, scratch, light, ends, row):
         u1, u2, u3, u4 = random4(u32(i), u32(event), view.sample, view.seed)
         found, hit = closest_surface(tables, start, d, u4, scratch)
         if not found:
+            if has_environment(tables.environment):
+                _add(light, i, environment_radiance(tables.environment, d), weight, focus)
             return row
         segment = sub(hit_position(tables.surfaces, hit), start)
         length += f32(math.sqrt(dot(segment, segment)))

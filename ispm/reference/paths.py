@@ -19,6 +19,7 @@ from ispm.kernels.simd import address, alloca, atomic_add
 from ispm.kernels.threads import run_threads
 from ispm.lights.nee import direct_light, times
 from ispm.optics.bsdf import sample_bsdf
+from ispm.optics.environment import environment_radiance, has_environment
 from ispm.optics.jit import jit
 from ispm.optics.records import MATERIAL_UNLIT, NO_HIT
 from ispm.optics.rng import random4
@@ -54,7 +55,8 @@ def path_light(
 ) -> np.ndarray:
     """Return the mean radiance along rays, (n, 3) float64 cd/m2; the same for any number of threads.
 
-    tables               `scene_tables` of what the caller keeps alive
+    tables               `scene_tables` of what the caller keeps alive; its environment is seen, also in
+                         mirrors, in place of the background
     origins, directions  (n, 3), world space, unit
     samples              numbers, one after another, of the paths of each ray: others are independent
     bounces              scatters of light at most before what the eye sees, as of photons; mirrors and clear
@@ -94,7 +96,12 @@ def _path(tables, task, start, d, key, sample, scratch):
         u1, u2, u3, u4 = random4(key, u32(event), sample, task.seed)
         found, hit = closest_surface(tables, start, d, u4, scratch)
         if not found:
-            return add(total, times(weight, task.background)) if scatters == i64(0) else total
+            if scatters > i64(0):
+                return total
+            behind = task.background
+            if has_environment(tables.environment):
+                behind = environment_radiance(tables.environment, d)
+            return add(total, times(weight, behind))
         x = surface(tables, hit, d)
         inside = medium(inside, x)
         if inside.instance != u32(NO_HIT):

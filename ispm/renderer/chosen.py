@@ -49,8 +49,8 @@ class Chosen:
         return self._cameras[aspect]
 
     def lit(self, scene: Scene, size: tuple[int, int], tree: Tree) -> Tree:
-        """Return the scene's tree, with a light where it has none."""
-        if any(node.light is not None for node in tree.nodes):
+        """Return the scene's tree, with a light where it has none, nor an environment."""
+        if scene.environment is not None or any(node.light is not None for node in tree.nodes):
             return tree
         if self._light is None:
             rest = scene.at_rest()

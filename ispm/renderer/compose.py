@@ -7,7 +7,13 @@ import numpy as np
 from ispm.frame import LitFrame
 from ispm.gpu import Gpu
 from ispm.renderer import layers as make
-from ispm.renderer.backdrop import LAYER, background_color
+from ispm.renderer.backdrop import (
+    ENVIRONMENT,
+    LAYER,
+    background_color,
+    environment_behind,
+    shows_environment,
+)
 from ispm.renderer.one_pass import Pass
 from ispm.renderer.picture import Frame
 from ispm.renderer.statistics import Stats
@@ -20,7 +26,8 @@ def compose(gpu: Gpu, this: Pass, lit: LitFrame) -> Frame:
     packed, view, gbuffer = this.packed, this.view, lit.gbuffer
     color = background_color(this.settings)
     glass = [(lit.through, f4, 4)] if color is not None else []
-    glow = [(lit.emission, f4, 4)] if packed.glows else []
+    shines = packed.glows or len(packed.environment.rows) > 0  # mirrors show it
+    glow = [(lit.emission, f4, 4)] if shines else []
     light = [(texture, f4, 4) for texture in (lit.direct, lit.indirect, lit.irradiance)]
     surfaces = [(gbuffer.base, f2, 4), (gbuffer.normals, u4, 2), (gbuffer.ids, u4, 2), (gbuffer.depth, f4)]
     d, i, irr, base, normals, ids, depth, *rest = gpu.read_many([*light, *surfaces, *glass, *glow])
@@ -31,6 +38,10 @@ def compose(gpu: Gpu, this: Pass, lit: LitFrame) -> Frame:
         behind = (1.0 - alpha[..., None] + through[..., :3]) * color
         e[..., :3] += behind
         more = {LAYER: lambda: behind}
+    elif shows_environment(this):
+        behind = environment_behind(this, alpha)
+        e[..., :3] += behind
+        more = {ENVIRONMENT: lambda: behind}
     copies, materials = (
         np.append(np.int32(-1), rows.astype(np.int32)) for rows in (packed.ids, packed.instances["material"])
     )

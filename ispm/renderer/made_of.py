@@ -16,7 +16,7 @@ from ispm.stages.camera import CameraView
 _FREE = ("passes", "time_limit", "target_error", "exposure", "tonemap", "preset")  # may differ when resumed
 _KNOBS = tuple(f.name for f in dataclasses.fields(Settings) if f.name not in _FREE)
 _CAMERA = ("pose", "yfov", "ymag", "aspect", "principal")
-_SCENE = ("meshes", "places of nodes", "materials", "textures", "lights")
+_SCENE = ("meshes", "places of nodes", "materials", "textures", "lights", "environment")
 _PARTS = {"settings": _KNOBS, "camera": _CAMERA, "scene": _SCENE}
 
 
@@ -42,6 +42,7 @@ class MadeOf:
             packed.materials.tobytes(),
             textures.digest,
             packed.lights.tobytes(),
+            packed.surround.digest,
         )
         camera = {name: getattr(view, name) for name in _CAMERA}
         camera |= {"pose": view.pose.tolist(), "principal": list(view.principal)}

@@ -16,7 +16,7 @@ from ispm.errors import SceneWarning, SettingsError
 from ispm.io import image as files
 from ispm.io.atomic import as_path
 from ispm.io.png import encode_png
-from ispm.renderer.backdrop import shown, without_background
+from ispm.renderer.backdrop import metered, shown
 from ispm.renderer.show import show_picture
 from ispm.renderer.statistics import Stats
 from ispm.renderer.views import display
@@ -59,11 +59,14 @@ class Frame:
 
     @cached_property
     def exposure(self) -> float:
-        """Stops that `image` is made with: the settings', or found for it, without its background."""
+        """Stops that `image` is made with: the settings', or found for it, without its background.
+
+        Where nothing but the environment is seen, they are found for that.
+        """
         wanted = self.settings.exposure
         if not isinstance(wanted, str):
             return wanted
-        return auto_exposure(without_background(self.layers, self.radiance))
+        return auto_exposure(metered(self.layers, self.radiance))
 
     @cached_property
     def image(self) -> np.ndarray:
@@ -87,7 +90,7 @@ class Frame:
 
     @property
     def emission(self) -> np.ndarray:
-        """(h, w, 3) cd/m2: glow of the surface itself, and the background."""
+        """(h, w, 3) cd/m2: glow of the surface itself, the background, the environment where it is seen."""
         return self._named("emission")
 
     @property

@@ -20,7 +20,7 @@ from ispm.errors import OutputError, SettingsError
 from ispm.io.atomic import as_path
 from ispm.io.image import ABOUT, write_npz
 from ispm.optics.vector import LUMINANCE
-from ispm.renderer.backdrop import LAYER, background_color
+from ispm.renderer.backdrop import ENVIRONMENT, LAYER, background_color
 from ispm.renderer.layers import Layers, sum_layers
 from ispm.renderer.made_of import MadeOf
 from ispm.renderer.picture import Frame
@@ -44,7 +44,7 @@ class Progress:
     """The passes so far.
 
     sums     new after each pass: direct, indirect, emission, irradiance (h, w, 3), alpha (h, w), float32, and
-             of a colored background its share
+             of a colored background its share, of an environment that is seen behind likewise
     moments  (2, h, w) float64: sums of the luminance of indirect light and of its square
     first    layers and camera of the first pass
     stats    of the last pass
@@ -65,7 +65,9 @@ class Progress:
     @classmethod
     def start(cls, frame: Frame, made_of: MadeOf) -> Progress:
         """Begin with the frame of pass 0."""
-        sums = {name: np.zeros_like(frame[name]) for name in (*SUMMED, LAYER) if name in frame.layers}
+        sums = {
+            name: np.zeros_like(frame[name]) for name in (*SUMMED, LAYER, ENVIRONMENT) if name in frame.layers
+        }
         moments = np.zeros((2, *frame["depth"].shape))
         progress = cls(0, sums, moments, frame.layers, frame.camera, frame.scene, frame.stats, made_of)
         progress.add(frame)
@@ -158,7 +160,7 @@ class Progress:
         except ValueError as error:
             raise _SpoiledError(str(error)) from None
         behind = {f"sum.{LAYER}"} if background_color(made_of.settings) is not None else set()
-        _require_names(arrays, behind)
+        _require_names(arrays, behind, {f"sum.{ENVIRONMENT}"})
         sums, first, camera = (_part(arrays, prefix) for prefix in ("sum.", "first.", "camera."))
         progress = cls(
             about.get("passes"),
@@ -249,11 +251,12 @@ def _array(name: str, data: bytes) -> np.ndarray:
     return np.frombuffer(data, dtype, offset=file.tell()).reshape(shape, order="F" if fortran else "C")
 
 
-def _require_names(found: Mapping[str, Any], behind: set[str]) -> None:
-    """Raise _SpoiledError where arrays are missing or too many. `behind`: those of the background."""
+def _require_names(found: Mapping[str, Any], behind: set[str], may: set[str]) -> None:
+    """Raise _SpoiledError where arrays are missing or too many. `behind`: those of the background; `may`:
+    those that may be there."""
     wanted = {f"sum.{name}" for name in SUMMED} | {f"first.{name}" for name in KEPT} | behind
     wanted |= {f"camera.{name}" for name in _CAMERA} | {"indirect_moments"}
-    optional = {f"camera.{name}" for name in _PERSPECTIVE}
+    optional = {f"camera.{name}" for name in _PERSPECTIVE} | may
     missing, strange = sorted(wanted - found.keys()), sorted(found.keys() - wanted - optional)
     if missing:
         raise _SpoiledError(f"{missing[0]} is missing")

@@ -67,7 +67,7 @@ class Ready:
         tree  the scene's, or one with more in it
         """
         old = self._packed
-        packed = pack(scene if tree is None else tree, old)
+        packed = pack(scene, old, tree)
         if packed is old:
             return packed
         require_visible(scene, packed)

@@ -7,7 +7,7 @@ from functools import partial
 
 import numpy as np
 
-from ispm.renderer.backdrop import LAYER
+from ispm.renderer.backdrop import ENVIRONMENT, LAYER
 from ispm.renderer.layers import Layers, sum_layers
 from ispm.renderer.made_of import MadeOf
 from ispm.renderer.picture import Frame
@@ -54,7 +54,7 @@ def _mixed(mean: Frame, live: Frame, weight: np.float32, threads: int) -> Frame:
         return np.asarray(mean[name] + weight * (live[name] - mean[name]))
 
     makers: dict[str, Callable[[], np.ndarray]]
-    makers = {name: partial(mix, name) for name in (*SUMMED, LAYER) if name in mean.layers}
+    makers = {name: partial(mix, name) for name in (*SUMMED, LAYER, ENVIRONMENT) if name in mean.layers}
     makers["full"] = lambda: sum_layers(layers["direct"], layers["indirect"], layers["emission"], threads)
     makers |= {name: partial(mean.layers.__getitem__, name) for name in KEPT}
     layers: Layers = Layers(makers)

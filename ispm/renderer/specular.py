@@ -17,7 +17,7 @@ from ispm.paths.edges import edge_rows
 from ispm.paths.ends import denoise_rough_transmission, image_of_ends, reflect_light, spread_light
 from ispm.paths.eye import REFLECTED, SCATTERED, TRANSMITTED, trace_eye
 from ispm.paths.eye_paths import EyePaths, EyeRays, join_paths
-from ispm.renderer.backdrop import background_color
+from ispm.renderer.backdrop import background_color, shows_environment
 from ispm.renderer.gather import PhotonLight
 from ispm.renderer.one_pass import Pass
 from ispm.stages.camera import CameraView
@@ -44,7 +44,7 @@ def specular_light(this: Pass, seen: np.ndarray, light: PhotonLight) -> np.ndarr
     def trace(rays: EyeRays) -> EyePaths:
         return trace_eye(this.packed, this.world, this.surfaces, rays, settings.seed, this.index)
 
-    rays = eye_rays(seen, this.surfaces, view)
+    rays = replace(eye_rays(seen, this.surfaces, view), shows_environment=shows_environment(this))
     paths, pixels = trace(rays), rays.keys
     edges = edge_rows(paths, pixels, view.size[0]) if settings.antialias else np.zeros(0, np.int64)
     if len(edges):

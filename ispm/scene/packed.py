@@ -11,12 +11,13 @@ import numpy as np
 
 from ispm.errors import SceneError
 from ispm.optics import records
-from ispm.optics.environment import NO_ENVIRONMENT, EnvironmentTable
+from ispm.optics.environment import EnvironmentTable
 from ispm.scene.directions import even_directions
 from ispm.scene.layout import layout_of
 from ispm.scene.material import Texture
 from ispm.scene.mesh import ARRAYS, Mesh
 from ispm.scene.names import Names
+from ispm.scene.packed_environment import Surround, pack_environment
 from ispm.scene.packed_instance import Draw as Draw
 from ispm.scene.packed_instance import Placed, place_instances
 from ispm.scene.packed_light import Lit, pack_lights
@@ -92,14 +93,16 @@ class Geometry:
 class Packed:
     """A scene at one moment, in parts that frames share while they stay as they are.
 
-    placed  its meshes and their instances
-    looks   its materials
-    lit     its lights
+    placed    its meshes and their instances
+    looks     its materials
+    lit       its lights
+    surround  its environment
     """
 
     placed: Placed
     looks: Looks
     lit: Lit
+    surround: Surround
 
     @property
     def geometry(self) -> Geometry:
@@ -165,7 +168,7 @@ class Packed:
     @property
     def environment(self) -> EnvironmentTable:
         """The light from all around."""
-        return NO_ENVIRONMENT
+        return self.surround.table
 
     def surface_area(self) -> float:
         """Return the area of all triangles, m2, world space."""
@@ -207,13 +210,14 @@ def farthest_points(mesh: Mesh) -> np.ndarray:
     return np.asarray(used[farthest], np.float64)
 
 
-def pack(scene: Scene | Tree, before: Packed | None = None) -> Packed:
-    """Flatten a scene, or its tree.
+def pack(scene: Scene, before: Packed | None = None, tree: Tree | None = None) -> Packed:
+    """Flatten a scene.
 
     before  of an earlier frame: what of it is still so is used again; where all is, it is returned itself
+    tree    the scene's, or one with more in it
     Raises SceneError where a mesh, material, light or node has a value that cannot be used.
     """
-    tree = scene.tree() if isinstance(scene, Scene) else scene
+    tree = scene.tree() if tree is None else tree
     worlds = tree.worlds()
     if not np.abs(worlds).max(initial=0.0) <= FARTHEST:  # NaN is not
         far = ~(np.abs(worlds).max(axis=(1, 2)) <= FARTHEST)
@@ -226,9 +230,11 @@ def pack(scene: Scene | Tree, before: Packed | None = None) -> Packed:
         geometry = pack_geometry(layout.meshes)
     looks = pack_materials(layout.materials, before.looks if before else None)
     placed = place_instances(layout, worlds, geometry, before.placed if before else None)
-    if before and placed is before.placed and looks is before.looks and lit is before.lit:
+    surround = pack_environment(scene.environment, before.surround if before else None)
+    parts = placed, looks, lit, surround
+    if before and parts == (before.placed, before.looks, before.lit, before.surround):
         return before
-    return Packed(placed, looks, lit)
+    return Packed(*parts)
 
 
 def to_world(instances: np.ndarray | np.void) -> np.ndarray:

@@ -13,6 +13,7 @@ import numpy as np
 from ispm.errors import SceneError
 from ispm.scene.animation import Animation, Channel
 from ispm.scene.camera import Camera
+from ispm.scene.environment import Environment
 from ispm.scene.extent import placed_bounds
 from ispm.scene.light import Light
 from ispm.scene.material import Material
@@ -35,6 +36,7 @@ class Scene(Branch, Strict):
     `scene[name]` is a node, `name in scene` asks for one, and a loop goes through all of them.
 
     roots       the nodes without a parent
+    environment  the light from all around; None: there is none
     animations  that `at` plays
     warnings    what is amiss in the file it was loaded from, a line each
     extensions_used, extensions_honoured   of glTF, in that file
@@ -48,6 +50,7 @@ class Scene(Branch, Strict):
     extensions_used: list[str] = field(default_factory=list)
     extensions_honoured: list[str] = field(default_factory=list)
     playing: str | None = None
+    environment: Environment | None = None
     _hung: weakref.WeakSet[Node] = field(default_factory=weakref.WeakSet, init=False, repr=False)
 
     @classmethod

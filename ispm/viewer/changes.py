@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from ispm.scene.environment import Environment
 from ispm.scene.material import Material, TextureUse
 from ispm.scene.node import Node
 from ispm.scene.scene import Scene
@@ -21,7 +22,7 @@ def fingerprint(scene: Scene) -> int:
     about 20 ms.
     """
     materials: dict[int, Material] = {}
-    found: list[Any] = []
+    found: list[Any] = [_surround(scene.environment)]
     for node in scene.nodes:
         found.append(_place(node))
         if node.light is not None:
@@ -32,6 +33,15 @@ def fingerprint(scene: Scene) -> int:
             materials[id(part.material)] = part.material
     found += [tuple(_value(getattr(m, name)) for name in _MATERIAL) for m in materials.values()]
     return hash(tuple(found))
+
+
+def _surround(environment: Environment | None) -> tuple[Any, ...]:
+    """All of an environment that tells."""
+    return () if environment is None else tuple(map(_identity, vars(environment).values()))
+
+
+def _identity(value: Any) -> Any:
+    return id(value) if isinstance(value, np.ndarray) else value
 
 
 def _place(node: Node) -> tuple[Any, ...]:

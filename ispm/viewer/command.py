@@ -17,6 +17,11 @@ def command_of(session: Session) -> str:
         options["fov"] = f"{math.degrees(orbit.camera.yfov):.5g}"
     if session.timed:
         options["animation"], options["time"] = session.timeline.animation, round(session.timeline.time, 4)
+    around = session.scene.environment
+    if around is not None and around.file:
+        options["environment"] = around.file
+        options["environment_rotation"] = f"{math.degrees(around.rotation):.5g}" if around.rotation else None
+        options["environment_intensity"] = f"{around.intensity:.5g}" if around.intensity != 1.0 else None
     options["show"] = session.view
     settings = session.settings
     if settings.exposure == "hold" and session.picture is not None:

@@ -25,6 +25,7 @@ class Copy:
         if self._scene is None or of != self._of:
             self._scene, self._of = scene, of
             return scene
+        self._scene.environment = scene.environment
         for mine, other in zip(self._scene.nodes, scene.nodes, strict=True):
             mine.name = other.name
             mine.stand_as(other)

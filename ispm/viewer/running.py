@@ -277,7 +277,9 @@ class Running:
         from ispm.io.load import load
 
         try:
-            session.open(load(self._watched, **session.loading), session.source, keep_camera=True)
+            found = load(self._watched, **session.loading)
+            found.environment = session.scene.environment  # which no scene file has
+            session.open(found, session.source, keep_camera=True)
             session.line = f"{self._watched.name} was loaded again"
         except (SceneError, OSError) as error:
             session.line = str(error)
