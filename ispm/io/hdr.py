@@ -16,6 +16,8 @@ from ispm.errors import OutputError, SceneError, warn_caller
 from ispm.optics.jit import jit
 from ispm.scene.environment import HIGHEST, WIDEST, averaged, fewer_columns, fewer_rows, told_of_averaging
 
+i64 = np.int64
+
 ENDINGS = (".hdr", ".exr")
 _MAX_PIXELS = 1 << 27  # 16384 x 8192
 _MAX_BYTES = 1 << 30
@@ -73,9 +75,9 @@ def _read_rgbe(path: Path) -> np.ndarray:
     data = np.fromfile(path, np.uint8)
     start, width, height, turned = _header(data[:_HEADER].tobytes(), str(path))
     _require_size(width, height)
-    if width > WIDEST or height > HIGHEST:
-        told_of_averaging(str(path), width, height)
     image = fewer_rows(np.concatenate([*_rows(data, start, width, height)]), HIGHEST)
+    if image.shape[:2] != (height, width):
+        told_of_averaging(str(path), width, height)
     return np.ascontiguousarray(image[turned])
 
 
@@ -151,7 +153,7 @@ def decode_rows(data, at, may_run, out):
             return -1
         width = out.shape[1]
         if may_run and data[at] == 2 and data[at + 1] == 2 and data[at + 2] < 128:
-            if (int(data[at + 2]) << 8 | int(data[at + 3])) != width:
+            if (i64(data[at + 2]) << 8 | i64(data[at + 3])) != width:
                 return -2
             at = _decode_channels(data, at + 4, out[row])
         else:
@@ -170,7 +172,7 @@ def _decode_channels(data, at, out):
         while x < width:
             if at + 2 > len(data):
                 return -1
-            count = int(data[at])
+            count = i64(data[at])
             at += 1
             same = count > 128
             count = count - 128 if same else count
@@ -195,7 +197,7 @@ def _decode_pixels(data, at, out):
         if at + 4 > len(data):
             return -1
         if data[at] == 1 and data[at + 1] == 1 and data[at + 2] == 1:
-            count = int(data[at + 3]) << shift if shift < 24 else width
+            count = i64(data[at + 3]) << shift if shift < 24 else width
             if x == 0 or x + count > width:
                 return -2
             for k in range(count):
