@@ -39,7 +39,7 @@ _SOFTBOXES = (
     _Softbox(side=62.0, elevation=18.0, width=44.0, height=62.0, radiance=700.0),  # fill
     _Softbox(side=-142.0, elevation=24.0, width=14.0, height=64.0, radiance=2_500.0),  # rims, behind
     _Softbox(side=145.0, elevation=24.0, width=14.0, height=64.0, radiance=2_500.0),
-    _Softbox(side=175.0, elevation=74.0, width=46.0, height=30.0, radiance=1_420.0),  # overhead
+    _Softbox(side=175.0, elevation=70.0, width=46.0, height=30.0, radiance=1_420.0),  # overhead
 )
 
 
@@ -72,7 +72,9 @@ def _cover(softbox: _Softbox, directions: np.ndarray) -> np.ndarray:
     for axis, across in ((right, softbox.width), (up, softbox.height)):
         half = math.tan(math.radians(across) / 2.0)
         place = np.abs(directions @ axis) / np.maximum(ahead, 1e-6)
-        cover = cover * _smooth((half - place) / _EDGE + 0.5) * (1.0 - 0.3 * np.minimum(place / half, 1.0) ** 2)
+        cover = (
+            cover * _smooth((half - place) / _EDGE + 0.5) * (1.0 - 0.3 * np.minimum(place / half, 1.0) ** 2)
+        )
     return np.asarray(cover)
 
 

@@ -96,7 +96,9 @@ def _sun(elevation: float, azimuth: float, turbidity: float, intensity: float) -
 def require_environment(value: object) -> None:
     """Raise SceneError where `value` is not what a scene may have as its environment."""
     if value is not None and not isinstance(value, Environment | Sky):
-        raise SceneError(f"environment must be an ispm.Environment, an ispm.Sky or None, not a {type(value).__name__}")
+        raise SceneError(
+            f"environment must be an ispm.Environment, an ispm.Sky or None, not a {type(value).__name__}"
+        )
 
 
 def dome_of(environment: Environment | Sky | None) -> Environment | None:
