@@ -10,6 +10,7 @@ import tempfile
 from pathlib import Path
 
 import numpy as np
+from rgbe import hdr
 
 import ispm
 from ispm.kernels import manifest
@@ -73,6 +74,11 @@ def render_everything() -> None:
         for variant in VARIANTS:
             renderer.settings = ispm.Settings(**{**SMALL, **variant})
             assert renderer.render().image.size
+        sky = Path(folder) / "sky.hdr"
+        sky.write_bytes(hdr(TEXTURE.reshape(4, 4, 4)))
+        renderer.scene.environment = ispm.Environment(sky)
+        renderer.settings = ispm.Settings(**SMALL)
+        assert renderer.render().image.size
         renderer.settings = ispm.Settings(**SMALL, preset="live")
         for step in (0.0, 0.1, 0.1):  # the last frame rests
             renderer.scene.nodes[1].translation = (-2.8 + step, 0.7, 0.0)

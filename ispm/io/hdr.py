@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -75,7 +74,7 @@ def _read_rgbe(path: Path) -> np.ndarray:
     data = np.fromfile(path, np.uint8)
     start, width, height, turned = _header(data[:_HEADER].tobytes(), str(path))
     _require_size(width, height)
-    image = fewer_rows(np.concatenate([*_rows(data, start, width, height)]), HIGHEST)
+    image = fewer_rows(_decoded(data, start, width, height), HIGHEST)
     if image.shape[:2] != (height, width):
         told_of_averaging(str(path), width, height)
     return np.ascontiguousarray(image[turned])
@@ -116,20 +115,22 @@ def _shown(text: bytes) -> str:
     return "".join(c if c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in short)
 
 
-def _rows(data: np.ndarray, start: int, width: int, height: int) -> Iterator[np.ndarray]:
-    """Yield (n, w, 3) float32 of some rows after the other, averaged to the columns that are kept.
+def _decoded(data: np.ndarray, start: int, width: int, height: int) -> np.ndarray:
+    """(h, w, 3) float32 of all rows, averaged to the columns that are kept.
 
     Raises SceneError for bytes that are no pixels.
     """
     if len(data) - start < 4 * height:
         raise SceneError(_FAULTS[0])
+    image = np.empty((height, min(width, WIDEST), 3), np.float32)
     each = max(_AT_ONCE // width, 1)
     for first in range(0, height, each):
         texels = np.zeros((min(each, height - first), width, 4), np.uint8)
         start = decode_rows(data, start, width in _RUN_WIDTHS, texels)
         if start < 0:
             raise SceneError(_FAULTS[-start - 1])
-        yield fewer_columns(radiance_of(texels), WIDEST)
+        image[first : first + each] = fewer_columns(radiance_of(texels), WIDEST)
+    return image
 
 
 def radiance_of(texels: np.ndarray) -> np.ndarray:

@@ -17,6 +17,7 @@ from ispm.optics.environment import (
 )
 from ispm.scene.environment import Environment
 from ispm.scene.sky import Sky, dome_of, require_environment
+from ispm.scene.values import kept_value
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +65,7 @@ def pack_environment(around: Environment | Sky | None, before: Surround | None =
         return NO_SURROUND
     image, version = environment.image, environment.version
     turn, scale, background = environment.rotation, environment.intensity, environment.background
-    made_of = (version, turn, scale, background)
+    made_of = (version, *map(kept_value, (turn, scale, background)))
     same_image = before is not None and before.image is image and before.made_of[0] == version
     if before is not None and same_image and before.made_of == made_of:
         return before

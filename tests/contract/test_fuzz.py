@@ -14,7 +14,7 @@ def few() -> Report:
     harmful = [
         case
         for case in attacks()
-        if case[0].startswith(("OBJ with", "MTL with", "PLY", "STL at", "gltf asks"))
+        if case[0].startswith(("OBJ with", "MTL with", "PLY", "STL at", "HDR", "gltf asks"))
     ]
     return run([*islice(mutated(130, 1, seeds(None)), 130), *harmful[::3][:70]], workers=2)
 

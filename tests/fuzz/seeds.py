@@ -9,6 +9,9 @@ from pathlib import Path
 import numpy as np
 from gltf_builder import QUAD, QUAD_INDICES, QUAD_UV, GltfBuilder
 from PIL import Image
+from rgbe import hdr
+
+from ispm.io.image import write_exr
 
 Files = dict[str, bytes]
 LARGEST = 1 << 21  # bytes of an asset that is damaged
@@ -125,6 +128,10 @@ def small(folder: Path) -> list[tuple[str, Files]]:
             ("a.stl", {"a.stl": stl_bytes()}), ("a.stl", {"a.stl": stl_text()})]  # fmt: skip
     made += [("a.ply", {"a.ply": ply(form), "a.png": pictures["a.png"]})
              for form in ("ascii", "binary_little_endian", "binary_big_endian")]  # fmt: skip
+    texels = np.repeat(np.random.default_rng(3).integers(9, 140, (6, 8, 4), dtype=np.uint8), 3, axis=1)
+    made += [("a.hdr", {"a.hdr": hdr(texels, form)}) for form in ("flat", "old", "new")]
+    write_exr(folder / "a.exr", {"full": texels[..., :3].astype(np.float32)})
+    made.append(("a.exr", {"a.exr": (folder / "a.exr").read_bytes()}))
     for kind in ("PNG", "JPEG", "WEBP", "BMP", "TGA", "GIF", "TIFF"):
         text = f"{TEXT}usemtl m\nf 1/1 2/2 3/3\n".encode()
         mtl = f"newmtl m\nmap_Kd a.{kind.lower()}\n".encode()

@@ -7,6 +7,7 @@ import os
 import resource
 import signal
 import sys
+import tempfile
 import time
 import warnings
 from pathlib import Path
@@ -17,7 +18,9 @@ from PIL import Image
 
 import ispm
 from ispm.errors import IspmError, SceneWarning
+from ispm.io.image import write_exr
 from ispm.optics.texture import halved
+from ispm.scene.packed import pack
 
 ROOM = 4 << 30  # bytes of address space above what the process has: harm ends here rather than in the machine
 LIMIT = 60  # s of a processor, after which a load is taken to hang
@@ -25,11 +28,19 @@ WAIT = 300  # s of the clock, likewise
 
 
 def main() -> None:
+    answers = os.fdopen(os.dup(1), "w")
+    os.dup2(2, 1)  # OpenEXR tells of damage on stdout, too
     Image.init()
     halved(np.zeros((2, 2, 4), np.uint8), True)
+    with tempfile.TemporaryDirectory() as folder:  # what reading and packing compile and import
+        small = Path(folder) / "a.hdr"
+        small.write_bytes(b"#?RADIANCE\n\n-Y 1 +X 2\n" + bytes(8))
+        write_exr(small.with_suffix(".exr"), {"full": np.ones((1, 2, 3), np.float32)})
+        for path in (small, small.with_suffix(".exr")):
+            used(str(path), {})
     ispm.load  # noqa: B018  # imports what loading needs, which is not the files' doing
     for line in sys.stdin:
-        print(json.dumps(outcome(*json.loads(line))), flush=True)
+        print(json.dumps(outcome(*json.loads(line))), file=answers, flush=True)
 
 
 def outcome(path: str, options: dict[str, Any]) -> dict[str, Any]:
@@ -60,9 +71,9 @@ def attempt(path: str, options: dict[str, Any]) -> dict[str, Any]:
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         try:
-            scene = ispm.load(bytes.fromhex(path).decode("utf-8", "surrogatepass"), **options)
-            end, said = ("warn" if scene.warnings else "ok"), scene.warnings
-            _ = scene.triangle_count, scene.materials, repr(scene)
+            told = used(bytes.fromhex(path).decode("utf-8", "surrogatepass"), options)
+            said = told + [str(w.message) for w in caught if issubclass(w.category, SceneWarning)]
+            end = "warn" if said else "ok"
         except IspmError as error:
             end, said = "error", [str(error)]
         except BaseException as error:
@@ -74,6 +85,17 @@ def attempt(path: str, options: dict[str, Any]) -> dict[str, Any]:
     if any(not line.isprintable() for line in said):
         end = "unprintable"
     return {"end": end, "said": said[:3], "seconds": seconds, "bytes": kept("VmHWM") - before}
+
+
+def used(path: str, options: dict[str, Any]) -> list[str]:
+    """What is said of a scene's file, or an environment's, that can be used."""
+    if path.endswith((".hdr", ".exr")):
+        scene = ispm.Scene(environment=ispm.Environment(path))
+        _ = pack(scene), repr(scene.environment)
+    else:
+        scene = ispm.load(path, **options)
+        _ = scene.triangle_count, scene.materials, repr(scene)
+    return list(scene.warnings)
 
 
 def kept(what: str) -> int:

@@ -5,7 +5,7 @@ import copy
 import numpy as np
 import pytest
 
-from ispm import Material, Mesh, Node, Part, PointLight, Scene, SpotLight, Texture, shapes
+from ispm import Environment, Material, Mesh, Node, Part, PointLight, Scene, SpotLight, Texture, shapes
 from ispm.scene.packed import Packed, pack
 
 
@@ -24,6 +24,7 @@ def furnished() -> Scene:
     cup.instances[:, 0, 3] = 0.0, 1.0, 2.0
     scene.add(PointLight((9.0, 9.0, 9.0)), name="lamp", translation=np.array([0.0, 3.0, 0.0]))
     scene.add(SpotLight(outer_angle=0.5), name="spot", translation=(1.0, 3.0, 0.0))
+    scene.environment = Environment(np.full((2, 4, 3), 0.5))
     return scene
 
 
@@ -32,8 +33,14 @@ def content(packed: Packed) -> dict[str, object]:
     arrays = ("instances", "materials", "lights", "bounds", "widths", "boxes", "ids")
     found: dict[str, object] = {name: getattr(packed, name).tobytes() for name in arrays}
     found |= {"vertices": packed.geometry.digest, "diagonal": packed.diagonal, "names": packed.names}
+    found["environment"] = packed.surround.digest
     found |= {"draws": packed.draws, "textures": [texture.state for texture in packed.textures]}
     return found
+
+
+def _paint_environment(scene: Scene) -> None:
+    scene.environment.image[0, 0] = 3.0
+    scene.environment.touch()
 
 
 def _move_in_place(scene: Scene) -> None:
@@ -77,6 +84,13 @@ EDITS = {
     "light's number": lambda s: setattr(s["lamp"].light, "intensity", (1.0, 2.0, 3.0)),
     "light's kind": lambda s: setattr(s["lamp"], "light", SpotLight()),
     "light gone": lambda s: s.remove("spot"),
+    "environment gone": lambda s: setattr(s, "environment", None),
+    "environment's number": lambda s: setattr(s.environment, "intensity", 2.0),
+    "environment turned": lambda s: setattr(s.environment, "rotation", 1.0),
+    "environment hidden": lambda s: setattr(s.environment, "background", False),
+    "environment's image": lambda s: setattr(s.environment, "image", np.ones((2, 4, 3))),
+    "environment painted": _paint_environment,
+    "environment's twin": lambda s: setattr(s, "environment", Environment(np.full((4, 8, 3), 0.5))),
     "node renamed": lambda s: setattr(s["leg 0"], "name", "foot"),
     "node added": lambda s: s.add(shapes.box(), name="new"),
     "node removed": lambda s: s.remove("leg 1"),
@@ -113,6 +127,11 @@ def test_what_did_not_change_is_kept():
     scene["lamp"].light.intensity = (2.0, 2.0, 2.0)
     lit = pack(scene, painted)
     assert (lit.placed, lit.looks) == (painted.placed, painted.looks) and lit.lit is not painted.lit
+    assert lit.surround is before.surround
+    scene.environment.rotation = 0.5
+    turned = pack(scene, lit)
+    assert (turned.placed, turned.looks, turned.lit) == (lit.placed, lit.looks, lit.lit)
+    assert turned.environment.columns is lit.environment.columns  # made of the image alone
 
 
 def test_a_value_that_goes_bad_is_refused_though_the_one_before_was_packed():
@@ -124,6 +143,10 @@ def test_a_value_that_goes_bad_is_refused_though_the_one_before_was_packed():
         (scene["leg 0"], "translation", (np.inf, 0.0, 0.0)),
         (scene["leg 0"], "parts", [None]),
         (scene["leg 0"], "light", 3),
+        (scene, "environment", "sky.hdr"),
+        (scene.environment, "rotation", np.nan),
+        (scene.environment, "intensity", -1.0),
+        (scene.environment, "image", np.ones((2, 4))),
         (scene["leg 0"], "children", None),
     ):
         good = getattr(owner, name)

@@ -10,6 +10,7 @@ from collections.abc import Iterator
 
 from fuzz.attacks.buffers import accessors
 from fuzz.attacks.files import Attack
+from fuzz.attacks.hdr import environments
 from fuzz.attacks.images import pictures
 from fuzz.attacks.names import names, places
 from fuzz.attacks.normals import smooth
@@ -23,5 +24,18 @@ __all__ = ["Attack", "attacks"]
 
 def attacks() -> Iterator[Attack]:
     """Yield all of them."""
-    for source in (accessors, pictures, numbers, nodes, names, obj, mtl, ply, stl, places, smooth):
+    for source in (
+        accessors,
+        pictures,
+        numbers,
+        nodes,
+        names,
+        obj,
+        mtl,
+        ply,
+        stl,
+        places,
+        smooth,
+        environments,
+    ):
         yield from source()
