@@ -15,7 +15,7 @@ from ispm.errors import SceneError
 from ispm.framing.light import brings_light, default_light
 from ispm.io.load import load
 from ispm.library.builtin import BUILTINS, builtin
-from ispm.library.shapes import box, icosphere
+from ispm.library.shapes import icosphere
 from ispm.library.studio_light import FRONT
 from ispm.optics.environment import environment_radiance
 from ispm.renderer.ready import Ready
