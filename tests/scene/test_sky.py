@@ -5,13 +5,14 @@ import re
 
 import numpy as np
 import pytest
+from numba import typeof
 
 import ispm
 from ispm.errors import SceneError
 from ispm.library.shapes import box
 from ispm.optics import records
 from ispm.optics.atmosphere import sun_direction, sun_irradiance
-from ispm.optics.environment import environment_radiance
+from ispm.optics.environment import NO_ENVIRONMENT, environment_radiance
 from ispm.optics.vector import LUMINANCE
 from ispm.scene.packed import pack
 from ispm.scene.scene import Scene
@@ -130,3 +131,9 @@ def test_misspelt_names_and_other_things_are_refused():
         SceneError, match=r"environment must be an ispm.Environment, an ispm.Sky or None, not a str"
     ):
         pack(under("sunny"))
+
+
+def test_kernels_take_a_sky_as_they_take_no_environment():
+    """A type of its own would be compiled while users wait: an array that cannot be written is one."""
+    table = pack(under(Sky())).environment
+    assert typeof(table) == typeof(NO_ENVIRONMENT)
