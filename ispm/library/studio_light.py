@@ -16,7 +16,7 @@ FRONT = math.atan2(0.45, -1.0)
 _HEIGHT = 128  # rows of the image
 _EDGE = 0.06  # of tangents: over which a softbox fades, 3 degrees
 # cd/m2 of the room, from straight down to straight up, at even steps of the direction's height.
-_ROOM = (58.0, 70.0, 100.0, 183.0, 258.0, 308.0, 333.0)
+_ROOM = (73.0, 89.0, 125.0, 235.0, 329.0, 387.0, 408.0)
 
 
 class _Softbox(NamedTuple):
@@ -35,11 +35,11 @@ class _Softbox(NamedTuple):
 
 
 _SOFTBOXES = (
-    _Softbox(side=-50.0, elevation=40.0, width=56.0, height=46.0, radiance=3_750.0),  # key
-    _Softbox(side=62.0, elevation=18.0, width=44.0, height=62.0, radiance=700.0),  # fill
-    _Softbox(side=-142.0, elevation=24.0, width=14.0, height=64.0, radiance=2_500.0),  # rims, behind
-    _Softbox(side=145.0, elevation=24.0, width=14.0, height=64.0, radiance=2_500.0),
-    _Softbox(side=175.0, elevation=70.0, width=46.0, height=30.0, radiance=1_420.0),  # overhead
+    _Softbox(side=-50.0, elevation=40.0, width=56.0, height=46.0, radiance=3_760.0),  # key
+    _Softbox(side=62.0, elevation=18.0, width=44.0, height=62.0, radiance=890.0),  # fill
+    _Softbox(side=-142.0, elevation=24.0, width=14.0, height=64.0, radiance=2_300.0),  # rims, behind
+    _Softbox(side=145.0, elevation=24.0, width=14.0, height=64.0, radiance=2_300.0),
+    _Softbox(side=175.0, elevation=70.0, width=46.0, height=30.0, radiance=940.0),  # overhead
 )
 
 
