@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from ispm.scene.names import Names
     from ispm.scene.rotation import axis_angle, euler
     from ispm.scene.scene import Node, Part, Scene
+    from ispm.scene.sky import Sky
     from ispm.settings import Settings
     from ispm.viewer.viewer import Viewer, view
 
@@ -62,6 +63,7 @@ _HOMES = {
     "SceneWarning": "ispm.errors",
     "Settings": "ispm.settings",
     "SettingsError": "ispm.errors",
+    "Sky": "ispm.scene.sky",
     "SphereLight": "ispm.scene.light",
     "SpotLight": "ispm.scene.light",
     "Stats": "ispm.renderer.statistics",
@@ -109,6 +111,7 @@ __all__ = [
     "SceneWarning",
     "Settings",
     "SettingsError",
+    "Sky",
     "SphereLight",
     "SpotLight",
     "Stats",

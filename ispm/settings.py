@@ -22,6 +22,7 @@ Kernel = Literal["auto", "footprint", "measured", "class", "hint"]
 Estimator = Literal["auto", "volumes", "tiled", "grid"]
 Emission = Literal["auto", "map", "rays"]
 Tonemap = Literal["neutral", "agx", "none"]
+Unlit = Literal["auto", "none", "studio", "sky", "lamp"]
 
 RENDERER_VIEWS = ("photons", "bounce-map", "overdraw")
 """Those of VIEWS that only a renderer can make: they show its photons."""
@@ -168,6 +169,12 @@ class Settings(_Checked):
         words={"black": (0.0, 0.0, 0.0), "transparent": "transparent"},
         metavar="C",
     )
+    light: Unlit = knob(
+        "auto",
+        "what lights a scene without lights; studio: softboxes all around; sky: a clear sky with its sun; "
+        "lamp: one near the camera in a room, else far away; auto: a lamp in a room, else the studio",
+        choices=get_args(Unlit),
+    )
     antialias: bool = knob(True, "supersample the pixels on edges")
     live: bool = knob(
         False,
@@ -254,6 +261,7 @@ class Changes(TypedDict, total=False):
     exposure: float | Literal["auto", "hold"]
     tonemap: Tonemap
     background: tuple[float, float, float] | Literal["black", "transparent"]
+    light: Unlit
     antialias: bool
     live: bool
     seed: int

@@ -125,7 +125,9 @@ def summary(scene: Scene) -> dict[str, Any]:
 
 def _environment(scene: Scene) -> str | None:
     """The environment's name and size; None: there is none."""
-    around = scene.environment
+    from ispm.scene.sky import dome_of
+
+    around = dome_of(scene.environment)
     if around is None:
         return None
     height, width = around.image.shape[:2]

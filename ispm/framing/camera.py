@@ -1,4 +1,4 @@
-"""A camera and a light for scenes that bring none: the same for all moments of their animations."""
+"""A camera for scenes that bring none: the same for all moments of their animations."""
 
 from __future__ import annotations
 
@@ -14,20 +14,18 @@ from ispm.framing.interior import interior_viewpoint
 from ispm.optics.records import NO_HIT
 from ispm.scene.camera import Camera, look_at_pose
 from ispm.scene.extent import enclosing_diameter
-from ispm.scene.light import DirectionalLight, Light, PointLight, SurfaceLight
+from ispm.scene.light import SurfaceLight
 from ispm.scene.packed import Packed, farthest_points, pack, to_world
 from ispm.scene.placing import Tree
-from ispm.scene.scene import Node, Scene
-from ispm.scene.values import BRIGHTEST
+from ispm.scene.scene import Scene
 from ispm.settings import Settings
 
 _FROM = np.array([0.45, 0.35, 1.0])  # where an object is seen from: front, a little right and above
-_SUN = np.array([0.6, 1.0, 0.7])
 _VERTICES = 20_000  # that a camera is fitted to
 _CLEARANCE = 0.02  # of the diagonal, between the eye and the scene
 _MARGIN = 1.08  # about what is framed
 _HORIZONTAL = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [-1.0, 0.0, 0.0]])
-_NO_POINTS = np.zeros((0, 3))
+NO_POINTS = np.zeros((0, 3))
 _FAR_OFF = (
     1e4  # times its size that a scene may stand from the origin; at 3e4 it has lost 5 % of its indirect light
 )
@@ -170,7 +168,7 @@ def rigid(matrix: np.ndarray) -> np.ndarray:
 
 
 def default_camera(
-    packed: Packed, world: World, aspect: float, passed: np.ndarray = _NO_POINTS
+    packed: Packed, world: World, aspect: float, passed: np.ndarray = NO_POINTS
 ) -> tuple[Camera, np.ndarray]:
     """Return a camera that frames the scene from outside, or from within where it is a room.
 
@@ -180,7 +178,7 @@ def default_camera(
     viewpoint = interior_viewpoint(packed, world)
     if viewpoint is not None:
         return _camera_of_room(packed, world, viewpoint, aspect)
-    low, high, diagonal = _extent(packed, passed)
+    low, high, diagonal = extent(packed, passed)
     center = (low + high) / 2.0
     back = _FROM / np.linalg.norm(_FROM)
     pose = look_at_pose(center + back, center)
@@ -196,7 +194,7 @@ def default_camera(
     return Camera(yfov=_YFOV), pose
 
 
-def _extent(packed: Packed, passed: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
+def extent(packed: Packed, passed: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
     """The corners of the box round a scene and what passes, and the diameter of both, m."""
     low, high = packed.bounds
     if not len(passed):
@@ -212,9 +210,9 @@ def _camera_of_room(
     the whole of its open side, from in front of it."""
     low, high = packed.bounds
     size = high - low
-    up, down = np.minimum(_free(world, viewpoint, np.array([[0.0, 1.0, 0.0], [0.0, -1.0, 0.0]])), size[1])
+    up, down = np.minimum(free_way(world, viewpoint, np.array([[0.0, 1.0, 0.0], [0.0, -1.0, 0.0]])), size[1])
     eye = viewpoint + np.array([0.0, 0.45 * (up + down) - down, 0.0])
-    free = np.minimum(_free(world, eye, _HORIZONTAL), np.abs(_HORIZONTAL) @ size)
+    free = np.minimum(free_way(world, eye, _HORIZONTAL), np.abs(_HORIZONTAL) @ size)
     longest = int((free + 0.5 * np.roll(free, 2)).argmax())  # an open side is one to look in by
     back, aside = _HORIZONTAL[longest], np.abs(_HORIZONTAL[longest - 1])
     eye = eye + 0.9 * free[longest] * back
@@ -227,7 +225,7 @@ def _camera_of_room(
     return Camera(yfov=_ROOM_YFOV), look_at_pose(eye, target)
 
 
-def _free(world: World, origin: np.ndarray, directions: np.ndarray) -> np.ndarray:
+def free_way(world: World, origin: np.ndarray, directions: np.ndarray) -> np.ndarray:
     """Return (n,) m free from a point in (n, 3) directions; infinite where nothing is met."""
     hits = world.trace(
         np.tile(origin, (len(directions), 1)).astype(np.float32), directions.astype(np.float32)
@@ -246,36 +244,3 @@ def _some_vertices(packed: Packed) -> np.ndarray:
         points = packed.geometry.vertices["position"][indices]
         found.append(points @ matrix[:, :3].T + matrix[:, 3])
     return np.concatenate(found)
-
-
-def default_light(
-    packed: Packed, world: World, eye: np.ndarray, passed: np.ndarray = _NO_POINTS
-) -> tuple[Node, str]:
-    """Return a node with a light for a scene without one, and a line that says so.
-
-    eye     (3,) m, where the camera stands
-    passed  (n, 3) m, points that moving things pass
-    A room gets a lamp near the camera, an object a far lamp like the sun. A white surface facing it
-    then has a radiance of about 1 cd/m2, which suits emissive materials of factor 1.
-    """
-    low, high, diagonal = _extent(packed, passed)
-    center = (low + high) / 2.0
-    viewpoint = interior_viewpoint(packed, world)
-    if viewpoint is not None:
-        position = eye + 0.15 * (viewpoint - eye)
-        up = np.array([0.0, 1.0, 0.0])
-        (free,) = _free(world, position, up[None])
-        position += up * min(0.3 * (packed.bounds[1, 1] - position @ up), 0.5 * float(free))
-        kind = "a lamp near the camera"
-        distance = packed.diagonal / 3.0
-    else:
-        distance = 20.0 * diagonal
-        position = center + distance * _SUN / np.linalg.norm(_SUN)
-        kind = "a lamp far away, like the sun,"
-    intensity = math.pi * distance * distance
-    light: Light = PointLight((min(intensity, BRIGHTEST),) * 3)
-    node = Node("default light", translation=position, light=light)
-    if viewpoint is None and intensity > BRIGHTEST:  # so far away that its rays are parallel
-        node.light = DirectionalLight((math.pi,) * 3)
-        node.matrix = look_at_pose(position, center)
-    return node, f"the scene has no light; {kind} lights it"

@@ -63,7 +63,7 @@ def environment_table(image: np.ndarray) -> EnvironmentTable:
     Pixels are drawn in proportion to their solid angle times the greatest luminance in them, and a little
     more often where that is next to nothing, so that each has a probability that has any light.
     """
-    radiance = np.ascontiguousarray(image, np.float32)
+    radiance = np.require(image, np.float32, ("C", "W"))  # kernels take what can be written for another type
     angles = _row_solid_angles(len(radiance))[:, None]
     weights = _greatest_luminance(radiance) * angles
     if not weights.any():  # in the dark all directions are alike

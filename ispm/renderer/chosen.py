@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Callable
 
 import numpy as np
 
 from ispm.accel.world import World
-from ispm.framing.camera import default_camera, default_light, given_camera, passed_points, without_lamps
+from ispm.framing.camera import default_camera, given_camera, passed_points, without_lamps
+from ispm.framing.light import DefaultLight, brings_light, default_light
 from ispm.renderer.picture import Frame
 from ispm.scene.camera import Camera
 from ispm.scene.packed import Packed
 from ispm.scene.placing import Tree
-from ispm.scene.scene import Node, Scene
+from ispm.scene.scene import Scene
+from ispm.settings import Unlit
 
 
 class Chosen:
@@ -27,7 +30,7 @@ class Chosen:
     def __init__(self, place: Callable[[Scene], Packed], world: World, say: Callable[[str], None]) -> None:
         self._place, self._world, self._say = place, world, say
         self._cameras: dict[float, tuple[Camera, np.ndarray]] = {}  # by the picture's aspect
-        self._light: Node | None = None
+        self._lights: dict[Unlit, DefaultLight] = {}  # by the setting
         self.exposure: float | None = None
         self.wanted: Camera | str | int | None = None
 
@@ -35,7 +38,7 @@ class Chosen:
         """Ask for a camera; None: for what the scene suggests, found anew, and so is the light."""
         self.wanted = camera
         if camera is None:
-            self._cameras, self._light = {}, None
+            self._cameras, self._lights = {}, {}
 
     def eye(self, scene: Scene, size: tuple[int, int], tree: Tree | None = None) -> tuple[Camera, np.ndarray]:
         """Return the camera for pictures of `size`, and its (4, 4) pose. Else as `given_camera`."""
@@ -48,17 +51,26 @@ class Chosen:
             self._cameras[aspect] = default_camera(packed, self._world, aspect, passed_points(scene))
         return self._cameras[aspect]
 
-    def lit(self, scene: Scene, size: tuple[int, int], tree: Tree) -> Tree:
-        """Return the scene's tree, with a light where it has none, nor an environment."""
-        if scene.environment is not None or any(node.light is not None for node in tree.nodes):
-            return tree
-        if self._light is None:
+    def lit(self, scene: Scene, size: tuple[int, int], tree: Tree, kind: Unlit) -> tuple[Scene, Tree]:
+        """Return the scene and its tree, with the light of that kind where they have none."""
+        if brings_light(scene, tree):
+            if kind not in ("auto", "none"):
+                self._say(f"the scene has light of its own; setting light, {kind}, is for scenes without")
+            return scene, tree
+        if kind not in self._lights:
             rest = scene.at_rest()
             _, pose = self.eye(rest, size)
             packed = self._place(rest)
-            self._light, line = default_light(packed, self._world, pose[:3, 3], passed_points(scene))
-            self._say(line)
-        return Tree([*tree.nodes, self._light], [*tree.parents, -1])
+            self._lights[kind] = default_light(kind, packed, self._world, pose, passed_points(scene))
+        light = self._lights[kind]
+        if light.line:
+            self._say(light.line)
+        if light.environment is not None:
+            scene = copy.copy(scene)
+            scene.environment = light.environment
+        if light.node is not None:
+            tree = Tree([*tree.nodes, light.node], [*tree.parents, -1])
+        return scene, tree
 
     def expose(self, frame: Frame) -> Frame:
         """Return the frame; with setting "hold" it is shown at the exposure of the first one."""

@@ -17,6 +17,7 @@ from ispm.scene.packed import Packed, pack
 from ispm.scene.packed_material import texture_state
 from ispm.scene.placing import Tree
 from ispm.scene.scene import Scene
+from ispm.settings import Settings
 from ispm.stages.camera import CameraView
 
 _EYE_NEAR = 1e-9  # of the scene's diagonal: the eye may stand low over a wide plain
@@ -40,11 +41,12 @@ class Ready:
         self.surfaces = SurfaceTable(pack(Scene()), self.textures, 0.0)
         self._packed: Packed | None = None
 
-    def __call__(self, scene: Scene, size: tuple[int, int], index: int) -> tuple[Packed, CameraView]:
-        """Return the scene with its lights, and what pass `index` of a picture of `size` sees it through."""
+    def __call__(self, scene: Scene, settings: Settings, index: int) -> tuple[Packed, CameraView]:
+        """Return the scene with its lights, and what pass `index` of a picture sees it through."""
+        size = settings.size
         tree = scene.tree()
         camera, pose = self.chosen.eye(scene, size, tree)
-        packed = self.place(scene, self.chosen.lit(scene, size, tree))
+        packed = self.place(*self.chosen.lit(scene, size, tree, settings.light))
         reach = float(np.abs(packed.bounds - pose[:3, 3]).max()) + packed.diagonal
         near = _EYE_NEAR * packed.diagonal if camera.ymag is None else 0.0
         view = CameraView(

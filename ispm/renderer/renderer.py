@@ -320,7 +320,7 @@ class Renderer:
     def _prepare(self, index: int) -> Pass:
         """Pack the scene, place it in the tracer, and find its camera and lights."""
         self._require_open()
-        packed, view = self._ready(require_scene(self.scene), self.settings.size, index)
+        packed, view = self._ready(require_scene(self.scene), self.settings, index)
         self.names = packed.names
         settings = of_pass(self.settings, index)
         return Pass(packed, self._ready.world, self._ready.surfaces, view, settings, self.threads)

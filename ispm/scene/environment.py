@@ -97,12 +97,6 @@ class Environment(Strict):
         return f"environment '{self.name}'" if self.name else "environment"
 
 
-def require_environment(value: object) -> None:
-    """Raise SceneError where `value` is not what a scene may have as its environment."""
-    if value is not None and not isinstance(value, Environment):
-        raise SceneError(f"environment must be an ispm.Environment or None, not a {_kind(value)}")
-
-
 def averaged(image: np.ndarray, called: str) -> np.ndarray:
     """Return an image of at most 4096 x 2048 pixels, warning in one line where it has more."""
     height, width = image.shape[:2]

@@ -24,6 +24,7 @@ from ispm.scene.packed_light import Lit, pack_lights
 from ispm.scene.packed_material import Looks, pack_materials
 from ispm.scene.placing import Tree
 from ispm.scene.scene import Scene
+from ispm.scene.sky import with_sun
 from ispm.scene.values import FARTHEST
 
 PIECE = 64  # triangles of a mesh that a view draws or leaves out together, see `scene.pieces`
@@ -214,10 +215,10 @@ def pack(scene: Scene, before: Packed | None = None, tree: Tree | None = None) -
     """Flatten a scene.
 
     before  of an earlier frame: what of it is still so is used again; where all is, it is returned itself
-    tree    the scene's, or one with more in it
+    tree    the scene's, or one with more in it; a sky's sun comes to it
     Raises SceneError where a mesh, material, light or node has a value that cannot be used.
     """
-    tree = scene.tree() if tree is None else tree
+    tree = with_sun(scene.tree() if tree is None else tree, scene.environment)
     worlds = tree.worlds()
     if not np.abs(worlds).max(initial=0.0) <= FARTHEST:  # NaN is not
         far = ~(np.abs(worlds).max(axis=(1, 2)) <= FARTHEST)

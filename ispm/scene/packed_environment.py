@@ -15,7 +15,8 @@ from ispm.optics.environment import (
     environment_table,
     placed_environment,
 )
-from ispm.scene.environment import Environment, require_environment
+from ispm.scene.environment import Environment
+from ispm.scene.sky import Sky, dome_of, require_environment
 from ispm.scene.values import kept_value
 
 
@@ -53,12 +54,13 @@ class Surround:
 NO_SURROUND = Surround(NO_ENVIRONMENT, False, NO_ENVIRONMENT, None, ())
 
 
-def pack_environment(environment: Environment | None, before: Surround | None = None) -> Surround:
-    """Return a scene's environment: `before` itself if it is as then.
+def pack_environment(around: Environment | Sky | None, before: Surround | None = None) -> Surround:
+    """Return a scene's environment, a sky without its sun: `before` itself if it is as then.
 
     Raises SceneError for a value out of range.
     """
-    require_environment(environment)
+    require_environment(around)
+    environment = dome_of(around)
     if environment is None:
         return NO_SURROUND
     image, version = environment.image, environment.version

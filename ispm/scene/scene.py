@@ -23,6 +23,7 @@ from ispm.scene.node import Node as Node
 from ispm.scene.node import Part as Part
 from ispm.scene.placing import Tree, tree_of
 from ispm.scene.rotation import Quaternion
+from ispm.scene.sky import Sky
 from ispm.scene.values import Point, Strict, array_of, require, strict_call
 
 _MOMENTS = 64  # evenly over an animation, at which trajectories are sampled
@@ -36,7 +37,7 @@ class Scene(Branch, Strict):
     `scene[name]` is a node, `name in scene` asks for one, and a loop goes through all of them.
 
     roots       the nodes without a parent
-    environment  the light from all around; None: there is none
+    environment  the light from all around, an Environment or a Sky; None: there is none
     animations  that `at` plays
     warnings    what is amiss in the file it was loaded from, a line each
     extensions_used, extensions_honoured   of glTF, in that file
@@ -50,7 +51,7 @@ class Scene(Branch, Strict):
     extensions_used: list[str] = field(default_factory=list)
     extensions_honoured: list[str] = field(default_factory=list)
     playing: str | None = None
-    environment: Environment | None = None
+    environment: Environment | Sky | None = None
     _hung: weakref.WeakSet[Node] = field(default_factory=weakref.WeakSet, init=False, repr=False)
 
     @classmethod

@@ -11,6 +11,7 @@ from ispm.scene.environment import Environment
 from ispm.scene.material import Material, TextureUse
 from ispm.scene.node import Node
 from ispm.scene.scene import Scene
+from ispm.scene.sky import Sky
 
 _MATERIAL = tuple(f.name for f in fields(Material))
 
@@ -35,7 +36,7 @@ def fingerprint(scene: Scene) -> int:
     return hash(tuple(found))
 
 
-def _surround(environment: Environment | None) -> tuple[Any, ...]:
+def _surround(environment: Environment | Sky | None) -> tuple[Any, ...]:
     """All of an environment that tells."""
     return () if environment is None else tuple(map(_identity, vars(environment).values()))
 

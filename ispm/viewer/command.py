@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 from ispm.renderer.command_line import command_line
+from ispm.scene.environment import Environment
 from ispm.viewer.session import Session
 
 
@@ -18,7 +19,7 @@ def command_of(session: Session) -> str:
     if session.timed:
         options["animation"], options["time"] = session.timeline.animation, round(session.timeline.time, 4)
     around = session.scene.environment
-    if around is not None and around.file:
+    if isinstance(around, Environment) and around.file:
         options["environment"] = around.file
         options["environment_rotation"] = f"{math.degrees(around.rotation):.5g}" if around.rotation else None
         options["environment_intensity"] = f"{around.intensity:.5g}" if around.intensity != 1.0 else None

@@ -1,4 +1,4 @@
-"""The camera and the light of scenes that bring none."""
+"""The camera of scenes that bring none."""
 
 import json
 
@@ -9,7 +9,7 @@ from transport import box_room
 
 from ispm.accel.world import World
 from ispm.errors import SceneError
-from ispm.framing.camera import default_camera, default_light, find_camera, rigid
+from ispm.framing.camera import default_camera, find_camera, rigid
 from ispm.framing.interior import interior_viewpoint
 from ispm.io.load import load
 from ispm.library.builtin import BUILTINS, builtin
@@ -117,18 +117,6 @@ def test_rooms_are_told_from_objects_in_all_assets():
             wrong.append(name)
     assert len(scenes) > 100
     assert not wrong
-
-
-def test_the_default_light_shines_into_rooms_and_from_afar_on_objects():
-    packed, world = ready(box_room())
-    node, line = default_light(packed, world, np.zeros(3))
-    assert np.abs(node.translation).max() < 0.5 and "near the camera" in line
-    packed, world = ready(object_scene())
-    node, line = default_light(packed, world, np.zeros(3))
-    distance = np.linalg.norm(node.translation - packed.bounds.mean(axis=0))
-    assert distance == pytest.approx(20 * packed.diagonal) and "like the sun" in line
-    # a white surface facing it: E / pi = 1
-    assert node.light.intensity[0] / distance**2 == pytest.approx(np.pi)
 
 
 def test_cameras_are_found_by_name_index_or_as_the_first():

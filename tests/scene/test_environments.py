@@ -55,7 +55,9 @@ def test_an_image_too_large_for_kernels_is_refused_where_it_is_set_later():
 def test_a_scene_takes_nothing_else():
     scene = Scene(environment=GREY)
     scene.add(shapes.box())
-    with pytest.raises(SceneError, match=r"environment must be an ispm.Environment or None, not a ndarray"):
+    with pytest.raises(
+        SceneError, match=r"environment must be an ispm.Environment, an ispm.Sky or None, not a ndarray"
+    ):
         pack(scene)
 
 
