@@ -22,6 +22,9 @@ class EyeRays:
     slack      shares of the distance: a ray starts so far before what its pixel shows, which lies not farther
                behind than so
     hits       (n,) HIT, what the pixels show; None: it is looked for
+    columns    pixels in a row of the picture whose pixels' numbers the keys are: weak lobes of some are left to
+               others beside them; 0: all are looked at
+    most       paths from a strong lobe
     """
 
     origins: np.ndarray
@@ -31,6 +34,8 @@ class EyeRays:
     width: tuple[float, float]
     slack: tuple[float, float] = (1e-4, 1e-3)
     hits: np.ndarray | None = None
+    columns: int = 0
+    most: int = 4
 
 
 @dataclass(frozen=True)
