@@ -34,13 +34,13 @@ GLOSS_SAMPLES = 4  # paths from a pixel whose narrow lobe is strong, at most
 STRONG = f32(0.3)  # reflectance of such lobes
 _WEAK = f32(0.12)  # and of those that have one path for 2 x 2 pixels
 _SHARP = f32(0.01)  # alpha below which each pixel has its own all the same
-_COHERENT = f32(0.03)  # alpha below which paths of strong lobes end beside those of pixels nearby
+_COHERENT = f32(1.0)  # alpha below which paths of strong lobes end beside those of pixels nearby
 _REFLECTED_EACH = 4  # of the paths of rough glass so many reflect once
 
 
 class View(NamedTuple):
     """What holds for all rays: width, spread, near and past are `EyeRays.width` and `slack`;
-    columns and most those of EyeRays."""
+    columns, most and widening those of EyeRays."""
 
     width: np.float32
     spread: np.float32
@@ -50,6 +50,7 @@ class View(NamedTuple):
     seed: np.uint32
     columns: np.uint32
     most: np.int64
+    widening: np.float32
 
 
 class Branch(NamedTuple):

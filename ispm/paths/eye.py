@@ -53,9 +53,11 @@ from ispm.paths.eye_paths import EyePaths, EyeRays, RayArrays, ray_arrays
 from ispm.paths.facet import (
     ROUGH_SAMPLES,
     facet_numbers,
+    lobe_width,
     mean_reflectance,
     sample_lobe,
     sample_specular_lobe,
+    widened,
 )
 from ispm.paths.vertices import (
     BLACK,
@@ -97,7 +99,7 @@ def trace_eye(
     arrays = ray_arrays(rays)
     tables = scene_tables(packed, world, surfaces)
     (width, spread), (near, past) = rays.width, rays.slack
-    numbers = u32(pass_index), u32(seed), u32(rays.columns), i64(rays.most)
+    numbers = u32(pass_index), u32(seed), u32(rays.columns), i64(rays.most), f32(rays.widening)
     view = View(f32(width), f32(spread), f32(near), f32(past), *numbers)
     capacity = _CHUNK * _PATHS_MAX * _ENDS_MAX * _samples(packed)
     ends, points, traced = [np.zeros(0, PATH_END)], [np.zeros(0, RECEIVER)], 0
@@ -290,6 +292,7 @@ def _follow(tables, view, thread, path, i, slot, out, done):
         _add(out.emission, i, glow(tables, hit), seen)
         unlit = x.flags & u32(MATERIAL_UNLIT) != u32(0)
         wo = scale(f32(-1), d)
+        widest = view.widening * lobe_width(pdf)
         far = length if sharp else far
         sharp = sharp and (not from_lobe or (is_smooth(b) and not has_finite(b)))
         has_diffuse = b.diffuse[0] + b.diffuse[1] + b.diffuse[2] > f32(0)
@@ -298,14 +301,15 @@ def _follow(tables, view, thread, path, i, slot, out, done):
         goes_on = is_narrow(b) and not unlit and event < EVENTS_MAX and ends < _ENDS_MAX
         goes_on = goes_on and mean >= (_MIN_WEIGHT_AFTER_END if ends > 0 else _MIN_WEIGHT)
         if not unlit and (has_finite(b) or not is_smooth(b)):
-            light, shadows = direct_light(tables, x, wo, u0, thread.scratch, f32(np.inf))
+            lit = widened(x, widest)
+            light, shadows = direct_light(tables, lit, wo, u0, thread.scratch, f32(np.inf))
             _add(out.direct, i, light, seen)
             traced += shadows
         if unlit or has_diffuse or (has_finite(b) and not goes_on):
             if unlit:
                 b = BLACK
             store_end(out.ends[row].end, slot, lane, seen, b, hit.instance)
-            store_point(out.ends[row].point, x, wo, b, width, f32(0) if goes_on else NARROW_ALPHA)
+            store_point(out.ends[row].point, x, wo, b, width, widest if goes_on else NARROW_ALPHA)
             row, stored, lane = row + i64(1), stored + 1, i64(SCATTERED)
         if unlit:
             break

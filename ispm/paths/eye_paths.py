@@ -25,6 +25,8 @@ class EyeRays:
     columns    pixels in a row of the picture whose pixels' numbers the keys are: weak lobes of some are left to
                others beside them; 0: all are looked at
     most       paths from a strong lobe
+    widening   at ends, direct light counts lobes as at least this times as wide as the lobe that led there:
+               few paths find a light's image in a second narrow lobe
     """
 
     origins: np.ndarray
@@ -36,6 +38,7 @@ class EyeRays:
     hits: np.ndarray | None = None
     columns: int = 0
     most: int = 4
+    widening: float = 1.0
 
 
 @dataclass(frozen=True)

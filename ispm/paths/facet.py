@@ -7,9 +7,13 @@ import math
 
 import numpy as np
 
+from ispm.accel.surface import SurfacePoint
 from ispm.lights.nee import greatest
 from ispm.optics.bsdf import (
+    NARROW_ALPHA,
+    Bsdf,
     facet_reflectance,
+    is_narrow,
     is_smooth,
     smooth_split,
     specular_split,
@@ -59,6 +63,28 @@ def sample_lobe(x, wo, u1, u2):
     factor, _, wi, _, _ = facet_split(x, wo, u1, u2)
     pdf = visible_pdf(b.alpha, x.n, dot(x.n, wo), normalize(add(wo, wi)))
     return greatest(factor) > f32(0), wi, factor, pdf
+
+
+@jit
+def lobe_width(pdf):
+    """Return the alpha, float32, of a lobe that draws directions about normal incidence with the density `pdf`,
+    1/sr; 0 of 0."""
+    return f32(0.5) / math.sqrt(f32(math.pi) * pdf) if pdf > f32(0) else f32(0)
+
+
+@jit
+def widened(x, alpha):
+    """Return a SurfacePoint whose opaque lobe is no narrower than `alpha`, float32 at most that of wide ones.
+
+    Source: Kaplanyan and Dachsbacher, Path Space Regularization for Holistic and Robust Light Transport,
+    Eurographics 2013.
+    """
+    b = x.bsdf
+    if not is_narrow(b) or b.alpha >= alpha:
+        return x
+    wide = min(alpha, NARROW_ALPHA)
+    b = Bsdf(b.diffuse, b.f0, b.f90, wide, b.dielectric_f0, b.dielectric_f90, b.tint, b.eta, b.thin)
+    return SurfacePoint(x.hit, x.position, x.ng, x.n, b, x.flags, x.entering)
 
 
 @jit

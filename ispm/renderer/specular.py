@@ -46,7 +46,7 @@ def specular_light(this: Pass, seen: np.ndarray, light: PhotonLight) -> np.ndarr
     def trace(rays: EyeRays) -> EyePaths:
         return trace_eye(this.packed, this.world, this.surfaces, rays, settings.seed, this.index)
 
-    rays = eye_rays(seen, this.surfaces, view)
+    rays = eye_rays(seen, this.surfaces, view, settings.smoothing)
     paths, pixels = trace(rays), rays.keys
     places = rays.origins + rays.distances[:, None] * rays.directions
     given = shown(pixels, view.size[0], paths.firsts, places, view.pixel_widths(places))
@@ -72,7 +72,9 @@ def specular_light(this: Pass, seen: np.ndarray, light: PhotonLight) -> np.ndarr
     return np.concatenate([found[:count], through[:count]], axis=1)
 
 
-def eye_rays(seen: np.ndarray, surfaces: SurfaceTable, view: CameraView) -> EyeRays:
+def eye_rays(
+    seen: np.ndarray, surfaces: SurfaceTable, view: CameraView, widening: float = 1.0
+) -> EyeRays:
     """Return the rays through (n,) SEEN pixels, and where they meet the triangles there."""
     origins, directions = view.pixel_rays(seen["pixel"].astype(np.int64))
     parallel = view.ymag is not None
@@ -86,8 +88,8 @@ def eye_rays(seen: np.ndarray, surfaces: SurfaceTable, view: CameraView) -> EyeR
     keys, distances = seen["pixel"].astype(np.uint32), hits["t"].copy()
     across, high = view.size
     most = max(min(across * high // (2 * max(len(seen), 1)), GLOSS_SAMPLES), 1)
-    told = dict(hits=hits, columns=across, most=most)
-    return EyeRays(origins.astype(f4), directions.astype(f4), distances, keys, wide, **told)
+    rays = EyeRays(origins.astype(f4), directions.astype(f4), distances, keys, wide, hits=hits)
+    return replace(rays, columns=across, most=most, widening=widening)
 
 
 def rows_of(rays: EyeRays, rows: np.ndarray) -> EyeRays:
