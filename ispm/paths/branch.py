@@ -34,7 +34,6 @@ GLOSS_SAMPLES = 4  # paths from a pixel whose narrow lobe is strong, at most
 STRONG = f32(0.3)  # reflectance of such lobes
 _WEAK = f32(0.12)  # and of those that have one path for 2 x 2 pixels
 _SHARP = f32(0.01)  # alpha below which each pixel has its own all the same
-_COHERENT = f32(1.0)  # alpha below which paths of strong lobes end beside those of pixels nearby
 _REFLECTED_EACH = 4  # of the paths of rough glass so many reflect once
 
 
@@ -147,7 +146,7 @@ def _first_of_lobe(tables, view, x, wo, key, k, length):
     count = view.most if strong else i64(1)
     u1, u2 = lobe_numbers(view, key, k, count, not strong and x.bsdf.alpha >= _SHARP)
     _, wi, factor, pdf = sample_lobe(x, wo, u1, u2)
-    lane = REFLECTED if strong and x.bsdf.alpha < _COHERENT else SCATTERED
+    lane = REFLECTED if strong else SCATTERED
     weight = scale(f32(1) / f32(count), factor)
     branch = Branch(key, u32(k << 8 | 1), i64(lane), wi, weight, pdf, False)
     return leave(tables, x, no_medium(), f32(1), length, branch)

@@ -223,6 +223,8 @@ def denoise_rough_transmission(
     Light is averaged over a fifth of what the surface blurs it, at most 11 x 11 pixels, whose paths went out
     in different directions; and single paths that found a light's image through two rough faces are cut.
     """
+    frost = frost.copy()
+    frost["blur"][frost["reflectance"][:, 0] > 0.0] = 0.0  # lobes are averaged by resolve_lobes
     if not (frost["blur"] > 0.0).any():
         return
     rows = np.full((int(pixels[-1]) // width + 1, width), -1, np.int32)

@@ -48,6 +48,7 @@ def specular_light(this: Pass, seen: np.ndarray, light: PhotonLight) -> np.ndarr
 
     rays = eye_rays(seen, this.surfaces, view, settings.smoothing)
     paths, pixels = trace(rays), rays.keys
+    edges = edge_rows(paths, pixels, view.size[0]) if settings.antialias else np.zeros(0, np.int64)
     places = rays.origins + rays.distances[:, None] * rays.directions
     given = shown(pixels, view.size[0], paths.firsts, places, view.pixel_widths(places))
     lonely = lonely_rows(given)
@@ -56,7 +57,6 @@ def specular_light(this: Pass, seen: np.ndarray, light: PhotonLight) -> np.ndarr
         pixels = np.concatenate([pixels, pixels[lonely]])
         paths.firsts[lonely] = paths.firsts[count:]
     total = len(pixels)
-    edges = edge_rows(paths, rays.keys, view.size[0]) if settings.antialias else np.zeros(0, np.int64)
     if len(edges):
         fine = fine_rays(rays, paths, edges, view)
         paths = join_paths(paths, trace(fine))
