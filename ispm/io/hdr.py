@@ -169,7 +169,7 @@ def _decode_channels(data, at, out):
     """Decode a row, (w, 4), of which each channel has its own run lengths; return as `decode_rows`."""
     width = out.shape[0]
     for channel in range(4):
-        x = 0
+        x = i64(0)
         while x < width:
             if at + 2 > len(data):
                 return -1
@@ -193,7 +193,7 @@ def _decode_pixels(data, at, out):
     """Decode a row, (w, 4), of whole pixels, among which 1, 1, 1, n repeats the last one n times, or 256 n
     where another repeat is before it, and so on; return as `decode_rows`."""
     width = out.shape[0]
-    x, shift = 0, 0
+    x, shift = i64(0), i64(0)
     while x < width:
         if at + 4 > len(data):
             return -1
@@ -208,6 +208,6 @@ def _decode_pixels(data, at, out):
         else:
             for channel in range(4):
                 out[x, channel] = data[at + channel]
-            x, shift = x + 1, 0
+            x, shift = x + 1, i64(0)
         at += 4
     return at

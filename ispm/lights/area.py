@@ -18,7 +18,7 @@ from ispm.accel.emitters import (
 from ispm.accel.records import Hit
 from ispm.accel.surface import emitted_radiance
 from ispm.optics.bsdf import eval_bsdf, transmits
-from ispm.optics.environment import environment_pdf, environment_radiance, sample_environment
+from ispm.optics.environment import environment_light, sample_environment
 from ispm.optics.jit import jit
 from ispm.optics.rng import random4
 from ispm.optics.sampling import LATTICE, cosine_hemisphere, to_world
@@ -96,8 +96,7 @@ def resample_surround(tables, x, wo, u1, u2, pick, pairs, brightest):
         a, b = a - f32(math.floor(a)), b - f32(math.floor(b))
         if k & 1:
             wi = to_world(cosine_hemisphere(a, b), x.n)
-            radiance = environment_radiance(tables.environment, wi)
-            own = environment_pdf(tables.environment, wi)
+            radiance, own = environment_light(tables.environment, wi)
         else:
             wi, radiance, own = sample_environment(tables.environment, a, b)
         pdf = f32(0.5) * (own + max(dot(x.n, wi), f32(0)) * f32(1 / math.pi))

@@ -240,6 +240,14 @@ def sample_environment(table, u1, u2):
 
 
 @jit
+def environment_light(table, d):
+    """Return `environment_radiance` and `environment_pdf` of a direction."""
+    x, y = image_place(table, d)
+    height, width = len(table.columns), table.columns.shape[1] - 1
+    return _radiance_at(table, x, y), _density(table, min(int(y), height - 1), min(int(x), width - 1))
+
+
+@jit
 def environment_pdf(table, d):
     """Return the density, 1/sr, with which `sample_environment` draws direction `d`."""
     x, y = image_place(table, d)

@@ -6,6 +6,7 @@ scene, and exposed and tone mapped with the rest.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 
 import numpy as np
@@ -40,34 +41,47 @@ def environment_behind(this: Pass, alpha: np.ndarray) -> np.ndarray:
 
     alpha  (h, w) float32, the share that something does
     """
-    width, height = this.view.size
+    view = this.view
+    width, height = view.size
+    _, corners = view.rays_through(np.array([0.0, width, 0.0]), np.array([0.0, 0.0, height]))
+    corners /= (corners @ view.forward)[:, None]  # on a plane, where they are even over the picture
+    corner, right, down = corners[0], (corners[1] - corners[0]) / width, (corners[2] - corners[0]) / height
     out = np.zeros((height, width, 3), np.float32)
     edges = np.linspace(0, height, this.threads + 1).astype(np.int64)
 
     def part(k: int) -> None:
-        first, last = edges[k], edges[k + 1]
-        rows = np.arange(first, last)[:, None] + 0.5
-        if len(rows):
-            _, directions = this.view.rays_through(np.arange(width) + 0.5, rows)
-            seen = np.ascontiguousarray(directions, np.float32), np.ascontiguousarray(alpha[first:last])
-            fill_behind(this.packed.environment, *seen, out[first:last])
+        rows = slice(edges[k], edges[k + 1])
+        plane = corner + edges[k] * down, right, down
+        fill_behind(this.packed.environment, *plane, alpha[rows], out[rows])
 
+    alpha = np.ascontiguousarray(alpha)
     run_threads(part, this.threads)
     return out
 
 
 @jit
-def fill_behind(table, directions, alpha, out):
-    """Write (h, w, 3) radiance from (h, w, 3) unit directions where (h, w) alpha is below 1, times the
-    rest."""
+def fill_behind(table, corner, right, down, alpha, out):
+    """Write (h, w, 3) radiance where (h, w) alpha is below 1, times the rest.
+
+    corner, right, down  (3,) float64: direction of the first pixel's corner, and its steps by a pixel
+    """
     for y in range(out.shape[0]):
         for x in range(out.shape[1]):
             rest = np.float32(1) - alpha[y, x]
             if rest > np.float32(0):
-                d = directions[y, x]
-                light = environment_radiance(table, (d[0], d[1], d[2]))
+                light = environment_radiance(table, _towards(corner, right, down, x + 0.5, y + 0.5))
                 for c in range(3):
                     out[y, x, c] = rest * light[c]
+
+
+@jit
+def _towards(corner, right, down, x, y):
+    """The unit direction, three float32, of a place in the picture."""
+    a = corner[0] + x * right[0] + y * down[0]
+    b = corner[1] + x * right[1] + y * down[1]
+    c = corner[2] + x * right[2] + y * down[2]
+    part = 1.0 / math.sqrt(a * a + b * b + c * c)
+    return np.float32(a * part), np.float32(b * part), np.float32(c * part)
 
 
 def without_background(layers: Mapping[str, np.ndarray], radiance: np.ndarray) -> np.ndarray:

@@ -21,20 +21,15 @@ from ispm.scene.values import kept_value
 
 
 @dataclass(frozen=True, eq=False)
-class Surround:
-    """A scene's environment, or that it has none.
+class Panorama:
+    """An environment's image, and the table of it without rotation and intensity.
 
-    table       what kernels read
-    background  whether it is seen behind the scene
-    plain       the table without rotation and intensity
-    image, made_of   what it was made of, to be compared
+    version  of the environment, as the table was made
     """
 
+    image: np.ndarray
+    version: int
     table: EnvironmentTable
-    background: bool
-    plain: EnvironmentTable
-    image: np.ndarray | None
-    made_of: tuple[object, ...]
 
     @cached_property
     def power(self) -> float:
@@ -43,15 +38,43 @@ class Surround:
 
     @cached_property
     def digest(self) -> bytes:
+        """A hash of the image, 32 bytes."""
+        radiance = self.table.radiance
+        return sha256(str(radiance.shape).encode() + radiance.tobytes()).digest()
+
+
+@dataclass(frozen=True, eq=False)
+class Surround:
+    """A scene's environment; panorama None: it has none.
+
+    table       what kernels read
+    intensity   factor of the image
+    background  whether it is seen behind the scene
+    made_of     all but the image, to be compared
+    """
+
+    table: EnvironmentTable
+    intensity: float
+    background: bool
+    panorama: Panorama | None
+    made_of: tuple[object, ...]
+
+    @property
+    def power(self) -> float:
+        """The integral of luminance over the sphere, lm/m2; 0 without an environment."""
+        return 0.0 if self.panorama is None else self.intensity * self.panorama.power
+
+    @cached_property
+    def digest(self) -> bytes:
         """A hash of all that tells on a picture, 32 bytes."""
-        whole = sha256(np.array([self.background, len(self.table.rows) > 0]).tobytes())
-        for array in (self.table.radiance, self.table.to_image):
-            whole.update(np.array(array.shape).tobytes())
-            whole.update(np.ascontiguousarray(array).view(np.uint8).reshape(-1).data)
-        return whole.digest()
+        if self.panorama is None:
+            return bytes(32)
+        numbers = np.array([self.intensity, self.background], np.float64)
+        whole = self.panorama.digest + self.table.to_image.tobytes() + numbers.tobytes()
+        return sha256(whole).digest()
 
 
-NO_SURROUND = Surround(NO_ENVIRONMENT, False, NO_ENVIRONMENT, None, ())
+NO_SURROUND = Surround(NO_ENVIRONMENT, 1.0, False, None, ())
 
 
 def pack_environment(around: Environment | Sky | None, before: Surround | None = None) -> Surround:
@@ -65,11 +88,13 @@ def pack_environment(around: Environment | Sky | None, before: Surround | None =
         return NO_SURROUND
     image, version = environment.image, environment.version
     turn, scale, background = environment.rotation, environment.intensity, environment.background
-    made_of = (version, *map(kept_value, (turn, scale, background)))
-    same_image = before is not None and before.image is image and before.made_of[0] == version
-    if before is not None and same_image and before.made_of == made_of:
+    made_of = tuple(map(kept_value, (turn, scale, background)))
+    panorama = None if before is None else before.panorama
+    if panorama is not None and (panorama.image is not image or panorama.version != version):
+        panorama = None
+    if before is not None and panorama is not None and before.made_of == made_of:
         return before
     environment.check()
-    plain = before.plain if before is not None and same_image else environment_table(image)
-    table = placed_environment(plain, float(turn), float(scale))
-    return Surround(table, bool(background), plain, image, made_of)
+    panorama = panorama or Panorama(image, version, environment_table(image))
+    table = placed_environment(panorama.table, float(turn), float(scale))
+    return Surround(table, float(scale), bool(background), panorama, made_of)

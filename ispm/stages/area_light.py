@@ -43,7 +43,7 @@ f32, i64, u32 = np.float32, np.int64, np.uint32
 _FLAGS = word_of(MATERIAL, "flags")
 _DIMENSION = 5 << 20  # of the random numbers
 _SIDE = 4  # pixels of a square that draws from each part once
-_PAIRS = 4  # of directions that one of the environment is drawn from
+_PAIRS = 1  # of directions that one of the environment is drawn from
 _REACH = 2  # pixels to each side that the filter takes in
 _LEAST_REACH = f32(1)  # in the first pass, for single rays are specks
 _CHUNK = 64  # pixels a thread takes at a time
@@ -297,25 +297,49 @@ def _filter(tables, pixels, view, smoothing, samples, counter, out):
             for x in range(left, right + 1):
                 reach = min(reach, samples.reach[y * columns + x])
         reach = min(max(reach, least), f32(_REACH)) * smoothing
-        shown = _shown(tables, pixels, view, i)
+        plane = _plane(pixels, view, i)
         none, total = (f32(0), f32(0), f32(0)), f32(0)
         diffuse, gloss, drawn, unshadowed = none, none, none, none
         for y in range(top, bottom + 1):
+            down = _near(y - row, reach)
+            if down <= f32(0):
+                continue
             for x in range(left, right + 1):
                 k = y * columns + x
-                weight = _near(y - row, reach) * _near(x - column, reach)
-                if weight > f32(0) and (k == i or _is_alike(pixels, shown, i, k)):
+                weight = down * _near(x - column, reach)
+                if weight > f32(0) and (k == i or _is_alike(pixels, plane, i, k)):
                     total += weight
                     diffuse = add(diffuse, scale(weight, vec3(samples.diffuse[k])))
                     gloss = add(gloss, scale(weight, vec3(samples.gloss[k])))
                     drawn = add(drawn, scale(weight, vec3(samples.drawn[k])))
                     unshadowed = add(unshadowed, scale(weight, vec3(samples.unshadowed[k])))
-        albedo = shown.x.bsdf.diffuse
+        base = pixels.base[i]
+        opaque = (f32(1) - base[3]) * (f32(1) - f32(pixels.points[i, 3] >> u32(24)) * f32(1 / 255))
         for c in range(3):
             light = diffuse[c]
             if first and drawn[c] > f32(0):
                 light *= unshadowed[c] / drawn[c]
-            out[row, column, c] = (light * albedo[c] + gloss[c]) / total
+            out[row, column, c] = (light * opaque * base[c] + gloss[c]) / total
+
+
+class _Plane(NamedTuple):
+    """Where a pixel's neighbors lie that are filtered with it: its point, m, geometric and shading normal,
+    unit, and how far off its plane, m."""
+
+    position: Vector
+    ng: Vector
+    n: Vector
+    off: np.float32
+
+
+@jit
+def _plane(pixels, view, i):
+    """The _Plane of row i of Pixels."""
+    point, width = pixels.points[i], view.width
+    position = u2f(point[0]), u2f(point[1]), u2f(point[2])
+    side = max(dot(vec3(width), position) + width[3], f32(1e-30))
+    n, ng = _unpacked(pixels.normals[i, 0]), _unpacked(pixels.normals[i, 1])
+    return _Plane(position, ng, n, _OFF_PLANE * side)
 
 
 @jit
@@ -325,12 +349,13 @@ def _near(away, reach):
 
 
 @jit
-def _is_alike(pixels, shown, i, k):
-    """Whether row k of Pixels shows the material of row i, which is `shown`, in its plane, turned alike."""
-    if pixels.points[k, 3] != pixels.points[i, 3]:
-        return False
+def _is_alike(pixels, plane, i, k):
+    """Whether row k of Pixels shows the material of row i, in its _Plane, turned alike."""
     point = pixels.points[k]
-    off = dot(shown.x.ng, sub((u2f(point[0]), u2f(point[1]), u2f(point[2])), shown.x.position))
-    if abs(off) > _OFF_PLANE * shown.width:
+    if point[3] != pixels.points[i, 3]:
         return False
-    return dot(_unpacked(pixels.normals[k, 0]), shown.x.n) > _TURNED
+    off = dot(plane.ng, sub((u2f(point[0]), u2f(point[1]), u2f(point[2])), plane.position))
+    if abs(off) > plane.off:
+        return False
+    word = pixels.normals[k, 0]
+    return word == pixels.normals[i, 0] or dot(_unpacked(word), plane.n) > _TURNED

@@ -276,3 +276,15 @@ def test_a_value_that_goes_bad_is_refused(gpu):
     scene.environment.intensity = math.nan
     with pytest.raises(SceneError, match="intensity must be a number"):
         picture(gpu, scene)
+
+
+def test_parallel_rays_all_see_one_place(gpu):
+    scene = around(ball())
+    camera = Camera.look_at((0.0, 0.3, 4.0), (0.0, 0.0, 0.0))
+    camera.ymag, camera.yfov = 1.5, 1.0
+    with Renderer(scene, Settings(size=SIZE, photons=1000, antialias=False), camera, gpu=gpu) as renderer:
+        frame = renderer.render()
+    nothing = frame.instance < 0
+    expected = seen_along(IMAGE, np.array([[0.0, -0.3, -4.0]]), TURN)
+    assert nothing.any()
+    np.testing.assert_allclose(frame.radiance[nothing], np.tile(expected, (nothing.sum(), 1)), **CLOSE)
