@@ -79,7 +79,8 @@ class Surround(NamedTuple):
 @jit
 def resample_surround(tables, x, wo, u1, u2, pick, pairs, brightest):
     """Draw directions of the environment for a SurfacePoint by what it makes of their light along wo, out of
-    some that are drawn by the environment and as many by the cosine.
+    some that are drawn by the environment and as many by the cosine; where no part of it is as bright as a
+    sun, the first of the latter.
 
     u1, u2, pick  random in [0, 1);  pairs  of candidates
     brightest     luminance, cd/m2, above which directions have a draw of their own, so that the shadow of a
@@ -90,6 +91,12 @@ def resample_surround(tables, x, wo, u1, u2, pick, pairs, brightest):
     """
     rate_1, rate_2 = LATTICE
     none = f32(0), f32(0), f32(0)
+    if tables.environment.brightest == f32(np.inf):
+        wi = to_world(cosine_hemisphere(u1, u2), x.n)
+        radiance, own = environment_light(tables.environment, wi)
+        return Surround(
+            scale(f32(math.pi) / max(dot(x.n, wi), f32(1e-6)), radiance), wi, own, f32(1), pick
+        ), (Surround(none, wi, own, f32(0), pick))
     dark = bright = Surround(none, wo, f32(1), f32(0), pick)
     for k in range(2 * pairs):
         a, b = u1 + f32(k) * f32(rate_1), u2 + f32(k) * f32(rate_2)

@@ -35,7 +35,8 @@ class EnvironmentTable(NamedTuple):
     to_image  (3, 3) float32 rotation from world space to the image's frame
     irradiance  (m, m, 3) float32 lx on a surface that nothing shades, by its normal in the image's frame,
                 which `octahedral_encode` maps to [-1, 1]^2, whose corners are the first and last nodes
-    brightest   luminance, cd/m2, above which light is as of a sun: some times the mean
+    brightest   luminance, cd/m2, above which light is as of a sun: some times the mean; infinite where
+                none is
     """
 
     radiance: np.ndarray
@@ -73,8 +74,9 @@ def environment_table(image: np.ndarray) -> EnvironmentTable:
     table = EnvironmentTable(
         radiance, rows, _cumulative(weights), to_image, _irradiance(radiance), NO_ENVIRONMENT.brightest
     )
-    mean = environment_power(table) / (4.0 * _PI)
-    return table._replace(brightest=np.float32(_SUN * mean))
+    brightest = np.float32(_SUN * environment_power(table) / (4.0 * _PI))
+    luminance = radiance @ np.array(LUMINANCE, np.float32)
+    return table._replace(brightest=brightest) if luminance.max() > brightest else table
 
 
 def _irradiance(radiance: np.ndarray) -> np.ndarray:

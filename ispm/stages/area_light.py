@@ -283,7 +283,7 @@ def _filter(tables, pixels, view, smoothing, samples, counter, out):
     Shadows, I3D 2018, section 3. Later ones take the light as it is, so that their mean converges.
     """
     first = view.pass_index == u32(0)
-    least = _LEAST_REACH if first else f32(0)
+    least, exact = _LEAST_REACH if first else f32(0), len(tables.emitters.triangles) == 0
     columns, rows = view.columns, i64(len(pixels.points)) // view.columns
     for i in shared_rows(counter, _CHUNK, len(pixels.points)):
         row, column = i // columns, i % columns
@@ -296,6 +296,15 @@ def _filter(tables, pixels, view, smoothing, samples, counter, out):
         for y in range(top, bottom + 1):
             for x in range(left, right + 1):
                 reach = min(reach, samples.reach[y * columns + x])
+        base = pixels.base[i]
+        opaque = (f32(1) - base[3]) * (f32(1) - f32(pixels.points[i, 3] >> u32(24)) * f32(1 / 255))
+        if first and exact and reach == f32(np.inf):  # nothing shades, and all is known
+            for c in range(3):
+                light = (
+                    samples.diffuse[i, c] / max(samples.drawn[i, c], f32(1e-30)) * samples.unshadowed[i, c]
+                )
+                out[row, column, c] = light * opaque * base[c] + samples.gloss[i, c]
+            continue
         reach = min(max(reach, least), f32(_REACH)) * smoothing
         plane = _plane(pixels, view, i)
         none, total = (f32(0), f32(0), f32(0)), f32(0)
@@ -313,8 +322,6 @@ def _filter(tables, pixels, view, smoothing, samples, counter, out):
                     gloss = add(gloss, scale(weight, vec3(samples.gloss[k])))
                     drawn = add(drawn, scale(weight, vec3(samples.drawn[k])))
                     unshadowed = add(unshadowed, scale(weight, vec3(samples.unshadowed[k])))
-        base = pixels.base[i]
-        opaque = (f32(1) - base[3]) * (f32(1) - f32(pixels.points[i, 3] >> u32(24)) * f32(1 / 255))
         for c in range(3):
             light = diffuse[c]
             if first and drawn[c] > f32(0):
