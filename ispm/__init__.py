@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from ispm.scene.animation import Animation, Channel
     from ispm.scene.camera import Camera
     from ispm.scene.environment import Environment
-    from ispm.scene.light import DirectionalLight, PointLight, SpotLight
+    from ispm.scene.light import DirectionalLight, DiskLight, PointLight, RectLight, SphereLight, SpotLight
     from ispm.scene.material import AlphaMode, Material, Texture, TextureUse, Wrap
     from ispm.scene.mesh import Mesh
     from ispm.scene.names import Names
@@ -43,6 +43,7 @@ _HOMES = {
     "Camera": "ispm.scene.camera",
     "Channel": "ispm.scene.animation",
     "DirectionalLight": "ispm.scene.light",
+    "DiskLight": "ispm.scene.light",
     "Environment": "ispm.scene.environment",
     "Frame": "ispm.renderer.picture",
     "IspmError": "ispm.errors",
@@ -55,6 +56,7 @@ _HOMES = {
     "Part": "ispm.scene.scene",
     "PhotonPath": "ispm.renderer.light_paths",
     "PointLight": "ispm.scene.light",
+    "RectLight": "ispm.scene.light",
     "Renderer": "ispm.renderer",
     "Scene": "ispm.scene.scene",
     "SceneError": "ispm.errors",
@@ -62,6 +64,7 @@ _HOMES = {
     "Settings": "ispm.settings",
     "SettingsError": "ispm.errors",
     "Sky": "ispm.scene.sky",
+    "SphereLight": "ispm.scene.light",
     "SpotLight": "ispm.scene.light",
     "Stats": "ispm.renderer.statistics",
     "Texture": "ispm.scene.material",
@@ -88,6 +91,7 @@ __all__ = [
     "Camera",
     "Channel",
     "DirectionalLight",
+    "DiskLight",
     "Environment",
     "Frame",
     "IspmError",
@@ -100,6 +104,7 @@ __all__ = [
     "Part",
     "PhotonPath",
     "PointLight",
+    "RectLight",
     "Renderer",
     "Scene",
     "SceneError",
@@ -107,6 +112,7 @@ __all__ = [
     "Settings",
     "SettingsError",
     "Sky",
+    "SphereLight",
     "SpotLight",
     "Stats",
     "Texture",

@@ -29,7 +29,7 @@ CHAPTERS = {
     "The live view": ["view", "Viewer"],
     "Scenes": ["load", "builtin", "save", "Scene", "Node", "Part", "Animation", "Channel"],
     "Shapes and surfaces": ["shapes", "Mesh", "Material", "AlphaMode", "Texture", "Wrap", "TextureUse"],
-    "Lights": ["PointLight", "SpotLight", "DirectionalLight"],
+    "Lights": ["PointLight", "SpotLight", "DirectionalLight", "RectLight", "DiskLight", "SphereLight"],
     "Cameras and rotations": ["Camera", "euler", "axis_angle"],
     "The machine": ["adapters"],
     "Errors": ["IspmError", "SceneError", "SettingsError", "OutputError", "AdapterError", "SceneWarning"],

@@ -355,7 +355,14 @@ def read_hit(found):
 @jit
 def any_hit(trees, ray, stack):
     """Return whether anything lies on a Ray before its end; stack: of STACK_WORDS uint64."""
-    return meet_world(trees, ray, f32(0), _NO_KEY, True, Scratch(stack, alloca(2))) < ray.t_max
+    return any_distance(trees, ray, stack) < ray.t_max
+
+
+@jit
+def any_distance(trees, ray, stack):
+    """Return how far away something is that lies on a Ray before its end, float32, not always the nearest;
+    its end where nothing does."""
+    return meet_world(trees, ray, f32(0), _NO_KEY, True, Scratch(stack, alloca(2)))
 
 
 @jit

@@ -7,12 +7,11 @@ kernels `tables` is a Tables, `table` its `surfaces`; `instance`, `material` and
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 import numpy as np
 
-from ispm.accel.emitters import NO_EMITTERS, Emitters
+from ispm.accel.emitters import EMITTER, NO_EMITTERS, Emitters, make_emitters
 from ispm.accel.intersect import HIT_INSTANCE, HIT_PRIMITIVE, closest_after, instance_scale, read_hit
 from ispm.accel.leave import leave_triangle
 from ispm.accel.mesh import (
@@ -34,6 +33,18 @@ from ispm.accel.mesh import (
 )
 from ispm.accel.normals import bend, unit
 from ispm.accel.records import NO_TREES, Hit, Ray, Trees
+from ispm.accel.texturing import (
+    EMISSION_MAP,
+    NORMAL_MAP,
+    ROUGHNESS_MAP,
+    TRANSMISSION_MAP,
+    TextureContext,
+    base_color,
+    has_texture,
+    sample_slot,
+    texture_row,
+    uv_footprint,
+)
 from ispm.accel.world import World
 from ispm.kernels.simd import address, ldf, ldu, stu
 from ispm.optics.bsdf import Bsdf, Dielectric, surface_bsdf
@@ -44,36 +55,32 @@ from ispm.optics.records import (
     INSTANCE_MIRRORED,
     MATERIAL,
     MATERIAL_BLEND,
+    MATERIAL_DOUBLE_SIDED,
     MATERIAL_MASK,
     MATERIAL_THIN,
     MATERIAL_TRANSMITS,
     MATERIAL_UNLIT,
     NO_HIT,
-    TEXTURE_USE,
     VERTEX,
 )
-from ispm.optics.texture import HEIGHT, WIDTH, TextureTable, sample_texture
+from ispm.optics.texture import TextureTable
 from ispm.optics.vector import Vector, add, cross, dot, scale, sub
-from ispm.scene.packed import Packed
+from ispm.scene.packed import Packed, to_world
 
 f32, i64, u32 = np.float32, np.int64, np.uint32
 
 
-_COLOR, _TANGENT = word_of(VERTEX, "color"), word_of(VERTEX, "tangent")
-_UV0, _UV1 = word_of(VERTEX, "uv0"), word_of(VERTEX, "uv1")
+_TANGENT = word_of(VERTEX, "tangent")
 _INSTANCE_FLAGS = word_of(INSTANCE, "flags")
 _METALLIC, _ROUGHNESS = word_of(MATERIAL, "metallic"), word_of(MATERIAL, "roughness")
 _SPECULAR, _SPECULAR_COLOR = word_of(MATERIAL, "specular"), word_of(MATERIAL, "specular_color")
 _F0, _CUTOFF, _FLAGS = (word_of(MATERIAL, n) for n in ("f0", "alpha_cutoff", "flags"))
 _NORMAL_SCALE = word_of(MATERIAL, "normal_scale")
 _TRANSMISSION, _IOR = (word_of(MATERIAL, n) for n in ("transmission", "ior"))
-_BASE_MAP = word_of(MATERIAL, "base_color_texture")
-_ROUGHNESS_MAP = word_of(MATERIAL, "metallic_roughness_texture")
-_NORMAL_MAP = word_of(MATERIAL, "normal_texture")
-_EMISSION, _EMISSION_MAP = word_of(MATERIAL, "emission"), word_of(MATERIAL, "emission_texture")
-_TRANSMISSION_MAP = word_of(MATERIAL, "transmission_texture")
-_TEXTURE, _UV_SET, _ROW1 = (word_of(TEXTURE_USE, n) for n in ("texture", "uv_set", "row1"))
+_EMISSION = word_of(MATERIAL, "emission")
 
+_GLOW_SIDE = 8  # points along a side of a triangle, for the mean of its texture
+_GLOW_FLOOR = 0.02  # of a texture's greatest radiance, that triangles are drawn by at least
 _HOLES_MAX = 64  # layers of a masked material that one ray passes
 
 
@@ -89,7 +96,7 @@ class SurfaceTable:
         self._kept = [*map(np.ascontiguousarray, arrays), np.array([footprint], np.float32)]
         self.addresses = np.array([*map(address, self._kept), 0, 0, 0], np.uint64)
         self.texels, self.rows = textures.texels, textures.rows
-        self.emitters = NO_EMITTERS
+        self.emitters: Emitters | None = None  # found when they are first asked for
 
     def own_footprint(self) -> tuple[np.ndarray, np.ndarray]:
         """Return addresses whose footprint is the caller's to set, and the (1,) float32 that holds it."""
@@ -129,7 +136,58 @@ def scene_tables(packed: Packed, world: World | None, surfaces: SurfaceTable) ->
     porous = bool((packed.materials["flags"] & (MATERIAL_MASK | MATERIAL_BLEND | MATERIAL_THIN)).any())
     trees = NO_TREES if world is None else world.trees
     arrays = surfaces.addresses, surfaces.texels, surfaces.rows
-    return Tables(trees, *arrays, packed.lights, porous, surfaces.emitters, packed.environment)
+    tables = Tables(trees, *arrays, packed.lights, porous, NO_EMITTERS, packed.environment)
+    if surfaces.emitters is None:
+        surfaces.emitters = _find_emitters(packed, tables)
+    return tables._replace(emitters=surfaces.emitters)
+
+
+def _find_emitters(packed: Packed, tables: Tables) -> Emitters:
+    """The emissive triangles of a scene."""
+    materials = packed.materials
+    shines = materials["emission"].any(axis=1) & (materials["flags"] & MATERIAL_UNLIT == 0)
+    batches = []
+    for number in np.flatnonzero(shines[packed.instances["material"]]):
+        instance = packed.instances[number]
+        material, count = materials[instance["material"]], int(instance["triangle_count"])
+        first = int(instance["first_index"])
+        indices = packed.geometry.indices[first : first + 3 * count].reshape(-1, 3)
+        matrix = to_world(instance).astype(np.float64)
+        corners = packed.geometry.vertices["position"][indices] @ matrix[:, :3].T + matrix[:, 3]
+        rows = np.zeros(count, EMITTER)
+        edges = corners[:, 1:] - corners[:, :1]
+        across = np.cross(edges[:, 0], edges[:, 1])
+        doubled = np.linalg.norm(across, axis=1)
+        side = -1.0 if instance["flags"] & INSTANCE_MIRRORED else 1.0
+        rows["corner"], rows["edge1"], rows["edge2"] = corners[:, 0], edges[:, 0], edges[:, 1]
+        rows["normal"] = side * across / np.maximum(doubled, 1e-300)[:, None]
+        rows["area"], rows["radiance"] = doubled / 2.0, material["emission"]
+        rows["instance"], rows["primitive"] = number, np.arange(count)
+        rows["two_sided"] = bool(material["flags"] & MATERIAL_DOUBLE_SIDED)
+        if material["emission_texture"]["texture"] >= 0:
+            _average_glow(tables, rows)
+        batches.append(rows)
+    return make_emitters(np.concatenate(batches), len(packed.instances)) if batches else NO_EMITTERS
+
+
+@jit
+def _average_glow(tables, emitters):
+    """Set the radiance of (n,) EMITTER, which is the greatest, to the mean over their textures, but to no
+    less than a share of the greatest, so that each point that shines can be drawn."""
+    for k in range(len(emitters)):
+        row = emitters[k]
+        total = (f32(0), f32(0), f32(0))
+        for i in range(_GLOW_SIDE):
+            for j in range(_GLOW_SIDE):  # the midpoints of equal triangles
+                flip = i + j >= _GLOW_SIDE
+                a = (f32(i) + f32(1 / 3)) / f32(_GLOW_SIDE)
+                b = (f32(j) + f32(1 / 3)) / f32(_GLOW_SIDE)
+                if flip:
+                    a, b = f32(1) - a, f32(1) - b
+                total = add(total, emitted_radiance(tables, Hit(row.instance, row.primitive, a, b)))
+        for c in range(3):
+            mean = total[c] / f32(_GLOW_SIDE * _GLOW_SIDE)
+            row.radiance[c] = max(mean, f32(_GLOW_FLOOR) * row.radiance[c])
 
 
 class SurfacePoint(NamedTuple):
@@ -150,18 +208,6 @@ class SurfacePoint(NamedTuple):
     entering: bool
 
 
-class _TextureContext(NamedTuple):
-    """Where textures are read: words of the instance, the material and the triangle's corners, barycentrics,
-    and the area in texture space, of which the whole texture has 1, over which is averaged."""
-
-    instance: np.int64
-    material: np.int64
-    corners: tuple[np.int64, np.int64, np.int64]
-    u: np.float32
-    v: np.float32
-    uv_area: np.float32
-
-
 @jit
 def surface(tables, hit, d):
     """Return the SurfacePoint at a Hit of a ray along d, unit."""
@@ -173,14 +219,14 @@ def surface(tables, hit, d):
     ng = world_normal(table[INSTANCES], instance, cross(e1, e2))
     n = world_normal(table[INSTANCES], instance, interpolated(table, corners, NORMAL, u, v))
     uv_area = f32(0)
-    if _has_texture(table, material):
-        uv_area = _footprint(table, instance, corners, e1, e2)
-    context = _TextureContext(instance, material, corners, u, v, uv_area)
+    if has_texture(table, material):
+        uv_area = uv_footprint(table, instance, corners, e1, e2)
+    context = TextureContext(instance, material, corners, u, v, uv_area)
     entering = dot(ng, d) <= f32(0)
     if not entering:
         ng = scale(f32(-1), ng)
     side = f32(-1) if dot(n, ng) < f32(0) else f32(1)
-    if _texture(table, material, _NORMAL_MAP) >= i64(0):
+    if texture_row(table, material, NORMAL_MAP) >= i64(0):
         n = _mapped_normal(tables, context, n)
     n = bend(bend(scale(side, n), ng), scale(f32(-1), d))
     flags = ldu(table[MATERIALS], material + _FLAGS)
@@ -188,24 +234,39 @@ def surface(tables, hit, d):
 
 
 @jit
-def glow(tables, hit):
-    """Return the radiance, cd/m2 RGB, that a Hit sends everywhere: emission, or the base color of unlit
-    materials."""
+def glow(tables, hit, d):
+    """Return the radiance, cd/m2 RGB, that a Hit sends against d, unit: emission, of materials that are not
+    double-sided from the front alone, or the base color of unlit materials, from both faces."""
     table = tables.surfaces
     instance, material, corners = triangle_at(table, hit)
-    materials = table[MATERIALS]
-    unlit = ldu(materials, material + _FLAGS) & u32(MATERIAL_UNLIT) != u32(0)
-    emission = vector_at(materials, material + _EMISSION)
-    texture = _texture(table, material, _EMISSION_MAP)
-    if not unlit and (texture < i64(0) or emission[0] + emission[1] + emission[2] == f32(0)):
+    flags = ldu(table[MATERIALS], material + _FLAGS)
+    if flags & u32(MATERIAL_UNLIT) != u32(0):
+        _, e1, e2 = edges_at(table, corners)
+        area = uv_footprint(table, instance, corners, e1, e2)
+        color, _ = base_color(tables, TextureContext(instance, material, corners, hit.u, hit.v, area))
+        return color
+    emission = vector_at(table[MATERIALS], material + _EMISSION)
+    if emission[0] + emission[1] + emission[2] == f32(0):
+        return emission
+    if flags & u32(MATERIAL_DOUBLE_SIDED) == u32(0):
+        _, e1, e2 = edges_at(table, corners)
+        if dot(world_normal(table[INSTANCES], instance, cross(e1, e2)), d) > f32(0):
+            return f32(0), f32(0), f32(0)
+    return emitted_radiance(tables, hit)
+
+
+@jit
+def emitted_radiance(tables, hit):
+    """Return the radiance, cd/m2 RGB, that a Hit's material emits from the faces that do."""
+    table = tables.surfaces
+    instance, material, corners = triangle_at(table, hit)
+    emission = vector_at(table[MATERIALS], material + _EMISSION)
+    if texture_row(table, material, EMISSION_MAP) < i64(0):
         return emission
     _, e1, e2 = edges_at(table, corners)
-    area = _footprint(table, instance, corners, e1, e2)
-    context = _TextureContext(instance, material, corners, hit.u, hit.v, area)
-    if unlit:
-        color, _ = _base_color(tables, context)
-        return color
-    r, g, b, _ = _sample(tables, context, _EMISSION_MAP)
+    area = uv_footprint(table, instance, corners, e1, e2)
+    context = TextureContext(instance, material, corners, hit.u, hit.v, area)
+    r, g, b, _ = sample_slot(tables, context, EMISSION_MAP)
     return emission[0] * r, emission[1] * g, emission[2] * b
 
 
@@ -269,7 +330,7 @@ def _opacity(tables, hit):
     flags = ldu(table[MATERIALS], material + _FLAGS)
     if flags & u32(MATERIAL_MASK | MATERIAL_BLEND) == u32(0):
         return f32(1)
-    _, alpha = _base_color(tables, _TextureContext(instance, material, corners, hit.u, hit.v, f32(0)))
+    _, alpha = base_color(tables, TextureContext(instance, material, corners, hit.u, hit.v, f32(0)))
     if flags & u32(MATERIAL_MASK):
         cutoff = ldf(table[MATERIALS], material + _CUTOFF)
         return f32(1) if alpha >= cutoff else f32(0)
@@ -277,118 +338,42 @@ def _opacity(tables, hit):
 
 
 @jit
-def _texture(table, material, use):
-    """The row, int64, of a material's texture in the texture table, -1: none."""
-    return i64(np.int32(ldu(table[MATERIALS], material + use + _TEXTURE)))
-
-
-@jit
-def _has_texture(table, material):
-    """Whether the MATERIAL has any texture but one for emission."""
-    base, rough = _texture(table, material, _BASE_MAP), _texture(table, material, _ROUGHNESS_MAP)
-    normal, clear = _texture(table, material, _NORMAL_MAP), _texture(table, material, _TRANSMISSION_MAP)
-    return max(max(base, rough), max(normal, clear)) >= i64(0)
-
-
-@jit
-def _uv(table, corners, field, k):
-    """The float32 texture coordinates of corner k from the set at the word `field` of VERTEX."""
-    word = corners[k] + field
-    return ldf(table[VERTICES], word), ldf(table[VERTICES], word + i64(1))
-
-
-@jit
-def _footprint(table, instance, corners, e1, e2):
-    """The footprint of a SurfaceTable, squared, as an area of the triangle's first uv set, float32; edges in
-    object space."""
-    m = instance + TO_WORLD
-    area = cross(rows_times(table[INSTANCES], m, e1), rows_times(table[INSTANCES], m, e2))
-    (au, av), (bu, bv) = _uv(table, corners, _UV0, 0), _uv(table, corners, _UV0, 1)
-    cu, cv = _uv(table, corners, _UV0, 2)
-    uv_area = abs((bu - au) * (cv - av) - (cu - au) * (bv - av))
-    footprint = ldf(table[FOOTPRINT], i64(0))
-    return uv_area / max(math.sqrt(dot(area, area)), f32(1e-30)) * footprint * footprint
-
-
-@jit
-def _sample(tables, context, use):
-    """RGBA, linear, of the texture in slot `use` of a _TextureContext's material."""
-    table, rows, corners = tables.surfaces, tables.rows, context.corners
-    u, v = context.u, context.v
-    materials = table[MATERIALS]
-    slot = context.material + use
-    field = _UV1 if ldu(materials, slot + _UV_SET) == u32(1) else _UV0
-    (au, av), (bu, bv) = _uv(table, corners, field, 0), _uv(table, corners, field, 1)
-    cu, cv = _uv(table, corners, field, 2)
-    w = f32(1) - u - v
-    uv = (w * au + u * bu + v * cu, w * av + u * bv + v * cv, f32(1))
-    texture = _texture(table, context.material, use)
-    texel_count = context.uv_area * f32(rows[texture, WIDTH]) * f32(rows[texture, HEIGHT])
-    level = f32(0.5) * math.log2(texel_count) if texel_count > f32(1) else f32(0)
-    s, t = dot(vector_at(materials, slot), uv), dot(vector_at(materials, slot + _ROW1), uv)
-    return sample_texture(tables.texels, rows, texture, s, t, level)
-
-
-@jit
-def _base_color(tables, context):
-    """Base color, linear RGB, and opacity at a _TextureContext: factor times texture times vertex color."""
-    table, material, corners = tables.surfaces, context.material, context.corners
-    u, v = context.u, context.v
-    color = vector_at(table[MATERIALS], material)
-    alpha = ldf(table[MATERIALS], material + i64(3))
-    if _texture(table, material, _BASE_MAP) >= i64(0):
-        r, g, b, a = _sample(tables, context, _BASE_MAP)
-        color, alpha = (color[0] * r, color[1] * g, color[2] * b), alpha * a
-    c0 = ldu(table[VERTICES], corners[0] + _COLOR)
-    c1 = ldu(table[VERTICES], corners[1] + _COLOR)
-    c2 = ldu(table[VERTICES], corners[2] + _COLOR)
-    if c0 & c1 & c2 != u32(0xFFFFFFFF):
-        color = (
-            color[0] * _mix_channel(c0, c1, c2, u32(0), u, v),
-            color[1] * _mix_channel(c0, c1, c2, u32(8), u, v),
-            color[2] * _mix_channel(c0, c1, c2, u32(16), u, v),
-        )
-        alpha *= _mix_channel(c0, c1, c2, u32(24), u, v)
-    return color, alpha
-
-
-@jit
-def _mix_channel(c0, c1, c2, shift, u, v):
-    """The channel at bit `shift` of three packed uint32 colors, interpolated, 0 to 1."""
-    a, b, c = f32((c0 >> shift) & u32(255)), f32((c1 >> shift) & u32(255)), f32((c2 >> shift) & u32(255))
-    return ((f32(1) - u - v) * a + u * b + v * c) * f32(1 / 255)
-
-
-@jit
 def _bsdf(tables, context, flags, entering):
-    """The Bsdf at a _TextureContext; flags: MATERIAL_* of the material;  entering  as of SurfacePoint."""
+    """The Bsdf at a TextureContext; flags: MATERIAL_* of the material;  entering  as of SurfacePoint."""
     table, material = tables.surfaces, context.material
     materials = table[MATERIALS]
-    color, _ = _base_color(tables, context)
+    color, _ = base_color(tables, context)
     metallic = ldf(materials, material + _METALLIC)
     roughness = ldf(materials, material + _ROUGHNESS)
-    if _texture(table, material, _ROUGHNESS_MAP) >= i64(0):
-        _, g, b, _ = _sample(tables, context, _ROUGHNESS_MAP)
+    if texture_row(table, material, ROUGHNESS_MAP) >= i64(0):
+        _, g, b, _ = sample_slot(tables, context, ROUGHNESS_MAP)
         roughness, metallic = roughness * g, metallic * b
     transmission = f32(0)
     if flags & u32(MATERIAL_TRANSMITS):
         transmission = ldf(materials, material + _TRANSMISSION)
-        if _texture(table, material, _TRANSMISSION_MAP) >= i64(0):
-            r, _, _, _ = _sample(tables, context, _TRANSMISSION_MAP)
+        if texture_row(table, material, TRANSMISSION_MAP) >= i64(0):
+            r, _, _, _ = sample_slot(tables, context, TRANSMISSION_MAP)
             transmission *= r
-    dielectric = Dielectric(
-        ldf(materials, material + _F0),
-        vector_at(materials, material + _SPECULAR_COLOR),
-        ldf(materials, material + _SPECULAR),
-        ldf(materials, material + _IOR),
-        flags & u32(MATERIAL_THIN) != u32(0),
-    )
+    dielectric = dielectric_at(table, material)
     return surface_bsdf(color, metallic, roughness, transmission, dielectric, entering)
 
 
 @jit
+def dielectric_at(table, material):
+    """Return the Dielectric of the MATERIAL that begins at a word."""
+    materials = table[MATERIALS]
+    return Dielectric(
+        ldf(materials, material + _F0),
+        vector_at(materials, material + _SPECULAR_COLOR),
+        ldf(materials, material + _SPECULAR),
+        ldf(materials, material + _IOR),
+        ldu(materials, material + _FLAGS) & u32(MATERIAL_THIN) != u32(0),
+    )
+
+
+@jit
 def _mapped_normal(tables, context, n):
-    """The normal map's normal at a _TextureContext, unit, world space; `n` where the mesh has no tangents."""
+    """The normal map's normal at a TextureContext, unit, world space; `n` where the mesh has no tangents."""
     table, instance, material, corners = tables.surfaces, context.instance, context.material, context.corners
     first, _, _ = corners
     side = ldf(table[VERTICES], first + _TANGENT + i64(3))
@@ -400,7 +385,7 @@ def _mapped_normal(tables, context, n):
     t = rows_times(table[INSTANCES], instance + TO_WORLD, tangent)
     t = unit(sub(t, scale(dot(t, n), n)))
     b = scale(side, cross(n, t))
-    r, g, blue, _ = _sample(tables, context, _NORMAL_MAP)
+    r, g, blue, _ = sample_slot(tables, context, NORMAL_MAP)
     s = ldf(table[MATERIALS], material + _NORMAL_SCALE)
     x, y, z = (f32(2) * r - f32(1)) * s, (f32(2) * g - f32(1)) * s, f32(2) * blue - f32(1)
     return unit(add(add(scale(x, t), scale(y, b)), scale(z, n)))

@@ -14,6 +14,7 @@ from ispm.framing.interior import interior_viewpoint
 from ispm.optics.records import NO_HIT
 from ispm.scene.camera import Camera, look_at_pose
 from ispm.scene.extent import enclosing_diameter
+from ispm.scene.light import SurfaceLight
 from ispm.scene.packed import Packed, farthest_points, pack, to_world
 from ispm.scene.placing import Tree
 from ispm.scene.scene import Scene
@@ -88,7 +89,7 @@ def camera_of(scene: Scene, size: tuple[int, int]) -> Camera:
     """Return what `Scene.default_camera` promises."""
     found = given_camera(scene, None)
     if found is None:
-        packed, world = pack(scene.at_rest()), World()
+        packed, world = pack(without_lamps(scene)), World()
         require_visible(scene, packed)
         world.update(packed)
         width, height = Settings(size=size).size
@@ -118,6 +119,16 @@ def far_off(packed: Packed) -> str:
         f"the scene is {packed.diagonal:.3g} m across and stands {away:.3g} m from the origin, where places "
         f"are rounded to {step:.2g} m: light is lost and edges are rough; move it to the origin"
     )
+
+
+def without_lamps(scene: Scene) -> Scene:
+    """Return the scene at rest as cameras frame it: without lamps, unless there is nothing else to see."""
+    rest = scene.at_rest()
+    if any(len(part.mesh.triangles) and node.copies for node in rest.nodes for part in node.parts):
+        for node in rest.nodes:
+            if isinstance(node.light, SurfaceLight):
+                node.light = None
+    return rest
 
 
 def passed_points(scene: Scene) -> np.ndarray:

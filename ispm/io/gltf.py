@@ -15,6 +15,7 @@ from ispm.io.gltf_animation import read_animations
 from ispm.io.gltf_camera import with_extras
 from ispm.io.gltf_file import GltfFile, item, label
 from ispm.io.gltf_instances import read_instances
+from ispm.io.gltf_lamp import read_lamp
 from ispm.io.gltf_light import read_light
 from ispm.io.gltf_mesh import Meshes
 from ispm.io.gltf_node import build_tree, chosen_scene, reached
@@ -96,6 +97,9 @@ def _furnish(file: GltfFile, nodes: list[Node], shown: list[int]) -> None:
         record, node = file.gltf.nodes[i], nodes[i]
         if record.mesh is not None:
             node.parts = [Part(mesh, material) for mesh, material in meshes.parts(record.mesh)]
+            node.light = read_lamp(file, record.extras, label("node", i, node.name))
+            if node.light is not None:
+                del node.parts[-1:]  # which shows the lamp to other programs
             if record.extensions.instancing is not None and node.parts:
                 node.instances = read_instances(
                     file, record.extensions.instancing, label("node", i, node.name)

@@ -181,6 +181,7 @@ class Node(Record, frozen=True):
     camera: Index | None = None
     skin: Index | None = None
     extensions: NodeExtensions = NodeExtensions()
+    extras: Any = None
 
 
 class Scene(Record, frozen=True):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
@@ -15,14 +16,16 @@ from ispm.io.arrays import compact
 from ispm.io.atomic import as_path, require_writable, write_whole
 from ispm.io.gltf_camera import camera_record
 from ispm.io.gltf_instances import instance_attributes
+from ispm.io.gltf_lamp import lamp_extras, lamp_part
 from ispm.io.gltf_mesh import ATTRIBUTES
 from ispm.io.gltf_write import Document
 from ispm.io.gltf_write_material import MaterialWriter, given, numbers, split
 from ispm.io.png import encode_png
 from ispm.scene.animation import Animation, Channel
-from ispm.scene.light import DirectionalLight, Light, SpotLight
+from ispm.scene.light import DirectionalLight, PunctualLight, SpotLight, SurfaceLight
 from ispm.scene.mesh import Mesh
 from ispm.scene.scene import Node, Part, Scene
+from ispm.scene.values import frozen
 
 ENDINGS = (".glb", ".gltf")
 
@@ -35,7 +38,7 @@ def save(scene: Scene, path: str | os.PathLike[str]) -> Path:
     meshes but for the first, and what has no effect, such as the normal scale of a material without a normal
     map. A texture whose encoding is not the one glTF has for its place is rounded to that, with a
     SceneWarning. A camera's pose, aspect and principal point stand in `extras`, where only this program
-    reads them.
+    reads them; so does a lamp with a surface, which others see as a mesh that emits.
     Raises SceneError for what glTF cannot hold, OutputError where the file cannot be written.
     """
     if not isinstance(scene, Scene):
@@ -77,6 +80,7 @@ class _Writer:
         self._materials = MaterialWriter(self.document)
         self._primitives: dict[int, dict[str, Any]] = {}
         self._meshes: dict[tuple[tuple[int, int], ...], int] = {}
+        self._lamps: dict[tuple[object, ...], Part] = {}
         self._numbers: dict[int, list[int]] = {}  # of each node, one for each of its parents
         self._scene(scene)
         for animation in scene.animations:
@@ -98,8 +102,17 @@ class _Writer:
 
     def _node(self, node: Node) -> dict[str, Any]:
         parts = [part for part in node.parts if len(part.mesh.triangles)]
-        extensions = {} if node.light is None else self._light(node.light)
-        if parts and node.instances is not None:
+        extensions = self._light(node.light) if isinstance(node.light, PunctualLight) else {}
+        extras = {}
+        if isinstance(node.light, SurfaceLight):
+            if parts and node.instances is not None:
+                raise SceneError(
+                    f"node '{node.name}' holds a lamp and instances of meshes, which glTF cannot hold; "
+                    "put the lamp on a node of its own"
+                )
+            extras = lamp_extras(node.light)
+            parts.append(self._lamp(node.light))
+        elif parts and node.instances is not None:
             extensions |= self._instances(node.instances)
         camera = None if node.camera is None else self.document.put("cameras", camera_record(node.camera))
         return given(
@@ -109,6 +122,7 @@ class _Writer:
                 "mesh": self._mesh(parts) if parts else None,
                 "camera": camera,
                 "extensions": extensions,
+                "extras": extras,
             },
             {
                 "name": "",
@@ -116,6 +130,7 @@ class _Writer:
                 "rotation": [0.0, 0.0, 0.0, 1.0],
                 "scale": [1.0] * 3,
                 "extensions": {},
+                "extras": {},
             },
         )
 
@@ -151,7 +166,14 @@ class _Writer:
         attributes = {name: self.document.floats(v) for name, v in instance_attributes(matrices).items()}
         return {self.document.use("EXT_mesh_gpu_instancing"): {"attributes": attributes}}
 
-    def _light(self, light: Light) -> dict[str, Any]:
+    def _lamp(self, lamp: SurfaceLight) -> Part:
+        """What shows a lamp to other programs, the same for equal ones."""
+        key = type(lamp), *frozen(replace(lamp, name=""))
+        if key not in self._lamps:
+            self._lamps[key] = lamp_part(lamp)
+        return self._lamps[key]
+
+    def _light(self, light: PunctualLight) -> dict[str, Any]:
         """A node's extensions that hold a light of its own, as the loader makes them."""
         light.check()
         color, intensity = split(light.intensity)

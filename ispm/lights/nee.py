@@ -5,17 +5,21 @@ bounces so bright that photons carry their light.
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
 from ispm.accel.intersect import any_hit
 from ispm.accel.records import Hit, Ray
-from ispm.accel.surface import closest_surface, hit_position, leave_surface, surface
-from ispm.optics.bsdf import eval_bsdf, has_finite, smooth_split, transmits
+from ispm.accel.surface import SurfacePoint, closest_surface, hit_position, leave_surface, surface
+from ispm.lights.area import area_numbers, lamp_irradiance, lamp_pdf, sample_lamps, sample_surround
+from ispm.lights.emitted import first_irradiance
+from ispm.optics.bsdf import Bsdf, eval_bsdf, has_finite, pdf_bsdf, smooth_split, transmits
+from ispm.optics.environment import environment_pdf, has_environment
 from ispm.optics.jit import jit
-from ispm.optics.light import light_arriving
+from ispm.optics.light import FAR, light_arriving
 from ispm.optics.records import NO_HIT
-from ispm.optics.vector import add, dot, scale, sub
+from ispm.optics.vector import Vector, add, dot, scale, sub
 
 f32, i64, u32 = np.float32, np.int64, np.uint32
 
@@ -24,63 +28,167 @@ SPLIT_COUNT = (
 )
 
 SHEETS_MAX = 8  # of glass that a shadow ray passes, or a gather ray
+_NONE = f32(0), f32(0), f32(0)
 BEFORE = f32(1e-4)  # of the distance that a shadow ray ends before a light, which may hang on a wall
 
 
 @jit
-def direct_light(tables, x, wo, u, scratch, limit):
+def direct_light(tables, x, wo, u, scratch, limit, sampled=False):
     """Return the radiance along wo, (3,) cd/m2, of the finite lobes at a SurfacePoint, and the rays traced.
 
-    u      random in [0, 1), for holes that shadow rays meet
-    limit  lights whose first bounce here is bright are left out, see `is_bright`; infinite: none
+    u        random in [0, 1), for holes that shadow rays meet, and for points of lamps with a surface
+    limit    lights whose first bounce here is bright are left out, see `is_bright`; infinite: none
+    sampled  the path goes on by `sample_bsdf` and may meet the lamps too: theirs is weighed by the balance
+             heuristic (Veach 1997, section 9.2.2), see `lamp_weight`. Else paths go on by the facets of what
+             transmits alone, and their light is left to these
     """
     total, traced = (f32(0), f32(0), f32(0)), i64(0)
     for k in range(len(tables.lights)):
-        radiance, distance, wi = _unshadowed(tables.lights[k], x, wo, limit)
-        if greatest(radiance) > f32(0):
-            start = leave_surface(tables, x.hit, side_of(x.ng, wi))
-            passed = shadow_transmittance(tables, start, wi, distance, u, scratch)
-            total, traced = add(total, times(radiance, passed)), traced + i64(1)
+        arriving = _unshadowed(tables.lights[k], x, wo, limit)
+        light, rays = _shadowed(tables, x, arriving, u, scratch)
+        total, traced = add(total, light), traced + rays
+    if len(tables.emitters.triangles) > 0:
+        arriving = _unshadowed_lamp(tables, x, wo, area_numbers(x.hit, u), limit, sampled)
+        light, rays = _shadowed(tables, x, arriving, u, scratch)
+        total, traced = add(total, light), traced + rays
+    if has_environment(tables.environment):
+        arriving = _unshadowed_surround(tables, x, wo, area_numbers(x.hit, u), sampled)
+        light, rays = _shadowed(tables, x, arriving, u, scratch)
+        total, traced = add(total, light), traced + rays
     return total, traced
+
+
+@jit
+def lamp_weight(tables, position, side, pdf, hit, d):
+    """Return the weight, float32, of emission at a Hit that a path meets along d, where its start also draws
+    from lamps (balance heuristic, Veach 1997, section 9.2.2).
+
+    position, side  of the start, m, and its `lit_side`;  pdf  1/sr, with which it drew d; infinite: 1
+    """
+    if pdf == f32(np.inf):
+        return f32(1)
+    return pdf / (pdf + lamp_pdf(tables, position, side, hit, d))
+
+
+@jit
+def surround_weight(tables, pdf, d):
+    """Return likewise the weight of the environment's light where a path leaves the scene along d."""
+    if pdf == f32(np.inf):
+        return f32(1)
+    return pdf / (pdf + environment_pdf(tables.environment, d))
 
 
 @jit
 def light_from_one(tables, x, wo, u, pick, scratch, limit):
     """Return an estimate of the radiance of `direct_light` by one ray: to a light that `pick`, of [0, 1),
-    draws in proportion to the radiance that each makes without shadows."""
+    draws in proportion to the radiance that each makes without shadows, of emissive surfaces by a point."""
     total, none = f32(0), (f32(0), f32(0), f32(0))
-    drawn, weight, farthest, toward = none, f32(1), f32(0), wo
+    drawn, weight = Arriving(none, f32(0), wo), f32(1)
     for k in range(len(tables.lights)):
-        radiance, distance, wi = _unshadowed(tables.lights[k], x, wo, limit)
-        value = radiance[0] + radiance[1] + radiance[2]
-        if value > f32(0):
-            total += value
-            if pick * total < value:
-                drawn, weight, farthest, toward = radiance, value, distance, wi
-                pick *= total / value
-            else:
-                pick = (pick * total - value) / (total - value)
+        arriving = _unshadowed(tables.lights[k], x, wo, limit)
+        drawn, weight, total, pick = _draw(drawn, weight, total, arriving, pick)
+    if len(tables.emitters.triangles) > 0:
+        arriving = _unshadowed_lamp(tables, x, wo, area_numbers(x.hit, u), limit, False)
+        drawn, weight, total, pick = _draw(drawn, weight, total, arriving, pick)
+    if has_environment(tables.environment):
+        arriving = _unshadowed_surround(tables, x, wo, area_numbers(x.hit, u), False)
+        drawn, weight, total, pick = _draw(drawn, weight, total, arriving, pick)
     if total <= f32(0):
         return none
-    start = leave_surface(tables, x.hit, side_of(x.ng, toward))
-    passed = shadow_transmittance(tables, start, toward, farthest, u, scratch)
-    return scale(total / weight, times(drawn, passed))
+    light, _ = _shadowed(tables, x, drawn, u, scratch)
+    return scale(total / weight, light)
+
+
+class Arriving(NamedTuple):
+    """Light from one point of a light, shadows aside: radiance that it makes along wo, cd/m2 RGB, over the
+    density with which the point was drawn; distance to it, m; and wi."""
+
+    radiance: Vector
+    distance: np.float32
+    wi: Vector
+
+
+@jit
+def _draw(drawn, weight, total, arriving, pick):
+    """Draw one of several Arriving as they come, in proportion to their radiance: return the one drawn so
+    far, its sum of channels, the sum of all, and the random number `pick`, uniform again."""
+    value = arriving.radiance[0] + arriving.radiance[1] + arriving.radiance[2]
+    if value > f32(0):
+        total += value
+        if pick * total < value:
+            return arriving, value, total, pick * (total / value)
+        pick = (pick * total - value) / (total - value)
+    return drawn, weight, total, pick
+
+
+@jit
+def _shadowed(tables, x, arriving, u, scratch):
+    """What of an Arriving comes to a SurfacePoint, cd/m2 RGB, and the rays traced; u: for holes."""
+    if greatest(arriving.radiance) <= f32(0):
+        return (f32(0), f32(0), f32(0)), i64(0)
+    start = leave_surface(tables, x.hit, side_of(x.ng, arriving.wi))
+    passed = shadow_transmittance(tables, start, arriving.wi, arriving.distance, u, scratch)
+    return times(arriving.radiance, passed), i64(1)
 
 
 @jit
 def _unshadowed(light, x, wo, limit):
-    """Unshadowed radiance along wo of a LIGHT at a SurfacePoint, cd/m2, 0 where its first bounce is bright;
-    the light's distance, m; and wi."""
+    """The Arriving of a LIGHT at a SurfacePoint; black where its first bounce is bright."""
     irradiance, distance, wi = light_arriving(light, x.position)
+    return Arriving(_reflected(x, wo, irradiance, irradiance, wi, limit), distance, wi)
+
+
+@jit
+def _unshadowed_lamp(tables, x, wo, numbers, limit, sampled):
+    """The Arriving of a point of a lamp with a surface, drawn by four random numbers of [0, 1); sampled: see
+    `direct_light`."""
+    radiance, distance, wi, pdf, row, point = sample_lamps(tables, x, numbers[0], numbers[1], numbers[2])
+    if pdf <= f32(0):
+        return Arriving((f32(0), f32(0), f32(0)), distance, wi)
+    bright = radiance
+    if limit != f32(np.inf):
+        bright = lamp_irradiance(tables.emitters.triangles[row], point, x.position)
+    x, pdf = _beside_paths(x, wo, wi, pdf, sampled)
+    return Arriving(_reflected(x, wo, scale(f32(1) / pdf, radiance), bright, wi, limit), distance, wi)
+
+
+@jit
+def _unshadowed_surround(tables, x, wo, numbers, sampled):
+    """The Arriving of a direction of the environment, drawn by the middle two of four random numbers;
+    sampled: see `direct_light`."""
+    radiance, wi, pdf = sample_surround(tables, x, numbers[1], numbers[2])
+    if pdf <= f32(0):
+        return Arriving(_NONE, FAR, wi)
+    x, pdf = _beside_paths(x, wo, wi, pdf, sampled)
+    return Arriving(_reflected(x, wo, scale(f32(1) / pdf, radiance), _NONE, wi, f32(np.inf)), FAR, wi)
+
+
+@jit
+def _beside_paths(x, wo, wi, pdf, sampled):
+    """The SurfacePoint with the lobes that light drawn along wi is for, and the density, 1/sr, that it is
+    divided by: `pdf`, and where it counts that of the path that goes on. See `direct_light`."""
+    b = x.bsdf
+    if sampled:
+        pdf += pdf_bsdf(b, x.n, wo, wi)
+    elif transmits(b):
+        b = Bsdf(b.diffuse, _NONE, f32(0), f32(0), b.dielectric_f0, b.dielectric_f90, _NONE, b.eta, b.thin)
+        x = SurfacePoint(x.hit, x.position, x.ng, x.n, b, x.flags, x.entering)
+    return x, pdf
+
+
+@jit
+def _reflected(x, wo, irradiance, bright, wi, limit):
+    """Radiance along wo, cd/m2 RGB, that a SurfacePoint makes of light from wi; black where the first bounce
+    of light of the irradiance `bright` is bright. irradiance, bright: lx on a surface that faces wi."""
     none = f32(0), f32(0), f32(0)
     if greatest(irradiance) <= f32(0):
-        return none, distance, wi
+        return none
     f = eval_bsdf(x.bsdf, x.n, x.ng, wo, wi)
-    if greatest(f) <= f32(0) or is_bright(x.bsdf, x.ng, wo, irradiance, wi, limit):
-        return none, distance, wi
+    if greatest(f) <= f32(0) or is_bright(x.bsdf, x.ng, wo, bright, wi, limit):
+        return none
     if dot(wi, x.ng) < f32(0) and x.bsdf.thin == f32(0):  # refracted radiance
         f = scale(f32(1) / (x.bsdf.eta * x.bsdf.eta), f)
-    return scale(abs(dot(x.n, wi)), times(f, irradiance)), distance, wi
+    return scale(abs(dot(x.n, wi)), times(f, irradiance))
 
 
 @jit
@@ -100,10 +208,10 @@ def is_bright(b, ng, wo, irradiance, wi, limit):
 
 
 @jit
-def is_bright_first_bounce(light, x, wo, limit):
-    """Return whether the first bounce of a LIGHT at a SurfacePoint is bright, seen along wo; limit: lx, see
-    `is_bright`."""
-    irradiance, _, wi = light_arriving(light, x.position)
+def is_bright_first_bounce(tables, photon, x, wo, limit):
+    """Return whether the first bounce of an EMITTED photon, at a SurfacePoint, is bright, seen along wo;
+    limit: lx, see `is_bright`."""
+    irradiance, wi = first_irradiance(tables, photon, x.position)
     return is_bright(x.bsdf, x.ng, wo, irradiance, wi, limit)
 
 
@@ -116,9 +224,8 @@ def split_count(tables, photon, limit):
     """
     if limit == f32(np.inf) or photon.instance == u32(NO_HIT):
         return i64(1)
-    light = tables.lights[i64(photon.light)]
     hit = Hit(photon.instance, photon.primitive, photon.u, photon.v)
-    irradiance, _, wi = light_arriving(light, hit_position(tables.surfaces, hit))
+    irradiance, wi = first_irradiance(tables, photon, hit_position(tables.surfaces, hit))
     if greatest(irradiance) <= limit:
         return i64(1)
     x = surface(tables, hit, scale(f32(-1), wi))

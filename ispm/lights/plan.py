@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -47,13 +48,15 @@ class PlannedMap:
         return self.photons / self.map.measure
 
 
-def share_photons(packed: Packed, photon_count: int) -> np.ndarray:
+def share_photons(packed: Packed, photon_count: int, others: Sequence[float] = ()) -> np.ndarray:
     """Return how many photons each light emits, (L,) int64: in proportion to its luminous flux.
 
+    others  luminous flux, lm, of what else shines, whose numbers come after those of the lights
     But each light that shines gets a tenth of an equal share, and one.
     """
     measures = np.array([map.measure for map in light_maps(packed)])
     power = packed.lights["intensity"].astype(np.float64) @ LUMINANCE * measures
+    power = np.append(power, np.array(others, np.float64))
     if photon_count == 0 or not power.any():
         return np.zeros(len(power), np.int64)
     shares = np.where(power > 0.0, np.maximum(power / power.sum(), _FLOOR / np.count_nonzero(power)), 0.0)
@@ -71,13 +74,13 @@ def plan_maps(
 ) -> list[PlannedMap]:
     """Return what the maps of all lights do, light by light, a light's own map first.
 
-    counts         (L,) photons of each light
+    counts         (L,) or more, photons of each light
     caustic_share  of a light's photons are aimed at what casts caustics, where there is any
     seen           (n, 3) m, points in the picture: half of a directional light's other photons are aimed at
                    them, if its own map is much wider; None: unknown
     """
     plan: list[PlannedMap] = []
-    for index, (light, count) in enumerate(zip(packed.lights, counts, strict=True)):
+    for index, (light, count) in enumerate(zip(packed.lights, counts[: len(packed.lights)], strict=True)):
         if count:
             shared = _share(packed, index, int(count), caustic_share, seen)
             for k, (map, photons) in enumerate(shared):

@@ -90,11 +90,15 @@ struct Emitted {           // a photon at its first hit, as the bounce map holds
     v: f32,
     flux: vec3f,           // lm
     key: u32,              // identity for random numbers
-    light: u32,
-    spare0: u32,
-    spare1: u32,
-    spare2: u32,
+    origin: vec3f,         // where it left a lamp with a surface, m; of an environment its direction
+    light: u32,            // row of the lights, or EMITTED_*
+    emitter: u32,          // row of the emissive triangle that it left
+    spread: f32,           // m, side of the part of its lamp's area that is the photon's own
+    turn: f32,             // and of its directions, 1
+    spare: u32,
 }
+const EMITTED_BY_SURFACE = 0xffffffffu;
+const EMITTED_BY_ENVIRONMENT = 0xfffffffeu;
 
 struct Photon {            // a photon as it is stored, one for each hit after the first
     position: vec3f,

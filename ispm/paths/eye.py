@@ -353,7 +353,7 @@ def _follow(tables, view, thread, path, i, slot, out, done):
         if inside.instance != u32(NO_HIT):
             weight = attenuated(tables, inside, start, x.position, weight)
         seen = scale(focus, weight)
-        add_light(out.emission, i, glow(tables, hit), seen)
+        add_light(out.emission, i, glow(tables, hit, d), seen)
         unlit = x.flags & u32(MATERIAL_UNLIT) != u32(0)
         wo = scale(f32(-1), d)
         if not unlit and (has_finite(b) or not is_smooth(b)):

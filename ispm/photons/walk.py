@@ -256,9 +256,8 @@ def _walk_one(tables, photon, split, course, scratch, found, room, steps):
         _add(sums, chunk, _ESCAPED, flux)
         return row, i64(0)
     hit = Hit(photon.instance, photon.primitive, photon.u, photon.v)
-    light = tables.lights[i64(photon.light)]
     origin, d, within = first_segment(tables, photon)
-    beam = emitted_beam(light, whole, d)
+    beam = emitted_beam(tables, photon, d)
     if steps is not None:
         write_step(steps, origin, flux, photon, key, i64(0))
     kept = scale(within, flux)
@@ -313,7 +312,7 @@ def _walk_one(tables, photon, split, course, scratch, found, room, steps):
         if not specular:
             hidden = not is_gathered(x.bsdf)
             if scatters == i64(0):
-                hidden = hidden or not direct or is_bright_first_bounce(light, x, wi, course.limit)
+                hidden = hidden or not direct or is_bright_first_bounce(tables, photon, x, wi, course.limit)
         elif scatters == i64(0):
             eta = f32(1) if x.flags & u32(MATERIAL_THIN) else x.bsdf.eta
             beam = redirected_beam(tables.surfaces, hit, beam, d, wi, x.ng, x.n, eta)

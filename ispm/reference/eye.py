@@ -175,7 +175,7 @@ def _path(tables, view, i, scratch, light, ends, row):
             inside = medium(inside, x)
             if inside.instance != u32(NO_HIT):
                 weight = attenuated(tables, inside, start, x.position, weight)
-            _add(light, i, glow(tables, hit), weight, focus)
+            _add(light, i, glow(tables, hit, d), weight, focus)
             if x.flags & u32(MATERIAL_UNLIT):
                 return row
             lit, _ = direct_light(tables, x, wo, u4, scratch, f32(np.inf))

@@ -1,7 +1,7 @@
 """What pixels see, slowly and without bias: paths from the eye, lit by shadow rays where they scatter.
 
 For scenes without caustics: light that mirrors or glass bring from a light to a surface is not found by such
-paths, for the lights are points.
+paths where the light is a point; lamps with a surface they meet by chance.
 Source: Kajiya, The Rendering Equation, SIGGRAPH 1986; next-event estimation.
 """
 
@@ -17,8 +17,9 @@ from ispm.accel.records import Scratch
 from ispm.accel.surface import Tables, closest_surface, glow, surface
 from ispm.kernels.simd import address, alloca, atomic_add
 from ispm.kernels.threads import run_threads
-from ispm.lights.nee import direct_light, times
-from ispm.optics.bsdf import sample_bsdf
+from ispm.lights.area import lit_side
+from ispm.lights.nee import direct_light, lamp_weight, surround_weight, times
+from ispm.optics.bsdf import pdf_bsdf, sample_bsdf
 from ispm.optics.environment import environment_radiance, has_environment
 from ispm.optics.jit import jit
 from ispm.optics.records import MATERIAL_UNLIT, NO_HIT
@@ -91,33 +92,36 @@ def _trace(tables, task, origins, directions, counter, light):
 def _path(tables, task, start, d, key, sample, scratch):
     """The radiance, cd/m2 RGB, that one path brings along d to `start`, m; key: the ray's number."""
     total, weight, inside = (f32(0), f32(0), f32(0)), (f32(1), f32(1), f32(1)), no_medium()
-    scatters = i64(0)
+    scatters, pdf, start_of = i64(0), f32(np.inf), (start, start)
     for event in range(_EVENTS_MAX):
         u1, u2, u3, u4 = random4(key, u32(event), sample, task.seed)
         found, hit = closest_surface(tables, start, d, u4, scratch)
         if not found:
-            if scatters > i64(0):
-                return total
-            behind = task.background
             if has_environment(tables.environment):
-                behind = environment_radiance(tables.environment, d)
-            return add(total, times(weight, behind))
+                share = surround_weight(tables, pdf, d)
+                behind = scale(share, environment_radiance(tables.environment, d))
+                return add(total, times(weight, behind))
+            return add(total, times(weight, task.background)) if scatters == i64(0) else total
         x = surface(tables, hit, d)
         inside = medium(inside, x)
         if inside.instance != u32(NO_HIT):
             weight = attenuated(tables, inside, start, x.position, weight)
-        if scatters == i64(0):  # what glows does not light
-            total = add(total, times(weight, glow(tables, hit)))
-        if x.flags & u32(MATERIAL_UNLIT):
+        unlit = x.flags & u32(MATERIAL_UNLIT) != u32(0)
+        if not unlit or scatters == i64(0):  # what is unlit does not light
+            share = lamp_weight(tables, start_of[0], start_of[1], pdf, hit, d)
+            total = add(total, scale(share, times(weight, glow(tables, hit, d))))
+        if unlit or scatters > task.bounces:
             return total
         wo = scale(f32(-1), d)
-        lit, _ = direct_light(tables, x, wo, u4, scratch, f32(np.inf))
+        lit, _ = direct_light(tables, x, wo, u4, scratch, f32(np.inf), True)
         total = add(total, times(weight, lit))
         alive, wi, factor, specular = sample_bsdf(x.bsdf, x.n, x.ng, wo, u1, u2, u3, True)
         scatters += i64(not specular)
-        if not alive or scatters > task.bounces:
+        if not alive:
             return total
         weight = times(weight, factor)
+        pdf = f32(np.inf) if specular else pdf_bsdf(x.bsdf, x.n, wo, wi)
+        start_of = x.position, lit_side(x)
         start, inside = spawn_ray(tables, x, inside, wi)
         d = wi
     return total

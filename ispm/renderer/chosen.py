@@ -8,7 +8,7 @@ from collections.abc import Callable
 import numpy as np
 
 from ispm.accel.world import World
-from ispm.framing.camera import default_camera, given_camera, passed_points
+from ispm.framing.camera import default_camera, given_camera, passed_points, without_lamps
 from ispm.framing.light import DefaultLight, brings_light, default_light
 from ispm.renderer.picture import Frame
 from ispm.scene.camera import Camera
@@ -47,7 +47,7 @@ class Chosen:
             return given
         aspect = size[0] / size[1]
         if aspect not in self._cameras:
-            packed = self._place(scene.at_rest())
+            packed = self._place(without_lamps(scene))
             self._cameras[aspect] = default_camera(packed, self._world, aspect, passed_points(scene))
         return self._cameras[aspect]
 

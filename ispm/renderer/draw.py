@@ -10,6 +10,7 @@ import numpy as np
 from ispm.frame import BounceMaps, GBuffer, GpuScene, LitFrame, Receivers
 from ispm.gpu import Texture
 from ispm.lights.plan import PlannedMap
+from ispm.lights.surface_emission import emissive_flux
 from ispm.photons.walk import Walk
 from ispm.renderer.caustics import PhotonClasses, classify_photons
 from ispm.renderer.gather import PhotonLight
@@ -20,6 +21,7 @@ from ispm.renderer.shadows import ShadowRays, join_pixels
 from ispm.renderer.specular import light_missed, specular_light
 from ispm.renderer.stages import Stages
 from ispm.renderer.watch import Watch
+from ispm.stages.area_light import area_light
 
 _NEAR = 1e-4  # of the scene's diagonal; reversed depth has precision to spare
 
@@ -121,12 +123,24 @@ def _draw_first(
 
 def _light_directly(this: Pass, stages: Stages, sight: Sight, watch: Watch) -> Texture:
     """The light of lamps at pixels, but where shadow maps leave it in doubt."""
-    points = sight.receivers.points
+    points, others = sight.receivers.points, None
+    if emissive_flux(this.packed, this.surfaces) > 0.0 or len(this.packed.environment.rows):
+        with watch("direct"):
+            others = area_light(
+                stages.gpu,
+                sight.gbuffer,
+                this.packed,
+                this.world,
+                this.surfaces,
+                this.view,
+                this.settings.smoothing,
+                this.settings.seed,
+            )
     with watch.record(stages.gpu) as frame:
         frame.stage("direct")
         near = _NEAR * this.packed.diagonal
         shadows = stages.shadow(frame, sight.scene, points[points["valid"] > 0], this.view, near)
-        return stages.direct(frame, sight.scene, sight.gbuffer, shadows, this.view)
+        return stages.direct(frame, sight.scene, sight.gbuffer, shadows, this.view, others)
 
 
 def _light_missed(

@@ -12,9 +12,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ispm.accel.surface import SurfaceTable
 from ispm.estimators import Estimator
 from ispm.frame import Receivers
 from ispm.lights.lightmap import mean_irradiance
+from ispm.lights.surface_emission import emissive_flux
+from ispm.optics.environment import environment_power
 from ispm.optics.incident import channels, no_light
 from ispm.optics.records import take
 from ispm.optics.rng import random4
@@ -48,9 +51,13 @@ _SERIES = 8  # of photons that light receivers; at rays' ends, which meet many o
 _DIMENSION = 1 << 21  # of the random numbers that shift whole pictures of rays
 
 
-def bright_limit(packed: Packed, settings: Settings) -> float:
+def bright_limit(packed: Packed, surfaces: SurfaceTable, settings: Settings) -> float:
     """Return the limit of bright first bounces, lx."""
-    return _BRIGHT_RATIO * mean_irradiance(packed) if settings.gather_rays else math.inf
+    if not settings.gather_rays:
+        return math.inf
+    of_surfaces = emissive_flux(packed, surfaces) / (math.pi * packed.diagonal**2)
+    of_environment = environment_power(packed.environment) / 4.0
+    return _BRIGHT_RATIO * (mean_irradiance(packed) + of_surfaces + of_environment)
 
 
 Ends = Callable[[np.ndarray], np.ndarray]
@@ -235,7 +242,7 @@ class PhotonLight:
         """
         this, size = self._this, image.size
         packed, settings, threads = this.packed, this.settings, this.threads
-        limit = bright_limit(packed, settings)
+        limit = bright_limit(packed, self._this.surfaces, settings)
         most = np.float32(1.0 / (_NEAREST * packed.diagonal))
         found = Gather(*(np.zeros((len(rows), *shape), np.float32) for shape in ((3,), (3,), ())))
         receivers = take(image.points, rows)

@@ -9,8 +9,10 @@ import numpy as np
 
 from ispm.lights.aim import aims_at_seen
 from ispm.lights.emission import emit_rays, emit_texels
+from ispm.lights.environment_emission import emit_from_environment, environment_flux
 from ispm.lights.lightmap import light_maps
 from ispm.lights.plan import PlannedMap, plan_maps, share_photons
+from ispm.lights.surface_emission import emissive_flux, emit_from_surfaces
 from ispm.photons.walk import Walk, walk
 from ispm.renderer.gather import bright_limit
 from ispm.renderer.one_pass import Pass
@@ -25,12 +27,16 @@ _PHOTONS_PER_STORED = 1000  # photons of which one is stored: of fewer, light is
 class EmissionPlan:
     """How photons leave the lights in a pass.
 
-    maps  that emit them, light by light
-    by    "map": they are drawn, and photons come from their texels; or "rays": rays are sent through them
+    maps      that emit them, light by light
+    by        "map": they are drawn, and photons come from their texels; or "rays": rays are sent through them
+    surfaces  how many leave emissive surfaces, and
+    surround  how many come from the environment, always as rays
     """
 
     maps: list[PlannedMap]
     by: str
+    surfaces: int = 0
+    surround: int = 0
 
     @property
     def drawn(self) -> list[PlannedMap]:
@@ -69,8 +75,14 @@ def map_plan(
 
 def plan_emission(this: Pass, software: bool) -> EmissionPlan:
     """Return how the photons of a pass leave the lights; software: see `emission_of`."""
-    maps = map_plan(this.packed, this.settings, this.index, _seen_places(this))
-    return EmissionPlan(maps, emission_of(maps, this.packed, this.settings, software))
+    packed, settings = this.packed, this.settings
+    counts = share_photons(
+        packed,
+        settings.photons if settings.bounces else 0,
+        [emissive_flux(packed, this.surfaces), environment_flux(packed)],
+    )
+    maps = plan_maps(packed, counts, settings.caustic_photons, settings.seed, this.index, _seen_places(this))
+    return EmissionPlan(maps, emission_of(maps, packed, settings, software), *map(int, counts[-2:]))
 
 
 def aims_by_view(packed: Packed) -> bool:
@@ -108,7 +120,7 @@ def trace_photons(this: Pass, plan: EmissionPlan, texels: Sequence[np.ndarray]) 
     """Emit the photons and follow them; texels: what the bounce maps hold, where there are any."""
     packed, settings = this.packed, this.settings
     emitted = emit_photons(this, plan, texels)
-    limit = bright_limit(packed, settings)
+    limit = bright_limit(packed, this.surfaces, settings)
     path = walk(
         packed, this.world, this.surfaces, emitted, settings.bounces, settings.seed, this.index, limit
     )
@@ -117,15 +129,21 @@ def trace_photons(this: Pass, plan: EmissionPlan, texels: Sequence[np.ndarray]) 
 
 def emit_photons(this: Pass, plan: EmissionPlan, texels: Sequence[np.ndarray]) -> np.ndarray:
     """Return the photons that leave the lights, (N,) EMITTED; texels as of `trace_photons`."""
+    scene, settings = (this.packed, this.world, this.surfaces), this.settings
     if plan.by == "rays":
-        return emit_rays(this.packed, this.world, this.surfaces, plan.maps, this.settings.seed, this.index)
-    return emit_texels(this.packed, this.surfaces, plan.maps, texels)
+        emitted = emit_rays(*scene, plan.maps, settings.seed, this.index)
+    else:
+        emitted = emit_texels(this.packed, this.surfaces, plan.maps, texels)
+    told = settings.caustic_photons, settings.seed, this.index
+    for emit, count in ((emit_from_surfaces, plan.surfaces), (emit_from_environment, plan.surround)):
+        if count:
+            first_key = int(emitted["key"].max(initial=0)) + 1
+            emitted = np.concatenate([emitted, emit(*scene, count, *told, first_key)])
+    return emitted
 
 
 def light_warnings(packed: Packed, path: Walk) -> Iterator[str]:
     """Yield what a user should know of a picture's light, a line each."""
-    if packed.materials["emission"].any():
-        yield "emissive materials glow, but do not light the scene yet"
     landed = path.absorbed.any() and len(packed.instances) > 1  # an object alone mostly lights nothing
     if landed and len(path.photons) * _PHOTONS_PER_STORED < path.photon_count:
         yield (

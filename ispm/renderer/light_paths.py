@@ -130,7 +130,7 @@ def _paths(last: LastFrame, rows: np.ndarray, brought: np.ndarray) -> list[Photo
     """How photons of the map, (m,) rows, came."""
     made = last.traced.this
     photons, settings = take(last.parts.photons, rows), made.settings
-    limit = bright_limit(made.packed, settings)
+    limit = bright_limit(made.packed, made.surfaces, settings)
 
     def follow(few: np.ndarray) -> np.ndarray:
         scene = made.packed, made.world, made.surfaces
@@ -144,8 +144,9 @@ def _paths(last: LastFrame, rows: np.ndarray, brought: np.ndarray) -> list[Photo
 
 def _path(made: Pass, steps: np.ndarray, photon: np.void, brought: np.ndarray) -> PhotonPath:
     positions = steps["position"].copy()
-    light = made.packed.lights[steps["light"][0]]
-    if light["kind"] == LIGHT_DIRECTIONAL:
+    row = int(steps["light"][0])
+    light = made.packed.lights[row] if row < len(made.packed.lights) else None
+    if light is not None and light["kind"] == LIGHT_DIRECTIONAL:
         positions[0] = positions[1] - np.float32(made.packed.diagonal) * light["direction"]
     events = (*(EVENTS[event] for event in steps["event"][:-1]), "stored")
     return PhotonPath(positions, steps["flux"].copy(), events, int(photon["bounce"]), brought)

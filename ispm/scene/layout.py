@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from itertools import chain, compress, count
+from itertools import chain, count
 from operator import attrgetter, is_
 from typing import Any, get_args
 
 import numpy as np
 
 from ispm.scene.camera import Camera
-from ispm.scene.light import Light
+from ispm.scene.lamp import lamp_material, lamp_mesh
+from ispm.scene.light import Light, SurfaceLight, light_called
 from ispm.scene.material import Material
 from ispm.scene.mesh import Mesh
 from ispm.scene.names import Names, Place, Run
@@ -29,28 +30,48 @@ _KINDS = {
 
 @dataclass(frozen=True, eq=False)
 class Layout:
-    """The parts that are shown, a row for each: not where, and not what they look like.
+    """The parts and lamps that are shown, a row for each: not where, and not what they look like.
 
     nodes      of the tree, in order
-    meshes, materials   each once, in the order met; of materials, those of parts that are shown
+    meshes, materials   each once, in the order met; of materials, those of parts that are shown, and lamps,
+               which are made of one of their own
     mesh, material, node, copies   (R,) int64 of each row the number of its mesh, material and node, and how
                often it is placed
-    instanced  rows whose node has instances;  lights  numbers of the nodes that hold a light
+    instanced  rows whose node has instances;  lamps  rows that are a lamp
+    lights     numbers of the nodes that hold a light without a surface
     names      what ids stand for
     """
 
     nodes: list[Node]
     meshes: list[Mesh]
-    materials: list[Material]
+    materials: list[Material | SurfaceLight]
     mesh: np.ndarray
     material: np.ndarray
     node: np.ndarray
     copies: np.ndarray
     instanced: list[int]
+    lamps: list[int]
     lights: list[int]
     names: Names
     _things: Sequence[object]
     _values: Sequence[object]
+
+    def lamp(self, row: int) -> SurfaceLight:
+        """Return the lamp of one of the rows `lamps`."""
+        lamp: Material | SurfaceLight = self.materials[self.material[row]]
+        assert not isinstance(lamp, Material)
+        return lamp
+
+    def looks(self) -> list[Material]:
+        """Return the materials with what lamps look like in their places, as they are at this moment.
+
+        Raises SceneError for a lamp with a value out of range.
+        """
+        looks = [each if isinstance(each, Material) else None for each in self.materials]
+        for row in self.lamps:
+            lamp, node = self.lamp(row), self.nodes[self.node[row]]
+            looks[self.material[row]] = lamp_material(lamp, light_called(lamp, node.name))
+        return [each for each in looks if each is not None]
 
     def _is_of(self, things: Sequence[object], values: Sequence[object]) -> bool:
         """Whether it is of these very objects, and of values like these."""
@@ -67,25 +88,36 @@ def layout_of(tree: Tree, before: Layout | None = None) -> Layout:
     _require_drawable(nodes)
     parts = list(chain.from_iterable(map(attrgetter("parts"), nodes)))
     part_counts = [len(node.parts) for node in nodes]
-    part_meshes, part_materials = ([getattr(part, name) for part in parts] for name in ("mesh", "material"))
+    row_meshes, row_looks = ([getattr(part, name) for part in parts] for name in ("mesh", "material"))
     copies = [1 if node.instances is None else len(node.instances) for node in nodes]
-    is_lit = [node.light is not None for node in nodes]
-    met = {id(mesh): mesh for mesh in part_meshes}
+    lights = list(map(attrgetter("light"), nodes))
+    lit = [index for index, light in enumerate(lights) if light is not None]
+    lamp_nodes = [index for index in lit if isinstance(lights[index], SurfaceLight)]
+    row_meshes += [lamp_mesh(lights[index]) for index in lamp_nodes]
+    row_looks += [lights[index] for index in lamp_nodes]
+    met = {id(mesh): mesh for mesh in row_meshes}
     hollow = {key for key, mesh in met.items() if not len(mesh.triangles)}
-    names = [[item.name for item in items] for items in (nodes, part_meshes, part_materials)]
-    things = [*nodes, *part_meshes, *part_materials]
-    values = [parents, part_counts, copies, is_lit, hollow, *names]
+    names = [[item.name for item in items] for items in (nodes, row_meshes, row_looks)]
+    things = [*nodes, *row_meshes, *row_looks]
+    values = [parents, part_counts, copies, lit, lamp_nodes, hollow, *names]
     if before is not None and before._is_of(things, values):
         return before
 
     node = np.repeat(np.arange(len(nodes)), part_counts)
     part = np.arange(len(parts)) - np.repeat(np.cumsum(part_counts) - part_counts, part_counts)
     placed = np.array(copies, np.int64)[node]
-    shown = (placed > 0) & np.array([id(mesh) not in hollow for mesh in part_meshes], bool)
-    node, part, placed = node[shown], part[shown], placed[shown]
-    meshes, mesh = _numbered(compress(part_meshes, shown))
-    materials, material = _numbered(compress(part_materials, shown))
-    mesh_names = compress(names[1], shown)
+    is_lamp = np.arange(len(row_meshes)) >= len(parts)
+    if lamp_nodes:  # each behind the parts of its node
+        node = np.concatenate([node, lamp_nodes])
+        part = np.concatenate([part, np.array(part_counts)[lamp_nodes]])
+        placed = np.concatenate([placed, np.ones(len(lamp_nodes), np.int64)])
+    shown = (placed > 0) & np.array([id(mesh) not in hollow for mesh in row_meshes], bool)
+    rows = np.flatnonzero(shown)
+    rows = rows[np.argsort(node[rows], kind="stable")]
+    node, part, placed, is_lamp = node[rows], part[rows], placed[rows], is_lamp[rows]
+    meshes, mesh = _numbered(map(row_meshes.__getitem__, rows.tolist()))
+    materials, material = _numbered(map(row_looks.__getitem__, rows.tolist()))
+    mesh_names = map(names[1].__getitem__, rows.tolist())
     runs = map(Run, node.tolist(), part.tolist(), mesh_names, material.tolist(), placed.tolist())
     return Layout(
         nodes,
@@ -95,8 +127,13 @@ def layout_of(tree: Tree, before: Layout | None = None) -> Layout:
         material,
         node,
         placed,
-        [row for row, index in enumerate(node.tolist()) if nodes[index].instances is not None],
-        [index for index, lit in enumerate(is_lit) if lit],
+        [
+            row
+            for row, index in enumerate(node.tolist())
+            if nodes[index].instances is not None and not is_lamp[row]
+        ],
+        np.flatnonzero(is_lamp).tolist(),
+        sorted(set(lit) - set(lamp_nodes)),
         Names(tuple(runs), tuple(each.name for each in materials), tuple(map(Place, names[0], parents))),
         things,
         values,

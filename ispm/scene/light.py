@@ -1,17 +1,18 @@
-"""Punctual lights, as in KHR_lights_punctual."""
+"""Lights: punctual ones, as in KHR_lights_punctual, and lamps with a surface."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from typing import Any, ClassVar, Self
 
 from ispm.errors import SceneError
-from ispm.scene.values import BRIGHTEST, LEAST, Strict, as_code, require
+from ispm.scene.values import BRIGHTEST, FARTHEST, LEAST, Strict, as_code, require
 
 _FLAT = math.pi / 2.0 + 1e-6  # files round it
 
 
-class _Punctual(Strict):
+class _Shining(Strict):
     """What the lights share: checked as they are made, shown as the code that makes them."""
 
     intensity: tuple[float, float, float]
@@ -31,7 +32,7 @@ class _Punctual(Strict):
 
 
 @dataclass(repr=False)
-class PointLight(_Punctual):
+class PointLight(_Shining):
     """Shines alike in all directions from its node's origin.
 
     intensity  (3,) cd per channel, linear
@@ -44,7 +45,7 @@ class PointLight(_Punctual):
 
 
 @dataclass(repr=False)
-class SpotLight(_Punctual):
+class SpotLight(_Shining):
     """Shines from its node's origin along its -Z, full within one cone, fading to nothing at another.
 
     intensity     (3,) cd per channel within the inner cone, linear
@@ -72,7 +73,7 @@ class SpotLight(_Punctual):
 
 
 @dataclass(repr=False)
-class DirectionalLight(_Punctual):
+class DirectionalLight(_Shining):
     """Shines along its node's -Z from infinitely far, like the sun.
 
     intensity  (3,) lx per channel on a surface that faces it, linear
@@ -82,10 +83,150 @@ class DirectionalLight(_Punctual):
     name: str = field(default="", compare=False)
 
 
-Light = PointLight | SpotLight | DirectionalLight
+class _Surface(_Shining):
+    """What lamps with a surface share: each point of it is as bright from wherever it is seen (Lambert).
+
+    The surface is seen, casts shadows and reflects nothing. Its node's scale stretches it as it does meshes,
+    and its radiance stays.
+    """
+
+    SIZES: ClassVar[tuple[str, ...]] = ()  # the fields that say how large it is, m
+
+    def check(self, called: str = "") -> None:
+        """Raise SceneError for a value out of range; `called` names this light in the message."""
+        super().check(called)
+        called = called or light_called(self)
+        for name in self.SIZES:
+            require(f"{called}: {name}, in metres,", getattr(self, name), LEAST, FARTHEST)
+        require(f"{called}: two_sided", getattr(self, "two_sided", False), False, True)
+
+    @property
+    def shines_both_ways(self) -> bool:
+        """Whether the back shines as well."""
+        return bool(getattr(self, "two_sided", False))
+
+    @classmethod
+    def from_lumens(cls, lumens: tuple[float, float, float], **others: Any) -> Self:
+        """Return the lamp that sends out `lumens` from all of its surface together.
+
+        lumens  (3,) lm per channel; a white lamp of 800 lm has (800, 800, 800)
+        others  its other fields, by name; the node must not scale it
+        Raises SceneError for a value out of range.
+        """
+        lamp = cls(**others)
+        require(f"{light_called(lamp)}: lumens", lumens, 0.0, math.inf, 3)
+        r, g, b = (float(v) / (math.pi * lamp.area) for v in lumens)
+        return replace(lamp, intensity=(r, g, b))  # type: ignore[type-var]  # a base of dataclasses alone
+
+    @property
+    def stretch(self) -> tuple[float, float, float]:
+        """The factors along the node's axes by which the lamp of measures 1 becomes this one."""
+        raise NotImplementedError  # each shape has its own
+
+    @property
+    def area(self) -> float:
+        """The area that shines, m2, both sides where both do; of a node that does not scale."""
+        raise NotImplementedError  # each shape has its own
+
+    @property
+    def lumens(self) -> tuple[float, float, float]:
+        """The flux of the whole lamp, (3,) lm per channel: pi times radiance times `area`."""
+        r, g, b = (math.pi * self.area * float(v) for v in self.intensity)
+        return r, g, b
 
 
-def light_called(light: _Punctual, node: str = "", index: int | None = None) -> str:
+@dataclass(repr=False)
+class RectLight(_Surface):
+    """A rectangle in its node's XY plane, about its origin, that shines along -Z.
+
+    intensity  (3,) cd/m2 per channel, linear: the radiance of the surface; in the trade its luminance, in
+               nits. `from_lumens` takes the flux of the whole lamp instead.
+    width, height   m, along X and Y
+    two_sided  whether it shines along +Z as well; else the back is not drawn
+    """
+
+    SIZES: ClassVar[tuple[str, ...]] = ("width", "height")
+
+    intensity: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    width: float = 1.0
+    height: float = 1.0
+    two_sided: bool = False
+    name: str = field(default="", compare=False)
+
+    @property
+    def stretch(self) -> tuple[float, float, float]:
+        """The factors along the node's axes by which a square of 1 m becomes this."""
+        return float(self.width), float(self.height), 1.0
+
+    @property
+    def area(self) -> float:
+        """The area that shines, m2, both sides where both do; of a node that does not scale."""
+        return float(self.width) * float(self.height) * (2.0 if self.two_sided else 1.0)
+
+
+@dataclass(repr=False)
+class DiskLight(_Surface):
+    """A disk in its node's XY plane, about its origin, that shines along -Z.
+
+    intensity  (3,) cd/m2 per channel, linear: the radiance of the surface; in the trade its luminance, in
+               nits. `from_lumens` takes the flux of the whole lamp instead.
+    radius     m
+    two_sided  whether it shines along +Z as well; else the back is not drawn
+    It is drawn as a polygon of 64 corners and the disk's area.
+    """
+
+    SIZES: ClassVar[tuple[str, ...]] = ("radius",)
+
+    intensity: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    radius: float = 0.5
+    two_sided: bool = False
+    name: str = field(default="", compare=False)
+
+    @property
+    def stretch(self) -> tuple[float, float, float]:
+        """The factors along the node's axes by which a disk of radius 1 m becomes this."""
+        return float(self.radius), float(self.radius), 1.0
+
+    @property
+    def area(self) -> float:
+        """The area that shines, m2, both sides where both do; of a node that does not scale."""
+        return math.pi * float(self.radius) ** 2 * (2.0 if self.two_sided else 1.0)
+
+
+@dataclass(repr=False)
+class SphereLight(_Surface):
+    """A sphere about its node's origin that shines outwards.
+
+    intensity  (3,) cd/m2 per channel, linear: the radiance of the surface; in the trade its luminance, in
+               nits. `from_lumens` takes the flux of the whole lamp instead.
+    radius     m
+    It is drawn as a mesh of 1,280 triangles and the sphere's area, which is as large from all sides together
+    (Cauchy: the mean shadow of a convex body is a quarter of its surface).
+    """
+
+    SIZES: ClassVar[tuple[str, ...]] = ("radius",)
+
+    intensity: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    radius: float = 0.5
+    name: str = field(default="", compare=False)
+
+    @property
+    def stretch(self) -> tuple[float, float, float]:
+        """The factors along the node's axes by which a sphere of radius 1 m becomes this."""
+        return float(self.radius), float(self.radius), float(self.radius)
+
+    @property
+    def area(self) -> float:
+        """The area that shines, m2; of a node that does not scale."""
+        return 4.0 * math.pi * float(self.radius) ** 2
+
+
+PunctualLight = PointLight | SpotLight | DirectionalLight
+SurfaceLight = RectLight | DiskLight | SphereLight
+Light = PointLight | SpotLight | DirectionalLight | RectLight | DiskLight | SphereLight
+
+
+def light_called(light: _Shining, node: str = "", index: int | None = None) -> str:
     """Return what messages call a light: by its name or its node's, else by its kind and number."""
     name = light.name or node
     number = "" if index is None else f" {index}"

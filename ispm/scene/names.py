@@ -39,7 +39,7 @@ class Copy(NamedTuple):
 
     name      of the node
     node      its place in `scene.nodes`, which tells nodes of the same name apart
-    part      its place in `node.parts`
+    part      its place in `node.parts`; the node's lamp comes behind these
     copy      which of `node.instances`; 0 where there is one
     mesh      the mesh's name
     material  the material's id: an index of `Names.materials`

@@ -12,7 +12,7 @@ from ispm.errors import SceneError
 from ispm.knobs import nearest
 from ispm.scene.animation import Channel
 from ispm.scene.camera import Camera
-from ispm.scene.light import DirectionalLight, Light, PointLight, SpotLight
+from ispm.scene.light import Light
 from ispm.scene.material import Material
 from ispm.scene.mesh import Mesh
 from ispm.scene.rotation import facing, place_matrices, quaternion
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from ispm.scene.scene import Scene
 
 _Kind = TypeVar("_Kind")
-_LIGHTS, _CAMERAS = PointLight | SpotLight | DirectionalLight | None, Camera | None  # what a node may hold
+_LIGHTS, _CAMERAS = Light | None, Camera | None  # what a node may hold
 _PLACE = ("translation", "rotation", "scale", "matrix")
 
 
@@ -79,7 +79,7 @@ class Node(Branch, Strict):
     matrix               (4, 4) used instead of the three where given; last row 0 0 0 1
     parts                meshes with their materials
     instances            (n, 4, 4) where the parts stand n times, from each copy to this node; None: once
-    light, camera        one of each at most; they look along -Z
+    light, camera        one of each at most, whatever `instances` says; they look along -Z
     children             nodes in the space of this one; loops, `in`, `find` and `node[name]` reach all below
     rest                 of a node that `Scene.at` moved: the one it was before, for its place
     """

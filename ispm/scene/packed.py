@@ -96,7 +96,7 @@ class Packed:
 
     placed    its meshes and their instances
     looks     its materials
-    lit       its lights
+    lit       its lights, lamps with a surface aside, which are instances
     surround  its environment
     """
 
@@ -163,7 +163,7 @@ class Packed:
 
     @property
     def lights(self) -> np.ndarray:
-        """(L,) LIGHT."""
+        """(L,) LIGHT: those without a surface. Lamps with one are instances of meshes that emit."""
         return self.lit.rows
 
     @property
@@ -229,7 +229,7 @@ def pack(scene: Scene, before: Packed | None = None, tree: Tree | None = None) -
     geometry = before.geometry if before else None
     if geometry is None or not geometry.fits(layout.meshes):
         geometry = pack_geometry(layout.meshes)
-    looks = pack_materials(layout.materials, before.looks if before else None)
+    looks = pack_materials(layout.looks(), before.looks if before else None)
     placed = place_instances(layout, worlds, geometry, before.placed if before else None)
     surround = pack_environment(scene.environment, before.surround if before else None)
     parts = placed, looks, lit, surround

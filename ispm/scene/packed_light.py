@@ -1,4 +1,4 @@
-"""A scene's lights as the records that kernels and shaders read."""
+"""A scene's lights without a surface as the records that kernels and shaders read."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 
 from ispm.optics import records
 from ispm.scene.layout import Layout
-from ispm.scene.light import DirectionalLight, Light, PointLight, SpotLight, light_called
+from ispm.scene.light import DirectionalLight, PointLight, PunctualLight, SpotLight, light_called
 from ispm.scene.values import frozen
 
 _SHARPEST = 1e-6  # difference of the cosines of a spot's cones, in float32
@@ -39,7 +39,7 @@ def pack_lights(layout: Layout, worlds: np.ndarray, before: Lit | None = None) -
     """
     nodes = [(layout.nodes[index], worlds[index]) for index in layout.lights]
     # Each is asked once: another thread may take it away at any time.
-    lights = [(light, node.name, at) for node, at in nodes if (light := node.light) is not None]
+    lights = [(light, node.name, at) for node, at in nodes if isinstance(light := node.light, PunctualLight)]
     made_of: list[object] = [(type(light), *frozen(light), name, at.tobytes()) for light, name, at in lights]
     if before is not None and made_of == before.made_of:
         return before
@@ -50,7 +50,7 @@ def pack_lights(layout: Layout, worlds: np.ndarray, before: Lit | None = None) -
     return Lit(np.array(rows, records.LIGHT), made_of)
 
 
-def light_record(light: Light, world: np.ndarray, called: str) -> np.ndarray:
+def light_record(light: PunctualLight, world: np.ndarray, called: str) -> np.ndarray:
     """Return a light as a LIGHT.
 
     world   (4, 4) from object to world space

@@ -124,7 +124,7 @@ class Scene(Branch, Strict):
 
     @property
     def triangle_count(self) -> int:
-        """Triangles as placed: a mesh counts once for each place where it is shown."""
+        """Triangles as placed, lamps aside: a mesh counts once for each place where it is shown."""
         return _triangles(self.nodes)
 
     @strict_call
@@ -220,7 +220,7 @@ class Scene(Branch, Strict):
 
     @property
     def bounds(self) -> np.ndarray:
-        """The (2, 3) least and greatest corner of all surfaces as placed, metres, world space.
+        """The (2, 3) least and greatest corner of all surfaces as placed, lamps aside, metres, world space.
 
         Raises SceneError for a scene without a surface.
         """

@@ -33,21 +33,33 @@ class DirectStage:
         usage = ("attachment", "sampled", "storage")
         self._radiance = [gpu.texture(f"direct radiance {k}", "rgba32float", usage=usage) for k in range(2)]
         self._nothing = gpu.texture("no radiance", "rgba32float").sized((1, 1))
+        self._others = gpu.texture("radiance of area lights", "rgba32float")
         self._count, self._doubts = gpu.buffer("doubt count"), gpu.buffer("doubts")
         self._counted = Counted(gpu)
         self._room = 0  # rows of the list, as many as some frame wanted
         self._most = gpu.max_binding // DOUBT.itemsize
-        self._drawn: tuple[GpuScene, GBuffer, ShadowMaps, CameraView] | None = None
+        self._drawn: tuple[GpuScene, GBuffer, ShadowMaps, CameraView, np.ndarray | None] | None = None
 
     def __call__(
-        self, frame: Recording, scene: GpuScene, gbuffer: GBuffer, shadows: ShadowMaps, view: CameraView
+        self,
+        frame: Recording,
+        scene: GpuScene,
+        gbuffer: GBuffer,
+        shadows: ShadowMaps,
+        view: CameraView,
+        others: np.ndarray | None = None,
     ) -> Texture:
-        """Record the shading and return where its result will be."""
-        self._drawn = scene, gbuffer, shadows, view
+        """Record the shading and return where its result will be.
+
+        others  (h, w, 4) float32, direct light that it is added to; None: there is none
+        """
+        self._drawn = scene, gbuffer, shadows, view, others
         self._room = min(max(self._room, 1 + gbuffer.size[0] * gbuffer.size[1] // _LISTED), self._most)
         self._doubts.sized(self._room * DOUBT.itemsize)
         self._count.write(np.zeros(4, np.uint32))
         before = self._nothing
+        if others is not None:
+            before = self._others.sized(gbuffer.size).write(others)
         for index, first in enumerate(range(0, max(scene.light_count, 1), _AT_ONCE)):
             result = self._radiance[index % 2].sized(gbuffer.size)
             self._shade(frame, scene, gbuffer, shadows, view, first, before, result)
@@ -83,7 +95,8 @@ class DirectStage:
     ) -> None:
         """Record the shading by the lights from row `first` on, on top of `before`."""
         transmits = bool((scene.packed.materials["flags"] & MATERIAL_TRANSMITS).any())
-        raster = self._pipeline(first > 0, transmits, shadows.has_sheets, scene.light_count == 1)
+        adds = before is not self._nothing
+        raster = self._pipeline(adds, transmits, shadows.has_sheets, scene.light_count == 1)
         group = raster.bind(
             0,
             frame,

@@ -4,19 +4,37 @@ from __future__ import annotations
 
 import copy
 import math
-from dataclasses import fields
+from collections.abc import Container
+from dataclasses import fields, replace
 from typing import Any
 
 import numpy as np
 
 from ispm.errors import SceneError
-from ispm.scene.light import DirectionalLight, Light, PointLight, SpotLight
+from ispm.scene.light import (
+    DirectionalLight,
+    DiskLight,
+    Light,
+    PointLight,
+    RectLight,
+    SphereLight,
+    SpotLight,
+    SurfaceLight,
+)
 from ispm.scene.node import Node
 from ispm.scene.rotation import euler, quaternion, rotation_matrix
 from ispm.scene.scene import Scene
 from ispm.viewer.edits import Assign, Edit, Hidden
 
-LIGHTS: dict[str, type[Light]] = {"point": PointLight, "spot": SpotLight, "directional": DirectionalLight}
+LIGHTS: dict[str, type[Light]] = {
+    "point": PointLight,
+    "spot": SpotLight,
+    "directional": DirectionalLight,
+    "rect": RectLight,
+    "disk": DiskLight,
+    "sphere": SphereLight,
+}
+_ACROSS = 0.25  # of the distance at which its light is looked for: how large a lamp is made
 _SHEAR = 1e-4  # cosine between axes of a matrix, beyond which it has no rotation and scale
 
 
@@ -29,8 +47,9 @@ def add_light(scene: Scene, kind: str, pose: np.ndarray, distance: float) -> tup
     number = 1
     while (name := f"{kind} light {number}") in scene:
         number += 1
-    strength = 3.0 if kind == "directional" else 3.0 * distance * distance
-    node = Node(name, light=LIGHTS[kind]((strength,) * 3))
+    light = _sized(LIGHTS[kind](), {}, distance)
+    strength = 3.0 / _illuminance(light, distance)
+    node = Node(name, light=replace(light, intensity=(strength,) * 3))
     turn, eye = pose[:3, :3], pose[:3, 3]
     ahead = 0.0 if kind == "spot" else 0.5
     node.translation = tuple((eye - turn[:, 2] * ahead * distance + turn[:, 1] * 0.2 * distance).tolist())
@@ -105,17 +124,37 @@ def hide(hidden: Hidden, node: Node, away: bool) -> Edit:
 def as_kind(node: Node, kind: str, distance: float) -> Edit:
     """Return the edit that makes a node's light another kind.
 
-    distance  m, at which it stays as bright, where candela become lux or the other way
+    distance  m, at which it stays as bright before it, and a quarter of which a lamp without a size gets
     """
     light = node.light
     assert light is not None
     made = LIGHTS[kind]
     kept = {f.name: getattr(light, f.name) for f in fields(made) if hasattr(light, f.name)}
-    was_sun, is_sun = isinstance(light, DirectionalLight), made is DirectionalLight
-    factor = distance * distance if was_sun and not is_sun else 1.0
-    factor = 1.0 / (distance * distance) if is_sun and not was_sun else factor
-    kept["intensity"] = tuple(float(v) * factor for v in light.intensity)
-    return Edit(f"make {node.name or 'the light'} {kind}", (Assign(node, "light", made(**kept)),))
+    new = _sized(made(**kept), kept, distance)
+    factor = _illuminance(light, distance) / _illuminance(new, distance)
+    r, g, b = (float(v) * factor for v in light.intensity)
+    new = replace(new, intensity=(r, g, b))
+    return Edit(f"make {node.name or 'the light'} {kind}", (Assign(node, "light", new),))
+
+
+def _sized(light: Light, kept: Container[str], distance: float) -> Light:
+    """A lamp of a size that suits what is lit at `distance`, m, in the measures that are not `kept`."""
+    if not isinstance(light, SurfaceLight):
+        return light
+    across = {name: distance * _ACROSS * (0.5 if name == "radius" else 1.0) for name in light.SIZES}
+    sizes: dict[str, Any] = {name: size for name, size in across.items() if name not in kept}
+    return replace(light, **sizes)
+
+
+def _illuminance(light: Light, distance: float) -> float:
+    """What a light of intensity 1 gives, lx, so many metres before it: of lamps as if they were points."""
+    if isinstance(light, DirectionalLight):
+        return 1.0
+    seen = 1.0
+    if isinstance(light, SurfaceLight):
+        whole = light.area / (2.0 if light.shines_both_ways else 1.0)
+        seen = whole / 4.0 if isinstance(light, SphereLight) else whole
+    return seen / (distance * distance)
 
 
 def translation_of(node: Node) -> np.ndarray:

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from ispm.errors import SceneError, SettingsError
-from ispm.scene.light import DirectionalLight, Light, SpotLight
+from ispm.scene.light import DirectionalLight, Light, PointLight, SpotLight, SurfaceLight
 from ispm.scene.material import RANGES, AlphaMode, Material
 from ispm.scene.node import Node
 from ispm.settings import Settings
@@ -70,7 +70,7 @@ def node_fields(node: Node, hidden: bool) -> list[Field]:
         _field("translation", "vector", _plain(actions.translation_of(node)), label="position", unit="m"),
         _field("rotation", "vector", _plain(actions.angles_of(node)), unit="°"),
     ]
-    if node.light is None:
+    if node.light is None or isinstance(node.light, SurfaceLight):
         made.append(_field("scale", "vector", _plain(actions.scale_of(node))))
     return made
 
@@ -78,7 +78,8 @@ def node_fields(node: Node, hidden: bool) -> list[Field]:
 def light_fields(light: Light) -> list[Field]:
     """Return what can be changed of a light."""
     color, strength = _split(light.intensity)
-    about = dict(unit="lx" if isinstance(light, DirectionalLight) else "cd", scale="log")
+    unit = "lx" if isinstance(light, DirectionalLight) else "cd"
+    about = dict(unit="cd/m²" if isinstance(light, SurfaceLight) else unit, scale="log")
     made = [
         _field("kind", "choice", KINDS[type(light)], choices=list(actions.LIGHTS)),
         _field("color", "color", color),
@@ -88,8 +89,13 @@ def light_fields(light: Light) -> list[Field]:
         for name in _ANGLES:
             degrees = round(math.degrees(getattr(light, name)), 4)
             made.append(_field(name, "number", degrees, least=0.0, most=90.0, unit="°"))
-    if not isinstance(light, DirectionalLight):
+    if isinstance(light, PointLight | SpotLight):
         made.append(_field("range", "number", _finite(light.range), least=0.0, unit="m"))
+    if isinstance(light, SurfaceLight):
+        for name in light.SIZES:
+            made.append(_field(name, "number", float(getattr(light, name)), least=0.0, unit="m"))
+        if hasattr(light, "two_sided"):
+            made.append(_field("two_sided", "switch", light.shines_both_ways))
     return made
 
 
@@ -155,8 +161,12 @@ def light_edit(node: Node, field: str, value: Any, distance: float, gesture: obj
         given = tuple(strength * c for c in color)
     elif field in _ANGLES and isinstance(light, SpotLight):
         given = math.radians(_number(field, value))
-    elif field == "range" and not isinstance(light, DirectionalLight):
+    elif field == "range" and isinstance(light, PointLight | SpotLight):
         given = math.inf if value == "" else _number(field, value)
+    elif isinstance(light, SurfaceLight) and field in light.SIZES:
+        given = _number(field, value)
+    elif field == "two_sided" and hasattr(light, field):
+        given = bool(value)
     else:
         raise SceneError(f"a {KINDS[type(light)]} light has no field '{field}'")
     made = dataclasses.replace(light, **{field: given})  # checked as it is made

@@ -125,7 +125,7 @@ class Change(Message, frozen=True, tag="change"):
 class Add(Message, frozen=True, tag="add"):
     """Add a light, before the camera."""
 
-    light: Literal["point", "spot", "directional"]
+    light: Literal["point", "spot", "directional", "rect", "disk", "sphere"]
 
 
 class Delete(Message, frozen=True, tag="delete"):

@@ -20,6 +20,14 @@ _MOST_COSTS = 120  # pictures in the plot
 _PLOT = 64.0
 _FIRST = ("preset", "exposure", "tonemap", "photons", "bounces")
 _SPEEDS = (-1.0, 0.25, 0.5, 1.0, 2.0)
+_LIGHTS = {
+    "point": "Point",
+    "spot": "Spot",
+    "directional": "Sun",
+    "rect": "Panel",
+    "disk": "Disk",
+    "sphere": "Ball",
+}
 _MARKS = {"light": "*", "camera": "o", "object": "-", "group": ">"}
 _STAGES = (0xFFF0A86F, 0xFF7FCE8F, 0xFFE8A6C3, 0xFF72B8E9, 0xFF6D7AEE, 0xFFC8CF6F, 0xFF99908B)  # ABGR
 _HEAD = 674.0  # of what stands at its right
@@ -213,11 +221,11 @@ class Panels:
             imgui.text_disabled(f"and {scene['more']:,} more")
         imgui.end_child()
         imgui.separator_text("Add a light")
-        for kind, label in (("point", "Point"), ("spot", "Spot"), ("directional", "Sun")):
+        for index, (kind, label) in enumerate(_LIGHTS.items()):
+            if index % 3:
+                imgui.same_line()
             if imgui.button(label, (64, 0)):
                 post(m.Add(kind))  # type: ignore[arg-type]
-            imgui.same_line()
-        imgui.new_line()
         imgui.separator_text("Camera")
         if imgui.button("Home"):
             post(m.UseCamera())

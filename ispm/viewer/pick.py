@@ -13,7 +13,7 @@ from ispm.renderer.picture import Frame
 class Picked:
     """A point of a surface.
 
-    node      place in `scene.nodes`;  part: in its parts;  copy: of its instances
+    node      place in `scene.nodes`;  part: in its parts, or behind them its lamp;  copy: of its instances
     name, mesh, material   their names
     position  (3,) m, world space
     distance  m, from the eye along the view

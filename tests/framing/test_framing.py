@@ -15,6 +15,7 @@ from ispm.io.load import load
 from ispm.library.builtin import BUILTINS, builtin
 from ispm.library.shapes import box, icosphere
 from ispm.scene.camera import Camera
+from ispm.scene.light import RectLight, SphereLight
 from ispm.scene.packed import pack
 from ispm.scene.rotation import rotation_matrix
 from ispm.scene.scene import Scene
@@ -147,3 +148,17 @@ def test_a_mirrored_nodes_camera_looks_the_same_way():
     pose = rigid(matrix)
     assert np.linalg.det(pose[:3, :3]) == pytest.approx(1.0)
     assert pose[:3, 2].tolist() == [0.0, 0.0, 1.0] and pose[:3, 1].tolist() == [0.0, 1.0, 0.0]
+
+
+def test_lamps_do_not_change_what_is_framed():
+    """Nor where the scene's bounds are; but what is nothing else is framed by its lamp."""
+    scene = Scene()
+    scene.add(icosphere(0.5, 4))
+    alone = scene.default_camera().pose
+    scene.add(RectLight(width=4.0, height=4.0), translation=(0.0, 9.0, 0.0))
+    np.testing.assert_array_equal(scene.default_camera().pose, alone)
+    assert np.abs(scene.bounds).max() == 0.5
+    assert scene.nodes[1].light is not None
+    lamp = Scene()
+    lamp.add(SphereLight(radius=2.0), translation=(9.0, 0.0, 0.0))
+    assert lamp.default_camera().pose[0, 3] > 5.0

@@ -24,7 +24,7 @@ from ispm.library.builtin import BUILTINS, builtin
 from ispm.library.shapes import box, icosphere
 from ispm.scene.animation import Animation, Channel
 from ispm.scene.camera import Camera, look_at_pose
-from ispm.scene.light import DirectionalLight, PointLight, SpotLight
+from ispm.scene.light import DirectionalLight, DiskLight, PointLight, RectLight, SphereLight, SpotLight
 from ispm.scene.material import AlphaMode, Material, Texture, TextureUse, Wrap
 from ispm.scene.mesh import Mesh
 from ispm.scene.scene import Node, Part, Scene
@@ -386,3 +386,68 @@ def test_extras_of_a_camera_that_make_no_sense_are_passed_over(tmp_path, extras)
     path.write_text(json.dumps(text))
     back = load(path)
     assert back.cameras and "its extras are passed over" in back.warnings[0]
+
+
+def lamps():
+    """A scene of all lamps with a surface: alone, two of one object, beside a mesh, below another node."""
+    scene = Scene(name="lamps")
+    panel = RectLight((1 / 3, 2e6, 0.0), 0.3, 1.7, True, "sky panel")
+    top = scene.add(panel, name="panel", translation=(0.1, 2.0, 0.0), scale=(1.0, 2.0, 1.0))
+    scene.add(panel, name="twin", translation=(1.0, 2.0, 0.0))
+    scene.add(DiskLight((5.0, 4.0, 3.0), 0.1), name="disk", rotation=(0.1, 0.2, 0.3, 0.9), parent=top)
+    shade = scene.add(box((0, 0, 0), (1, 1, 1)), material=Material((0.2, 0.4, 0.6)), name="shade")
+    shade.light = SphereLight((0.5, 0.25, 0.125), 0.2)
+    scene.add(SphereLight((0.0, 0.0, 0.0)), name="dark")
+    return scene
+
+
+@pytest.mark.parametrize("ending", ENDINGS)
+def test_lamps_with_a_surface_load_back_equal(tmp_path, ending):
+    scene = lamps()
+    back = round_trip(scene, tmp_path, ending)
+    assert_alike(scene, back)
+    assert [type(node.light) for node in back.lights] == [type(node.light) for node in scene.lights]
+    assert back["shade"].light == SphereLight((0.5, 0.25, 0.125), 0.2) and len(back["shade"].parts) == 1
+
+
+def written(scene, folder):
+    """The JSON of a scene's .gltf file, and its path."""
+    path = save(scene, folder / "scene.gltf")
+    return json.loads(path.read_text("utf-8")), path
+
+
+def test_others_see_lamps_as_meshes_that_emit(tmp_path):
+    """Read without the extras a lamp is a mesh of its size, with its emission."""
+    scene = Scene()
+    scene.add(RectLight((1e3, 500.0, 0.0), width=3.0, height=0.5), name="panel")
+    record, path = written(scene, tmp_path)
+    for node in record["nodes"]:
+        del node["extras"]
+    path.write_text(json.dumps(record), "utf-8")
+    panel = load(path)["panel"]
+    assert panel.light is None
+    assert panel.parts[0].material.emission == (1e3, 500.0, 0.0) and not panel.parts[0].material.double_sided
+    assert panel.parts[0].mesh.bounds.tolist() == [[-1.5, -0.25, 0.0], [1.5, 0.25, 0.0]]
+
+
+@pytest.mark.parametrize(
+    "spoilt",
+    [7, {}, {"type": "cube"}, {"type": "rect", "intensity": [1, 1, 1], "width": -1.0}, {"type": "disk"},
+     {"type": "sphere", "intensity": [1, 1, 1], "width": 1.0}],
+)  # fmt: skip
+def test_a_lamp_that_makes_no_sense_stays_a_mesh_with_a_note(tmp_path, spoilt):
+    scene = Scene()
+    scene.add(SphereLight(), name="globe")
+    record, path = written(scene, tmp_path)
+    record["nodes"][0]["extras"]["ispm_light"] = spoilt
+    path.write_text(json.dumps(record), "utf-8")
+    back = load(path)
+    assert back["globe"].light is None and len(back["globe"].parts) == 1
+    assert len(back.warnings) == 1 and "ispm_light is passed over" in back.warnings[0]
+
+
+def test_a_lamp_beside_instances_is_refused_by_name(tmp_path):
+    node = Node("chandelier", parts=[Part(box((0, 0, 0), (1, 1, 1)), Material())], light=DiskLight())
+    node.instances = np.tile(np.eye(4), (2, 1, 1))
+    with pytest.raises(SceneError, match="'chandelier' holds a lamp and instances"):
+        save(Scene([node]), tmp_path / "scene.glb")

@@ -9,9 +9,11 @@ from ispm import (
     DirectionalLight,
     Material,
     PointLight,
+    RectLight,
     Renderer,
     Scene,
     Settings,
+    SphereLight,
     SpotLight,
     Texture,
     Wrap,
@@ -41,6 +43,8 @@ def room() -> Scene:
     scene.add(PointLight((9.0, 9.0, 9.0)), name="lamp", translation=(0.0, 3.0, 0.0))
     scene.add(SpotLight((20.0, 9.0, 9.0)), name="spot", translation=(2.0, 3.0, 1.0)).look_at((0.0, 0.0, 0.0))
     scene.add(DirectionalLight(), name="sun", translation=(1.0, 3.0, 1.0)).look_at((0.0, 0.0, 0.0))
+    panel = RectLight((4.0, 4.0, 6.0), width=0.8, height=0.4)
+    scene.add(panel, name="panel", translation=(-1.2, 1.2, -0.8)).look_at((0.0, 0.3, 4.0))
     scene.add(Camera(), name="camera", translation=(0.5, 2.0, 5.0)).look_at((0.0, 0.3, 0.0))
     return scene
 
@@ -111,6 +115,7 @@ def _leave_a_frame_unfinished(renderer: Renderer) -> None:
         node.translation = place
 
 
+LIGHTS = ("spot", "lamp", "sun", "panel")
 CHANGES = {
     "nothing": lambda renderer: None,
     "mesh edited in place": _edit_mesh,
@@ -122,8 +127,12 @@ CHANGES = {
     "lamp's intensity": _light("lamp", "intensity", (1.0, 2.0, 3.0)),
     "lamp's range": _light("lamp", "range", 2.5),
     "spot's angle": _light("spot", "outer_angle", 0.3),
+    "panel moved": _move("panel", 0.3, 0.1, 0.0),
+    "panel's intensity": _light("panel", "intensity", (1.0, 2.0, 3.0)),
+    "panel's size": _light("panel", "width", 0.5),
+    "panel's kind": lambda renderer: setattr(renderer.scene["panel"], "light", SphereLight(radius=0.2)),
     "light gone": lambda renderer: renderer.scene.remove("spot"),
-    "all lights gone": lambda renderer: [renderer.scene.remove(name) for name in ("spot", "lamp", "sun")],
+    "all lights gone": lambda renderer: [renderer.scene.remove(name) for name in LIGHTS],
     "node gone": lambda renderer: renderer.scene.remove("mirror"),
     "node added": lambda renderer: renderer.scene.add(shapes.box(0.3), translation=(0.0, 1.2, 0.0)),
     "color": _material("floor", "base_color", (0.2, 0.9, 0.2)),
@@ -179,6 +188,7 @@ def test_changes_and_back(used):
         assert content(used) == first
 
 
+@pytest.mark.filterwarnings("ignore::ispm.SceneWarning")
 def test_what_rests_is_not_drawn_again(gpu, monkeypatch):
     drawn = []
     stages = {ShadowStage, BounceStage, GBufferStage, Antialias}

@@ -5,7 +5,21 @@ import copy
 import numpy as np
 import pytest
 
-from ispm import Environment, Material, Mesh, Node, Part, PointLight, Scene, SpotLight, Texture, shapes
+from ispm import (
+    DiskLight,
+    Environment,
+    Material,
+    Mesh,
+    Node,
+    Part,
+    PointLight,
+    RectLight,
+    Scene,
+    SphereLight,
+    SpotLight,
+    Texture,
+    shapes,
+)
 from ispm.scene.packed import Packed, pack
 
 
@@ -24,6 +38,8 @@ def furnished() -> Scene:
     cup.instances[:, 0, 3] = 0.0, 1.0, 2.0
     scene.add(PointLight((9.0, 9.0, 9.0)), name="lamp", translation=np.array([0.0, 3.0, 0.0]))
     scene.add(SpotLight(outer_angle=0.5), name="spot", translation=(1.0, 3.0, 0.0))
+    scene.add(RectLight(width=0.5), name="panel", translation=(2.0, 3.0, 0.0), parent=table)
+    scene.add(SphereLight(), name="globe", translation=(-2.0, 3.0, 0.0))
     scene.environment = Environment(np.full((2, 4, 3), 0.5))
     return scene
 
@@ -84,6 +100,15 @@ EDITS = {
     "light's number": lambda s: setattr(s["lamp"].light, "intensity", (1.0, 2.0, 3.0)),
     "light's kind": lambda s: setattr(s["lamp"], "light", SpotLight()),
     "light gone": lambda s: s.remove("spot"),
+    "lamp's number": lambda s: setattr(s["panel"].light, "intensity", (1.0, 2.0, 3.0)),
+    "lamp's size": lambda s: setattr(s["panel"].light, "height", 0.3),
+    "lamp's back": lambda s: setattr(s["panel"].light, "two_sided", True),
+    "lamp's kind": lambda s: setattr(s["panel"], "light", DiskLight()),
+    "lamp's twin": lambda s: setattr(s["panel"], "light", RectLight(width=0.5)),
+    "lamp without a surface": lambda s: setattr(s["globe"], "light", PointLight()),
+    "light with a surface": lambda s: setattr(s["lamp"], "light", SphereLight()),
+    "lamp gone": lambda s: s.remove("globe"),
+    "lamp and copies": lambda s: setattr(s["cup"], "light", DiskLight(radius=0.2)),
     "environment gone": lambda s: setattr(s, "environment", None),
     "environment's number": lambda s: setattr(s.environment, "intensity", 2.0),
     "environment turned": lambda s: setattr(s.environment, "rotation", 1.0),

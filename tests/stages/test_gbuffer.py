@@ -7,8 +7,12 @@ from typing import Any
 import numpy as np
 import pytest
 from exact import cast, interior, mixed_scene, packed_mixed, quad, triangles_of, view_of
+from transport import Tracer
 
+from ispm.accel.records import Hit
+from ispm.accel.surface import glow
 from ispm.gpu import Gpu
+from ispm.optics.jit import jit
 from ispm.scene.camera import look_at_pose
 from ispm.scene.material import AlphaMode, Material, Texture, TextureUse, Wrap
 from ispm.scene.packed import Packed, pack
@@ -134,6 +138,37 @@ def test_unlit_material_glows_and_reflects_nothing(gpu: Gpu) -> None:
     scene.add(quad(2.0), material=Material(base_color=(0.5, 0.25, 1.0), unlit=True))
     pixel = {k: v[45, 80] for k, v in draw(gpu, pack(scene), from_above()).items()}
     assert (pixel["emission"][:3] == [0.5, 0.25, 1.0]).all() and (pixel["base"][:3] == 0.0).all()
+
+
+@jit
+def _glow(tables, dx, dy, dz):
+    return glow(tables, Hit(np.uint32(0), np.uint32(0), np.float32(0.25), np.float32(0.25)), (dx, dy, dz))
+
+
+GLOW, GLOW_AS_COLOR = (1.0, 2.0, 4.0), (0.25, 0.5, 1.0)
+
+
+@pytest.mark.parametrize("scale", [(1.0, 1.0, 1.0), (-1.0, 1.0, 1.0), (1.0, -1.0, 1.0), (-2.0, -1.0, -1.0)])
+@pytest.mark.parametrize("material, both", [
+    (Material(emission=GLOW), False),
+    (Material(emission=GLOW, emission_texture=Texture(np.full((1, 1, 4), 255, np.uint8))), False),
+    (Material(emission=GLOW, double_sided=True), True),
+    (Material(base_color=GLOW_AS_COLOR, unlit=True, double_sided=True), True),
+])  # fmt: skip
+def test_backs_of_one_sided_materials_do_not_glow(
+    gpu: Gpu, scale: tuple[float, ...], material: Material, both: bool
+) -> None:
+    # glTF: counter-clockwise is the front, clockwise where a node mirrors. The quad faces +Y, scaled by y.
+    scene = Scene()
+    scene.add(quad(2.0), material=material, scale=scale)
+    shown = np.array(material.base_color[:3] if material.unlit else GLOW)
+    tracer = Tracer(scene)
+    for side in (1.0, -1.0):
+        expected = shown * (both or side == np.sign(scale[1]))
+        view = CameraView((160, 90), look_at_pose(np.array([0.0, 3.0 * side, 0.0]), np.zeros(3)), near=0.01)
+        assert (draw(gpu, tracer.packed, view)["emission"][45, 80, :3] == expected).all()
+        down = np.array([0.1, -side, 0.2], np.float32) / np.float32(1.05**0.5)
+        assert (np.array(_glow(tracer.tables, *down)) == expected).all()
 
 
 def test_textures_multiply_factors_by_their_own_uv(gpu: Gpu) -> None:

@@ -46,7 +46,7 @@ def random_edit(world, hidden, dice):
     if kind == 6:
         return actions.hide(hidden, node, bool(dice.integers(2)))
     if kind == 7 and node.light is not None:
-        name, value = (("strength", 7.0), ("kind", "directional"), ("color", list(numbers)))[dice.integers(3)]
+        name, value = (("strength", 7.0), ("kind", "rect"), ("color", list(numbers)))[dice.integers(3)]
         value = [min(v, 1.0) for v in value] if name == "color" else value
         return fields.light_edit(node, name, value, 2.0, None)
     if node.parts:
@@ -177,6 +177,43 @@ def test_a_light_of_another_kind_stays_as_bright_at_a_distance():
     actions.as_kind(lamp, "spot", 2.0).apply()
     assert isinstance(lamp.light, ispm.SpotLight)
     assert lamp.light.intensity == (4.0, 2.0, 1.0)
+
+
+@pytest.mark.parametrize("kind, seen", [("rect", 0.25), ("disk", math.pi / 64), ("sphere", math.pi / 64)])
+def test_a_point_becomes_a_lamp_as_bright_before_it(kind, seen):
+    """A quarter of the distance across, so many m2 as seen from there; and back."""
+    world = scene()
+    lamp = world["lamp"]
+    actions.as_kind(lamp, kind, 2.0 if kind == "rect" else 1.0).apply()
+    assert lamp.light.intensity == pytest.approx([v / seen for v in (4.0, 2.0, 1.0)])
+    actions.as_kind(lamp, "point", 2.0).apply()
+    assert lamp.light.intensity == pytest.approx((4.0, 2.0, 1.0))
+
+
+@pytest.mark.parametrize("kind", ["rect", "disk", "sphere"])
+def test_lamps_are_added_shown_and_changed_field_by_field(kind):
+    world = scene()
+    edit, node = actions.add_light(world, kind, np.eye(4), 2.0)
+    edit.apply()
+    shown = {f["name"]: f for f in fields.light_fields(node.light)}
+    sizes = {"rect": ("width", "height")}.get(kind, ("radius",))
+    assert shown["kind"]["value"] == kind and shown["strength"]["unit"] == "cd/m²" and "range" not in shown
+    for name in sizes:
+        assert (shown[name]["value"], shown[name]["unit"]) == (0.5 if kind == "rect" else 0.25, "m")
+        fields.light_edit(node, name, 0.75, 1.0, None).apply()
+        assert getattr(node.light, name) == 0.75
+        with pytest.raises(SceneError, match=name):
+            fields.light_edit(node, name, 0.0, 1.0, None)
+    assert ("two_sided" in shown) == (kind != "sphere")
+    if "two_sided" in shown:
+        fields.light_edit(node, "two_sided", True, 1.0, None).apply()
+        assert node.light.two_sided
+    with pytest.raises(SceneError, match=f"a {kind} light has no field 'range'"):
+        fields.light_edit(node, "range", 3.0, 1.0, None)
+    assert "scale" in [f["name"] for f in fields.node_fields(node, False)]
+    before = fingerprint(world)
+    node.light.intensity = (9.0, 9.0, 9.0)
+    assert fingerprint(world) != before
 
 
 def test_color_and_intensity_of_a_light_are_its_parts():

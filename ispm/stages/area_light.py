@@ -1,0 +1,300 @@
+"""Direct light of lamps with a surface and of the environment at the eye's pixels: a shadow ray to each, and
+a filter.
+
+It runs on the CPU, where the trees are. A pixel draws from one of the 4 x 4 equal parts of what is to be
+drawn from, and its neighbors from the others, so that any 4 x 4 pixels together draw evenly; the filter is
+the mean over such a square (Keller and Heidrich, Interleaved Sampling, EGWR 2001; the discontinuity buffer of
+Wald et al., Interactive Global Illumination using Fast Ray Tracing, EGWR 2002). It takes in pixels of the
+same plane alone, and no farther than a fraction of the penumbra's width, by the distance to what casts the
+shadow: at contacts its edge stays sharp.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from ispm.accel.intersect import STACK_WORDS, any_distance
+from ispm.accel.mesh import MATERIAL_WORDS, MATERIALS, word_of
+from ispm.accel.records import Hit, Ray, Scratch
+from ispm.accel.surface import SurfacePoint, SurfaceTable, dielectric_at, scene_tables
+from ispm.accel.world import World
+from ispm.frame import GBuffer
+from ispm.gpu import Gpu
+from ispm.kernels.share import run_shared, shared_rows
+from ispm.kernels.simd import alloca, ldu, u2f
+from ispm.lights.area import sample_lamps, sample_surround
+from ispm.lights.nee import BEFORE, greatest, shadow_transmittance, side_of
+from ispm.optics.bsdf import Bsdf, eval_bsdf, is_lambert, surface_bsdf, transmits
+from ispm.optics.environment import has_environment
+from ispm.optics.jit import jit
+from ispm.optics.light import FAR
+from ispm.optics.records import MATERIAL, MATERIAL_UNLIT, NO_HIT
+from ispm.optics.rng import random4
+from ispm.optics.sampling import octahedral_decode
+from ispm.optics.vector import Vector, add, dot, scale, sub, vec3
+from ispm.scene.packed import Packed
+from ispm.stages.camera import CameraView
+
+f32, i64, u32 = np.float32, np.int64, np.uint32
+
+_FLAGS = word_of(MATERIAL, "flags")
+_DIMENSION = 5 << 20  # of the random numbers
+_SIDE = 4  # pixels of a square that draws from each part once
+_REACH = 2  # pixels to each side that the filter takes in
+_CHUNK = 64  # pixels a thread takes at a time
+_CLEAR, _ROUNDED = f32(2e-5), f32(1e-6)  # a ray's start above its surface: of the distance, of coordinates
+_BLUR = f32(0.25)  # of a penumbra's width, that the filter blurs it over to each side at most
+_OFF_PLANE = f32(1.5)  # pixels' widths that neighbors lie off a pixel's plane at most
+_TURNED = f32(0.9)  # cosine of the angle between their normals at least
+
+
+class Pixels(NamedTuple):
+    """What the G-buffer holds of n pixels, row by row, see `GBuffer`: (n, 4) and (n, 2) uint32, (n, 4) and
+    (n,) float32."""
+
+    points: np.ndarray
+    normals: np.ndarray
+    base: np.ndarray
+    roughness: np.ndarray
+
+
+class _View(NamedTuple):
+    """Where the eye is, (3,) m, or, parallel, the direction to it; a pixel's width, m, is
+    `width . (x, y, z, 1)` of the point that it shows; pixels in a row; random numbers."""
+
+    eye: np.ndarray
+    parallel: bool
+    width: np.ndarray
+    columns: np.int64
+    pass_index: np.uint32
+    seed: np.uint32
+
+
+class _Samples(NamedTuple):
+    """What shadow rays found: (n, 3) float32 light of the Lambert lobe over its albedo and of the others,
+    cd/m2; (n,) float32, pixels to each side that the penumbra can be blurred over, infinite where nothing
+    shades."""
+
+    diffuse: np.ndarray
+    gloss: np.ndarray
+    reach: np.ndarray
+
+
+def area_light(
+    gpu: Gpu,
+    gbuffer: GBuffer,
+    packed: Packed,
+    world: World,
+    surfaces: SurfaceTable,
+    view: CameraView,
+    smoothing: float,
+    seed: int,
+) -> np.ndarray:
+    """Return the direct light of lamps with a surface and of the environment, (h, w, 4) float32 cd/m2; of an
+    opacity of 1.
+
+    smoothing  factor on the filter's width
+    """
+    width, height = gbuffer.size
+    textures = [(gbuffer.points, np.uint32, 4), (gbuffer.normals, np.uint32, 2)]
+    textures += [(gbuffer.base, np.float16, 4), (gbuffer.emission, np.float16, 4)]
+    count = width * height
+    points, normals, base, emission = (a.reshape(count, -1) for a in gpu.read_many(textures))
+    pixels = Pixels(points, normals, base.astype(np.float32), emission[:, 3].astype(np.float32))
+    tables = scene_tables(packed, world, surfaces)
+    *ahead, offset = view.clip_from_world[-1]
+    eye = view.eye_or_direction
+    told = _View(
+        eye[:3].astype(np.float32),
+        bool(eye[3] == 0.0),
+        (view.footprint * np.array([*ahead, offset])).astype(np.float32),
+        i64(width),
+        u32(view.pass_index),
+        u32(seed),
+    )
+    samples = _Samples(*np.zeros((2, count, 3), np.float32), np.zeros(count, np.float32))
+    out = np.zeros((height, width, 4), np.float32)
+    run_shared(lambda counter: _sample_pixels(tables, pixels, told, counter, samples), world.threads)
+    run_shared(
+        lambda counter: _filter(tables, pixels, told, f32(smoothing), samples, counter, out), world.threads
+    )
+    return out
+
+
+class _Shown(NamedTuple):
+    """A pixel's surface: SurfacePoint, wo, distance to the eye and the pixel's width there, m."""
+
+    x: SurfacePoint
+    wo: Vector
+    distance: np.float32
+    width: np.float32
+
+
+@jit
+def _sample_pixels(tables, pixels, view, counter, samples):
+    """Trace a shadow ray for as many of the Pixels as a thread gets."""
+    scratch = Scratch(alloca(STACK_WORDS), alloca(2))
+    turn, _, _, _ = random4(u32(0), u32(_DIMENSION + 1), view.pass_index, view.seed)
+    step = i64(turn * f32(_SIDE * _SIDE))
+    for i in shared_rows(counter, _CHUNK, len(pixels.points)):
+        samples.reach[i] = f32(np.inf)
+        if not _is_lit(tables, pixels, i):
+            continue
+        shown = _shown(tables, pixels, view, i)
+        column = (i % view.columns + step) % _SIDE
+        row = (i // view.columns + step // _SIDE) % _SIDE
+        r0, r1, r2, holes = random4(u32(i), u32(_DIMENSION), view.pass_index, view.seed)
+        # Shifted at random from square to square: a triangle is not to be drawn with the same parts of it.
+        square = u32((i // view.columns // _SIDE) * view.columns + i % view.columns // _SIDE)
+        shift, _, _, _ = random4(square, u32(_DIMENSION + 2), view.pass_index, view.seed)
+        u0 = (f32((row * _SIDE + column) * 7 % (_SIDE * _SIDE)) + r0) * f32(1 / (_SIDE * _SIDE)) + shift
+        u0 -= f32(math.floor(u0))
+        u1, u2 = (f32(column) + r1) * f32(1 / _SIDE), (f32(row) + r2) * f32(1 / _SIDE)
+        radiance, distance, wi, pdf, _, _ = sample_lamps(tables, shown.x, u0, u1, u2)
+        if pdf > f32(0):
+            arriving = _Arriving(scale(f32(1) / pdf, radiance), distance, wi, f32(1) / f32(math.sqrt(pdf)))
+            _add_light(tables, shown, arriving, holes, i, scratch, samples)
+        if has_environment(tables.environment):
+            radiance, wi, pdf = sample_surround(tables, shown.x, u1, u2)
+            if pdf > f32(0):
+                arriving = _Arriving(scale(f32(1) / pdf, radiance), FAR, wi, f32(1) / f32(math.sqrt(pdf)))
+                _add_light(tables, shown, arriving, holes, i, scratch, samples)
+
+
+class _Arriving(NamedTuple):
+    """Light of one point of a lamp, or from one direction: irradiance over the density of its direction,
+    distance, m, wi, and the angle that the point stands for, the root of its sr."""
+
+    irradiance: Vector
+    distance: np.float32
+    wi: Vector
+    angle: np.float32
+
+
+@jit
+def _is_lit(tables, pixels, i):
+    """Whether row i of Pixels shows something that light makes visible."""
+    word = pixels.points[i, 3]
+    if word == u32(0):
+        return False
+    return ldu(tables.surfaces[MATERIALS], _material(word) + _FLAGS) & u32(MATERIAL_UNLIT) == u32(0)
+
+
+@jit
+def _material(word):
+    """The word, int64, at which the MATERIAL begins that a pixel's `word` tells, see stages/material.wgsl."""
+    return i64((word & u32(0xFFFFFF)) - u32(1)) * MATERIAL_WORDS
+
+
+@jit
+def _shown(tables, pixels, view, i):
+    """What row i of Pixels shows."""
+    point, word, base = pixels.points[i], pixels.points[i, 3], pixels.base[i]
+    position = u2f(point[0]), u2f(point[1]), u2f(point[2])
+    transmission = f32(word >> u32(24)) * f32(1 / 255)
+    dielectric = dielectric_at(tables.surfaces, _material(word))
+    b = surface_bsdf(vec3(base), base[3], pixels.roughness[i], transmission, dielectric, True)
+    n, ng = _unpacked(pixels.normals[i, 0]), _unpacked(pixels.normals[i, 1])
+    wo, width = vec3(view.eye), view.width
+    distance = f32(0)
+    if not view.parallel:
+        to_eye = sub(wo, position)
+        distance = f32(math.sqrt(dot(to_eye, to_eye)))
+        wo = scale(f32(1) / distance, to_eye)
+    side = max(dot(vec3(width), position) + width[3], f32(1e-30))
+    hit = Hit(u32(NO_HIT), u32(0), f32(0), f32(0))
+    return _Shown(SurfacePoint(hit, position, ng, n, b, u32(0), True), wo, distance, side)
+
+
+@jit
+def _unpacked(word):
+    """The unit vector that `pack_normal` of sampling.wgsl has packed."""
+    x, y = np.int16(word & u32(0xFFFF)), np.int16(word >> u32(16))
+    return octahedral_decode(max(f32(x) * f32(1 / 32767), f32(-1)), max(f32(y) * f32(1 / 32767), f32(-1)))
+
+
+@jit
+def _add_light(tables, shown, arriving, holes, i, scratch, samples):
+    """Add what row i makes of an _Arriving to the _Samples; holes: random in [0, 1), for those it meets."""
+    x, wo, wi = shown.x, shown.wo, arriving.wi
+    b, along = x.bsdf, abs(dot(x.n, wi))
+    f = eval_bsdf(b, x.n, x.ng, wo, wi)
+    none = f32(0), f32(0), f32(0)
+    gloss = none
+    if not is_lambert(b):
+        facets = Bsdf(none, b.f0, b.f90, b.alpha, b.dielectric_f0, b.dielectric_f90, b.tint, b.eta, b.thin)
+        gloss = eval_bsdf(facets, x.n, x.ng, wo, wi)
+        f = sub(f, gloss)
+        if transmits(b):
+            gloss = none  # eye paths find what these reflect and let through
+    if greatest(f) <= f32(0) and greatest(gloss) <= f32(0):
+        return
+    near = _ROUNDED * max(abs(x.position[0]), max(abs(x.position[1]), abs(x.position[2])))
+    start = add(x.position, scale(_CLEAR * shown.distance + near, side_of(x.ng, wi)))
+    limit = arriving.distance * (f32(1) - BEFORE)
+    met = any_distance(tables.trees, Ray(start, wi, limit), scratch.stack)
+    passed = f32(1), f32(1), f32(1)
+    if met < limit:
+        # of the lamp's image through a pinhole at what is between
+        width = arriving.angle * met / max(f32(1) - met / arriving.distance, f32(1e-6))
+        samples.reach[i] = min(samples.reach[i], _BLUR * width / shown.width)
+        if not tables.porous:
+            return
+        passed = shadow_transmittance(tables, start, wi, arriving.distance, holes, scratch)
+    for c in range(3):
+        light = along * arriving.irradiance[c] * passed[c]
+        if b.diffuse[c] > f32(0):
+            samples.diffuse[i, c] += light * f[c] / b.diffuse[c]
+        samples.gloss[i, c] += light * gloss[c]
+
+
+@jit
+def _filter(tables, pixels, view, smoothing, samples, counter, out):
+    """Write the light of as many of the Pixels as a thread gets to (h, w, 4) float32."""
+    columns, rows = view.columns, i64(len(pixels.points)) // view.columns
+    for i in shared_rows(counter, _CHUNK, len(pixels.points)):
+        row, column = i // columns, i % columns
+        out[row, column, 3] = f32(1)
+        if not _is_lit(tables, pixels, i):
+            continue
+        top, bottom = max(row - _REACH, 0), min(row + _REACH, rows - 1)
+        left, right = max(column - _REACH, 0), min(column + _REACH, columns - 1)
+        reach = f32(np.inf)
+        for y in range(top, bottom + 1):
+            for x in range(left, right + 1):
+                reach = min(reach, samples.reach[y * columns + x])
+        reach = min(reach, f32(_REACH)) * smoothing
+        shown = _shown(tables, pixels, view, i)
+        diffuse, gloss, total = (f32(0), f32(0), f32(0)), (f32(0), f32(0), f32(0)), f32(0)
+        for y in range(top, bottom + 1):
+            for x in range(left, right + 1):
+                k = y * columns + x
+                weight = _near(y - row, reach) * _near(x - column, reach)
+                if weight > f32(0) and (k == i or _is_alike(pixels, shown, i, k)):
+                    total += weight
+                    diffuse = add(diffuse, scale(weight, vec3(samples.diffuse[k])))
+                    gloss = add(gloss, scale(weight, vec3(samples.gloss[k])))
+        albedo = shown.x.bsdf.diffuse
+        for c in range(3):
+            out[row, column, c] = (diffuse[c] * albedo[c] + gloss[c]) / total
+
+
+@jit
+def _near(away, reach):
+    """Weight of a pixel `away` rows or columns from the middle of a square that reaches so far."""
+    return min(max(reach + f32(0.5) - abs(f32(away)), f32(0)), f32(1)) if away != 0 else f32(1)
+
+
+@jit
+def _is_alike(pixels, shown, i, k):
+    """Whether row k of Pixels shows the material of row i, which is `shown`, in its plane, turned alike."""
+    if pixels.points[k, 3] != pixels.points[i, 3]:
+        return False
+    point = pixels.points[k]
+    off = dot(shown.x.ng, sub((u2f(point[0]), u2f(point[1]), u2f(point[2])), shown.x.position))
+    if abs(off) > _OFF_PLANE * shown.width:
+        return False
+    return dot(_unpacked(pixels.normals[k, 0]), shown.x.n) > _TURNED
