@@ -163,7 +163,8 @@ class Settings(_Checked):
     )
     background: tuple[float, float, float] | Literal["black", "transparent"] = knob(
         (0.0, 0.0, 0.0),
-        "seen where nothing is and through glass: linear r,g,b of the screen, black, or transparent",
+        "seen where nothing is and through glass: linear r,g,b of the screen, black, or transparent; of an "
+        "environment, which glass shows, it takes the place unless it is black",
         within=(0.0, 1e6),
         words={"black": (0.0, 0.0, 0.0), "transparent": "transparent"},
         metavar="C",

@@ -11,7 +11,7 @@ from urllib.parse import quote
 
 import numpy as np
 
-from ispm.errors import OutputError, SceneError
+from ispm.errors import OutputError, SceneError, warn_caller
 from ispm.io.arrays import compact
 from ispm.io.atomic import as_path, require_writable, write_whole
 from ispm.io.gltf_camera import camera_record
@@ -36,9 +36,9 @@ def save(scene: Scene, path: str | os.PathLike[str]) -> Path:
     path  .glb: one file; .gltf: with a buffer `NAME.bin` and pictures `NAME-textures/0.png` beside it
     Left out are vertices and parts without triangles, channels of nodes outside the scene, names of a node's
     meshes but for the first, and what has no effect, such as the normal scale of a material without a normal
-    map. A texture whose encoding is not the one glTF has for its place is rounded to that, with a
-    SceneWarning. A camera's pose, aspect and principal point stand in `extras`, where only this program
-    reads them; so does a lamp with a surface, which others see as a mesh that emits.
+    map. A texture whose encoding is not the one glTF has for its place is rounded to that, and an environment
+    is left out, with a SceneWarning. A camera's pose, aspect and principal point stand in `extras`, where
+    only this program reads them; so does a lamp with a surface, which others see as a mesh that emits.
     Raises SceneError for what glTF cannot hold, OutputError where the file cannot be written.
     """
     if not isinstance(scene, Scene):
@@ -49,6 +49,10 @@ def save(scene: Scene, path: str | os.PathLike[str]) -> Path:
         problem = f"scenes cannot be written as '{ending}'" if ending else "the name has no ending"
         raise OutputError(f"{target}: {problem}; use one of {', '.join(ENDINGS)}")
     require_writable(target)
+    if scene.environment is not None:
+        warn_caller(
+            f"{target.name}: the environment is not in it: glTF has none; keep its own file beside it"
+        )
     try:
         document = _Writer(scene).document
         if ending == ".glb":

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -16,11 +17,12 @@ from ispm.accel.emitters import (
 )
 from ispm.accel.records import Hit
 from ispm.accel.surface import emitted_radiance
-from ispm.optics.bsdf import transmits
-from ispm.optics.environment import sample_environment
+from ispm.optics.bsdf import eval_bsdf, transmits
+from ispm.optics.environment import environment_pdf, environment_radiance, sample_environment
 from ispm.optics.jit import jit
 from ispm.optics.rng import random4
-from ispm.optics.vector import dot, scale, sub, vec3
+from ispm.optics.sampling import LATTICE, cosine_hemisphere, to_world
+from ispm.optics.vector import Vector, dot, luminance, scale, sub, vec3
 
 f32, i64, u32 = np.float32, np.int64, np.uint32
 
@@ -67,6 +69,78 @@ def sample_surround(tables, x, u1, u2):
     if dot(lit_side(x), wi) < f32(0):
         pdf = f32(0)
     return radiance, wi, pdf
+
+
+class Surround(NamedTuple):
+    """A direction of the environment, drawn for a SurfacePoint by what it makes of its light.
+
+    radiance  cd/m2 RGB from there over the density of the draw; black: nothing comes
+    wi        unit
+    pdf       1/sr, of the environment's own draw
+    total     of what all candidates make of their light, over their densities, cd/m2
+    pick      random in [0, 1), for the next candidate
+    """
+
+    radiance: Vector
+    wi: Vector
+    pdf: np.float32
+    total: np.float32
+    pick: np.float32
+
+
+@jit
+def resample_surround(tables, x, wo, u1, u2, pick, pairs, brightest):
+    """Draw directions of the environment for a SurfacePoint by what it makes of their light along wo, out of
+    some that are drawn by the environment and as many by the cosine.
+
+    u1, u2, pick  random in [0, 1);  pairs  of candidates
+    brightest     luminance, cd/m2, above which directions have a draw of their own, so that the shadow of a
+                  sun holds the light of the sky
+    ->  two Surrounds, of the darker directions and of the brighter; both together are the light of all
+    Source: Talbot, Cline and Egbert, Importance Resampling for Global Illumination, EGSR 2005; candidates'
+    densities are those of both draws together (Veach 1997, section 9.2.2).
+    """
+    rate_1, rate_2 = LATTICE
+    none = f32(0), f32(0), f32(0)
+    dark = bright = Surround(none, wo, f32(1), f32(0), pick)
+    for k in range(2 * pairs):
+        a, b = u1 + f32(k) * f32(rate_1), u2 + f32(k) * f32(rate_2)
+        a, b = a - f32(math.floor(a)), b - f32(math.floor(b))
+        if k & 1:
+            wi = to_world(cosine_hemisphere(a, b), x.n)
+            radiance = environment_radiance(tables.environment, wi)
+            own = environment_pdf(tables.environment, wi)
+        else:
+            wi, radiance, own = sample_environment(tables.environment, a, b)
+        pdf = f32(0.5) * (own + max(dot(x.n, wi), f32(0)) * f32(1 / math.pi))
+        f = eval_bsdf(x.bsdf, x.n, x.ng, wo, wi)
+        light = abs(dot(x.n, wi)) * (f[0] * radiance[0] + f[1] * radiance[1] + f[2] * radiance[2])
+        if pdf <= f32(0) or light <= f32(0):
+            continue
+        if luminance(radiance) > brightest:
+            bright = _offered(bright, radiance, wi, own, light, pdf)
+        else:
+            dark = _offered(dark, radiance, wi, own, light, pdf)
+    return _mean(dark, pairs), _mean(bright, pairs)
+
+
+@jit
+def _offered(drawn, radiance, wi, own, light, pdf):
+    """A Surround after another candidate: its radiance, RGB, wi and the environment's density of it, the
+    light that the point makes of it, and the density that it was drawn with."""
+    value = light / pdf
+    total = drawn.total + value
+    if drawn.pick * total < value:
+        return Surround(scale(f32(1) / light, radiance), wi, own, total, drawn.pick * total / value)
+    pick = (drawn.pick * total - value) / drawn.total
+    return Surround(drawn.radiance, drawn.wi, drawn.pdf, total, pick)
+
+
+@jit
+def _mean(drawn, pairs):
+    """A Surround after so many pairs of candidates."""
+    radiance = scale(drawn.total / f32(2 * pairs), drawn.radiance)
+    return Surround(radiance, drawn.wi, drawn.pdf, drawn.total, drawn.pick)
 
 
 @jit

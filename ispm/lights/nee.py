@@ -12,7 +12,14 @@ import numpy as np
 from ispm.accel.intersect import any_hit
 from ispm.accel.records import Hit, Ray
 from ispm.accel.surface import SurfacePoint, closest_surface, hit_position, leave_surface, surface
-from ispm.lights.area import area_numbers, lamp_irradiance, lamp_pdf, sample_lamps, sample_surround
+from ispm.lights.area import (
+    area_numbers,
+    lamp_irradiance,
+    lamp_pdf,
+    resample_surround,
+    sample_lamps,
+    sample_surround,
+)
 from ispm.lights.emitted import first_irradiance
 from ispm.optics.bsdf import Bsdf, eval_bsdf, has_finite, pdf_bsdf, smooth_split, transmits
 from ispm.optics.environment import environment_pdf, has_environment
@@ -28,6 +35,7 @@ SPLIT_COUNT = (
 )
 
 SHEETS_MAX = 8  # of glass that a shadow ray passes, or a gather ray
+_PAIRS = 2  # of directions that one of the environment is drawn from
 _NONE = f32(0), f32(0), f32(0)
 BEFORE = f32(1e-4)  # of the distance that a shadow ray ends before a light, which may hang on a wall
 
@@ -148,32 +156,37 @@ def _unshadowed_lamp(tables, x, wo, numbers, limit, sampled):
     bright = radiance
     if limit != f32(np.inf):
         bright = lamp_irradiance(tables.emitters.triangles[row], point, x.position)
-    x, pdf = _beside_paths(x, wo, wi, pdf, sampled)
+    if sampled:
+        pdf += pdf_bsdf(x.bsdf, x.n, wo, wi)
+    else:
+        x = _left_to_draws(x)
     return Arriving(_reflected(x, wo, scale(f32(1) / pdf, radiance), bright, wi, limit), distance, wi)
 
 
 @jit
 def _unshadowed_surround(tables, x, wo, numbers, sampled):
-    """The Arriving of a direction of the environment, drawn by the middle two of four random numbers;
-    sampled: see `direct_light`."""
+    """The Arriving of a direction of the environment, drawn by four random numbers; sampled: see
+    `direct_light`."""
+    if not sampled:
+        x = _left_to_draws(x)
+        _, u1, u2, pick = numbers
+        drawn, _ = resample_surround(tables, x, wo, u1, u2, pick, _PAIRS, f32(np.inf))
+        return Arriving(_reflected(x, wo, drawn.radiance, _NONE, drawn.wi, f32(np.inf)), FAR, drawn.wi)
     radiance, wi, pdf = sample_surround(tables, x, numbers[1], numbers[2])
     if pdf <= f32(0):
         return Arriving(_NONE, FAR, wi)
-    x, pdf = _beside_paths(x, wo, wi, pdf, sampled)
+    pdf += pdf_bsdf(x.bsdf, x.n, wo, wi)
     return Arriving(_reflected(x, wo, scale(f32(1) / pdf, radiance), _NONE, wi, f32(np.inf)), FAR, wi)
 
 
 @jit
-def _beside_paths(x, wo, wi, pdf, sampled):
-    """The SurfacePoint with the lobes that light drawn along wi is for, and the density, 1/sr, that it is
-    divided by: `pdf`, and where it counts that of the path that goes on. See `direct_light`."""
+def _left_to_draws(x):
+    """A SurfacePoint with the lobes that paths do not go on by, see `direct_light`."""
     b = x.bsdf
-    if sampled:
-        pdf += pdf_bsdf(b, x.n, wo, wi)
-    elif transmits(b):
-        b = Bsdf(b.diffuse, _NONE, f32(0), f32(0), b.dielectric_f0, b.dielectric_f90, _NONE, b.eta, b.thin)
-        x = SurfacePoint(x.hit, x.position, x.ng, x.n, b, x.flags, x.entering)
-    return x, pdf
+    if not transmits(b):
+        return x
+    b = Bsdf(b.diffuse, _NONE, f32(0), f32(0), b.dielectric_f0, b.dielectric_f90, _NONE, b.eta, b.thin)
+    return SurfacePoint(x.hit, x.position, x.ng, x.n, b, x.flags, x.entering)
 
 
 @jit

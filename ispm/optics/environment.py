@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ispm.optics.jit import jit
+from ispm.optics.sampling import octahedral_encode
 from ispm.optics.vector import LUMINANCE, vec3
 
 f32 = np.float32
@@ -20,6 +21,9 @@ f32 = np.float32
 _STEPS = 1 << 24  # of cumulative probability: float32 and random numbers have all of them
 _LEAST = 4  # steps that a pixel with any light has in its row, and such a row in the image
 _PI = math.pi
+_NODES = 65  # normals along a side, for irradiance
+_SUN = 8.0  # times the mean luminance: brighter light has shadows of its own in a picture of one pass
+_COARSE = 32  # rows of blocks of pixels, likewise, and half the columns
 
 
 class EnvironmentTable(NamedTuple):
@@ -29,12 +33,17 @@ class EnvironmentTable(NamedTuple):
     rows      (h + 1,) float32 cumulative probability of its rows, 0 to 1
     columns   (h, w + 1) float32 likewise of the pixels in each row
     to_image  (3, 3) float32 rotation from world space to the image's frame
+    irradiance  (m, m, 3) float32 lx on a surface that nothing shades, by its normal in the image's frame,
+                which `octahedral_encode` maps to [-1, 1]^2, whose corners are the first and last nodes
+    brightest   luminance, cd/m2, above which light is as of a sun: some times the mean
     """
 
     radiance: np.ndarray
     rows: np.ndarray
     columns: np.ndarray
     to_image: np.ndarray
+    irradiance: np.ndarray
+    brightest: np.float32
 
 
 NO_ENVIRONMENT = EnvironmentTable(
@@ -42,6 +51,8 @@ NO_ENVIRONMENT = EnvironmentTable(
     np.zeros(0, np.float32),
     np.zeros((0, 0), np.float32),
     np.eye(3, dtype=np.float32),
+    np.zeros((0, 0, 3), np.float32),
+    np.float32(np.inf),
 )
 
 
@@ -58,7 +69,36 @@ def environment_table(image: np.ndarray) -> EnvironmentTable:
     if not weights.any():  # in the dark all directions are alike
         weights += angles
     rows = _cumulative(weights.sum(axis=1)[None])[0]
-    return EnvironmentTable(radiance, rows, _cumulative(weights), NO_ENVIRONMENT.to_image)
+    to_image = NO_ENVIRONMENT.to_image
+    table = EnvironmentTable(
+        radiance, rows, _cumulative(weights), to_image, _irradiance(radiance), NO_ENVIRONMENT.brightest
+    )
+    mean = environment_power(table) / (4.0 * _PI)
+    return table._replace(brightest=np.float32(_SUN * mean))
+
+
+def _irradiance(radiance: np.ndarray) -> np.ndarray:
+    """(m, m, 3) float32 lx by the normal, see EnvironmentTable; radiance: (h, w, 3), taken as the means of
+    _COARSE blocks over their solid angles."""
+    finer = -(-_COARSE // len(radiance))
+    radiance = np.repeat(np.repeat(radiance, finer, axis=0), finer, axis=1)
+    height, width = radiance.shape[:2]
+    edges_y = np.arange(min(height, _COARSE) + 1) * height // min(height, _COARSE)
+    edges_x = np.arange(min(width, 2 * _COARSE) + 1) * width // min(width, 2 * _COARSE)
+    flux = radiance.astype(np.float64) * _row_solid_angles(height)[:, None, None] / width
+    flux = np.add.reduceat(np.add.reduceat(flux, edges_y[:-1], axis=0), edges_x[:-1], axis=1)
+    theta = (edges_y[:-1] + edges_y[1:])[:, None] * (0.5 * _PI / height)
+    phi = (edges_x[:-1] + edges_x[1:]) * (_PI / width) - _PI
+    sine = np.sin(theta)
+    toward = np.stack([sine * np.sin(phi), np.cos(theta) + 0.0 * phi, -sine * np.cos(phi)], axis=-1)
+    s = np.linspace(-1.0, 1.0, _NODES)
+    x, y = np.meshgrid(s, s)
+    z = 1.0 - np.abs(x) - np.abs(y)
+    folded_x, folded_y = (1.0 - np.abs(y)) * np.sign(x), (1.0 - np.abs(x)) * np.sign(y)
+    n = np.stack([np.where(z < 0.0, folded_x, x), np.where(z < 0.0, folded_y, y), z], axis=-1)
+    n /= np.linalg.norm(n, axis=-1, keepdims=True)
+    cosines = np.maximum(n.reshape(-1, 3) @ toward.reshape(-1, 3).T, 0.0)
+    return np.asarray((cosines @ flux.reshape(-1, 3)).reshape(_NODES, _NODES, 3), np.float32)
 
 
 def placed_environment(table: EnvironmentTable, rotation: float, intensity: float) -> EnvironmentTable:
@@ -68,8 +108,11 @@ def placed_environment(table: EnvironmentTable, rotation: float, intensity: floa
     """
     cosine, sine = math.cos(rotation), math.sin(rotation)
     to_image = np.array([[cosine, 0.0, -sine], [0.0, 1.0, 0.0], [sine, 0.0, cosine]], np.float32)
-    radiance = table.radiance if intensity == 1.0 else table.radiance * np.float32(intensity)
-    return table._replace(radiance=radiance, to_image=to_image)
+    if intensity == 1.0:
+        return table._replace(to_image=to_image)
+    radiance, irradiance = (a * np.float32(intensity) for a in (table.radiance, table.irradiance))
+    brightest = table.brightest * np.float32(intensity)
+    return table._replace(radiance=radiance, to_image=to_image, irradiance=irradiance, brightest=brightest)
 
 
 def environment_power(table: EnvironmentTable) -> float:
@@ -144,6 +187,24 @@ def environment_radiance(table, d):
     """Return the radiance, RGB cd/m2, that comes from direction `d`, from the eye outwards."""
     x, y = image_place(table, d)
     return _radiance_at(table, x, y)
+
+
+@jit
+def environment_irradiance(table, n):
+    """Return the irradiance, RGB lx, of a surface of unit normal `n` that nothing shades: within 1 % or
+    so, as it is interpolated between normals."""
+    m = table.to_image
+    a = m[0, 0] * n[0] + m[0, 1] * n[1] + m[0, 2] * n[2]
+    b = m[1, 0] * n[0] + m[1, 1] * n[1] + m[1, 2] * n[2]
+    c = m[2, 0] * n[0] + m[2, 1] * n[1] + m[2, 2] * n[2]
+    x, y = octahedral_encode((a, b, c))
+    last = len(table.irradiance) - 1
+    s, t = (x + f32(1)) * f32(0.5) * f32(last), (y + f32(1)) * f32(0.5) * f32(last)
+    column, row = min(max(int(s), 0), last - 1), min(max(int(t), 0), last - 1)
+    s, t = s - f32(column), t - f32(row)
+    above = _between(vec3(table.irradiance[row, column]), vec3(table.irradiance[row, column + 1]), s)
+    below = _between(vec3(table.irradiance[row + 1, column]), vec3(table.irradiance[row + 1, column + 1]), s)
+    return _between(above, below, t)
 
 
 @jit

@@ -10,7 +10,7 @@ from typing import Any
 from ispm.knobs import as_text
 from ispm.settings import LOADING, Settings, resolve
 
-_DEFAULTS = {"time": None, "show": "full", "bits": 8}
+_DEFAULTS = {"time": None, "environment_intensity": None, "show": "full", "bits": 8}
 
 
 def command_line(

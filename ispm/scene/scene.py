@@ -177,7 +177,7 @@ class Scene(Branch, Strict):
         """Place copies of another scene's nodes, with its animations, below a new node; return that node.
 
         Meshes, materials, lights and cameras are shared with `other`, nodes are not: it stays as it is, and
-        may be merged several times.
+        may be merged several times. Its environment is not taken.
         name         of the new node; default: the other scene's
         translation, rotation, scale, parent   as in `add`
         Raises SceneError where one of them cannot be used.

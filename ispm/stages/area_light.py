@@ -25,10 +25,10 @@ from ispm.frame import GBuffer
 from ispm.gpu import Gpu
 from ispm.kernels.share import run_shared, shared_rows
 from ispm.kernels.simd import alloca, ldu, u2f
-from ispm.lights.area import sample_lamps, sample_surround
+from ispm.lights.area import resample_surround, sample_lamps
 from ispm.lights.nee import BEFORE, greatest, shadow_transmittance, side_of
 from ispm.optics.bsdf import Bsdf, eval_bsdf, is_lambert, surface_bsdf, transmits
-from ispm.optics.environment import has_environment
+from ispm.optics.environment import environment_irradiance, has_environment
 from ispm.optics.jit import jit
 from ispm.optics.light import FAR
 from ispm.optics.records import MATERIAL, MATERIAL_UNLIT, NO_HIT
@@ -43,7 +43,9 @@ f32, i64, u32 = np.float32, np.int64, np.uint32
 _FLAGS = word_of(MATERIAL, "flags")
 _DIMENSION = 5 << 20  # of the random numbers
 _SIDE = 4  # pixels of a square that draws from each part once
+_PAIRS = 4  # of directions that one of the environment is drawn from
 _REACH = 2  # pixels to each side that the filter takes in
+_LEAST_REACH = f32(1)  # in the first pass, for single rays are specks
 _CHUNK = 64  # pixels a thread takes at a time
 _CLEAR, _ROUNDED = f32(2e-5), f32(1e-6)  # a ray's start above its surface: of the distance, of coordinates
 _BLUR = f32(0.25)  # of a penumbra's width, that the filter blurs it over to each side at most
@@ -74,12 +76,18 @@ class _View(NamedTuple):
 
 
 class _Samples(NamedTuple):
-    """What shadow rays found: (n, 3) float32 light of the Lambert lobe over its albedo and of the others,
-    cd/m2; (n,) float32, pixels to each side that the penumbra can be blurred over, infinite where nothing
-    shades."""
+    """What shadow rays found, float32.
+
+    diffuse, gloss  (n, 3) light of the Lambert lobe over its albedo, and of the others, cd/m2
+    drawn           (n, 3) what `diffuse` would be without shadows and reflection above it
+    unshadowed      (n, 3) likewise, exact where that is known
+    reach           (n,) pixels to each side that the penumbra can be blurred over, infinite without shadow
+    """
 
     diffuse: np.ndarray
     gloss: np.ndarray
+    drawn: np.ndarray
+    unshadowed: np.ndarray
     reach: np.ndarray
 
 
@@ -115,7 +123,7 @@ def area_light(
         u32(view.pass_index),
         u32(seed),
     )
-    samples = _Samples(*np.zeros((2, count, 3), np.float32), np.zeros(count, np.float32))
+    samples = _Samples(*np.zeros((4, count, 3), np.float32), np.zeros(count, np.float32))
     out = np.zeros((height, width, 4), np.float32)
     run_shared(lambda counter: _sample_pixels(tables, pixels, told, counter, samples), world.threads)
     run_shared(
@@ -157,11 +165,18 @@ def _sample_pixels(tables, pixels, view, counter, samples):
         if pdf > f32(0):
             arriving = _Arriving(scale(f32(1) / pdf, radiance), distance, wi, f32(1) / f32(math.sqrt(pdf)))
             _add_light(tables, shown, arriving, holes, i, scratch, samples)
+            for c in range(3):
+                samples.unshadowed[i, c] = samples.drawn[i, c]
         if has_environment(tables.environment):
-            radiance, wi, pdf = sample_surround(tables, shown.x, u1, u2)
-            if pdf > f32(0):
-                arriving = _Arriving(scale(f32(1) / pdf, radiance), FAR, wi, f32(1) / f32(math.sqrt(pdf)))
+            x, wo, pick = shown.x, shown.wo, u0
+            brightest = tables.environment.brightest
+            both = resample_surround(tables, x, wo, u1, u2, pick, _PAIRS, brightest)
+            for drawn in both:
+                arriving = _Arriving(drawn.radiance, FAR, drawn.wi, f32(1) / f32(math.sqrt(drawn.pdf)))
                 _add_light(tables, shown, arriving, holes, i, scratch, samples)
+            irradiance = environment_irradiance(tables.environment, x.n)
+            for c in range(3):
+                samples.unshadowed[i, c] += irradiance[c] * f32(1 / math.pi)
 
 
 class _Arriving(NamedTuple):
@@ -221,8 +236,10 @@ def _add_light(tables, shown, arriving, holes, i, scratch, samples):
     """Add what row i makes of an _Arriving to the _Samples; holes: random in [0, 1), for those it meets."""
     x, wo, wi = shown.x, shown.wo, arriving.wi
     b, along = x.bsdf, abs(dot(x.n, wi))
-    f = eval_bsdf(b, x.n, x.ng, wo, wi)
     none = f32(0), f32(0), f32(0)
+    if greatest(arriving.irradiance) <= f32(0):
+        return
+    f = eval_bsdf(b, x.n, x.ng, wo, wi)
     gloss = none
     if not is_lambert(b):
         facets = Bsdf(none, b.f0, b.f90, b.alpha, b.dielectric_f0, b.dielectric_f90, b.tint, b.eta, b.thin)
@@ -233,6 +250,9 @@ def _add_light(tables, shown, arriving, holes, i, scratch, samples):
     if greatest(f) <= f32(0) and greatest(gloss) <= f32(0):
         return
     near = _ROUNDED * max(abs(x.position[0]), max(abs(x.position[1]), abs(x.position[2])))
+    if dot(x.n, wi) > f32(0):
+        for c in range(3):
+            samples.drawn[i, c] += along * arriving.irradiance[c] * f32(1 / math.pi)
     start = add(x.position, scale(_CLEAR * shown.distance + near, side_of(x.ng, wi)))
     limit = arriving.distance * (f32(1) - BEFORE)
     met = any_distance(tables.trees, Ray(start, wi, limit), scratch.stack)
@@ -253,7 +273,14 @@ def _add_light(tables, shown, arriving, holes, i, scratch, samples):
 
 @jit
 def _filter(tables, pixels, view, smoothing, samples, counter, out):
-    """Write the light of as many of the Pixels as a thread gets to (h, w, 4) float32."""
+    """Write the light of as many of the Pixels as a thread gets to (h, w, 4) float32.
+
+    In the first pass the share of light that is not shaded multiplies what is known of it without shadows: a
+    ratio of means, as of Heitz, Hill and McGuire, Combining Analytic Direct Illumination and Stochastic
+    Shadows, I3D 2018, section 3. Later ones take the light as it is, so that their mean converges.
+    """
+    first = view.pass_index == u32(0)
+    least = _LEAST_REACH if first else f32(0)
     columns, rows = view.columns, i64(len(pixels.points)) // view.columns
     for i in shared_rows(counter, _CHUNK, len(pixels.points)):
         row, column = i // columns, i % columns
@@ -266,9 +293,10 @@ def _filter(tables, pixels, view, smoothing, samples, counter, out):
         for y in range(top, bottom + 1):
             for x in range(left, right + 1):
                 reach = min(reach, samples.reach[y * columns + x])
-        reach = min(reach, f32(_REACH)) * smoothing
+        reach = min(max(reach, least), f32(_REACH)) * smoothing
         shown = _shown(tables, pixels, view, i)
-        diffuse, gloss, total = (f32(0), f32(0), f32(0)), (f32(0), f32(0), f32(0)), f32(0)
+        none, total = (f32(0), f32(0), f32(0)), f32(0)
+        diffuse, gloss, drawn, unshadowed = none, none, none, none
         for y in range(top, bottom + 1):
             for x in range(left, right + 1):
                 k = y * columns + x
@@ -277,9 +305,14 @@ def _filter(tables, pixels, view, smoothing, samples, counter, out):
                     total += weight
                     diffuse = add(diffuse, scale(weight, vec3(samples.diffuse[k])))
                     gloss = add(gloss, scale(weight, vec3(samples.gloss[k])))
+                    drawn = add(drawn, scale(weight, vec3(samples.drawn[k])))
+                    unshadowed = add(unshadowed, scale(weight, vec3(samples.unshadowed[k])))
         albedo = shown.x.bsdf.diffuse
         for c in range(3):
-            out[row, column, c] = (diffuse[c] * albedo[c] + gloss[c]) / total
+            light = diffuse[c]
+            if first and drawn[c] > f32(0):
+                light *= unshadowed[c] / drawn[c]
+            out[row, column, c] = (light * albedo[c] + gloss[c]) / total
 
 
 @jit

@@ -24,6 +24,7 @@ from ispm.library.builtin import BUILTINS, builtin
 from ispm.library.shapes import box, icosphere
 from ispm.scene.animation import Animation, Channel
 from ispm.scene.camera import Camera, look_at_pose
+from ispm.scene.environment import Environment
 from ispm.scene.light import DirectionalLight, DiskLight, PointLight, RectLight, SphereLight, SpotLight
 from ispm.scene.material import AlphaMode, Material, Texture, TextureUse, Wrap
 from ispm.scene.mesh import Mesh
@@ -451,3 +452,10 @@ def test_a_lamp_beside_instances_is_refused_by_name(tmp_path):
     node.instances = np.tile(np.eye(4), (2, 1, 1))
     with pytest.raises(SceneError, match="'chandelier' holds a lamp and instances"):
         save(Scene([node]), tmp_path / "scene.glb")
+
+
+def test_an_environment_is_left_out_with_a_line(tmp_path):
+    scene = Scene(environment=Environment(np.ones((2, 4, 3))))
+    with pytest.warns(SceneWarning, match=r"a\.glb: the environment is not in it: glTF has none"):
+        save(scene, tmp_path / "a.glb")
+    assert load(tmp_path / "a.glb").environment is None

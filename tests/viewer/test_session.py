@@ -368,3 +368,14 @@ def boxes_of(count):
     mesh, scene = ispm.shapes.box(), ispm.Scene()
     scene.roots = [ispm.Node(f"box {k}", parts=[ispm.Part(mesh, ispm.Material())]) for k in range(count)]
     return scene
+
+
+def test_the_command_names_the_environment(session, tmp_path):
+    path = tmp_path / "sky.hdr"
+    path.write_bytes(b"#?RADIANCE\n\n-Y 1 +X 2\n" + bytes((128, 128, 128, 128)) * 2)
+    assert "--environment" not in describe(session)["about"]["command"]
+    session.scene.environment = ispm.Environment(path)
+    assert f"--environment {path} --preset" in describe(session)["about"]["command"]
+    session.scene.environment.rotation, session.scene.environment.intensity = np.pi / 2, 0.0
+    words = describe(session)["about"]["command"]
+    assert "--environment-rotation 90 --environment-intensity 0 " in words
