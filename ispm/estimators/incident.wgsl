@@ -13,9 +13,9 @@ fn arrival(receiver: Receiver, photon: Photon) -> vec2f {
 }
 
 // D V (1 - Fc), D V Fc and Fc; zero where the receiver has no glossy lobe.
-fn arrival_gloss(receiver: Receiver, wi: vec3f) -> vec3f {
+fn arrival_gloss(receiver: Receiver, wi: vec3f, bounce: u32) -> vec3f {
     if (receiver.alpha <= 0.0) {
         return vec3f(0.0);
     }
-    return gloss_terms(receiver.alpha, receiver.n, receiver.wo, wi);
+    return photon_gloss(receiver.alpha, receiver.n, receiver.wo, wi, bounce);
 }

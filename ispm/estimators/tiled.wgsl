@@ -233,7 +233,7 @@ fn gather_gloss(@builtin(global_invocation_id) id: vec3u) {
         let photon = photons[members[m]];
         for (var k = 0u; k < HALF; k++) {
             let light = arrival(own[k], photon).y * photon.flux;
-            let gloss = arrival_gloss(own[k], photon.wi);
+            let gloss = arrival_gloss(own[k], photon.wi, photon.bounce);
             f0[k] += light * gloss.x;
             f90[k] += light * gloss.y;
             fresnel[k] += light * gloss.z;

@@ -27,6 +27,7 @@ struct Volume {
     @location(1) @interpolate(flat) normal_height: vec4f,
     @location(2) @interpolate(flat) wi: vec3f,
     @location(3) @interpolate(flat) flux: vec3f,
+    @location(4) @interpolate(flat) bounce: u32,
 }
 
 @vertex
@@ -42,6 +43,7 @@ fn vs(@builtin(vertex_index) corner: u32, @builtin(instance_index) index: u32) -
         // Half way between the near and far planes at any distance: neither cuts a volume open.
         vec4f(clip.xy, 0.5 * clip.w, clip.w),
         vec4f(photon.position, photon.radius), vec4f(photon.normal, photon.height), photon.wi, photon.flux,
+        photon.bounce,
     );
 }
 
@@ -66,7 +68,7 @@ fn receiver_at(clip: vec4f) -> Receiver {
 
 fn photon_of(volume: Volume) -> Photon {
     return Photon(
-        volume.position_radius.xyz, volume.position_radius.w, volume.flux, 0u,
+        volume.position_radius.xyz, volume.position_radius.w, volume.flux, volume.bounce,
         volume.wi, 0u, volume.normal_height.xyz, volume.normal_height.w,
     );
 }
@@ -127,7 +129,7 @@ fn fs_light(volume: Volume) -> LightSums {
     let found = brought(receiver, photon_of(volume));
     if (found.x == 0.0) { discard; }
     let light = found.y * volume.flux;
-    return LightSums(vec4f(light, found.x), vec4f(light * arrival_gloss(receiver, volume.wi).z, 0.0));
+    return LightSums(vec4f(light, found.x), vec4f(light * arrival_gloss(receiver, volume.wi, volume.bounce).z, 0.0));
 }
 
 @fragment
@@ -136,6 +138,6 @@ fn fs_gloss(volume: Volume) -> GlossSums {
     let found = brought(receiver, photon_of(volume));
     if (found.y == 0.0 || receiver.alpha <= 0.0) { discard; }
     let light = found.y * volume.flux;
-    let gloss = arrival_gloss(receiver, volume.wi);
+    let gloss = arrival_gloss(receiver, volume.wi, volume.bounce);
     return GlossSums(vec4f(light * gloss.x, 0.0), vec4f(light * gloss.y, 0.0));
 }

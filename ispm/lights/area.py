@@ -59,18 +59,6 @@ def sample_lamps(tables, x, u0, u1, u2):
     return radiance, distance, wi, chance * pdf, row, point
 
 
-@jit
-def sample_surround(tables, x, u1, u2):
-    """Draw a direction of the environment for a SurfacePoint; u1, u2: random in [0, 1).
-
-    ->  (radiance, cd/m2 RGB, wi, pdf, 1/sr); pdf 0: nothing comes from there
-    """
-    wi, radiance, pdf = sample_environment(tables.environment, u1, u2)
-    if dot(lit_side(x), wi) < f32(0):
-        pdf = f32(0)
-    return radiance, wi, pdf
-
-
 class Surround(NamedTuple):
     """A direction of the environment, drawn for a SurfacePoint by what it makes of its light.
 

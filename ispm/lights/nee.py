@@ -18,15 +18,24 @@ from ispm.lights.area import (
     lamp_pdf,
     resample_surround,
     sample_lamps,
-    sample_surround,
 )
 from ispm.lights.emitted import first_irradiance
-from ispm.optics.bsdf import Bsdf, eval_bsdf, has_finite, pdf_bsdf, smooth_split, transmits
+from ispm.optics.bsdf import (
+    Bsdf,
+    eval_bsdf,
+    has_finite,
+    is_narrow,
+    pdf_bsdf,
+    smooth_split,
+    transmits,
+    visible_pdf,
+    without_diffuse,
+)
 from ispm.optics.environment import environment_pdf, has_environment
 from ispm.optics.jit import jit
 from ispm.optics.light import FAR, light_arriving
 from ispm.optics.records import NO_HIT
-from ispm.optics.vector import Vector, add, dot, scale, sub
+from ispm.optics.vector import Vector, add, dot, normalize, scale, sub
 
 f32, i64, u32 = np.float32, np.int64, np.uint32
 
@@ -37,30 +46,52 @@ SPLIT_COUNT = (
 SHEETS_MAX = 8  # of glass that a shadow ray passes, or a gather ray
 _PAIRS = 2  # of directions that one of the environment is drawn from
 _NONE = f32(0), f32(0), f32(0)
+_WHOLE = f32(1), f32(1)
+BY_NOTHING, BY_FACETS, BY_BSDF = range(3)  # how a path goes on from where lights are drawn for
 BEFORE = f32(1e-4)  # of the distance that a shadow ray ends before a light, which may hang on a wall
 
 
 @jit
-def direct_light(tables, x, wo, u, scratch, limit, sampled=False):
+def direct_light(tables, x, wo, u, scratch, limit, goes_on=BY_NOTHING):
     """Return the radiance along wo, (3,) cd/m2, of the finite lobes at a SurfacePoint, and the rays traced.
 
     u        random in [0, 1), for holes that shadow rays meet, and for points of lamps with a surface
     limit    lights whose first bounce here is bright are left out, see `is_bright`; infinite: none
-    sampled  the path goes on by `sample_bsdf` and may meet the lamps too: theirs is weighed by the balance
-             heuristic (Veach 1997, section 9.2.2), see `lamp_weight`. Else paths go on by the facets of what
-             transmits alone, and their light is left to these
+    goes_on  see `area_light`
     """
+    total, traced = punctual_light(tables, x, wo, u, scratch, limit)
+    light, rays = area_light(tables, x, wo, u, scratch, limit, goes_on)
+    return add(total, light), traced + rays
+
+
+@jit
+def punctual_light(tables, x, wo, u, scratch, limit):
+    """Return what of `direct_light` comes from points and along directions."""
     total, traced = (f32(0), f32(0), f32(0)), i64(0)
     for k in range(len(tables.lights)):
         arriving = _unshadowed(tables.lights[k], x, wo, limit)
         light, rays = _shadowed(tables, x, arriving, u, scratch)
         total, traced = add(total, light), traced + rays
+    return total, traced
+
+
+@jit
+def area_light(tables, x, wo, u, scratch, limit, goes_on):
+    """Return what of `direct_light` comes from lamps with a surface and from the environment: by a point, and
+    a direction, of each.
+
+    goes_on  BY_NOTHING; BY_FACETS or BY_BSDF: a path goes on by the lobe of an opaque surface's facets, or by
+             `sample_bsdf`, and may meet the lamps too: their light in these lobes is weighed by the balance
+             heuristic (Veach 1997, section 9.2.2), see `lamp_weight`. Unless by all, that in the facets of
+             what transmits is left to paths
+    """
+    total, traced = (f32(0), f32(0), f32(0)), i64(0)
     if len(tables.emitters.triangles) > 0:
-        arriving = _unshadowed_lamp(tables, x, wo, area_numbers(x.hit, u), limit, sampled)
+        arriving = _unshadowed_lamp(tables, x, wo, area_numbers(x.hit, u), limit, goes_on)
         light, rays = _shadowed(tables, x, arriving, u, scratch)
         total, traced = add(total, light), traced + rays
     if has_environment(tables.environment):
-        arriving = _unshadowed_surround(tables, x, wo, area_numbers(x.hit, u), sampled)
+        arriving = _unshadowed_surround(tables, x, wo, area_numbers(x.hit, u), goes_on)
         light, rays = _shadowed(tables, x, arriving, u, scratch)
         total, traced = add(total, light), traced + rays
     return total, traced
@@ -71,9 +102,10 @@ def lamp_weight(tables, position, side, pdf, hit, d):
     """Return the weight, float32, of emission at a Hit that a path meets along d, where its start also draws
     from lamps (balance heuristic, Veach 1997, section 9.2.2).
 
-    position, side  of the start, m, and its `lit_side`;  pdf  1/sr, with which it drew d; infinite: 1
+    position, side  of the start, m, and its `lit_side`
+    pdf             1/sr, with which it drew d; 0: it goes on from the eye, a mirror or glass, which draw none
     """
-    if pdf == f32(np.inf):
+    if pdf == f32(0):
         return f32(1)
     return pdf / (pdf + lamp_pdf(tables, position, side, hit, d))
 
@@ -81,7 +113,7 @@ def lamp_weight(tables, position, side, pdf, hit, d):
 @jit
 def surround_weight(tables, pdf, d):
     """Return likewise the weight of the environment's light where a path leaves the scene along d."""
-    if pdf == f32(np.inf):
+    if pdf == f32(0):
         return f32(1)
     return pdf / (pdf + environment_pdf(tables.environment, d))
 
@@ -96,10 +128,10 @@ def light_from_one(tables, x, wo, u, pick, scratch, limit):
         arriving = _unshadowed(tables.lights[k], x, wo, limit)
         drawn, weight, total, pick = _draw(drawn, weight, total, arriving, pick)
     if len(tables.emitters.triangles) > 0:
-        arriving = _unshadowed_lamp(tables, x, wo, area_numbers(x.hit, u), limit, False)
+        arriving = _unshadowed_lamp(tables, x, wo, area_numbers(x.hit, u), limit, BY_NOTHING)
         drawn, weight, total, pick = _draw(drawn, weight, total, arriving, pick)
     if has_environment(tables.environment):
-        arriving = _unshadowed_surround(tables, x, wo, area_numbers(x.hit, u), False)
+        arriving = _unshadowed_surround(tables, x, wo, area_numbers(x.hit, u), BY_NOTHING)
         drawn, weight, total, pick = _draw(drawn, weight, total, arriving, pick)
     if total <= f32(0):
         return none
@@ -147,56 +179,66 @@ def _unshadowed(light, x, wo, limit):
 
 
 @jit
-def _unshadowed_lamp(tables, x, wo, numbers, limit, sampled):
-    """The Arriving of a point of a lamp with a surface, drawn by four random numbers of [0, 1); sampled: see
-    `direct_light`."""
+def _unshadowed_lamp(tables, x, wo, numbers, limit, goes_on):
+    """The Arriving of a point of a lamp with a surface, drawn by four random numbers of [0, 1); goes_on: see
+    `area_light`."""
     radiance, distance, wi, pdf, row, point = sample_lamps(tables, x, numbers[0], numbers[1], numbers[2])
     if pdf <= f32(0):
-        return Arriving((f32(0), f32(0), f32(0)), distance, wi)
+        return Arriving(_NONE, distance, wi)
     bright = radiance
     if limit != f32(np.inf):
         bright = lamp_irradiance(tables.emitters.triangles[row], point, x.position)
-    if sampled:
-        pdf += pdf_bsdf(x.bsdf, x.n, wo, wi)
-    else:
-        x = _left_to_draws(x)
-    return Arriving(_reflected(x, wo, scale(f32(1) / pdf, radiance), bright, wi, limit), distance, wi)
+    share = drawn_share(x, wo, wi, pdf, goes_on)
+    light = _reflected(left_to_draws(x, goes_on), wo, scale(f32(1) / pdf, radiance), bright, wi, limit, share)
+    return Arriving(light, distance, wi)
 
 
 @jit
-def _unshadowed_surround(tables, x, wo, numbers, sampled):
-    """The Arriving of a direction of the environment, drawn by four random numbers; sampled: see
-    `direct_light`."""
-    if not sampled:
-        x = _left_to_draws(x)
-        _, u1, u2, pick = numbers
-        drawn, _ = resample_surround(tables, x, wo, u1, u2, pick, _PAIRS, f32(np.inf))
-        return Arriving(_reflected(x, wo, drawn.radiance, _NONE, drawn.wi, f32(np.inf)), FAR, drawn.wi)
-    radiance, wi, pdf = sample_surround(tables, x, numbers[1], numbers[2])
-    if pdf <= f32(0):
-        return Arriving(_NONE, FAR, wi)
-    pdf += pdf_bsdf(x.bsdf, x.n, wo, wi)
-    return Arriving(_reflected(x, wo, scale(f32(1) / pdf, radiance), _NONE, wi, f32(np.inf)), FAR, wi)
+def _unshadowed_surround(tables, x, wo, numbers, goes_on):
+    """The Arriving of a direction of the environment, likewise."""
+    _, u1, u2, pick = numbers
+    seen = left_to_draws(x, goes_on)
+    drawn, _ = resample_surround(tables, seen, wo, u1, u2, pick, _PAIRS, f32(np.inf))
+    share = drawn_share(x, wo, drawn.wi, drawn.pdf, goes_on)
+    light = _reflected(seen, wo, drawn.radiance, _NONE, drawn.wi, f32(np.inf), share)
+    return Arriving(light, FAR, drawn.wi)
 
 
 @jit
-def _left_to_draws(x):
-    """A SurfacePoint with the lobes that paths do not go on by, see `direct_light`."""
+def left_to_draws(x, goes_on):
+    """Return a SurfacePoint with the lobes that light from drawn points is for, see `area_light`."""
     b = x.bsdf
-    if not transmits(b):
+    if goes_on == BY_BSDF or not transmits(b):
         return x
     b = Bsdf(b.diffuse, _NONE, f32(0), f32(0), b.dielectric_f0, b.dielectric_f90, _NONE, b.eta, b.thin)
     return SurfacePoint(x.hit, x.position, x.ng, x.n, b, x.flags, x.entering)
 
 
 @jit
-def _reflected(x, wo, irradiance, bright, wi, limit):
+def drawn_share(x, wo, wi, pdf, goes_on):
+    """Return the weights, float32, of light from a drawn point for the Lambert lobe and for the others, where
+    paths may meet the point too, see `area_light`; pdf: of the draw, 1/sr."""
+    b = x.bsdf
+    if goes_on == BY_BSDF:
+        share = pdf / (pdf + pdf_bsdf(b, x.n, wo, wi))
+        return share, share
+    if goes_on == BY_FACETS and is_narrow(b) and dot(x.n, wi) > f32(0):
+        return f32(1), pdf / (pdf + visible_pdf(b.alpha, x.n, dot(x.n, wo), normalize(add(wo, wi))))
+    return f32(1), f32(1)
+
+
+@jit
+def _reflected(x, wo, irradiance, bright, wi, limit, share=_WHOLE):
     """Radiance along wo, cd/m2 RGB, that a SurfacePoint makes of light from wi; black where the first bounce
-    of light of the irradiance `bright` is bright. irradiance, bright: lx on a surface that faces wi."""
+    of light of the irradiance `bright` is bright. irradiance, bright: lx on a surface that faces wi;
+    share: of the Lambert lobe and of the others, that counts."""
     none = f32(0), f32(0), f32(0)
     if greatest(irradiance) <= f32(0):
         return none
     f = eval_bsdf(x.bsdf, x.n, x.ng, wo, wi)
+    if share[1] != f32(1):
+        others = eval_bsdf(without_diffuse(x.bsdf), x.n, x.ng, wo, wi)
+        f = add(scale(share[0], sub(f, others)), scale(share[1], others))
     if greatest(f) <= f32(0) or is_bright(x.bsdf, x.ng, wo, bright, wi, limit):
         return none
     if dot(wi, x.ng) < f32(0) and x.bsdf.thin == f32(0):  # refracted radiance

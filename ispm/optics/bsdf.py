@@ -33,6 +33,7 @@ from ispm.optics.vector import Vector, add, dot, luminance, normalize, scale, su
 f32 = np.float32
 
 MIN_ALPHA = f32(1e-3)  # smoother surfaces are mirrors or clear
+NARROW_ALPHA = f32(0.25)  # opaque lobes below it reflect to eye paths alone: too narrow for photons
 MIN_CONTRAST = f32(1e-2)  # |index - 1| below which facets bend nothing, and rough solids count as clear
 _INV_PI = f32(1 / math.pi)
 
@@ -125,11 +126,24 @@ def is_smooth(b):
 
 
 @jit
+def without_diffuse(b):
+    """Return a Bsdf without its Lambert lobe."""
+    none = f32(0), f32(0), f32(0)
+    return Bsdf(none, b.f0, b.f90, b.alpha, b.dielectric_f0, b.dielectric_f90, b.tint, b.eta, b.thin)
+
+
+@jit
 def has_finite(b):
     """Return whether photons that arrive at a Bsdf can be seen, a bool: an opaque lobe of more than one
     direction. What rough glass shows is left to eye paths.
     """
     return (b.alpha > f32(0) and not transmits(b)) or b.diffuse[0] + b.diffuse[1] + b.diffuse[2] > f32(0)
+
+
+@jit
+def is_narrow(b):
+    """Return whether a Bsdf is opaque and its lobe is left to eye paths, a bool."""
+    return f32(0) < b.alpha < NARROW_ALPHA and not is_lambert(b) and not transmits(b)
 
 
 @jit
@@ -301,13 +315,13 @@ def pdf_bsdf(b, n, wo, wi):
         return lambert
     if nl > f32(0):
         h = normalize(add(wo, wi))
-        return lambert + share * reflection_chance(b, dot(wo, h)) * _visible(b.alpha, n, nv, h)
+        return lambert + share * reflection_chance(b, dot(wo, h)) * visible_pdf(b.alpha, n, nv, h)
     h, spread = transmitting_facet(b, n, wo, wi)
-    return share * (f32(1) - reflection_chance(b, dot(wo, h))) * _visible(b.alpha, n, nv, h) * spread
+    return share * (f32(1) - reflection_chance(b, dot(wo, h))) * visible_pdf(b.alpha, n, nv, h) * spread
 
 
 @jit
-def _visible(alpha, n, nv, h):
+def visible_pdf(alpha, n, nv, h):
     """Density of `visible_normal` over 4 wo.h, 1/sr: that of the reflected direction; nv: n.wo, float32."""
     a2 = alpha * alpha
     return ggx(alpha, n, h) / (f32(2) * (nv + math.sqrt(nv * nv * (f32(1) - a2) + a2)))

@@ -7,6 +7,7 @@
 // include optics/microfacet.wgsl
 
 const MIN_ALPHA = 1e-3;      // smoother surfaces are mirrors or clear
+const NARROW_ALPHA = 0.25;    // opaque lobes below it reflect to eye paths alone: too narrow for photons
 const MIN_CONTRAST = 1e-2;   // |index - 1| below which facets bend nothing, and rough solids count as clear
 
 struct Bsdf {
@@ -62,6 +63,11 @@ fn is_smooth(b: Bsdf) -> bool {
 // What rough glass shows is left to eye paths.
 fn has_finite(b: Bsdf) -> bool {
     return (b.alpha > 0.0 && !transmits(b)) || b.diffuse.x + b.diffuse.y + b.diffuse.z > 0.0;
+}
+
+// Whether it is opaque and its lobe is left to eye paths.
+fn is_narrow(b: Bsdf) -> bool {
+    return b.alpha > 0.0 && b.alpha < NARROW_ALPHA && !is_lambert(b) && !transmits(b);
 }
 
 // D V and Fc = (1 - wo.h)^5 of the glossy lobe: f = D V (f0 + (f90 - f0) Fc). n.wo, n.wi > 0.
@@ -180,6 +186,13 @@ fn gloss_terms(alpha: f32, n: vec3f, wo: vec3f, wi: vec3f) -> vec3f {
     }
     let g = gloss(alpha, n, wo, wi);
     return vec3f(g.x * (1.0 - g.y), g.x * g.y, g.y);
+}
+
+// gloss_terms of a photon that has scattered so many times. Narrow lobes leave those that have to eye paths,
+// which do not find the others: lights are points.
+fn photon_gloss(alpha: f32, n: vec3f, wo: vec3f, wi: vec3f, bounce: u32) -> vec3f {
+    let g = gloss_terms(alpha, n, wo, wi);
+    return select(g, vec3f(0.0, 0.0, g.z), bounce > 0u && alpha < NARROW_ALPHA);
 }
 
 // Chance that sample_bsdf draws a facet instead of the Lambert lobe; exactly 0 without facets, 1 without

@@ -7,7 +7,7 @@ import numpy as np
 from ispm.lights.nee import greatest
 from ispm.optics.jit import jit
 from ispm.optics.vector import dot
-from ispm.paths.eye import REFLECTED, TRANSMITTED
+from ispm.paths.branch import REFLECTED, TRANSMITTED
 from ispm.paths.eye_paths import EyePaths
 
 f32, i64, u32 = np.float32, np.int64, np.uint32

@@ -14,6 +14,7 @@ import numpy as np
 from numba import literal_unroll
 
 from ispm.kernels.share import run_shared, shared_rows
+from ispm.optics.bsdf import NARROW_ALPHA
 from ispm.optics.jit import jit
 from ispm.optics.records import RECEIVER
 
@@ -117,21 +118,21 @@ def _mix(point, x, y, image, out):
     hardly match of 4 x 4, to (16,) float32 zeros; return whether any is on its surface."""
     x0, y0 = i64(math.floor(x)), i64(math.floor(y))
     fx, fy = x - f32(x0), y - f32(y0)
-    weight, gloss_weight = f32(0), f32(0)
+    weight, fresnel_weight, gloss_weight = f32(0), f32(0), f32(0)
     for corner in range(4):
         right, below = corner & 1, corner >> 1
         near = (fx if right else f32(1) - fx) * (fy if below else f32(1) - fy) + image.least
-        w, gloss = _add_tap(point, image, x0 + right, y0 + below, near, out)
-        weight, gloss_weight = weight + w, gloss_weight + gloss
+        w, fresnel, gloss = _add_tap(point, image, x0 + right, y0 + below, near, out)
+        weight, fresnel_weight, gloss_weight = weight + w, fresnel_weight + fresnel, gloss_weight + gloss
     if weight < _FEW:
         for k in range(16):
             right, below = k % 4 - 1, k // 4 - 1
             away = (f32(right) - fx) ** 2 + (f32(below) - fy) ** 2
             near = f32(math.exp(-away))
-            w, gloss = _add_tap(point, image, x0 + right, y0 + below, near, out)
-            weight, gloss_weight = weight + w, gloss_weight + gloss
+            w, fresnel, gloss = _add_tap(point, image, x0 + right, y0 + below, near, out)
+            weight, fresnel_weight, gloss_weight = weight + w, fresnel_weight + fresnel, gloss_weight + gloss
     for c in range(16):
-        total = weight if c < 4 else gloss_weight
+        total = weight if c < 4 else (fresnel_weight if c < 8 else gloss_weight)
         out[c] = out[c] / total if total > f32(0) else f32(0)
     return weight >= _TOO_LITTLE
 
@@ -139,25 +140,28 @@ def _mix(point, x, y, image, out):
 @jit
 def _add_tap(point, image, x, y, near, out):
     """Add the light of the receiver in cell (x, y), weighted, to (16,) float32; return its weights, for
-    irradiance and for gloss.
+    irradiance, Fresnel's part of it, and gloss.
 
     near  weight of the cell's position
     """
     if x < 0 or y < 0 or x >= image.width or y >= image.height:
-        return f32(0), f32(0)
+        return f32(0), f32(0), f32(0)
     k = y * image.width + x
     receiver, light = image.receivers[k], image.light[k]
     w = near * _likeness(point, receiver)
     if w <= f32(0):
-        return f32(0), f32(0)
+        return f32(0), f32(0), f32(0)
     for c in range(4):
         out[c] += w * light[c]
     if not (point.alpha > f32(0) and receiver.alpha > f32(0)):
-        return w, f32(0)
-    gloss = w * max(f32(1) - f32(4) * abs(point.alpha - receiver.alpha), f32(1e-3))
-    for c in range(4, 16):
-        out[c] += gloss * light[c]
-    return w, gloss
+        return w, f32(0), f32(0)
+    fresnel = w * max(f32(1) - f32(4) * abs(point.alpha - receiver.alpha), f32(1e-3))
+    gloss = fresnel if (point.alpha < NARROW_ALPHA) == (receiver.alpha < NARROW_ALPHA) else f32(0)
+    for c in range(4):
+        out[4 + c] += fresnel * light[4 + c]
+        out[8 + c] += gloss * light[8 + c]
+        out[12 + c] += gloss * light[12 + c]
+    return w, fresnel, gloss
 
 
 @jit
@@ -219,6 +223,8 @@ def denoise_rough_transmission(
     Light is averaged over a fifth of what the surface blurs it, at most 11 x 11 pixels, whose paths went out
     in different directions; and single paths that found a light's image through two rough faces are cut.
     """
+    frost = frost.copy()
+    frost["blur"][frost["reflectance"][:, 0] > 0.0] = 0.0  # lobes are averaged by resolve_lobes
     if not (frost["blur"] > 0.0).any():
         return
     rows = np.full((int(pixels[-1]) // width + 1, width), -1, np.int32)

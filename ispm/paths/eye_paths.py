@@ -23,6 +23,11 @@ class EyeRays:
                behind than so
     hits       (n,) HIT, what the pixels show; None: it is looked for
     shows_environment  whether one that meets nothing at all shows the scene's environment
+    columns    pixels in a row of the picture whose pixels' numbers the keys are: weak lobes of some are left
+               to others beside them; 0: all are looked at
+    most       paths from a strong lobe
+    widening   at ends, direct light counts lobes as at least this times as wide as the lobe that led there:
+               few paths find a light's image in a second narrow lobe
     """
 
     origins: np.ndarray
@@ -33,6 +38,9 @@ class EyeRays:
     slack: tuple[float, float] = (1e-4, 1e-3)
     hits: np.ndarray | None = None
     shows_environment: bool = False
+    columns: int = 0
+    most: int = 4
+    widening: float = 1.0
 
 
 @dataclass(frozen=True)

@@ -1,5 +1,5 @@
-"""How eye paths continue from mirrors and glass: by one facet of the surface, and where one path serves for
-both branches, by the stronger one."""
+"""How eye paths continue from mirrors, glass and narrow lobes: by one facet of the surface, and where one
+path serves for both branches, by the stronger one."""
 
 from __future__ import annotations
 
@@ -7,31 +7,41 @@ import math
 
 import numpy as np
 
+from ispm.accel.surface import SurfacePoint
 from ispm.lights.nee import greatest
-from ispm.optics.bsdf import is_smooth, smooth_split, specular_split, transmits
+from ispm.optics.bsdf import (
+    NARROW_ALPHA,
+    Bsdf,
+    facet_reflectance,
+    is_narrow,
+    is_smooth,
+    smooth_split,
+    specular_split,
+    visible_pdf,
+)
 from ispm.optics.jit import jit
-from ispm.optics.microfacet import smith, visible_normal
+from ispm.optics.microfacet import schlick, smith, visible_normal
 from ispm.optics.rng import random4
 from ispm.optics.sampling import LATTICE, to_local, to_world
-from ispm.optics.vector import add, dot, luminance, scale, sub
+from ispm.optics.vector import add, dot, luminance, normalize, scale, sub
 
 f32, u32 = np.float32, np.uint32
 
+_LOBES = 1 << 23  # of the random numbers that shift the lattice of paths from lobes
+_STEPS = tuple(round(step * 2**32) for step in LATTICE)
 ROUGH_SAMPLES = 8  # facets that are drawn where a pixel shows rough glass; a power of 2
 
 
 @jit
 def sample_specular_lobe(x, wo, u1, u2, may_part):
-    """Return how a path that comes along -wo continues from a SurfacePoint: whether it does, wi, the factor
-    (RGB) of its weight; whether a second path starts, that one's wi and factor.
+    """Return how a path that comes along -wo continues from a mirror or glass at a SurfacePoint: whether it
+    does, wi, the factor (RGB) of its weight; whether a second path starts, that one's wi and factor.
 
     From within a solid it leaves wherever it can: reflected, it would circle under a ball's rim. If it may
     part where the face is smooth, the second is reflected; else one path serves for both.
     u1, u2  random in [0, 1)
     """
     b, entering = x.bsdf, x.entering
-    if not is_smooth(b) and not transmits(b):
-        return False, wo, wo, False, wo, wo
     reflectance, transmittance, above, beyond, through = facet_split(x, wo, u1, u2)
     both = add(reflectance, transmittance)
     if through and (not entering or luminance(transmittance) > luminance(reflectance)):
@@ -39,6 +49,47 @@ def sample_specular_lobe(x, wo, u1, u2, may_part):
             return True, beyond, transmittance, True, above, reflectance
         return True, beyond, both, False, wo, wo
     return greatest(both) > f32(0), above, both, False, wo, wo
+
+
+@jit
+def sample_lobe(x, wo, u1, u2):
+    """Return how a path that comes along -wo continues by the lobe of an opaque rough SurfacePoint: whether
+    it does, unit wi, the factor (RGB) of its weight, and the density of wi, 1/sr.
+
+    u1, u2  random in [0, 1)
+    """
+    b = x.bsdf
+    factor, _, wi, _, _ = facet_split(x, wo, u1, u2)
+    pdf = visible_pdf(b.alpha, x.n, dot(x.n, wo), normalize(add(wo, wi)))
+    return greatest(factor) > f32(0), wi, factor, pdf
+
+
+@jit
+def lobe_width(pdf):
+    """Return the alpha, float32, of a lobe that draws directions about normal incidence with the density
+    `pdf`, 1/sr; 0 of 0."""
+    return f32(0.5) / math.sqrt(f32(math.pi) * pdf) if pdf > f32(0) else f32(0)
+
+
+@jit
+def widened(x, alpha):
+    """Return a SurfacePoint whose opaque lobe is no narrower than `alpha`, float32 at most that of wide ones.
+
+    Source: Kaplanyan and Dachsbacher, Path Space Regularization for Holistic and Robust Light Transport,
+    Eurographics 2013.
+    """
+    b = x.bsdf
+    if not is_narrow(b) or b.alpha >= alpha:
+        return x
+    wide = min(alpha, NARROW_ALPHA)
+    b = Bsdf(b.diffuse, b.f0, b.f90, wide, b.dielectric_f0, b.dielectric_f90, b.tint, b.eta, b.thin)
+    return SurfacePoint(x.hit, x.position, x.ng, x.n, b, x.flags, x.entering)
+
+
+@jit
+def mean_reflectance(x, wo):
+    """Return what the lobe of an opaque SurfacePoint reflects of even light along wo, RGB, nearly."""
+    return facet_reflectance(x.bsdf, schlick(dot(x.n, wo)))
 
 
 @jit
@@ -86,3 +137,36 @@ def facet_numbers(key, dimension, pass_index, seed):
     u2 += f32(k) * f32(rate_y)
     u3 += f32(k) * f32(rate_z)
     return u1 - f32(math.floor(u1)), u2 - f32(math.floor(u2)), u3 - f32(math.floor(u3))
+
+
+@jit
+def lobe_numbers(view, key, k, count, sparse):
+    """Return two float32 random numbers of [0, 1) for path `k` of `count` from a pixel's lobe.
+
+    A lattice along the Morton curve, on which each aligned square of pixels is one stretch, shifted anew in
+    each pass: even over what a filter averages.
+    sparse  one pixel of 2 x 2 has paths
+    """
+    u1, u2, _, _ = random4(u32(0) if view.columns > u32(0) else key, u32(_LOBES), view.pass_index, view.seed)
+    row = u32(k)
+    if view.columns > u32(0):
+        along = _spread_bits(key % view.columns) | _spread_bits(key // view.columns) << u32(1)
+        row += (along >> u32(2) if sparse else along) * u32(count)
+    return _fraction(u1, row * u32(_STEPS[0])), _fraction(u2, row * u32(_STEPS[1]))
+
+
+@jit
+def _spread_bits(x):
+    """The lower 16 bits of a uint32 with a 0 before each."""
+    x = x & u32(0xFFFF)
+    x = (x | x << u32(8)) & u32(0x00FF00FF)
+    x = (x | x << u32(4)) & u32(0x0F0F0F0F)
+    x = (x | x << u32(2)) & u32(0x33333333)
+    return (x | x << u32(1)) & u32(0x55555555)
+
+
+@jit
+def _fraction(start, steps):
+    """start + steps / 2^32 modulo 1, float32 below 1; steps: uint32."""
+    sum_ = u32(start * f32(2.0**24)) + (u32(steps) >> u32(8))
+    return f32(sum_ & u32(0xFFFFFF)) * f32(2.0**-24)

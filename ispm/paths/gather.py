@@ -9,6 +9,7 @@ each path from a light to x counts in one of them alone:
   is a bright first bounce near a light or a highlight (`nee.is_bright`), is lit by a caustic, or lets
   light through (`nee.is_gathered`); or a mirror or glass lies between y and x.
 
+Lobes too narrow for photons count as wider at rays' ends: what they bring has one bounce more to go.
 So rays end without light at mirrors and glass, but pass thin clear sheets, as shadow rays do. Emission of
 surfaces is left out: photons do not carry it either.
 """
@@ -26,7 +27,7 @@ from ispm.accel.world import World
 from ispm.kernels.share import run_shared, shared_rows
 from ispm.kernels.simd import alloca
 from ispm.lights.nee import SHEETS_MAX, is_gathered, light_from_one, times
-from ispm.optics.bsdf import gloss_terms, is_smooth, smooth_split, transmits
+from ispm.optics.bsdf import NARROW_ALPHA, gloss_terms, is_smooth, smooth_split, transmits
 from ispm.optics.jit import jit
 from ispm.optics.records import MATERIAL_UNLIT, RECEIVER
 from ispm.optics.rng import random4
@@ -194,4 +195,4 @@ def _look(tables, ray, course, scratch, out):
     for c in range(3):
         out.radiance[row, c] = light[c]
     store_end(out.ends[row], u32(row), u32(0), weight, b, hit.instance)
-    store_point(out.points[row], x, wo, b, f32(0))
+    store_point(out.points[row], x, wo, b, f32(0), NARROW_ALPHA)

@@ -5,15 +5,18 @@ from __future__ import annotations
 import numpy as np
 from numba import literal_unroll
 
-from ispm.optics.bsdf import Bsdf, transmits
+from ispm.optics.bsdf import MIN_ALPHA, Bsdf, transmits
 from ispm.optics.jit import jit
 from ispm.optics.records import RECEIVER
 from ispm.optics.vector import dot, luminance
 
 f32, u32 = np.float32, np.uint32
 
-_GLOSS_ALPHA_MIN = f32(0.25)  # as in stages/receivers.wgsl
 _BLUR_SHARE = f32(0.2)  # of a rough surface's blur, that its pixels may be averaged over
+_LOBE_SHARE = f32(0.35)  # likewise of a lobe's: a sum of squares, it gets 6 % wider
+_LOBE_SPREAD = f32(1.4)  # radians over alpha, the standard deviation of a lobe without its tails
+
+_LEAST_REFLECTANCE = f32(1e-4)  # by which light is divided to be averaged
 
 _NONE = (f32(0), f32(0), f32(0))
 BLACK = Bsdf(_NONE, _NONE, f32(0), f32(0), f32(0), f32(0), _NONE, f32(0), f32(0))  # of what is unlit
@@ -26,10 +29,11 @@ PATH_END = np.dtype([
     ("f90", "<f4"), ("dielectric_f0", "<f4"), ("dielectric_f90", "<f4"), ("instance", "<u4"),
 ])  # fmt: skip
 
-# The mirror or glass that a pixel shows; blur: pixels over which its light may be averaged, 0: it is smooth.
+# The mirror, glass or narrow lobe that a pixel shows; blur: pixels over which its light may be averaged, 0:
+# it is smooth; reflectance: of a lobe, 0: it is none; samples: paths that went out from the lobe.
 FIRST_VERTEX = np.dtype([
     ("n", "<f4", 3), ("alpha", "<f4"), ("ng", "<f4", 3), ("tint", "<f4"), ("blur", "<f4"),
-    ("instance", "<u4"),
+    ("instance", "<u4"), ("reflectance", "<f4", 3), ("samples", "<u4"),
 ])  # fmt: skip
 
 # Where a path ends, and the receiver there.
@@ -53,15 +57,16 @@ def store_end(end, slot, lane, weight, b, instance):
 
 
 @jit
-def store_point(point, x, wo, b, width):
-    """Write the RECEIVER of an end at the SurfacePoint x, with the Bsdf b; width: a pixel's there, m."""
+def store_point(point, x, wo, b, width, least):
+    """Write the RECEIVER of an end at the SurfacePoint x, with the Bsdf b; width: a pixel's there, m; least:
+    alpha, as which narrower lobes count."""
     for k in literal_unroll((0, 1, 2)):
         point.position[k] = x.position[k]
         point.ng[k] = x.ng[k]
         point.n[k] = x.n[k]
         point.wo[k] = wo[k]
     glossy = b.f90 > f32(0) or b.f0[0] + b.f0[1] + b.f0[2] > f32(0)
-    point.alpha = max(b.alpha, _GLOSS_ALPHA_MIN) if glossy else f32(0)
+    point.alpha = max(b.alpha, max(least, MIN_ALPHA)) if glossy else f32(0)
     point.valid = u32(1)
     point.footprint = width
     point.slant = f32(1) / max(abs(dot(wo, x.ng)), f32(0.02))
@@ -90,3 +95,20 @@ def add_light(sums, i, value, weight):
     sums[i, 0] += value[0] * weight[0]
     sums[i, 1] += value[1] * weight[1]
     sums[i, 2] += value[2] * weight[2]
+
+
+@jit
+def store_gloss(first, x, instance, angle, reflectance, samples):
+    """Write a FIRST_VERTEX of an opaque surface with a narrow lobe; blur: a standard deviation.
+
+    angle  as of `store_first`, 0: unknown;  reflectance  of the lobe, RGB;  samples  paths that it sent out
+    """
+    b = x.bsdf
+    for k in literal_unroll((0, 1, 2)):
+        first.n[k] = x.n[k]
+        first.ng[k] = x.ng[k]
+        first.reflectance[k] = max(reflectance[k], _LEAST_REFLECTANCE)
+    first.alpha = b.alpha
+    first.blur = _LOBE_SHARE * _LOBE_SPREAD * b.alpha * angle
+    first.instance = instance
+    first.samples = u32(samples)

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from ispm.kernels.simd import ldf, ldu, stf
-from ispm.optics.bsdf import gloss
+from ispm.optics.bsdf import NARROW_ALPHA, gloss
 from ispm.optics.density import cosine_ratio, density_kernel, photon_counts
 from ispm.optics.jit import jit
 from ispm.optics.records import PHOTON, RECEIVER
@@ -33,8 +33,8 @@ def _word(record: np.dtype, name: str) -> int:
 
 
 _ALPHA, _NG, _VALID, _N, _WO = (_word(RECEIVER, name) for name in ("alpha", "ng", "valid", "n", "wo"))
-RADIUS, _FLUX, _WI, NORMAL, HEIGHT = (
-    _word(PHOTON, name) for name in ("radius", "flux", "wi", "normal", "height")
+RADIUS, _FLUX, _WI, NORMAL, HEIGHT, _BOUNCE = (
+    _word(PHOTON, name) for name in ("radius", "flux", "wi", "normal", "height", "bounce")
 )
 WORDS = PHOTON.itemsize // 4
 assert RECEIVER.itemsize == PHOTON.itemsize and _word(RECEIVER, "position") == _word(PHOTON, "position") == 0
@@ -172,13 +172,14 @@ def _add_glossy(photon, work):
     """Add a PHOTON to the sums of a block."""
     flux, kernel = vector(photon, _FLUX), _kernel(photon)
     _, _, wi, _, _ = kernel
+    least = NARROW_ALPHA if ldu(photon, _BOUNCE) > u32(0) else f32(0)  # as photon_gloss in bsdf.wgsl
     for k in range(LANES):
         light = _add_arriving(work, k, kernel, flux)
         alpha, n, wo = ldf(work, _ROW_ALPHA * TILE + k), _row(work, _ROW_N, k), _row(work, _ROW_WO, k)
         # gloss() without its gate: a branch would keep the loop from becoming vectors
         dv, fc = gloss(alpha, n, wo, wi)
         visible = (alpha > f32(0)) & (dot(n, wo) > f32(0)) & (dot(n, wi) > f32(0))
-        dv = dv if visible else f32(0)
+        dv = dv if visible & (alpha >= least) else f32(0)
         fc = fc if visible else f32(0)
         _add(work, 4, k, light * fc, flux)
         _add(work, 8, k, light * dv * (f32(1) - fc), flux)

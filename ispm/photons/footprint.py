@@ -41,7 +41,7 @@ def shape_kernels(
     diagonal, smoothing, pixels  as in `measure_caustic_radii`
     """
     out = np.zeros(len(photons), CAUSTIC)
-    for name in ("position", "height", "flux", "wi"):
+    for name in ("position", "height", "flux", "wi", "bounce"):
         out[name] = photons[name]
     _shape(photons, beams, clear, f32(diagonal), f32(smoothing), for_kernels(pixels), out)
     return out

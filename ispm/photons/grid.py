@@ -13,7 +13,7 @@ import numpy as np
 from ispm.accel.normals import unit
 from ispm.kernels.share import run_shared, shared_rows
 from ispm.kernels.simd import address, alloca
-from ispm.optics.bsdf import gloss_terms
+from ispm.optics.bsdf import NARROW_ALPHA, gloss_terms
 from ispm.optics.density import cosine_ratio, density_kernel, ellipse_kernel, photon_counts
 from ispm.optics.jit import jit
 from ispm.optics.records import CAUSTIC
@@ -358,6 +358,8 @@ def _add_light(receiver, photon, normal, kappa, out, r):
         out[r, channel] += photon.flux[channel] * arriving
     if receiver.alpha > f32(0):
         plain, grazing, fresnel = gloss_terms(receiver.alpha, n, vec3(receiver.wo), wi)
+        if photon.bounce > u32(0) and receiver.alpha < NARROW_ALPHA:  # as photon_gloss in bsdf.wgsl
+            plain, grazing = f32(0), f32(0)
         for channel in range(3):
             irradiance = photon.flux[channel] * arriving
             out[r, 4 + channel] += fresnel * irradiance

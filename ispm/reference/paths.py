@@ -18,7 +18,7 @@ from ispm.accel.surface import Tables, closest_surface, glow, surface
 from ispm.kernels.simd import address, alloca, atomic_add
 from ispm.kernels.threads import run_threads
 from ispm.lights.area import lit_side
-from ispm.lights.nee import direct_light, lamp_weight, surround_weight, times
+from ispm.lights.nee import BY_BSDF, direct_light, lamp_weight, surround_weight, times
 from ispm.optics.bsdf import pdf_bsdf, sample_bsdf
 from ispm.optics.environment import environment_radiance, has_environment
 from ispm.optics.jit import jit
@@ -92,7 +92,7 @@ def _trace(tables, task, origins, directions, counter, light):
 def _path(tables, task, start, d, key, sample, scratch):
     """The radiance, cd/m2 RGB, that one path brings along d to `start`, m; key: the ray's number."""
     total, weight, inside = (f32(0), f32(0), f32(0)), (f32(1), f32(1), f32(1)), no_medium()
-    scatters, pdf, start_of = i64(0), f32(np.inf), (start, start)
+    scatters, pdf, start_of = i64(0), f32(0), (start, start)
     for event in range(_EVENTS_MAX):
         u1, u2, u3, u4 = random4(key, u32(event), sample, task.seed)
         found, hit = closest_surface(tables, start, d, u4, scratch)
@@ -113,14 +113,14 @@ def _path(tables, task, start, d, key, sample, scratch):
         if unlit or scatters > task.bounces:
             return total
         wo = scale(f32(-1), d)
-        lit, _ = direct_light(tables, x, wo, u4, scratch, f32(np.inf), True)
+        lit, _ = direct_light(tables, x, wo, u4, scratch, f32(np.inf), BY_BSDF)
         total = add(total, times(weight, lit))
         alive, wi, factor, specular = sample_bsdf(x.bsdf, x.n, x.ng, wo, u1, u2, u3, True)
         scatters += i64(not specular)
         if not alive:
             return total
         weight = times(weight, factor)
-        pdf = f32(np.inf) if specular else pdf_bsdf(x.bsdf, x.n, wo, wi)
+        pdf = f32(0) if specular else pdf_bsdf(x.bsdf, x.n, wo, wi)
         start_of = x.position, lit_side(x)
         start, inside = spawn_ray(tables, x, inside, wi)
         d = wi

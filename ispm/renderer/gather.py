@@ -17,6 +17,7 @@ from ispm.estimators import Estimator
 from ispm.frame import Receivers
 from ispm.lights.lightmap import mean_irradiance
 from ispm.lights.surface_emission import emissive_flux
+from ispm.optics.bsdf import NARROW_ALPHA
 from ispm.optics.environment import environment_power
 from ispm.optics.incident import channels, no_light
 from ispm.optics.records import take
@@ -96,7 +97,7 @@ def rays_worth(points: np.ndarray, rays: int) -> np.ndarray:
 
     More rays free the picture of their own noise, not of the photons', nor of any in gloss.
     """
-    return np.where(points["alpha"] > 0.0, 1.0, math.sqrt(rays / _RAYS_USUAL))
+    return np.where(points["alpha"] >= NARROW_ALPHA, 1.0, math.sqrt(rays / _RAYS_USUAL))
 
 
 class PhotonLight:
@@ -214,12 +215,13 @@ class PhotonLight:
     ) -> np.ndarray:
         """Light at points, (n, 16): gloss of the smooth photons, the rest by rays and of those not gathered.
 
-        estimate_smooth  returns the (n, 16) light of the smooth photons; asked for where there is gloss alone
+        estimate_smooth  returns the (n, 16) light of the smooth photons; asked for where there is wide gloss
+        alone
         not_gathered     (n, 16) light of those not gathered
         ends             as of `gather`
         """
         this, points = self._this, image.points
-        glossy = (points["alpha"] > 0.0).any()
+        glossy = (points["alpha"] >= NARROW_ALPHA).any()
         light = estimate_smooth() if glossy else no_light(len(points))
         nearness = np.zeros(len(points), np.float32)
         used = np.flatnonzero(points["valid"])  # which may be few

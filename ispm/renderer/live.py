@@ -19,6 +19,7 @@ from ispm.live.blend import HISTORY, blend, effective_frames, light_of, no_histo
 from ispm.live.cache import CELL, WorldCache
 from ispm.live.change import SIDE, changed_share, coarse
 from ispm.live.reproject import Seen, moves, reproject, seen
+from ispm.optics.bsdf import NARROW_ALPHA
 from ispm.optics.incident import channels, no_light
 from ispm.optics.records import take
 from ispm.optics.rng import pcg4d
@@ -244,7 +245,7 @@ class LiveLight(PhotonLight):
             return no_light(len(rows)), np.zeros(len(rows), np.float32)
         if not self._this.settings.gather_rays:
             return self.photons.estimate(points, threads), np.zeros(len(rows), np.float32)
-        glossy = (points["alpha"] > 0.0).any()
+        glossy = (points["alpha"] >= NARROW_ALPHA).any()
         light = self.photons.estimate(points, threads) if glossy else no_light(len(rows))
         others = self._not_gathered.estimate(points, threads)
         nearness, rays = np.zeros(len(rows), np.float32), self._this.settings.gather_rays

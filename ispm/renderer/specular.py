@@ -1,4 +1,4 @@
-"""The light that eye paths through mirrors and glass bring to their pixels."""
+"""The light that eye paths by mirrors, glass and narrow lobes bring to their pixels."""
 
 from __future__ import annotations
 
@@ -13,10 +13,12 @@ from ispm.accel.rays import HIT
 from ispm.accel.surface import SurfaceTable
 from ispm.frame import Receivers
 from ispm.optics.incident import channels, no_light
+from ispm.paths.branch import GLOSS_SAMPLES, REFLECTED, SCATTERED, TRANSMITTED
 from ispm.paths.edges import edge_rows
 from ispm.paths.ends import denoise_rough_transmission, image_of_ends, reflect_light, spread_light
-from ispm.paths.eye import REFLECTED, SCATTERED, TRANSMITTED, trace_eye
+from ispm.paths.eye import trace_eye
 from ispm.paths.eye_paths import EyePaths, EyeRays, join_paths
+from ispm.paths.resolve import lonely_rows, resolve_lobes, shown
 from ispm.renderer.backdrop import background_color, shows_environment
 from ispm.renderer.gather import PhotonLight
 from ispm.renderer.one_pass import Pass
@@ -32,7 +34,7 @@ _FINE_SLACK = 5e-3, 2e-2
 
 
 def specular_light(this: Pass, seen: np.ndarray, light: PhotonLight) -> np.ndarray:
-    """Return direct light, indirect light and emission that paths through mirrors and glass bring to SEEN
+    """Return direct light, indirect light and emission that such paths bring to SEEN
     pixels, (n,), and the share that these show of a colored background: (n, 12) float32.
 
     Pixels on edges of what is seen in a mirror or glass are sampled four times.
@@ -44,9 +46,18 @@ def specular_light(this: Pass, seen: np.ndarray, light: PhotonLight) -> np.ndarr
     def trace(rays: EyeRays) -> EyePaths:
         return trace_eye(this.packed, this.world, this.surfaces, rays, settings.seed, this.index)
 
-    rays = replace(eye_rays(seen, this.surfaces, view), shows_environment=shows_environment(this))
+    rays = eye_rays(seen, this.surfaces, view, settings.smoothing)
+    rays = replace(rays, shows_environment=shows_environment(this))
     paths, pixels = trace(rays), rays.keys
     edges = edge_rows(paths, pixels, view.size[0]) if settings.antialias else np.zeros(0, np.int64)
+    places = rays.origins + rays.distances[:, None] * rays.directions
+    given = shown(pixels, view.size[0], paths.firsts, places, view.pixel_widths(places))
+    lonely = lonely_rows(given)
+    if len(lonely):
+        paths = join_paths(paths, trace(rows_of(rays, lonely)))
+        pixels = np.concatenate([pixels, pixels[lonely]])
+        paths.firsts[lonely] = paths.firsts[count:]
+    total = len(pixels)
     if len(edges):
         fine = fine_rays(rays, paths, edges, view)
         paths = join_paths(paths, trace(fine))
@@ -54,13 +65,15 @@ def specular_light(this: Pass, seen: np.ndarray, light: PhotonLight) -> np.ndarr
     found = light_ends(this, paths, pixels, light)
     through = paths.through if background_color(settings) is not None else np.zeros_like(paths.through)
     for brought in (found, through):
-        samples = brought[count:].reshape(-1, len(SAMPLES), brought.shape[1])
+        brought[lonely] = brought[count:total]
+        samples = brought[total:].reshape(-1, len(SAMPLES), brought.shape[1])
         brought[edges] = samples.mean(axis=1)
         denoise_rough_transmission(brought[:count], rays.keys, view.size[0], paths.firsts, this.threads)
+    resolve_lobes(found[:count], given._replace(firsts=paths.firsts), settings.smoothing, this.threads)
     return np.concatenate([found[:count], through[:count]], axis=1)
 
 
-def eye_rays(seen: np.ndarray, surfaces: SurfaceTable, view: CameraView) -> EyeRays:
+def eye_rays(seen: np.ndarray, surfaces: SurfaceTable, view: CameraView, widening: float = 1.0) -> EyeRays:
     """Return the rays through (n,) SEEN pixels, and where they meet the triangles there."""
     origins, directions = view.pixel_rays(seen["pixel"].astype(np.int64))
     parallel = view.ymag is not None
@@ -72,7 +85,16 @@ def eye_rays(seen: np.ndarray, surfaces: SurfaceTable, view: CameraView) -> EyeR
     hits["u"], hits["v"] = barycentrics.T
     f4 = np.float32
     keys, distances = seen["pixel"].astype(np.uint32), hits["t"].copy()
-    return EyeRays(origins.astype(f4), directions.astype(f4), distances, keys, wide, hits=hits)
+    across, high = view.size
+    most = max(min(across * high // (2 * max(len(seen), 1)), GLOSS_SAMPLES), 1)
+    rays = EyeRays(origins.astype(f4), directions.astype(f4), distances, keys, wide, hits=hits)
+    return replace(rays, columns=across, most=most, widening=widening)
+
+
+def rows_of(rays: EyeRays, rows: np.ndarray) -> EyeRays:
+    """Return some of the rays, from each of whose lobes a path goes out."""
+    names = ("origins", "directions", "distances", "keys", "hits")
+    return replace(rays, **{name: getattr(rays, name)[rows] for name in names}, columns=0)
 
 
 def fine_rays(rays: EyeRays, paths: EyePaths, rows: np.ndarray, view: CameraView) -> EyeRays:
@@ -98,6 +120,7 @@ def fine_rays(rays: EyeRays, paths: EyePaths, rows: np.ndarray, view: CameraView
         keys=keys.reshape(-1),
         slack=_FINE_SLACK,
         hits=None,
+        columns=0,
     )
 
 

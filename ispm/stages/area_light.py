@@ -26,8 +26,8 @@ from ispm.gpu import Gpu
 from ispm.kernels.share import run_shared, shared_rows
 from ispm.kernels.simd import alloca, ldu, u2f
 from ispm.lights.area import resample_surround, sample_lamps
-from ispm.lights.nee import BEFORE, greatest, shadow_transmittance, side_of
-from ispm.optics.bsdf import Bsdf, eval_bsdf, is_lambert, surface_bsdf, transmits
+from ispm.lights.nee import BEFORE, BY_FACETS, drawn_share, greatest, shadow_transmittance, side_of
+from ispm.optics.bsdf import eval_bsdf, is_lambert, surface_bsdf, transmits, without_diffuse
 from ispm.optics.environment import environment_irradiance, has_environment
 from ispm.optics.jit import jit
 from ispm.optics.light import FAR
@@ -163,7 +163,7 @@ def _sample_pixels(tables, pixels, view, counter, samples):
         u1, u2 = (f32(column) + r1) * f32(1 / _SIDE), (f32(row) + r2) * f32(1 / _SIDE)
         radiance, distance, wi, pdf, _, _ = sample_lamps(tables, shown.x, u0, u1, u2)
         if pdf > f32(0):
-            arriving = _Arriving(scale(f32(1) / pdf, radiance), distance, wi, f32(1) / f32(math.sqrt(pdf)))
+            arriving = _Arriving(scale(f32(1) / pdf, radiance), distance, wi, pdf)
             _add_light(tables, shown, arriving, holes, i, scratch, samples)
             for c in range(3):
                 samples.unshadowed[i, c] = samples.drawn[i, c]
@@ -172,7 +172,7 @@ def _sample_pixels(tables, pixels, view, counter, samples):
             brightest = tables.environment.brightest
             both = resample_surround(tables, x, wo, u1, u2, pick, _PAIRS, brightest)
             for drawn in both:
-                arriving = _Arriving(drawn.radiance, FAR, drawn.wi, f32(1) / f32(math.sqrt(drawn.pdf)))
+                arriving = _Arriving(drawn.radiance, FAR, drawn.wi, drawn.pdf)
                 _add_light(tables, shown, arriving, holes, i, scratch, samples)
             irradiance = environment_irradiance(tables.environment, x.n)
             for c in range(3):
@@ -180,13 +180,13 @@ def _sample_pixels(tables, pixels, view, counter, samples):
 
 
 class _Arriving(NamedTuple):
-    """Light of one point of a lamp, or from one direction: irradiance over the density of its direction,
-    distance, m, wi, and the angle that the point stands for, the root of its sr."""
+    """Light of one point of a lamp, or from one direction: irradiance over the density of the draw, distance,
+    m, wi, and the density of its direction among all lamps' points or the environment, 1/sr."""
 
     irradiance: Vector
     distance: np.float32
     wi: Vector
-    angle: np.float32
+    pdf: np.float32
 
 
 @jit
@@ -242,11 +242,13 @@ def _add_light(tables, shown, arriving, holes, i, scratch, samples):
     f = eval_bsdf(b, x.n, x.ng, wo, wi)
     gloss = none
     if not is_lambert(b):
-        facets = Bsdf(none, b.f0, b.f90, b.alpha, b.dielectric_f0, b.dielectric_f90, b.tint, b.eta, b.thin)
-        gloss = eval_bsdf(facets, x.n, x.ng, wo, wi)
+        gloss = eval_bsdf(without_diffuse(b), x.n, x.ng, wo, wi)
         f = sub(f, gloss)
         if transmits(b):
             gloss = none  # eye paths find what these reflect and let through
+        else:
+            _, share = drawn_share(x, wo, wi, arriving.pdf, BY_FACETS)
+            gloss = scale(share, gloss)
     if greatest(f) <= f32(0) and greatest(gloss) <= f32(0):
         return
     near = _ROUNDED * max(abs(x.position[0]), max(abs(x.position[1]), abs(x.position[2])))
@@ -259,7 +261,8 @@ def _add_light(tables, shown, arriving, holes, i, scratch, samples):
     passed = f32(1), f32(1), f32(1)
     if met < limit:
         # of the lamp's image through a pinhole at what is between
-        width = arriving.angle * met / max(f32(1) - met / arriving.distance, f32(1e-6))
+        angle = f32(1) / f32(math.sqrt(max(arriving.pdf, f32(1e-30))))
+        width = angle * met / max(f32(1) - met / arriving.distance, f32(1e-6))
         samples.reach[i] = min(samples.reach[i], _BLUR * width / shown.width)
         if not tables.porous:
             return

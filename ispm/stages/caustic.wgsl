@@ -92,14 +92,16 @@ fn fs(splat: Splat) -> Arrived {
     let arriving = select(0.0, kappa * cosine_ratio(dot(photon.wi, n), wi_ng), counts);
     let light = arriving * photon.flux;
     let wo = view_direction(position);
-    return Arrived(vec4f(reflected(pixel, seen.w, light, n, wo, photon.wi), 0.0), vec4f(light, 0.0));
+    let radiance = reflected(pixel, seen.w, light, n, wo, photon);
+    return Arrived(vec4f(radiance, 0.0), vec4f(light, 0.0));
 }
 
-// Radiance towards the eye of light along wi, as if it came from the estimators.
-fn reflected(pixel: vec2u, word: u32, light: vec3f, n: vec3f, wo: vec3f, wi: vec3f) -> vec3f {
+// Radiance towards the eye of a photon's light, as if it came from the estimators.
+fn reflected(pixel: vec2u, word: u32, light: vec3f, n: vec3f, wo: vec3f, photon: Caustic) -> vec3f {
     let material = material_row(word);
     let b = seen_bsdf(word, textureLoad(base, pixel, 0), textureLoad(emission, pixel, 0).a, materials[material]);
     let alpha = receiver_alpha(b, materials[material].flags);
-    let gloss = select(vec3f(0.0), gloss_terms(max(alpha, GLOSS_ALPHA_MIN), n, wo, wi), alpha > 0.0);
+    let terms = photon_gloss(max(alpha, MIN_ALPHA), n, wo, photon.wi, photon.bounce);
+    let gloss = select(vec3f(0.0), terms, alpha > 0.0);
     return reflect_incident(b, Incident(light, light * gloss.z, light * gloss.x, light * gloss.y));
 }

@@ -15,6 +15,7 @@ import numpy as np
 from ispm.accel.mesh import word_of
 from ispm.kernels.share import run_shared, shared_rows
 from ispm.kernels.simd import address, aligned, splat8, stf, vfma, vload8, vmul, vstore8
+from ispm.optics.bsdf import NARROW_ALPHA
 from ispm.optics.incident import CHANNELS, INCIDENT
 from ispm.optics.jit import jit
 from ispm.optics.records import RECEIVER
@@ -357,8 +358,10 @@ def _mean_about(at, reach, lattice, few, image, out):
             weight += w
             met += i64(1)
             plain = vfma(vload8(base, q * CHANNELS), splat8(w), plain)
-            same_gloss = f32(1) - f32(4) * abs(words[q, _ALPHA] - alpha)
-            if gloss and words[q, _ALPHA] > f32(0) and same_gloss > f32(0):
+            other = words[q, _ALPHA]
+            same_gloss = f32(1) - f32(4) * abs(other - alpha)
+            alike_narrow = (other < NARROW_ALPHA) == (alpha < NARROW_ALPHA)
+            if gloss and other > f32(0) and same_gloss > f32(0) and alike_narrow:
                 w *= same_gloss
                 gloss_weight += w
                 glossy = vfma(vload8(base, q * CHANNELS + _GLOSS), splat8(w), glossy)

@@ -2,16 +2,12 @@
 // include optics/records.wgsl
 // include stages/material.wgsl
 
-// Photons cannot resolve a narrower lobe: at this width some 3 % of them fall into it. Direct light and
-// the photons' own paths keep the true one.
-const GLOSS_ALPHA_MIN = 0.25;
-
-// The width of the lobe by which a receiver weighs photons, 0: none. Smooth surfaces need the Fresnel term
-// alone, for their diffuse part.
+// The width of the lobe by which a receiver weighs photons, 0: none. Smooth surfaces and narrow lobes need the
+// Fresnel term, for their diffuse part.
 fn receiver_alpha(b: Bsdf, flags: u32) -> f32 {
     let glossy = b.f90 > 0.0 || max(b.f0.x, max(b.f0.y, b.f0.z)) > 0.0;
     let counts = glossy && has_finite(b) && (flags & MATERIAL_UNLIT) == 0u;
-    return select(0.0, max(b.alpha, GLOSS_ALPHA_MIN), counts);
+    return select(0.0, max(b.alpha, MIN_ALPHA), counts);
 }
 
 struct Incident {          // sums over photons, see `estimators`

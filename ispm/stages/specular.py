@@ -1,4 +1,4 @@
-"""The pixels that show mirrors and glass, and the light that eye paths bring to them."""
+"""The pixels that show mirrors, glass and narrow lobes, and the light that eye paths bring to them."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _PATH = "stages/specular.wgsl"
 _SHADER = wgsl.load(_PATH)
 SEEN, BROUGHT = _SHADER.dtype("Seen"), _SHADER.dtype("Brought")
 _THREADS = int(_SHADER.constants["THREADS"])
-_SMOOTH = 1.01 * _SHADER.constants["MIN_ALPHA"]  # roughness^2, and what the G-buffer's halves may round
+_NARROW = 1.01 * _SHADER.constants["NARROW_ALPHA"]  # roughness^2, and what the G-buffer's halves may round
 
 
 class SpecularStage:
@@ -21,7 +21,7 @@ class SpecularStage:
 
     In   gbuffer (W, H)
     Out  (n,) SEEN: pixel number y W + x and the triangle there, sorted by number
-    Where no material is a mirror or transmits nothing is looked for.
+    Where no material is a mirror, transmits or has a narrow lobe nothing is looked for.
     """
 
     def __init__(self, gpu: Gpu) -> None:
@@ -119,5 +119,5 @@ class SpecularStage:
 def _may_lead_on(materials: np.ndarray) -> bool:
     """Whether eye rays may have to go on from any of these."""
     textured = materials["metallic_roughness_texture"]["texture"] >= 0
-    may = (materials["flags"] & MATERIAL_TRANSMITS != 0) | (materials["roughness"] ** 2 < _SMOOTH) | textured
+    may = (materials["flags"] & MATERIAL_TRANSMITS != 0) | (materials["roughness"] ** 2 < _NARROW) | textured
     return bool(may.any())

@@ -1,4 +1,4 @@
-// Pixels that show mirrors or glass: which they are, and the light that specular paths bring to them.
+// Pixels that show mirrors, glass or narrow lobes: which they are, and the light that specular paths bring to them.
 // include stages/material.wgsl
 
 @group(0) @binding(0) var<storage, read> materials: array<Material>;
@@ -18,7 +18,7 @@
 @group(0) @binding(14) var emission_out: texture_storage_2d<rgba32float, write>;
 @group(0) @binding(15) var through_out: texture_storage_2d<rgba32float, write>;
 
-struct Seen {              // a pixel that shows a mirror or glass, and the triangle
+struct Seen {              // a pixel that shows a mirror, glass or a narrow lobe, and the triangle
     pixel: u32,
     instance: u32,
     primitive: u32,
@@ -36,10 +36,10 @@ struct Brought {           // the light that specular paths bring to a pixel
     spare2: u32,
 }
 
-// Whether eye rays have to go on from a surface: it transmits, or is a mirror.
+// Whether eye rays have to go on from a surface: it transmits, is a mirror, or its lobe is narrow.
 fn leads_on(b: Bsdf) -> bool {
     let shiny = max(b.f90, max(b.f0.x, max(b.f0.y, b.f0.z))) > 0.0;
-    return transmits(b) || (shiny && is_smooth(b));
+    return transmits(b) || (shiny && is_smooth(b)) || is_narrow(b);
 }
 
 @compute @workgroup_size(8, 8)

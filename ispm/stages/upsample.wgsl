@@ -91,7 +91,8 @@ struct Tap {               // a receiver and its light
 struct Taps {
     sums: Incident,
     weight: f32,
-    gloss_weight: f32,
+    fresnel_weight: f32,
+    gloss_weight: f32,     // of lobes that are narrow, or not, as the surface's
 }
 
 // What all taps need, in two texels: llvmpipe takes longer for two words of a buffer.
@@ -154,17 +155,20 @@ fn add_tap(taps: ptr<function, Taps>, s: Surface, tap: Tap, near: f32) {
     (*taps).weight += w;
     if (s.alpha > 0.0 && tap.alpha > 0.0) {
         let g = w * max(1.0 - 4.0 * abs(s.alpha - tap.alpha), 1e-3);
+        let alike = select(0.0, g, (s.alpha < NARROW_ALPHA) == (tap.alpha < NARROW_ALPHA));
         (*taps).sums.fresnel += g * tap.light.fresnel;
-        (*taps).sums.gloss += g * tap.light.gloss;
-        (*taps).sums.grazing += g * tap.light.grazing;
-        (*taps).gloss_weight += g;
+        (*taps).sums.gloss += alike * tap.light.gloss;
+        (*taps).sums.grazing += alike * tap.light.grazing;
+        (*taps).fresnel_weight += g;
+        (*taps).gloss_weight += alike;
     }
 }
 
 fn mean_of(taps: Taps) -> Incident {
     let w = 1.0 / max(taps.weight, 1e-20);
+    let f = select(0.0, 1.0 / taps.fresnel_weight, taps.fresnel_weight > 0.0);
     let g = select(0.0, 1.0 / taps.gloss_weight, taps.gloss_weight > 0.0);
-    return Incident(w * taps.sums.irradiance, g * taps.sums.fresnel, g * taps.sums.gloss, g * taps.sums.grazing);
+    return Incident(w * taps.sums.irradiance, f * taps.sums.fresnel, g * taps.sums.gloss, g * taps.sums.grazing);
 }
 
 struct Lit {                                  // WebGPU's 32 bytes a pixel: emission takes a pass of its own

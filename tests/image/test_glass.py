@@ -11,7 +11,8 @@ from ispm.gpu import Gpu
 from ispm.io.load import load
 from ispm.lights.emission import emit_rays
 from ispm.lights.plan import plan_maps
-from ispm.paths.eye import TRANSMITTED, trace_eye
+from ispm.paths.branch import TRANSMITTED
+from ispm.paths.eye import trace_eye
 from ispm.paths.eye_paths import EyeRays
 from ispm.reference.eye import eye_light
 from ispm.renderer import Renderer

@@ -5,7 +5,8 @@ import pytest
 from transport import Tracer
 
 from ispm.library.shapes import box, icosphere, polygons
-from ispm.paths.eye import REFLECTED, SCATTERED, TRANSMITTED, trace_eye
+from ispm.paths.branch import REFLECTED, SCATTERED, TRANSMITTED
+from ispm.paths.eye import trace_eye
 from ispm.paths.eye_paths import EyeRays
 from ispm.scene.light import PointLight
 from ispm.scene.material import Material

@@ -15,7 +15,10 @@ MATERIALS = {
     "clay": (Material((0.5,) * 3, specular=0.0, roughness=0.0), False),  # nothing that could mirror
     "plastic": (Material((0.5,) * 3, roughness=0.5), False),
     "varnish": (Material((0.5,) * 3, roughness=0.0), True),
-    "metal": (Material((0.5,) * 3, metallic=1.0, roughness=0.1), False),
+    "metal": (Material((0.5,) * 3, metallic=1.0, roughness=0.1), True),
+    "wide metal": (Material((0.5,) * 3, metallic=1.0, roughness=0.5), False),
+    "satin": (Material((0.5,) * 3, roughness=0.49), True),
+    "satin clay": (Material((0.5,) * 3, specular=0.0, roughness=0.2), False),
     "mirror": (Material((0.5,) * 3, metallic=1.0, roughness=0.0), True),
     "glass": (Material((1.0,) * 3, roughness=0.0, transmission=1.0, thickness=1.0), True),
     "frost": (Material((1.0,) * 3, roughness=0.6, transmission=0.3), True),
@@ -27,7 +30,7 @@ def drawn(gpu, materials):
     """The G-buffer and the list of a row of squares, and what is drawn where."""
     scene = Scene()
     for k, material in enumerate(materials):
-        scene.add(quad(0.3), material=material, translation=(0.7 * k - 2.4, 0.7, 0.0))
+        scene.add(quad(0.3), material=material, translation=(0.5 * k - 2.4, 0.7, 0.0))
     upload, gbuffer, chains, view = Upload(gpu), GBufferStage(gpu), SpecularStage(gpu), view_of((240, 80))
     with gpu.frame() as frame:
         packed = upload(pack(scene))

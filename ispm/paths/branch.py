@@ -1,0 +1,177 @@
+"""How eye paths start from what a pixel shows, and go on: records of paths, and their first branches.
+
+A mirror or clear glass sends out two, rough glass and narrow lobes of opaque surfaces draw some by chance:
+the latter as many as what they reflect is worth, and weak ones, over wide parts of many pictures, but one for
+2 x 2 pixels, of which passes take another each.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ispm.accel.medium import no_medium, spawn_ray
+from ispm.accel.records import Hit
+from ispm.lights.nee import greatest
+from ispm.optics.bsdf import is_lambert, is_smooth, transmits
+from ispm.optics.jit import jit
+from ispm.optics.vector import Vector, dot, scale
+from ispm.paths.facet import (
+    ROUGH_SAMPLES,
+    facet_numbers,
+    facet_split,
+    lobe_numbers,
+    mean_reflectance,
+    sample_lobe,
+)
+
+f32, i64, u32 = np.float32, np.int64, np.uint32
+
+REFLECTED, TRANSMITTED, SCATTERED = 0, 1, 2  # what the first surface did to a path
+
+GLOSS_SAMPLES = 4  # paths from a pixel whose narrow lobe is strong, at most
+STRONG = f32(0.3)  # reflectance of such lobes
+_WEAK = f32(0.12)  # and of those that have one path for 2 x 2 pixels
+_SHARP = f32(0.01)  # alpha below which each pixel has its own all the same
+_REFLECTED_EACH = 4  # of the paths of rough glass so many reflect once
+
+
+class View(NamedTuple):
+    """What holds for all rays: width, spread, near and past are `EyeRays.width` and `slack`;
+    columns, most, widening and shows_environment those of EyeRays."""
+
+    width: np.float32
+    spread: np.float32
+    near: np.float32
+    past: np.float32
+    pass_index: np.uint32
+    seed: np.uint32
+    columns: np.uint32
+    most: np.int64
+    widening: np.float32
+    shows_environment: bool
+
+
+class Branch(NamedTuple):
+    """How a path continues from a surface; fields as those of a `Path` there."""
+
+    key: np.uint32
+    dimension: np.uint32
+    lane: np.int64
+    d: Vector
+    weight: Vector
+    pdf: np.float32
+    sees_background: bool
+
+
+class Path(NamedTuple):
+    """A path that is being followed.
+
+    key, dimension  of its random numbers
+    lane            of its first end
+    start, d        of its next ray
+    weight          of the radiance that comes back along it
+    pdf             of d, 1/sr, where an opaque surface's lobe drew it; 0: mirrors and glass sent it there
+    side            normal, unit, of the side of the surface that it left
+    inside, focus   the hit at which it entered the solid that it is in, see `medium`; and what radiance from
+                    there is multiplied by, 1 / eta^2, outside 1
+    length          m from the eye to `start`
+    sees_background           whether it went through glass alone, so that it sees the background
+    """
+
+    key: np.uint32
+    dimension: np.uint32
+    lane: np.int64
+    start: Vector
+    d: Vector
+    weight: Vector
+    pdf: np.float32
+    side: Vector
+    inside: Hit
+    focus: np.float32
+    length: np.float32
+    sees_background: bool
+
+
+@jit
+def branches(view, x, wo, key):
+    """Number of paths that start from a pixel's SurfacePoint, seen along wo; key: of its ray."""
+    b = x.bsdf
+    if is_smooth(b):
+        return i64(2)
+    if transmits(b):
+        return i64(ROUGH_SAMPLES + ROUGH_SAMPLES // _REFLECTED_EACH)
+    return _gloss_samples(view, x, wo, key)
+
+
+@jit
+def _gloss_samples(view, x, wo, key):
+    """Number of paths that start from a pixel whose surface is opaque and rough."""
+    reflectance = greatest(mean_reflectance(x, wo))
+    if is_lambert(x.bsdf):
+        return i64(0)
+    if reflectance >= STRONG:
+        return view.most
+    if view.columns == u32(0) or reflectance >= _WEAK or x.bsdf.alpha < _SHARP:
+        return i64(1)
+    column, row = key % view.columns, key // view.columns
+    own = (column & u32(1)) | (row & u32(1)) << u32(1)
+    return i64(own == (u32(3) * view.pass_index & u32(3)))
+
+
+@jit
+def first_path(tables, view, x, wo, key, k, length):
+    """Return Path `k` of `branches`, transmitted or, of the rest, reflected, from a SurfacePoint that is
+    seen along wo from `length` m away."""
+    if not is_smooth(x.bsdf) and not transmits(x.bsdf):
+        return _first_of_lobe(tables, view, x, wo, key, k, length)
+    smooth = is_smooth(x.bsdf)
+    passes = k == 1 if smooth else k < ROUGH_SAMPLES
+    sample = 0 if smooth else (k if passes else (k - ROUGH_SAMPLES) * _REFLECTED_EACH)
+    u1, u2, _ = facet_numbers(key, u32(sample << 8), view.pass_index, view.seed)
+    reflectance, transmittance, above, beyond, _ = facet_split(x, wo, u1, u2)
+    wi, weight, dimension = above, reflectance, u32(sample << 8 | 1)
+    share = f32(1) if smooth else f32(_REFLECTED_EACH / ROUGH_SAMPLES)
+    lane = REFLECTED if smooth else SCATTERED
+    if passes:
+        wi, weight, dimension = beyond, transmittance, u32(sample << 8 | 128)
+        share = f32(1) if smooth else f32(1.0 / ROUGH_SAMPLES)
+        lane = TRANSMITTED if smooth else SCATTERED
+    branch = Branch(key, dimension, i64(lane), wi, scale(share, weight), f32(0), True)
+    return leave(tables, x, no_medium(), f32(1), length, branch)
+
+
+@jit
+def _first_of_lobe(tables, view, x, wo, key, k, length):
+    """`first_path` from an opaque surface: one of as many as `branches` says."""
+    strong = greatest(mean_reflectance(x, wo)) >= STRONG
+    count = view.most if strong else i64(1)
+    u1, u2 = lobe_numbers(view, key, k, count, not strong and x.bsdf.alpha >= _SHARP)
+    _, wi, factor, pdf = sample_lobe(x, wo, u1, u2)
+    lane = REFLECTED if strong else SCATTERED
+    weight = scale(f32(1) / f32(count), factor)
+    branch = Branch(key, u32(k << 8 | 1), i64(lane), wi, weight, pdf, False)
+    return leave(tables, x, no_medium(), f32(1), length, branch)
+
+
+@jit
+def leave(tables, x, inside, focus, length, branch):
+    """Return the Path that continues from a SurfacePoint by a Branch.
+
+    inside, focus  as of a Path;  length  m, from the eye
+    """
+    key, dimension, lane, d, weight, pdf, sees_background = branch
+    start, inside = spawn_ray(tables, x, inside, d)
+    passes, solid = dot(d, x.ng) < f32(0), x.bsdf.thin == f32(0)
+    if passes and solid:
+        focus = f32(1) / (x.bsdf.eta * x.bsdf.eta) if x.entering else f32(1)
+    sees_background = sees_background and (passes or (solid and transmits(x.bsdf) and not x.entering))
+    side = x.ng if not passes else scale(f32(-1), x.ng)
+    return Path(key, dimension, lane, start, d, weight, pdf, side, inside, focus, length, sees_background)
+
+
+@jit
+def pixel_width(view, length):
+    """Width in m that a pixel covers after `length` m of its path, were all mirrors flat."""
+    return view.width + view.spread * length
