@@ -30,6 +30,7 @@ CHAPTERS = {
     "Scenes": ["load", "builtin", "save", "Scene", "Node", "Part", "Animation", "Channel"],
     "Shapes and surfaces": ["shapes", "Mesh", "Material", "AlphaMode", "Texture", "Wrap", "TextureUse"],
     "Lights": ["PointLight", "SpotLight", "DirectionalLight", "RectLight", "DiskLight", "SphereLight"],
+    "Light from all around": ["Environment", "Sky"],
     "Cameras and rotations": ["Camera", "euler", "axis_angle"],
     "The machine": ["adapters"],
     "Errors": ["IspmError", "SceneError", "SettingsError", "OutputError", "AdapterError", "SceneWarning"],
