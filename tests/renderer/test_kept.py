@@ -13,6 +13,7 @@ from ispm import (
     Renderer,
     Scene,
     Settings,
+    Sky,
     SphereLight,
     SpotLight,
     Texture,
@@ -53,7 +54,7 @@ def content(renderer: Renderer) -> dict[str, bytes]:
     """All layers of the next frame, its photons and the bounce maps."""
     frame = renderer.render()
     found = {name: np.ascontiguousarray(frame[name]).tobytes() for name in frame}
-    if renderer.settings.emission == "map":
+    if renderer._last.traced.texels:  # not where nothing shines but what is all around
         found["maps"] = renderer.view("bounce-map").tobytes()
     return found | {"photons": renderer.photons().tobytes()}
 
@@ -115,6 +116,30 @@ def _leave_a_frame_unfinished(renderer: Renderer) -> None:
         node.translation = place
 
 
+def _darken(renderer: Renderer) -> None:
+    for name in LIGHTS:
+        renderer.scene.remove(name)
+
+
+def _light_by(kind: str):
+    def change(renderer: Renderer) -> None:
+        _darken(renderer)
+        renderer.settings = renderer.settings.replace(light=kind)
+
+    return change
+
+
+def _sky(**values: object):
+    def change(renderer: Renderer) -> None:
+        if renderer.scene.environment is None:
+            renderer.scene.environment = Sky(0.5)
+            content(renderer)
+        for name, value in values.items():
+            setattr(renderer.scene.environment, name, value)
+
+    return change
+
+
 LIGHTS = ("spot", "lamp", "sun", "panel")
 CHANGES = {
     "nothing": lambda renderer: None,
@@ -132,7 +157,14 @@ CHANGES = {
     "panel's size": _light("panel", "width", 0.5),
     "panel's kind": lambda renderer: setattr(renderer.scene["panel"], "light", SphereLight(radius=0.2)),
     "light gone": lambda renderer: renderer.scene.remove("spot"),
-    "all lights gone": lambda renderer: [renderer.scene.remove(name) for name in LIGHTS],
+    "all lights gone": _darken,
+    "a lamp in their place": _light_by("lamp"),
+    "a sky in their place": _light_by("sky"),
+    "nothing in their place": _light_by("none"),
+    "a sky": _sky(),
+    "a sky's sun moved": _sky(sun_azimuth=1.0),
+    "a sky's sun set": _sky(sun_elevation=-0.05),
+    "a sky of more light": _sky(intensity=2.0),
     "node gone": lambda renderer: renderer.scene.remove("mirror"),
     "node added": lambda renderer: renderer.scene.add(shapes.box(0.3), translation=(0.0, 1.2, 0.0)),
     "color": _material("floor", "base_color", (0.2, 0.9, 0.2)),

@@ -30,6 +30,28 @@ def test_it_leaves_a_picture_of_each_and_a_sheet_of_all(tmp_path):
         assert sheet.crop((0, 0, 32, 18)).tobytes() == small.tobytes()
 
 
+def test_folders_fill_pages_and_files_of_one_name_are_told_apart(tmp_path):
+    text = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
+    for name in ("a.obj", "b.obj", "below/a.obj", "notes.txt"):
+        path = tmp_path / "models" / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text)
+    made = run(
+        "models", "--columns", "2", "--rows", "1", "--width", "20", "--set", "photons=1k", cwd=tmp_path
+    )
+    assert made.returncode == 0, made.stderr
+    found = {path.name for path in (tmp_path / "out/contact").iterdir()}
+    pictures = {"models-a.obj.png", "models-below-a.obj.png", "b.png"}
+    assert found == pictures | {"sheet-1.png", "sheet-2.png"}
+    sizes = []
+    for name in ("sheet-1.png", "sheet-2.png"):
+        with Image.open(tmp_path / "out/contact" / name) as sheet:
+            sizes.append(sheet.size)
+    assert sizes == [(40, 15 + 14), (20, 15 + 14)]
+    with Image.open(tmp_path / "out/contact/b.png") as picture:
+        assert picture.size == (320, 240)
+
+
 def test_mistakes_are_told_in_a_line(tmp_path):
     for words, says in (
         ([], "no scenes were named"),
