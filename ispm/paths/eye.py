@@ -2,8 +2,8 @@
 
 At the first surface both branches are followed, weighted by Fresnel's equations, and again where a path
 leaves the solid that it entered there; after that the stronger one is followed with the weight of both, which
-is exact where both would find the same light. Rough glass is sampled instead, and so are
-the lobes of opaque surfaces that are too narrow for photons.
+is exact where both would find the same light. Rough glass is sampled instead, and so are the lobes of opaque
+surfaces that are too narrow for photons.
 Where a path meets a surface that photons may light it leaves an end; direct light there, and emission, is
 added here.
 """
@@ -37,7 +37,6 @@ from ispm.optics.records import MATERIAL_UNLIT, NO_HIT, RECEIVER
 from ispm.optics.vector import add, dot, scale, sub, vec3
 from ispm.paths.branch import (
     GLOSS_SAMPLES,
-    REFLECTED,
     SCATTERED,
     STRONG,
     TRANSMITTED,
@@ -235,7 +234,8 @@ def _follow_often(tables, view, thread, path, i, slot, out, done):
 
     -> the _Done, and the length of the last path, m
     """
-    first, (key, dimension, lane, start, d, weight, pdf, inside, focus, length, sees_background) = done.row, path
+    first = done.row
+    key, dimension, lane, start, d, weight, pdf, inside, focus, length, sees_background = path
     direct, emission, through = vec3(out.direct[i]), vec3(out.emission[i]), vec3(out.through[i])
     share, k, count, rough = f32(1), 0, 1, False
     end = length

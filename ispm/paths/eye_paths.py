@@ -22,8 +22,8 @@ class EyeRays:
     slack      shares of the distance: a ray starts so far before what its pixel shows, which lies not farther
                behind than so
     hits       (n,) HIT, what the pixels show; None: it is looked for
-    columns    pixels in a row of the picture whose pixels' numbers the keys are: weak lobes of some are left to
-               others beside them; 0: all are looked at
+    columns    pixels in a row of the picture whose pixels' numbers the keys are: weak lobes of some are left
+               to others beside them; 0: all are looked at
     most       paths from a strong lobe
     widening   at ends, direct light counts lobes as at least this times as wide as the lobe that led there:
                few paths find a light's image in a second narrow lobe

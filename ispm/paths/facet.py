@@ -1,5 +1,5 @@
-"""How eye paths continue from mirrors, glass and narrow lobes: by one facet of the surface, and where one path
-serves for both branches, by the stronger one."""
+"""How eye paths continue from mirrors, glass and narrow lobes: by one facet of the surface, and where one
+path serves for both branches, by the stronger one."""
 
 from __future__ import annotations
 
@@ -17,7 +17,6 @@ from ispm.optics.bsdf import (
     is_smooth,
     smooth_split,
     specular_split,
-    transmits,
     visible_pdf,
 )
 from ispm.optics.jit import jit
@@ -54,8 +53,8 @@ def sample_specular_lobe(x, wo, u1, u2, may_part):
 
 @jit
 def sample_lobe(x, wo, u1, u2):
-    """Return how a path that comes along -wo continues by the lobe of an opaque rough SurfacePoint: whether it
-    does, unit wi, the factor (RGB) of its weight, and the density of wi, 1/sr.
+    """Return how a path that comes along -wo continues by the lobe of an opaque rough SurfacePoint: whether
+    it does, unit wi, the factor (RGB) of its weight, and the density of wi, 1/sr.
 
     u1, u2  random in [0, 1)
     """
@@ -67,8 +66,8 @@ def sample_lobe(x, wo, u1, u2):
 
 @jit
 def lobe_width(pdf):
-    """Return the alpha, float32, of a lobe that draws directions about normal incidence with the density `pdf`,
-    1/sr; 0 of 0."""
+    """Return the alpha, float32, of a lobe that draws directions with the density `pdf`, 1/sr, about normal
+    incidence; 0 of 0."""
     return f32(0.5) / math.sqrt(f32(math.pi) * pdf) if pdf > f32(0) else f32(0)
 
 

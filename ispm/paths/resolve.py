@@ -1,9 +1,9 @@
 """The light of narrow lobes, which few paths from each pixel find, averaged over pixels nearby.
 
-Passes of 3 x 3 pixels, 1, 2, 4 and 8 apart, each as strong as brings the sum of their variances to what a pixel's
-own lobe allows: its width, and how far what it reflects lies, tell how little is seen of it. Light is divided by
-what the surface reflects before, so that textures stay sharp. What stands out far, as a lamp's image in a second
-lobe does that one path found, is spread as far as passes go, and so no light is lost.
+Passes of 3 x 3 pixels, 1, 2, 4 and 8 apart, each as strong as brings the sum of their variances to what a
+pixel's own lobe allows: its width, and how far what it reflects lies, tell how little is seen of it. Light is
+divided by what the surface reflects before, so that textures stay sharp. What stands out far, as a lamp's
+image in a second lobe does that one path found, is spread as far as passes go, and so no light is lost.
 Source: edge-avoiding a-trous wavelets, Dammertz et al., HPG 2010.
 """
 

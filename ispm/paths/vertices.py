@@ -29,8 +29,8 @@ PATH_END = np.dtype([
     ("f90", "<f4"), ("dielectric_f0", "<f4"), ("dielectric_f90", "<f4"), ("instance", "<u4"),
 ])  # fmt: skip
 
-# The mirror, glass or narrow lobe that a pixel shows; blur: pixels over which its light may be averaged, 0: it is
-# smooth; reflectance: of a lobe, 0: it is none; samples: paths that went out from the lobe.
+# The mirror, glass or narrow lobe that a pixel shows; blur: pixels over which its light may be averaged, 0:
+# it is smooth; reflectance: of a lobe, 0: it is none; samples: paths that went out from the lobe.
 FIRST_VERTEX = np.dtype([
     ("n", "<f4", 3), ("alpha", "<f4"), ("ng", "<f4", 3), ("tint", "<f4"), ("blur", "<f4"),
     ("instance", "<u4"), ("reflectance", "<f4", 3), ("samples", "<u4"),

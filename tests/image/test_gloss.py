@@ -1,4 +1,4 @@
-"""Pictures of narrow lobes: as bright as paths from the eye find them, on both sides of where photons take over."""
+"""Pictures of narrow lobes: as bright as paths find them, on both sides of where photons take over."""
 
 import math
 
@@ -19,7 +19,7 @@ from ispm.stages.camera import CameraView
 SIZE = 156, 64
 EYE = Camera.look_at((0, 1.5, 8.5), (0, 1.5, 0), yfov=0.22)
 ROUGHNESS = (0.1, 0.2, 0.3, 0.4, 0.49, 0.51)  # photons serve the last
-RUNS, PATHS = 8, 32
+RUNS, PATHS, PICTURES = 8, 32, 16
 
 
 def hall():
@@ -51,40 +51,43 @@ def truth(scene, shown, camera=EYE):
 
 
 def drawn(gpu, scene, shown, own, camera=EYE):
-    """Runs of the same light of pictures, (RUNS, n, 3)."""
+    """Runs of the same light of pictures, (PICTURES, n, 3)."""
     kept = dict(size=SIZE, subsampling=2, antialias=False, photons=50_000)
-    frames = [render(gpu, scene, camera, seed=seed, **kept)[0] for seed in range(RUNS)]
+    frames = [render(gpu, scene, camera, seed=seed, **kept)[0] for seed in range(PICTURES)]
     return np.array([(f.direct + f.indirect)[shown] - own for f in frames], float)
 
 
 def ratio(ours, theirs):
     """Ratio of the means of runs, and its standard error."""
     a, b = ours.mean(axis=(1, 2)), theirs.mean(axis=(1, 2))
-    error = math.hypot(a.std(ddof=1) / a.mean(), b.std(ddof=1) / b.mean()) / math.sqrt(RUNS)
-    return a.mean() / b.mean(), error
+    errors = [runs.std(ddof=1) / runs.mean() / math.sqrt(len(runs)) for runs in (a, b)]
+    return a.mean() / b.mean(), math.hypot(*errors)
 
 
 @pytest.mark.parametrize("metallic", [1.0, 0.0])
 def test_balls_of_any_roughness_are_as_bright_as_paths_find_them(gpu, metallic):
-    """A bias of 3 % is allowed, and 3.5 standard errors (of 8 runs: by chance in one of 100), within 6 %."""
+    """A bias of 3 % is allowed, and 3.5 standard errors: of 8 runs, by chance exceeded in one of 100."""
     scene = hall()
     color = (0.9, 0.8, 0.6) if metallic else (0.3, 0.3, 0.6)
     for k, roughness in enumerate(ROUGHNESS):
         material = Material(color, metallic=metallic, roughness=roughness)
         place = (0.73 * k - 1.83, 1.5, 0.0)
         scene.add(icosphere(0.32, 4), material=material, translation=place, name=f"ball {k}")
+        # lamps that one metal shows another are all noise
+        scene.add(box((-0.015, 0.9, -0.6), (0.015, 2.1, 0.45)), material=lambert((0.6,) * 3),
+                  translation=(0.73 * k - 1.465, 0.0, 0.0))  # fmt: skip
     frame, _ = render(gpu, scene, EYE, size=SIZE, photons=100, antialias=False)
     balls = [np.isin(frame.instance, frame.names.find(f"ball {k}")) for k in range(len(ROUGHNESS))]
     shown = np.any(balls, axis=0)
     theirs, own = truth(scene, shown)
     ours = drawn(gpu, scene, shown, own)
     ratios = []
-    for ball in balls:
+    for ball, roughness in zip(balls, ROUGHNESS, strict=True):
         rows = ball[shown]
         assert rows.sum() > 200
         found, error = ratio(ours[:, rows], theirs[:, rows])
-        assert error < 0.03
-        assert abs(found - 1.0) < min(0.03 + 3.5 * error, 0.1)
+        assert error < (0.03 if roughness < 0.5 else 0.06)  # photons are noise
+        assert abs(found - 1.0) < 0.03 + 3.5 * error, (found, error)
         ratios.append((found, error))
     (narrow, a), (wide, b) = ratios[-2:]  # no step where photons take over
     assert abs(narrow - wide) < 0.02 + 3.5 * math.hypot(a, b)
@@ -94,7 +97,7 @@ ABOVE = Camera.look_at((0, 2.2, 6.5), (0, 0.2, 0.6), yfov=0.3)
 
 
 def floor_of(gpu, **kept):
-    """A metal floor with a box on it; the picture's pixels that show it, and how far along x each of them lies."""
+    """A metal floor with a box on it; the pixels that show it, and how far along x each lies, (n,) m."""
     scene = hall()
     material = Material((0.8,) * 3, metallic=1.0, **kept)
     scene.add(shapes.plane(6.0, 3.0), material=material, name="floor", translation=(0, 0.01, 0.5))

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from ispm.optics.records import RECEIVER
-from ispm.paths.edges import edge_rows
 from ispm.paths.branch import REFLECTED, SCATTERED
+from ispm.paths.edges import edge_rows
 from ispm.paths.eye_paths import EyePaths
 from ispm.paths.vertices import FIRST_VERTEX, PATH_END
 

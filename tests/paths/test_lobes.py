@@ -40,7 +40,7 @@ def reflected(alpha, wo, wi):
 
 
 def quadrature(alpha, wo, meets, steps=1200):
-    """Integral of f cos over the directions that `meets` accepts: by facets' normals, about which it is even."""
+    """Integral of f cos over the directions that `meets` accepts, by facets' normals."""
     u = (np.arange(steps) + 0.5) / steps
     tan2 = alpha * alpha * u / (1.0 - u)  # equal shares of D cos
     cos = 1.0 / np.sqrt(1.0 + tan2)
