@@ -6,8 +6,7 @@ its flight. Both normals, shading n and geometric ng, are on wo's side. `b` is a
 `fresnel_weight`.
 
 Opaque surfaces take Schlick's Fresnel term, transmitting ones the exact one. glTF weighs the Lambert lobe by
-the half vector's, which gains energy at grazing angles: a smooth white dielectric reflects 1.4 times the
-light that comes in at 3 degrees above it, 1.01 at 37 degrees.
+the half vector's, which gains energy: white plastic reflects 1.4 times the light from 3 degrees above it.
 Sources: glTF 2.0 specification, appendix B; GGX and rough refraction: Walter et al. 2007; V: Heitz, JCGT
 2014.
 """

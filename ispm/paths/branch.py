@@ -1,7 +1,7 @@
 """How eye paths start from what a pixel shows, and go on: records of paths, and their first branches.
 
 A mirror or clear glass sends out two, rough glass and narrow lobes of opaque surfaces draw some by chance:
-the latter as many as what they reflect is worth, and weak ones, over wide parts of many pictures, but one for
+the latter as many as what they reflect is worth, and weak ones, which fill much of many pictures, but one for
 2 x 2 pixels, of which passes take another each.
 """
 

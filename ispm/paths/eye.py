@@ -2,8 +2,8 @@
 
 At the first surface both branches are followed, weighted by Fresnel's equations, and again where a path
 leaves the solid that it entered there; after that the stronger one is followed with the weight of both, which
-is exact where both would find the same light. Rough glass is sampled instead, and so are
-the lobes of opaque surfaces that are too narrow for photons.
+is exact where both would find the same light. Rough glass is sampled instead, and so are the lobes of opaque
+surfaces that are too narrow for photons.
 Where a path meets a surface that photons may light it leaves an end; direct light there, and emission, is
 added here.
 """

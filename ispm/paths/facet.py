@@ -66,8 +66,8 @@ def sample_lobe(x, wo, u1, u2):
 
 @jit
 def lobe_width(pdf):
-    """Return the alpha, float32, of a lobe that draws directions about normal incidence with the density
-    `pdf`, 1/sr; 0 of 0."""
+    """Return the alpha, float32, of a lobe that draws directions with the density `pdf`, 1/sr, about normal
+    incidence; 0 of 0."""
     return f32(0.5) / math.sqrt(f32(math.pi) * pdf) if pdf > f32(0) else f32(0)
 
 

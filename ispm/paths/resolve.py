@@ -2,7 +2,8 @@
 
 Passes of 3 x 3 pixels, 1, 2, 4 and 8 apart, each as strong as brings the sum of their variances to what a
 pixel's own lobe allows: its width, and how far what it reflects lies, tell how little is seen of it. Light is
-divided by what the surface reflects before, so that textures stay sharp.
+divided by what the surface reflects before, so that textures stay sharp. What stands out far, as a lamp's
+image in a second lobe does that one path found, is spread as far as passes go, and so no light is lost.
 Source: edge-avoiding a-trous wavelets, Dammertz et al., HPG 2010.
 """
 
@@ -22,8 +23,10 @@ f32, i64, u32 = np.float32, np.int64, np.uint32
 _STRIDES = (1, 2, 4, 8)  # pixels
 _CHUNK = 256
 _BENT = f32(4)  # over alpha^2: what the square of the difference of normals is weighed by
+_LENIENT = f32(0.25)  # likewise for what stands out
 _ALIKE = f32(4)  # likewise that of two alphas, over the larger one
 _OFF_PLANE = f32(2)  # pixels, and as many as the stride, off the plane of a surface at which another begins
+_OUTLIER = 4.0  # times the mean about a pixel, above which its light goes farther; more in later passes
 _KERNEL = f32(0.5)  # variance of a whole pass, squares of its stride
 _CENTER = f32(0.25)  # weight of the middle pixel in it
 
@@ -70,23 +73,42 @@ def resolve_lobes(light: np.ndarray, given: Shown, smoothing: float, threads: in
     """
     if not _has_lobes(given):
         return
-    count = len(given.pixels)
-    blur, spent, weights = np.zeros((3, count), np.float32)
+    blur, weights = np.zeros((2, len(given.pixels)), np.float32)
     values = np.zeros_like(light)
     run_shared(lambda counter: _begin(given, f32(smoothing), light, counter, blur, values, weights), threads)
-    for stride in _STRIDES:
-        before = _Averaged(values, weights)
-        values, weights = np.zeros_like(values), np.zeros_like(weights)
-        after = _Averaged(values, weights)
-        run_shared(_pass_over(given, stride, blur, spent, before, after), threads)
+    limit, excess = f32(_OUTLIER / max(smoothing * smoothing, 1e-6)), values.copy()
+    run_shared(lambda counter: _cut(given, limit, blur, excess, counter, values), threads)
+    excess -= values
+    values = _averaged(given, values, weights, blur, _BENT, threads)
+    if excess.any():
+        widest = np.full_like(blur, np.inf)
+        values += _averaged(given, excess, weights, widest, _LENIENT, threads)
     _finish(given, values, light)
 
 
-def _pass_over(
-    given: Shown, stride: int, blur: np.ndarray, spent: np.ndarray, before: _Averaged, after: _Averaged
+def _averaged(
+    given: Shown, values: np.ndarray, weights: np.ndarray, blur: np.ndarray, bent: np.float32, threads: int
+) -> np.ndarray:
+    """Return values, (n, c), averaged to a variance, (n,) pixels^2, as far as passes go."""
+    before, spent = _Averaged(values, weights), np.zeros_like(blur)
+    for stride in _STRIDES:
+        after = _Averaged(np.zeros_like(values), np.zeros_like(weights))
+        run_shared(_one_pass(given, stride, bent, blur, spent, before, after), threads)
+        before = after
+    return before.values
+
+
+def _one_pass(
+    given: Shown,
+    stride: int,
+    bent: np.float32,
+    blur: np.ndarray,
+    spent: np.ndarray,
+    before: _Averaged,
+    after: _Averaged,
 ) -> Callable[[np.uint64], None]:
     """Return what threads call to make one pass."""
-    return lambda counter: _average(given, i64(stride), blur, spent, before, counter, after)
+    return lambda counter: _average(given, i64(stride), bent, blur, spent, before, counter, after)
 
 
 class _Averaged(NamedTuple):
@@ -110,7 +132,7 @@ def _find_lonely(given, lonely):
             for k in range(9):
                 j = _beside(given, i, k, i64(1))
                 if j >= i64(0):
-                    weight += f32(given.firsts[j].samples) * _likeness(given, i, j, i64(1))
+                    weight += f32(given.firsts[j].samples) * _likeness(given, i, j, i64(1), _BENT)
             lonely[i] = weight <= f32(0)
 
 
@@ -126,8 +148,11 @@ def _beside(given, i, k, stride):
 
 
 @jit
-def _likeness(given, i, j, stride):
-    """Weight, float32 in [0, 1], of row `j` to row `i`, `stride` pixels apart: 1 for one flat surface."""
+def _likeness(given, i, j, stride, bent):
+    """Weight, float32 in [0, 1], of row `j` to row `i`, `stride` pixels apart: 1 for one flat surface.
+
+    bent  by what a bend is weighed
+    """
     a, b = given.firsts[i], given.firsts[j]
     if a.instance != b.instance or b.reflectance[0] <= f32(0):
         return f32(0)
@@ -138,7 +163,7 @@ def _likeness(given, i, j, stride):
     apart = (a.alpha - b.alpha) / wider
     off = dot(sub(vec3(given.positions[j]), vec3(given.positions[i])), vec3(a.ng))
     off /= (_OFF_PLANE + f32(stride)) * given.widths[i]
-    straight = max(f32(1) - _BENT * bend / (wider * wider), f32(0))
+    straight = max(f32(1) - bent * bend / (wider * wider), f32(0))
     return straight * max(f32(1) - _ALIKE * apart * apart, f32(0)) * max(f32(1) - off * off, f32(0))
 
 
@@ -157,7 +182,7 @@ def _begin(given, smoothing, light, counter, blur, values, weights):
             for k in range(9):
                 j = _beside(given, i, k, i64(stride))
                 if j >= i64(0) and given.firsts[j].blur > f32(0):
-                    w = _likeness(given, i, j, i64(stride))
+                    w = _likeness(given, i, j, i64(stride), _BENT)
                     total += w
                     inverse += w / given.firsts[j].blur
         if inverse > f32(0):
@@ -166,9 +191,44 @@ def _begin(given, smoothing, light, counter, blur, values, weights):
 
 
 @jit
-def _average(given, stride, blur, spent, before, counter, after):
+def _cut(given, limit, blur, whole, counter, values):
+    """Lessen values, (n, c), that exceed `limit` times the mean about them: paths that few would find.
+
+    whole  (n, c) copy of values
+    Where pixels nearby may differ, as their `blur` is less than a pixel, nothing is cut.
+    """
+    for i in shared_rows(counter, _CHUNK, len(given.pixels)):
+        own = _sum(whole, i) if given.firsts[i].samples > u32(0) else f32(0)
+        if own <= f32(0) or blur[i] < f32(1):
+            continue
+        total, paths = f32(0), f32(0)
+        for k in range(18):
+            stride = i64(1 + k // 9)
+            j = _beside(given, i, k % 9, stride)
+            if j >= i64(0) and k % 9 != 4:
+                w = f32(given.firsts[j].samples) * _likeness(given, i, j, stride, _BENT)
+                paths += w
+                total += w * _sum(whole, j)
+        if paths > f32(0) and own * paths > limit * total:
+            less = limit * total / (paths * own)
+            for c in range(values.shape[1]):
+                values[i, c] *= less
+
+
+@jit
+def _sum(values, i):
+    """Sum of row `i` of (n, c) values."""
+    total = f32(0)
+    for c in range(values.shape[1]):
+        total += values[i, c]
+    return total
+
+
+@jit
+def _average(given, stride, bent, blur, spent, before, counter, after):
     """Write one pass over _Averaged `before` to `after`, zeros.
 
+    bent         as of `_likeness`
     blur, spent  (n,) variance that is wanted, and that passes before have brought
     """
     whole = _KERNEL * f32(stride * stride)
@@ -187,7 +247,7 @@ def _average(given, stride, blur, spent, before, counter, after):
                 continue
             w = f32((2 - abs(k % 3 - 1)) * (2 - abs(k // 3 - 1))) * f32(0.0625)
             if k != 4:
-                w *= around * _likeness(given, i, j, stride)
+                w *= around * _likeness(given, i, j, stride, bent)
             if w <= f32(0):
                 continue
             total += w

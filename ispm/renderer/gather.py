@@ -215,8 +215,7 @@ class PhotonLight:
     ) -> np.ndarray:
         """Light at points, (n, 16): gloss of the smooth photons, the rest by rays and of those not gathered.
 
-        estimate_smooth  returns the (n, 16) light of the smooth photons; asked for where there is wide gloss
-        alone
+        estimate_smooth  returns the (n, 16) light of the smooth photons; asked for where gloss is wide
         not_gathered     (n, 16) light of those not gathered
         ends             as of `gather`
         """

@@ -34,8 +34,8 @@ _FINE_SLACK = 5e-3, 2e-2
 
 
 def specular_light(this: Pass, seen: np.ndarray, light: PhotonLight) -> np.ndarray:
-    """Return direct light, indirect light and emission that such paths bring to SEEN
-    pixels, (n,), and the share that these show of a colored background: (n, 12) float32.
+    """Return direct light, indirect light and emission that such paths bring to SEEN pixels, (n,), and the
+    share that these show of a colored background: (n, 12) float32.
 
     Pixels on edges of what is seen in a mirror or glass are sampled four times.
     """
@@ -87,8 +87,17 @@ def eye_rays(seen: np.ndarray, surfaces: SurfaceTable, view: CameraView, widenin
     keys, distances = seen["pixel"].astype(np.uint32), hits["t"].copy()
     across, high = view.size
     most = max(min(across * high // (2 * max(len(seen), 1)), GLOSS_SAMPLES), 1)
-    rays = EyeRays(origins.astype(f4), directions.astype(f4), distances, keys, wide, hits=hits)
-    return replace(rays, columns=across, most=most, widening=widening)
+    return EyeRays(
+        origins.astype(f4),
+        directions.astype(f4),
+        distances,
+        keys,
+        wide,
+        hits=hits,
+        columns=across,
+        most=most,
+        widening=widening,
+    )
 
 
 def rows_of(rays: EyeRays, rows: np.ndarray) -> EyeRays:

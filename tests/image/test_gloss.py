@@ -1,0 +1,158 @@
+"""Pictures of narrow lobes: as bright as paths find them, on both sides of where photons take over."""
+
+import math
+
+import numpy as np
+import pytest
+from transport import Tracer, render
+
+from ispm import shapes
+from ispm.library.common import lambert
+from ispm.library.shapes import box, icosphere, polygons
+from ispm.reference.paths import path_light
+from ispm.scene.camera import Camera
+from ispm.scene.light import PointLight
+from ispm.scene.material import Material, Texture
+from ispm.scene.scene import Scene
+from ispm.stages.camera import CameraView
+
+SIZE = 156, 64
+EYE = Camera.look_at((0, 1.5, 8.5), (0, 1.5, 0), yfov=0.22)
+ROUGHNESS = (0.1, 0.2, 0.3, 0.4, 0.49, 0.51)  # photons serve the last
+RUNS, PATHS, PICTURES = 8, 32, 16
+
+
+def hall():
+    """A room that is open towards the eye."""
+    scene = Scene()
+    for low, high, color in (
+        ((-6, -0.05, -2), (6, 0, 3), (0.7,) * 3), ((-6, 3, -2), (6, 3.05, 3), (0.7,) * 3),
+        ((-6, 0, -2.05), (6, 3, -2), (0.7,) * 3), ((-6.05, 0, -2), (-6, 3, 3), (0.7, 0.1, 0.1)),
+        ((6, 0, -2), (6.05, 3, 3), (0.1, 0.5, 0.1)),
+    ):  # fmt: skip
+        scene.add(box(low, high), material=lambert(color))
+    scene.add(PointLight((60.0,) * 3), translation=(-2, 2.7, 2.0))
+    scene.add(PointLight((30.0,) * 3), translation=(3.5, 1.5, 2.2))
+    return scene
+
+
+def truth(scene, shown, camera=EYE):
+    """Runs of what other surfaces' light adds to shown pixels, (RUNS, n, 3), and what lamps do, (n, 3)."""
+    tracer, view = Tracer(scene), CameraView(SIZE, camera.pose, camera.yfov, None)
+    x, y = np.meshgrid(np.arange(SIZE[0]) + 0.5, np.arange(SIZE[1]) + 0.5)
+    origins, directions = view.rays_through(x, y)
+    rays = np.broadcast_to(origins, directions.shape)[shown], directions[shown]
+    own = path_light(tracer.tables, *rays, samples=range(1), bounces=0, threads=2)
+    runs = [
+        path_light(tracer.tables, *rays, samples=range(k, k + PATHS), bounces=32, threads=2) - own
+        for k in range(0, RUNS * PATHS, PATHS)
+    ]
+    return np.array(runs), own
+
+
+def drawn(gpu, scene, shown, own, camera=EYE):
+    """Runs of the same light of pictures, (PICTURES, n, 3)."""
+    kept = dict(size=SIZE, subsampling=2, antialias=False, photons=50_000)
+    frames = [render(gpu, scene, camera, seed=seed, **kept)[0] for seed in range(PICTURES)]
+    return np.array([(f.direct + f.indirect)[shown] - own for f in frames], float)
+
+
+def ratio(ours, theirs):
+    """Ratio of the means of runs, and its standard error."""
+    a, b = ours.mean(axis=(1, 2)), theirs.mean(axis=(1, 2))
+    errors = [runs.std(ddof=1) / runs.mean() / math.sqrt(len(runs)) for runs in (a, b)]
+    return a.mean() / b.mean(), math.hypot(*errors)
+
+
+@pytest.mark.parametrize("metallic", [1.0, 0.0])
+def test_balls_of_any_roughness_are_as_bright_as_paths_find_them(gpu, metallic):
+    """A bias of 3 % is allowed, and 3.5 standard errors: of 8 runs, by chance exceeded in one of 100."""
+    scene = hall()
+    color = (0.9, 0.8, 0.6) if metallic else (0.3, 0.3, 0.6)
+    for k, roughness in enumerate(ROUGHNESS):
+        material = Material(color, metallic=metallic, roughness=roughness)
+        place = (0.73 * k - 1.83, 1.5, 0.0)
+        scene.add(icosphere(0.32, 4), material=material, translation=place, name=f"ball {k}")
+        # lamps that one metal shows another are all noise
+        scene.add(box((-0.015, 0.9, -0.6), (0.015, 2.1, 0.45)), material=lambert((0.6,) * 3),
+                  translation=(0.73 * k - 1.465, 0.0, 0.0))  # fmt: skip
+    frame, _ = render(gpu, scene, EYE, size=SIZE, photons=100, antialias=False)
+    balls = [np.isin(frame.instance, frame.names.find(f"ball {k}")) for k in range(len(ROUGHNESS))]
+    shown = np.any(balls, axis=0)
+    theirs, own = truth(scene, shown)
+    ours = drawn(gpu, scene, shown, own)
+    ratios = []
+    for ball, roughness in zip(balls, ROUGHNESS, strict=True):
+        rows = ball[shown]
+        assert rows.sum() > 200
+        found, error = ratio(ours[:, rows], theirs[:, rows])
+        assert error < (0.03 if roughness < 0.5 else 0.06)  # photons are noise
+        assert abs(found - 1.0) < 0.03 + 3.5 * error, (found, error)
+        ratios.append((found, error))
+    (narrow, a), (wide, b) = ratios[-2:]  # no step where photons take over
+    assert abs(narrow - wide) < 0.02 + 3.5 * math.hypot(a, b)
+
+
+ABOVE = Camera.look_at((0, 2.2, 6.5), (0, 0.2, 0.6), yfov=0.3)
+
+
+def floor_of(gpu, **kept):
+    """A metal floor with a box on it; the pixels that show it, and how far along x each lies, (n,) m."""
+    scene = hall()
+    material = Material((0.8,) * 3, metallic=1.0, **kept)
+    scene.add(shapes.plane(6.0, 3.0), material=material, name="floor", translation=(0, 0.01, 0.5))
+    scene.add(box((-0.5, 0.02, -0.8), (0.5, 1.2, -0.2)), material=lambert((0.8, 0.2, 0.1)))
+    frame, _ = render(gpu, scene, ABOVE, size=SIZE, photons=100, antialias=False)
+    shown = np.isin(frame.instance, frame.names.find("floor"))
+    view = CameraView(SIZE, ABOVE.pose, ABOVE.yfov, None)
+    x, y = np.meshgrid(np.arange(SIZE[0]) + 0.5, np.arange(SIZE[1]) + 0.5)
+    origins, directions = view.rays_through(x, y)
+    origins = np.broadcast_to(origins, directions.shape)
+    along = origins[..., 0] + directions[..., 0] * (0.01 - origins[..., 1]) / directions[..., 1]
+    return scene, shown, along[shown]
+
+
+def test_roughness_of_a_texture_is_not_torn(gpu):
+    """Stripes of roughness .25 to .75, some for eye paths and some for photons, one by one."""
+    pixels = np.zeros((1, 6, 3), np.float32)
+    pixels[..., 1] = np.array([0.25, 0.75, 0.35, 0.6, 0.45, 0.55])
+    pixels[..., 2] = 1.0
+    stripes = Texture(np.repeat(pixels, 64, axis=1).repeat(8, axis=0), srgb=False)
+    scene, shown, along = floor_of(gpu, roughness=1.0, metallic_roughness_texture=stripes)
+    theirs, own = truth(scene, shown, ABOVE)
+    ours = drawn(gpu, scene, shown, own, ABOVE)
+    stripe = np.floor(along + 3.0).astype(int)
+    within = np.abs(along - np.floor(along) - 0.5) < 0.4
+    for k in range(1, 5):
+        rows = within & (stripe == k)
+        assert rows.sum() > 300
+        found, error = ratio(ours[:, rows], theirs[:, rows])
+        assert error < 0.02
+        assert abs(found - 1.0) < 0.04 + 3.5 * error
+
+
+def test_a_bumpy_floor_is_as_bright_as_paths_find_it(gpu):
+    x, y = np.meshgrid(np.arange(64), np.arange(64))
+    n = np.stack([0.2 * np.sin(x * math.pi / 16), 0.2 * np.cos(y * math.pi / 16), np.ones((64, 64))], axis=-1)
+    n /= np.linalg.norm(n, axis=-1, keepdims=True)
+    bumps = Texture((0.5 * n + 0.5).astype(np.float32), srgb=False)
+    scene, shown, _ = floor_of(gpu, roughness=0.3, normal_texture=bumps)
+    theirs, own = truth(scene, shown, ABOVE)
+    found, error = ratio(drawn(gpu, scene, shown, own, ABOVE), theirs)
+    assert error < 0.02
+    assert abs(found - 1.0) < 0.04 + 3.5 * error
+
+
+def test_a_mirror_shows_a_rough_metal_as_bright_as_paths_find_it(gpu):
+    scene = hall()
+    corners = np.array([(-1.2, 0.8, -1.9), (1.2, 0.8, -1.9), (1.2, 2.2, -1.9), (-1.2, 2.2, -1.9)], float)
+    scene.add(polygons([corners]), material=Material((1.0,) * 3, metallic=1.0, roughness=0.0), name="mirror")
+    rough = Material((0.9, 0.8, 0.6), metallic=1.0, roughness=0.3)
+    scene.add(icosphere(0.5, 4), material=rough, translation=(0.9, 1.5, 0.6))
+    frame, _ = render(gpu, scene, EYE, size=SIZE, photons=100, antialias=False)
+    shown = np.isin(frame.instance, frame.names.find("mirror"))
+    assert shown.sum() > 500
+    theirs, own = truth(scene, shown)
+    found, error = ratio(drawn(gpu, scene, shown, own), theirs)
+    assert error < 0.02
+    assert abs(found - 1.0) < 0.03 + 3.5 * error

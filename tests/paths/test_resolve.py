@@ -1,0 +1,92 @@
+"""The filter of narrow lobes: what it leaves alone, what it averages, and that it loses no light."""
+
+import numpy as np
+import pytest
+
+from ispm.paths.resolve import lonely_rows, resolve_lobes, shown
+from ispm.paths.vertices import FIRST_VERTEX
+
+WIDE, HIGH = 64, 60
+
+
+def flat(blur=5.0, samples=1):
+    """A wall that fills the picture, a pixel a metre."""
+    y, x = np.divmod(np.arange(WIDE * HIGH), WIDE)
+    firsts = np.zeros(len(x), FIRST_VERTEX)
+    firsts["n"] = firsts["ng"] = (0, 0, 1)
+    firsts["alpha"], firsts["blur"], firsts["samples"] = 0.1, blur, samples
+    firsts["reflectance"] = np.random.default_rng(1).uniform(0.1, 1.0, (len(x), 3))
+    places = np.stack([x, y, np.zeros(len(x))], axis=1)
+    return shown(np.arange(len(x)), WIDE, firsts, places, np.ones(len(x)))
+
+
+def resolved(light, given, smoothing=1.0):
+    out = light.astype(np.float32)
+    resolve_lobes(out, given, smoothing, 2)
+    return out
+
+
+def test_even_light_stays_as_it_is_under_any_texture():
+    given = flat()
+    light = np.tile(given.firsts["reflectance"], (1, 3)) * 2.0
+    assert resolved(light, given) == pytest.approx(light, rel=1e-5)
+
+
+def test_nothing_is_blurred_at_contacts():
+    given = flat(blur=1e-3)
+    light = np.random.default_rng(2).random((WIDE * HIGH, 9))
+    assert resolved(light, given) == pytest.approx(light, rel=1e-3, abs=1e-4)
+
+
+def test_the_blur_is_as_wide_as_asked_and_less_in_later_passes():
+    middle = WIDE * (HIGH // 2) + WIDE // 2
+    for blur, smoothing in ((1.0, 1.0), (3.0, 1.0), (3.0, 0.5)):
+        given = flat(blur)
+        given.firsts["reflectance"] = 1.0
+        light = np.ones((WIDE * HIGH, 3))
+        light[middle] = 2.0  # not so much that it stands out
+        out = resolved(light, given, smoothing)[:, 0].astype(float) - 1.0
+        assert out.sum() == pytest.approx(1.0, rel=2e-3)  # of 3840 float32
+        variance = (out * (given.positions[:, 0] - WIDE // 2) ** 2).sum()
+        assert variance == pytest.approx((blur * smoothing) ** 2, rel=0.03)
+
+
+def test_what_stands_out_is_spread_and_not_lost():
+    given = flat(2.0)
+    given.firsts["reflectance"] = 1.0
+    light = np.ones((WIDE * HIGH, 3))
+    middle = WIDE * (HIGH // 2) + WIDE // 2
+    light[middle] = 1000.0
+    out = resolved(light, given)
+    assert out.sum(dtype=float) == pytest.approx(light.sum(), rel=1e-4)
+    assert out.max() < 10.0
+
+
+def test_other_surfaces_are_left_out():
+    given = flat()
+    left = np.arange(WIDE * HIGH) % WIDE < WIDE // 2
+    light = np.where(left, 1.0, 5.0)[:, None] * np.tile(given.firsts["reflectance"], (1, 3))
+    for field, value in (("instance", 7), ("n", (0.6, 0.0, 0.8)), ("alpha", 0.2)):
+        given = flat()
+        given.firsts[field][left] = value
+        assert resolved(light, given) == pytest.approx(light, rel=1e-5)
+
+
+def test_pixels_without_paths_get_their_neighbors_light_and_lonely_ones_are_found():
+    given = flat()
+    y, x = np.divmod(np.arange(WIDE * HIGH), WIDE)
+    own = (x % 2 == 1) & (y % 2 == 1)
+    given.firsts["samples"] = own
+    light = 3.0 * np.tile(given.firsts["reflectance"], (1, 3))
+    assert resolved(np.where(own[:, None], light, 0.0), given) == pytest.approx(light, rel=1e-5)
+    assert not len(lonely_rows(given))
+    alone = WIDE * 4 + 6
+    given.firsts["instance"][alone] = 3
+    assert list(lonely_rows(given)) == [alone]
+
+
+def test_what_is_no_lobe_is_not_touched():
+    given = flat()
+    given.firsts["reflectance"] = 0.0
+    light = np.random.default_rng(3).random((WIDE * HIGH, 9)).astype(np.float32)
+    assert (resolved(light, given) == light).all()
