@@ -128,11 +128,11 @@ def _start(targets, wi, u, v, w):
     that, 1/m2 across the ray."""
     low, high, share, spheres = targets.low, targets.high, targets.share, targets.spheres
     if w < share:
-        k = min(i64(w / share * f32(len(spheres))), i64(len(spheres) - 1))
-        radius, phi = spheres[k, 3] * f32(math.sqrt(u)), f32(2 * math.pi) * v
+        drawn = min(i64(w / share * f32(len(spheres))), i64(len(spheres) - 1))
+        radius, phi = spheres[drawn, 3] * f32(math.sqrt(u)), f32(2 * math.pi) * v
         s, t = orthonormal_basis(wi)
         across = add(scale(radius * f32(math.cos(phi)), s), scale(radius * f32(math.sin(phi)), t))
-        point = add((spheres[k, 0], spheres[k, 1], spheres[k, 2]), across)
+        point = add((spheres[drawn, 0], spheres[drawn, 1], spheres[drawn, 2]), across)
     else:
         w = (w - share) / (f32(1) - share)
         point = _on_box(low, high, wi, u, v, w)

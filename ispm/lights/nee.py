@@ -29,7 +29,6 @@ from ispm.optics.bsdf import (
     smooth_split,
     transmits,
     visible_pdf,
-    without_diffuse,
 )
 from ispm.optics.environment import environment_pdf, has_environment
 from ispm.optics.jit import jit
@@ -225,6 +224,13 @@ def drawn_share(x, wo, wi, pdf, goes_on):
     if goes_on == BY_FACETS and is_narrow(b) and dot(x.n, wi) > f32(0):
         return f32(1), pdf / (pdf + visible_pdf(b.alpha, x.n, dot(x.n, wo), normalize(add(wo, wi))))
     return f32(1), f32(1)
+
+
+@jit
+def without_diffuse(b):
+    """Return a Bsdf without its Lambert lobe."""
+    none = f32(0), f32(0), f32(0)
+    return Bsdf(none, b.f0, b.f90, b.alpha, b.dielectric_f0, b.dielectric_f90, b.tint, b.eta, b.thin)
 
 
 @jit

@@ -190,9 +190,9 @@ def _direction(lamps, point, n, u, v):
     if u < share:
         count = f32(len(spheres))
         u *= count / share
-        k = min(i64(u), i64(len(spheres) - 1))
-        toward, cosine = _cone(spheres[k], point)
-        z = f32(1) - (u - f32(k)) * (f32(1) - cosine)
+        drawn = min(i64(u), i64(len(spheres) - 1))
+        toward, cosine = _cone(spheres[drawn], point)
+        z = f32(1) - (u - f32(drawn)) * (f32(1) - cosine)
         radius, phi = f32(math.sqrt(max(f32(1) - z * z, f32(0)))), f32(2 * math.pi) * v
         d = to_world((radius * f32(math.cos(phi)), radius * f32(math.sin(phi)), z), toward)
     else:

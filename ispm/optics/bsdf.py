@@ -125,13 +125,6 @@ def is_smooth(b):
 
 
 @jit
-def without_diffuse(b):
-    """Return a Bsdf without its Lambert lobe."""
-    none = f32(0), f32(0), f32(0)
-    return Bsdf(none, b.f0, b.f90, b.alpha, b.dielectric_f0, b.dielectric_f90, b.tint, b.eta, b.thin)
-
-
-@jit
 def has_finite(b):
     """Return whether photons that arrive at a Bsdf can be seen, a bool: an opaque lobe of more than one
     direction. What rough glass shows is left to eye paths.

@@ -26,8 +26,16 @@ from ispm.gpu import Gpu
 from ispm.kernels.share import run_shared, shared_rows
 from ispm.kernels.simd import alloca, ldu, u2f
 from ispm.lights.area import resample_surround, sample_lamps
-from ispm.lights.nee import BEFORE, BY_FACETS, drawn_share, greatest, shadow_transmittance, side_of
-from ispm.optics.bsdf import eval_bsdf, is_lambert, surface_bsdf, transmits, without_diffuse
+from ispm.lights.nee import (
+    BEFORE,
+    BY_FACETS,
+    drawn_share,
+    greatest,
+    shadow_transmittance,
+    side_of,
+    without_diffuse,
+)
+from ispm.optics.bsdf import eval_bsdf, is_lambert, surface_bsdf, transmits
 from ispm.optics.environment import environment_irradiance, has_environment
 from ispm.optics.jit import jit
 from ispm.optics.light import FAR
@@ -107,10 +115,16 @@ def area_light(
     smoothing  factor on the filter's width
     """
     width, height = gbuffer.size
-    textures = [(gbuffer.points, np.uint32, 4), (gbuffer.normals, np.uint32, 2)]
-    textures += [(gbuffer.base, np.float16, 4), (gbuffer.emission, np.float16, 4)]
     count = width * height
-    points, normals, base, emission = (a.reshape(count, -1) for a in gpu.read_many(textures))
+    read = gpu.read_many(
+        [
+            (gbuffer.points, np.uint32, 4),
+            (gbuffer.normals, np.uint32, 2),
+            (gbuffer.base, np.float16, 4),
+            (gbuffer.emission, np.float16, 4),
+        ]
+    )
+    points, normals, base, emission = (a.reshape(count, -1) for a in read)
     pixels = Pixels(points, normals, base.astype(np.float32), emission[:, 3].astype(np.float32))
     tables = scene_tables(packed, world, surfaces)
     *ahead, offset = view.clip_from_world[-1]
@@ -123,7 +137,8 @@ def area_light(
         u32(view.pass_index),
         u32(seed),
     )
-    samples = _Samples(*np.zeros((4, count, 3), np.float32), np.zeros(count, np.float32))
+    diffuse, gloss, drawn, unshadowed = np.zeros((4, count, 3), np.float32)
+    samples = _Samples(diffuse, gloss, drawn, unshadowed, np.zeros(count, np.float32))
     out = np.zeros((height, width, 4), np.float32)
     run_shared(lambda counter: _sample_pixels(tables, pixels, told, counter, samples), world.threads)
     run_shared(
