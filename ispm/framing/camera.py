@@ -122,8 +122,13 @@ def far_off(packed: Packed) -> str:
 
 
 def without_lamps(scene: Scene) -> Scene:
-    """Return the scene at rest as cameras frame it: without lamps, unless there is nothing else to see."""
+    """Return the scene at rest as cameras frame it: without lamps, unless there is nothing else to see.
+
+    Raises SceneError where something that cannot be drawn stands at a node.
+    """
     rest = scene.at_rest()
+    for node in rest.nodes:
+        node.check()
     if any(len(part.mesh.triangles) and node.copies for node in rest.nodes for part in node.parts):
         for node in rest.nodes:
             if isinstance(node.light, SurfaceLight):

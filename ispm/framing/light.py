@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from itertools import chain
-from operator import attrgetter
 from typing import NamedTuple
 
 import numpy as np
@@ -17,9 +16,10 @@ from ispm.optics.atmosphere import horizontal_irradiance
 from ispm.scene.camera import look_at_pose
 from ispm.scene.environment import Environment
 from ispm.scene.light import DirectionalLight, Light, PointLight
+from ispm.scene.material import Material
 from ispm.scene.packed import Packed
 from ispm.scene.placing import Tree
-from ispm.scene.scene import Node, Scene
+from ispm.scene.scene import Node, Part, Scene
 from ispm.scene.sky import Sky
 from ispm.scene.values import BRIGHTEST
 from ispm.settings import Unlit
@@ -48,9 +48,10 @@ def brings_light(scene: Scene, tree: Tree) -> bool:
     """
     if scene.environment is not None or any(node.light is not None for node in tree.nodes):
         return True
-    parts = chain.from_iterable(map(attrgetter("parts"), tree.nodes))
-    materials = {id(material): material for material in map(attrgetter("material"), parts)}
-    return any(each.emissive and each.emission_texture is None for each in materials.values())
+    parts = chain.from_iterable(node.parts for node in tree.nodes if isinstance(node.parts, list))
+    found = {id(part.material): part.material for part in parts if isinstance(part, Part)}
+    materials = [each for each in found.values() if isinstance(each, Material)]  # others are refused later
+    return any(each.emissive and each.emission_texture is None for each in materials)
 
 
 def default_light(
