@@ -34,6 +34,7 @@ from ispm.optics.environment import environment_pdf, has_environment
 from ispm.optics.jit import jit
 from ispm.optics.light import FAR, light_arriving
 from ispm.optics.records import NO_HIT
+from ispm.optics.sampling import LATTICE
 from ispm.optics.vector import Vector, add, dot, normalize, scale, sub
 
 f32, i64, u32 = np.float32, np.int64, np.uint32
@@ -45,6 +46,7 @@ SPLIT_COUNT = (
 SHEETS_MAX = 8  # of glass that a shadow ray passes, or a gather ray
 _PAIRS = 2  # of directions that one of the environment is drawn from
 _NONE = f32(0), f32(0), f32(0)
+_GOLDEN = 0.6180339887498949  # steps of which lie evenly in a line
 _WHOLE = f32(1), f32(1)
 BY_NOTHING, BY_FACETS, BY_BSDF = range(3)  # how a path goes on from where lights are drawn for
 BEFORE = f32(1e-4)  # of the distance that a shadow ray ends before a light, which may hang on a wall
@@ -75,25 +77,39 @@ def punctual_light(tables, x, wo, u, scratch, limit):
 
 
 @jit
-def area_light(tables, x, wo, u, scratch, limit, goes_on):
-    """Return what of `direct_light` comes from lamps with a surface and from the environment: by a point, and
-    a direction, of each.
+def area_light(tables, x, wo, u, scratch, limit, goes_on, count=1):
+    """Return what of `direct_light` comes from lamps with a surface and from the environment: by so many
+    points, and directions, of each.
 
     goes_on  BY_NOTHING; BY_FACETS or BY_BSDF: a path goes on by the lobe of an opaque surface's facets, or by
              `sample_bsdf`, and may meet the lamps too: their light in these lobes is weighed by the balance
              heuristic (Veach 1997, section 9.2.2), see `lamp_weight`. Unless by all, that in the facets of
              what transmits is left to paths
     """
-    total, traced = (f32(0), f32(0), f32(0)), i64(0)
-    if len(tables.emitters.triangles) > 0:
-        arriving = _unshadowed_lamp(tables, x, wo, area_numbers(x.hit, u), limit, goes_on)
-        light, rays = _shadowed(tables, x, arriving, u, scratch)
-        total, traced = add(total, light), traced + rays
-    if has_environment(tables.environment):
-        arriving = _unshadowed_surround(tables, x, wo, area_numbers(x.hit, u), goes_on)
-        light, rays = _shadowed(tables, x, arriving, u, scratch)
-        total, traced = add(total, light), traced + rays
+    total, traced, share = (f32(0), f32(0), f32(0)), i64(0), f32(1) / f32(count)
+    if len(tables.emitters.triangles) == 0 and not has_environment(tables.environment):
+        return total, traced
+    first = area_numbers(x.hit, u)
+    for k in range(count):
+        numbers = _next_numbers(first, k)
+        if len(tables.emitters.triangles) > 0:
+            arriving = _unshadowed_lamp(tables, x, wo, numbers, limit, goes_on)
+            light, rays = _shadowed(tables, x, arriving, u, scratch)
+            total, traced = add(total, scale(share, light)), traced + rays
+        if has_environment(tables.environment):
+            arriving = _unshadowed_surround(tables, x, wo, numbers, goes_on)
+            light, rays = _shadowed(tables, x, arriving, u, scratch)
+            total, traced = add(total, scale(share, light)), traced + rays
     return total, traced
+
+
+@jit
+def _next_numbers(numbers, k):
+    """Four random numbers of [0, 1), k steps along a lattice (Roberts 2018) from others."""
+    a, b, c, d = numbers
+    rate_b, rate_c = LATTICE
+    a, b, c = a + f32(k) * f32(_GOLDEN), b + f32(k) * f32(rate_b), c + f32(k) * f32(rate_c)
+    return a - f32(math.floor(a)), b - f32(math.floor(b)), c - f32(math.floor(c)), d
 
 
 @jit

@@ -90,6 +90,7 @@ _MIN_WEIGHT = f32(1e-3)  # weight below which a path is not followed
 _MIN_WEIGHT_AFTER_END = f32(0.02)  # and below which not from an end
 _CONTACT = f32(1e-3)  # of a path, the least length of what reflects it to where it ends, for its blur
 _EVENTS_APART = 32  # numbers of the events of two paths that part
+_LAMP_SAMPLES = 4  # points of lamps with a surface that an end is lit by, where a pixel has one path
 _CHUNK = 64  # pixels a thread takes at a time; results do not depend on it or on the threads
 _BATCH = 1 << 15  # pixels whose ends lie in memory at their full number
 
@@ -321,7 +322,8 @@ def _follow(tables, view, thread, path, i, slot, out, done):
         if not unlit and (has_finite(b) or not is_smooth(b)):
             lit, goes_on_by = widened(x, widest), BY_FACETS if goes_on else BY_NOTHING
             light, shadows = punctual_light(tables, lit, wo, u0, thread.scratch, f32(np.inf))
-            more, others = area_light(tables, x, wo, u0, thread.scratch, f32(np.inf), goes_on_by)
+            count = 1 if from_lobe or rough else _LAMP_SAMPLES
+            more, others = area_light(tables, x, wo, u0, thread.scratch, f32(np.inf), goes_on_by, count)
             add_light(out.direct, i, add(light, more), seen)
             shadows += others
             traced += shadows
