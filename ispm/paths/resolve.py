@@ -1,6 +1,6 @@
 """The light of narrow lobes, which few paths from each pixel find, averaged over pixels nearby.
 
-Passes of 3 x 3 pixels, 1, 2, 4 and 8 apart, each as strong as brings the sum of their variances to what a
+Passes of 3 x 3 pixels, 1 to 16 apart, each as strong as brings the sum of their variances to what a
 pixel's own lobe allows: its width, and how far what it reflects lies, tell how little is seen of it. Light is
 divided by what the surface reflects before, so that textures stay sharp. What stands out far, as a lamp's
 image in a second lobe does that one path found, is spread as far as passes go, and so no light is lost.
@@ -20,7 +20,7 @@ from ispm.optics.vector import dot, sub, vec3
 
 f32, i64, u32 = np.float32, np.int64, np.uint32
 
-_STRIDES = (1, 2, 4, 8)  # pixels
+_STRIDES = (1, 2, 4, 8, 16)  # pixels
 _CHUNK = 256
 _BENT = f32(4)  # over alpha^2: what the square of the difference of normals is weighed by
 _LENIENT = f32(0.25)  # likewise for what stands out

@@ -42,6 +42,14 @@ fn leads_on(b: Bsdf) -> bool {
     return transmits(b) || (shiny && is_smooth(b)) || is_narrow(b);
 }
 
+// Whether a material may be such: the whole of it costs much to read, and most pixels show others.
+fn may_lead_on(row: u32) -> bool {
+    let roughness = materials[row].roughness;
+    let textured = materials[row].metallic_roughness_texture.texture >= 0;
+    let clear = (materials[row].flags & MATERIAL_TRANSMITS) != 0u;
+    return clear || textured || roughness * roughness < 1.01 * NARROW_ALPHA;
+}
+
 @compute @workgroup_size(8, 8)
 fn find_specular(@builtin(global_invocation_id) thread: vec3u) {
     let pixel = thread.xy;
@@ -51,7 +59,7 @@ fn find_specular(@builtin(global_invocation_id) thread: vec3u) {
     }
     let word = textureLoad(points, pixel, 0).w;
     let row = material_row(word);
-    if (word == 0u || (materials[row].flags & MATERIAL_UNLIT) != 0u) {
+    if (word == 0u || (materials[row].flags & MATERIAL_UNLIT) != 0u || !may_lead_on(row)) {
         return;
     }
     let roughness = textureLoad(glow, pixel, 0).a;
