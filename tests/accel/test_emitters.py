@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from exact_light import polygon_irradiance, solid_angle, unit
 from scipy import stats
 from transport import Tracer
 
@@ -56,49 +57,11 @@ def scattered(count, seed, size=0.3):
     return middles + size * random.random((count, 1, 1)) * random.normal(size=(count, 3, 3))
 
 
-def unit(a):
-    return a / np.linalg.norm(a, axis=-1, keepdims=True)
-
-
 def corners_of(emitters):
     """(n, 3, 3) float64 corners of the rows of Emitters."""
     rows = emitters.triangles
     a = rows["corner"].astype(float)
     return np.stack([a, a + rows["edge1"], a + rows["edge2"]], axis=1)
-
-
-def lambert(corners, p, n):
-    """Irradiance at p, on a surface of normal n, of a polygon (k, 3) of radiance 1 that is seen whole:
-    Lambert's formula, cut at the horizon."""
-    v = corners - p
-    height = v @ n
-    kept = []
-    for k in range(len(v)):
-        j = (k + 1) % len(v)
-        if height[k] >= 0.0:
-            kept.append(v[k])
-        if (height[k] >= 0.0) != (height[j] >= 0.0):
-            kept.append(v[k] + height[k] / (height[k] - height[j]) * (v[j] - v[k]))
-    if len(kept) < 3:
-        return 0.0
-    total, v = 0.0, unit(np.array(kept))
-    for a, b in zip(v, np.roll(v, -1, axis=0), strict=True):
-        across = np.cross(a, b)
-        sine = np.linalg.norm(across)
-        if sine > 0.0:
-            total += math.atan2(sine, a @ b) * (across / sine) @ n
-    return abs(total) / 2.0
-
-
-def solid_angle(corners, p):
-    """sr of a triangle, (3, 3) corners, from p: the excess of its angles (Girard)."""
-    a, b, c = unit(corners - p)
-
-    def corner(x, y, z):
-        one, two = unit(np.cross(x, y)), unit(np.cross(x, z))
-        return math.atan2(np.linalg.norm(np.cross(one, two)), one @ two)
-
-    return corner(a, b, c) + corner(b, c, a) + corner(c, a, b) - math.pi
 
 
 @jit
@@ -286,7 +249,7 @@ def exact_irradiance(emitters, p, n):
     for k, row in enumerate(emitters.triangles):
         front = np.cross(corners[k, 1] - corners[k, 0], corners[k, 2] - corners[k, 0]) @ (p - corners[k, 0])
         if front > 0.0 or row["two_sided"]:
-            total += float(row["radiance"][0]) * lambert(corners[k], p, n)
+            total += float(row["radiance"][0]) * polygon_irradiance(corners[k], p, n)
     return total
 
 

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from exact_light import sky_irradiance
 from transport import Tracer, box_room
 
 from ispm import Environment, Material, RectLight, Scene
@@ -163,19 +164,6 @@ def test_environments_photons_aimed_at_glass_carry_the_same_flux_everywhere(rota
     assert counts[1] > 2 * counts[0]  # on the two balls
 
 
-def shown_from(scene_or_image, rotation, n):
-    """Irradiance of an environment's image on a surface of normal n, (3,) lx: of 512 x 1,024 places."""
-    from rgbe import seen_along
-
-    theta = (np.arange(512) + 0.5) * math.pi / 512
-    phi = (np.arange(1024) + 0.5) * 2 * math.pi / 1024
-    t, p = np.meshgrid(theta, phi, indexing="ij")
-    d = np.stack([np.sin(t) * np.cos(p), np.cos(t), np.sin(t) * np.sin(p)], axis=-1).reshape(-1, 3)
-    angle = (math.pi / 512) * (2 * math.pi / 1024) * np.sin(t).ravel()
-    cosine = np.maximum(d @ n, 0.0)
-    return (seen_along(scene_or_image, d, rotation) * (cosine * angle)[:, None]).sum(axis=0)
-
-
 NORMALS = np.array([(-1, 0, 0), (1, 0, 0), (0, -1, 0), (0, 1, 0), (0, 0, -1), (0, 0, 1)], float)
 
 
@@ -214,7 +202,7 @@ def test_any_sky_lights_each_face_of_a_block_by_its_irradiance(rotation):
     """As the sum over the image has it, which is right to 1e-3."""
     tracer, areas = block(Environment(IMAGE, rotation, 0.5))
     found = runs(of_environment, tracer, 20_000, 0.5)[:, :6]
-    exact = np.array([0.5 * shown_from(IMAGE, rotation, n) for n in NORMALS]) * areas[:, None]
+    exact = np.array([0.5 * sky_irradiance(IMAGE, rotation, n) for n in NORMALS]) * areas[:, None]
     assert is_mean(found, exact, 1e-3).all()
 
 
