@@ -72,11 +72,12 @@ class Pixels(NamedTuple):
 
 
 class _View(NamedTuple):
-    """Where the eye is, (3,) m, or, parallel, the direction to it; a pixel's width, m, is
+    """Where the eye is, (3,) m; the direction to it, of parallel views; a pixel's width, m, is
     `width . (x, y, z, 1)` of the point that it shows; pixels in a row; random numbers."""
 
     eye: np.ndarray
     parallel: bool
+    back: np.ndarray
     width: np.ndarray
     columns: np.int64
     pass_index: np.uint32
@@ -128,10 +129,10 @@ def area_light(
     pixels = Pixels(points, normals, base.astype(np.float32), emission[:, 3].astype(np.float32))
     tables = scene_tables(packed, world, surfaces)
     *ahead, offset = view.clip_from_world[-1]
-    eye = view.eye_or_direction
     told = _View(
-        eye[:3].astype(np.float32),
-        bool(eye[3] == 0.0),
+        view.eye.astype(np.float32),
+        view.ymag is not None,
+        (-view.forward).astype(np.float32),
         (view.footprint * np.array([*ahead, offset])).astype(np.float32),
         i64(width),
         u32(view.pass_index),
@@ -228,12 +229,9 @@ def _shown(tables, pixels, view, i):
     dielectric = dielectric_at(tables.surfaces, _material(word))
     b = surface_bsdf(vec3(base), base[3], pixels.roughness[i], transmission, dielectric, True)
     n, ng = _unpacked(pixels.normals[i, 0]), _unpacked(pixels.normals[i, 1])
-    wo, width = vec3(view.eye), view.width
-    distance = f32(0)
-    if not view.parallel:
-        to_eye = sub(wo, position)
-        distance = f32(math.sqrt(dot(to_eye, to_eye)))
-        wo = scale(f32(1) / distance, to_eye)
+    to_eye, width = sub(vec3(view.eye), position), view.width
+    distance = f32(math.sqrt(dot(to_eye, to_eye)))
+    wo = vec3(view.back) if view.parallel else scale(f32(1) / distance, to_eye)
     side = max(dot(vec3(width), position) + width[3], f32(1e-30))
     hit = Hit(u32(NO_HIT), u32(0), f32(0), f32(0))
     return _Shown(SurfacePoint(hit, position, ng, n, b, u32(0), True), wo, distance, side)
@@ -271,17 +269,22 @@ def _add_light(tables, shown, arriving, holes, i, scratch, samples):
         for c in range(3):
             samples.drawn[i, c] += along * arriving.irradiance[c] * f32(1 / math.pi)
     start = add(x.position, scale(_CLEAR * shown.distance + near, side_of(x.ng, wi)))
-    limit = arriving.distance * (f32(1) - BEFORE)
-    met = any_distance(tables.trees, Ray(start, wi, limit), scratch.stack)
+    toward, distance = wi, arriving.distance
+    if distance < FAR:  # anew, for `start` may lie nearer to a lamp by more than rays end before it
+        segment = sub(add(x.position, scale(distance, wi)), start)
+        distance = f32(math.sqrt(dot(segment, segment)))
+        toward = scale(f32(1) / max(distance, f32(1e-30)), segment)
+    limit = distance * (f32(1) - BEFORE)
+    met = any_distance(tables.trees, Ray(start, toward, limit), scratch.stack)
     passed = f32(1), f32(1), f32(1)
     if met < limit:
         # of the lamp's image through a pinhole at what is between
         angle = f32(1) / f32(math.sqrt(max(arriving.pdf, f32(1e-30))))
-        width = angle * met / max(f32(1) - met / arriving.distance, f32(1e-6))
+        width = angle * met / max(f32(1) - met / distance, f32(1e-6))
         samples.reach[i] = min(samples.reach[i], _BLUR * width / shown.width)
         if not tables.porous:
             return
-        passed = shadow_transmittance(tables, start, wi, arriving.distance, holes, scratch)
+        passed = shadow_transmittance(tables, start, toward, distance, holes, scratch)
     for c in range(3):
         light = along * arriving.irradiance[c] * passed[c]
         if b.diffuse[c] > f32(0):
