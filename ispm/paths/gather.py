@@ -10,8 +10,8 @@ each path from a light to x counts in one of them alone:
   light through (`nee.is_gathered`); or a mirror or glass lies between y and x.
 
 Lobes too narrow for photons count as wider at rays' ends: what they bring has one bounce more to go.
-So rays end without light at mirrors and glass, but pass thin clear sheets, as shadow rays do. Emission of
-surfaces is left out: photons do not carry it either.
+So rays end without light at mirrors and glass, but pass thin clear sheets, as shadow rays do. Emission where
+they end is left out, and so is the environment: it is direct light of the receiver.
 """
 
 from __future__ import annotations

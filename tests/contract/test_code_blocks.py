@@ -5,7 +5,9 @@ import shlex
 import subprocess
 from pathlib import Path
 
+import numpy as np
 import pytest
+import rgbe
 import trimesh
 from PIL import ImageShow
 
@@ -47,6 +49,7 @@ def place(tmp_path, monkeypatch):
     scene = ispm.builtin("cornell-box")
     ispm.save(scene, "room.glb")
     trimesh.creation.box().export("part.stl")
+    Path("workshop.hdr").write_bytes(rgbe.hdr(rgbe.texels_of(np.ones((4, 8, 3)))))
     return tmp_path
 
 
