@@ -51,7 +51,7 @@ def lamp_behind_glass() -> Scene:
         scene.add(box(low, high), material=lambert(color))
     glass = Material(transmission=1.0, thickness=1.0, roughness=0.0, name="glass")
     scene.add(icosphere(0.4, 40, "ball"), material=glass, translation=(0.0, 0.85, 0.2))
-    scene.add(SphereLight((120.0,) * 3, radius=0.15), name="lamp", translation=(0.5, 2.1, 0.4))
+    scene.add(SphereLight((45.0,) * 3, radius=0.25), name="lamp", translation=(0.5, 2.1, 0.4))
     add_camera(scene, (-0.3, 1.9, -3.0), (0.0, 0.45, 0.3), math.radians(44.0))
     return scene
 
