@@ -17,7 +17,7 @@ from ispm.accel.emitters import (
 )
 from ispm.accel.records import Hit
 from ispm.accel.surface import emitted_radiance
-from ispm.optics.bsdf import eval_bsdf, transmits
+from ispm.optics.bsdf import eval_bsdf, pdf_bsdf, sample_bsdf, transmits
 from ispm.optics.environment import environment_light, sample_environment
 from ispm.optics.jit import jit
 from ispm.optics.rng import random4
@@ -27,6 +27,7 @@ from ispm.optics.vector import Vector, dot, luminance, scale, sub, vec3
 f32, i64, u32 = np.float32, np.int64, np.uint32
 
 _CODES = f32(2.0**24)  # of a random number, and of a barycentric
+_FINE = 4096  # parts of a random number's range, each of which has enough numbers of its own
 
 
 @jit
@@ -77,12 +78,13 @@ class Surround(NamedTuple):
 
 
 @jit
-def resample_surround(tables, x, wo, u1, u2, pick, pairs, brightest):
+def resample_surround(tables, x, wo, u1, u2, pick, pairs, brightest, by_lobes):
     """Draw directions of the environment for a SurfacePoint by what it makes of their light along wo, out of
-    some that are drawn by the environment and as many by the cosine; where no part of it is as bright as a
+    some that are drawn by the environment and as many by the surface; where no part of it is as bright as a
     sun, the first of the latter.
 
     u1, u2, pick  random in [0, 1);  pairs  of candidates
+    by_lobes      whether the surface draws by all its lobes; else by the cosine alone
     brightest     luminance, cd/m2, above which directions have a draw of their own, so that the shadow of a
                   sun holds the light of the sky
     ->  two Surrounds, of the darker directions and of the brighter; both together are the light of all
@@ -92,21 +94,23 @@ def resample_surround(tables, x, wo, u1, u2, pick, pairs, brightest):
     rate_1, rate_2 = LATTICE
     none = f32(0), f32(0), f32(0)
     if tables.environment.brightest == f32(np.inf):
-        wi = to_world(cosine_hemisphere(u1, u2), x.n)
+        wi = _drawn_by_surface(x, wo, u1, u2, by_lobes)
         radiance, own = environment_light(tables.environment, wi)
-        return Surround(
-            scale(f32(math.pi) / max(dot(x.n, wi), f32(1e-6)), radiance), wi, own, f32(1), pick
-        ), (Surround(none, wi, own, f32(0), pick))
+        pdf = _surface_pdf(x, wo, wi, by_lobes)
+        if pdf <= f32(0):
+            radiance, pdf = none, f32(1)
+        light = scale(f32(1) / pdf, radiance)
+        return Surround(light, wi, own, f32(1), pick), Surround(none, wi, own, f32(0), pick)
     dark = bright = Surround(none, wo, f32(1), f32(0), pick)
     for k in range(2 * pairs):
         a, b = u1 + f32(k) * f32(rate_1), u2 + f32(k) * f32(rate_2)
         a, b = a - f32(math.floor(a)), b - f32(math.floor(b))
         if k & 1:
-            wi = to_world(cosine_hemisphere(a, b), x.n)
+            wi = _drawn_by_surface(x, wo, a, b, by_lobes)
             radiance, own = environment_light(tables.environment, wi)
         else:
             wi, radiance, own = sample_environment(tables.environment, a, b)
-        pdf = f32(0.5) * (own + max(dot(x.n, wi), f32(0)) * f32(1 / math.pi))
+        pdf = f32(0.5) * (own + _surface_pdf(x, wo, wi, by_lobes))
         f = eval_bsdf(x.bsdf, x.n, x.ng, wo, wi)
         light = abs(dot(x.n, wi)) * (f[0] * radiance[0] + f[1] * radiance[1] + f[2] * radiance[2])
         if pdf <= f32(0) or light <= f32(0):
@@ -116,6 +120,24 @@ def resample_surround(tables, x, wo, u1, u2, pick, pairs, brightest):
         else:
             dark = _offered(dark, radiance, wi, own, light, pdf)
     return _mean(dark, pairs), _mean(bright, pairs)
+
+
+@jit
+def _drawn_by_surface(x, wo, u1, u2, by_lobes):
+    """A direction, unit, that a SurfacePoint draws for light along wo; u1, u2: random in [0, 1)."""
+    if not by_lobes:
+        return to_world(cosine_hemisphere(u1, u2), x.n)
+    fine = u1 * f32(_FINE)  # digits of it that do not tell where on a lobe
+    _, wi, _, _ = sample_bsdf(x.bsdf, x.n, x.ng, wo, u1, u2, fine - f32(math.floor(fine)), True)
+    return wi
+
+
+@jit
+def _surface_pdf(x, wo, wi, by_lobes):
+    """The density of `_drawn_by_surface`, 1/sr."""
+    if by_lobes:
+        return pdf_bsdf(x.bsdf, x.n, wo, wi)
+    return max(dot(x.n, wi), f32(0)) * f32(1 / math.pi)
 
 
 @jit

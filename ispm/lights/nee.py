@@ -24,7 +24,9 @@ from ispm.optics.bsdf import (
     Bsdf,
     eval_bsdf,
     has_finite,
+    is_lambert,
     is_narrow,
+    is_smooth,
     pdf_bsdf,
     smooth_split,
     transmits,
@@ -213,10 +215,18 @@ def _unshadowed_surround(tables, x, wo, numbers, goes_on):
     """The Arriving of a direction of the environment, likewise."""
     _, u1, u2, pick = numbers
     seen = left_to_draws(x, goes_on)
-    drawn, _ = resample_surround(tables, seen, wo, u1, u2, pick, _PAIRS, f32(np.inf))
+    by_lobes = goes_on == BY_NOTHING and draws_by_lobes(seen.bsdf)
+    drawn, _ = resample_surround(tables, seen, wo, u1, u2, pick, _PAIRS, f32(np.inf), by_lobes)
     share = drawn_share(x, wo, drawn.wi, drawn.pdf, goes_on)
     light = _reflected(seen, wo, drawn.radiance, _NONE, drawn.wi, f32(np.inf), share)
     return Arriving(light, FAR, drawn.wi)
+
+
+@jit
+def draws_by_lobes(b):
+    """Return whether directions of the environment are drawn by a Bsdf's lobes: of narrow ones the cosine
+    hardly ever finds any, and then with a great weight."""
+    return not is_lambert(b) and not is_smooth(b) and not transmits(b)
 
 
 @jit

@@ -30,12 +30,13 @@ from ispm.lights.nee import (
     BEFORE,
     BY_FACETS,
     drawn_share,
+    draws_by_lobes,
     greatest,
     shadow_transmittance,
     side_of,
     without_diffuse,
 )
-from ispm.optics.bsdf import eval_bsdf, is_lambert, surface_bsdf, transmits
+from ispm.optics.bsdf import eval_bsdf, is_lambert, is_narrow, surface_bsdf, transmits
 from ispm.optics.environment import environment_irradiance, has_environment
 from ispm.optics.jit import jit
 from ispm.optics.light import FAR
@@ -186,7 +187,8 @@ def _sample_pixels(tables, pixels, view, counter, samples):
         if has_environment(tables.environment):
             x, wo, pick = shown.x, shown.wo, u0
             brightest = tables.environment.brightest
-            both = resample_surround(tables, x, wo, u1, u2, pick, _PAIRS, brightest)
+            by_lobes = draws_by_lobes(x.bsdf) and not is_narrow(x.bsdf)  # eye paths take these
+            both = resample_surround(tables, x, wo, u1, u2, pick, _PAIRS, brightest, by_lobes)
             for drawn in both:
                 arriving = _Arriving(drawn.radiance, FAR, drawn.wi, drawn.pdf)
                 _add_light(tables, shown, arriving, holes, i, scratch, samples)

@@ -2,6 +2,7 @@
 
 python -m references.accuracy              # in tests/; all references, some minutes on two cores
 python -m references.accuracy NAME...      # those alone; nothing is written
+python -m references.accuracy --write NAME...    # those alone, and their rows of the page
 python -m references.accuracy --passes 4   # as far as 4 passes; nothing is written
 python -m references.accuracy --flicker NAME...  # how much those flicker; nothing is written
 
@@ -30,8 +31,8 @@ from ispm.settings import PRESETS
 from references import Reference, larger, names, outside, stored
 from references.flicker import HEADINGS as FLICKER_HEADINGS
 from references.flicker import Flicker, measure_flicker
-from references.page import PAGE, table, write_between
-from references.scenes import pictured
+from references.page import PAGE, read_between, table, write_between
+from references.scenes import TRACED, pictured
 
 _CHART = PAGE.parent / "pictures" / "accuracy.svg"
 _SETTINGS: dict[str, dict[str, Any]] = {
@@ -105,6 +106,7 @@ def main() -> int:
     parser.add_argument("names", nargs="*", metavar="NAME", help="references; default: all")
     parser.add_argument("--passes", type=int, default=_PASSES[-1], metavar="N", help="at most")
     parser.add_argument("--flicker", action="store_true", help="measure nothing else")
+    parser.add_argument("--write", action="store_true", help="the rows of those named")
     given = parser.parse_args()
     warnings.simplefilter("ignore")
     gpu, larger_names = open_gpu(), _larger_names()
@@ -123,6 +125,8 @@ def main() -> int:
     if rows and flickers and given.passes == _PASSES[-1]:
         write_page(rows, flickers)
         _CHART.write_text(chart(rows), "utf-8")
+    elif given.write and rows:
+        write_rows(rows)
     return 0
 
 
@@ -249,6 +253,24 @@ def _block_means(picture: np.ndarray, size: tuple[int, int]) -> np.ndarray:
 
 def write_page(rows: list[Row], flickers: list[Flicker]) -> None:
     """Replace the tables of the page."""
+    _write_references()
+    write_between("accuracy", table(list(_HEADINGS), [row.cells() for row in rows], "llrlrrr"))
+    flicker = [row.cells() for row in flickers]
+    write_between("flicker", table(list(FLICKER_HEADINGS), flicker, "llrr"))
+
+
+def write_rows(rows: list[Row]) -> None:
+    """Replace the rows of some small references in the page's table, in their places by name."""
+    new = {row.scene for row in rows}
+    cells = [kept for kept in read_between("accuracy") if kept[0] not in new]
+    small = set(names())
+    cells += [row.cells() for row in rows]
+    cells.sort(key=lambda kept: (kept[0] not in small, kept[0] if kept[0] in small else ""))  # stable
+    _write_references()
+    write_between("accuracy", table(list(_HEADINGS), cells, "llrlrrr"))
+
+
+def _write_references() -> None:
     kept = []
     for name in names():
         reference = stored(name)
@@ -257,9 +279,6 @@ def write_page(rows: list[Row], flickers: list[Flicker]) -> None:
         kept.append([str(cell) for cell in cells])
     headings = ["reference", "paths per pixel", "bounces", "own relMSE", "compared"]
     write_between("references", table(headings, kept, "lrrrr"))
-    write_between("accuracy", table(list(_HEADINGS), [row.cells() for row in rows], "llrlrrr"))
-    flicker = [row.cells() for row in flickers]
-    write_between("flicker", table(list(FLICKER_HEADINGS), flicker, "llrr"))
 
 
 _WIDTH, _HEIGHT = 760, 440
@@ -271,11 +290,15 @@ _COLORS = (
 
 
 def chart(rows: list[Row]) -> str:
-    """Return an SVG: relMSE against seconds, one line per scene from the default to the most passes."""
+    """Return an SVG: relMSE against seconds, one line per scene from the default to the most passes.
+
+    Of those that Mitsuba rendered: more lines could not be told apart.
+    """
     lines: dict[str, list[tuple[float, float]]] = {}
     for row in rows:
         measured = row.setting == "default" or row.setting.endswith("passes")
-        if row.over == "whole" and measured and not row.scene.endswith(_SPLITS):
+        charted = row.scene not in TRACED and not row.scene.endswith(_SPLITS)
+        if row.over == "whole" and measured and charted:
             lines.setdefault(row.scene, []).append((row.seconds, max(row.relmse, 1e-5)))
     x = _Axis([p[0] for line in lines.values() for p in line], _LEFT, _RIGHT)
     y = _Axis([p[1] for line in lines.values() for p in line], _BOTTOM, _TOP)

@@ -16,6 +16,13 @@ def write_between(title: str, text: str) -> None:
     PAGE.write_text(page, "utf-8")
 
 
+def read_between(title: str) -> list[list[str]]:
+    """Return the cells of the rows of the table that stands there."""
+    found = re.search(rf"<!-- {title}: .*? -->\n(.*?)<!-- /{title} -->", PAGE.read_text("utf-8"), re.DOTALL)
+    lines = found[1].splitlines()[2:] if found else []
+    return [[cell.strip() for cell in line.strip("|").split("|")] for line in lines]
+
+
 def table(headings: list[str], rows: list[list[str]], sides: str) -> str:
     """Return it as Markdown; sides: `l` or `r` per column."""
     rules = ["---:" if side == "r" else "---" for side in sides]

@@ -1,4 +1,5 @@
-"""Scenes that Mitsuba renders too: Lambert walls, with one thing each that must be right, and `rooms.py`.
+"""Scenes that Mitsuba renders too: Lambert walls, with one thing each that must be right, and `rooms.py`;
+and all that there are, with those of `lit.py`.
 
 Metals are white, so that every model of Fresnel's reflects all. Boxes are sunk into what they stand on, and
 walls into each other: no two faces share a plane.
@@ -19,6 +20,8 @@ from ispm.scene.light import DirectionalLight, PointLight, SpotLight
 from ispm.scene.material import Material, Texture
 from ispm.scene.mesh import Mesh
 from ispm.scene.scene import Scene
+from ispm.scene.sky import Sky
+from references.lit import LIT, under_sky
 from references.rooms import ROOMS
 
 Triple = tuple[float, float, float]
@@ -27,6 +30,7 @@ _WHITE, _GREY, _OCHRE = (0.7, 0.7, 0.7), (0.5, 0.5, 0.5), (0.6, 0.4, 0.2)
 _RED, _BLUE, _GREEN = (0.6, 0.15, 0.1), (0.15, 0.25, 0.6), (0.25, 0.5, 0.2)
 DIM = 1e-3  # what surfaces reflect of what they did where only caustics are of interest
 _SUNK = 0.02  # m that a thing is below the floor it stands on
+_FAR_SIDE = 4  # of a room's sides: at low z
 _SIDES = ([0, 2, 6, 4], [1, 5, 7, 3], [0, 4, 5, 1], [2, 3, 7, 6], [0, 1, 3, 2], [4, 6, 7, 5])
 
 
@@ -121,6 +125,17 @@ def colonnade() -> Scene:
     return scene
 
 
+def sky_colonnade() -> Scene:
+    """The hall of `colonnade`, its far side open to a clear sky."""
+    scene = under_sky(colonnade(), Sky(sun_elevation=0.6, sun_azimuth=-0.5))
+    scene.name = "sky-colonnade"
+    scene.roots.remove(scene.roots[_FAR_SIDE])
+    for node in scene.nodes:
+        for part in node.parts:
+            part.material = replace(part.material, double_sided=True)
+    return scene
+
+
 def cornell_with_glass() -> Scene:
     """The Cornell box with a glass ball in the tall block's place."""
     scene = cornell_box()
@@ -166,7 +181,10 @@ SCENES = {
     "mirror-ring": mirror_ring,
     **ROOMS,
 }
-"""Name to function."""
+"""Name to function: what Mitsuba renders."""
+
+TRACED = {**LIT, "sky-colonnade": sky_colonnade}
+"""Likewise what `traced.py` renders."""
 
 
 def pictured(name: str) -> tuple[Scene, float]:
@@ -174,8 +192,9 @@ def pictured(name: str) -> tuple[Scene, float]:
 
     Those called `-caustic` leave out what came by way of two Lambert surfaces or more: the scene is dimmed.
     """
-    of = next(scene for scene in sorted(SCENES, key=len, reverse=True) if name.startswith(scene))
-    scene = SCENES[of]()
+    known = {**SCENES, **TRACED}
+    of = next(scene for scene in sorted(known, key=len, reverse=True) if name.startswith(scene))
+    scene = known[of]()
     return (dimmed(scene, DIM), DIM) if name.endswith("-caustic") else (scene, 1.0)
 
 
