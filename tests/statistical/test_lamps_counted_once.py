@@ -67,8 +67,8 @@ def truth(scene, bounces):
 def compare(pictures, away_from_lamps, paths, blurred=BLURRED):
     """Whether blocks agree in all channels, and the whole, but those about lamps, whose edges 16 places in a
     pixel do not cover evenly: within 5 standard errors of both together, which are known from 4 and 8
-    numbers, so that those of a block are at least the median's, and what is blurred. Some 150 numbers: beyond 5, once
-    in 10,000 runs were they known; the whole within 4 of its own."""
+    numbers, so that those of a block are at least the median's, and what is blurred. Some 150 numbers:
+    beyond 5, once in 10,000 runs were they known; the whole within 4 of its own."""
     clear = blocks(np.repeat(away_from_lamps[..., None], 3, axis=2), SIDE)[..., 0] == 1.0
     assert clear.mean() > 0.5
     one, two = (np.array([blocks(a, SIDE)[clear] for a in each]) for each in (pictures, paths))
