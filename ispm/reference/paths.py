@@ -61,7 +61,7 @@ def path_light(
     origins, directions  (n, 3), world space, unit
     samples              numbers, one after another, of the paths of each ray: others are independent
     bounces              scatters of light at most before what the eye sees, as of photons; mirrors and clear
-                         glass do not count
+                         glass do not count; 0: direct light only
     """
     light, counter = np.zeros((len(origins), 3)), np.zeros(8, np.int64)
     r, g, b = map(f32, background)
@@ -111,7 +111,7 @@ def _path(tables, task, start, d, key, sample, scratch):
             share = lamp_weight(tables, start_of[0], start_of[1], pdf, hit, d)
             total = add(total, scale(share, times(weight, glow(tables, hit, d))))
         last = scatters > task.bounces
-        if unlit or (last and x.flags & u32(MATERIAL_THIN) == u32(0)):
+        if unlit or (last and task.bounces == i64(0) and x.flags & u32(MATERIAL_THIN) == u32(0)):
             return total
         wo = scale(f32(-1), d)
         if not last:
@@ -120,7 +120,8 @@ def _path(tables, task, start, d, key, sample, scratch):
         alive, wi, factor, specular = sample_bsdf(x.bsdf, x.n, x.ng, wo, u1, u2, u3, True)
         passed = specular and passed_sheet(x, wi)  # as shadow rays do: what is drawn from stays the same
         scatters += i64(not specular)
-        if not alive or (last and not passed):
+        # After the last scatter a lamp is still met by way of mirrors and glass, as photons come from there.
+        if not alive or (last and not (passed or (specular and task.bounces > i64(0)))):
             return total
         weight = times(weight, factor)
         if not passed:
