@@ -1,4 +1,4 @@
-"""The Cornell box with a lamp in its ceiling, a ball of glass and one of rough gold: soft shadows, a caustic."""
+"""The Cornell box with a lamp in its ceiling, a ball of glass and one of rough gold."""
 
 import ispm
 from ispm import shapes

@@ -77,6 +77,9 @@ def render_everything() -> None:
         sky = Path(folder) / "sky.hdr"
         sky.write_bytes(hdr(TEXTURE.reshape(4, 4, 4)))
         renderer.scene.environment = ispm.Environment(sky)
+        glow = ispm.Material(emission=(1.0, 1.0, 1.0), emission_texture=ispm.Texture(TEXTURE[..., :3]))
+        renderer.scene.add(ispm.shapes.box(0.5), material=glow, translation=(2.0, 2.0, 0.0))
+        renderer.scene.add(ispm.RectLight((5.0, 4.0, 3.0)), translation=(0.0, 3.0, 0.0))
         renderer.settings = ispm.Settings(**SMALL)
         assert renderer.render().image.size
         renderer.settings = ispm.Settings(**SMALL, preset="live")

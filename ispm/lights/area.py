@@ -27,6 +27,7 @@ from ispm.optics.vector import Vector, dot, luminance, scale, sub, vec3
 f32, i64, u32 = np.float32, np.int64, np.uint32
 
 _CODES = f32(2.0**24)  # of a random number, and of a barycentric
+_LEAST_LIGHT = f32(1e-30)  # cd/m2, whose inverse a float32 still holds
 _FINE = 4096  # parts of a random number's range, each of which has enough numbers of its own
 
 
@@ -113,7 +114,7 @@ def resample_surround(tables, x, wo, u1, u2, pick, pairs, brightest, by_lobes):
         pdf = f32(0.5) * (own + _surface_pdf(x, wo, wi, by_lobes))
         f = eval_bsdf(x.bsdf, x.n, x.ng, wo, wi)
         light = abs(dot(x.n, wi)) * (f[0] * radiance[0] + f[1] * radiance[1] + f[2] * radiance[2])
-        if pdf <= f32(0) or light <= f32(0):
+        if pdf <= f32(0) or light <= _LEAST_LIGHT:
             continue
         if luminance(radiance) > brightest:
             bright = _offered(bright, radiance, wi, own, light, pdf)
