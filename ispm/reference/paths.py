@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ispm.accel.intersect import STACK_WORDS
-from ispm.accel.medium import attenuated, medium, no_medium, spawn_ray
+from ispm.accel.medium import attenuated, medium, no_medium, passed_sheet, spawn_ray
 from ispm.accel.records import Scratch
 from ispm.accel.surface import Tables, closest_surface, glow, surface
 from ispm.kernels.simd import address, alloca, atomic_add
@@ -22,7 +22,7 @@ from ispm.lights.nee import BY_BSDF, direct_light, lamp_weight, surround_weight,
 from ispm.optics.bsdf import pdf_bsdf, sample_bsdf
 from ispm.optics.environment import environment_radiance, has_environment
 from ispm.optics.jit import jit
-from ispm.optics.records import MATERIAL_UNLIT, NO_HIT
+from ispm.optics.records import MATERIAL_THIN, MATERIAL_UNLIT, NO_HIT
 from ispm.optics.rng import random4
 from ispm.optics.vector import Vector, add, scale, vec3
 
@@ -61,7 +61,7 @@ def path_light(
     origins, directions  (n, 3), world space, unit
     samples              numbers, one after another, of the paths of each ray: others are independent
     bounces              scatters of light at most before what the eye sees, as of photons; mirrors and clear
-                         glass do not count
+                         glass do not count; 0: direct light only
     """
     light, counter = np.zeros((len(origins), 3)), np.zeros(8, np.int64)
     r, g, b = map(f32, background)
@@ -110,18 +110,23 @@ def _path(tables, task, start, d, key, sample, scratch):
         if not unlit or scatters == i64(0):  # what is unlit does not light
             share = lamp_weight(tables, start_of[0], start_of[1], pdf, hit, d)
             total = add(total, scale(share, times(weight, glow(tables, hit, d))))
-        if unlit or scatters > task.bounces:
+        last = scatters > task.bounces
+        if unlit or (last and task.bounces == i64(0) and x.flags & u32(MATERIAL_THIN) == u32(0)):
             return total
         wo = scale(f32(-1), d)
-        lit, _ = direct_light(tables, x, wo, u4, scratch, f32(np.inf), BY_BSDF)
-        total = add(total, times(weight, lit))
+        if not last:
+            lit, _ = direct_light(tables, x, wo, u4, scratch, f32(np.inf), BY_BSDF)
+            total = add(total, times(weight, lit))
         alive, wi, factor, specular = sample_bsdf(x.bsdf, x.n, x.ng, wo, u1, u2, u3, True)
+        passed = specular and passed_sheet(x, wi)  # as shadow rays do: what is drawn from stays the same
         scatters += i64(not specular)
-        if not alive:
+        # After the last scatter a lamp is still met by way of mirrors and glass, as photons come from there.
+        if not alive or (last and not (passed or (specular and task.bounces > i64(0)))):
             return total
         weight = times(weight, factor)
-        pdf = f32(0) if specular else pdf_bsdf(x.bsdf, x.n, wo, wi)
-        start_of = x.position, lit_side(x)
+        if not passed:
+            pdf = f32(0) if specular else pdf_bsdf(x.bsdf, x.n, wo, wi)
+            start_of = x.position, lit_side(x)
         start, inside = spawn_ray(tables, x, inside, wi)
         d = wi
     return total
