@@ -73,7 +73,8 @@ class Path(NamedTuple):
     start, d        of its next ray
     weight          of the radiance that comes back along it
     pdf             of d, 1/sr, where an opaque surface's lobe drew it; 0: mirrors and glass sent it there
-    side            normal, unit, of the side of the surface that it left
+    side            normal, unit, of the side of the surface that it left, and
+    origin          m, where on it; of paths with a pdf those of the lobe, sheets that they passed since aside
     inside, focus   the hit at which it entered the solid that it is in, see `medium`; and what radiance from
                     there is multiplied by, 1 / eta^2, outside 1
     length          m from the eye to `start`
@@ -88,6 +89,7 @@ class Path(NamedTuple):
     weight: Vector
     pdf: np.float32
     side: Vector
+    origin: Vector
     inside: Hit
     focus: np.float32
     length: np.float32
@@ -168,7 +170,8 @@ def leave(tables, x, inside, focus, length, branch):
         focus = f32(1) / (x.bsdf.eta * x.bsdf.eta) if x.entering else f32(1)
     sees_background = sees_background and (passes or (solid and transmits(x.bsdf) and not x.entering))
     side = x.ng if not passes else scale(f32(-1), x.ng)
-    return Path(key, dimension, lane, start, d, weight, pdf, side, inside, focus, length, sees_background)
+    place = inside, focus, length
+    return Path(key, dimension, lane, start, d, weight, pdf, side, x.position, *place, sees_background)
 
 
 @jit

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ispm.accel.intersect import STACK_WORDS
-from ispm.accel.medium import attenuated, medium, no_medium
+from ispm.accel.medium import attenuated, medium, no_medium, passed_sheet
 from ispm.accel.records import Hit, Scratch
 from ispm.accel.surface import (
     SurfaceTable,
@@ -225,7 +225,9 @@ def _follow_pixel(tables, view, thread, rays, i, slot, out, done):
     blurred, near_by, followed = f32(0), f32(0), f32(0)
     count = i64(1) if past else branches(view, x, wo, key)
     for k in range(count):
-        path = Path(key, u32(0), i64(SCATTERED), start, d, _WHITE, f32(0), d, no_medium(), f32(1), near, True)
+        path = Path(
+            key, u32(0), i64(SCATTERED), start, d, _WHITE, f32(0), d, d, no_medium(), f32(1), near, True
+        )
         if not past:
             path = first_path(tables, view, x, wo, key, k, length)
         if greatest(path.weight) > _MIN_WEIGHT * f32(1.0 / ROUGH_SAMPLES):
@@ -250,7 +252,7 @@ def _follow_often(tables, view, thread, path, i, slot, out, done):
     -> the _Done, and the length of the last path, m
     """
     first = done.row
-    key, dimension, lane, start, d, weight, pdf, side, inside, focus, length, sees_background = path
+    key, dimension, lane, start, d, weight, pdf, side, origin, inside, focus, length, sees_background = path
     direct, emission, through = vec3(out.direct[i]), vec3(out.emission[i]), vec3(out.through[i])
     share, k, count, rough = f32(1), 0, 1, False
     end = length
@@ -269,7 +271,8 @@ def _follow_often(tables, view, thread, path, i, slot, out, done):
                     out.ends[row].end.weight[c] *= share
         k += 1
         sample, part = u32(dimension + u32(k << 8)), scale(share, weight)
-        path = Path(key, sample, lane, start, d, part, pdf, side, inside, focus, length, sees_background)
+        place = inside, focus, length
+        path = Path(key, sample, lane, start, d, part, pdf, side, origin, *place, sees_background)
     return done, end
 
 
@@ -281,7 +284,7 @@ def _follow(tables, view, thread, path, i, slot, out, done):
        where it first ends or meets a lobe, whether it parted, and if so the other path
     """
     row, traced = done.row, done.traced
-    key, dimension, lane, start, d, weight, pdf, side, inside, focus, length, sees_background = path
+    key, dimension, lane, start, d, weight, pdf, side, origin, inside, focus, length, sees_background = path
     stored, rough, parted, other = 0, False, False, path
     from_lobe, far, sharp = pdf > f32(0), f32(1e30), True
     for event in range(EVENTS_MAX + 1):
@@ -306,7 +309,7 @@ def _follow(tables, view, thread, path, i, slot, out, done):
         if inside.instance != u32(NO_HIT):
             weight = attenuated(tables, inside, start, x.position, weight)
         seen = scale(focus, weight)
-        share = lamp_weight(tables, start, side, pdf, hit, d)
+        share = lamp_weight(tables, origin, side, pdf, hit, d)
         add_light(out.emission, i, scale(share, glow(tables, hit, d)), seen)
         unlit = x.flags & u32(MATERIAL_UNLIT) != u32(0)
         wo = scale(f32(-1), d)
@@ -335,12 +338,15 @@ def _follow(tables, view, thread, path, i, slot, out, done):
             break
         rough = rough or (transmits(b) and not is_smooth(b)) or (goes_on and mean >= STRONG)
         may_part = lane == TRANSMITTED and not parted
-        alive, wi, factor, parts, above, kept, pdf = False, wo, wo, False, wo, wo, f32(0)
+        alive, wi, factor, parts, above, kept = False, wo, wo, False, wo, wo
+        drawn, passed = f32(0), False
         if goes_on:
-            alive, wi, factor, pdf = sample_lobe(x, wo, u1, u2)
+            alive, wi, factor, drawn = sample_lobe(x, wo, u1, u2)
         elif is_smooth(b) or transmits(b):
             alive, wi, factor, parts, above, kept = sample_specular_lobe(x, wo, u1, u2, may_part)
-        branch = Branch(key, u32(dimension + u32(1)), lane, wi, times(weight, factor), pdf, sees_background)
+            passed = is_smooth(b) and passed_sheet(x, wi)  # as shadow rays do, so that lobes draw beyond
+        drawn = pdf if passed else drawn
+        branch = Branch(key, u32(dimension + u32(1)), lane, wi, times(weight, factor), drawn, sees_background)
         if parts:
             apart = u32(dimension + u32(_EVENTS_APART))
             second = Branch(key, apart, i64(SCATTERED), above, times(weight, kept), f32(0), sees_background)
@@ -350,7 +356,9 @@ def _follow(tables, view, thread, path, i, slot, out, done):
         least = _MIN_WEIGHT_AFTER_END if stored > 0 else _MIN_WEIGHT
         if not alive or stored == _ENDS_MAX or greatest(weight) < least:
             break
-        key, dimension, lane, start, d, weight, pdf, side, inside, focus, length, sees_background = left
+        sides = (side, origin) if passed else (left.side, left.origin)
+        key, dimension, lane, start, d, weight, pdf, _, _, inside, focus, length, sees_background = left
+        side, origin = sides
     return _Done(row, traced), rough, far if from_lobe else length, parted, other
 
 
