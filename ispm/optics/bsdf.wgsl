@@ -189,7 +189,7 @@ fn gloss_terms(alpha: f32, n: vec3f, wo: vec3f, wi: vec3f) -> vec3f {
 }
 
 // gloss_terms of a photon that has scattered so many times. Narrow lobes leave those that have to eye paths,
-// which do not find the others: lights are points.
+// which do not find the others: their lights are points.
 fn photon_gloss(alpha: f32, n: vec3f, wo: vec3f, wi: vec3f, bounce: u32) -> vec3f {
     let g = gloss_terms(alpha, n, wo, wi);
     return select(g, vec3f(0.0, 0.0, g.z), bounce > 0u && alpha < NARROW_ALPHA);

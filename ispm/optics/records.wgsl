@@ -117,7 +117,7 @@ struct Caustic {           // a photon of a caustic, with a kernel of its own: a
     flux: vec3f,           // lm, of the uncut kernel whose rest holds what the photon brings
     reach: f32,            // how far behind the photon the plane is, m
     wi: vec3f,
-    bounce: u32,           // as a Photon's
+    bounce: u32,           // as a Photon's; 1 of light that paths find which meet its lamp
     u: vec3f,              // semi-axes of the ellipse, m; u x v is on the side that was hit
     spare1: u32,
     v: vec3f,

@@ -20,7 +20,7 @@ from ispm.lights.emitted import emitted_beam, first_segment
 from ispm.lights.nee import is_bright_first_bounce, is_gathered, split_count
 from ispm.optics.bsdf import has_finite, is_smooth
 from ispm.optics.jit import jit
-from ispm.optics.records import MATERIAL_THIN, NO_HIT, PHOTON
+from ispm.optics.records import EMITTED_BY_ENVIRONMENT, MATERIAL_THIN, NO_HIT, PHOTON
 from ispm.optics.rng import random4
 from ispm.optics.vector import dot, scale, sub, vec3
 from ispm.photons.beam import beam_at, redirected_beam
@@ -62,6 +62,7 @@ class Walk:
     photons: np.ndarray
     focused: np.ndarray
     not_gathered: np.ndarray
+    of_area: np.ndarray
     keys: np.ndarray
     beams: np.ndarray
     emitted: np.ndarray
@@ -156,10 +157,10 @@ def _walk_some(
 
     steps  None: they are not wanted; else there is one chunk, whose steps are added
     """
-    focused, not_gathered = np.zeros((2, len(room)), np.bool_)
+    focused, not_gathered, of_area = np.zeros((3, len(room)), np.bool_)
     keys, beams = np.empty(len(room), np.uint32), np.empty((len(room), BEAM), np.float32)
     counts, sums = np.zeros((len(chunks), 2), np.int64), np.zeros((len(chunks), 5, 3))
-    found = _Found(_Hits(room, focused, not_gathered, keys, beams), counts, sums)
+    found = _Found(_Hits(room, focused, not_gathered, of_area, keys, beams), counts, sums)
     run_shared(lambda counter: _walk_chunks(tables, emitted, course, chunks, counter, found, steps), threads)
     return found
 
@@ -179,13 +180,14 @@ class _Hits(NamedTuple):
     photons: np.ndarray
     focused: np.ndarray
     not_gathered: np.ndarray
+    of_area: np.ndarray
     keys: np.ndarray
     beams: np.ndarray
 
     def part(self, first: int, count: int) -> _Hits:
         """Return `count` rows; of the beams those of photons that have not scattered."""
-        photons, focused, not_gathered, keys, beams = (each[first : first + count] for each in self)
-        return _Hits(photons, focused, not_gathered, keys, beams[photons["bounce"] == 0])
+        photons, focused, not_gathered, of_area, keys, beams = (each[first : first + count] for each in self)
+        return _Hits(photons, focused, not_gathered, of_area, keys, beams[photons["bounce"] == 0])
 
 
 class _Found(NamedTuple):
@@ -286,6 +288,7 @@ def _walk_one(tables, photon, split, course, scratch, found, room, steps):
             if row < room.end:
                 _store(hits.photons[row], x, flux, d, abs(dot(segment, plane)), length, scatters)
                 hits.focused[row], hits.not_gathered[row] = focused, focused or hidden
+                hits.of_area[row] = photon.light >= u32(EMITTED_BY_ENVIRONMENT)
                 hits.keys[row] = key + u32(scatters + speculars) * u32(EVENT_STEP)
                 if scatters == i64(0):
                     _store_beam(hits.beams, row, beam, plane)

@@ -114,6 +114,8 @@ def classify_photons(this: Pass, path: Walk) -> PhotonClasses:
     if settings.kernel == "measured":
         beams, clear = beams[:0], clear[:0]
     kernels = shape_kernels(caustic, beams, clear, packed.diagonal, settings.smoothing, pixels)
+    # Lobes that leave scattered light to eye paths leave that of lamps to them, too, which such paths meet.
+    kernels["bounce"][: np.count_nonzero(first)] = path.of_area[first]
     keys = np.concatenate([path.keys[first], path.keys[later]])
     end_at_walls(kernels, this.world, this.surfaces)
     keep_light(kernels, Draws(keys, settings.seed, this.index), this.world, this.surfaces)

@@ -23,6 +23,7 @@ from ispm.settings import Settings
 if TYPE_CHECKING:
     from ispm.renderer.renderer import Renderer
 
+_LEAST_SMOOTHING = 0.01  # that settings take
 _ALPHA = 2.0 / 3.0  # noise and bias of the mean fall alike, with the cube root of the passes
 
 
@@ -31,7 +32,8 @@ def of_pass(settings: Settings, index: int) -> Settings:
     several, but in the first."""
     if index == 0:
         return settings
-    return settings.replace(antialias=False, smoothing=settings.smoothing * shrunk(index))
+    smoothing = max(settings.smoothing * shrunk(index), _LEAST_SMOOTHING)
+    return settings.replace(antialias=False, smoothing=smoothing)
 
 
 def shrunk(index: int) -> float:
