@@ -272,8 +272,9 @@ def _add_light(tables, shown, arriving, holes, i, scratch, samples):
     if dot(x.n, wi) > f32(0):
         for c in range(3):
             samples.drawn[i, c] += along * arriving.irradiance[c] * f32(1 / math.pi)
-    start = add(x.position, scale(_CLEAR * shown.distance + near, side_of(x.ng, wi)))
-    limit = arriving.distance * (f32(1) - BEFORE)
+    clear = _CLEAR * shown.distance + near
+    start = add(x.position, scale(clear, side_of(x.ng, wi)))
+    limit = arriving.distance * (f32(1) - BEFORE) - clear  # the lamp may be that much nearer to the start
     met = any_distance(tables.trees, Ray(start, wi, limit), scratch.stack)
     passed = f32(1), f32(1), f32(1)
     if met < limit:
