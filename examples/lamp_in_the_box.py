@@ -20,7 +20,7 @@ turned = ispm.euler(y=0.3)
 scene.add(shapes.box((1.65, 1.3, 1.65)), material=white, translation=(3.75, 0.64, 3.4), rotation=turned)
 scene.add(shapes.sphere(0.85, segments=128, rings=64), material=gold, translation=(3.75, 2.14, 3.4))
 
-camera = ispm.Camera.look_at(eye=(2.78, 2.75, -4.6), target=(2.78, 2.68, 2.8), yfov=0.68)
+camera = ispm.Camera.look_at(eye=(2.78, 2.75, -5.2), target=(2.78, 2.6, 2.8), yfov=0.8)
 settings = ispm.Settings(size=SIZE)
 with ispm.Renderer(scene, settings, camera) as renderer:
     for frame in renderer.converge(PASSES):

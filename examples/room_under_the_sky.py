@@ -12,10 +12,8 @@ u, v = np.meshgrid(np.arange(512) / 512, np.arange(512) / 512)
 board = np.floor(8 * u)
 shade = 0.75 + 0.1 * np.sin(7.1 * board**2) + 0.06 * np.sin(90 * u + 9 * np.sin(5 * v + 3 * board))
 oak = ispm.Material(base_color_texture=ispm.Texture(shade[..., None] * (0.62, 0.4, 0.23)), roughness=0.45)
-wall, white, blue, red, linen = (
-    ispm.Material(color, specular=0)
-    for color in ((0.72, 0.69, 0.63), (0.85,) * 3, (0.13, 0.25, 0.38), (0.55, 0.14, 0.08), (0.7, 0.66, 0.58))
-)
+colors = (0.72, 0.69, 0.63), (0.85,) * 3, (0.13, 0.25, 0.38), (0.55, 0.14, 0.08), (0.7, 0.66, 0.58)
+wall, white, blue, red, linen = (ispm.Material(color, specular=0) for color in colors)
 glazed = ispm.Material((0.75, 0.35, 0.08), roughness=0.15)
 brass = ispm.Material((0.91, 0.74, 0.42), metallic=1, roughness=0.3)
 

@@ -21,7 +21,7 @@ def test_example_runs(path, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(ImageShow, "_viewers", [])  # no windows while tests run
     text, sizes = re.subn(r"^SIZE = .*$", "SIZE = (64, 48)", path.read_text("utf-8"), flags=re.MULTILINE)
-    text = re.sub(r"^(STEPS|PICTURES) = .*$", r"\1 = 2", text, flags=re.MULTILINE)
+    text = re.sub(r"^(STEPS|PICTURES|PASSES) = .*$", r"\1 = 2", text, flags=re.MULTILINE)
     assert sizes == 1
     monkeypatch.setattr(sys, "argv", [path.name, *(["--frames", "3"] if "--frames" in text else [])])
     exec(compile(text, str(path), "exec"), {"__name__": "__main__"})

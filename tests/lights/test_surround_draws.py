@@ -36,8 +36,7 @@ def from_one(tables, origins, directions, numbers, out):
 
 
 def brought(image, alpha, count=40_000):
-    """(n, 3) from draws at places of a metal ball, which reflects all, seen along -Z; and likewise by
-    paths."""
+    """(n, 3) from draws at places of a white metal ball, seen along -Z; and likewise by paths."""
     scene = Scene(environment=Environment(image))
     metal = Material((1.0,) * 3, metallic=1.0, roughness=alpha**0.5)
     scene.add(icosphere(1.0, 24), material=metal)
@@ -54,8 +53,7 @@ def brought(image, alpha, count=40_000):
 @pytest.mark.parametrize("alpha", [0.01, 0.05, 0.2, 0.5])
 def test_no_draw_at_a_metal_brings_more_than_an_even_surround_has(alpha):
     """Drawn by its lobe, f cos over the density is F G2 / G1 <= 1; by the cosine, an alpha of .05 brings up
-    to 100. The means differ by their errors: of n values from 0 to 5 a standard error is 2.5 / sqrt(n) at
-    most."""
+    to 100. The means differ by their errors: of n values from 0 to 5 one is 2.5 / sqrt(n) at most."""
     found, truth = brought(np.full((2, 4, 3), 5.0), alpha)
     assert found.max() < 5.0 * 1.01
     assert abs(found.mean() - truth.mean()) < 4.0 * np.hypot(2.5, 2.5) / np.sqrt(len(found))

@@ -87,7 +87,7 @@ class Subject:
     """What is rendered, and what it is compared with.
 
     title      the scene's in the table
-    limit      of bounces, as settings
+    limit      of bounces, and lights, as settings
     factor     what a picture of it is to be divided by
     direct     (h, w, 3) exact direct light, for the indirect light to be compared alone; None: it is not
     """
@@ -160,7 +160,9 @@ def _scene(name: str) -> Scene:
 def subject(name: str, gpu: Gpu) -> Subject:
     """Return what the reference `name` is about."""
     reference = larger(name) if name in _LARGER else stored(name)
-    limit = {} if reference.bounces is None else {"bounces": reference.bounces}
+    limit: dict[str, Any] = {} if reference.bounces is None else {"bounces": reference.bounces}
+    if name in TRACED:
+        limit["light"] = "none"  # but what they have; a shade that a texture makes glow does not count as any
     if name not in _LARGER:
         scene, factor = pictured(name)
         return Subject(name, scene, reference, limit, factor)
