@@ -44,7 +44,8 @@ class DefaultLight(NamedTuple):
 def brings_light(scene: Scene, tree: Tree) -> bool:
     """Return whether a scene has any light: lamps, an environment, or a material that glows all over.
 
-    One that glows where a texture says so, as a device's displays do, is none.
+    One that glows where a texture says so, as a device's displays do, is one in a room alone, see
+    `default_light`.
     """
     if scene.environment is not None or any(node.light is not None for node in tree.nodes):
         return True
@@ -70,6 +71,8 @@ def default_light(
         sky = Sky(sun_azimuth=_camera_azimuth(pose) + _ASIDE)
         return DefaultLight(environment=sky, line="the scene has no light; a clear sky lights it")
     viewpoint = None if kind == "studio" else interior_viewpoint(packed, world)
+    if kind == "auto" and viewpoint is not None and packed.materials["emission"].any():
+        return DefaultLight()  # what glows in a room, if by a texture, is its lamp
     if kind == "studio" or (kind == "auto" and viewpoint is None):
         return DefaultLight(environment=_studio(pose), line="the scene has no light; a studio lights it")
     if viewpoint is None:
