@@ -77,11 +77,9 @@ def compare(pictures, away_from_lamps, paths, blurred=BLURRED):
     error = np.sqrt(sum(np.maximum(s, np.median(s)) for s in square))
     light = two.mean(axis=0)
     away = np.abs(one.mean(axis=0) - light)
-    print("blocks", (away / light).max(), (away / error).max(), (error / light).max())
     whole = [a.mean(axis=1) for a in (one, two)]
     spread = np.sqrt(sum(a.var(axis=0, ddof=1) / len(a) for a in whole))
     mean = [a.mean(axis=0) for a in whole]
-    print("whole", mean[0] / mean[1] - 1.0, spread / mean[1])
     assert (away < 5.0 * error + blurred * light).all()
     assert (np.abs(mean[0] - mean[1]) < 4.0 * spread + MISSED * mean[1]).all()
 
