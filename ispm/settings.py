@@ -21,6 +21,7 @@ Preset = Literal["default", "fast", "best", "talk", "live"]
 Kernel = Literal["auto", "footprint", "measured", "class", "hint"]
 Estimator = Literal["auto", "volumes", "tiled", "grid"]
 Emission = Literal["auto", "map", "rays"]
+Shadows = Literal["auto", "map", "rays"]
 Tonemap = Literal["neutral", "agx", "none"]
 Unlit = Literal["auto", "none", "studio", "sky", "lamp"]
 
@@ -143,6 +144,12 @@ class Settings(_Checked):
         "software adapter has much to draw",
         choices=get_args(Emission),
     )
+    shadows: Shadows = knob(
+        "auto",
+        "how lights without a surface cast shadows: maps, or rays, where there are many to few of them at a "
+        "time; auto: maps, but rays where a software adapter has much to draw",
+        choices=get_args(Shadows),
+    )
     shadow_resolution: int = knob(
         1024,
         "texels of a shadow map's side; shared out where there are many lights",
@@ -257,6 +264,7 @@ class Changes(TypedDict, total=False):
     subsampling: int
     estimator: Estimator
     emission: Emission
+    shadows: Shadows
     shadow_resolution: int
     exposure: float | Literal["auto", "hold"]
     tonemap: Tonemap

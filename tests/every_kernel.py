@@ -25,6 +25,7 @@ VARIANTS = [
     *[dict(gather=0, estimator=name) for name in ("volumes", "tiled", "grid")],
     *[dict(preset=name) for name in ("fast", "best", "talk")],
     *[dict(emission=name) for name in ("map", "rays")],
+    dict(shadows="rays"),
     *[dict(tonemap=name) for name in ("agx", "none")],
     dict(subsampling=1),
     dict(antialias=False, background="transparent", exposure=1.0),

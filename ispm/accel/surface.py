@@ -24,6 +24,7 @@ from ispm.accel.mesh import (
     edges_at,
     hit_plane,
     interpolated,
+    is_flat,
     rows_times,
     triangle_at,
     vector_at,
@@ -217,7 +218,9 @@ def surface(tables, hit, d):
     p0, e1, e2 = edges_at(table, corners)
     position = world_point(table[INSTANCES], instance, add(p0, add(scale(u, e1), scale(v, e2))))
     ng = world_normal(table[INSTANCES], instance, cross(e1, e2))
-    n = world_normal(table[INSTANCES], instance, interpolated(table, corners, NORMAL, u, v))
+    n = ng
+    if not is_flat(table, corners):
+        n = world_normal(table[INSTANCES], instance, interpolated(table, corners, NORMAL, u, v))
     uv_area = f32(0)
     if has_texture(table, material):
         uv_area = uv_footprint(table, instance, corners, e1, e2)

@@ -5,7 +5,7 @@ const NO_HIT = 0xffffffffu;
 struct Vertex {            // object space
     position: vec3f,
     color: u32,            // linear RGBA, 8 bits each, red lowest
-    normal: vec3f,
+    normal: vec3f,         // 0: that of the triangle
     spare: f32,
     tangent: vec4f,        // w: handedness of the bitangent, 0: none
     uv0: vec2f,

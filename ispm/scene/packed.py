@@ -266,21 +266,21 @@ def pack_geometry(meshes: list[Mesh]) -> Geometry:
 
 
 def _vertices(mesh: Mesh) -> tuple[np.ndarray, np.ndarray]:
-    """VERTEX rows and triangles; a mesh without normals gets three vertices of its own per triangle."""
+    """VERTEX rows and triangles; where flat triangles are to have tangents, each gets vertices of its own."""
     triangles = mesh.triangles
-    normals = mesh.normals
     take: np.ndarray | slice = slice(None)
-    if normals is None:
+    if mesh.normals is None and mesh.uv0 is not None:
         take = triangles.ravel()
-        corners = mesh.positions[triangles].astype(np.float64)
-        flat = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-        normals = np.repeat(_unit(flat), 3, axis=0)
         triangles = np.arange(triangles.size, dtype=np.uint32).reshape(-1, 3)
-    else:
-        normals = _unit(normals.astype(np.float64))
-    rows = np.zeros(len(normals), records.VERTEX)
-    rows["position"] = mesh.positions[take]
-    rows["normal"] = normals
+    positions = mesh.positions[take]
+    rows = np.zeros(len(positions), records.VERTEX)
+    rows["position"] = positions
+    if mesh.normals is not None:
+        rows["normal"] = _unit(mesh.normals.astype(np.float64))
+    elif mesh.uv0 is not None:
+        corners = positions.reshape(-1, 3, 3).astype(np.float64)
+        flat = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        rows["normal"] = np.repeat(_unit(flat), 3, axis=0)
     rows["color"] = _pack_colors(mesh.colors, take, len(rows))
     for name in ("uv0", "uv1"):
         values = getattr(mesh, name)

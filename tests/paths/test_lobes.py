@@ -20,7 +20,7 @@ f32, i64, u32 = np.float32, np.int64, np.uint32
 
 NORMAL = np.array([0.0, 1.0, 0.0])
 F0 = (0.9, 0.6, 0.3)
-GLOW = (2.0, 3.0, 4.0)
+GLOW = (0.5, 0.75, 1.0)
 
 
 def seen_from(cosine):
@@ -61,12 +61,12 @@ def quadrature(alpha, wo, meets, steps=1200):
 
 
 def plane_under(wall, alpha):
-    """A metal plane, with a bright rectangle (`wall`) above it."""
+    """A metal plane, with a bright rectangle (`wall`) above it that is no lamp: only paths find it."""
     scene = Scene()
     corners = np.array([(-1, 0, -1), (-1, 0, 1), (1, 0, 1), (1, 0, -1)], float)
     metal = Material(F0, metallic=1.0, roughness=math.sqrt(alpha))
     scene.add(polygons([corners], "plane"), material=metal, name="plane")
-    bright = Material((0.0,) * 3, specular=0.0, emission=GLOW, double_sided=True)
+    bright = Material(GLOW, unlit=True)
     scene.add(polygons([np.array(wall, float)], "wall"), material=bright, name="wall")
     return scene
 
@@ -153,7 +153,7 @@ def _width(pdf):
 
 
 def lattice(pass_index, columns=64):
-    view = View(f32(0), f32(0), f32(0), f32(0), u32(pass_index), u32(0), u32(columns), i64(1), f32(1))
+    view = View(f32(0), f32(0), f32(0), f32(0), u32(pass_index), u32(0), u32(columns), i64(1), f32(1), True)
     out = np.zeros((columns * columns, 2), np.float32)
     _numbers(view, out)
     assert (out >= 0).all() and (out < 1).all()
