@@ -140,7 +140,7 @@ def _sample(tables, shown, pick, holes, first, scratch, samples, i):
     wi, passed = _passed(tables, lights[draw.light], x, away, holes, scratch)
     drawn = scale(draw.total / draw.value, _irradiance(lights[draw.light], x))
     f, gloss = eval_bsdf(x.bsdf, x.n, x.ng, wo, wi), _NONE
-    if not first:
+    if not first or draw.value == draw.total:  # of one there is no doubt which to draw
         light = times(times(drawn, passed), f)
     else:
         if not is_lambert(x.bsdf):
@@ -150,7 +150,7 @@ def _sample(tables, shown, pick, holes, first, scratch, samples, i):
         samples.weight[i] = draw.total
     for c in range(3):
         samples.others[i, c] = light[c]
-        samples.passed[i, c] = draw.total * passed[c]
+        samples.passed[i, c] = samples.weight[i] * passed[c]
 
 
 class _Draw(NamedTuple):

@@ -181,7 +181,7 @@ class ShadowStage:
 
 
 def shared_indices(geometry: Geometry) -> np.ndarray:
-    """Return (3 T,) uint32, the geometry's indices, where corners of flat meshes with tangents share vertices again.
+    """Return (3 T,) uint32, the indices, where corners of flat meshes with tangents share vertices again.
 
     They differ in what shadows need not; a third of the vertices are left to place.
     """

@@ -32,23 +32,24 @@ def yard(lamps: int) -> Scene:
     return scene
 
 
-def direct(gpu, scene, **settings):
+def direct(gpu, scene, passes=_PASSES, **settings):
     """The direct light of each pass, (n, h, w, 3)."""
-    told = Settings(size=(96, 64), bounces=0, passes=_PASSES, antialias=False, **settings)
+    told = Settings(size=(96, 64), bounces=0, antialias=False, **settings)
     means = []
     with Renderer(scene, told, _EYE, gpu=gpu) as renderer:
-        for frame in renderer.converge(_PASSES):
+        for frame in renderer.converge(passes):
             means.append(frame.direct.astype(float))
     sums = np.stack(means) * np.arange(1, len(means) + 1)[:, None, None, None]
     return np.diff(sums, axis=0, prepend=0.0)
 
 
 def test_two_lights_have_a_ray_each(gpu):
-    """Rays and maps decide alike but at edges, of which these hold a twentieth of the pixels."""
+    """Without antialiasing pixels that maps leave in doubt have the same rays: all agree, but for rounding at an
+    edge."""
     scene = yard(1)
-    rays, maps = (direct(gpu, scene, shadows=by)[0] for by in ("rays", "map"))
+    rays, maps = (direct(gpu, scene, 1, shadows=by)[0] for by in ("rays", "map"))
     same = np.abs(rays - maps).max(axis=-1) <= 1e-3 * maps.max()
-    assert same.mean() > 0.95
+    assert same.mean() > 0.999
     assert rays.mean() == pytest.approx(maps.mean(), rel=0.01)
 
 
@@ -61,18 +62,19 @@ def test_of_many_lights_few_rays_have_the_mean(gpu):
     difference = blocks[0] - blocks[1]
     error = difference.std(axis=0, ddof=1) / math.sqrt(_PASSES - 1)
     assert (error.mean() < 0.02 * blocks[1].mean()).all()
-    assert (np.abs(difference.mean(axis=0)) < 4.5 * error + 0.01 * blocks[1].mean(axis=0)).all()
+    assert (np.abs(difference.mean(axis=0)) <= 4.5 * error + 0.01 * blocks[1].mean(axis=0)).all()
 
 
 def test_the_first_pass_blurs_no_more_than_a_few_pixels(gpu):
     """A ratio of means over 5 x 5 pixels: the mean over 12 x 8 of them is off by 3 % on average."""
     scene = yard(13)
-    rays, maps = direct(gpu, scene, shadows="rays")[0], direct(gpu, scene, shadows="map").mean(axis=0)
+    rays, maps = direct(gpu, scene, 1, shadows="rays")[0], direct(gpu, scene, 8, shadows="map").mean(axis=0)
     blocks = [each.reshape(8, 8, 8, 12, 3).mean(axis=(1, 3)) for each in (rays, maps)]
-    assert np.abs(blocks[0] / blocks[1] - 1.0).mean() < 0.03
+    lit = blocks[1] > 0.1 * blocks[1].max()
+    assert np.abs(blocks[0] / np.where(lit, blocks[1], 1.0) - 1.0)[lit].mean() < 0.03
 
 
 def test_without_lights_there_are_no_rays(gpu):
     scene = Scene()
     scene.add(shapes.plane(1.0, 1.0), material=Material(emission=(1.0, 1.0, 1.0)))
-    assert direct(gpu, scene, shadows="rays").shape[0] == _PASSES
+    assert direct(gpu, scene, 1, shadows="rays").any()
