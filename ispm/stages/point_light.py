@@ -125,16 +125,16 @@ def _sample(tables, shown, pick, holes, first, scratch, samples, i):
         elif value > second_value:
             other, other_value, second, second_value = second, second_value, i64(k), value
         draw = _offer(draw, other, other_value)
-    for k, value in ((best, best_value), (second, second_value)):
+    for row, value in ((best, best_value), (second, second_value)):
         if value > _SHARE * total:
-            arriving = _irradiance(lights[k], x)
+            arriving = _irradiance(lights[row], x)
             irradiance = sub(irradiance, arriving)
-            wi, passed = _passed(tables, lights[k], x, away, holes, scratch)
+            wi, passed = _passed(tables, lights[row], x, away, holes, scratch)
             light = times(times(arriving, passed), eval_bsdf(x.bsdf, x.n, x.ng, wo, wi))
             for c in range(3):
                 samples.sure[i, c] += light[c]
         else:
-            draw = _offer(draw, k, value)
+            draw = _offer(draw, row, value)
     if draw.light < i64(0):
         return
     wi, passed = _passed(tables, lights[draw.light], x, away, holes, scratch)

@@ -44,7 +44,7 @@ def direct(gpu, scene, passes=_PASSES, **settings):
 
 
 def test_two_lights_have_a_ray_each(gpu):
-    """Without antialiasing pixels that maps leave in doubt have the same rays: all agree, but for rounding at an
+    """Without antialiasing pixels that maps leave in doubt have the same rays: all agree, but rounding at an
     edge."""
     scene = yard(1)
     rays, maps = (direct(gpu, scene, 1, shadows=by)[0] for by in ("rays", "map"))
