@@ -58,7 +58,8 @@ def _compared(name: str) -> Iterator[list[str]]:
 
 def by_mitsuba(name: str, reference: Reference, samples: int) -> np.ndarray:
     """Return independent pictures of one of TRACED, (parts, h, w, 3) cd/m2, by so many paths a pixel each."""
-    # mirrors and glass do not count as bounces here, but do there: no limit, where what it takes is little
+    assert reference.bounces is not None
+    # Mirrors and glass do not count as bounces here, but do there: in the open there is no need of a limit.
     depth = -1 if name == "lamp-behind-glass" else reference.bounces + 2
     integrator = {"type": "path", "max_depth": depth, "rr_depth": 1000 if depth > 0 else 16}
     scene = to_mitsuba(TRACED[name](), reference.size, integrator)
