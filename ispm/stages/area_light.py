@@ -59,7 +59,8 @@ class _Samples(NamedTuple):
     diffuse, gloss  (n, 3) light of the Lambert lobe over its albedo, and of the others, cd/m2
     drawn           (n, 3) what `diffuse` would be without shadows and reflection above it
     unshadowed      (n, 3) likewise, exact where that is known
-    reach           (n,) pixels to each side that the penumbra can be blurred over, infinite without shadow
+    reach           (n,) pixels to each side that the filter may take in: of the penumbra's width, infinite
+                    where none shades a Lambert surface or metal
     """
 
     diffuse: np.ndarray
@@ -106,6 +107,9 @@ def _sample_pixels(tables, pixels, view, counter, samples):
         if not is_lit(tables, pixels, i):
             continue
         shown = shown_at(tables, pixels, view, i)
+        if greatest(shown.x.bsdf.diffuse) > f32(0) and not is_lambert(shown.x.bsdf):
+            # what reflection leaves to the Lambert lobe depends on the draw, whose ratio alone is biased
+            samples.reach[i] = f32(_REACH)
         column = (i % view.columns + step) % _SIDE
         row = (i // view.columns + step // _SIDE) % _SIDE
         r0, r1, r2, holes = random4(u32(i), u32(_DIMENSION), view.pass_index, view.seed)
