@@ -17,9 +17,10 @@ from typing import NamedTuple
 import numpy as np
 
 from ispm.accel.intersect import STACK_WORDS, any_distance
+from ispm.accel.lobes import dielectric_at
 from ispm.accel.mesh import MATERIAL_WORDS, MATERIALS, word_of
 from ispm.accel.records import Hit, Ray, Scratch
-from ispm.accel.surface import SurfacePoint, SurfaceTable, dielectric_at, scene_tables
+from ispm.accel.surface import SurfacePoint, SurfaceTable, scene_tables
 from ispm.accel.world import World
 from ispm.frame import GBuffer
 from ispm.gpu import Gpu
@@ -37,6 +38,7 @@ from ispm.lights.nee import (
     without_diffuse,
 )
 from ispm.optics.bsdf import eval_bsdf, is_lambert, is_narrow, surface_bsdf, transmits
+from ispm.optics.coat import NO_COAT
 from ispm.optics.environment import environment_irradiance, has_environment
 from ispm.optics.jit import jit
 from ispm.optics.light import FAR
@@ -237,7 +239,7 @@ def _shown(tables, pixels, view, i):
     wo = vec3(view.back) if view.parallel else scale(f32(1) / distance, to_eye)
     side = max(dot(vec3(width), position) + width[3], f32(1e-30))
     hit = Hit(u32(NO_HIT), u32(0), f32(0), f32(0))
-    return _Shown(SurfacePoint(hit, position, ng, n, b, u32(0), True), wo, distance, side)
+    return _Shown(SurfacePoint(hit, position, ng, n, b, u32(0), True, NO_COAT), wo, distance, side)
 
 
 @jit
