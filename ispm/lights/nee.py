@@ -287,8 +287,8 @@ def is_bright(b, ng, wo, irradiance, wi, limit):
     irradiance, wi  as `light_arriving` has them
     limit           of pi times the radiance that the light would make there without shadows
     The same for the eye and for photons: it takes the geometric normal, as the shading normal is bent
-    towards the viewer, and is symmetric in wo and wi. Callers lower the limit by what a coat hides, which is
-    not: of coated surfaces that what is under the coat decides.
+    towards the viewer, and is symmetric in wo and wi. Of a coated surface what is under the coat decides:
+    callers scale the limit by the share of it that the coat shows, which is not symmetric.
     """
     if limit == f32(np.inf):
         return False
