@@ -21,7 +21,7 @@ f32, i64, u32 = np.float32, np.int64, np.uint32
 
 NORMAL = np.array([0.0, 1.0, 0.0])
 F0 = (0.9, 0.6, 0.3)
-GLOW = (2.0, 3.0, 4.0)
+GLOW = (0.5, 0.75, 1.0)
 
 
 def seen_from(cosine):
@@ -67,7 +67,7 @@ def plane_under(wall, alpha):
     corners = np.array([(-1, 0, -1), (-1, 0, 1), (1, 0, 1), (1, 0, -1)], float)
     metal = Material(F0, metallic=1.0, roughness=math.sqrt(alpha))
     scene.add(polygons([corners], "plane"), material=metal, name="plane")
-    bright = Material((0.0,) * 3, specular=0.0, emission=GLOW, double_sided=True)
+    bright = Material(GLOW, unlit=True, double_sided=True)  # no lamp, which other stages draw from, too
     scene.add(polygons([np.array(wall, float)], "wall"), material=bright, name="wall")
     return scene
 
