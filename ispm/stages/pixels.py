@@ -7,13 +7,15 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ispm.accel.lobes import dielectric_at
 from ispm.accel.mesh import MATERIAL_WORDS, MATERIALS, word_of
 from ispm.accel.records import Hit
-from ispm.accel.surface import SurfacePoint, dielectric_at
+from ispm.accel.surface import SurfacePoint
 from ispm.frame import GBuffer
 from ispm.gpu import Gpu
 from ispm.kernels.simd import ldu, u2f
 from ispm.optics.bsdf import surface_bsdf
+from ispm.optics.coat import NO_COAT
 from ispm.optics.jit import jit
 from ispm.optics.records import MATERIAL, MATERIAL_UNLIT, NO_HIT
 from ispm.optics.sampling import octahedral_decode
@@ -114,7 +116,7 @@ def shown_at(tables, pixels, view, i):
     wo = vec3(view.back) if view.parallel else scale(f32(1) / distance, to_eye)
     side = max(dot(vec3(width), position) + width[3], f32(1e-30))
     hit = Hit(u32(NO_HIT), u32(0), f32(0), f32(0))
-    return Shown(SurfacePoint(hit, position, ng, n, b, u32(0), True), wo, distance, side)
+    return Shown(SurfacePoint(hit, position, ng, n, b, u32(0), True, NO_COAT), wo, distance, side)
 
 
 @jit

@@ -74,12 +74,12 @@ def test_load_refuses_required_extensions_by_name(tmp_path: Path) -> None:
 
 
 def test_load_tells_which_extensions_are_honoured(tmp_path: Path) -> None:
-    used = ["KHR_materials_ior", "KHR_materials_clearcoat", "ACME_teleport"]
+    used = ["KHR_materials_ior", "KHR_materials_iridescence", "ACME_teleport"]
     scene = quad(extensionsUsed=used).load(tmp_path)
     assert scene.extensions_used == used
     assert scene.extensions_honoured == ["KHR_materials_ior"]
     assert scene.warnings == [
-        "extensions that are not supported are passed over: KHR_materials_clearcoat, ACME_teleport"
+        "extensions that are not supported are passed over: KHR_materials_iridescence, ACME_teleport"
     ]
 
 

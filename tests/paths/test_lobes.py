@@ -8,6 +8,7 @@ from transport import Tracer
 
 from ispm.library.shapes import polygons
 from ispm.optics.bsdf import Bsdf, eval_bsdf, pdf_bsdf
+from ispm.optics.coat import NO_COAT
 from ispm.optics.jit import jit
 from ispm.paths.branch import View
 from ispm.paths.eye import trace_eye
@@ -66,7 +67,7 @@ def plane_under(wall, alpha):
     corners = np.array([(-1, 0, -1), (-1, 0, 1), (1, 0, 1), (1, 0, -1)], float)
     metal = Material(F0, metallic=1.0, roughness=math.sqrt(alpha))
     scene.add(polygons([corners], "plane"), material=metal, name="plane")
-    bright = Material(GLOW, unlit=True)
+    bright = Material(GLOW, unlit=True, double_sided=True)  # no lamp, which other stages draw from, too
     scene.add(polygons([np.array(wall, float)], "wall"), material=bright, name="wall")
     return scene
 
@@ -129,7 +130,7 @@ def test_weights_are_the_bsdf_over_the_density_that_is_handed_on():
 
     zero, up = (f32(0),) * 3, (f32(0), f32(1), f32(0))
     b = Bsdf(zero, (f32(0.9),) * 3, f32(1), f32(0.15), f32(0), f32(0), zero, f32(1.5), f32(0))
-    x = SurfacePoint(Hit(u32(0), u32(0), f32(0), f32(0)), zero, up, up, b, u32(0), True)
+    x = SurfacePoint(Hit(u32(0), u32(0), f32(0), f32(0)), zero, up, up, b, u32(0), True, NO_COAT)
     wo = tuple(f32(c) for c in seen_from(0.3))
     u = np.random.default_rng(5).random((2000, 2)).astype(np.float32)
     out = np.zeros((len(u), 5), np.float32)
@@ -153,7 +154,9 @@ def _width(pdf):
 
 
 def lattice(pass_index, columns=64):
-    view = View(f32(0), f32(0), f32(0), f32(0), u32(pass_index), u32(0), u32(columns), i64(1), f32(1), True)
+    view = View(
+        f32(0), f32(0), f32(0), f32(0), u32(pass_index), u32(0), u32(columns), i64(1), f32(1), False, False
+    )
     out = np.zeros((columns * columns, 2), np.float32)
     _numbers(view, out)
     assert (out >= 0).all() and (out < 1).all()
