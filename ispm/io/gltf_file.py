@@ -17,7 +17,7 @@ from ispm.io.notes import Notes
 from ispm.settings import LoadLimits
 
 COMPONENTS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
-WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
+WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
 MOST_ZEROS = 1_000_000  # elements that take no bytes of the file, so that small files stay small
 
 Item = TypeVar("Item")
@@ -88,7 +88,7 @@ class GltfFile:
         """Return an accessor's (count, width) components as they are stored, in place where they can be."""
         accessor = item(self.gltf.accessors, index, "accessor")
         if accessor.type not in WIDTHS:
-            raise SceneError(f"accessor {index} holds matrices where none belong")
+            raise SceneError(f"accessor {index} holds matrices of 2 or 3 rows where none belong")
         what = f"accessor {index}"
         dtype, shape = COMPONENTS[accessor.component_type], (self.count(index), WIDTHS[accessor.type])
         if accessor.buffer_view is None:
@@ -157,6 +157,11 @@ class GltfFile:
             values /= np.float32(np.iinfo(stored.dtype).max)
             np.maximum(values, np.float32(-1.0), out=values)
         return values
+
+    def holds_zeros(self, index: int) -> bool:
+        """Return whether an accessor has no bytes at all, so that all its elements are 0."""
+        accessor = item(self.gltf.accessors, index, "accessor")
+        return accessor.buffer_view is None and accessor.sparse is None
 
     def indices(self, index: int) -> np.ndarray:
         """Return a (count,) accessor of unsigned integers. Raises SceneError where it is none."""
