@@ -15,7 +15,7 @@ from ispm.scene.mesh import Mesh, Morph
 from ispm.scene.node import Node
 from ispm.scene.skin import Skin
 
-_DELTAS = {"positions": "POSITION", "normals": "NORMAL", "tangents": "TANGENT"}
+DELTAS = {"positions": "POSITION", "normals": "NORMAL", "tangents": "TANGENT"}
 _TARGET = 2_000  # steps to read a morph target, however small
 _POSED_BYTES = 128  # of a vertex in a shape of its own, packed
 _BIND_BYTES = 16 * 12  # of a joint: its matrices as they are read and as they are used
@@ -192,11 +192,11 @@ def read_morphs(
         file.budget.take(where, work=_TARGET)
         fields: dict[str, Any] = {
             field: _deltas(file, primitive, target[name], rows, f"{where}: {name} of morph target {k}")
-            for field, name in _DELTAS.items()
+            for field, name in DELTAS.items()
             if name in target
         }
         morphs.append(Morph(**fields, name=names[k] if k < len(names) else ""))
-    idle = all(getattr(morph, field) is None for morph in morphs for field in _DELTAS)
+    idle = all(getattr(morph, field) is None for morph in morphs for field in DELTAS)
     return [] if idle else morphs
 
 
