@@ -1,4 +1,4 @@
-"""Skins and morph targets of glTF files, against numbers read and evaluated here once more, without ispm.io."""
+"""Skins and morph targets of glTF files, against numbers that are read and evaluated here once more."""
 
 import base64
 import json
@@ -331,7 +331,7 @@ def test_channels_of_weights_that_do_not_fit_are_told(tmp_path: Path) -> None:
 
 
 def test_shapes_count_against_the_limits(tmp_path: Path) -> None:
-    """A thousand nodes that each bend a mesh of their own take more than one that is drawn a thousand times."""
+    """Nodes that each bend a mesh of their own take more than those that share one as it is."""
     builder = quad_skin()
     for _ in range(2000):
         builder.node(mesh=0, skin=0)

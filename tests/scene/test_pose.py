@@ -20,7 +20,7 @@ def strip(rows=9):
     y = np.repeat(np.linspace(0.0, 2.0, rows), 2)
     x = np.tile([-0.1, 0.1], rows)
     quads = 2 * np.arange(rows - 1)[:, None]
-    triangles = np.concatenate([quads + [0, 1, 2], quads + [2, 1, 3]])
+    triangles = np.concatenate([quads + np.array(k) for k in ([0, 1, 2], [2, 1, 3])])
     upper = np.clip((y - 0.75) / 0.5, 0.0, 1.0)
     mesh = ispm.Mesh(
         np.stack([x, y, 0 * x], axis=1), triangles, np.tile((0.0, 0.0, 1.0), (len(x), 1)), name="strip"
@@ -146,7 +146,9 @@ def test_morph_targets_add_exactly():
     assert (rows["position"] == positions.astype(np.float32)).all()
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     np.testing.assert_allclose(rows["normal"], normals, atol=1e-6)
-    np.testing.assert_allclose(scene.bounds, [positions.min(0) + [1, 2, 3], positions.max(0) + [1, 2, 3]])
+    place = np.array([1.0, 2.0, 3.0])
+    expected = [positions.min(axis=0) + place, positions.max(axis=0) + place]
+    np.testing.assert_allclose(scene.bounds, expected, atol=ROUNDING)
     node.weights = None
     assert (pack(scene).geometry.vertices["position"] == mesh.positions).all()
 
@@ -209,37 +211,44 @@ def test_smooth_normals_follow_positions():
     assert apart[edge & (np.abs(mesh.uv0[:, 1] - 0.5) < 0.45)].max() < 6.0
 
 
-@pytest.mark.parametrize(
-    ("spoil", "line"),
-    [
-        (lambda s: setattr(s["arm"], "weights", [1.0, "x"]), "node 'arm': weights must be numbers"),
-        (lambda s: setattr(s["arm"], "skin", "arm"), "node 'arm': skin must be a"),
-        (lambda s: s.remove("elbow"), "joint 'elbow' of its skin is not in the scene"),
-        (lambda s: setattr(s["arm"].skin, "joints", []), "skin 'arm': has no joints"),
-        (lambda s: setattr(s["arm"].skin, "inverse_bind", np.eye(4)), r"skin 'arm': inverse_bind must have shape"),
-        (lambda s: s["arm"].skin.joints.pop(), r"skin 'arm': inverse_bind must have shape"),
-        (lambda s: setattr(s["arm"].skin, "inverse_bind", np.ones((2, 4, 4))), "last row of each inverse_bind"),
-        (lambda s: setattr(s["arm"].parts[0].mesh, "joints", np.full((18, 4), 2)), "follows joint 2, .* 2 joints"),
-        (lambda s: setattr(s["arm"].parts[0].mesh, "joints", np.zeros((17, 4))), "joints of shape"),
-        (lambda s: setattr(s["arm"].parts[0].mesh, "joint_weights", np.full((18, 4), np.nan)), "joint_weights"),
-        (lambda s: setattr(s["arm"].parts[0].mesh, "joint_weights", None), "go together"),
-        (lambda s: setattr(s["arm"].parts[0].mesh, "morphs", [1]), "morphs must be a list of Morph"),
-        (
-            lambda s: (
-                setattr(s["arm"].parts[0].mesh, "morphs", [ispm.Morph(np.zeros((3, 3)))]),
-                setattr(s["arm"], "weights", [1.0]),
-            ),
-            "morph target 0: positions has 3 rows for 18 vertices",
-        ),
-        (
-            lambda s: (
-                setattr(s["arm"].parts[0].mesh, "morphs", [ispm.Morph()]),
-                setattr(s["arm"], "weights", [1.0, 2.0]),
-            ),
-            "node 'arm': has 2 weights for the 1 morph targets of mesh 'strip'",
-        ),
-    ],
-)  # fmt: skip
+def _mesh(name, value):
+    return lambda scene: setattr(scene["arm"].parts[0].mesh, name, value)
+
+
+def _skin(name, value):
+    return lambda scene: setattr(scene["arm"].skin, name, value)
+
+
+def _morph(morph, *weights):
+    def spoil(scene):
+        scene["arm"].parts[0].mesh.morphs = [morph]
+        scene["arm"].weights = weights
+
+    return spoil
+
+
+SPOILT = [
+    (lambda scene: setattr(scene["arm"], "weights", [1.0, "x"]), "node 'arm': weights must be numbers"),
+    (lambda scene: setattr(scene["arm"], "skin", "arm"), "node 'arm': skin must be a"),
+    (lambda scene: scene.remove("elbow"), "joint 'elbow' of its skin is not in the scene"),
+    (_skin("joints", []), "skin 'arm': has no joints"),
+    (_skin("joints", ["elbow"]), "skin 'arm': joints must be a list of Node"),
+    (_skin("inverse_bind", np.eye(4)), "skin 'arm': inverse_bind must have shape"),
+    (lambda scene: scene["arm"].skin.joints.pop(), "skin 'arm': inverse_bind must have shape"),
+    (_skin("inverse_bind", np.ones((2, 4, 4))), "last row of each inverse_bind"),
+    (_skin("inverse_bind", np.full((2, 4, 4), np.nan)), "inverse_bind must be numbers of finite size"),
+    (_mesh("joints", np.full((18, 4), 2)), "follows joint 2, and the skin has 2 joints"),
+    (_mesh("joints", np.zeros((17, 4))), "joints of shape"),
+    (_mesh("joint_weights", np.full((18, 4), np.nan)), "joint_weights must be numbers"),
+    (_mesh("joint_weights", np.full((18, 4), -1.0)), "joint_weights must be numbers"),
+    (_mesh("joint_weights", None), "go together"),
+    (_mesh("morphs", [1]), "morphs must be a list of Morph"),
+    (_morph(ispm.Morph(np.zeros((3, 3))), 1.0), "morph target 0: positions has 3 rows for 18 vertices"),
+    (_morph(ispm.Morph(), 1.0, 2.0), "node 'arm': has 2 weights for the 1 morph targets of mesh 'strip'"),
+]
+
+
+@pytest.mark.parametrize(("spoil", "line"), SPOILT)
 def test_what_does_not_fit_is_one_line(spoil, line):
     scene = arm()
     spoil(scene)
