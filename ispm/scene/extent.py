@@ -72,7 +72,9 @@ def placed_bounds(placed: Iterable[tuple[Mesh, np.ndarray]]) -> np.ndarray:
 
 def used_points(positions: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     """Return the (n, 3) float64 positions that triangles use."""
-    return np.asarray(positions[np.unique(triangles)], np.float64)
+    used = np.zeros(len(positions), bool)
+    used[triangles.ravel()] = True
+    return np.asarray(positions[used], np.float64)
 
 
 def _bounds_of_copies(points: np.ndarray, matrices: np.ndarray) -> np.ndarray:

@@ -352,10 +352,11 @@ def _tangents(rows: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     sign = np.sign(det)[:, None]
     tangent = (e1 * d2[:, 1:] - e2 * d1[:, 1:]) * sign
     bitangent = (e2 * d1[:, :1] - e1 * d2[:, :1]) * sign
-    sums = np.zeros((2, len(rows), 3))
-    for corner in range(3):
-        np.add.at(sums[0], triangles[:, corner], tangent)
-        np.add.at(sums[1], triangles[:, corner], bitangent)
+    corners = triangles.T.ravel()
+    sums = [
+        np.stack([np.bincount(corners, np.tile(column, 3), len(rows)) for column in along.T], axis=1)
+        for along in (tangent, bitangent)
+    ]
     normal = rows["normal"].astype(np.float64)
     along = sums[0] - normal * np.einsum("ij,ij->i", normal, sums[0])[:, None]
     length = np.linalg.norm(along, axis=1)

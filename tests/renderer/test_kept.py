@@ -52,7 +52,7 @@ def room() -> Scene:
     sail = shapes.box((0.6, 0.6, 0.05))
     sail.morphs = [Morph(0.5 * sail.positions)]
     glow = Material(emission=(2.0, 1.0, 0.5), double_sided=True)
-    scene.add(sail, material=glow, name="sail", translation=(1.4, 0.6, 1.0)).weights = [0.0]
+    scene.add(sail, material=glow, name="sail", translation=(1.4, 0.6, 1.0)).weights = [0.2]
     pole = shapes.cylinder(0.1, 1.0)
     pole.joints = np.tile([0, 1], (len(pole.positions), 1))
     pole.joint_weights = np.stack([0.5 - pole.positions[:, 1], 0.5 + pole.positions[:, 1]], axis=1)
