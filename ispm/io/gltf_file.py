@@ -84,11 +84,14 @@ class GltfFile:
             )
         return count
 
-    def stored(self, index: int) -> np.ndarray:
-        """Return an accessor's (count, width) components as they are stored, in place where they can be."""
+    def stored(self, index: int, *, matrices: bool = False) -> np.ndarray:
+        """Return an accessor's (count, width) components as they are stored, in place where they can be.
+
+        matrices  whether it may hold some, of 4 rows, column by column
+        """
         accessor = item(self.gltf.accessors, index, "accessor")
-        if accessor.type not in WIDTHS:
-            raise SceneError(f"accessor {index} holds matrices of 2 or 3 rows where none belong")
+        if accessor.type not in WIDTHS or (accessor.type == "MAT4" and not matrices):
+            raise SceneError(f"accessor {index} holds matrices where none belong")
         what = f"accessor {index}"
         dtype, shape = COMPONENTS[accessor.component_type], (self.count(index), WIDTHS[accessor.type])
         if accessor.buffer_view is None:
@@ -148,7 +151,7 @@ class GltfFile:
         accessor = item(self.gltf.accessors, index, "accessor")
         if accessor.type not in types:
             return None
-        stored = self.stored(index)
+        stored = self.stored(index, matrices=True)
         count = len(stored) if isinstance(rows, slice) else len(rows)
         self.budget.take(f"accessor {index}", memory=4 * stored.shape[1] * count)
         stored = stored[rows]

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from ispm.scene.node import Node
 from ispm.scene.scene import Scene
+from ispm.scene.skin import Skin
 
 _HELD = ("parts", "instances", "light", "camera")
 
@@ -26,12 +29,24 @@ class Copy:
             self._scene, self._of = scene, of
             return scene
         self._scene.environment = scene.environment
-        for mine, other in zip(self._scene.nodes, scene.nodes, strict=True):
+        pairs = list(zip(self._scene.nodes, scene.nodes, strict=True))
+        twins = {id(other): mine for mine, other in pairs}
+        for mine, other in pairs:
             mine.name = other.name
             mine.stand_as(other)
             for name in _HELD:
                 setattr(mine, name, getattr(other, name))
+            skin = None if other.skin is None else other.skin.of(twins)
+            if not _alike(mine.skin, skin):
+                mine.skin = skin
         return self._scene
+
+
+def _alike(a: Skin | None, b: Skin | None) -> bool:
+    """Whether two skins have the same joints and matrices."""
+    if a is None or b is None:
+        return a is b
+    return a.joints == b.joints and np.array_equal(a.inverse_bind, b.inverse_bind)
 
 
 def without(scene: Scene, original: Scene, hidden: frozenset[Node]) -> Scene:
