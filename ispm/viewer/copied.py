@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from ispm.scene.node import Node
 from ispm.scene.scene import Scene
 from ispm.scene.skin import Skin
+from ispm.scene.values import kept_value
 
 _HELD = ("parts", "instances", "light", "camera")
 
@@ -46,7 +45,7 @@ def _alike(a: Skin | None, b: Skin | None) -> bool:
     """Whether two skins have the same joints and matrices."""
     if a is None or b is None:
         return a is b
-    return a.joints == b.joints and np.array_equal(a.inverse_bind, b.inverse_bind)
+    return a.joints == b.joints and kept_value(a.inverse_bind) == kept_value(b.inverse_bind)
 
 
 def without(scene: Scene, original: Scene, hidden: frozenset[Node]) -> Scene:
