@@ -26,10 +26,11 @@ if TYPE_CHECKING:
     from ispm.scene.environment import Environment
     from ispm.scene.light import DirectionalLight, DiskLight, PointLight, RectLight, SphereLight, SpotLight
     from ispm.scene.material import AlphaMode, Material, Texture, TextureUse, Wrap
-    from ispm.scene.mesh import Mesh
+    from ispm.scene.mesh import Mesh, Morph
     from ispm.scene.names import Names
     from ispm.scene.rotation import axis_angle, euler
     from ispm.scene.scene import Node, Part, Scene
+    from ispm.scene.skin import Skin
     from ispm.scene.sky import Sky
     from ispm.settings import Settings
     from ispm.viewer.viewer import Viewer, view
@@ -50,6 +51,7 @@ _HOMES = {
     "LightPaths": "ispm.renderer.light_paths",
     "Material": "ispm.scene.material",
     "Mesh": "ispm.scene.mesh",
+    "Morph": "ispm.scene.mesh",
     "Names": "ispm.scene.names",
     "Node": "ispm.scene.scene",
     "OutputError": "ispm.errors",
@@ -63,6 +65,7 @@ _HOMES = {
     "SceneWarning": "ispm.errors",
     "Settings": "ispm.settings",
     "SettingsError": "ispm.errors",
+    "Skin": "ispm.scene.skin",
     "Sky": "ispm.scene.sky",
     "SphereLight": "ispm.scene.light",
     "SpotLight": "ispm.scene.light",
@@ -98,6 +101,7 @@ __all__ = [
     "LightPaths",
     "Material",
     "Mesh",
+    "Morph",
     "Names",
     "Node",
     "OutputError",
@@ -111,6 +115,7 @@ __all__ = [
     "SceneWarning",
     "Settings",
     "SettingsError",
+    "Skin",
     "Sky",
     "SphereLight",
     "SpotLight",

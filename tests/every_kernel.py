@@ -87,6 +87,8 @@ def render_everything() -> None:
         renderer.settings = ispm.Settings(**SMALL, preset="live")
         for step in (0.0, 0.1, 0.1):  # the last frame rests
             renderer.scene.nodes[1].translation = (-2.8 + step, 0.7, 0.0)
+            mesh = renderer.scene.nodes[2].parts[0].mesh
+            mesh.positions = mesh.positions * np.float32(1.0 + step)
             assert renderer.render().image.size
         renderer.settings = ispm.Settings(**SMALL)
         for name in ("cornell-box", "caustic-ring", "objects-in-box"):  # the last has large meshes

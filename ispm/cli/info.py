@@ -196,15 +196,15 @@ def _bounds(scene: Scene) -> tuple[list[float], list[float]]:
     """The corners of the box round all meshes as placed; empty where there are none."""
     import numpy as np
 
-    corners = []
-    for node, world in scene.placed():
-        for part in node.parts:
-            if len(part.mesh.positions) and node.instances is None:
-                placed = part.mesh.positions @ world[:3, :3].T + world[:3, 3]
-                corners += [placed.min(axis=0), placed.max(axis=0)]
-            elif len(part.mesh.positions) and node.copies:
-                boxes = _boxes(part.mesh.positions, node.places(world))
-                corners += [boxes.min(axis=0), boxes.max(axis=0)]
+    from ispm.scene.pose import shown_shapes
+
+    corners, tree = [], scene.tree()
+    for mesh, places in shown_shapes(tree.nodes, tree.worlds(), range(len(tree.nodes))):
+        if len(places) == 1:
+            placed = mesh.positions @ places[0, :3, :3].T + places[0, :3, 3]
+        else:
+            placed = _boxes(mesh.positions, places)
+        corners += [placed.min(axis=0), placed.max(axis=0)]
     if not corners:
         return [], []
     return np.min(corners, axis=0).tolist(), np.max(corners, axis=0).tolist()

@@ -19,6 +19,7 @@ from ispm.io.gltf_lamp import read_lamp
 from ispm.io.gltf_light import read_light
 from ispm.io.gltf_mesh import Meshes
 from ispm.io.gltf_node import build_tree, chosen_scene, reached
+from ispm.io.gltf_skin import Skins
 from ispm.scene.camera import Camera
 from ispm.scene.scene import Node, Part, Scene
 from ispm.scene.values import FARTHEST
@@ -92,7 +93,7 @@ def _unsupported(names: list[str]) -> list[str]:
 
 def _furnish(file: GltfFile, nodes: list[Node], shown: list[int]) -> None:
     """Put meshes, cameras and lights at the nodes numbered in `shown`."""
-    meshes = Meshes(file)
+    meshes, skins = Meshes(file), Skins(file, nodes, shown)
     triangles = instances = 0
     for i in shown:
         record, node = file.gltf.nodes[i], nodes[i]
@@ -101,6 +102,7 @@ def _furnish(file: GltfFile, nodes: list[Node], shown: list[int]) -> None:
             node.light = read_lamp(file, record.extras, label("node", i, node.name))
             if node.light is not None:
                 del node.parts[-1:]  # which shows the lamp to other programs
+            skins.bend(i, node)
             if record.extensions.instancing is not None and node.parts:
                 node.instances = read_instances(
                     file, record.extensions.instancing, label("node", i, node.name)
@@ -111,8 +113,6 @@ def _furnish(file: GltfFile, nodes: list[Node], shown: list[int]) -> None:
             raise SceneError(f"more than max_nodes={file.limits.max_nodes} instances are placed")
         if triangles > file.limits.max_triangles:
             raise SceneError(f"more than max_triangles={file.limits.max_triangles} triangles are placed")
-        if record.skin is not None:
-            file.notes.count("skinned node is drawn in rest pose", "skinned nodes are drawn in rest pose")
         if record.camera is not None:
             node.camera = _camera(file, record.camera)
         if record.extensions.light is not None:

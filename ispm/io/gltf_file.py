@@ -17,7 +17,7 @@ from ispm.io.notes import Notes
 from ispm.settings import LoadLimits
 
 COMPONENTS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
-WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
+WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
 MOST_ZEROS = 1_000_000  # elements that take no bytes of the file, so that small files stay small
 
 Item = TypeVar("Item")
@@ -84,10 +84,13 @@ class GltfFile:
             )
         return count
 
-    def stored(self, index: int) -> np.ndarray:
-        """Return an accessor's (count, width) components as they are stored, in place where they can be."""
+    def stored(self, index: int, *, matrices: bool = False) -> np.ndarray:
+        """Return an accessor's (count, width) components as they are stored, in place where they can be.
+
+        matrices  whether it may hold some, of 4 rows, column by column
+        """
         accessor = item(self.gltf.accessors, index, "accessor")
-        if accessor.type not in WIDTHS:
+        if accessor.type not in WIDTHS or (accessor.type == "MAT4" and not matrices):
             raise SceneError(f"accessor {index} holds matrices where none belong")
         what = f"accessor {index}"
         dtype, shape = COMPONENTS[accessor.component_type], (self.count(index), WIDTHS[accessor.type])
@@ -148,7 +151,7 @@ class GltfFile:
         accessor = item(self.gltf.accessors, index, "accessor")
         if accessor.type not in types:
             return None
-        stored = self.stored(index)
+        stored = self.stored(index, matrices=True)
         count = len(stored) if isinstance(rows, slice) else len(rows)
         self.budget.take(f"accessor {index}", memory=4 * stored.shape[1] * count)
         stored = stored[rows]
@@ -157,6 +160,11 @@ class GltfFile:
             values /= np.float32(np.iinfo(stored.dtype).max)
             np.maximum(values, np.float32(-1.0), out=values)
         return values
+
+    def holds_zeros(self, index: int) -> bool:
+        """Return whether an accessor has no bytes at all, so that all its elements are 0."""
+        accessor = item(self.gltf.accessors, index, "accessor")
+        return accessor.buffer_view is None and accessor.sparse is None
 
     def indices(self, index: int) -> np.ndarray:
         """Return a (count,) accessor of unsigned integers. Raises SceneError where it is none."""

@@ -12,6 +12,7 @@ from ispm.io.arrays import compact, wild
 from ispm.io.budget import MESH
 from ispm.io.gltf_file import GltfFile, item, label
 from ispm.io.gltf_material import Materials
+from ispm.io.gltf_skin import read_joints, read_morphs, target_names
 from ispm.scene.material import Material
 from ispm.scene.mesh import Mesh
 
@@ -47,18 +48,15 @@ class Meshes:
         return self._parts[index]
 
     def _mesh(self, primitive: schema.Primitive, index: int, name: str) -> Mesh | None:
-        if primitive.targets:
-            self._file.notes.count(
-                "primitive with morph targets is drawn without them",
-                "primitives with morph targets are drawn without them",
-            )
-        key = primitive.mode, primitive.indices, tuple(sorted(primitive.attributes.items()))
+        targets = tuple(tuple(sorted(target.items())) for target in primitive.targets)
+        key = primitive.mode, primitive.indices, tuple(sorted(primitive.attributes.items())), targets
         if key not in self._made:
-            self._made[key] = self._make(primitive, label("mesh", index, name), name)
+            self._made[key] = self._make(primitive, index, name)
         return self._made[key]
 
-    def _make(self, primitive: schema.Primitive, where: str, name: str) -> Mesh | None:
+    def _make(self, primitive: schema.Primitive, index: int, name: str) -> Mesh | None:
         """A primitive's mesh, of the vertices that its triangles use; None where nothing is left."""
+        where = label("mesh", index, name)
         if primitive.mode not in (TRIANGLES, STRIP, FAN):
             self._file.notes.count(
                 "primitive of points or lines is not drawn", "primitives of points or lines are not drawn"
@@ -90,7 +88,13 @@ class Meshes:
         others: dict[str, Any] = {
             field: self._attribute(primitive, *asked, rows, where) for field, asked in ATTRIBUTES.items()
         }
-        return Mesh(positions, triangles, **others, name=name)
+        deform: dict[str, Any] = {}
+        if "JOINTS_0" in primitive.attributes:
+            deform |= read_joints(self._file, primitive, rows, where)
+        if primitive.targets:
+            names = target_names(self._file.gltf.meshes[index])
+            deform["morphs"] = read_morphs(self._file, primitive, rows, where, names)
+        return Mesh(positions, triangles, **others, **deform, name=name)
 
     def _lacks_bytes(self, index: int) -> bool:
         return item(self._file.gltf.accessors, index, "accessor").buffer_view is None

@@ -94,7 +94,7 @@ class Primitive(Record, frozen=True):
     indices: Index | None = None
     material: Index | None = None
     mode: int = 4
-    targets: list[Any] = []
+    targets: list[dict[str, Index]] = []
     extensions: PrimitiveExtensions = PrimitiveExtensions()
 
 
@@ -102,7 +102,9 @@ class Mesh(Record, frozen=True):
     """Primitives that are placed together."""
 
     primitives: list[Primitive]
+    weights: list[float] = []
     name: str = ""
+    extras: Any = None
 
 
 class Perspective(Record, frozen=True):
@@ -180,8 +182,17 @@ class Node(Record, frozen=True):
     mesh: Index | None = None
     camera: Index | None = None
     skin: Index | None = None
+    weights: list[float] | None = None
     extensions: NodeExtensions = NodeExtensions()
     extras: Any = None
+
+
+class Skin(Record, frozen=True):
+    """Joints, which are nodes, and an accessor of how they stood when meshes were bound to them."""
+
+    joints: list[Index]
+    inverse_bind_matrices: Index | None = None
+    name: str = ""
 
 
 class Scene(Record, frozen=True):
@@ -252,4 +263,5 @@ class Gltf(Record, frozen=True):
     samplers: list[Sampler] = []
     scene: Index | None = None
     scenes: list[Scene] = []
+    skins: list[Skin] = []
     textures: list[Texture] = []

@@ -20,6 +20,13 @@ from ispm.io.gltf_lamp import lamp_extras, lamp_part
 from ispm.io.gltf_mesh import ATTRIBUTES
 from ispm.io.gltf_write import Document
 from ispm.io.gltf_write_material import MaterialWriter, given, numbers, split
+from ispm.io.gltf_write_skin import (
+    complete_targets,
+    write_skins,
+    written_joints,
+    written_targets,
+    written_weights,
+)
 from ispm.io.png import encode_png
 from ispm.scene.animation import Animation, Channel
 from ispm.scene.light import DirectionalLight, PunctualLight, SpotLight, SurfaceLight
@@ -86,7 +93,9 @@ class _Writer:
         self._meshes: dict[tuple[tuple[int, int], ...], int] = {}
         self._lamps: dict[tuple[object, ...], Part] = {}
         self._numbers: dict[int, list[int]] = {}  # of each node, one for each of its parents
+        self._bent: list[tuple[Node, dict[str, Any]]] = []  # nodes with skins, and their records
         self._scene(scene)
+        write_skins(self.document, self._bent, self._numbers)
         for animation in scene.animations:
             self._animation(animation)
 
@@ -100,6 +109,8 @@ class _Writer:
             made = self._node(node)
             number = self.document.put("nodes", made)
             self._numbers.setdefault(id(node), []).append(number)
+            if node.skin is not None and any(part.mesh.joints is not None for part in node.parts):
+                self._bent.append((node, made))
             parent.setdefault(place, []).append(number)
             stack.extend((child, made, "children") for child in reversed(node.children))
         self.document.put("scenes", record)
@@ -124,6 +135,7 @@ class _Writer:
                 "name": node.name,
                 **_place(node),
                 "mesh": self._mesh(parts) if parts else None,
+                "weights": written_weights(node, parts),
                 "camera": camera,
                 "extensions": extensions,
                 "extras": extras,
@@ -145,9 +157,12 @@ class _Writer:
                 {**self._primitive(part.mesh), "material": self._materials.number(part.material)}
                 for part in parts
             ]
-            name = parts[0].mesh.name
-            record = {"primitives": primitives}
-            self._meshes[key] = self.document.put("meshes", {"name": name, **record} if name else record)
+            record = {
+                "name": parts[0].mesh.name,
+                "primitives": primitives,
+                **complete_targets(self.document, primitives, parts),
+            }
+            self._meshes[key] = self.document.put("meshes", given(record, {"name": ""}))
         return self._meshes[key]
 
     def _primitive(self, mesh: Mesh) -> dict[str, Any]:
@@ -162,8 +177,10 @@ class _Writer:
                 values = getattr(mesh, field)
                 if values is not None:
                     attributes[name] = self.document.floats(values[some], vertices=True)
+            attributes |= written_joints(self.document, mesh, rows)
             indices = self.document.indices(triangles, len(rows))
-            self._primitives[key] = {"attributes": attributes, "indices": indices}
+            targets = written_targets(self.document, mesh, rows)
+            self._primitives[key] = {"attributes": attributes, "indices": indices, **targets}
         return self._primitives[key]
 
     def _instances(self, matrices: np.ndarray) -> dict[str, Any]:
@@ -214,12 +231,12 @@ class _Writer:
             self.document.put("animations", {**name, **record})
 
     def _sampler(self, channel: Channel) -> dict[str, Any]:
-        if channel.node.matrix is not None:
+        if channel.node.matrix is not None and channel.path != "weights":
             raise SceneError(
                 f"node '{channel.node.name}' is placed by a matrix and animated, which glTF cannot hold; "
                 "give it a translation, a rotation and a scale"
             )
-        width = channel.values.shape[-1]
+        width = 1 if channel.path == "weights" else channel.values.shape[-1]
         return {
             "input": self.document.floats(channel.times, bounds=True),
             "output": self.document.floats(np.asarray(channel.values).reshape(-1, width)),

@@ -78,7 +78,7 @@ class Ready:
             self.textures, self._looks = TextureTable.pack(packed.textures), looks
         if line := far_off(packed):
             self._say(line)
-        if (old is None or old.geometry is not packed.geometry) and (line := without_area(packed.geometry)):
+        if line := without_area(packed.geometry, old.geometry if old else None):
             self._say(line)
         self.world.update(packed)
         self._packed = packed

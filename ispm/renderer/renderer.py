@@ -36,6 +36,7 @@ from ispm.renderer.statistics import collect
 from ispm.renderer.watch import Watch
 from ispm.scene.camera import Camera
 from ispm.scene.names import Names
+from ispm.scene.packed_instance import Placed
 from ispm.scene.scene import Scene
 from ispm.settings import Settings
 
@@ -72,7 +73,7 @@ class Renderer:
         self.camera = camera
         self._stages = Stages(self._gpu, self.threads)
         self._photons = np.zeros(0, PHOTON)
-        self._instances: np.ndarray | None = None  # of the last frame
+        self._placed: Placed | None = None  # of the last frame
         self._last: LastFrame | None = None
         self._history = History()
         self._rest: Rest | None = None
@@ -226,8 +227,8 @@ class Renderer:
             frame.scene = self.scene.name
             self.chosen.expose(frame)
         total = watch.stop()
-        instances, self._instances = self._instances, this.packed.instances
-        stats = collect(this, drawn.path, watch.milliseconds, total, moved(this.packed.instances, instances))
+        placed, self._placed = self._placed, this.packed.placed
+        stats = collect(this, drawn.path, watch.milliseconds, total, moved(this.packed.placed, placed))
         frame.stats = replace(
             stats, adapter=self._gpu.name, emission=drawn.traced.plan.by, timing=watch.timing
         )

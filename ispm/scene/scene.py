@@ -22,7 +22,9 @@ from ispm.scene.node import Branch, listed
 from ispm.scene.node import Node as Node
 from ispm.scene.node import Part as Part
 from ispm.scene.placing import Tree, tree_of
+from ispm.scene.pose import shown_shapes
 from ispm.scene.rotation import Quaternion
+from ispm.scene.skin import Skin
 from ispm.scene.sky import Sky
 from ispm.scene.values import Point, Strict, array_of, require, strict_call
 
@@ -224,7 +226,8 @@ class Scene(Branch, Strict):
 
         Raises SceneError for a scene without a surface.
         """
-        return placed_bounds(self.placed())
+        tree = self.tree()
+        return placed_bounds(shown_shapes(tree.nodes, tree.worlds(), range(len(tree.nodes))))
 
     def bounds_of(self, node: Node | str) -> np.ndarray:
         """Return likewise the (2, 3) bounds of what stands at a node and below it, metres, world space.
@@ -232,10 +235,13 @@ class Scene(Branch, Strict):
         node  itself, or the name of the first that has it
         Raises SceneError as `bounds` does, and as `world_matrix`.
         """
-        world = self.world_matrix(node)
-        own = self._own(node)
-        below = Scene(own.children, name=own.name).placed()
-        return placed_bounds([(own, world), *((each, world @ local) for each, local in below)])
+        own, tree = self._own(node), self.tree()
+        first = next(k for k, each in enumerate(tree.nodes) if each is own)
+        below = {first}
+        for row, parent in enumerate(tree.parents):
+            if parent in below:
+                below.add(row)
+        return placed_bounds(shown_shapes(tree.nodes, tree.worlds(), sorted(below)))
 
     def world_matrix(self, node: Node | str) -> np.ndarray:
         """Return the (4, 4) matrix from a node's space to the world.
@@ -290,6 +296,10 @@ class Scene(Branch, Strict):
         for node in reversed(self.nodes):  # children before parents
             clone = clones[id(node)] = copy.copy(node)
             clone.children = [clones[id(child)] for child in node.children]
+        skins: dict[int, Skin] = {}
+        for clone in clones.values():
+            if clone.skin is not None:
+                clone.skin = skins.setdefault(id(clone.skin), clone.skin.of(clones))
         result = copy.copy(self)
         result.roots = [clones[id(node)] for node in self.roots]
         result.animations = [animation.of(clones) for animation in self.animations]

@@ -45,7 +45,7 @@ class ShadowStage:
         self._opaque = gpu.raster(_PATH, (), RasterState(fragment=None, vertex_layout=corners))
         self._masked = gpu.raster(_PATH, (), holes)
         self._sheet = gpu.raster(_PATH, [Target("rgba8unorm", "multiply")], tint)
-        self._geometry: Geometry | None = None
+        self._shared_of: np.ndarray | None = None
         self._pieces: tuple[GpuScene, Pieces] | None = None
         self._kept = Kept()
         self._indices = gpu.buffer("shared indices", "index")
@@ -121,8 +121,8 @@ class ShadowStage:
 
     def _share(self, geometry: Geometry) -> None:
         """Keep the indices of a geometry, with corners shared."""
-        if geometry is not self._geometry:
-            self._geometry = geometry
+        if geometry.indices is not self._shared_of:  # which stay where meshes deform
+            self._shared_of = geometry.indices
             self._indices.write(shared_indices(geometry))
 
     def _draw_depth(
