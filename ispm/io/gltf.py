@@ -20,7 +20,7 @@ from ispm.io.gltf_light import read_light
 from ispm.io.gltf_mesh import Meshes
 from ispm.io.gltf_node import build_tree, chosen_scene, reached
 from ispm.scene.camera import Camera
-from ispm.scene.scene import Node, Part, Scene
+from ispm.scene.scene import Node, Scene
 from ispm.scene.values import FARTHEST
 from ispm.settings import LoadLimits
 
@@ -33,6 +33,7 @@ SUPPORTED = (
     "KHR_materials_specular",
     "KHR_materials_transmission",
     "KHR_materials_unlit",
+    "KHR_materials_variants",
     "KHR_materials_volume",
     "KHR_mesh_quantization",
     "KHR_texture_transform",
@@ -56,7 +57,7 @@ def read_gltf(path: Path, limits: LoadLimits) -> Scene:
     chosen = chosen_scene(file)
     nodes, roots = build_tree(file, chosen)
     scene = Scene(roots, name=chosen.name)
-    _furnish(file, nodes, reached(nodes, roots))
+    scene.variants = _furnish(file, nodes, reached(nodes, roots))
     scene.animations = read_animations(file, nodes)
     scene.extensions_used = list(dict.fromkeys(file.gltf.extensions_used))
     scene.extensions_honoured = [name for name in scene.extensions_used if name in SUPPORTED]
@@ -89,14 +90,14 @@ def _unsupported(names: list[str]) -> list[str]:
     ]
 
 
-def _furnish(file: GltfFile, nodes: list[Node], shown: list[int]) -> None:
-    """Put meshes, cameras and lights at the nodes numbered in `shown`."""
+def _furnish(file: GltfFile, nodes: list[Node], shown: list[int]) -> list[str]:
+    """Put meshes, cameras and lights at the nodes numbered in `shown`; return the names of variants."""
     meshes = Meshes(file)
     triangles = instances = 0
     for i in shown:
         record, node = file.gltf.nodes[i], nodes[i]
         if record.mesh is not None:
-            node.parts = [Part(mesh, material) for mesh, material in meshes.parts(record.mesh)]
+            node.parts = meshes.parts(record.mesh)
             node.light = read_lamp(file, record.extras, label("node", i, node.name))
             if node.light is not None:
                 del node.parts[-1:]  # which shows the lamp to other programs
@@ -116,6 +117,7 @@ def _furnish(file: GltfFile, nodes: list[Node], shown: list[int]) -> None:
             node.camera = _camera(file, record.camera)
         if record.extensions.light is not None:
             node.light = read_light(file, record.extensions.light.light, node.name)
+    return list(dict.fromkeys(meshes.variants))
 
 
 def _camera(file: GltfFile, index: int) -> Camera | None:

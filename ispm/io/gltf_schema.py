@@ -81,10 +81,24 @@ class Accessor(Record, frozen=True):
     sparse: Sparse | None = None
 
 
+class VariantMapping(Record, frozen=True):
+    """A material of a primitive, and the variants that show it."""
+
+    material: Index
+    variants: list[Index]
+
+
+class VariantMappings(Record, frozen=True):
+    """KHR_materials_variants: what a primitive wears when."""
+
+    mappings: list[VariantMapping] = []
+
+
 class PrimitiveExtensions(Record, frozen=True):
     """Extensions of a primitive."""
 
     draco: Any = field(name="KHR_draco_mesh_compression", default=None)
+    variants: VariantMappings = field(name="KHR_materials_variants", default=VariantMappings())
 
 
 class Primitive(Record, frozen=True):
@@ -227,10 +241,23 @@ class Lights(Record, frozen=True):
     lights: list[Light] = []
 
 
+class Variant(Record, frozen=True):
+    """The name of a variant."""
+
+    name: str = ""
+
+
+class Variants(Record, frozen=True):
+    """KHR_materials_variants: all variants of the file."""
+
+    variants: list[Variant] = []
+
+
 class FileExtensions(Record, frozen=True):
     """Extensions of the whole file."""
 
     lights: Lights = field(name="KHR_lights_punctual", default=Lights())
+    variants: Variants = field(name="KHR_materials_variants", default=Variants())
 
 
 class Gltf(Record, frozen=True):

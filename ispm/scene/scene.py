@@ -42,6 +42,7 @@ class Scene(Branch, Strict):
     warnings    what is amiss in the file it was loaded from, a line each
     extensions_used, extensions_honoured   of glTF, in that file
     playing     the name of the animation that `at` played; None: all of them
+    variants    names of the looks that its parts can have, as of glTF (KHR_materials_variants)
     """
 
     roots: list[Node] = field(default_factory=list)
@@ -52,6 +53,8 @@ class Scene(Branch, Strict):
     extensions_honoured: list[str] = field(default_factory=list)
     playing: str | None = None
     environment: Environment | Sky | None = None
+    variants: list[str] = field(default_factory=list)
+    _variant: str | None = field(default=None, init=False, repr=False)
     _hung: weakref.WeakSet[Node] = field(default_factory=weakref.WeakSet, init=False, repr=False)
 
     @classmethod
@@ -123,6 +126,24 @@ class Scene(Branch, Strict):
         return list(seen.values())
 
     @property
+    def variant(self) -> str | None:
+        """Which of `variants` the parts wear; None: what they wear without.
+
+        To set it gives nodes new parts. Raises SceneError for what is none of them.
+        """
+        return self._variant
+
+    @variant.setter
+    def variant(self, name: str | None) -> None:
+        if name is not None and name not in self.variants:
+            names = ", ".join(repr(known) for known in self.variants) or "none"
+            raise SceneError(f"there is no variant {name!r}; the scene has {names}")
+        for node in {id(node): node for node in self.nodes}.values():
+            if any(part.variants for part in node.parts):
+                node.parts = [part.wearing(name) if part.variants else part for part in node.parts]
+        self._variant = name
+
+    @property
     def triangle_count(self) -> int:
         """Triangles as placed, lamps aside: a mesh counts once for each place where it is shown."""
         return _triangles(self.nodes)
@@ -188,7 +209,7 @@ class Scene(Branch, Strict):
         node = Node(name or other.name, translation, rotation, scale, children=copied.roots)
         self._hang(node, parent)
         self.animations = [*self.animations, *copied.animations]
-        for kept in ("warnings", "extensions_used", "extensions_honoured"):
+        for kept in ("warnings", "extensions_used", "extensions_honoured", "variants"):
             setattr(self, kept, list(dict.fromkeys([*getattr(self, kept), *getattr(other, kept)])))
         return node
 
