@@ -11,8 +11,10 @@ from pathlib import Path
 
 from ispm.errors import SceneError
 from ispm.io import gltf_schema as schema
+from ispm.io.apart import has
 from ispm.io.gltf_animation import read_animations
 from ispm.io.gltf_camera import with_extras
+from ispm.io.gltf_draco import missing
 from ispm.io.gltf_file import GltfFile, item, label
 from ispm.io.gltf_instances import read_instances
 from ispm.io.gltf_lamp import read_lamp
@@ -26,6 +28,7 @@ from ispm.settings import LoadLimits
 
 SUPPORTED = (
     "EXT_mesh_gpu_instancing",
+    "EXT_meshopt_compression",
     "EXT_texture_webp",
     "KHR_lights_punctual",
     "KHR_materials_emissive_strength",
@@ -39,17 +42,17 @@ SUPPORTED = (
     "KHR_texture_transform",
 )
 NARROWEST = 1e-4  # rad, and m for parallel rays: the least a camera may see
-KNOWN_AS = {
-    "KHR_draco_mesh_compression": "Draco compression",
-    "EXT_meshopt_compression": "meshopt compression",
-    "KHR_meshopt_compression": "meshopt compression",
-    "KHR_texture_basisu": "KTX2 textures",
-}
+DECODED = {"KHR_draco_mesh_compression": "draco", "KHR_texture_basisu": "ktx2"}  # by decoders of `apart`
 
 
 def read_gltf(path: Path, limits: LoadLimits) -> Scene:
     """Return the scene of a glTF file. Raises SceneError where it cannot be used."""
-    file = GltfFile(path, limits)
+    with GltfFile(path, limits) as file:
+        return _read(file)
+
+
+def _read(file: GltfFile) -> Scene:
+    limits = file.limits
     check_version(file.gltf.asset)
     check_extensions(file)
     if len(file.gltf.nodes) > limits.max_nodes:
@@ -60,7 +63,7 @@ def read_gltf(path: Path, limits: LoadLimits) -> Scene:
     scene.variants = _furnish(file, nodes, reached(nodes, roots))
     scene.animations = read_animations(file, nodes)
     scene.extensions_used = list(dict.fromkeys(file.gltf.extensions_used))
-    scene.extensions_honoured = [name for name in scene.extensions_used if name in SUPPORTED]
+    scene.extensions_honoured = [name for name in scene.extensions_used if _supported(name)]
     scene.warnings = file.notes.lines()
     return scene
 
@@ -74,20 +77,24 @@ def check_version(asset: schema.Asset) -> None:
 
 def check_extensions(file: GltfFile) -> None:
     """Note the extensions that are not supported; raise SceneError where the file requires one."""
-    required = _unsupported(file.gltf.extensions_required)
+    required = _unknown(file.gltf.extensions_required)
     if required:
         raise SceneError(f"it uses {', '.join(required)}, which ispm does not read; export it without")
-    used = _unsupported(file.gltf.extensions_used)
+    for name in file.gltf.extensions_required:
+        if not _supported(name):
+            raise SceneError(missing(name))
+    used = _unknown(file.gltf.extensions_used)
     if used:
         file.notes.add(f"extensions that are not supported are passed over: {', '.join(used)}")
 
 
-def _unsupported(names: list[str]) -> list[str]:
-    return [
-        f"{name} ({KNOWN_AS[name]})" if name in KNOWN_AS else name
-        for name in dict.fromkeys(names)
-        if name not in SUPPORTED
-    ]
+def _unknown(names: list[str]) -> list[str]:
+    return [name for name in dict.fromkeys(names) if name not in SUPPORTED and name not in DECODED]
+
+
+def _supported(name: str) -> bool:
+    """Whether an extension is read, its decoder being there where it needs one."""
+    return name in SUPPORTED or (name in DECODED and has(DECODED[name]))
 
 
 def _furnish(file: GltfFile, nodes: list[Node], shown: list[int]) -> list[str]:

@@ -10,6 +10,7 @@ from ispm.errors import SceneError
 from ispm.io import gltf_schema as schema
 from ispm.io.arrays import compact, wild
 from ispm.io.budget import MESH
+from ispm.io.gltf_draco import provide
 from ispm.io.gltf_file import GltfFile, item, label
 from ispm.io.gltf_material import Materials
 from ispm.scene.material import Material
@@ -77,10 +78,7 @@ class Meshes:
         if "POSITION" not in primitive.attributes:
             self._file.notes.add(f"{where}: a primitive without POSITION is not drawn")
             return None
-        if primitive.extensions.draco and self._lacks_bytes(primitive.attributes["POSITION"]):
-            raise SceneError(
-                f"{where} uses KHR_draco_mesh_compression, which ispm does not read; export it without"
-            )
+        provide(self._file, primitive, where)
         self._file.budget.take(where, work=MESH)
         triangles, rows = compact(self._triangles(primitive, where))
         positions = self._file.floats(primitive.attributes["POSITION"], ("VEC3",), rows)
@@ -101,9 +99,6 @@ class Meshes:
             field: self._attribute(primitive, *asked, rows, where) for field, asked in ATTRIBUTES.items()
         }
         return Mesh(positions, triangles, **others, name=name)
-
-    def _lacks_bytes(self, index: int) -> bool:
-        return item(self._file.gltf.accessors, index, "accessor").buffer_view is None
 
     def _triangles(self, primitive: schema.Primitive, where: str) -> np.ndarray:
         """(T, 3) numbers of the primitive's vertices; checked before memory is asked for."""
