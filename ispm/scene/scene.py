@@ -24,14 +24,15 @@ from ispm.scene.node import Part as Part
 from ispm.scene.placing import Tree, tree_of
 from ispm.scene.rotation import Quaternion
 from ispm.scene.sky import Sky
-from ispm.scene.values import Point, Strict, array_of, require, strict_call
+from ispm.scene.values import Point, array_of, require, strict_call
+from ispm.scene.variants import Varied
 
 _MOMENTS = 64  # evenly over an animation, at which trajectories are sampled
 _KEYS = 256  # likewise, of its own
 
 
 @dataclass(eq=False)
-class Scene(Branch, Strict):
+class Scene(Branch, Varied):
     """What is lit: right-handed, +Y up, metres. Change anything between frames; nothing is precomputed.
 
     `scene[name]` is a node, `name in scene` asks for one, and a loop goes through all of them.
@@ -53,8 +54,6 @@ class Scene(Branch, Strict):
     extensions_honoured: list[str] = field(default_factory=list)
     playing: str | None = None
     environment: Environment | Sky | None = None
-    variants: list[str] = field(default_factory=list)
-    _variant: str | None = field(default=None, init=False, repr=False)
     _hung: weakref.WeakSet[Node] = field(default_factory=weakref.WeakSet, init=False, repr=False)
 
     @classmethod
@@ -124,24 +123,6 @@ class Scene(Branch, Strict):
             for part in node.parts:
                 seen.setdefault(id(part.material), part.material)
         return list(seen.values())
-
-    @property
-    def variant(self) -> str | None:
-        """Which of `variants` the parts wear; None: what they wear without.
-
-        To set it gives nodes new parts. Raises SceneError for what is none of them.
-        """
-        return self._variant
-
-    @variant.setter
-    def variant(self, name: str | None) -> None:
-        if name is not None and name not in self.variants:
-            names = ", ".join(repr(known) for known in self.variants) or "none"
-            raise SceneError(f"there is no variant {name!r}; the scene has {names}")
-        for node in {id(node): node for node in self.nodes}.values():
-            if any(part.variants for part in node.parts):
-                node.parts = [part.wearing(name) if part.variants else part for part in node.parts]
-        self._variant = name
 
     @property
     def triangle_count(self) -> int:
