@@ -39,7 +39,8 @@ fn vs_masked(v: MaskedVertex, @builtin(instance_index) instance: u32) -> MaskedC
 
 @fragment
 fn fs_masked(c: MaskedCorner) -> @location(0) u32 {
-    let key = vec4u(vec2u(c.clip.xy), c.instance, camera.pass_index);
+    let surface = surface_key(c.instance, bitcast<u32>(c.clip.z));  // layers differ in depth
+    let key = vec4u(vec2u(c.clip.xy), surface, camera.pass_index);
     if (is_hole(base_color_at(c.uv, c.color).a, key)) {
         discard;
     }
