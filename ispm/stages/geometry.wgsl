@@ -58,9 +58,10 @@ fn stratified(key: vec4u) -> f32 {
     return (f32(k) + uniform_float(pcg4d(key).x)) / 16.0;
 }
 
-// What tells surfaces apart at one place: triangles of one instance may be layers of it.
-fn surface_key(instance: u32, primitive: u32) -> u32 {
-    return instance ^ (primitive * 0x9e3779b9u);
+// What tells surfaces apart at one place: triangles of one instance, known by the rows of their first
+// corners, may be layers of it.
+fn surface_key(instance: u32, first_row: u32) -> u32 {
+    return instance ^ (first_row * 0x9e3779b9u);
 }
 
 // Whether light and eye pass the material where it has this opacity.  key  of `stratified`

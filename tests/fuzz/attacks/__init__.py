@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from fuzz.attacks.buffers import accessors
+from fuzz.attacks.compressed import streams
 from fuzz.attacks.files import Attack
 from fuzz.attacks.hdr import environments
 from fuzz.attacks.images import pictures
@@ -26,6 +27,7 @@ def attacks() -> Iterator[Attack]:
     """Yield all of them."""
     for source in (
         accessors,
+        streams,
         pictures,
         numbers,
         nodes,
