@@ -86,7 +86,8 @@ class Pictures:
         unpacked = int.from_bytes(data[_KTX2_LEVEL + 16 : _KTX2_LEVEL + 24], "little")
         if packing == _ZSTD and unpacked != -(-width // 4) * -(-height // 4) * 16:
             raise SceneError(f"{unpacked} bytes are none of {width} x {height} pixels in UASTC")
-        halvings = self._admit(width, height, passing=16)
+        # The decoder holds four bytes of each pixel and what it unpacks, and so do we.
+        halvings = self._admit(width, height, passing=10)
         pixels = apart.decode("ktx2", data)["pixels"]
         if pixels.shape != (height, width, 4):
             raise SceneError("its decoder gives pixels of another size")

@@ -40,7 +40,10 @@ class Part(Strict):
     variants: dict[str | None, Material] = field(default_factory=dict)
 
     def wearing(self, variant: str | None) -> Part:
-        """Return this part in one of its scene's variants, None: as it is without."""
+        """Return this part as it is in one of its scene's variants.
+
+        variant  its name; None: as it is without
+        """
         worn = {None: self.material, **self.variants}
         return Part(self.mesh, worn.get(variant, worn[None]), worn)
 

@@ -28,7 +28,7 @@ def streams() -> Iterator[Attack]:
 
 def zeros(count: int, elements: int, stream: bytes | None = None) -> GltfBuilder:
     """`count` meshes whose positions are zeros, packed 64 to 1: no bits for each group but two in its header."""
-    most = (8192 // 12) & ~15
+    most = 256  # elements of a block
     blocks = [min(most, elements - first) for first in range(0, elements, most)] if stream is None else []
     body = b"".join(bytes(12 * ((each + 63) // 64)) for each in blocks)
     builder = GltfBuilder(extensionsRequired=["EXT_meshopt_compression"])
@@ -70,7 +70,9 @@ def showing(count: int, side: int, *, noise: bool = False) -> GltfBuilder:
     descriptor = struct.pack("<3I4B4B8BHBB3I", 44, 0, 40 << 16 | 2, 166, 1, 2, 0, 3, 3, 0, 0, 16, 0, 0, 0, 0,
                              0, 0, 0, 0, 127, 3, 0, 0, 0xFFFFFFFF)  # fmt: skip
     for k in range(count):
-        stored = rng.bytes(300) if noise else frame + bytes([k])
+        stored = (
+            rng.bytes(300) if noise else frame + struct.pack("<II", 0x184D2A50, 1) + bytes([k])
+        )  # a frame to skip
         head = b"\xabKTX 20\xbb\r\n\x1a\n" + struct.pack("<9I", 0, 1, side, side, 0, 0, 1, 1, 2)
         head += struct.pack("<4I2Q", 104, len(descriptor), 0, 0, 0, 0) + struct.pack(
             "<3Q", 160, len(stored), size
