@@ -42,6 +42,11 @@ SUPPORTED = (
     "KHR_texture_transform",
 )
 NARROWEST = 1e-4  # rad, and m for parallel rays: the least a camera may see
+INSTEAD = {
+    "EXT_lights_image_based": "few programs write it, and how its colors are encoded is not said; "
+    "give the environment as a file of its own",
+    "KHR_animation_pointer": "its channels are left out",
+}
 DECODED = {"KHR_draco_mesh_compression": "draco", "KHR_texture_basisu": "ktx2"}  # by decoders of `apart`
 
 
@@ -85,7 +90,8 @@ def check_extensions(file: GltfFile) -> None:
             raise SceneError(missing(name))
     used = _unknown(file.gltf.extensions_used)
     if used:
-        file.notes.add(f"extensions that are not supported are passed over: {', '.join(used)}")
+        told = (f"{name} ({INSTEAD[name]})" if name in INSTEAD else name for name in used)
+        file.notes.add(f"extensions that are not supported are passed over: {', '.join(told)}")
 
 
 def _unknown(names: list[str]) -> list[str]:

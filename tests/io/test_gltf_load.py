@@ -71,6 +71,12 @@ def test_load_refuses_required_extensions_by_name(tmp_path: Path) -> None:
     assert "texture_transform" not in str(e.value)
 
 
+def test_load_says_what_to_do_without_an_environment_of_gltf(tmp_path: Path) -> None:
+    (line,) = quad(extensionsUsed=["EXT_lights_image_based"]).load(tmp_path).warnings
+    assert "EXT_lights_image_based (few programs" in line
+    assert "give the environment as a file" in line
+
+
 def test_load_tells_which_extensions_are_honoured(tmp_path: Path) -> None:
     used = ["KHR_materials_ior", "KHR_materials_clearcoat", "ACME_teleport"]
     scene = quad(extensionsUsed=used).load(tmp_path)
