@@ -327,6 +327,7 @@ class LoadOptions(_Checked):
         unit="degrees",
         metavar="DEGREES",
     )
+    variant: str = knob("", "which of a glTF file's material variants is shown", name=True, metavar="NAME")
 
 
 @dataclass(frozen=True)

@@ -7,12 +7,15 @@ python -m every_kernel --write    and write them to that file: `make kernels`
 import math
 import sys
 import tempfile
+from base64 import b85decode
 from pathlib import Path
 
 import numpy as np
+from meshopt_streams import PLAIN, STREAMS
 from rgbe import hdr
 
 import ispm
+from ispm.io.meshopt import decode
 from ispm.kernels import manifest
 from ispm.kernels.jit import KERNELS, kernel_file
 from ispm.settings import RENDERER_VIEWS
@@ -63,7 +66,10 @@ def everything() -> ispm.Scene:
 
 
 def render_everything() -> None:
-    """Call every kernel of a picture at least once."""
+    """Call every kernel of a picture, and of reading files, at least once."""
+    for name, (mode, filtered, values) in PLAIN.items():
+        if filtered == "NONE":
+            decode(memoryview(b85decode(STREAMS[name])), mode, filtered, len(values), values[0].nbytes)
     camera = ispm.Camera.look_at((0, 2, 7), (0, 0.5, 0))
     with (
         tempfile.TemporaryDirectory() as folder,

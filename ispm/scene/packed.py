@@ -56,7 +56,9 @@ class MeshRange:
     def is_shaped_by(self, mesh: Mesh) -> bool:
         """Whether a mesh has the triangles that were packed, so that its vertices fit in their place."""
         same = mesh.triangles is self.mesh.triangles and len(mesh.positions) == len(self.mesh.positions)
-        return same and (mesh.normals is None) == (self.mesh.normals is None)
+        return same and all(
+            (getattr(mesh, name) is None) == (getattr(self.mesh, name) is None) for name in ("normals", "uv0")
+        )
 
     def digest_in(self, geometry: Geometry) -> bytes:
         """Return a hash of the mesh as it is packed in a geometry; found once."""

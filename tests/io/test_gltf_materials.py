@@ -393,14 +393,3 @@ def test_a_broken_webp_leaves_the_plain_picture(tmp_path: Path) -> None:
     scene = builder.load(tmp_path)
     assert (base_texture(scene).texture.pixels[..., :3] == 0).all()
     assert "left out" in scene.warnings[0]
-
-
-@pytest.mark.parametrize(("plain", "told"), [({"source": 1}, "passed over"), ({}, "KTX2 only")])
-def test_ktx2_gives_way_to_a_plain_picture(tmp_path: Path, plain: dict[str, Any], told: str) -> None:
-    builder = webp()
-    builder.json |= {"extensionsUsed": ["KHR_texture_basisu"]}
-    builder.json["textures"] = [plain | {"extensions": {"KHR_texture_basisu": {"source": 0}}}]
-    scene = builder.load(tmp_path)
-    assert (only_material(scene).base_color_texture is not None) == bool(plain)
-    assert told in scene.warnings[-1]
-    assert "KTX2 textures" in scene.warnings[0]
