@@ -8,6 +8,8 @@ from typing import Any
 
 from ispm.errors import SceneError, SettingsError
 from ispm.library.atrium import atrium
+from ispm.library.ironworks_car import ironworks_car
+from ispm.library.ironworks_water import ironworks_water
 from ispm.library.rooms import cornell_box, integrating_sphere
 from ispm.library.studio import caustic_ring, glass_sphere, objects_in_box
 from ispm.scene.scene import Scene
@@ -19,6 +21,8 @@ BUILTINS: dict[str, Callable[..., Scene]] = {
     "cornell-box": cornell_box,
     "glass-sphere": glass_sphere,
     "integrating-sphere": integrating_sphere,
+    "ironworks-car": ironworks_car,
+    "ironworks-water": ironworks_water,
     "objects-in-box": objects_in_box,
 }
 """Name to function; the first line of the function's docstring describes the scene."""
