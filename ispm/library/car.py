@@ -80,7 +80,7 @@ def _outline(x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     low = np.interp(x, [-2.32, -2.1, -1.9, 1.95, 2.15, 2.32], [0.42, 0.34, _SILL, _SILL, 0.32, 0.40])
     for axle in _AXLES:
         reach = np.sqrt(np.maximum(_ARCH**2 - (x - axle) ** 2, 0.0))
-        low = np.where(np.abs(x - axle) < _ARCH, np.maximum(low, WHEEL - 0.02 + reach), low)
+        low = np.where(np.abs(x - axle) < _ARCH, np.maximum(low, WHEEL - 0.10 + 1.19 * reach), low)
     return np.maximum(width, 0.55), low, top
 
 
@@ -90,7 +90,7 @@ def _shell() -> Mesh:
     for axle in _AXLES:
         angle = np.linspace(0.0, np.pi, 17)
         x = np.append(x[np.abs(x - axle) > _ARCH], axle + _ARCH * np.cos(angle))
-        x = np.append(x, [axle - _ARCH - 0.002, axle + _ARCH + 0.002])
+        x = np.append(x, [axle - _ARCH - 0.03, axle + _ARCH + 0.03])
     x = np.unique(np.round(np.append(x, [2.27, -2.27, 2.3, -2.3]), 4))
     width, low, top = _outline(x)
     t = 2.0 * np.pi * (np.arange(40) + 0.5) / 40

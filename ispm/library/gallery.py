@@ -36,8 +36,8 @@ def glass_figure() -> Scene:
         collected[finish].append(averaged(points))
         finishes.add(scene, name, collected)
     floor = pieces()
-    x, z = np.linspace(-4.2, 4.2, 153), np.linspace(-3.2, 3.2, 123)
-    grid = np.zeros((123, 153, 3))
+    x, z = np.linspace(-4.2, 4.2, 125), np.linspace(-3.2, 3.2, 96)
+    grid = np.zeros((96, 125, 3))
     grid[..., 0], grid[..., 2] = x, z[:, None]
     floor["dark stone"].append(refined(sheet(grid), _GALLERY - scene.triangle_count))
     finishes.add(scene, "floor", floor)
@@ -55,8 +55,8 @@ def glass_figure() -> Scene:
     lamp = SpotLight((900.0, 800.0, 640.0), inner_angle=math.radians(13.0), outer_angle=math.radians(30.0))
     add_spot(scene, lamp, "lamp", (-2.7, 4.2, 1.4), (0.1, 1.3, 0.0))
     for name, eye, target, fov in (
-        ("front", (0.55, 1.85, 2.75), (0.18, 1.40, 0.0), 46.0),
-        ("caustic", (-0.7, 2.6, 2.3), (0.65, 0.95, -0.5), 44.0),
+        ("front", (0.75, 1.80, 2.6), (0.24, 1.50, 0.0), 42.0),
+        ("caustic", (-0.6, 2.3, 2.0), (0.75, 0.95, -0.5), 46.0),
         ("gallery", (3.6, 1.7, 2.75), (-0.9, 1.35, -0.6), 56.0),
     ):
         add_camera(scene, eye, target, math.radians(fov)).name = name
@@ -80,11 +80,12 @@ def _pedestal(scene: Scene, finishes: Finishes) -> None:
 def _walls() -> list[tuple[str, str, Mesh]]:
     """Name, surface and mesh of walls and vault: hewn blocks that stand out of deep joints."""
     hx, hz, h = 4.0, 3.0, 3.4
-    columns, rows = 148, 64
+    columns = 148
     result = []
     for name, width, yaw, reach in (("back wall", 2 * hx, 0.0, hz), ("right wall", 2 * hz, -90.0, hx), ("left wall", 2 * hz, 90.0, hx), ("front wall", 2 * hx, 180.0, hz)):
         count = round(columns * width / (2 * hx))
-        u, v = np.meshgrid(np.linspace(-0.5 * width, 0.5 * width, count + 1), np.linspace(0.0, h, rows + 1))
+        top, rows = (h, 64) if reach == hz else (h + 1.6, 94)  # the others close the vault's ends
+        u, v = np.meshgrid(np.linspace(-0.5 * width, 0.5 * width, count + 1), np.linspace(0.0, top, rows + 1))
         out = _hewn(u, v, len(result), 0.8, 0.425)
         grid = np.stack([u, v - 0.01, out], axis=-1)
         result.append((name, "stone", placed(sheet(grid[::-1]), pose(yaw=yaw) @ pose(z=-reach))))
@@ -98,7 +99,7 @@ def _walls() -> list[tuple[str, str, Mesh]]:
 
 
 def _hewn(u: np.ndarray, v: np.ndarray, seed: int, long: float, high: float) -> np.ndarray:
-    """How far blocks stand out of a wall at (u, v) in m: joints 3 cm wide, faces each a little its own."""
+    """How far blocks, `long` by `high` m, stand out of a wall at (u, v) in m; each face is a little its own."""
     course = np.floor(v / high).astype(int)
     along = u / long + 0.5 * (course % 2) + 40.0
     block = np.floor(along).astype(int)
@@ -108,8 +109,8 @@ def _hewn(u: np.ndarray, v: np.ndarray, seed: int, long: float, high: float) -> 
     field = cloud(60 + seed, 1, 1.5)
     rough = field[(np.rint(90.0 * v).astype(int)) % 256, (np.rint(90.0 * u).astype(int)) % 256]
     own = np.random.default_rng(seed).uniform(0.0, 1.0, (64, 128))[course % 64, block % 128]
-    pillow = np.clip(edge / 0.05, 0.0, 1.0)
-    return np.asarray((0.055 + 0.035 * own + 0.035 * (rough - 0.5)) * np.sqrt(pillow))
+    pillow = np.clip(edge / (0.12 * long), 0.0, 1.0)
+    return np.asarray((0.055 + 0.035 * own + 0.035 * (rough - 0.5)) * pillow)
 
 
 def million() -> Scene:
@@ -122,7 +123,7 @@ def million() -> Scene:
     statue = Mesh(1.25 * figure.positions, figure.triangles, figure.normals, name="statue")
     stone = Part(unwrapped(statue, 2.5), finishes["dark stone"])
     rows = [(x, s) for x in (-13.5, -4.5, 4.5, 13.5) for s in (-1.0, 1.0)]
-    places = [pose(x, 1.0, s * 5.4, yaw=s * 90.0 + 180.0 - 35.0 * s) for x, s in rows]
+    places = [pose(x, 1.0, s * 5.4, yaw=55.0 * s) for x, s in rows]
     scene.roots.append(Node("elephants", parts=[stone], instances=np.array(places)))
     plinth = pieces()
     plinth["stone"] += [
@@ -158,12 +159,12 @@ def _temple(scene: Scene, finishes: Finishes) -> None:
     for name, width, yaw, reach in (("north wall", 44.0, 0.0, 9.8), ("south wall", 44.0, 180.0, 9.8), ("west wall", 19.6, 90.0, 22.0), ("east wall", 19.6, -90.0, 22.0)):
         high = 8.1 if reach < 10.0 else 11.6
         u, v = np.meshgrid(np.linspace(-0.5 * width, 0.5 * width, round(8 * width) + 1), np.linspace(0.0, high, 97))
-        out = 2.0 * _hewn(u, v, len(name), 1.6, 0.9)
+        out = 1.5 * _hewn(u, v, len(name), 1.6, 0.9)
         own = pieces()
         own["stone"].append(placed(sheet(np.stack([u, v - 0.02, out], axis=-1)[::-1]), pose(yaw=yaw) @ pose(z=-reach)))
         finishes.add(scene, name, own)
     x, turn = np.meshgrid(np.linspace(-22.1, 22.1, 221), np.linspace(0.0, np.pi, 65))
-    out = 2.0 * _hewn(x, 3.6 * turn, 31, 1.6, 0.9)
+    out = 1.5 * _hewn(x, 3.6 * turn, 31, 1.6, 0.9)
     vault = pieces()
     vault["stone"].append(sheet(np.stack([x, 8.0 + (3.5 - out) * np.sin(turn), (3.5 - out) * np.cos(turn)], axis=-1)))
     finishes.add(scene, "vault", vault)

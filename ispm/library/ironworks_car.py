@@ -38,7 +38,7 @@ def ironworks_car() -> Scene:
     for name, eye, target, fov in (
         ("follow", (9.8, 1.55, 6.1), (-4.0, 1.25, 1.2), 52.0),
         ("catwalk", (-16.5, 5.0, -7.7), (2.0, 1.0, 2.5), 58.0),
-        ("furnace", (-11.0, 1.7, -4.2), (-21.0, 2.0, 2.6), 60.0),
+        ("hearth", (-11.0, 1.7, -4.2), (-21.0, 2.0, 2.6), 60.0),
         ("hall", (17.6, 2.8, 6.3), (-10.0, 2.7, -1.5), 58.0),
     ):
         add_camera(scene, eye, target, math.radians(fov)).name = name

@@ -53,7 +53,7 @@ def ironworks_water(time: float = 0.0) -> Scene:
     for name, eye, target, fov in (
         ("shore", (16.5, 2.1, 5.3), (-8.0, 3.2, -2.2), 60.0),
         ("catwalk", (-16.5, 5.1, -7.8), (4.0, 1.6, 2.0), 60.0),
-        ("roof", (9.5, 2.0, -3.0), (-3.0, 7.0, 1.5), 70.0),
+        ("rafters", (9.5, 2.0, -3.0), (-3.0, 7.0, 1.5), 70.0),
         ("shallows", (7.0, 2.6, -5.0), (1.5, 0.4, 1.0), 55.0),
     ):
         add_camera(scene, eye, target, math.radians(fov)).name = name
