@@ -1,4 +1,4 @@
-"""A coupe of the sixties in twenty moving parts, 20,120 triangles, with two headlights; it drives along +x."""
+"""A coupe of the sixties that looks along +x: twenty moving parts of 20,120 triangles, two headlights."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ import math
 import numpy as np
 
 from ispm.library.common import add_spot
-from ispm.library.finishes import Finishes, pieces
+from ispm.library.finishes import Finishes
 from ispm.library.forms import averaged, beveled_box, loft, pipe, placed, pose, refined
-from ispm.library.shapes import box, lathe, merge, polygons, tube
+from ispm.library.shapes import box, lathe, merge, tube
 from ispm.scene.light import SpotLight
 from ispm.scene.material import Material
 from ispm.scene.mesh import Mesh
@@ -34,7 +34,9 @@ def car(scene: Scene, finishes: Finishes) -> tuple[Node, list[Node]]:
     lamp = Material((1.0, 0.93, 0.78), unlit=True, name="headlamp glass")
     rear = Material((0.85, 0.02, 0.01), unlit=True, name="tail lamp glass")
 
-    def hang(name: str, *parts: tuple[Mesh, Material], at: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> Node:
+    def hang(
+        name: str, *parts: tuple[Mesh, Material], at: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    ) -> Node:
         node = Node(name, at, parts=[Part(mesh, material) for mesh, material in parts])
         root.children.append(node)
         return node
@@ -57,7 +59,12 @@ def car(scene: Scene, finishes: Finishes) -> tuple[Node, list[Node]]:
         ring, lens = _lamp(0.105)
         hang(f"{side} headlamp", (ring, chrome), (lens, lamp), at=(2.235, 0.64, s * 0.62))
         frame = beveled_box((-0.03, -0.07, -0.2), (0.06, 0.07, 0.2), 0.012, "frame")
-        hang(f"{side} tail lamp", (frame, chrome), (box((-0.036, -0.05, -0.18), (-0.03, 0.05, 0.18), "lens"), rear), at=(-2.28, 0.66, s * 0.55))  # fmt: skip
+        hang(
+            f"{side} tail lamp",
+            (frame, chrome),
+            (box((-0.036, -0.05, -0.18), (-0.03, 0.05, 0.18), "lens"), rear),
+            at=(-2.28, 0.66, s * 0.55),
+        )
         hang(f"{side} mirror", (_mirror(s), chrome), at=(0.62, 0.90, s * 0.86))
     hang("spoiler", (_spoiler(), paint))
     hang("exhaust", (_exhaust(), chrome))
@@ -76,7 +83,9 @@ def _outline(x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Half the width, and the heights of the lower and the upper edge, of the body at x."""
     end = np.clip(np.abs(x) / _END, 0.0, 1.0)
     width = _WIDTH * (1.0 - 0.10 * end**4) * (1.0 - end**14) ** 0.35
-    top = np.interp(x, [-2.32, -2.2, -1.4, -0.6, 0.7, 1.6, 2.2, 2.32], [0.80, 0.86, 0.89, 0.90, 0.89, 0.83, 0.76, 0.70])
+    top = np.interp(
+        x, [-2.32, -2.2, -1.4, -0.6, 0.7, 1.6, 2.2, 2.32], [0.80, 0.86, 0.89, 0.90, 0.89, 0.83, 0.76, 0.70]
+    )
     low = np.interp(x, [-2.32, -2.1, -1.9, 1.95, 2.15, 2.32], [0.42, 0.34, _SILL, _SILL, 0.32, 0.40])
     for axle in _AXLES:
         reach = np.sqrt(np.maximum(_ARCH**2 - (x - axle) ** 2, 0.0))
@@ -106,7 +115,7 @@ def _shell() -> Mesh:
 
 
 def _cabin() -> tuple[Mesh, Mesh]:
-    """The roof with its pillars, and the windows between them: one sheet that is shared out, seen from outside."""
+    """The roof with its pillars, and the windows between them: one sheet that is shared out."""
     s = np.linspace(0.0, 1.0, 41)  # from the rear window's foot to the windscreen's
     x = np.interp(s, [0.0, 0.36, 0.66, 1.0], [-1.75, -0.80, 0.02, 0.80])
     height = np.interp(s, [0.0, 0.36, 0.66, 1.0], [0.86, 1.29, 1.31, 0.86])
@@ -145,7 +154,9 @@ def _cabin() -> tuple[Mesh, Mesh]:
 def _seats() -> Mesh:
     """Two seats, a bench, a dashboard and a steering wheel."""
     seat = [beveled_box((-0.25, 0.60, -0.26), (0.25, 0.78, 0.26), 0.05)]
-    seat.append(placed(beveled_box((-0.08, 0.0, -0.25), (0.08, 0.52, 0.25), 0.05), pose(-0.28, 0.66, roll=14.0)))
+    seat.append(
+        placed(beveled_box((-0.08, 0.0, -0.25), (0.08, 0.52, 0.25), 0.05), pose(-0.28, 0.66, roll=14.0))
+    )
     parts = [placed(m, pose(-0.25, 0.0, z)) for m in seat for z in (-0.38, 0.38)]
     parts.append(beveled_box((-1.25, 0.60, -0.66), (-0.85, 0.84, 0.66), 0.05))
     parts.append(beveled_box((0.42, 0.74, -0.70), (0.72, 0.91, 0.70), 0.04))
@@ -157,9 +168,17 @@ def _seats() -> Mesh:
 
 def _bumper(x: float, bend: float) -> Mesh:
     """A bumper of polished bar, bent round the corners."""
-    path = [(x - 2.4 * bend, 0.44, -0.90), (x, 0.44, -0.84), (x + 0.25 * bend, 0.44, 0.0), (x, 0.44, 0.84), (x - 2.4 * bend, 0.44, 0.90)]  # fmt: skip
+    path = [
+        (x - 2.4 * bend, 0.44, -0.90),
+        (x, 0.44, -0.84),
+        (x + 0.25 * bend, 0.44, 0.0),
+        (x, 0.44, 0.84),
+        (x - 2.4 * bend, 0.44, 0.90),
+    ]
     bar = pipe(path, 0.052, 12, 0.16)
-    guards = [beveled_box((x - 0.09, 0.36, z - 0.04), (x + 0.09, 0.53, z + 0.04), 0.02) for z in (-0.35, 0.35)]
+    guards = [
+        beveled_box((x - 0.09, 0.36, z - 0.04), (x + 0.09, 0.53, z + 0.04), 0.02) for z in (-0.35, 0.35)
+    ]
     return merge([bar, *guards], "bumper")
 
 
@@ -177,17 +196,37 @@ def _wheel() -> tuple[Mesh, Mesh]:
     profile = [(0.285 + 0.055 * math.cos(a), 0.105 * math.sin(a)) for a in angle]
     ring = [*profile, (0.215, 0.062), (0.215, -0.062), profile[0]]
     tyre = placed(lathe(ring, 30), pose(pitch=90.0))
-    outer = [(0.0, 0.030), (0.05, 0.032), (0.06, 0.012), (0.10, 0.0), (0.185, 0.006), (0.20, 0.030), (0.222, 0.055), (0.222, -0.05), (0.0, -0.05)]  # fmt: skip
+    outer = [
+        (0.0, 0.030),
+        (0.05, 0.032),
+        (0.06, 0.012),
+        (0.10, 0.0),
+        (0.185, 0.006),
+        (0.20, 0.030),
+        (0.222, 0.055),
+        (0.222, -0.05),
+        (0.0, -0.05),
+    ]
     disc = placed(lathe([(r, y) for r, y in reversed(outer)], 30), pose(pitch=90.0))
     spoke = beveled_box((-0.020, 0.05, 0.0), (0.020, 0.205, 0.030), 0.006)
     nut = beveled_box((-0.011, 0.068, 0.006), (0.011, 0.09, 0.034), 0.004)
     around = [pose(roll=72.0 * k) for k in range(5)]
-    return merge([tyre], "tyre"), merge([disc, placed(spoke, *around), placed(nut, *(p @ pose(roll=36.0) for p in around))], "rim")
+    return merge([tyre], "tyre"), merge(
+        [disc, placed(spoke, *around), placed(nut, *(p @ pose(roll=36.0) for p in around))], "rim"
+    )
 
 
 def _lamp(radius: float) -> tuple[Mesh, Mesh]:
     """A headlamp that looks along +x: its ring, and its lens."""
-    profile = [(0.0, -0.09), (radius + 0.02, -0.09), (radius + 0.02, 0.05), (radius, 0.065), (radius - 0.012, 0.05), (radius - 0.012, 0.02), (0.0, 0.02)]  # fmt: skip
+    profile = [
+        (0.0, -0.09),
+        (radius + 0.02, -0.09),
+        (radius + 0.02, 0.05),
+        (radius, 0.065),
+        (radius - 0.012, 0.05),
+        (radius - 0.012, 0.02),
+        (0.0, 0.02),
+    ]
     bulb = [(0.0, 0.022), (radius - 0.013, 0.022), (0.7 * radius, 0.048), (0.0, 0.062)]
     return (
         placed(lathe(profile, 28), pose(roll=-90.0), name="ring"),
@@ -198,12 +237,17 @@ def _lamp(radius: float) -> tuple[Mesh, Mesh]:
 def _mirror(side: float) -> Mesh:
     """A mirror on a stalk, on the left (-1) or the right."""
     stalk = pipe([(0.0, -0.09, -0.06 * side), (0.0, 0.02, 0.05 * side)], 0.012, 8)
-    return merge([stalk, beveled_box((-0.03, 0.0, 0.05 * side - 0.085), (0.05, 0.10, 0.05 * side + 0.085), 0.02)], "mirror")
+    return merge(
+        [stalk, beveled_box((-0.03, 0.0, 0.05 * side - 0.085), (0.05, 0.10, 0.05 * side + 0.085), 0.02)],
+        "mirror",
+    )
 
 
 def _spoiler() -> Mesh:
     """A wing behind on two feet."""
-    wing = placed(beveled_box((-0.13, -0.014, -0.74), (0.13, 0.014, 0.74), 0.008), pose(-2.08, 1.02, roll=8.0))
+    wing = placed(
+        beveled_box((-0.13, -0.014, -0.74), (0.13, 0.014, 0.74), 0.008), pose(-2.08, 1.02, roll=8.0)
+    )
     feet = [box((-2.13, 0.83, z - 0.02), (-2.03, 1.01, z + 0.02)) for z in (-0.5, 0.5)]
     return merge([wing, *feet], "spoiler")
 

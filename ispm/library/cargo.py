@@ -49,15 +49,25 @@ def strapped_box(w: float, h: float, d: float) -> tuple[Mesh, Mesh]:
     for a in (-0.28 * w, 0.28 * w):
         straps += [
             box((a - 0.04, h - 0.005, 0.03 - z), (a + 0.04, h + e, z - 0.03)),
-            *(box((a - 0.04, 0.06, side * z - e), (a + 0.04, h - 0.03, side * z + e)) for side in (-1.0, 1.0)),
-            *(box((a - 0.06, 0.55 * h, side * z - 2 * e), (a + 0.06, 0.55 * h + 0.1, side * z + 2 * e)) for side in (-1.0, 1.0)),
+            *(
+                box((a - 0.04, 0.06, side * z - e), (a + 0.04, h - 0.03, side * z + e))
+                for side in (-1.0, 1.0)
+            ),
+            *(
+                box((a - 0.06, 0.55 * h, side * z - 2 * e), (a + 0.06, 0.55 * h + 0.1, side * z + 2 * e))
+                for side in (-1.0, 1.0)
+            ),
         ]
-    feet = [box((a - 0.06, 0.0, c - 0.06), (a + 0.06, 0.06, c + 0.06)) for a in (0.1 - x, x - 0.1) for c in (0.1 - z, z - 0.1)]
+    feet = [
+        box((a - 0.06, 0.0, c - 0.06), (a + 0.06, 0.06, c + 0.06))
+        for a in (0.1 - x, x - 0.1)
+        for c in (0.1 - z, z - 0.1)
+    ]
     return body, merge([*straps, *feet])
 
 
 def container(length: float = 6.06) -> tuple[Mesh, Mesh]:
-    """A freight container along x on y = 0, 2.44 m wide, 2.59 m high: its sheets, and frame, doors and locks."""
+    """A freight container along x on y = 0, 2.44 m wide, 2.59 m high: its sheets, and the rest."""
     x, h, z = 0.5 * length, 2.59, 1.22
     side = corrugated(length - 0.2, h - 0.3, 0.28, 0.036)
     end = corrugated(2 * z - 0.2, h - 0.3, 0.28, 0.036)
@@ -75,7 +85,11 @@ def container(length: float = 6.06) -> tuple[Mesh, Mesh]:
         *(beveled_box((c, y, -z), (c + t, y + t, z), 0.015) for y in (0.0, h - t) for c in (-x, x - t)),
         *(beveled_box((a, 0, c), (a + t, h, c + t), 0.015) for a in (-x, x - t) for c in (-z, z - t)),
         *(pipe([(x + 0.01, 0.12, c), (x + 0.01, h - 0.12, c)], 0.018, 8) for c in (-0.75, -0.3, 0.3, 0.75)),
-        *(box((x - 0.04, y, c - 0.05), (x + 0.035, y + 0.09, c + 0.05)) for y in (0.3, 1.1, 2.1) for c in (-0.75, -0.3, 0.3, 0.75)),
+        *(
+            box((x - 0.04, y, c - 0.05), (x + 0.035, y + 0.09, c + 0.05))
+            for y in (0.3, 1.1, 2.1)
+            for c in (-0.75, -0.3, 0.3, 0.75)
+        ),
     ]
     e = 0.01
     blocks = [
@@ -91,12 +105,18 @@ def pallet() -> Mesh:
     """A wooden pallet on y = 0, 1.2 by 0.8 by 0.144 m."""
     boards = [box((-0.6, 0.122, z - 0.07), (0.6, 0.144, z + 0.07)) for z in np.linspace(-0.33, 0.33, 5)]
     cross = [box((x - 0.07, 0.10, -0.4), (x + 0.07, 0.122, 0.4)) for x in (-0.53, 0.0, 0.53)]
-    feet = [box((x - 0.07, 0.022, z - 0.05), (x + 0.07, 0.10, z + 0.05)) for x in (-0.53, 0.0, 0.53) for z in (-0.35, 0.0, 0.35)]
+    feet = [
+        box((x - 0.07, 0.022, z - 0.05), (x + 0.07, 0.10, z + 0.05))
+        for x in (-0.53, 0.0, 0.53)
+        for z in (-0.35, 0.0, 0.35)
+    ]
     soles = [box((-0.6, 0.0, z - 0.05), (0.6, 0.022, z + 0.05)) for z in (-0.35, 0.0, 0.35)]
     return merge([*boards, *cross, *feet, *soles])
 
 
-def pile(into: Pieces, place: np.ndarray, sizes: list[tuple[float, float, float, str, str]], seed: int) -> None:
+def pile(
+    into: Pieces, place: np.ndarray, sizes: list[tuple[float, float, float, str, str]], seed: int
+) -> None:
     """Stack crates on one another at a place, each turned a little, none wider than the one below.
 
     sizes  width, height, depth in m, and the surfaces of panels and frame, from below

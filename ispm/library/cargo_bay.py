@@ -23,7 +23,12 @@ _WALK, _WALK_Z = 3.4, -7.2  # m
 def bay(finishes: Finishes, glow: Material) -> list[Part]:
     """Return the parts of a bay about the origin, its floor at y = 0, with doorways in all four walls."""
     shell = pieces()
-    for yaw, half, reach in ((0.0, HALF_X, HALF_Z), (180.0, HALF_X, HALF_Z), (90.0, HALF_Z, HALF_X), (-90.0, HALF_Z, HALF_X)):
+    for yaw, half, reach in (
+        (0.0, HALF_X, HALF_Z),
+        (180.0, HALF_X, HALF_Z),
+        (90.0, HALF_Z, HALF_X),
+        (-90.0, HALF_Z, HALF_X),
+    ):
         _wall(shell, pose(yaw=yaw) @ pose(z=-reach), half)
     x, z = np.linspace(-HALF_X - 0.4, HALF_X + 0.4, 25), np.linspace(-HALF_Z - 0.4, HALF_Z + 0.4, 17)
     _deck(shell, x, z, 0.0)
@@ -35,22 +40,32 @@ def bay(finishes: Finishes, glow: Material) -> list[Part]:
         shell["steel"].append(placed(frame, pose(x=float(a), y=HEIGHT - 0.3)))
         for side in (-1.0, 1.0):
             knee = prism([(0.0, 0.0), (0.0, -1.5), (1.5, 0.0)], -0.1, 0.1)
-            shell["steel"].append(placed(knee, pose(float(a), HEIGHT - 0.5, side * (HALF_Z - 0.05), yaw=90.0 * side)))
+            shell["steel"].append(
+                placed(knee, pose(float(a), HEIGHT - 0.5, side * (HALF_Z - 0.05), yaw=90.0 * side))
+            )
     shell["galvanized"].append(duct([(-11.7, 7.0, 4.6), (11.7, 7.0, 4.6)], 0.9, 0.7))
     shell["teal paint"].append(flanged([(-11.8, 6.2, 7.4), (11.8, 6.2, 7.4)], 0.16, 16, 0.4, 6.0))
-    shell["red paint"].append(flanged([(-11.8, 5.75, 7.55), (8.0, 5.75, 7.55), (8.0, 0.0, 7.55)], 0.09, 12, 0.3, 6.0))
+    shell["red paint"].append(
+        flanged([(-11.8, 5.75, 7.55), (8.0, 5.75, 7.55), (8.0, 0.0, 7.55)], 0.09, 12, 0.3, 6.0)
+    )
     shell["copper"] += [pipe([(-11.8, y, 7.75), (11.8, y, 7.75)], 0.035, 8) for y in (5.35, 5.22, 5.09)]
     body, wheel = valve(0.16, 14)
     shell["dark metal"].append(placed(body, pose(-3.0, 6.2, 7.4, pitch=-90.0)))
     shell["yellow paint"].append(placed(wheel, pose(-3.0, 6.2, 7.4, pitch=-90.0)))
-    shell["dark metal"] += [placed(brace(0.75, 0.5), pose(float(a), 6.02, 8.0, yaw=90.0)) for a in (-9.0, -3.9, 3.0, 9.0)]
+    shell["dark metal"] += [
+        placed(brace(0.75, 0.5), pose(float(a), 6.02, 8.0, yaw=90.0)) for a in (-9.0, -3.9, 3.0, 9.0)
+    ]
     for k in range(4):
         for a in np.arange(-10.0, 7.0, 4.0):
             start, end = (float(a), 7.35, -5.0 + 0.1 * k), (float(a) + 4.0, 7.35, -5.0 + 0.1 * k)
             shell["rubber"].append(cable(start, end, 0.12 + 0.05 * k, 0.02, 10, 5))
     _walk(shell)
     parts = finishes.parts(shell, "bay")
-    strips = [box((a - 0.9, HEIGHT - 0.62, s * 2.6 - 0.09), (a + 0.9, HEIGHT - 0.57, s * 2.6 + 0.09)) for a in (-8.0, 0.0, 8.0) for s in (-1, 1)]
+    strips = [
+        box((a - 0.9, HEIGHT - 0.62, s * 2.6 - 0.09), (a + 0.9, HEIGHT - 0.57, s * 2.6 + 0.09))
+        for a in (-8.0, 0.0, 8.0)
+        for s in (-1, 1)
+    ]
     return [*parts, Part(merge(strips, "bay strips"), glow)]
 
 
@@ -81,16 +96,25 @@ def _wall(into: Pieces, place: np.ndarray, half: float) -> None:
                 panel = beveled_box((-0.5 * width + 0.03, low, -0.13), (0.5 * width - 0.03, high, out), 0.03)
                 finish = "orange paint" if low < 0.5 else "hull" if random.random() < 0.86 else "teal paint"
                 into[finish].append(placed(panel, place @ pose(x=side * a)))
-        into["dark metal"].append(placed(box((side * half - 0.3, -0.05, -0.2), (side * half + 0.3, 0.35, 0.1)), place))
+        into["dark metal"].append(
+            placed(box((side * half - 0.3, -0.05, -0.2), (side * half + 0.3, 0.35, 0.1)), place)
+        )
         a, b = sorted((side * (door + 0.45), side * half))
         into["dark metal"].append(placed(box((a, -0.05, -0.2), (b, 0.3, 0.08)), place))
-        jamb = beveled_box((side * (door + 0.22) - 0.22, 0.0, -0.5), (side * (door + 0.22) + 0.22, lintel + 0.4, 0.14), 0.05)
+        jamb = beveled_box(
+            (side * (door + 0.22) - 0.22, 0.0, -0.5), (side * (door + 0.22) + 0.22, lintel + 0.4, 0.14), 0.05
+        )
         into["steel"].append(placed(jamb, place))
         strip = box((side * (door + 0.22) - 0.1, 0.4, 0.1), (side * (door + 0.22) + 0.1, 2.4, 0.15))
         into["hazard"].append(placed(strip, place))
-    into["steel"].append(placed(beveled_box((-door - 0.44, lintel, -0.5), (door + 0.44, lintel + 0.5, 0.16), 0.05), place))
+    into["steel"].append(
+        placed(beveled_box((-door - 0.44, lintel, -0.5), (door + 0.44, lintel + 0.5, 0.16), 0.05), place)
+    )
     for low, high in ((4.45, 6.0), (6.1, 7.8)):
-        into["hull"] += [placed(beveled_box((a - 1.12, low, -0.13), (a + 1.12, high, 0.02), 0.03), place) for a in (-1.2, 1.2)]
+        into["hull"] += [
+            placed(beveled_box((a - 1.12, low, -0.13), (a + 1.12, high, 0.02), 0.03), place)
+            for a in (-1.2, 1.2)
+        ]
 
 
 def _walk(into: Pieces) -> None:
@@ -103,7 +127,9 @@ def _walk(into: Pieces) -> None:
         placed(railing(17.0), place @ pose(z=0.62)),
         placed(railing(1.26), pose(11.68, _WALK, _WALK_Z, yaw=90.0)),
     ]
-    into["steel"] += [placed(brace(1.35, 0.9), pose(float(x), _WALK - 0.2, -8.0, yaw=-90.0)) for x in (-4.0, 3.2, 7.4, 10.8)]
+    into["steel"] += [
+        placed(brace(1.35, 0.9), pose(float(x), _WALK - 0.2, -8.0, yaw=-90.0)) for x in (-4.0, 3.2, 7.4, 10.8)
+    ]
     treads, strings = stairs(_WALK, 1.0)
     into["galvanized"].append(placed(treads, pose(-10.5, 0.0, _WALK_Z + 0.05)))
     into["yellow paint"].append(placed(strings, pose(-10.5, 0.0, _WALK_Z + 0.05)))
@@ -114,20 +140,31 @@ def corridor(finishes: Finishes, glow: Material) -> list[Part]:
     """Return the parts of a corridor along x about the origin, open at both ends."""
     way = pieces()
     half = 0.5 * LENGTH
-    _deck(way, np.linspace(-half - 0.02, half + 0.02, 7), np.linspace(-HALF_WIDTH - 0.3, HALF_WIDTH + 0.3, 4), 0.0)
+    _deck(
+        way,
+        np.linspace(-half - 0.02, half + 0.02, 7),
+        np.linspace(-HALF_WIDTH - 0.3, HALF_WIDTH + 0.3, 4),
+        0.0,
+    )
     for side in (-1.0, 1.0):
         turn = pose(yaw=90.0 - 90.0 * side) @ pose(z=-HALF_WIDTH)
         way["dark hull"].append(placed(box((-half, -0.1, -0.3), (half, LOW + 0.2, -0.1)), turn))
         for k in range(8):
             a = -half + 0.75 + 1.5 * k
             way["hull"].append(placed(beveled_box((a - 0.71, 1.0, -0.12), (a + 0.71, 3.0, 0.0), 0.03), turn))
-            way["teal paint"].append(placed(beveled_box((a - 0.71, 0.25, -0.12), (a + 0.71, 0.94, 0.05), 0.03), turn))
-        way["copper"] += [placed(pipe([(-half, y, 0.12), (half, y, 0.12)], 0.045, 10), turn) for y in (3.16, 3.3)]
+            way["teal paint"].append(
+                placed(beveled_box((a - 0.71, 0.25, -0.12), (a + 0.71, 0.94, 0.05), 0.03), turn)
+            )
+        way["copper"] += [
+            placed(pipe([(-half, y, 0.12), (half, y, 0.12)], 0.045, 10), turn) for y in (3.16, 3.3)
+        ]
         way["red paint"].append(placed(pipe([(-half, 3.5, 0.14), (half, 3.5, 0.14)], 0.08, 12), turn))
     way["dark hull"].append(box((-half, LOW, -HALF_WIDTH - 0.3), (half, LOW + 0.2, HALF_WIDTH + 0.3)))
     for a in np.arange(-4.5, 5.0, 3.0):
         for s in (-1.0, 1.0):
-            rib = prism([(0.0, 0.0), (0.22, 0.0), (0.22, 3.1), (0.7, 3.6), (0.7, LOW), (0.0, LOW)], -0.14, 0.14)
+            rib = prism(
+                [(0.0, 0.0), (0.22, 0.0), (0.22, 3.1), (0.7, 3.6), (0.7, LOW), (0.0, LOW)], -0.14, 0.14
+            )
             way["steel"].append(placed(rib, pose(float(a), 0.0, -s * HALF_WIDTH, yaw=-90.0 * s)))
         way["steel"].append(box((float(a) - 0.13, 3.6, -1.8), (float(a) + 0.13, LOW, 1.8)))
     parts = finishes.parts(way, "corridor")
@@ -139,11 +176,15 @@ def blast_door(finishes: Finishes) -> list[Part]:
     """Return the parts of a closed door in a doorway in the plane z = 0 that faces +z."""
     door = pieces()
     for s in (-1.0, 1.0):
-        door["dark hull"].append(beveled_box((min(0.0, s * _DOOR), 0.0, -0.38), (max(0.0, s * _DOOR), _LINTEL, -0.2), 0.02))
+        door["dark hull"].append(
+            beveled_box((min(0.0, s * _DOOR), 0.0, -0.38), (max(0.0, s * _DOOR), _LINTEL, -0.2), 0.02)
+        )
         for y in (0.25, 1.45, 2.65):
             low, high = sorted((s * 0.18, s * (_DOOR - 0.15)))
             door["orange paint"].append(beveled_box((low, y, -0.22), (high, y + 1.0, -0.12), 0.03))
-        door["hazard"].append(box((min(0.0, s * 0.14) + 0.002 * s, 0.1, -0.21), (max(0.0, s * 0.14), _LINTEL - 0.1, -0.17)))
+        door["hazard"].append(
+            box((min(0.0, s * 0.14) + 0.002 * s, 0.1, -0.21), (max(0.0, s * 0.14), _LINTEL - 0.1, -0.17))
+        )
     bar = lathe([(0.0, -0.02), (0.32, -0.02), (0.32, 0.04), (0.24, 0.07), (0.0, 0.07)], 28)
     door["steel"].append(placed(bar, pose(0.0, 1.95, -0.16, pitch=90.0)))
     return finishes.parts(door, "blast door")
@@ -165,7 +206,11 @@ def _row(into: Pieces, x: float, z: float, yaw: float, seed: int, paints: list[s
 def cargo(finishes: Finishes, kind: int) -> list[Part]:
     """Return the parts of what stands in a bay, about its middle; `kind` 0 to 2 says how."""
     stock = pieces()
-    paints = [["red paint", "yellow paint", "wood"], ["blue paint", "green paint", "orange paint"], ["red paint", "green paint", "white paint"]][kind]
+    paints = [
+        ["red paint", "yellow paint", "wood"],
+        ["blue paint", "green paint", "orange paint"],
+        ["red paint", "green paint", "white paint"],
+    ][kind]
     sheets, frame = container()
     spots = [
         [(7.2, 0.0, 5.4, 0.0, "red paint"), (7.4, 0.0, -4.4, 2.0, "blue paint")],

@@ -85,7 +85,11 @@ def cargo_map() -> Scene:
 
 
 def _deck(
-    name: str, cells: list[Cell], still: int, tugs: int, lights: list[tuple[float, float, float, tuple[float, ...], float]]
+    name: str,
+    cells: list[Cell],
+    still: int,
+    tugs: int,
+    lights: list[tuple[float, float, float, tuple[float, ...], float]],
 ) -> Scene:
     """Return bays at cells of the plan, joined by corridors, with tugs in them and lights.
 
@@ -101,7 +105,12 @@ def _deck(
         _hang(scene, f"cargo {kind}", modules.cargo(finishes, kind), own)
     passages, doors = [], []
     for i, k in cells:
-        for di, dk, yaw, reach in ((1, 0, -90.0, modules.HALF_X), (-1, 0, 90.0, modules.HALF_X), (0, 1, 180.0, modules.HALF_Z), (0, -1, 0.0, modules.HALF_Z)):
+        for di, dk, yaw, reach in (
+            (1, 0, -90.0, modules.HALF_X),
+            (-1, 0, 90.0, modules.HALF_X),
+            (0, 1, 180.0, modules.HALF_Z),
+            (0, -1, 0.0, modules.HALF_Z),
+        ):
             if (i + di, k + dk) not in cells:
                 doors.append(_at((i, k)) @ pose(yaw=yaw) @ pose(z=-reach))
             elif di + dk > 0:
@@ -135,7 +144,20 @@ def _fill(scene: Scene, finishes: Finishes, still: int, cells: list[Cell]) -> No
     parts = modules.stack(finishes)
     each = sum(len(part.mesh.triangles) for part in parts)
     rest = still - scene.triangle_count
-    spots = [(-0.4, 6.9, 0.0), (10.6, 2.9, 90.0), (10.7, -2.9, 80.0), (-10.9, 3.6, 75.0), (-10.7, -3.4, 95.0), (1.0, 4.6, 10.0), (-1.6, -4.4, -8.0), (10.8, 7.0, 30.0), (0.2, -6.9, 0.0), (3.4, 4.4, 50.0), (10.7, -5.9, 85.0), (-2.0, 4.6, 20.0)]
+    spots = [
+        (-0.4, 6.9, 0.0),
+        (10.6, 2.9, 90.0),
+        (10.7, -2.9, 80.0),
+        (-10.9, 3.6, 75.0),
+        (-10.7, -3.4, 95.0),
+        (1.0, 4.6, 10.0),
+        (-1.6, -4.4, -8.0),
+        (10.8, 7.0, 30.0),
+        (0.2, -6.9, 0.0),
+        (3.4, 4.4, 50.0),
+        (10.7, -5.9, 85.0),
+        (-2.0, 4.6, 20.0),
+    ]
     places = [_at(cell) @ pose(x, 0.0, z, yaw) for x, z, yaw in spots for cell in cells]
     taken = min(len(places), (rest - 400) // each)
     if taken > 0:
@@ -158,7 +180,9 @@ def _fly(scene: Scene, finishes: Finishes, cells: list[Cell], tugs: int) -> None
         i, k = cells[number % len(cells)]
         phase = _KEYS + math.pi * (number // len(cells)) + 2.3
         bob = 0.12 * np.sin(2.0 * _KEYS)
-        path = np.stack([5.6 * np.cos(phase) + i * _STEP_X, 5.35 + bob, 3.0 * np.sin(phase) + k * _STEP_Z], axis=1)
+        path = np.stack(
+            [5.6 * np.cos(phase) + i * _STEP_X, 5.35 + bob, 3.0 * np.sin(phase) + k * _STEP_Z], axis=1
+        )
         heading = np.unwrap(np.arctan2(-3.0 * np.cos(phase), -5.6 * np.sin(phase)))
         node = Node(f"tug {number}", parts=parts)
         scene.roots.append(node)

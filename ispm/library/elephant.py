@@ -1,4 +1,4 @@
-"""An elephant with its trunk raised, as one smooth closed surface: rounded solids that melt into one another."""
+"""An elephant with its trunk raised: rounded solids that melt into one smooth closed surface."""
 
 from __future__ import annotations
 
@@ -43,14 +43,34 @@ def _limbs() -> list[_Bone]:
         knee, foot = (x + 0.4 * step, 0.55, z), (x + step, 0.12, z)
         bones += [_Bone((x, 1.10, 0.92 * z), knee, 0.27, 0.175, 0.10), _Bone(knee, foot, 0.17, 0.15)]
         bones.append(_Bone((foot[0] + 0.03, 0.07, z), (foot[0] + 0.05, 0.05, z), 0.185, 0.19, 0.05))
-    trunk = [(1.42, 1.66, 0.0), (1.66, 1.42, 0.0), (1.87, 1.30, 0.02), (2.08, 1.38, 0.05), (2.20, 1.60, 0.07), (2.20, 1.86, 0.07), (2.10, 2.08, 0.05), (1.95, 2.20, 0.02)]  # fmt: skip
+    trunk = [
+        (1.42, 1.66, 0.0),
+        (1.66, 1.42, 0.0),
+        (1.87, 1.30, 0.02),
+        (2.08, 1.38, 0.05),
+        (2.20, 1.60, 0.07),
+        (2.20, 1.86, 0.07),
+        (2.10, 2.08, 0.05),
+        (1.95, 2.20, 0.02),
+    ]
     radii = [0.23, 0.19, 0.155, 0.13, 0.112, 0.095, 0.08, 0.068]
     bones += [_Bone(a, b, r, s, 0.05) for a, b, r, s in zip(trunk, trunk[1:], radii, radii[1:], strict=False)]
     for s in (-1.0, 1.0):
-        tusk = [(1.44, 1.50, 0.18 * s), (1.62, 1.24, 0.32 * s), (1.86, 1.12, 0.40 * s), (2.06, 1.16, 0.43 * s)]
-        bones += [_Bone(a, b, r, t, 0.07) for a, b, r, t in zip(tusk, tusk[1:], (0.066, 0.060, 0.050), (0.060, 0.050, 0.034), strict=False)]
+        tusk = [
+            (1.44, 1.50, 0.18 * s),
+            (1.62, 1.24, 0.32 * s),
+            (1.86, 1.12, 0.40 * s),
+            (2.06, 1.16, 0.43 * s),
+        ]
+        bones += [
+            _Bone(a, b, r, t, 0.07)
+            for a, b, r, t in zip(tusk, tusk[1:], (0.066, 0.060, 0.050), (0.060, 0.050, 0.034), strict=False)
+        ]
     tail = [(-1.12, 1.42, 0.0), (-1.28, 1.20, 0.02), (-1.34, 0.92, 0.04), (-1.30, 0.72, 0.05)]
-    bones += [_Bone(a, b, r, t, 0.04) for a, b, r, t in zip(tail, tail[1:], (0.075, 0.05, 0.042), (0.05, 0.042, 0.06), strict=False)]
+    bones += [
+        _Bone(a, b, r, t, 0.04)
+        for a, b, r, t in zip(tail, tail[1:], (0.075, 0.05, 0.042), (0.05, 0.042, 0.06), strict=False)
+    ]
     return bones
 
 
@@ -100,8 +120,8 @@ def elephant(count: int) -> Mesh:
 
 
 def _surface(cell: float) -> Mesh:
-    """The surface where the distance is 0, by surface nets (Gibson, "Constrained elastic surface nets", 1998):
-    one vertex in each cell that it crosses, one quad at each edge; `cell` in m."""
+    """The surface where the distance is 0: one vertex in each cell that it crosses, one quad at each edge;
+    `cell` in m. Source: Gibson, "Constrained elastic surface nets", 1998."""
     shape = np.ceil((_HIGH - _LOW) / cell).astype(int) + 1
     field = _distance(shape, cell)
     inside = field < 0.0
@@ -155,7 +175,8 @@ def _evened(mesh: Mesh) -> Mesh:
     met = np.bincount(start.ravel(), minlength=count)[:, None]
     for share in (0.60, -0.62) * 4:
         sums = np.stack(
-            [np.bincount(start.ravel(), positions[ends.ravel(), a], minlength=count) for a in range(3)], axis=1
+            [np.bincount(start.ravel(), positions[ends.ravel(), a], minlength=count) for a in range(3)],
+            axis=1,
         )
         positions += share * (sums / met - positions)
     return Mesh(positions, mesh.triangles)

@@ -1,4 +1,4 @@
-"""Surfaces of the built-in halls: painted and rusty steel, concrete, wood, with stains and wear as textures."""
+"""Surfaces of the built-in halls: painted and rusty steel, concrete, wood; stains and wear as textures."""
 
 from __future__ import annotations
 
@@ -167,7 +167,7 @@ def _stripes() -> np.ndarray:
 
 
 def _bricks() -> tuple[np.ndarray, np.ndarray]:
-    """(256, 256) each: the shade of each brick, in 16 courses of 4 and a half brick's shift; where mortar is."""
+    """(256, 256) each: the shades of bricks, in 16 courses of 4 shifted by turns; where mortar is."""
     u, v = np.meshgrid(np.arange(_SIDE), np.arange(_SIDE))
     course = v // 16
     along = (u + 32 * (course % 2)) % _SIDE

@@ -136,7 +136,11 @@ def rounded(points: Sequence[Sequence[float]], bend: float) -> np.ndarray:
 
 
 def pipe(
-    points: Sequence[Sequence[float]] | np.ndarray, radius: float, sides: int, bend: float = 0.0, name: str = ""
+    points: Sequence[Sequence[float]] | np.ndarray,
+    radius: float,
+    sides: int,
+    bend: float = 0.0,
+    name: str = "",
 ) -> Mesh:
     """Return a round bar along a polyline, smooth, with flat ends: 2 S (P - 1) + 2 (S - 2) triangles.
 
@@ -194,7 +198,9 @@ def refined(mesh: Mesh, count: int) -> Mesh:
     while len(triangles) < count:
         wanted = count - len(triangles)
         edges = np.concatenate([triangles[:, [k, (k + 1) % 3]] for k in range(3)])
-        pairs, owner, shared = np.unique(np.sort(edges, axis=1), axis=0, return_inverse=True, return_counts=True)
+        pairs, owner, shared = np.unique(
+            np.sort(edges, axis=1), axis=0, return_inverse=True, return_counts=True
+        )
         order = np.argsort(owner.ravel(), kind="stable")  # those of one edge side by side
         first = np.cumsum(shared) - shared
         faces = order % len(triangles)

@@ -43,8 +43,14 @@ def glass_figure() -> Scene:
     finishes.add(scene, "floor", floor)
 
     glass = Material(
-        roughness=0.0, ior=1.5, transmission=1.0, thickness=0.5, attenuation_color=(0.80, 0.95, 0.97), attenuation_distance=0.6, name="glass"
-    )  # fmt: skip
+        roughness=0.0,
+        ior=1.5,
+        transmission=1.0,
+        thickness=0.5,
+        attenuation_color=(0.80, 0.95, 0.97),
+        attenuation_distance=0.6,
+        name="glass",
+    )
     scale = 0.5
     figure = elephant(FIGURE)
     small = Mesh(scale * figure.positions, figure.triangles, figure.normals, name="elephant")
@@ -82,7 +88,12 @@ def _walls() -> list[tuple[str, str, Mesh]]:
     hx, hz, h = 4.0, 3.0, 3.4
     columns = 148
     result = []
-    for name, width, yaw, reach in (("back wall", 2 * hx, 0.0, hz), ("right wall", 2 * hz, -90.0, hx), ("left wall", 2 * hz, 90.0, hx), ("front wall", 2 * hx, 180.0, hz)):
+    for name, width, yaw, reach in (
+        ("back wall", 2 * hx, 0.0, hz),
+        ("right wall", 2 * hz, -90.0, hx),
+        ("left wall", 2 * hz, 90.0, hx),
+        ("front wall", 2 * hx, 180.0, hz),
+    ):
         count = round(columns * width / (2 * hx))
         top, rows = (h, 64) if reach == hz else (h + 1.6, 94)  # the others close the vault's ends
         u, v = np.meshgrid(np.linspace(-0.5 * width, 0.5 * width, count + 1), np.linspace(0.0, top, rows + 1))
@@ -93,13 +104,15 @@ def _walls() -> list[tuple[str, str, Mesh]]:
     x, turn = np.meshgrid(np.linspace(-hx, hx, 161), angle)
     out = _hewn(x, 3.6 * turn, 9, 0.8, 0.6)
     radius = np.array([hz, 1.55])
-    vault = np.stack([x, h - 0.02 + (radius[1] - out) * np.sin(turn), (radius[0] - out) * np.cos(turn)], axis=-1)
+    vault = np.stack(
+        [x, h - 0.02 + (radius[1] - out) * np.sin(turn), (radius[0] - out) * np.cos(turn)], axis=-1
+    )
     result.append(("vault", "stone", averaged(sheet(vault))))
     return result
 
 
 def _hewn(u: np.ndarray, v: np.ndarray, seed: int, long: float, high: float) -> np.ndarray:
-    """How far blocks, `long` by `high` m, stand out of a wall at (u, v) in m; each face is a little its own."""
+    """How far blocks of `long` by `high` m stand out of a wall at (u, v) in m; no two are the same."""
     course = np.floor(v / high).astype(int)
     along = u / long + 0.5 * (course % 2) + 40.0
     block = np.floor(along).astype(int)
@@ -114,7 +127,7 @@ def _hewn(u: np.ndarray, v: np.ndarray, seed: int, long: float, high: float) -> 
 
 
 def million() -> Scene:
-    """A temple of eight stone elephants and forty columns by thirty drifting lanterns: over a million triangles.
+    """A temple of stone elephants by the light of thirty drifting lanterns: 1.5 million triangles.
 
     44 x 20 x 11 m. The lanterns are point lights that go round on closed paths of 12 s.
     """
@@ -147,26 +160,45 @@ def _temple(scene: Scene, finishes: Finishes) -> None:
     """Columns between the statues, walls and a barrel vault of blocks, a paved floor."""
     post = pieces()
     post["stone"].append(column(7.0, 0.48, 1.5, 36, "column"))
-    spots = [(x, s * z) for x in np.arange(-18.0, 19.0, 4.5) if abs(x / 4.5) % 2 != 1 for z in (3.4, 7.9) for s in (-1, 1)]
+    spots = [
+        (x, s * z)
+        for x in np.arange(-18.0, 19.0, 4.5)
+        if abs(x / 4.5) % 2 != 1
+        for z in (3.4, 7.9)
+        for s in (-1, 1)
+    ]
     spots += [(x, s * 7.9) for x in (-13.5, -4.5, 4.5, 13.5) for s in (-1, 1)]
     spots += [(s * 20.6, z) for s in (-1, 1) for z in (-7.9, -3.4, 3.4, 7.9)]
     finishes.add(scene, "columns", post, [pose(float(x), 0.0, float(z)) for x, z in spots])
     beams = pieces()
     beams["stone"] += [box((-22.2, 6.95, s * 3.4 - 0.6), (22.2, 7.9, s * 3.4 + 0.6)) for s in (-1, 1)]
-    beams["stone"] += [beveled_box((-22.2, 7.7, s * 3.4 - 0.75), (22.2, 8.05, s * 3.4 + 0.75), 0.06) for s in (-1, 1)]
+    beams["stone"] += [
+        beveled_box((-22.2, 7.7, s * 3.4 - 0.75), (22.2, 8.05, s * 3.4 + 0.75), 0.06) for s in (-1, 1)
+    ]
     beams["stone"] += [box((-22.2, 7.9, s * 7.0 - 3.2), (22.2, 8.2, s * 7.0 + 3.2)) for s in (-1, 1)]
     finishes.add(scene, "architraves", beams)
-    for name, width, yaw, reach in (("north wall", 44.0, 0.0, 9.8), ("south wall", 44.0, 180.0, 9.8), ("west wall", 19.6, 90.0, 22.0), ("east wall", 19.6, -90.0, 22.0)):
+    for name, width, yaw, reach in (
+        ("north wall", 44.0, 0.0, 9.8),
+        ("south wall", 44.0, 180.0, 9.8),
+        ("west wall", 19.6, 90.0, 22.0),
+        ("east wall", 19.6, -90.0, 22.0),
+    ):
         high = 8.1 if reach < 10.0 else 11.6
-        u, v = np.meshgrid(np.linspace(-0.5 * width, 0.5 * width, round(8 * width) + 1), np.linspace(0.0, high, 97))
+        u, v = np.meshgrid(
+            np.linspace(-0.5 * width, 0.5 * width, round(8 * width) + 1), np.linspace(0.0, high, 97)
+        )
         out = 1.5 * _hewn(u, v, len(name), 1.6, 0.9)
         own = pieces()
-        own["stone"].append(placed(sheet(np.stack([u, v - 0.02, out], axis=-1)[::-1]), pose(yaw=yaw) @ pose(z=-reach)))
+        own["stone"].append(
+            placed(sheet(np.stack([u, v - 0.02, out], axis=-1)[::-1]), pose(yaw=yaw) @ pose(z=-reach))
+        )
         finishes.add(scene, name, own)
     x, turn = np.meshgrid(np.linspace(-22.1, 22.1, 221), np.linspace(0.0, np.pi, 65))
     out = 1.5 * _hewn(x, 3.6 * turn, 31, 1.6, 0.9)
     vault = pieces()
-    vault["stone"].append(sheet(np.stack([x, 8.0 + (3.5 - out) * np.sin(turn), (3.5 - out) * np.cos(turn)], axis=-1)))
+    vault["stone"].append(
+        sheet(np.stack([x, 8.0 + (3.5 - out) * np.sin(turn), (3.5 - out) * np.cos(turn)], axis=-1))
+    )
     finishes.add(scene, "vault", vault)
     u, v = np.meshgrid(np.linspace(-22.2, 22.2, 371), np.linspace(-10.0, 10.0, 167))
     paved = 0.5 * _hewn(u, v + 20.0, 5, 1.2, 1.2) - 0.045
@@ -180,7 +212,9 @@ def _lanterns(scene: Scene, finishes: Finishes) -> None:
     random = np.random.default_rng(12)
     colors = [(1.0, 0.58, 0.24), (1.0, 0.44, 0.16), (0.40, 0.66, 1.0), (1.0, 0.72, 0.40), (0.45, 1.0, 0.72)]
     flame = Material((1.0, 0.80, 0.50), unlit=True, name="flame")
-    bowl = lathe([(0.0, -0.24), (0.10, -0.22), (0.20, -0.14), (0.22, -0.08), (0.19, -0.09), (0.0, -0.17)], 20, "bowl")
+    bowl = lathe(
+        [(0.0, -0.24), (0.10, -0.22), (0.20, -0.14), (0.22, -0.08), (0.19, -0.09), (0.0, -0.17)], 20, "bowl"
+    )
     wick = lathe([(0.0, -0.165), (0.05, -0.15), (0.06, -0.11), (0.0, -0.04)], 10, "flame")
     parts = [Part(unwrapped(bowl, 1.0), finishes["copper"]), Part(wick, flame)]
     channels = []
@@ -190,7 +224,14 @@ def _lanterns(scene: Scene, finishes: Finishes) -> None:
         reach = random.uniform((0.5, 0.15, 0.4), (1.3, 0.45, 0.9))
         phase = _KEYS + random.uniform(0.0, 2.0 * np.pi)
         height = (2.4, 3.6, 4.8)[(number // 3) % 3]
-        path = np.stack([x + reach[0] * np.sin(phase), height + reach[1] * np.sin(2.0 * phase), lane + reach[2] * np.cos(phase)], axis=1)
+        path = np.stack(
+            [
+                x + reach[0] * np.sin(phase),
+                height + reach[1] * np.sin(2.0 * phase),
+                lane + reach[2] * np.cos(phase),
+            ],
+            axis=1,
+        )
         node = Node(f"lantern {number}", parts=parts)
         scene.roots.append(node)
         r, g, b = (34.0 * c for c in colors[number % 5])

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 
 from ispm.library.finishes import Finishes, pieces
@@ -9,7 +11,18 @@ from ispm.library.forms import beveled_box, pipe, placed, pose, prism, refined
 from ispm.library.masonry import arch
 from ispm.library.pipework import cable, clamp, duct, flanged, valve, vessel
 from ispm.library.shapes import box, lathe, merge, polygons, sheet
-from ispm.library.steelwork import beam, bolts, brace, catwalk, channel, column, corrugated, railing, stairs, truss
+from ispm.library.steelwork import (
+    beam,
+    bolts,
+    brace,
+    catwalk,
+    channel,
+    column,
+    corrugated,
+    railing,
+    stairs,
+    truss,
+)
 from ispm.scene.material import Material
 from ispm.scene.scene import Node, Part, Scene
 
@@ -22,7 +35,7 @@ COLUMNS = [(BAY * (k - 4), side * COLUMN_Z) for k in range(BAYS + 1) for side in
 
 
 def hall(scene: Scene, finishes: Finishes) -> None:
-    """Build the hall without what is stored in it: 48 x 18.6 x 11.5 m about the origin, its floor at y = 0."""
+    """Build the hall, but not its floor and stock: 48 x 18.6 x 11.5 m about the origin, up from y = 0."""
     _bays(scene, finishes)
     _roof(scene, finishes)
     _gables(scene, finishes)
@@ -57,7 +70,11 @@ def _bays(scene: Scene, finishes: Finishes) -> None:
     for y in (5.85, 6.35, 6.85):
         wall["rust"].append(box((-2.72, y - 0.02, -0.055), (2.72, y + 0.02, -0.005)))
     wall["dark metal"].append(box((-3.0, 5.3, -0.10), (3.0, 7.3, -0.05)))
-    places = [pose(BAY * (k - 3.5), z=side * HALF_Z, yaw=90.0 + 90.0 * side) for k in range(BAYS) for side in (-1, 1)]
+    places = [
+        pose(BAY * (k - 3.5), z=side * HALF_Z, yaw=90.0 + 90.0 * side)
+        for k in range(BAYS)
+        for side in (-1, 1)
+    ]
     finishes.add(scene, "wall", wall, places)
 
     post = pieces()
@@ -94,11 +111,19 @@ def _gables(scene: Scene, finishes: Finishes) -> None:
     """End walls of brick: a gate in the east, both with a door of 2.1 m."""
     end = pieces()
     x = HALF_X
-    outline = [(-HALF_Z - 0.3, -0.1), (HALF_Z + 0.3, -0.1), (HALF_Z + 0.3, EAVES + 0.9), (0.0, EAVES + RISE + 1.3), (-HALF_Z - 0.3, EAVES + 0.9)]  # fmt: skip
+    outline = [
+        (-HALF_Z - 0.3, -0.1),
+        (HALF_Z + 0.3, -0.1),
+        (HALF_Z + 0.3, EAVES + 0.9),
+        (0.0, EAVES + RISE + 1.3),
+        (-HALF_Z - 0.3, EAVES + 0.9),
+    ]
     slab = prism(outline, 0.0, 0.3)
     end["brick"] += [placed(slab, pose(x=x, yaw=90.0)), placed(slab, pose(x=-x, yaw=-90.0))]
     for z in (-9.1, -6.0, 6.0, 9.1):
-        end["brick"] += [box((s * x - 0.15, -0.1, z - 0.3), (s * x + 0.15, EAVES + 0.5, z + 0.3)) for s in (-1, 1)]
+        end["brick"] += [
+            box((s * x - 0.15, -0.1, z - 0.3), (s * x + 0.15, EAVES + 0.5, z + 0.3)) for s in (-1, 1)
+        ]
     for s in (-1, 1):
         end["concrete wall"].append(box((s * x - 0.12, 7.0, -9.3), (s * x + 0.12, 7.4, 9.3)))
         end["concrete wall"].append(box((s * x - 0.1, -0.1, -9.3), (s * x + 0.1, 0.5, 9.3)))
@@ -121,23 +146,44 @@ def _crane(scene: Scene, finishes: Finishes) -> None:
     for side in (-1.0, 1.0):
         rail = placed(beam(2.0 * HALF_X - 0.2, 0.5, 0.3), pose(y=6.25, z=side * 8.45, yaw=90.0))
         crane["steel"].append(rail)
-        crane["rust"].append(box((0.1 - HALF_X, 6.5, side * 8.45 - 0.04), (HALF_X - 0.1, 6.6, side * 8.45 + 0.04)))
+        crane["rust"].append(
+            box((0.1 - HALF_X, 6.5, side * 8.45 - 0.04), (HALF_X - 0.1, 6.6, side * 8.45 + 0.04))
+        )
     x = 9.0
     for a in (x - 0.9, x + 0.9):
         crane["yellow paint"].append(placed(beam(16.4, 0.8, 0.34), pose(x=a, y=7.08)))
-        crane["yellow paint"].append(merge([box((a - 0.15, 6.74, z - 0.01), (a + 0.15, 7.42, z + 0.01)) for z in np.arange(-7.5, 8.0, 1.5)]))
+        crane["yellow paint"].append(
+            merge(
+                [
+                    box((a - 0.15, 6.74, z - 0.01), (a + 0.15, 7.42, z + 0.01))
+                    for z in np.arange(-7.5, 8.0, 1.5)
+                ]
+            )
+        )
     for side in (-1.0, 1.0):
         z = side * 8.45
         crane["yellow paint"].append(beveled_box((x - 1.6, 6.66, z - 0.2), (x + 1.6, 7.15, z + 0.2), 0.03))
         wheel = placed(lathe([(0, -0.05), (0.2, -0.05), (0.2, 0.05), (0, 0.05)], 20), pose(pitch=90.0))
-        crane["dark metal"] += [placed(wheel, pose(a, 6.79, z + 0.23 * s)) for a in (x - 1.2, x + 1.2) for s in (-1, 1)]
+        crane["dark metal"] += [
+            placed(wheel, pose(a, 6.79, z + 0.23 * s)) for a in (x - 1.2, x + 1.2) for s in (-1, 1)
+        ]
     crane["orange paint"] += [
         beveled_box((x - 1.1, 7.5, -1.9), (x + 1.1, 7.75, 0.4), 0.03),
         beveled_box((x - 0.8, 7.75, -1.6), (x + 0.1, 8.35, 0.1), 0.05),
     ]
-    crane["dark metal"].append(placed(lathe([(0, -0.7), (0.3, -0.7), (0.3, 0.7), (0, 0.7)], 24), pose(x + 0.5, 7.95, -0.75, pitch=90.0)))
-    crane["dark metal"] += [pipe([(x + 0.5 + a, 7.7, -0.75 + b), (x + 0.5 + 0.4 * a, 4.9, -0.75 + b)], 0.012, 6) for a in (-0.2, 0.2) for b in (-0.08, 0.08)]
-    crane["yellow paint"].append(placed(beveled_box((-0.28, -0.25, -0.16), (0.28, 0.3, 0.16), 0.06), pose(x + 0.5, 4.75, -0.75)))
+    crane["dark metal"].append(
+        placed(
+            lathe([(0, -0.7), (0.3, -0.7), (0.3, 0.7), (0, 0.7)], 24), pose(x + 0.5, 7.95, -0.75, pitch=90.0)
+        )
+    )
+    crane["dark metal"] += [
+        pipe([(x + 0.5 + a, 7.7, -0.75 + b), (x + 0.5 + 0.4 * a, 4.9, -0.75 + b)], 0.012, 6)
+        for a in (-0.2, 0.2)
+        for b in (-0.08, 0.08)
+    ]
+    crane["yellow paint"].append(
+        placed(beveled_box((-0.28, -0.25, -0.16), (0.28, 0.3, 0.16), 0.06), pose(x + 0.5, 4.75, -0.75))
+    )
     angle = np.linspace(0.5 * np.pi, -1.15 * np.pi, 15)
     curve = np.stack([0.16 * np.cos(angle), 0.16 * np.sin(angle) - 0.30, 0.0 * angle], axis=1)
     hook = pipe(np.concatenate([[(0.0, 0.12, 0.0)], curve]), 0.045, 10)
@@ -163,10 +209,12 @@ def _catwalk(scene: Scene, finishes: Finishes) -> None:
 
 
 def _pipes(scene: Scene, finishes: Finishes) -> None:
-    """Headers along the south wall with risers, valves and vessels; a duct, and cables from truss to truss."""
+    """Headers along the south wall with valves and vessels; a duct, and cables from truss to truss."""
     run = pieces()
     z = 8.25
-    run["teal paint"].append(flanged([(-22.0, 0.0, z), (-22.0, 4.6, z), (21.0, 4.6, z), (21.0, 0.0, z)], 0.17, 18, 0.5, 6.0))
+    run["teal paint"].append(
+        flanged([(-22.0, 0.0, z), (-22.0, 4.6, z), (21.0, 4.6, z), (21.0, 0.0, z)], 0.17, 18, 0.5, 6.0)
+    )
     run["red paint"].append(flanged([(-20.5, 5.05, z), (19.5, 5.05, z), (19.5, 9.3, z)], 0.11, 14, 0.35, 6.0))
     run["copper"].append(pipe([(-23.5, 3.9, 8.7), (23.5, 3.9, 8.7)], 0.05, 10))
     run["copper"].append(pipe([(-23.5, 3.75, 8.7), (6.0, 3.75, 8.7), (6.0, 0.0, 8.7)], 0.05, 10, 0.2))
@@ -175,7 +223,9 @@ def _pipes(scene: Scene, finishes: Finishes) -> None:
         run["dark metal"].append(placed(body, pose(x, 4.6, z, pitch=90.0)))
         run["red paint"].append(placed(wheel, pose(x, 4.6, z, pitch=90.0)))
     run["rust"] += [placed(clamp(0.17, 0.1), pose(x, 4.6, z)) for x in np.arange(-21.0, 21.0, BAY) + 1.2]
-    run["rust"] += [placed(brace(1.1, 0.7), pose(float(x), 4.42, 9.25, yaw=90.0)) for x in np.arange(-18.0, 19.0, BAY)]
+    run["rust"] += [
+        placed(brace(1.1, 0.7), pose(float(x), 4.42, 9.25, yaw=90.0)) for x in np.arange(-18.0, 19.0, BAY)
+    ]
     tank = vessel(1.15, 4.0)
     for x, finish in ((-15.0, "white paint"), (-12.0, "orange paint")):
         run[finish].append(placed(tank, pose(x, 0.0, 7.5, yaw=180.0)))
@@ -196,12 +246,18 @@ def _furnace(scene: Scene, finishes: Finishes) -> None:
     wall, ring = arch(6.0, 3.3, 0.9, 1.55, 1.9, 0.08, 15, "hearth")
     west["brick"].append(placed(wall, pose(x + 2.1, 1.0, 0.0, yaw=90.0)))
     west["dark stone"].append(placed(ring, pose(x + 2.1, 1.0, 0.0, yaw=90.0)))
-    west["brick"] += [box((-HALF_X - 0.1, 0.9, s * 2.6 - 0.4), (x + 1.7, 4.3, s * 2.6 + 0.4)) for s in (-1, 1)]
+    west["brick"] += [
+        box((-HALF_X - 0.1, 0.9, s * 2.6 - 0.4), (x + 1.7, 4.3, s * 2.6 + 0.4)) for s in (-1, 1)
+    ]
     west["rust"] += [box((x + 2.5, 0.9, s * 2.9 - 0.05), (x + 2.72, 4.3, s * 2.9 + 0.07)) for s in (-1, 1)]
     rings = []
     for y, half, reach in ((4.25, 3.1, 2.8), (4.6, 3.1, 2.8), (6.9, 0.8, 1.6), (EAVES + 3.2, 0.8, 1.6)):
         rings.append([(x - 0.15, y, -half), (x - 0.15, y, half), (x + reach, y, half), (x + reach, y, -half)])
-    hood = [polygons([np.array([a[k], a[(k + 1) % 4], b[(k + 1) % 4], b[k]])]) for a, b in zip(rings, rings[1:], strict=False) for k in range(4)]
+    hood = [
+        polygons([np.array([a[k], a[(k + 1) % 4], b[(k + 1) % 4], b[k]])])
+        for a, b in pairwise(rings)
+        for k in range(4)
+    ]
     hood.append(polygons([np.array(rings[0][::-1])]))
     west["rust"] += hood
     for a in (-3.0, -1.0, 1.0, 3.0):
@@ -210,7 +266,10 @@ def _furnace(scene: Scene, finishes: Finishes) -> None:
     embers = Material((1.0, 0.22, 0.03), unlit=True, name="embers")
     random = np.random.default_rng(3)
     coals = [
-        placed(beveled_box((-s, -s, -s), (s, s, s), 0.3 * s), pose(x + 0.2 + 1.7 * a, 1.0 + 0.5 * s, -1.3 + 2.6 * b, *random.uniform(0, 90, 3)))
+        placed(
+            beveled_box((-s, -s, -s), (s, s, s), 0.3 * s),
+            pose(x + 0.2 + 1.7 * a, 1.0 + 0.5 * s, -1.3 + 2.6 * b, *random.uniform(0, 90, 3)),
+        )
         for a, b, s in np.column_stack([random.random((90, 2)), random.uniform(0.05, 0.13, 90)])
     ]
     node.parts.append(Part(merge(coals, "embers"), embers))

@@ -58,15 +58,26 @@ def _containers(scene: Scene, finishes: Finishes) -> None:
     for finish, stood in rows.items():
         collected = pieces()
         collected[finish] += [sheets, frame]
-        finishes.add(scene, f"containers, {finish}", collected, [pose(x, y, z, yaw) for x, y, z, yaw in stood])
+        finishes.add(
+            scene, f"containers, {finish}", collected, [pose(x, y, z, yaw) for x, y, z, yaw in stood]
+        )
 
 
 def _stock(scene: Scene, finishes: Finishes) -> None:
     """Crates, drums, coils, beams and racks along the walls, none on the way."""
     south, north = pieces(), pieces()
     for k, x in enumerate((-8.4, -5.9, 1.8, 4.6, 11.2)):
-        sizes = [(1.5, 1.1, 1.2, "wood", "dark metal"), (1.3, 0.9, 1.1, "green paint", "steel"), (0.9, 0.7, 0.8, "yellow paint", "dark metal")]
-        sizes = [(*s[:3], p, f) for s, (p, f) in zip(sizes, (_PAINTS[k % 5], _PAINTS[(k + 2) % 5], _PAINTS[(k + 3) % 5]), strict=True)]
+        sizes = [
+            (1.5, 1.1, 1.2, "wood", "dark metal"),
+            (1.3, 0.9, 1.1, "green paint", "steel"),
+            (0.9, 0.7, 0.8, "yellow paint", "dark metal"),
+        ]
+        sizes = [
+            (*s[:3], p, f)
+            for s, (p, f) in zip(
+                sizes, (_PAINTS[k % 5], _PAINTS[(k + 2) % 5], _PAINTS[(k + 3) % 5]), strict=True
+            )
+        ]
         pile(south, pose(x, 0.0, 7.2, yaw=6.0 * (k % 3) - 5.0), sizes[: 3 - (k % 2)], k)
     for k, x in enumerate((-10.2, 8.4, 15.6)):
         drums(south, pose(x, 0.0, 7.1, yaw=4.0 * k), 2, 2, ["blue paint", "rust", "yellow paint"], 20 + k)
@@ -79,7 +90,10 @@ def _stock(scene: Scene, finishes: Finishes) -> None:
     roll = coil(0.72, 1.25)
     for x in (-6.6, -4.9, -3.2, -1.5):
         north["galvanized"].append(placed(roll, pose(x, 0.0, -7.2, yaw=90.0)))
-        north["wood"] += [box((x - 0.55, 0.0, -7.6), (x - 0.4, 0.14, -6.8)), box((x + 0.4, 0.0, -7.6), (x + 0.55, 0.14, -6.8))]
+        north["wood"] += [
+            box((x - 0.55, 0.0, -7.6), (x - 0.4, 0.14, -6.8)),
+            box((x + 0.4, 0.0, -7.6), (x + 0.55, 0.14, -6.8)),
+        ]
     north["galvanized"].append(placed(roll, pose(-5.75, 1.24, -7.2, yaw=90.0)))
     for k in range(4):
         for i in range(5 - k):
@@ -98,7 +112,13 @@ def _stock(scene: Scene, finishes: Finishes) -> None:
     finishes.add(scene, "north stock", north)
 
 
-_PAINTS = (("wood", "dark metal"), ("red paint", "steel"), ("blue paint", "steel"), ("yellow paint", "dark metal"), ("green paint", "steel"))
+_PAINTS = (
+    ("wood", "dark metal"),
+    ("red paint", "steel"),
+    ("blue paint", "steel"),
+    ("yellow paint", "dark metal"),
+    ("green paint", "steel"),
+)
 
 
 def _shelved(into: Pieces, x: float) -> None:
@@ -110,7 +130,9 @@ def _shelved(into: Pieces, x: float) -> None:
                 continue
             panel, frame = _PAINTS[int(random.integers(5))]
             w, h, d = random.uniform((0.6, 0.4, 0.6), (0.82, 0.72, 0.85))
-            turn = pose(x + dx, 0.02 + 0.98 * level if level else 0.0, -7.9, yaw=float(random.uniform(-5.0, 5.0)))
+            turn = pose(
+                x + dx, 0.02 + 0.98 * level if level else 0.0, -7.9, yaw=float(random.uniform(-5.0, 5.0))
+            )
             for finish, mesh in zip((panel, frame), crate(float(w), float(h), float(d)), strict=True):
                 into[finish].append(placed(mesh, turn))
 
@@ -127,7 +149,9 @@ def _drive(scene: Scene, finishes: Finishes) -> None:
     place, heading = np.zeros((keys, 3)), np.zeros(keys)
     begin, corner = 0.0, np.array([_HALF_X - _CORNER, 0.0, _HALF_Z - _CORNER])
     # westwards along the south side, then north, east and south again; clockwise seen from above
-    for leg, (run, yaw) in enumerate(((straight_x, 180.0), (straight_z, 90.0), (straight_x, 0.0), (straight_z, -90.0))):
+    for leg, (run, yaw) in enumerate(
+        ((straight_x, 180.0), (straight_z, 90.0), (straight_x, 0.0), (straight_z, -90.0))
+    ):
         a = math.radians(yaw)
         ahead, out = np.array([math.cos(a), 0.0, -math.sin(a)]), np.array([-math.sin(a), 0.0, -math.cos(a)])
         start = corner * [(1, 1, 1), (-1, 1, 1), (-1, 1, -1), (1, 1, -1)][leg]

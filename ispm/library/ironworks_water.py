@@ -105,7 +105,10 @@ def water_surface(time: float) -> Mesh:
 def _flotsam(scene: Scene, finishes: Finishes) -> None:
     """What the flood left: containers aslant, crates; and the lamp over the water on its cable."""
     stock = pieces()
-    for finish, place in (("blue paint", pose(-9.0, 0.0, 3.4, yaw=24.0)), ("orange paint", pose(11.5, 0.0, -4.6, yaw=-12.0))):
+    for finish, place in (
+        ("blue paint", pose(-9.0, 0.0, 3.4, yaw=24.0)),
+        ("orange paint", pose(11.5, 0.0, -4.6, yaw=-12.0)),
+    ):
         sheets, frame = container()
         stock[finish] += [placed(sheets, place), placed(frame, place)]
     for place, size, finish in (

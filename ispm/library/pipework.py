@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 
@@ -22,7 +23,9 @@ def flange(radius: float, sides: int) -> Mesh:
     profile += [(0.94 * outer, 0.1 * thick), (outer, 0.1 * thick), (outer, thick), (0.98 * radius, thick)]
     angle = 2.0 * np.pi * (np.arange(8) + 0.5) / 8
     ring = 1.3 * radius * np.stack([np.cos(angle), 0.0 * angle, np.sin(angle)], axis=1)
-    heads = [bolts(ring + (0.0, y, 0.0), 0.14 * radius, way) for y, way in ((thick, "y"), (-thick, "-y"))]
+    heads = [
+        bolts(ring + np.array([0.0, y, 0.0]), 0.14 * radius, way) for y, way in ((thick, "y"), (-thick, "-y"))
+    ]
     return merge([lathe(profile, sides), *heads])
 
 
@@ -42,14 +45,16 @@ def flanged(points: Points, radius: float, sides: int, bend: float, spacing: flo
     path = np.asarray(points, float)
     parts = [pipe(path, radius, sides, bend)]
     joint = flange(radius, sides)
-    for a, b in zip(path, path[1:], strict=False):
+    for a, b in pairwise(path):
         length = float(np.linalg.norm(b - a))
         turn = towards(b - a)
         free = length - 2.0 * bend - 0.5
         places = []
         for k in range(max(1, int(free / spacing))) if free > 0.0 else []:
             place = turn.copy()
-            place[:3, 3] = a + (b - a) * (bend + 0.25 + (k + 0.5) * free / max(1, int(free / spacing))) / length
+            place[:3, 3] = (
+                a + (b - a) * (bend + 0.25 + (k + 0.5) * free / max(1, int(free / spacing))) / length
+            )
             places.append(place)
         if places:
             parts.append(placed(joint, *places))
@@ -60,11 +65,36 @@ def valve(radius: float, sides: int = 16) -> tuple[Mesh, Mesh]:
     """A gate valve on a pipe along x about the origin, its stem upwards: the body, and the hand wheel."""
     r = radius
     profile = [(0.0, 0.0), (1.5 * r, 0.0), (1.5 * r, 0.3 * r), (1.15 * r, 0.4 * r), (1.35 * r, 1.0 * r)]
-    profile += [(1.5 * r, 1.7 * r), (1.35 * r, 2.4 * r), (1.15 * r, 3.0 * r), (1.5 * r, 3.1 * r), (1.5 * r, 3.4 * r), (0.0, 3.4 * r)]
+    profile += [
+        (1.5 * r, 1.7 * r),
+        (1.35 * r, 2.4 * r),
+        (1.15 * r, 3.0 * r),
+        (1.5 * r, 3.1 * r),
+        (1.5 * r, 3.4 * r),
+        (0.0, 3.4 * r),
+    ]
     belly = placed(lathe(profile, sides), pose(roll=-90.0, x=-1.7 * r))
-    bonnet = lathe([(0.0, 0.6 * r), (0.95 * r, 0.6 * r), (0.85 * r, 1.7 * r), (1.1 * r, 1.75 * r), (1.1 * r, 1.95 * r), (0.5 * r, 2.05 * r), (0.35 * r, 3.0 * r), (0.16 * r, 3.05 * r), (0.16 * r, 3.9 * r), (0.0, 3.9 * r)], sides)  # fmt: skip
+    bonnet = lathe(
+        [
+            (0.0, 0.6 * r),
+            (0.95 * r, 0.6 * r),
+            (0.85 * r, 1.7 * r),
+            (1.1 * r, 1.75 * r),
+            (1.1 * r, 1.95 * r),
+            (0.5 * r, 2.05 * r),
+            (0.35 * r, 3.0 * r),
+            (0.16 * r, 3.05 * r),
+            (0.16 * r, 3.9 * r),
+            (0.0, 3.9 * r),
+        ],
+        sides,
+    )
     angle = 2.0 * np.pi * np.arange(24) / 24
-    rim = tube(np.stack([1.5 * r * np.cos(angle), 0 * angle + 3.6 * r, -1.5 * r * np.sin(angle)], axis=1), 0.13 * r, 8)
+    rim = tube(
+        np.stack([1.5 * r * np.cos(angle), 0 * angle + 3.6 * r, -1.5 * r * np.sin(angle)], axis=1),
+        0.13 * r,
+        8,
+    )
     spoke = pipe([(0.1 * r, 3.6 * r, 0.0), (1.5 * r, 3.6 * r, 0.0)], 0.1 * r, 6)
     return merge([belly, bonnet]), merge([rim, placed(spoke, *(pose(yaw=72.0 * k) for k in range(5)))])
 
@@ -85,14 +115,19 @@ def vessel(radius: float, height: float, sides: int = 40) -> Mesh:
     profile = [*bottom, *top]
     profile[0], profile[-1] = (0.0, low - cap), (0.0, high + cap)
     body = lathe([(float(r), float(y)) for r, y in profile], sides)
-    hoop = lathe([(radius - 0.01, -0.05), (radius + 0.03, -0.05), (radius + 0.03, 0.05), (radius - 0.01, 0.05)], sides)
+    hoop = lathe(
+        [(radius - 0.01, -0.05), (radius + 0.03, -0.05), (radius + 0.03, 0.05), (radius - 0.01, 0.05)], sides
+    )
     hoops = placed(hoop, *(pose(y=float(y)) for y in np.linspace(low + 0.1, high - 0.1, 4)))
     legs = [
         box((x - 0.08, 0.0, z - 0.08), (x + 0.08, low + 0.15, z + 0.08))
         for x in (-0.66 * radius, 0.66 * radius)
         for z in (-0.66 * radius, 0.66 * radius)
     ]
-    lid = placed(lathe([(0.0, 0.0), (0.30, 0.0), (0.30, 0.22), (0.36, 0.22), (0.36, 0.28), (0.0, 0.30)], 24), pose(y=low + 0.8, z=radius - 0.12, pitch=90.0))  # fmt: skip
+    lid = placed(
+        lathe([(0.0, 0.0), (0.30, 0.0), (0.30, 0.22), (0.36, 0.22), (0.36, 0.28), (0.0, 0.30)], 24),
+        pose(y=low + 0.8, z=radius - 0.12, pitch=90.0),
+    )
     return merge([body, hoops, *legs, lid])
 
 
@@ -100,7 +135,7 @@ def duct(points: Points, width: float, height: float) -> Mesh:
     """A square air duct along straight legs of x, y or z, its joints with collars."""
     path = np.asarray(points, float)
     parts = []
-    for a, b in zip(path, path[1:], strict=False):
+    for a, b in pairwise(path):
         low, high = np.minimum(a, b), np.maximum(a, b)
         axis = int(np.argmax(high - low))
         half = np.array([0.5 * width, 0.5 * height, 0.5 * width])
@@ -112,7 +147,9 @@ def duct(points: Points, width: float, height: float) -> Mesh:
     return merge(parts)
 
 
-def cable(start: Sequence[float], end: Sequence[float], sag: float, radius: float, steps: int, sides: int = 6) -> Mesh:
+def cable(
+    start: Sequence[float], end: Sequence[float], sag: float, radius: float, steps: int, sides: int = 6
+) -> Mesh:
     """A cable that hangs between two points, `sag` deep."""
     t = np.linspace(0.0, 1.0, steps + 1)[:, None]
     path = (1.0 - t) * np.asarray(start, float) + t * np.asarray(end, float)
@@ -123,7 +160,24 @@ def cable(start: Sequence[float], end: Sequence[float], sag: float, radius: floa
 def drum(sides: int = 20) -> Mesh:
     """An oil drum, 0.58 m wide and 0.88 m high, with two hoops and a sunk lid."""
     r = 0.285
-    profile = [(0.0, 0.0), (r, 0.0), (r + 0.008, 0.012), (r, 0.025), (r, 0.28), (r + 0.014, 0.30), (r, 0.32), (r, 0.57), (r + 0.014, 0.59), (r, 0.61), (r, 0.85), (r + 0.008, 0.865), (r, 0.88), (r - 0.018, 0.88), (r - 0.022, 0.855), (0.0, 0.855)]  # fmt: skip
+    profile = [
+        (0.0, 0.0),
+        (r, 0.0),
+        (r + 0.008, 0.012),
+        (r, 0.025),
+        (r, 0.28),
+        (r + 0.014, 0.30),
+        (r, 0.32),
+        (r, 0.57),
+        (r + 0.014, 0.59),
+        (r, 0.61),
+        (r, 0.85),
+        (r + 0.008, 0.865),
+        (r, 0.88),
+        (r - 0.018, 0.88),
+        (r - 0.022, 0.855),
+        (0.0, 0.855),
+    ]
     return lathe(profile, sides)
 
 

@@ -1,4 +1,4 @@
-"""Steel of halls, in metres: beams, columns, trusses, catwalks with railings, stairs, ladders, corrugated sheet."""
+"""Steel of halls, in metres: beams, columns, trusses, catwalks, railings, stairs, ladders, sheet."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def bolts(points: Sequence[Sequence[float]], radius: float, direction: str = "y"
     """
     angle = np.pi / 3.0 * np.arange(6)
     ring = np.stack([radius * np.cos(angle), np.zeros(6), -radius * np.sin(angle)], axis=1)
-    top = ring + (0.0, 0.7 * radius, 0.0)
+    top = ring + np.array([0.0, 0.7 * radius, 0.0])
     faces = [top] + [np.stack([ring[k], ring[(k + 1) % 6], top[(k + 1) % 6], top[k]]) for k in range(6)]
     turn = {"y": pose(), "-y": pose(roll=180.0), "x": pose(roll=-90.0), "-x": pose(roll=90.0)}
     turn |= {"z": pose(pitch=90.0), "-z": pose(pitch=-90.0)}
@@ -73,10 +73,13 @@ def bolts(points: Sequence[Sequence[float]], radius: float, direction: str = "y"
 def column(height: float, side: float, name: str = "") -> Mesh:
     """An H column on y = 0 with a base plate, gussets and bolts; its flanges look along x."""
     h = 0.5 * side
-    shaft = placed(prism(i_section(side, side, 0.08 * side, 0.09 * side), 0.0, height), pose(pitch=-90.0, yaw=90.0))
+    shaft = placed(
+        prism(i_section(side, side, 0.08 * side, 0.09 * side), 0.0, height), pose(pitch=-90.0, yaw=90.0)
+    )
     plate = box((-h - 0.15, -0.02, -h - 0.15), (h + 0.15, 0.04, h + 0.15))
     stiff = [
-        box((-h + 0.03, y, 0.04 * side), (h - 0.03, y + 0.02, h - 0.005)) for y in np.arange(1.2, height - 0.5, 1.2)
+        box((-h + 0.03, y, 0.04 * side), (h - 0.03, y + 0.02, h - 0.005))
+        for y in np.arange(1.2, height - 0.5, 1.2)
     ]
     both = [*stiff, *(placed(mesh, pose(yaw=180.0)) for mesh in stiff)]
     corner = h + 0.09
@@ -87,7 +90,7 @@ def column(height: float, side: float, name: str = "") -> Mesh:
 
 
 def truss(span: float, rise: float, depth: float, panels: int, name: str = "") -> Mesh:
-    """A roof truss along x, its lower chord at y = 0: it rises from `depth` at the ends to `rise` more midway.
+    """A roof truss along x, its lower chord at y = 0: `depth` at the ends, `rise` more midway.
 
     panels  of each half
     """
@@ -103,7 +106,10 @@ def truss(span: float, rise: float, depth: float, panels: int, name: str = "") -
     for k in range(panels):
         other = 2 * panels - k
         members += [bar(high[k], low[k + 1], 0.07, 0.08), bar(high[other], low[other - 1], 0.07, 0.08)]
-    plates = [box((a - 0.16, b - 0.16, -0.05), (a + 0.16, b + 0.14, 0.05)) for a, b, _ in (*low[1:-1:2], *high[1:-1:2])]
+    plates = [
+        box((a - 0.16, b - 0.16, -0.05), (a + 0.16, b + 0.14, 0.05))
+        for a, b, _ in (*low[1:-1:2], *high[1:-1:2])
+    ]
     return merge([*members, *plates], name)
 
 
@@ -121,10 +127,13 @@ def grating(length: float, width: float, pitch: float = 0.085) -> Mesh:
 
 
 def railing(length: float, sides: int = 6, name: str = "") -> Mesh:
-    """A railing along x on y = 0, 1.1 m high: posts, a rail, a rail at the knee and a board at the foot."""
+    """A railing along x on y = 0, 1.1 m high: posts, two rails and a board at the foot."""
     half = 0.5 * length
     count = max(1, round(length / 1.5))
-    posts = placed(pipe([(0, -0.05, 0), (0, RAIL - 0.01, 0)], 0.021, sides), *(pose(x=float(x)) for x in np.linspace(0.03 - half, half - 0.03, count + 1)))
+    posts = placed(
+        pipe([(0, -0.05, 0), (0, RAIL - 0.01, 0)], 0.021, sides),
+        *(pose(x=float(x)) for x in np.linspace(0.03 - half, half - 0.03, count + 1)),
+    )
     rails = [pipe([(-half, y, 0.0), (half, y, 0.0)], r, sides) for y, r in ((RAIL, 0.025), (0.55, 0.019))]
     return merge([posts, *rails, box((-half, 0.0, 0.022), (half, 0.12, 0.03))], name)
 
@@ -134,10 +143,12 @@ def stairs(rise: float, width: float, name: str = "") -> tuple[Mesh, Mesh]:
     steps = round(rise / STEP)
     height = rise / steps
     length = GOING * steps
-    tread = merge([
-        box((-0.13, -0.03, -0.5 * width), (0.15, 0.0, 0.5 * width)),
-        box((0.12, -0.035, -0.5 * width), (0.15, 0.004, 0.5 * width)),
-    ])  # fmt: skip
+    tread = merge(
+        [
+            box((-0.13, -0.03, -0.5 * width), (0.15, 0.0, 0.5 * width)),
+            box((0.12, -0.035, -0.5 * width), (0.15, 0.004, 0.5 * width)),
+        ]
+    )
     treads = placed(tread, *(pose(x=GOING * (k + 0.5), y=height * (k + 1)) for k in range(steps)))
     parts = []
     for z in (-0.5 * width, 0.5 * width):
@@ -154,12 +165,15 @@ def stairs(rise: float, width: float, name: str = "") -> tuple[Mesh, Mesh]:
 def ladder(height: float, name: str = "") -> Mesh:
     """A ladder from y = 0 to `height` in the plane z = 0, with a cage in front of it from 2.2 m."""
     rungs = placed(
-        pipe([(-0.22, 0, 0), (0.22, 0, 0)], 0.014, 6), *(pose(y=float(y)) for y in np.arange(0.3, height, 0.28))
+        pipe([(-0.22, 0, 0), (0.22, 0, 0)], 0.014, 6),
+        *(pose(y=float(y)) for y in np.arange(0.3, height, 0.28)),
     )
     stiles = [box((x - 0.012, 0.0, -0.03), (x + 0.012, height + 1.0, 0.03)) for x in (-0.232, 0.232)]
     angle = np.linspace(0.0, np.pi, 9)
     hoop = pipe(np.stack([0.36 * np.cos(angle), 0 * angle, 0.02 + 0.62 * np.sin(angle)], axis=1), 0.014, 4)
-    hoops = [placed(hoop, *(pose(y=float(y)) for y in np.arange(2.2, height + 0.9, 0.8)))] if height > 2.4 else []
+    hoops = (
+        [placed(hoop, *(pose(y=float(y)) for y in np.arange(2.2, height + 0.9, 0.8)))] if height > 2.4 else []
+    )
     strips = [
         bar((x, 2.2, z), (x, height + 0.8, z), 0.02, 0.03)
         for x, z in ((-0.26, 0.46), (0.0, 0.64), (0.26, 0.46))
@@ -180,8 +194,8 @@ def corrugated(width: float, height: float, pitch: float, depth: float, name: st
     z = np.append(np.tile([0.0, 0.0, depth, depth], count), 0.0)
     low = np.stack([x, 0.0 * x, z], axis=1)
     k = 2 * np.arange(len(x) - 1)[:, None]
-    positions = np.stack([low, low + (0.0, height, 0.0)], axis=1).reshape(-1, 3)
-    return Mesh(positions, np.concatenate([k + (0, 2, 3), k + (0, 3, 1)]), name=name)
+    positions = np.stack([low, low + np.array([0.0, height, 0.0])], axis=1).reshape(-1, 3)
+    return Mesh(positions, np.concatenate([k + np.array(fan) for fan in ((0, 2, 3), (0, 3, 1))]), name=name)
 
 
 def catwalk(length: float, width: float, name: str = "") -> tuple[Mesh, Mesh]:
@@ -189,17 +203,22 @@ def catwalk(length: float, width: float, name: str = "") -> tuple[Mesh, Mesh]:
     half = 0.5 * width
     edge = channel(length, 0.2, 0.06)
     sides = [placed(edge, pose(y=-0.2, z=half, yaw=90.0)), placed(edge, pose(y=-0.2, z=-half, yaw=-90.0))]
-    joists = placed(beam(width, 0.12, 0.07), *(pose(x=float(x), y=-0.11) for x in np.arange(0.5 - 0.5 * length, 0.5 * length, 1.0)))
+    joists = placed(
+        beam(width, 0.12, 0.07),
+        *(pose(x=float(x), y=-0.11) for x in np.arange(0.5 - 0.5 * length, 0.5 * length, 1.0)),
+    )
     return grating(length, width - 0.02), merge([*sides, joists], name)
 
 
 def brace(reach: float, drop: float) -> Mesh:
     """A bracket in the plane z = 0 that carries something `reach` in front of a wall at x = 0."""
-    return merge([
-        bar((0.0, -0.06, 0.0), (reach, -0.06, 0.0), 0.08, 0.12),
-        bar((0.0, -drop, 0.0), (reach - 0.06, -0.12, 0.0), 0.07, 0.08),
-        box((-0.01, -drop - 0.12, -0.08), (0.015, 0.0, 0.08)),
-    ])  # fmt: skip
+    return merge(
+        [
+            bar((0.0, -0.06, 0.0), (reach, -0.06, 0.0), 0.08, 0.12),
+            bar((0.0, -drop, 0.0), (reach - 0.06, -0.12, 0.0), 0.07, 0.08),
+            box((-0.01, -drop - 0.12, -0.08), (0.015, 0.0, 0.08)),
+        ]
+    )
 
 
 def slope(rise: float, run: float) -> float:

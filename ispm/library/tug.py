@@ -38,11 +38,21 @@ def tug(finishes: Finishes) -> list[Part]:
     collected["yellow paint"].append(placed(frame, below))
     for x in (-1.6, 1.4):
         for s in (-1.0, 1.0):
-            collected["steel"].append(pipe([(x, -0.1, s * 0.5), (x, -0.45, s * 0.85), (x, -0.85, s * 0.95)], 0.06, 10, 0.08))
-            collected["hazard"].append(beveled_box((x - 0.13, -0.95, s * 0.95 - 0.10), (x + 0.13, -0.68, s * 0.95 + 0.10), 0.02))
+            collected["steel"].append(
+                pipe([(x, -0.1, s * 0.5), (x, -0.45, s * 0.85), (x, -0.85, s * 0.95)], 0.06, 10, 0.08)
+            )
+            collected["hazard"].append(
+                beveled_box((x - 0.13, -0.95, s * 0.95 - 0.10), (x + 0.13, -0.68, s * 0.95 + 0.10), 0.02)
+            )
     rail = [(1.9, 0.75, 0.62), (1.2, 1.02, 0.66), (-1.9, 1.02, 0.66), (-2.3, 0.7, 0.6)]
-    collected["galvanized"] += [pipe([(x, y, s * z) for x, y, z in rail], 0.03, 10, 0.15) for s in (-1.0, 1.0)]
-    collected["galvanized"] += [pipe([(x, 0.45, s * 0.62), (x, 1.02, s * 0.66)], 0.022, 8) for x in (-1.8, -0.9, 0.0, 0.9) for s in (-1, 1)]
+    collected["galvanized"] += [
+        pipe([(x, y, s * z) for x, y, z in rail], 0.03, 10, 0.15) for s in (-1.0, 1.0)
+    ]
+    collected["galvanized"] += [
+        pipe([(x, 0.45, s * 0.62), (x, 1.02, s * 0.66)], 0.022, 8)
+        for x in (-1.8, -0.9, 0.0, 0.9)
+        for s in (-1, 1)
+    ]
     parts = finishes.parts(collected, "tug")
     glass = Material((0.03, 0.05, 0.06), roughness=0.25, name="cockpit")
     lamp = Material((0.60, 0.90, 1.0), unlit=True, name="running lamp")
@@ -73,14 +83,25 @@ def _hull() -> Mesh:
     x = np.concatenate([np.linspace(-2.9, 2.0, 22), np.linspace(2.15, 3.3, 12)])
     taper = np.sqrt(np.clip(1.0 - ((x - 1.0) / 2.6) ** 2, 0.0, 1.0)) * (x > 1.0) + 1.0 * (x <= 1.0)
     back = np.clip((x + 3.3) / 0.8, 0.0, 1.0) ** 0.4
-    return loft(_section(x, 0.52 * taper * back, 0.78 * (0.35 + 0.65 * taper) * back, 0.12 - 0.12 * (1.0 - taper), 36), "hull")
+    return loft(
+        _section(
+            x, 0.52 * taper * back, 0.78 * (0.35 + 0.65 * taper) * back, 0.12 - 0.12 * (1.0 - taper), 36
+        ),
+        "hull",
+    )
 
 
 def _belly() -> Mesh:
     """The frame below the body that holds cargo."""
-    parts = [beveled_box((-2.5, -0.52, s * 0.52 - 0.12), (2.3, -0.28, s * 0.52 + 0.12), 0.03) for s in (-1.0, 1.0)]
+    parts = [
+        beveled_box((-2.5, -0.52, s * 0.52 - 0.12), (2.3, -0.28, s * 0.52 + 0.12), 0.03) for s in (-1.0, 1.0)
+    ]
     parts += [beveled_box((x - 0.15, -0.56, -1.0), (x + 0.15, -0.34, 1.0), 0.03) for x in (-1.6, -0.1, 1.4)]
-    parts += [beveled_box((x - 0.4, 0.3, s * 0.74 - 0.08), (x + 0.4, 0.42, s * 0.74 + 0.08), 0.03) for x in (-1.9, -0.8, 0.4) for s in (-1, 1)]
+    parts += [
+        beveled_box((x - 0.4, 0.3, s * 0.74 - 0.08), (x + 0.4, 0.42, s * 0.74 + 0.08), 0.03)
+        for x in (-1.9, -0.8, 0.4)
+        for s in (-1, 1)
+    ]
     return merge(parts, "belly")
 
 
@@ -93,7 +114,9 @@ def _thruster() -> tuple[Mesh, Mesh]:
     inner = [lathe([(0.0, -0.2), (0.1, -0.2), (0.13, 0.0), (0.09, 0.18), (0.0, 0.24)], 20)]
     inner.append(placed(blade, *(pose(yaw=45.0 * k) for k in range(8))))
     around = 2.0 * np.pi * np.arange(20) / 20
-    inner.append(tube(np.stack([0.53 * np.cos(around), 0 * around - 0.16, -0.53 * np.sin(around)], axis=1), 0.03, 6))
+    inner.append(
+        tube(np.stack([0.53 * np.cos(around), 0 * around - 0.16, -0.53 * np.sin(around)], axis=1), 0.03, 6)
+    )
     inner.append(lathe([(0.0, -0.33), (0.42, -0.33), (0.5, -0.22), (0.0, -0.21)], 24))
     return lathe(profile, 28), merge(inner)
 

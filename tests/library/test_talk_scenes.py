@@ -1,4 +1,4 @@
-"""The halls of the talk's table: its numbers of triangles, moving objects and lights; closed paths; sound shapes."""
+"""The halls of the talk's table: their numbers, closed paths, and the shapes they are made of."""
 
 from functools import cache
 
@@ -123,7 +123,10 @@ def test_moving_things_meet_nothing_that_stands_still(name):
                 if n.name in inside
                 for p in n.parts
             ]
-            low, high = np.min([c.min(axis=0) for c in corners], axis=0), np.max([c.max(axis=0) for c in corners], axis=0)
+            low, high = (
+                np.min([c.min(axis=0) for c in corners], axis=0),
+                np.max([c.max(axis=0) for c in corners], axis=0),
+            )
             own = still @ back[:3, :3].T + back[:3, 3]
             assert not ((own > low) & (own < high)).all(axis=1).any(), (root.name, moment)
 
@@ -167,12 +170,22 @@ def test_elephant_is_one_closed_smooth_surface():
 
 SOLIDS = {
     "prism": (lambda: prism([(0, 0), (3, 0), (3, 1), (1, 1), (1, 3), (0, 3)], -1.0, 1.0), 20, 10.0),
-    "beam": (lambda: prism(i_section(0.4, 0.3, 0.02, 0.03), 0.0, 2.0), 44, 2.0 * (2 * 0.3 * 0.03 + 0.34 * 0.02)),
+    "beam": (
+        lambda: prism(i_section(0.4, 0.3, 0.02, 0.03), 0.0, 2.0),
+        44,
+        2.0 * (2 * 0.3 * 0.03 + 0.34 * 0.02),
+    ),
     # the cuts take 12 prisms of b^2 / 2 along the edges, and 8 corners, of b^3 (2 / 3 + 1 / 6) in all each
-    "beveled box": (lambda: beveled_box((0, 0, 0), (1, 2, 3), 0.1), 44, 6.0 - 0.005 * 4 * (6 - 0.6) - 8 * 0.005 / 6),
+    "beveled box": (
+        lambda: beveled_box((0, 0, 0), (1, 2, 3), 0.1),
+        44,
+        6.0 - 0.005 * 4 * (6 - 0.6) - 8 * 0.005 / 6,
+    ),
     "pipe": (lambda: pipe([(0, 0, 0), (2, 0, 0)], 0.1, 8), 2 * 8 + 12, 2.0 * 0.01 * 4 * np.sin(np.pi / 4)),
     "loft": (
-        lambda: loft(np.array([[(-1, -1, z), (1, -1, z), (1, 1, z), (-1, 1, z)] for z in (0.0, 1.0, 2.5)], float)),
+        lambda: loft(
+            np.array([[(-1, -1, z), (1, -1, z), (1, 1, z), (-1, 1, z)] for z in (0.0, 1.0, 2.5)], float)
+        ),
         16 + 4,
         10.0,
     ),
