@@ -73,7 +73,7 @@ def car(scene: Scene, finishes: Finishes) -> tuple[Node, list[Node]]:
     rest = TRIANGLES - sum(len(part.mesh.triangles) for node in root.children for part in node.parts)
     hang("chassis", (refined(chassis, rest), black))
     # wide enough that the hall is lit beside the way as well
-    beam = SpotLight((620.0, 540.0, 400.0), inner_angle=math.radians(9.0), outer_angle=math.radians(40.0))
+    beam = SpotLight((620.0, 540.0, 400.0), inner_angle=math.radians(4.0), outer_angle=math.radians(50.0))
     for side, s in (("left", -1.0), ("right", 1.0)):
         add_spot(scene, beam, f"{side} headlight", (2.36, 0.64, s * 0.62), (12.0, 0.42, s * 1.5), root)
     return root, wheels
