@@ -28,9 +28,9 @@ Cell = tuple[int, int]
 def cargo_bay() -> Scene:
     """A cargo bay of a space station with a hovering tug, four lights: 73,081 triangles."""
     lights = [
-        (-8.0, 5.4, 2.0, _WARM, 150.0),
-        (8.6, 5.8, -1.0, _COLD, 130.0),
-        (0.5, 6.4, 0.0, (1.0, 0.86, 0.70), 60.0),
+        (-8.0, 7.1, 2.6, _WARM, 150.0),
+        (8.6, 7.1, -1.4, _COLD, 130.0),
+        (0.5, 7.1, 0.0, (1.0, 0.86, 0.70), 60.0),
         (10.6, 2.6, 6.9, _RED, 14.0),
     ]
     scene = _deck("cargo-bay", [(0, 0)], 58_319, 1, lights)
@@ -47,10 +47,10 @@ def cargo_level() -> Scene:
     """Five cargo bays round a crossing of corridors, ten tugs, four lights: 404,773 triangles."""
     x, z = _STEP_X, _STEP_Z
     lights = [
-        (-6.0, 5.6, 1.5, _WARM, 190.0),
-        (6.5, 6.2, -1.0, _COLD, 150.0),
-        (x - 4.0, 5.6, 0.5, _WARM, 170.0),
-        (0.5, 5.6, z - 2.0, _GREEN, 150.0),
+        (-7.4, 7.1, 1.5, _WARM, 190.0),
+        (7.5, 7.1, -1.0, _COLD, 150.0),
+        (x - 4.0, 7.1, 0.5, _WARM, 170.0),
+        (0.5, 7.1, z - 2.0, _GREEN, 150.0),
     ]
     cells = [(0, 0), (1, 0), (-1, 0), (0, 1), (0, -1)]
     scene = _deck("cargo-level", cells, 257_153, 10, lights)
@@ -71,8 +71,8 @@ def cargo_map() -> Scene:
     for number, (i, k) in enumerate(cells):
         x, z = i * _STEP_X, k * _STEP_Z
         first, second = [(_WARM, _COLD), (_COLD, _RED), (_WARM, _GREEN)][number % 3]
-        lights.append((x - 6.2, 5.6, z + 1.6, first, 170.0))
-        lights.append((x + 6.6, 6.1, z - 1.2, second, 120.0))
+        lights.append((x - 7.4, 7.1, z + 1.6, first, 170.0))
+        lights.append((x + 7.6, 7.1, z - 1.2, second, 120.0))
     scene = _deck("cargo-map", cells, 880_403, 21, lights)
     for name, eye, target, fov in (
         ("avenue", (-10.8, 1.75, -1.2), (14.0, 2.4, 0.4), 58.0),

@@ -88,13 +88,13 @@ def water_surface(time: float) -> Mesh:
     a, b, c, d = k[:-1, :-1], k[1:, :-1], k[1:, 1:], k[:-1, 1:]
     there = np.ones(a.shape, bool)
     for x, z in ironworks.COLUMNS:
-        # the two by two cells in the middle of the plinth
-        inside = 0.29 if abs(x) < ironworks.HALF_X else 0.0
-        near = np.clip(x, inside + 0.1 - ironworks.HALF_X, ironworks.HALF_X - inside - 0.1)
-        i = round((near + ironworks.HALF_X) / (2.0 * ironworks.HALF_X) * _COLUMNS)
-        j = round((z + ironworks.HALF_Z) / (2.0 * ironworks.HALF_Z) * _ROWS)
-        i = min(max(i, 1), _COLUMNS - 1)
-        there[j - 1 : j + 1, i - 1 : i + 1] = False
+        # four cells within the plinth, of those at the ends four in a row along the wall
+        i = round((x / ironworks.HALF_X + 1.0) * 0.5 * _COLUMNS)
+        j = round((z / ironworks.HALF_Z + 1.0) * 0.5 * _ROWS)
+        if abs(x) < ironworks.HALF_X:
+            there[j - 1 : j + 1, i - 1 : i + 1] = False
+        else:
+            there[j - 2 : j + 2, min(i, _COLUMNS - 1)] = False
     quads = np.stack([a, b, c, d], axis=-1)[there]
     triangles = np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
     positions = water_positions(time)
