@@ -32,7 +32,7 @@ def car(scene: Scene, finishes: Finishes) -> tuple[Node, list[Node]]:
     glass = Material((0.80, 0.86, 0.84), roughness=0.0, transmission=1.0, double_sided=True, name="window")
     black = Material((0.03, 0.03, 0.032), roughness=0.6, name="black trim")
     lamp = Material((1.0, 0.93, 0.78), unlit=True, name="headlamp glass")
-    rear = Material((0.85, 0.02, 0.01), unlit=True, name="tail lamp glass")
+    rear = Material((0.09, 0.002, 0.001), unlit=True, name="tail lamp glass")
 
     def hang(
         name: str, *parts: tuple[Mesh, Material], at: tuple[float, float, float] = (0.0, 0.0, 0.0)

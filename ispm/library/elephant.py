@@ -13,6 +13,8 @@ from ispm.scene.mesh import Mesh
 
 Point = tuple[float, float, float]
 
+TRIANGLES = 138_902
+
 
 class _Bone(NamedTuple):
     """A cone with round ends, radii a and b at its ends, all in m; it melts into the others over `blend`."""
@@ -88,17 +90,21 @@ _EGGS = [
 _LOW, _HIGH = np.array([-1.46, -0.04, -0.92]), np.array([2.42, 2.40, 0.92])
 
 
-@lru_cache(maxsize=2)
-def _elephant(count: int) -> Mesh:
-    """The mesh that `elephant` returns copies of."""
-    cell = 0.0199 * (138_902 / count) ** 0.5
-    while True:
-        mesh = _surface(cell)
-        if len(mesh.triangles) > count:
-            cell *= (len(mesh.triangles) / count) ** 0.5
-        elif _is_sound(mesh):
-            return averaged(refined(mesh, count))
+@lru_cache(maxsize=1)
+def _elephant() -> Mesh:
+    """The mesh that `elephant` returns copies of: of the finest grid that gives no more triangles, refined."""
+    cell = 0.0199  # m; as it grows a little, thin places come to lie well in the grid
+    mesh = _surface(cell)
+    while len(mesh.triangles) > TRIANGLES or not _is_sound(mesh):
         cell *= 1.0005
+        mesh = _surface(cell)
+    return averaged(refined(mesh, TRIANGLES))
+
+
+def elephant() -> Mesh:
+    """Return an elephant of 138,902 triangles, standing on y = 0 and looking along +x; closed and smooth."""
+    made = _elephant()
+    return Mesh(made.positions, made.triangles, made.normals, name="elephant")
 
 
 def _is_sound(mesh: Mesh) -> bool:

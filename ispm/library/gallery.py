@@ -18,8 +18,7 @@ from ispm.scene.material import Material
 from ispm.scene.mesh import Mesh
 from ispm.scene.scene import Node, Part, Scene
 
-FIGURE = 138_902  # triangles
-_GALLERY = 138_912
+_GALLERY = 138_912  # triangles
 PERIOD = 12.0  # s
 _KEYS = 2.0 * np.pi * np.arange(48) / 48
 
@@ -47,18 +46,18 @@ def glass_figure() -> Scene:
         ior=1.5,
         transmission=1.0,
         thickness=0.5,
-        attenuation_color=(0.80, 0.95, 0.97),
+        attenuation_color=(0.86, 0.97, 0.98),
         attenuation_distance=0.6,
         name="glass",
     )
     scale = 0.5
-    figure = elephant(FIGURE)
+    figure = elephant()
     small = Mesh(scale * figure.positions, figure.triangles, figure.normals, name="elephant")
     node = scene.add(small, material=glass, name="elephant", translation=(0.0, 1.062, 0.0))
     scene.animations.append(
         Animation([closed_path(node, "rotation", turns_about((0.0, 1.0, 0.0), _KEYS + 0.25), PERIOD)], "turn")
     )
-    lamp = SpotLight((900.0, 800.0, 640.0), inner_angle=math.radians(13.0), outer_angle=math.radians(30.0))
+    lamp = SpotLight((900.0, 830.0, 720.0), inner_angle=math.radians(15.0), outer_angle=math.radians(52.0))
     add_spot(scene, lamp, "lamp", (-2.7, 4.2, 1.4), (0.1, 1.3, 0.0))
     for name, eye, target, fov in (
         ("front", (0.75, 1.80, 2.6), (0.24, 1.50, 0.0), 42.0),
@@ -132,7 +131,7 @@ def million() -> Scene:
     44 x 20 x 11 m. The lanterns are point lights that go round on closed paths of 12 s.
     """
     scene, finishes = Scene(name="million"), Finishes()
-    figure = elephant(FIGURE)
+    figure = elephant()
     statue = Mesh(1.25 * figure.positions, figure.triangles, figure.normals, name="statue")
     stone = Part(unwrapped(statue, 2.5), finishes["dark stone"])
     rows = [(x, s) for x in (-13.5, -4.5, 4.5, 13.5) for s in (-1.0, 1.0)]
