@@ -92,7 +92,7 @@ _LOW, _HIGH = np.array([-1.46, -0.04, -0.92]), np.array([2.42, 2.40, 0.92])
 
 @lru_cache(maxsize=1)
 def _elephant() -> Mesh:
-    """The mesh that `elephant` returns copies of: of the finest grid that gives no more triangles, refined."""
+    """The mesh that `elephant` returns copies of: of a grid that gives no more triangles, refined."""
     cell = 0.0199  # m; as it grows a little, thin places come to lie well in the grid
     mesh = _surface(cell)
     while len(mesh.triangles) > TRIANGLES or not _is_sound(mesh):
@@ -117,12 +117,6 @@ def _is_sound(mesh: Mesh) -> bool:
     assert smooth.normals is not None  # averaged makes them
     facing = np.einsum("tcj,tj->tc", smooth.normals[mesh.triangles], face_normals(mesh))
     return bool((facing > 0.0).all())
-
-
-def elephant(count: int) -> Mesh:
-    """Return an elephant of `count` triangles, an even number, standing on y = 0; closed and smooth."""
-    made = _elephant(count)
-    return Mesh(made.positions, made.triangles, made.normals, name="elephant")
 
 
 def _surface(cell: float) -> Mesh:
