@@ -50,11 +50,11 @@ def car(scene: Scene, finishes: Finishes) -> tuple[Node, list[Node]]:
     hang("grille", (_grille(), chrome))
     wheels = []
     tyre, rim = _wheel()
-    for name, x, z in (("front", _AXLES[1], 1), ("rear", _AXLES[0], 1)):
-        for side, s in (("left", -1), ("right", 1)):
+    for name, x in (("front", _AXLES[1]), ("rear", _AXLES[0])):
+        for side, s in (("left", -1.0), ("right", 1.0)):
             turn = pose(yaw=0.0 if s > 0 else 180.0)
             parts = ((placed(tyre, turn), finishes["rubber"]), (placed(rim, turn), chrome))
-            wheels.append(hang(f"{name} {side} wheel", *parts, at=(x, WHEEL, s * z * _TRACK)))
+            wheels.append(hang(f"{name} {side} wheel", *parts, at=(x, WHEEL, s * _TRACK)))
     for side, s in (("left", -1.0), ("right", 1.0)):
         ring, lens = _lamp(0.105)
         hang(f"{side} headlamp", (ring, chrome), (lens, lamp), at=(2.235, 0.64, s * 0.62))

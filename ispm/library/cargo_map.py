@@ -23,11 +23,12 @@ _KEYS = 2.0 * np.pi * np.arange(48) / 48
 _WARM, _COLD, _RED, _GREEN = (1.0, 0.62, 0.30), (0.42, 0.66, 1.0), (1.0, 0.16, 0.08), (0.35, 1.0, 0.55)
 
 Cell = tuple[int, int]
+Lamp = tuple[float, float, float, tuple[float, float, float], float]
 
 
 def cargo_bay() -> Scene:
     """A cargo bay of a space station with a hovering tug, four lights: 73,081 triangles."""
-    lights = [
+    lights: list[Lamp] = [
         (-8.0, 7.1, 2.6, _WARM, 150.0),
         (8.6, 7.1, -1.4, _COLD, 130.0),
         (0.5, 7.1, 0.0, (1.0, 0.86, 0.70), 60.0),
@@ -46,7 +47,7 @@ def cargo_bay() -> Scene:
 def cargo_level() -> Scene:
     """Five cargo bays round a crossing of corridors, ten tugs, four lights: 404,773 triangles."""
     x, z = _STEP_X, _STEP_Z
-    lights = [
+    lights: list[Lamp] = [
         (-7.4, 7.1, 1.5, _WARM, 190.0),
         (7.5, 7.1, -1.0, _COLD, 150.0),
         (x - 4.0, 7.1, 0.5, _WARM, 170.0),
@@ -67,7 +68,7 @@ def cargo_level() -> Scene:
 def cargo_map() -> Scene:
     """A whole cargo deck of fifteen bays with twenty-one tugs and thirty lights: 1,190,405 triangles."""
     cells = [(i, k) for i in range(-2, 3) for k in range(-1, 2)]
-    lights = []
+    lights: list[Lamp] = []
     for number, (i, k) in enumerate(cells):
         x, z = i * _STEP_X, k * _STEP_Z
         first, second = [(_WARM, _COLD), (_COLD, _RED), (_WARM, _GREEN)][number % 3]
@@ -89,7 +90,7 @@ def _deck(
     cells: list[Cell],
     still: int,
     tugs: int,
-    lights: list[tuple[float, float, float, tuple[float, ...], float]],
+    lights: list[Lamp],
 ) -> Scene:
     """Return bays at cells of the plan, joined by corridors, with tugs in them and lights.
 
@@ -115,7 +116,8 @@ def _deck(
                 doors.append(_at((i, k)) @ pose(yaw=yaw) @ pose(z=-reach))
             elif di + dk > 0:
                 middle = 0.5 * np.array([_at((i, k))[:3, 3], _at((i + di, k + dk))[:3, 3]]).sum(axis=0)
-                passages.append(pose(*middle, yaw=90.0 * dk))
+                x, y, z = middle
+                passages.append(pose(x, y, z, yaw=90.0 * dk))
     _hang(scene, "blast doors", modules.blast_door(finishes), doors)
     if passages:
         _hang(scene, "corridors", modules.corridor(finishes, glow), passages)

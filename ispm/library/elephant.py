@@ -185,7 +185,8 @@ def _evened(mesh: Mesh) -> Mesh:
 def _distance(shape: np.ndarray, cell: float) -> np.ndarray:
     """(X, Y, Z) float32 m from the surface, negative within; exact only near it."""
     field = np.full(tuple(shape), 1.0, np.float32)
-    for solid in (*_EGGS, *_limbs()):
+    solids: list[_Egg | _Bone] = [*_EGGS, *_limbs()]
+    for solid in solids:
         if isinstance(solid, _Egg):
             low = np.array(solid.middle) - max(solid.axes)
             high = np.array(solid.middle) + max(solid.axes)

@@ -123,7 +123,7 @@ def _bevels() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return upper, inside, result
 
 
-def rounded(points: Sequence[Sequence[float]], bend: float) -> np.ndarray:
+def rounded(points: Sequence[Sequence[float]] | np.ndarray, bend: float) -> np.ndarray:
     """Return a polyline (N, 3) with its corners rounded, from `bend` metres before to as far behind them."""
     path = np.asarray(points, float)
     result = [path[:1]]
@@ -212,7 +212,7 @@ def refined(mesh: Mesh, count: int) -> Mesh:
         if not length.any():
             raise ValueError(f"mesh '{mesh.name}' cannot have {count} triangles")
         taken = np.zeros(len(triangles), bool)
-        cut = []
+        cut: list[tuple[int, np.ndarray]] = []
         budget = 1 if wanted % 2 else wanted // 2
         for edge in np.argsort(-length, kind="stable"):
             own = faces[first[edge] : first[edge] + shared[edge]]
@@ -220,7 +220,7 @@ def refined(mesh: Mesh, count: int) -> Mesh:
                 break
             if not taken[own].any():
                 taken[own] = True
-                cut.append((edge, own))
+                cut.append((int(edge), own))
         middles = pairs[[edge for edge, _ in cut]]
         new = len(positions) + np.arange(len(cut))
         added = []

@@ -86,7 +86,7 @@ def _walls() -> list[tuple[str, str, Mesh]]:
     """Name, surface and mesh of walls and vault: hewn blocks that stand out of deep joints."""
     hx, hz, h = 4.0, 3.0, 3.4
     columns = 148
-    result = []
+    result: list[tuple[str, str, Mesh]] = []
     for name, width, yaw, reach in (
         ("back wall", 2 * hx, 0.0, hz),
         ("right wall", 2 * hz, -90.0, hx),

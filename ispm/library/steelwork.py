@@ -48,10 +48,10 @@ def bar(start: Sequence[float], end: Sequence[float], width: float, depth: float
     place[:3, 0], place[:3, 1], place[:3, 2] = side, np.cross(ahead, side), ahead
     place[:3, 3] = 0.5 * (a + b)
     half = np.array([0.5 * width, 0.5 * depth, 0.5 * length])
-    return placed(box(-half, half), place)
+    return placed(box(list(-half), list(half)), place)
 
 
-def bolts(points: Sequence[Sequence[float]], radius: float, direction: str = "y") -> Mesh:
+def bolts(points: Sequence[Sequence[float]] | np.ndarray, radius: float, direction: str = "y") -> Mesh:
     """Hexagonal heads that stand out of a surface along an axis, open beneath: 16 triangles each.
 
     direction  the way out: "x", "y" or "z", with "-" before for the other way
