@@ -60,7 +60,7 @@ def _bays(scene: Scene, finishes: Finishes) -> None:
     wall = pieces()
     wall["brick"].append(box((-3.0, -0.1, -0.3), (3.0, 1.6, 0.0)))
     wall["concrete wall"].append(beveled_box((-3.0, 1.56, -0.3), (3.0, 1.72, 0.06), 0.02))
-    for low, high in ((1.7, 5.3), (7.3, EAVES + 0.3)):
+    for low, high in ((1.7, 5.3), (7.3, EAVES + 1.0)):
         wall["corrugated"].append(placed(corrugated(6.0, high - low, 0.3, 0.05), pose(y=low, z=-0.06)))
     for y in (2.9, 4.1, 5.3, 7.2):
         wall["rust"].append(placed(channel(6.0, 0.16, 0.07), pose(y=y - 0.08, z=0.0, yaw=-90.0)))
