@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from ispm.library import cargo_bay as modules
-from ispm.library.common import add_camera, closed_path, turns_about
+from ispm.library.common import add_camera, closed_path, stand, turns_about
 from ispm.library.finishes import Finishes, pieces
 from ispm.library.forms import pose, refined
 from ispm.library.shapes import sheet
@@ -15,7 +15,7 @@ from ispm.library.tug import tug
 from ispm.scene.animation import Animation
 from ispm.scene.light import PointLight
 from ispm.scene.material import Material
-from ispm.scene.scene import Node, Part, Scene
+from ispm.scene.scene import Node, Scene
 
 PERIOD = 20.0  # s
 _STEP_X, _STEP_Z = 2.0 * modules.HALF_X + modules.LENGTH, 2.0 * modules.HALF_Z + modules.LENGTH
@@ -100,10 +100,10 @@ def _deck(
     """
     scene, finishes = Scene(name=name), Finishes()
     glow = Material((0.92, 0.96, 1.0), unlit=True, name="light strip")
-    _hang(scene, "bays", modules.bay(finishes, glow), [_at(cell) for cell in cells])
+    stand(scene, "bays", modules.bay(finishes, glow), [_at(cell) for cell in cells])
     for kind in range(min(3, len(cells))):
         own = [_at(cell) for number, cell in enumerate(cells) if number % 3 == kind]
-        _hang(scene, f"cargo {kind}", modules.cargo(finishes, kind), own)
+        stand(scene, f"cargo {kind}", modules.cargo(finishes, kind), own)
     passages, doors = [], []
     for i, k in cells:
         for di, dk, yaw, reach in (
@@ -118,9 +118,9 @@ def _deck(
                 middle = 0.5 * np.array([_at((i, k))[:3, 3], _at((i + di, k + dk))[:3, 3]]).sum(axis=0)
                 x, y, z = middle
                 passages.append(pose(x, y, z, yaw=90.0 * dk))
-    _hang(scene, "blast doors", modules.blast_door(finishes), doors)
+    stand(scene, "blast doors", modules.blast_door(finishes), doors)
     if passages:
-        _hang(scene, "corridors", modules.corridor(finishes, glow), passages)
+        stand(scene, "corridors", modules.corridor(finishes, glow), passages)
     _fill(scene, finishes, still, cells)
     _fly(scene, finishes, cells, tugs)
     for number, (x, y, z, color, candela) in enumerate(lights):
@@ -132,13 +132,6 @@ def _deck(
 def _at(cell: Cell) -> np.ndarray:
     """The place of a cell of the plan."""
     return pose(cell[0] * _STEP_X, 0.0, cell[1] * _STEP_Z)
-
-
-def _hang(scene: Scene, name: str, parts: list[Part], places: list[np.ndarray]) -> Node:
-    """Hang a node that shows parts at several places."""
-    node = Node(name, parts=parts, instances=np.array(places))
-    scene.roots.append(node)
-    return node
 
 
 def _fill(scene: Scene, finishes: Finishes, still: int, cells: list[Cell]) -> None:
@@ -163,7 +156,7 @@ def _fill(scene: Scene, finishes: Finishes, still: int, cells: list[Cell]) -> No
     places = [_at(cell) @ pose(x, 0.0, z, yaw) for x, z, yaw in spots for cell in cells]
     taken = min(len(places), (rest - 400) // each)
     if taken > 0:
-        _hang(scene, "stacks", parts, places[:taken])
+        stand(scene, "stacks", parts, places[:taken])
     rest = still - scene.triangle_count
     side = max(2, int(math.sqrt(max(rest, 2) / 2.0)))
     x, z = np.linspace(-3.6, 3.6, side + 1), np.linspace(-2.2, 2.2, side + 1)

@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ispm.library.common import stand
 from ispm.library.forms import unwrapped
 from ispm.library.shapes import merge
 from ispm.scene.material import Material, Texture
@@ -94,10 +95,12 @@ class Finishes:
         ]
 
     def add(self, scene: Scene, name: str, pieces: Pieces, places: list[np.ndarray] | None = None) -> Node:
-        """Hang a node with `pieces` into the scene; with `places`, (4, 4) each, it shows them at each."""
-        instances = None if places is None else np.array(places, np.float64)
-        node = Node(name, parts=self.parts(pieces, name), instances=instances)
-        scene.roots.append(node)
+        """Hang `pieces` into the scene as a node, or with `places`, (4, 4) each, as one at each."""
+        node = Node(name, parts=self.parts(pieces, name))
+        if places is None:
+            scene.roots.append(node)
+        else:
+            stand(scene, name, node.parts, places)
         return node
 
 

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from ispm.library.common import add_camera, add_spot, closed_path, turns_about
+from ispm.library.common import add_camera, add_spot, closed_path, stand, turns_about
 from ispm.library.elephant import elephant
 from ispm.library.finishes import Finishes, cloud, pieces
 from ispm.library.forms import averaged, beveled_box, placed, pose, refined, unwrapped
@@ -136,7 +136,7 @@ def million() -> Scene:
     stone = Part(unwrapped(statue, 2.5), finishes["dark stone"])
     rows = [(x, s) for x in (-13.5, -4.5, 4.5, 13.5) for s in (-1.0, 1.0)]
     places = [pose(x, 1.0, s * 5.4, yaw=55.0 * s) for x, s in rows]
-    scene.roots.append(Node("elephants", parts=[stone], instances=np.array(places)))
+    stand(scene, "elephant", [stone], places)
     plinth = pieces()
     plinth["stone"] += [
         beveled_box((-2.3, -0.02, -1.5), (2.3, 0.3, 1.5), 0.04),
