@@ -8,7 +8,7 @@ import numpy as np
 
 from ispm.library.common import add_spot
 from ispm.library.finishes import Finishes
-from ispm.library.forms import averaged, beveled_box, loft, pipe, placed, pose, refined
+from ispm.library.forms import averaged, beveled_box, loft, pipe, placed, pose, refined, unwrapped
 from ispm.library.shapes import box, lathe, merge, tube
 from ispm.scene.light import SpotLight
 from ispm.scene.material import Material
@@ -44,7 +44,7 @@ def car(scene: Scene, finishes: Finishes) -> tuple[Node, list[Node]]:
     roof, windows = _cabin()
     hang("body", (merge([_shell(), roof], "body"), paint))
     hang("windows", (windows, glass))
-    hang("seats", (_seats(), finishes["rubber"]))
+    hang("seats", (unwrapped(_seats(), 1.0), finishes["rubber"]))
     hang("front bumper", (_bumper(2.30, 0.20), chrome))
     hang("rear bumper", (_bumper(-2.30, -0.20), chrome))
     hang("grille", (_grille(), chrome))
@@ -53,7 +53,7 @@ def car(scene: Scene, finishes: Finishes) -> tuple[Node, list[Node]]:
     for name, x in (("front", _AXLES[1]), ("rear", _AXLES[0])):
         for side, s in (("left", -1.0), ("right", 1.0)):
             turn = pose(yaw=0.0 if s > 0 else 180.0)
-            parts = ((placed(tyre, turn), finishes["rubber"]), (placed(rim, turn), chrome))
+            parts = ((unwrapped(placed(tyre, turn), 1.0), finishes["rubber"]), (placed(rim, turn), chrome))
             wheels.append(hang(f"{name} {side} wheel", *parts, at=(x, WHEEL, s * _TRACK)))
     for side, s in (("left", -1.0), ("right", 1.0)):
         ring, lens = _lamp(0.105)

@@ -6,7 +6,7 @@ import numpy as np
 
 from ispm.library.cargo import container
 from ispm.library.finishes import Finishes, pieces
-from ispm.library.forms import beveled_box, loft, pipe, placed, pose, refined
+from ispm.library.forms import beveled_box, loft, pipe, placed, pose, refined, unwrapped
 from ispm.library.pipework import flange
 from ispm.library.shapes import box, lathe, merge, tube
 from ispm.scene.material import Material
@@ -63,7 +63,7 @@ def tug(finishes: Finishes) -> list[Part]:
     parts.append(Part(merge(lamps, "running lamps"), lamp))
     block = beveled_box((-0.9, 0.5, -0.5), (0.3, 0.95, 0.5), 0.06, "power unit")
     rest = TRIANGLES - sum(len(part.mesh.triangles) for part in parts)
-    parts.append(Part(refined(block, rest), finishes["dark metal"]))
+    parts.append(Part(unwrapped(refined(block, rest), 2.0), finishes["dark metal"]))
     return parts
 
 
