@@ -139,8 +139,8 @@ class Settings(_Checked):
     )
     emission: Emission = knob(
         "auto",
-        "how photons leave the lights: rasterised bounce maps, or rays; auto: maps, but rays where a "
-        "software adapter has much to draw",
+        "how photons leave the lights: rasterised bounce maps, or rays; auto: maps, but rays from lamps with "
+        "a surface, and where a software adapter has much to draw; an environment always sends rays",
         choices=get_args(Emission),
     )
     shadow_resolution: int = knob(

@@ -229,7 +229,7 @@ class Renderer:
         instances, self._instances = self._instances, this.packed.instances
         stats = collect(this, drawn.path, watch.milliseconds, total, moved(this.packed.instances, instances))
         frame.stats = replace(
-            stats, adapter=self._gpu.name, emission=drawn.traced.plan.by, timing=watch.timing
+            stats, adapter=self._gpu.name, emission=drawn.traced.plan.mostly, timing=watch.timing
         )
         self._photons = drawn.path.photons
         self._last = LastFrame(
