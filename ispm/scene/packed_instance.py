@@ -9,7 +9,7 @@ import numpy as np
 
 from ispm.optics import records
 from ispm.scene.extent import enclosing_diameter
-from ispm.scene.lamp import lamp_stretch
+from ispm.scene.lamp import lamp_place
 from ispm.scene.layout import Layout
 
 if TYPE_CHECKING:
@@ -102,7 +102,7 @@ def _places(layout: Layout, worlds: np.ndarray) -> np.ndarray:
         here = slice(first[row], first[row] + layout.copies[row])
         places[here] = layout.nodes[index].places(worlds[index])
     for row in layout.lamps:
-        places[first[row]] = places[first[row]] @ lamp_stretch(layout.lamp(row))
+        places[first[row]] = lamp_place(layout.lamp(row), places[first[row]])
     return places
 
 

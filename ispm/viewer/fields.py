@@ -28,6 +28,7 @@ NOT_LIVE = ("size", "passes", "time_limit", "target_error")
 MOST = {"photons": 1_000_000, "gather": 64, "shadow_resolution": 4096}
 """What a viewer grants of settings at most, so that no one asks it for hours."""
 
+_SIZES = {PointLight: ("radius",)}  # of lights that may have a surface
 _ANGLES = ("inner_angle", "outer_angle")
 _COLORS = ("base_color", "specular_color", "attenuation_color")
 
@@ -91,6 +92,8 @@ def light_fields(light: Light) -> list[Field]:
             made.append(_field(name, "number", degrees, least=0.0, most=90.0, unit="°"))
     if isinstance(light, PointLight | SpotLight):
         made.append(_field("range", "number", _finite(light.range), least=0.0, unit="m"))
+    if isinstance(light, PointLight):
+        made.append(_field("radius", "number", float(light.radius), least=0.0, unit="m"))
     if isinstance(light, SurfaceLight):
         for name in light.SIZES:
             made.append(_field(name, "number", float(getattr(light, name)), least=0.0, unit="m"))
@@ -163,7 +166,7 @@ def light_edit(node: Node, field: str, value: Any, distance: float, gesture: obj
         given = math.radians(_number(field, value))
     elif field == "range" and isinstance(light, PointLight | SpotLight):
         given = math.inf if value == "" else _number(field, value)
-    elif isinstance(light, SurfaceLight) and field in light.SIZES:
+    elif field in (light.SIZES if isinstance(light, SurfaceLight) else _SIZES.get(type(light), ())):
         given = _number(field, value)
     elif field == "two_sided" and hasattr(light, field):
         given = bool(value)
