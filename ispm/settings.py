@@ -175,6 +175,11 @@ class Settings(_Checked):
         "lamp: one near the camera in a room, else far away; auto: a lamp in a room, else the studio",
         choices=get_args(Unlit),
     )
+    ground: bool = knob(
+        False,
+        "stand the scene on ground that takes its shadow, for pictures of a single model; on black it is "
+        "gray and fades out, else it shows what is behind it, darker where it is shaded",
+    )
     antialias: bool = knob(True, "supersample the pixels on edges")
     live: bool = knob(
         False,
@@ -262,6 +267,7 @@ class Changes(TypedDict, total=False):
     tonemap: Tonemap
     background: tuple[float, float, float] | Literal["black", "transparent"]
     light: Unlit
+    ground: bool
     antialias: bool
     live: bool
     seed: int

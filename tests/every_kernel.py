@@ -28,6 +28,7 @@ VARIANTS = [
     *[dict(tonemap=name) for name in ("agx", "none")],
     dict(subsampling=1),
     dict(antialias=False, background="transparent", exposure=1.0),
+    dict(ground=True, background=(1.0, 1.0, 1.0)),
     dict(passes=2, target_error=0.01),
 ]  # fmt: skip
 

@@ -38,8 +38,8 @@ class PointLight(_Shining):
     intensity  (3,) cd per channel, linear
     range      m, beyond which nothing is lit; infinite by default
     radius     m, of the sphere that shines, for soft shadows, to be given by name; 0, the default, is a
-               point. It is a `SphereLight` that gives as much light: the camera and mirrors see it. Its node's
-               scale leaves it as it is, and its `range` must be infinite.
+               point. It is a `SphereLight` that gives as much light: the camera and mirrors see it. The scale
+               of its node leaves it as it is, and its `range` must be infinite.
     """
 
     intensity: tuple[float, float, float] = (1.0, 1.0, 1.0)
@@ -255,7 +255,7 @@ def has_surface(light: Light | None) -> bool:
 
 
 def as_lamp(light: Light, called: str = "") -> SurfaceLight:
-    """Return the lamp that a light with a surface is: itself, or the sphere that a point light's radius makes.
+    """Return the lamp that a light with a surface is: itself, or the sphere of a point light with a radius.
 
     called  in messages
     Raises SceneError for a value out of range.
