@@ -140,8 +140,8 @@ class Settings(_Checked):
     )
     emission: Emission = knob(
         "auto",
-        "how photons leave the lights: rasterised bounce maps, or rays; auto: maps, but rays where a "
-        "software adapter has much to draw",
+        "how photons leave the lights: rasterised bounce maps, or rays; auto: maps, but rays from lamps with "
+        "a surface, and where a software adapter has much to draw; an environment always sends rays",
         choices=get_args(Emission),
     )
     shadows: Shadows = knob(
@@ -181,6 +181,11 @@ class Settings(_Checked):
         "what lights a scene without lights; studio: softboxes all around; sky: a clear sky with its sun; "
         "lamp: one near the camera in a room, else far away; auto: a lamp in a room, else the studio",
         choices=get_args(Unlit),
+    )
+    ground: bool = knob(
+        False,
+        "stand the scene on ground that takes its shadow, for pictures of a single model; on black it is "
+        "gray and fades out, else it shows what is behind it, darker where it is shaded",
     )
     antialias: bool = knob(True, "supersample the pixels on edges")
     live: bool = knob(
@@ -270,6 +275,7 @@ class Changes(TypedDict, total=False):
     tonemap: Tonemap
     background: tuple[float, float, float] | Literal["black", "transparent"]
     light: Unlit
+    ground: bool
     antialias: bool
     live: bool
     seed: int

@@ -32,6 +32,7 @@ VARIANTS = [
     *[dict(tonemap=name) for name in ("agx", "none")],
     dict(subsampling=1),
     dict(antialias=False, background="transparent", exposure=1.0),
+    dict(ground=True, background=(1.0, 1.0, 1.0)),
     dict(passes=2, target_error=0.01),
 ]  # fmt: skip
 
@@ -88,8 +89,9 @@ def render_everything() -> None:
         glow = ispm.Material(emission=(1.0, 1.0, 1.0), emission_texture=ispm.Texture(TEXTURE[..., :3]))
         renderer.scene.add(ispm.shapes.box(0.5), material=glow, translation=(2.0, 2.0, 0.0))
         renderer.scene.add(ispm.RectLight((5.0, 4.0, 3.0)), translation=(0.0, 3.0, 0.0))
-        renderer.settings = ispm.Settings(**SMALL)
-        assert renderer.render().image.size
+        for emission in ("map", "auto"):
+            renderer.settings = ispm.Settings(**SMALL, emission=emission)
+            assert renderer.render().image.size
         renderer.settings = ispm.Settings(**SMALL, preset="live")
         for step in (0.0, 0.1, 0.1):  # the last frame rests
             renderer.scene.nodes[1].translation = (-2.8 + step, 0.7, 0.0)

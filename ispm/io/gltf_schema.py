@@ -181,6 +181,7 @@ class Light(Record, frozen=True):
     range: float | None = None
     spot: Spot = Spot()
     name: str = ""
+    extras: Any = None
 
 
 class LightUse(Record, frozen=True):

@@ -17,6 +17,7 @@ from ispm.io.atomic import as_path, require_writable, write_whole
 from ispm.io.gltf_camera import camera_record
 from ispm.io.gltf_instances import instance_attributes
 from ispm.io.gltf_lamp import lamp_extras, lamp_part
+from ispm.io.gltf_light import RADIUS
 from ispm.io.gltf_mesh import ATTRIBUTES
 from ispm.io.gltf_write import Document
 from ispm.io.gltf_write_material import MaterialWriter, given, numbers, split
@@ -29,7 +30,7 @@ from ispm.io.gltf_write_skin import (
 )
 from ispm.io.png import encode_png
 from ispm.scene.animation import Animation, Channel
-from ispm.scene.light import DirectionalLight, PunctualLight, SpotLight, SurfaceLight
+from ispm.scene.light import DirectionalLight, PointLight, PunctualLight, SpotLight, SurfaceLight
 from ispm.scene.mesh import Mesh
 from ispm.scene.scene import Node, Part, Scene
 from ispm.scene.values import frozen
@@ -231,6 +232,8 @@ class _Writer:
             record["type"] = "spot" if isinstance(light, SpotLight) else "point"
             if not math.isinf(light.range):
                 record["range"] = float(light.range)
+        if isinstance(light, PointLight) and light.radius > 0.0:
+            record["extras"] = {RADIUS: float(light.radius)}
         if isinstance(light, SpotLight):
             record["spot"] = {
                 "innerConeAngle": float(light.inner_angle),

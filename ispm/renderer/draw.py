@@ -14,6 +14,7 @@ from ispm.lights.surface_emission import emissive_flux
 from ispm.photons.walk import Walk
 from ispm.renderer.caustics import PhotonClasses, classify_photons
 from ispm.renderer.gather import PhotonLight
+from ispm.renderer.ground import catch_shadows
 from ispm.renderer.light import Traced, plan_emission, trace_photons
 from ispm.renderer.live import History
 from ispm.renderer.one_pass import Pass
@@ -97,6 +98,9 @@ def draw(this: Pass, stages: Stages, watch: Watch, history: History | None = Non
         pixels, added = join_pixels(brought, shadows)
     with watch("upsample"):
         _light_missed(this, stages, sight, light, raw, sharp)
+    if this.settings.ground:
+        with watch("compose"):
+            pixels, added = catch_shadows(this, gpu, gbuffer, (direct, indirect), pixels, added)
     with watch.record(gpu) as frame:
         frame.stage("compose")
         through = stages.chains.patch(frame, pixels, added, direct, indirect, emission)

@@ -230,7 +230,7 @@ class Renderer:
         placed, self._placed = self._placed, this.packed.placed
         stats = collect(this, drawn.path, watch.milliseconds, total, moved(this.packed.placed, placed))
         frame.stats = replace(
-            stats, adapter=self._gpu.name, emission=drawn.traced.plan.by, timing=watch.timing
+            stats, adapter=self._gpu.name, emission=drawn.traced.plan.mostly, timing=watch.timing
         )
         self._photons = drawn.path.photons
         self._last = LastFrame(
