@@ -108,6 +108,12 @@ class Renderer:
         gc.collect()  # wgpu's device and queue refer to each other, and hold memory that Python does not see
 
     @property
+    def adapter(self) -> str:
+        """The name of the graphics adapter."""
+        self._require_open()
+        return self._gpu.name
+
+    @property
     def settings(self) -> Settings:
         """The knobs of the next frame."""
         assert self._settings is not None
