@@ -105,8 +105,10 @@ def animate(
         for line in scene.warnings:
             warn_caller(line)
     motion = Motion(scene, shooting.film, camera, animation, float(time), change)
-    numbers, first = frame_range(frames, motion.count), scene.at(motion.start, animation)
+    first = scene.at(motion.start, animation)
+    numbers = frame_range(frames, motion.count)
     with Renderer(first, chosen, motion.first_camera, adapter=adapter, threads=threads) as renderer:
+        renderer.antialias_live = True
         shooting.run(Stage(motion, renderer), renderer, numbers)
     return shooting.output.path
 
@@ -142,14 +144,14 @@ class _Shooting:
 
     def run(self, stage: Stage, renderer: Renderer, frames: range) -> None:
         """Render what is missing of `frames`, write the film, and remove what was kept for it."""
-        self._stage, self._renderer = stage, renderer
+        self._stage, self._renderer, settings = stage, renderer, renderer.settings
         if self.film.shutter and renderer.settings.most_passes == 1:
             warn_caller("shutter: one pass has no motion blur; ask for more, as passes=16")
         if renderer.settings.exposure == "hold":
             stage.put(0)
             found = renderer.render_pass(0).exposure
             renderer.settings = renderer.settings.replace(exposure=found)
-        kept = Kept(self.output, self._about())
+        kept = Kept(self.output, self._about(settings))
         noted = set(kept.finished())
         for done, (frame, was_there) in enumerate(self._finish(kept, frames, noted), 1):
             if self._tell:
@@ -168,15 +170,19 @@ class _Shooting:
         if not kept.remove(frames):
             warn_caller(f"{kept.folder}: stays, as it holds finished frames of the rest of the film")
 
-    def _about(self) -> dict[str, Any]:
-        """What all frames share, besides what they are made of."""
+    def _about(self, settings: Settings) -> dict[str, Any]:
+        """What all frames share, besides what they are made of.
+
+        settings  that were asked for
+        """
         from ispm import __version__
 
         film = {name: getattr(self.film, name) for name in ("fps", "shutter")}
         kind = {"bits": self._bits} if self.output.is_film else {}
         machine = {"version": __version__, "adapter": self._renderer.adapter}
-        settings = dataclasses.asdict(self._renderer.settings)
-        return {**machine, **film, **settings, **kind, **{name: str(v) for name, v in self._saved.items()}}
+        saved = {name: str(value) for name, value in self._saved.items()}
+        found = {"exposure of the first frame": self._renderer.settings.exposure}
+        return {**machine, **film, **dataclasses.asdict(settings), **kind, **saved, **found}
 
     def _finish(self, kept: Kept, frames: range, noted: set[int]) -> Iterator[tuple[int, bool]]:
         """Yield each frame once its picture is there, and whether it was before.

@@ -18,7 +18,7 @@ from PIL import Image
 
 from ispm.errors import OutputError, SettingsError
 from ispm.film.output import Output
-from ispm.io.atomic import write_whole
+from ispm.io.atomic import remove_unfinished, write_whole
 from ispm.io.image import write_png
 from ispm.renderer.made_of import MadeOf
 
@@ -108,6 +108,10 @@ class Kept:
             if self._output.is_film:
                 self.path(frame).unlink(missing_ok=True)
         (self.folder / _ABOUT).unlink(missing_ok=True)
+        pictures = [self.path(frame) for frame in frames]
+        ours = [self.folder / _ABOUT, self._output.path, *pictures, *map(self._note, frames)]
+        for folder in (self.folder, self._output.path.parent):
+            remove_unfinished(folder, [path.name for path in ours if path.parent == folder])
         with suppress(OSError):  # what others put there stays
             self.folder.rmdir()
         return True

@@ -77,6 +77,7 @@ class Renderer:
         self._history = History()
         self._rest: Rest | None = None
         self._live_scene: Scene | None = None
+        self.antialias_live = False  # a view that moves has no time for it
         self.progress: Progress | None = None
         self.names = Names()
         self._warned: set[str] = set()
@@ -268,7 +269,8 @@ class Renderer:
                 return self.chosen.expose(shown)
             changes = rest is None or rest.made_of.scene != now.scene
             try:
-                frame = self._draw(self._history.begin(this, changes), self._history)
+                antialias = self.antialias_live and self.settings.antialias
+                frame = self._draw(self._history.begin(this, changes, antialias), self._history)
             except BaseException:  # what is kept may be of this frame in part
                 self.reset()
                 raise
