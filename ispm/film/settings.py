@@ -15,7 +15,15 @@ Codec = Literal["auto", "h264", "av1", "vp9", "prores"]
 
 @dataclass(frozen=True)
 class Film(Checked):
-    """How time goes by in a film, and how it is written. Raises SettingsError for a value out of range."""
+    """How time goes by in a film, and how it is written.
+
+    fps       pictures a second
+    duration  s; 0: as long as what moves, the camera on its path or round the scene, else the animation
+    shutter   share of the time to the next picture, 0 to 1, over which a picture's passes are spread: what
+              moves is blurred; one pass alone does not
+    codec     "h264", "av1", "vp9", "prores"; "auto": by the file's ending
+    Raises SettingsError for a value out of range.
+    """
 
     fps: float = knob(24.0, "pictures a second", within=(1e-3, 1e3), metavar="N")
     duration: float = knob(
