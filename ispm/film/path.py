@@ -154,7 +154,7 @@ class Turntable:
 
     @classmethod
     def parse(cls, text: str) -> Turntable:
-        """Return the one that DEGREES/FRAMES names. Raises SettingsError."""
+        """Return the one that `text`, DEGREES/FRAMES, names. Raises SettingsError."""
         degrees, _, frames = text.partition("/")
         try:
             return cls(float(degrees), int(frames))
