@@ -164,7 +164,11 @@ class Turntable:
         raise SettingsError(f"turntable: '{text}' is not DEGREES/FRAMES, as 360/120")
 
     def turned(self, camera: Camera, frame: float, center: np.ndarray) -> Camera:
-        """Return a camera with a pose as it stands at a frame, which may lie between two."""
+        """Return a camera as it stands at a frame.
+
+        camera  with a pose;  frame  which may lie between two
+        center  (3,) what it goes round, m
+        """
         angle = math.radians(self.degrees * frame / self.frames % 360.0)
         cosine, sine = math.cos(angle), math.sin(angle)
         turn = np.array([[cosine, 0.0, sine], [0.0, 1.0, 0.0], [-sine, 0.0, cosine]])
