@@ -189,6 +189,8 @@ class _Told:
     def __call__(self, shot: Shot) -> None:
         self.count = shot.done
         self._rendered += not shot.found
+        if not self._rendered:
+            self._begun = time.monotonic()  # finding frames takes less than rendering them
         if not (shot.found or self._output.is_film):
             self._console.written(shot.path)
         each = (time.monotonic() - self._begun) / max(self._rendered, 1)
