@@ -41,7 +41,7 @@ _SIDE_LEAST, _SIDE_MOST = 2, 8  # their square roots
 
 
 @dataclass(frozen=True)
-class _Checked:
+class Checked:
     """A frozen dataclass of knobs whose values are converted and checked as it is made."""
 
     def __post_init__(self) -> None:
@@ -50,7 +50,7 @@ class _Checked:
 
 
 @dataclass(frozen=True)
-class Settings(_Checked):
+class Settings(Checked):
     """The settings of a picture. Raises SettingsError for a value out of range."""
 
     size: tuple[int, int] = knob(
@@ -321,7 +321,7 @@ _preset_first(Settings)
 
 
 @dataclass(frozen=True)
-class LoadOptions(_Checked):
+class LoadOptions(Checked):
     """How a scene file is taken. Raises SettingsError for a value out of range."""
 
     up: str = knob("y", "the axis of an OBJ, PLY or STL that points up; glTF's is y", choices=("y", "z"))
@@ -337,7 +337,7 @@ class LoadOptions(_Checked):
 
 
 @dataclass(frozen=True)
-class LoadLimits(_Checked):
+class LoadLimits(Checked):
     """What a scene file may ask for at most. Raises SettingsError for a value out of range.
 
     `max_file_bytes`, `max_memory`, `max_work`, `max_nodes` and `max_triangles` are of a scene with all its

@@ -105,7 +105,9 @@ def test_print_config_can_be_read_back(ispm_command, place):
     assert json.loads(ispm_command("render --config s.toml --print-config --json")[1])["size"] == [64, 48]
 
 
-@pytest.mark.parametrize("command", ["", "render ", "compare ", "info ", "scenes ", "doctor ", "bench "])
+@pytest.mark.parametrize(
+    "command", ["", "render ", "animate ", "compare ", "info ", "scenes ", "doctor ", "bench "]
+)
 def test_every_command_has_help_with_an_example(ispm_command, command):
     code, out, _ = ispm_command(command + "--help")
     assert code == 0
