@@ -28,6 +28,7 @@ from ispm.renderer.one_pass import Pass
 from ispm.scene.packed import pack
 from ispm.scene.scene import Scene
 from ispm.stages.area_light import area_light
+from ispm.stages.pixels import read_pixels
 
 f32 = np.float32
 
@@ -131,8 +132,8 @@ def _drawn_radiance(
     if len(triangles) or len(packed.environment.rows):
         empty = World(this.threads)
         empty.update(pack(Scene()))
-        told = this.view, this.settings.smoothing, this.settings.seed
-        light += area_light(gpu, gbuffer, packed, empty, this.surfaces, *told).reshape(-1, 4)[pixels, :3]
+        shown = read_pixels(gpu, gbuffer, this.view, this.settings.seed)
+        light += area_light(*shown, packed, empty, this.surfaces, this.settings.smoothing)[pixels, :3]
     return light
 
 
