@@ -12,6 +12,9 @@ if TYPE_CHECKING:
     from ispm import shapes
     from ispm.bench.metrics import compare
     from ispm.errors import AdapterError, IspmError, OutputError, SceneError, SceneWarning, SettingsError
+    from ispm.film.animate import animate
+    from ispm.film.path import CameraKey, CameraPath, Turntable
+    from ispm.film.settings import Film
     from ispm.gpu.device import list_adapters as adapters
     from ispm.io.about import read_names
     from ispm.io.load import load
@@ -26,10 +29,11 @@ if TYPE_CHECKING:
     from ispm.scene.environment import Environment
     from ispm.scene.light import DirectionalLight, DiskLight, PointLight, RectLight, SphereLight, SpotLight
     from ispm.scene.material import AlphaMode, Material, Texture, TextureUse, Wrap
-    from ispm.scene.mesh import Mesh
+    from ispm.scene.mesh import Mesh, Morph
     from ispm.scene.names import Names
     from ispm.scene.rotation import axis_angle, euler
     from ispm.scene.scene import Node, Part, Scene
+    from ispm.scene.skin import Skin
     from ispm.scene.sky import Sky
     from ispm.settings import Settings
     from ispm.viewer.viewer import Viewer, view
@@ -41,15 +45,19 @@ _HOMES = {
     "AlphaMode": "ispm.scene.material",
     "Animation": "ispm.scene.animation",
     "Camera": "ispm.scene.camera",
+    "CameraKey": "ispm.film.path",
+    "CameraPath": "ispm.film.path",
     "Channel": "ispm.scene.animation",
     "DirectionalLight": "ispm.scene.light",
     "DiskLight": "ispm.scene.light",
     "Environment": "ispm.scene.environment",
+    "Film": "ispm.film.settings",
     "Frame": "ispm.renderer.picture",
     "IspmError": "ispm.errors",
     "LightPaths": "ispm.renderer.light_paths",
     "Material": "ispm.scene.material",
     "Mesh": "ispm.scene.mesh",
+    "Morph": "ispm.scene.mesh",
     "Names": "ispm.scene.names",
     "Node": "ispm.scene.scene",
     "OutputError": "ispm.errors",
@@ -63,15 +71,18 @@ _HOMES = {
     "SceneWarning": "ispm.errors",
     "Settings": "ispm.settings",
     "SettingsError": "ispm.errors",
+    "Skin": "ispm.scene.skin",
     "Sky": "ispm.scene.sky",
     "SphereLight": "ispm.scene.light",
     "SpotLight": "ispm.scene.light",
     "Stats": "ispm.renderer.statistics",
     "Texture": "ispm.scene.material",
     "TextureUse": "ispm.scene.material",
+    "Turntable": "ispm.film.path",
     "Viewer": "ispm.viewer.viewer",
     "Wrap": "ispm.scene.material",
     "adapters": "ispm.gpu.device:list_adapters",
+    "animate": "ispm.film.animate",
     "axis_angle": "ispm.scene.rotation",
     "builtin": "ispm.io.named",
     "compare": "ispm.bench.metrics",
@@ -89,15 +100,19 @@ __all__ = [
     "AlphaMode",
     "Animation",
     "Camera",
+    "CameraKey",
+    "CameraPath",
     "Channel",
     "DirectionalLight",
     "DiskLight",
     "Environment",
+    "Film",
     "Frame",
     "IspmError",
     "LightPaths",
     "Material",
     "Mesh",
+    "Morph",
     "Names",
     "Node",
     "OutputError",
@@ -111,16 +126,19 @@ __all__ = [
     "SceneWarning",
     "Settings",
     "SettingsError",
+    "Skin",
     "Sky",
     "SphereLight",
     "SpotLight",
     "Stats",
     "Texture",
     "TextureUse",
+    "Turntable",
     "Viewer",
     "Wrap",
     "__version__",
     "adapters",
+    "animate",
     "axis_angle",
     "builtin",
     "compare",

@@ -6,9 +6,9 @@ import numpy as np
 
 from ispm.io.arrays import compact
 from ispm.scene.material import Material, Texture, TextureUse
-from ispm.scene.mesh import Mesh
+from ispm.scene.mesh import DELTAS, Mesh
 
-ARRAYS = ("normals", "tangents", "uv0", "uv1", "colors")
+ARRAYS = ("normals", "tangents", "uv0", "uv1", "colors", "joints", "joint_weights")
 
 
 def assert_alike(a, b):
@@ -19,6 +19,7 @@ def assert_alike(a, b):
     assert [_children(n, mine) for n in mine] == [_children(n, yours) for n in yours]
     for p, q in zip(mine, yours, strict=True):
         _assert_nodes_alike(p, q)
+        assert _joints(p, mine) == _joints(q, yours)
     parts = [[part for n in nodes for part in n.parts if len(part.mesh.triangles)] for nodes in (mine, yours)]
     for pick in (lambda p: p.mesh, lambda p: p.material):
         assert _sharing(map(pick, parts[0])) == _sharing(map(pick, parts[1]))
@@ -41,6 +42,9 @@ def _assert_nodes_alike(a, b):
     else:
         np.testing.assert_array_equal(a.matrix, b.matrix)
     np.testing.assert_array_equal(a.instances, b.instances)
+    np.testing.assert_array_equal(a.weights, b.weights)
+    if a.skin is not None:
+        np.testing.assert_array_equal(a.skin.inverse_bind, b.skin.inverse_bind)
     assert a.light == b.light and (a.light is None or a.light.name == b.light.name)
     assert (a.camera is None) == (b.camera is None)
     if a.camera is not None:
@@ -61,6 +65,17 @@ def assert_meshes_alike(a: Mesh, b: Mesh):
     for name in ARRAYS:
         values = getattr(a, name)
         np.testing.assert_array_equal(values if values is None else values[rows], getattr(b, name))
+
+    assert [m.name for m in a.morphs] == [m.name for m in b.morphs]
+    for p, q in zip(a.morphs, b.morphs, strict=True):
+        for name in DELTAS:
+            values = getattr(p, name)
+            np.testing.assert_array_equal(values if values is None else values[rows], getattr(q, name))
+
+
+def _joints(node, nodes):
+    """The name of a node's skin and the numbers of its joints."""
+    return node.skin and (node.skin.name, [_index(nodes, joint) for joint in node.skin.joints])
 
 
 def _plain(material: Material):

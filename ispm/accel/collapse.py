@@ -196,13 +196,13 @@ def _vertex(positions, vertex):
 
 @jit
 def shift_refs(nodes, node_count, first_node, first_block):
-    """Make a tree's refs absolute after it was put behind others.
+    """Make a tree's refs count from elsewhere.
 
-    nodes  address of its `node_count` nodes;  first_node, first_block  how many of others precede it, int64
+    nodes  address of its `node_count` nodes;  first_node, first_block  int64, by how many farther ahead
     """
     for node in range(node_count):
         for k in range(WIDTH):
             word = node * NODE_WORDS + REFS + k
             ref = ldu(nodes, word)
             if ref != u32(NO_REF):
-                stu(nodes, word, u32(ref + (u32(first_block) if ref & u32(LEAF) else u32(first_node))))
+                stu(nodes, word, u32(i64(ref) + (first_block if ref & u32(LEAF) else first_node)))

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
+from operator import is_
 from typing import Any
 
 import numpy as np
 
 from ispm.accel.build import BinaryTree
 from ispm.accel.bvh import MeshBvh, build_mesh_bvh
-from ispm.accel.collapse import BLOCK_WORDS, NODE_WORDS, collapse, empty_node, shift_refs
+from ispm.accel.collapse import BLOCK_WORDS, NODE_WORDS, collapse, empty_node
 from ispm.accel.intersect import (
     ROW_REACH,
     ROW_ROOT,
@@ -18,6 +19,7 @@ from ispm.accel.intersect import (
 )
 from ispm.accel.rays import HIT, occlude_rays, trace_rays
 from ispm.accel.records import Trees
+from ispm.accel.refit import refit
 from ispm.kernels.simd import address, aligned, stf, stu
 from ispm.kernels.threads import run_threads, thread_count
 from ispm.optics.jit import jit
@@ -35,7 +37,7 @@ _WORST_GROWTH = 2.0**20
 class World:
     """Two-level tree over the instances of a packed scene.
 
-    trees  what kernels are handed of it; another one after each `update`
+    trees  what kernels are handed of it; another one after each `update`, which may write into its arrays
     """
 
     def __init__(self, threads: int | None = None) -> None:
@@ -51,7 +53,8 @@ class World:
         self._place(np.zeros((0, 3, 4), np.float32), np.zeros(0, np.uint32))
 
     def update(self, packed: Packed) -> None:
-        """Build trees of the meshes that are new or changed in a scene, and the tree over its instances.
+        """Build trees of the meshes that are new in a scene, refit those of meshes that deformed, and build
+        the tree over its instances.
 
         Nothing is done for instances that are in it already, which are not to be edited.
         """
@@ -106,33 +109,36 @@ class World:
 
     def _join(self, geometry: Geometry) -> None:
         """Put the trees of all meshes into one array of nodes and one of blocks."""
-        trees = [self._tree(part, geometry) for part in geometry.ranges]
+        known = [tree for _, tree in self._trees.values()]
+        trees = [self._tree(part) for part in geometry.ranges]
         kept = zip(geometry.ranges, trees, strict=True)
         self._trees = {id(part.source): (part, tree) for part, tree in kept}
         self._boxes = np.array([tree.bounds for tree in trees], np.float32).reshape(-1, 2, 3)
+        if len(trees) == len(known) and all(map(is_, trees, known)):
+            return  # where they are
         self._nodes = aligned(sum(len(tree.nodes) for tree in trees))
         self._blocks = aligned(sum(len(tree.blocks) for tree in trees))
-        self._roots = np.zeros(len(trees), np.uint32)
         node = block = 0
-        for k, tree in enumerate(trees):
-            nodes, blocks = len(tree.nodes) // NODE_WORDS, len(tree.blocks) // BLOCK_WORDS
-            self._roots[k] = node
-            own = self._nodes[NODE_WORDS * node : NODE_WORDS * (node + nodes)]
-            own[:] = tree.nodes
-            self._blocks[BLOCK_WORDS * block : BLOCK_WORDS * (block + blocks)] = tree.blocks
-            shift_refs(address(own), nodes, node, block)
+        for tree in trees:
+            nodes, blocks = len(tree.nodes), len(tree.blocks)
+            places = self._nodes[node : node + nodes], self._blocks[block : block + blocks]
+            tree.move(*places, node // NODE_WORDS, block // BLOCK_WORDS)
             node, block = node + nodes, block + blocks
+        self._roots = np.array([tree.first_node for tree in trees], np.uint32)
 
-    def _tree(self, part: MeshRange, geometry: Geometry) -> MeshBvh:
-        """Return the tree of a mesh: the one that is kept where the mesh is still the same."""
+    def _tree(self, part: MeshRange) -> MeshBvh:
+        """Return the tree of a mesh: the one that is kept where the mesh is still the same, refitted where it
+        deformed and that serves."""
+        mesh = part.mesh
         if id(part.source) in self._trees:
             known, tree = self._trees[id(part.source)]
-            if known.source is part.source and known.shows(part.mesh):
-                return tree
-        last = part.first_index + 3 * part.triangle_count
-        indices = geometry.indices[part.first_index : last].reshape(-1, 3)
-        positions = geometry.vertices["position"][part.first_vertex : int(indices.max()) + 1]
-        return build_mesh_bvh(positions, indices - np.uint32(part.first_vertex), self.threads)
+            if known.source is part.source:
+                if known.shows(mesh):
+                    return tree
+                same = tree.whole and known.is_shaped_by(mesh)
+                if same and refit(tree, mesh.positions, mesh.triangles, self.threads):
+                    return tree
+        return build_mesh_bvh(mesh.positions, mesh.triangles, self.threads)
 
     def _place(self, matrices: np.ndarray, meshes: np.ndarray) -> None:
         """Build the tree over instances.

@@ -49,7 +49,7 @@ def info(
     contents, placed = summary(world), nodes(world)
     short = {name: v[:MOST_NODES] if isinstance(v, list) else v for name, v in contents.items()}
     console.table(scene, list(short.items()))
-    for name in ("lights", "cameras", "animations"):
+    for name in ("lights", "cameras", "variants", "animations"):
         _tell_more(console, len(contents[name]), name)
     if not console.as_json:
         _tell_nodes(console, placed)
@@ -114,6 +114,7 @@ def summary(scene: Scene) -> dict[str, Any]:
         "lights": [node.name or f"light {i}" for i, node in enumerate(scene.lights)],
         "environment": _environment(scene),
         "cameras": [node.name or f"camera {i}" for i, node in enumerate(scene.cameras)],
+        "variants": list(scene.variants),
         "animations": [a.name or f"animation {i}" for i, a in enumerate(scene.animations)],
         "extensions_used": list(scene.extensions_used),
         "extensions_honoured": list(scene.extensions_honoured),
@@ -196,15 +197,15 @@ def _bounds(scene: Scene) -> tuple[list[float], list[float]]:
     """The corners of the box round all meshes as placed; empty where there are none."""
     import numpy as np
 
-    corners = []
-    for node, world in scene.placed():
-        for part in node.parts:
-            if len(part.mesh.positions) and node.instances is None:
-                placed = part.mesh.positions @ world[:3, :3].T + world[:3, 3]
-                corners += [placed.min(axis=0), placed.max(axis=0)]
-            elif len(part.mesh.positions) and node.copies:
-                boxes = _boxes(part.mesh.positions, node.places(world))
-                corners += [boxes.min(axis=0), boxes.max(axis=0)]
+    from ispm.scene.pose import shown_shapes
+
+    corners, tree = [], scene.tree()
+    for mesh, places in shown_shapes(tree.nodes, tree.worlds(), range(len(tree.nodes))):
+        if len(places) == 1:
+            placed = mesh.positions @ places[0, :3, :3].T + places[0, :3, 3]
+        else:
+            placed = _boxes(mesh.positions, places)
+        corners += [placed.min(axis=0), placed.max(axis=0)]
     if not corners:
         return [], []
     return np.min(corners, axis=0).tolist(), np.max(corners, axis=0).tolist()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import replace
 from itertools import product
 
@@ -14,9 +15,10 @@ from ispm.framing.interior import interior_viewpoint
 from ispm.optics.records import NO_HIT
 from ispm.scene.camera import Camera, look_at_pose
 from ispm.scene.extent import enclosing_diameter
-from ispm.scene.light import SurfaceLight
+from ispm.scene.light import has_surface
 from ispm.scene.packed import Packed, farthest_points, pack, to_world
 from ispm.scene.placing import Tree
+from ispm.scene.pose import is_posed, shown_shapes
 from ispm.scene.scene import Scene
 from ispm.settings import Settings
 
@@ -24,6 +26,7 @@ _FROM = np.array([0.45, 0.35, 1.0])  # where an object is seen from: front, a li
 _VERTICES = 20_000  # that a camera is fitted to
 _CLEARANCE = 0.02  # of the diagonal, between the eye and the scene
 _MARGIN = 1.08  # about what is framed
+_MOMENTS = 24  # evenly over animations, at which meshes that deform are looked at
 _HORIZONTAL = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [-1.0, 0.0, 0.0]])
 NO_POINTS = np.zeros((0, 3))
 _FAR_OFF = (
@@ -131,7 +134,7 @@ def without_lamps(scene: Scene) -> Scene:
         node.check()
     if any(len(part.mesh.triangles) and node.copies for node in rest.nodes for part in node.parts):
         for node in rest.nodes:
-            if isinstance(node.light, SurfaceLight):
+            if has_surface(node.light):
                 node.light = None
     return rest
 
@@ -140,14 +143,33 @@ def passed_points(scene: Scene) -> np.ndarray:
     """Return (n, 3) points, m in world space, near the hull of where animations take things."""
     found = [np.zeros((0, 3))]
     for node, worlds in scene.trajectories():
-        hulls = [farthest_points(part.mesh) for part in node.parts if len(part.mesh.triangles)]
+        still = [part.mesh for part in node.parts if not is_posed(node, part.mesh)]
+        hulls = [farthest_points(mesh) for mesh in still if len(mesh.triangles)]
         if not hulls or not node.copies:
             continue
         points = np.concatenate(hulls)
         if node.instances is not None:
             points = _box_corners(_moved(points, node.instances))
         found.append(_moved(points, worlds))
-    return np.concatenate(found)
+    return np.concatenate([*found, *_bent_points(scene)])
+
+
+def _bent_points(scene: Scene) -> Iterator[np.ndarray]:
+    """(n, 3) points near the hulls of meshes that deform, at moments of the animations in play."""
+    if not any(is_posed(node, part.mesh) for node in scene.nodes for part in node.parts):
+        return
+    playing = [a for a in scene.animations if scene.playing in (None, a.name)]
+    ends = [float(channel.times[k]) for a in playing for channel in a.channels for k in (0, -1)]
+    for time in np.linspace(min(ends), max(ends), _MOMENTS) if ends else ():
+        tree = scene.at(float(time), scene.playing).tree()
+        rows = [
+            k for k, node in enumerate(tree.nodes) if any(is_posed(node, part.mesh) for part in node.parts)
+        ]
+        for mesh, places in shown_shapes(tree.nodes, tree.worlds(), rows):
+            points = farthest_points(mesh)
+            if len(places) > 1:
+                points = _box_corners(points)
+            yield _moved(points, places)
 
 
 def _moved(points: np.ndarray, matrices: np.ndarray) -> np.ndarray:

@@ -50,6 +50,12 @@ class Buffer:
                 self._device.queue.write_buffer(self.handle, whole, tail)
         return self
 
+    def patch(self, array: np.ndarray, offset: int) -> Buffer:
+        """Replace bytes in use, from `offset` on, by those of `array`; both are multiples of 4."""
+        data = np.ascontiguousarray(array).reshape(-1).view(np.uint8)
+        self._device.queue.write_buffer(self.handle, offset, data)
+        return self
+
     def _create(self, size: int) -> wgpu.GPUBuffer:
         memory.changed()
         return self._device.create_buffer(label=self.name, size=size, usage=self._usage)

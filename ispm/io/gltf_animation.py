@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
+
 from ispm.errors import SceneError
 from ispm.io import gltf_schema as schema
 from ispm.io.gltf_file import GltfFile, item, label
@@ -30,14 +32,14 @@ def _channel(
     file: GltfFile, record: schema.Animation, channel: schema.Channel, nodes: Sequence[Node], where: str
 ) -> Channel | None:
     target = channel.target
-    if target.node is None:
-        return None  # glTF 2.0, 3.11: such a channel is to be ignored
-    if target.path == "weights":
+    if target.path == "pointer":
         file.notes.count(
-            "animation channel moves morph weights, which are not supported yet",
-            "animation channels move morph weights, which are not supported yet",
+            "animation channel moves what KHR_animation_pointer names, which is not supported",
+            "animation channels move what KHR_animation_pointer names, which is not supported",
         )
         return None
+    if target.node is None:
+        return None  # glTF 2.0, 3.11: such a channel is to be ignored
     try:
         node = item(nodes, target.node, "node")
         sampler = item(record.samplers, channel.sampler, "sampler")
@@ -51,14 +53,22 @@ def _keyed(file: GltfFile, node: Node, path: str, sampler: schema.AnimationSampl
     """A channel with its keyframes, shaped as `Channel` says. Raises SceneError where they make no sense."""
     if path not in WIDTHS:
         raise SceneError(f"it moves '{path}', which is unknown")
-    if node.matrix is not None:
+    width, kind = WIDTHS[path], f"VEC{WIDTHS[path]}"
+    if width is None:
+        width, kind = max((len(part.mesh.morphs) for part in node.parts), default=0), "SCALAR"
+        if not width:
+            raise SceneError(f"node '{node.name}' has no morph targets whose weights it could move")
+    elif node.matrix is not None:
         raise SceneError(f"node '{node.name}' is placed by a matrix, which cannot be animated")
     times = file.floats(sampler.input, ("SCALAR",))
-    values = file.floats(sampler.output, (f"VEC{WIDTHS[path]}",))
+    values = file.floats(sampler.output, (kind,))
     if times is None or values is None:
         raise SceneError("its times or values are of the wrong type")
     spline = sampler.interpolation == "CUBICSPLINE"
-    if len(values) != len(times) * (3 if spline else 1):
-        raise SceneError(f"it has {len(times)} times and {len(values)} values")
-    shaped = values.reshape(len(times), 3, WIDTHS[path]) if spline else values
+    if values.size != len(times) * width * (3 if spline else 1):
+        each = f" for {width} morph targets" if path == "weights" else ""
+        raise SceneError(f"it has {len(times)} times and {len(values)} values{each}")
+    shaped = values.reshape(len(times), 3, width) if spline else values.reshape(len(times), width)
+    if path == "weights" and node.weights is None:
+        node.weights = np.zeros(width)
     return Channel(node, path, times[:, 0].copy(), shaped, sampler.interpolation)

@@ -40,9 +40,13 @@ def require_scene(scene: object) -> Scene:
     raise SceneError(f"a Renderer takes a Scene, not a {type(scene).__name__}; see ispm.load")
 
 
-def without_area(geometry: Geometry) -> str:
-    """Return a line about meshes all of whose triangles are lines or points; else an empty one."""
-    found = [piece for piece in geometry.ranges if _is_flat(piece.mesh)]
+def without_area(geometry: Geometry, before: Geometry | None = None) -> str:
+    """Return a line about meshes all of whose triangles are lines or points; else an empty one.
+
+    before  an earlier one, of whose meshes that was asked
+    """
+    known = set(map(id, before.ranges)) if before else set()
+    found = [piece for piece in geometry.ranges if id(piece) not in known and _is_flat(piece.mesh)]
     if not found:
         return ""
     count, more = sum(piece.triangle_count for piece in found), len(found) - 1

@@ -36,6 +36,7 @@ from ispm.renderer.statistics import collect
 from ispm.renderer.watch import Watch
 from ispm.scene.camera import Camera
 from ispm.scene.names import Names
+from ispm.scene.packed_instance import Placed
 from ispm.scene.scene import Scene
 from ispm.settings import Settings
 
@@ -72,11 +73,12 @@ class Renderer:
         self.camera = camera
         self._stages = Stages(self._gpu, self.threads)
         self._photons = np.zeros(0, PHOTON)
-        self._instances: np.ndarray | None = None  # of the last frame
+        self._placed: Placed | None = None  # of the last frame
         self._last: LastFrame | None = None
         self._history = History()
         self._rest: Rest | None = None
         self._live_scene: Scene | None = None
+        self.antialias_live = False  # a view that moves has no time for it
         self.progress: Progress | None = None
         self.names = Names()
         self._warned: set[str] = set()
@@ -106,6 +108,12 @@ class Renderer:
             self._gpu.close()
         del self._stages, self._ready, self.chosen, self._gpu
         gc.collect()  # wgpu's device and queue refer to each other, and hold memory that Python does not see
+
+    @property
+    def adapter(self) -> str:
+        """The name of the graphics adapter."""
+        self._require_open()
+        return self._gpu.name
 
     @property
     def settings(self) -> Settings:
@@ -226,10 +234,10 @@ class Renderer:
             frame.scene = self.scene.name
             self.chosen.expose(frame)
         total = watch.stop()
-        instances, self._instances = self._instances, this.packed.instances
-        stats = collect(this, drawn.path, watch.milliseconds, total, moved(this.packed.instances, instances))
+        placed, self._placed = self._placed, this.packed.placed
+        stats = collect(this, drawn.path, watch.milliseconds, total, moved(this.packed.placed, placed))
         frame.stats = replace(
-            stats, adapter=self._gpu.name, emission=drawn.traced.plan.by, timing=watch.timing
+            stats, adapter=self._gpu.name, emission=drawn.traced.plan.mostly, timing=watch.timing
         )
         self._photons = drawn.path.photons
         self._last = LastFrame(
@@ -262,7 +270,8 @@ class Renderer:
                 return self.chosen.expose(shown)
             changes = rest is None or rest.made_of.scene != now.scene
             try:
-                frame = self._draw(self._history.begin(this, changes), self._history)
+                antialias = self.antialias_live and self.settings.antialias
+                frame = self._draw(self._history.begin(this, changes, antialias), self._history)
             except BaseException:  # what is kept may be of this frame in part
                 self.reset()
                 raise

@@ -1,4 +1,4 @@
-"""Animations of nodes: keyframes of translation, rotation and scale."""
+"""Animations of nodes: keyframes of translation, rotation, scale and morph weights."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from ispm.scene.values import Strict, array_of
 if TYPE_CHECKING:
     from ispm.scene.scene import Node
 
-WIDTHS = {"translation": 3, "rotation": 4, "scale": 3}
+WIDTHS = {"translation": 3, "rotation": 4, "scale": 3, "weights": None}  # None: one for each morph target
 INTERPOLATIONS = ("LINEAR", "STEP", "CUBICSPLINE")
 _SHORTEST = 1e-3  # norm of a quaternion, below which its rotation is undefined
 
@@ -25,9 +25,10 @@ class Channel(Strict):
     """Keyframes of one property of one node.
 
     node           the node that moves
-    path           "translation", "rotation" or "scale"
+    path           "translation", "rotation", "scale" or "weights", of morph targets
     times          (K,) float32 seconds, increasing
-    values         (K, 3 or 4) float32; CUBICSPLINE: (K, 3, 3 or 4) in-tangent, value, out-tangent
+    values         (K, n) float32, n = 3, 4, 3 or one for each target; CUBICSPLINE: (K, 3, n) in-tangent,
+                   value, out-tangent
     interpolation  "LINEAR", "STEP" or "CUBICSPLINE", as glTF 2.0, appendix C
     Raises SceneError where these make no sense.
     """

@@ -11,7 +11,6 @@ from ispm.errors import SceneError
 
 if TYPE_CHECKING:
     from ispm.scene.mesh import Mesh
-    from ispm.scene.node import Node
 
 _CORNERS = np.array([[i & 1, i >> 1 & 1, i >> 2 & 1] for i in range(8)])
 _FARTHEST = 4096  # points that may lie on the sphere
@@ -52,16 +51,14 @@ def corners_of(boxes: np.ndarray) -> np.ndarray:
     return np.asarray(boxes[..., _CORNERS, [0, 1, 2]])
 
 
-def placed_bounds(placed: Iterable[tuple[Node, np.ndarray]]) -> np.ndarray:
-    """Return the (2, 3) float64 corners of the surfaces at nodes with their (4, 4) node-to-world matrices.
+def placed_bounds(placed: Iterable[tuple[Mesh, np.ndarray]]) -> np.ndarray:
+    """Return the (2, 3) float64 corners of meshes with the (n, 4, 4) matrices that place each in the world.
 
     Raises SceneError where there is no surface.
     """
     shown: dict[int, tuple[Mesh, list[np.ndarray]]] = {}
-    for node, world in placed:
-        for part in node.parts:
-            if len(part.mesh.triangles) and node.copies:
-                shown.setdefault(id(part.mesh), (part.mesh, []))[1].append(node.places(world))
+    for mesh, places in placed:
+        shown.setdefault(id(mesh), (mesh, []))[1].append(places)
     if not shown:
         raise SceneError("there is no surface, and so there are no bounds")
     boxes = np.stack(
@@ -75,7 +72,9 @@ def placed_bounds(placed: Iterable[tuple[Node, np.ndarray]]) -> np.ndarray:
 
 def used_points(positions: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     """Return the (n, 3) float64 positions that triangles use."""
-    return np.asarray(positions[np.unique(triangles)], np.float64)
+    used = np.zeros(len(positions), bool)
+    used[triangles.ravel()] = True
+    return np.asarray(positions[used], np.float64)
 
 
 def _bounds_of_copies(points: np.ndarray, matrices: np.ndarray) -> np.ndarray:

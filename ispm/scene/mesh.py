@@ -1,4 +1,4 @@
-"""Triangle meshes."""
+"""Triangle meshes, and what deforms them."""
 
 from __future__ import annotations
 
@@ -22,14 +22,46 @@ _OTHERS = {  # width, least and most
 
 
 ARRAYS = ("positions", "triangles", *_OTHERS)
-"""The fields of a Mesh that hold arrays."""
+"""The fields of a Mesh that hold what is drawn of it as it stands."""
+
+DELTAS = ("positions", "normals", "tangents")
+"""Those of a Morph, and what a skin changes of a Mesh."""
+
+_MOST_JOINTS = 65535  # the largest number of one
+
+
+@dataclass(eq=False)
+class Morph(Strict):
+    """A morph target: what one weight of a node adds to each vertex of a mesh. Compared by identity.
+
+    positions, normals, tangents  (V, 3) float32, differences, metres in object space; None: none
+    Source: glTF 2.0, section 3.7.2.2.
+    """
+
+    positions: np.ndarray | None = None
+    normals: np.ndarray | None = None
+    tangents: np.ndarray | None = None
+    name: str = ""
+
+    def __repr__(self) -> str:
+        held = [name for name in DELTAS if getattr(self, name) is not None]
+        return f"<Morph '{self.name}': {', '.join(held) or 'nothing'}>"
+
+    def check(self, where: str, vertex_count: int) -> None:
+        """Make all arrays contiguous float32. Raises SceneError, which begins with `where`, for others."""
+        for name in DELTAS:
+            values = getattr(self, name)
+            if values is not None:
+                setattr(self, name, _floats(f"{where}: {name}", values, 3))
+                _require_rows(f"{where}: {name}", values, vertex_count)
 
 
 @dataclass(eq=False)
 class Mesh(Strict):
     """Triangles in object space, metres. Compared by identity.
 
-    Other arrays may be given at any time; call `touch` after editing one in place.
+    Other arrays may be given at any time, as of a surface that deforms from frame to frame; call `touch`
+    after editing one in place. While `triangles` stays the same array, renderers make the rest anew alone.
 
     positions  (V, 3) float32
     triangles  (T, 3) uint32, counter-clockwise seen from outside
@@ -38,6 +70,10 @@ class Mesh(Strict):
     uv0, uv1   (V, 2) float32, v downwards as in glTF
     colors     (V, 4) float32, linear RGBA in [0, 1], multiplied into the base colour
     version    counts calls of `touch`
+    joints     (V, 4 n) uint16, of the joints of a node's `skin`, those that each vertex follows
+    joint_weights  (V, 4 n) float32 from 0, how much it follows each; their sum counts as 1, and where all
+               are 0 the vertex follows the first
+    morphs     targets of the `weights` of nodes, one each
     Raises SceneError where shapes disagree, an index points outside or a value is not finite.
     """
 
@@ -50,12 +86,16 @@ class Mesh(Strict):
     colors: np.ndarray | None = None
     name: str = ""
     version: int = field(default=0, repr=False)
+    joints: np.ndarray | None = None
+    joint_weights: np.ndarray | None = None
+    morphs: list[Morph] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         self.check()
 
     def __repr__(self) -> str:
-        held = [name for name in _OTHERS if getattr(self, name) is not None]
+        held = [name for name in (*_OTHERS, "joints") if getattr(self, name) is not None]
+        held += [f"{len(self.morphs)} morph target{'s' * (len(self.morphs) > 1)}"] * bool(self.morphs)
         counts = f"{len(self.positions):,} vertices, {len(self.triangles):,} triangles"
         return f"<Mesh '{self.name}': {', '.join([counts, *held])}>"
 
@@ -80,9 +120,26 @@ class Mesh(Strict):
             if values is None:
                 continue
             values = _floats(f"{where}: {name}", values, width, low, high)
-            if len(values) != len(self.positions):
-                raise SceneError(f"{where}: {name} has {len(values)} rows for {len(self.positions)} vertices")
+            _require_rows(f"{where}: {name}", values, len(self.positions))
             setattr(self, name, values)
+        self._check_joints(where)
+        if not isinstance(self.morphs, list) or not all(isinstance(m, Morph) for m in self.morphs):
+            raise SceneError(f"{where}: morphs must be a list of Morph")
+        for number, morph in enumerate(self.morphs):
+            morph.check(f"{where}: morph target {number}", len(self.positions))
+
+    def _check_joints(self, where: str) -> None:
+        if self.joints is None and self.joint_weights is None:
+            return
+        if self.joints is None or self.joint_weights is None:
+            raise SceneError(f"{where}: joints and joint_weights go together; give both")
+        joints = array_of(f"{where}: joints", self.joints, (None, None), 0, _MOST_JOINTS)
+        weights = array_of(f"{where}: joint_weights", self.joint_weights, (None, None), 0.0, FARTHEST)
+        if joints.shape != weights.shape or not joints.shape[1]:
+            raise SceneError(f"{where}: joints of shape {joints.shape} have weights of shape {weights.shape}")
+        _require_rows(f"{where}: joints", joints, len(self.positions))
+        self.joints = np.ascontiguousarray(joints, np.uint16)
+        self.joint_weights = np.ascontiguousarray(weights, np.float32)
 
     @classmethod
     def from_trimesh(cls, mesh: Any) -> Mesh:
@@ -95,9 +152,24 @@ class Mesh(Strict):
 
         return to_mesh(mesh)
 
+    def smooth_normals(self) -> np.ndarray:
+        """Return (V, 3) unit normals of the vertices where they are now, as for new `positions`.
+
+        Of each, the mean of the triangles that share it, by their angles; +Y where there is none.
+        Source: Thuermer and Wuethrich, "Computing vertex normals from polygonal facets", 1998.
+        """
+        from ispm.scene.smooth import vertex_normals
+
+        return vertex_normals(self.positions, self.triangles)
+
     def touch(self) -> None:
         """Say that an array was edited in place, so that renderers read it again."""
         self.version += 1
+
+
+def _require_rows(what: str, values: np.ndarray, count: int) -> None:
+    if len(values) != count:
+        raise SceneError(f"{what} has {len(values)} rows for {count} vertices")
 
 
 def _floats(

@@ -16,25 +16,37 @@ from ispm.scene.light import Light
 from ispm.scene.material import Material
 from ispm.scene.mesh import Mesh
 from ispm.scene.rotation import facing, place_matrices, quaternion
+from ispm.scene.skin import Skin
 from ispm.scene.values import FARTHEST, Point, Strict, array_of, matches, require
 
 if TYPE_CHECKING:
     from ispm.scene.scene import Scene
 
 _Kind = TypeVar("_Kind")
-_LIGHTS, _CAMERAS = Light | None, Camera | None  # what a node may hold
-_PLACE = ("translation", "rotation", "scale", "matrix")
+_LIGHTS, _CAMERAS, _SKINS = Light | None, Camera | None, Skin | None  # what a node may hold
+_MOVED = ("translation", "rotation", "scale", "matrix", "weights")
 
 
 @dataclass(eq=False)
 class Part(Strict):
     """A mesh and its material.
 
+    variants  what it wears in each variant of its scene, by name, and in all others under None; see
+              `Scene.variant`
     Two parts of one mesh or one material share it: what changes, changes for both.
     """
 
     mesh: Mesh
     material: Material
+    variants: dict[str | None, Material] = field(default_factory=dict)
+
+    def wearing(self, variant: str | None) -> Part:
+        """Return this part as it is in one of its scene's variants.
+
+        variant  its name; None: as it is without
+        """
+        worn = {None: self.material, **self.variants}
+        return Part(self.mesh, worn.get(variant, worn[None]), worn)
 
 
 class Branch:
@@ -81,6 +93,9 @@ class Node(Branch, Strict):
     instances            (n, 4, 4) where the parts stand n times, from each copy to this node; None: once
     light, camera        one of each at most, whatever `instances` says; they look along -Z
     children             nodes in the space of this one; loops, `in`, `find` and `node[name]` reach all below
+    skin                 what bends parts whose meshes have `joints`: they stand where its joints do, wherever
+                         this node stands
+    weights              (K,) of the morph targets of its parts' meshes; None: these stand as they are
     rest                 of a node that `Scene.at` moved: the one it was before, for its place
     """
 
@@ -102,6 +117,8 @@ class Node(Branch, Strict):
     camera: Camera | None = None
     children: list[Node] = field(default_factory=list)
     rest: Node | None = field(default=None, repr=False)
+    skin: Skin | None = None
+    weights: Sequence[float] | np.ndarray | None = None
 
     def __repr__(self) -> str:
         place = self.translation if self.matrix is None else np.asarray(self.matrix)[:3, 3]
@@ -144,6 +161,27 @@ class Node(Branch, Strict):
         _require_kind(self, "camera", _CAMERAS)
         if self.instances is not None:
             self.instances = array_of(f"node '{self.name}': instances", self.instances, (None, 4, 4))
+        _require_kind(self, "skin", _SKINS)
+        if self.skin is not None:
+            self.skin.check()
+        self.morph_weights()
+
+    def morph_weights(self) -> np.ndarray:
+        """Return (K,) float64 of `weights`; none where these are None.
+
+        Raises SceneError where they are no numbers, or not as many as a part's mesh has morph targets.
+        """
+        if self.weights is None:
+            return np.zeros(0)
+        where = f"node '{self.name}'"
+        weights = np.asarray(array_of(f"{where}: weights", self.weights, (None,)), np.float64)
+        for part in self.parts:
+            if len(part.mesh.morphs) not in (0, len(weights)):
+                raise SceneError(
+                    f"{where}: has {len(weights)} weights for the {len(part.mesh.morphs)} morph targets of "
+                    f"mesh '{part.mesh.name}'"
+                )
+        return weights
 
     def local_matrix(self) -> np.ndarray:
         """Return the (4, 4) matrix that takes this node's space to its parent's.
@@ -193,14 +231,15 @@ class Node(Branch, Strict):
         return self
 
     def stand_as(self, other: Node) -> None:
-        """Take the place of the node `other`."""
-        for name in _PLACE:
+        """Take the place of the node `other`, and its morph weights."""
+        for name in _MOVED:
             setattr(self, name, getattr(other, name))
 
     def move(self, channels: list[Channel], time: float) -> None:
-        """Take the place that channels of this node give it at `time`, in seconds."""
-        self.matrix = None
+        """Take the place, and the morph weights, that channels of this node give it at `time`, in seconds."""
         for channel in channels:
+            if channel.path != "weights":
+                self.matrix = None
             setattr(self, channel.path, channel.at(time))
 
     def _refuse_place(self) -> NoReturn:

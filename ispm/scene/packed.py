@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import copy
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from hashlib import sha256
 
@@ -42,9 +42,32 @@ class MeshRange:
     source: Mesh
     mesh: Mesh
     first_vertex: int
+    vertex_count: int
     first_index: int
     triangle_count: int
     box: np.ndarray  # (2, 3) corners in object space
+    _digest: bytes = field(default=b"", init=False)
+
+    @property
+    def vertices(self) -> slice:
+        """Which rows of the vertices are its own."""
+        return slice(self.first_vertex, self.first_vertex + self.vertex_count)
+
+    def is_shaped_by(self, mesh: Mesh) -> bool:
+        """Whether a mesh has the triangles that were packed, so that its vertices fit in their place."""
+        same = mesh.triangles is self.mesh.triangles and len(mesh.positions) == len(self.mesh.positions)
+        return same and all(
+            (getattr(mesh, name) is None) == (getattr(self.mesh, name) is None) for name in ("normals", "uv0")
+        )
+
+    def digest_in(self, geometry: Geometry) -> bytes:
+        """Return a hash of the mesh as it is packed in a geometry; found once."""
+        if not self._digest:
+            indices = slice(self.first_index, self.first_index + 3 * self.triangle_count)
+            told = sha256(geometry.vertices[self.vertices].view(np.uint8).data)
+            told.update(geometry.indices[indices].data)
+            self._digest = told.digest()
+        return self._digest
 
     def shows(self, mesh: Mesh) -> bool:
         """Whether a mesh has the arrays that were packed, untouched since."""
@@ -81,7 +104,7 @@ class Geometry:
     @cached_property
     def digest(self) -> bytes:
         """A hash of these meshes, 32 bytes."""
-        return sha256(self.vertices.tobytes() + self.indices.tobytes()).digest()
+        return sha256(b"".join(kept.digest_in(self) for kept in self.ranges)).digest()
 
     def fits(self, meshes: list[Mesh]) -> bool:
         """Whether these are exactly the meshes packed here, none touched nor given other arrays since."""
@@ -226,9 +249,8 @@ def pack(scene: Scene, before: Packed | None = None, tree: Tree | None = None) -
         raise SceneError(f"node '{name}': stands in nodes that together move or scale it too far")
     layout = layout_of(tree, before.placed.layout if before else None)
     lit = pack_lights(layout, worlds, before.lit if before else None)
-    geometry = before.geometry if before else None
-    if geometry is None or not geometry.fits(layout.meshes):
-        geometry = pack_geometry(layout.meshes)
+    layout.pose(worlds)
+    geometry = pack_geometry(layout.meshes, before.geometry if before else None)
     looks = pack_materials(layout.looks(), before.looks if before else None)
     placed = place_instances(layout, worlds, geometry, before.placed if before else None)
     surround = pack_environment(scene.environment, before.surround if before else None)
@@ -243,8 +265,16 @@ def to_world(instances: np.ndarray | np.void) -> np.ndarray:
     return np.stack([instances["world0"], instances["world1"], instances["world2"]], axis=-2)
 
 
-def pack_geometry(meshes: list[Mesh]) -> Geometry:
-    """Return the vertices and triangles of `meshes`, one behind the other."""
+def pack_geometry(meshes: list[Mesh], before: Geometry | None = None) -> Geometry:
+    """Return the vertices and triangles of `meshes`, one behind the other.
+
+    before  of an earlier frame: itself where all is as then, and its indices where meshes only deformed
+    """
+    if before is not None:
+        if before.fits(meshes):
+            return before
+        if deformed := _deformed(meshes, before):
+            return deformed
     ranges: list[MeshRange] = []
     vertices: list[np.ndarray] = []
     indices: list[np.ndarray] = []
@@ -254,7 +284,8 @@ def pack_geometry(meshes: list[Mesh]) -> Geometry:
         mesh = copy.copy(source)  # its arrays stay together, whoever gives the mesh others meanwhile
         mesh.check()
         rows, triangles = _vertices(mesh)
-        ranges.append(MeshRange(source, mesh, vertex_count, index_count, len(triangles), mesh.bounds))
+        place = vertex_count, len(rows), index_count, len(triangles)
+        ranges.append(MeshRange(source, mesh, *place, mesh.bounds))
         vertices.append(rows)
         indices.append((triangles + np.uint32(vertex_count)).astype(np.uint32).ravel())
         vertex_count += len(rows)
@@ -265,22 +296,42 @@ def pack_geometry(meshes: list[Mesh]) -> Geometry:
     )
 
 
+def _deformed(meshes: list[Mesh], before: Geometry) -> Geometry | None:
+    """A geometry that differs from one before in its vertices alone; None where more does."""
+    if len(meshes) != len(before.ranges):
+        return None
+    ranges, new = list(before.ranges), dict[int, np.ndarray]()
+    for k, (source, kept) in enumerate(zip(meshes, before.ranges, strict=True)):
+        if source is kept.source and kept.shows(source):
+            continue
+        source.check()
+        mesh = copy.copy(source)
+        if source is not kept.source or not kept.is_shaped_by(mesh):
+            return None
+        ranges[k] = replace(kept, mesh=mesh, box=mesh.bounds)
+        new[k], _ = _vertices(mesh)
+    vertices = before.vertices.copy()
+    for k, rows in new.items():
+        vertices[ranges[k].vertices] = rows
+    return Geometry(vertices, before.indices, ranges)
+
+
 def _vertices(mesh: Mesh) -> tuple[np.ndarray, np.ndarray]:
-    """VERTEX rows and triangles; a mesh without normals gets three vertices of its own per triangle."""
+    """VERTEX rows and triangles; where flat triangles are to have tangents, each gets vertices of its own."""
     triangles = mesh.triangles
-    normals = mesh.normals
     take: np.ndarray | slice = slice(None)
-    if normals is None:
+    if mesh.normals is None and mesh.uv0 is not None:
         take = triangles.ravel()
-        corners = mesh.positions[triangles].astype(np.float64)
-        flat = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-        normals = np.repeat(_unit(flat), 3, axis=0)
         triangles = np.arange(triangles.size, dtype=np.uint32).reshape(-1, 3)
-    else:
-        normals = _unit(normals.astype(np.float64))
-    rows = np.zeros(len(normals), records.VERTEX)
-    rows["position"] = mesh.positions[take]
-    rows["normal"] = normals
+    positions = mesh.positions[take]
+    rows = np.zeros(len(positions), records.VERTEX)
+    rows["position"] = positions
+    if mesh.normals is not None:
+        rows["normal"] = _unit(mesh.normals.astype(np.float64))
+    elif mesh.uv0 is not None:
+        corners = positions.reshape(-1, 3, 3).astype(np.float64)
+        flat = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        rows["normal"] = np.repeat(_unit(flat), 3, axis=0)
     rows["color"] = _pack_colors(mesh.colors, take, len(rows))
     for name in ("uv0", "uv1"):
         values = getattr(mesh, name)
@@ -303,10 +354,11 @@ def _tangents(rows: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     sign = np.sign(det)[:, None]
     tangent = (e1 * d2[:, 1:] - e2 * d1[:, 1:]) * sign
     bitangent = (e2 * d1[:, :1] - e1 * d2[:, :1]) * sign
-    sums = np.zeros((2, len(rows), 3))
-    for corner in range(3):
-        np.add.at(sums[0], triangles[:, corner], tangent)
-        np.add.at(sums[1], triangles[:, corner], bitangent)
+    corners = triangles.T.ravel()
+    sums = [
+        np.stack([np.bincount(corners, np.tile(column, 3), len(rows)) for column in along.T], axis=1)
+        for along in (tangent, bitangent)
+    ]
     normal = rows["normal"].astype(np.float64)
     along = sums[0] - normal * np.einsum("ij,ij->i", normal, sums[0])[:, None]
     length = np.linalg.norm(along, axis=1)

@@ -9,8 +9,9 @@ import numpy as np
 
 from ispm.optics import records
 from ispm.scene.extent import enclosing_diameter
-from ispm.scene.lamp import lamp_stretch
+from ispm.scene.lamp import lamp_place
 from ispm.scene.layout import Layout
+from ispm.scene.pose import shape_places
 
 if TYPE_CHECKING:
     from ispm.scene.packed import Geometry
@@ -101,8 +102,12 @@ def _places(layout: Layout, worlds: np.ndarray) -> np.ndarray:
         index = layout.node[row]
         here = slice(first[row], first[row] + layout.copies[row])
         places[here] = layout.nodes[index].places(worlds[index])
+    for posed in layout.posed:
+        node = layout.nodes[layout.node[posed.row]]
+        here = slice(first[posed.row], first[posed.row] + layout.copies[posed.row])
+        places[here] = shape_places(node, posed.shape, worlds[layout.node[posed.row]])
     for row in layout.lamps:
-        places[first[row]] = places[first[row]] @ lamp_stretch(layout.lamp(row))
+        places[first[row]] = lamp_place(layout.lamp(row), places[first[row]])
     return places
 
 

@@ -22,16 +22,19 @@ from ispm.scene.node import Branch, listed
 from ispm.scene.node import Node as Node
 from ispm.scene.node import Part as Part
 from ispm.scene.placing import Tree, tree_of
+from ispm.scene.pose import shown_shapes
 from ispm.scene.rotation import Quaternion
+from ispm.scene.skin import Skin
 from ispm.scene.sky import Sky
-from ispm.scene.values import Point, Strict, array_of, require, strict_call
+from ispm.scene.values import Point, array_of, require, strict_call
+from ispm.scene.variants import Varied
 
 _MOMENTS = 64  # evenly over an animation, at which trajectories are sampled
 _KEYS = 256  # likewise, of its own
 
 
 @dataclass(eq=False)
-class Scene(Branch, Strict):
+class Scene(Branch, Varied):
     """What is lit: right-handed, +Y up, metres. Change anything between frames; nothing is precomputed.
 
     `scene[name]` is a node, `name in scene` asks for one, and a loop goes through all of them.
@@ -42,6 +45,7 @@ class Scene(Branch, Strict):
     warnings    what is amiss in the file it was loaded from, a line each
     extensions_used, extensions_honoured   of glTF, in that file
     playing     the name of the animation that `at` played; None: all of them
+    variants    names of the looks that its parts can have, as of glTF (KHR_materials_variants)
     """
 
     roots: list[Node] = field(default_factory=list)
@@ -188,7 +192,7 @@ class Scene(Branch, Strict):
         node = Node(name or other.name, translation, rotation, scale, children=copied.roots)
         self._hang(node, parent)
         self.animations = [*self.animations, *copied.animations]
-        for kept in ("warnings", "extensions_used", "extensions_honoured"):
+        for kept in ("warnings", "extensions_used", "extensions_honoured", "variants"):
             setattr(self, kept, list(dict.fromkeys([*getattr(self, kept), *getattr(other, kept)])))
         return node
 
@@ -224,7 +228,8 @@ class Scene(Branch, Strict):
 
         Raises SceneError for a scene without a surface.
         """
-        return placed_bounds(self.placed())
+        tree = self.tree()
+        return placed_bounds(shown_shapes(tree.nodes, tree.worlds(), range(len(tree.nodes))))
 
     def bounds_of(self, node: Node | str) -> np.ndarray:
         """Return likewise the (2, 3) bounds of what stands at a node and below it, metres, world space.
@@ -232,10 +237,13 @@ class Scene(Branch, Strict):
         node  itself, or the name of the first that has it
         Raises SceneError as `bounds` does, and as `world_matrix`.
         """
-        world = self.world_matrix(node)
-        own = self._own(node)
-        below = Scene(own.children, name=own.name).placed()
-        return placed_bounds([(own, world), *((each, world @ local) for each, local in below)])
+        own, tree = self._own(node), self.tree()
+        first = next(k for k, each in enumerate(tree.nodes) if each is own)
+        below = {first}
+        for row, parent in enumerate(tree.parents):
+            if parent in below:
+                below.add(row)
+        return placed_bounds(shown_shapes(tree.nodes, tree.worlds(), sorted(below)))
 
     def world_matrix(self, node: Node | str) -> np.ndarray:
         """Return the (4, 4) matrix from a node's space to the world.
@@ -290,6 +298,10 @@ class Scene(Branch, Strict):
         for node in reversed(self.nodes):  # children before parents
             clone = clones[id(node)] = copy.copy(node)
             clone.children = [clones[id(child)] for child in node.children]
+        skins: dict[int, Skin] = {}
+        for clone in clones.values():
+            if clone.skin is not None:
+                clone.skin = skins.setdefault(id(clone.skin), clone.skin.of(clones))
         result = copy.copy(self)
         result.roots = [clones[id(node)] for node in self.roots]
         result.animations = [animation.of(clones) for animation in self.animations]

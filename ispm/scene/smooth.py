@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from ispm.scene.mesh import Mesh
+from ispm.scene.mesh import DELTAS, Mesh, Morph
 
 
 def smoothed(mesh: Mesh, crease: float) -> Mesh:
@@ -31,12 +31,30 @@ def smoothed(mesh: Mesh, crease: float) -> Mesh:
     kept, numbers = np.unique(pairs, axis=0, return_inverse=True)
     rows = kept[:, 0]
     others: dict[str, Any] = {
-        name: None if values is None else values[rows]
-        for name in ("tangents", "uv0", "uv1", "colors")
-        for values in (getattr(mesh, name),)
+        name: _taken(getattr(mesh, name), rows)
+        for name in ("tangents", "uv0", "uv1", "colors", "joints", "joint_weights")
     }
-    triangles = numbers.reshape(-1, 3)
-    return Mesh(mesh.positions[rows], triangles, unit(sums[kept[:, 1]]), **others, name=mesh.name)
+    deltas = ({name: _taken(getattr(morph, name), rows) for name in DELTAS} for morph in mesh.morphs)
+    morphs = [Morph(**each, name=morph.name) for each, morph in zip(deltas, mesh.morphs, strict=True)]
+    triangles, normals = numbers.reshape(-1, 3), unit(sums[kept[:, 1]])
+    return Mesh(mesh.positions[rows], triangles, normals, **others, morphs=morphs, name=mesh.name)
+
+
+def _taken(values: np.ndarray | None, rows: np.ndarray) -> np.ndarray | None:
+    return None if values is None else values[rows]
+
+
+def vertex_normals(positions: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    """Return what `Mesh.smooth_normals` promises, (V, 3) float32.
+
+    positions  (V, 3) float32;  triangles  (T, 3) rows of these
+    """
+    faces, angles = angles_of(positions[triangles].astype(np.float64))
+    corners, count = triangles.ravel(), len(positions)
+    sums = [np.bincount(corners, (angles * faces[:, k, None]).ravel(), count) for k in range(3)]
+    normals = unit(np.stack(sums, axis=1))
+    normals[~normals.any(axis=1)] = 0.0, 1.0, 0.0
+    return normals.astype(np.float32)
 
 
 def angles_of(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

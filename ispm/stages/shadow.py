@@ -45,7 +45,7 @@ class ShadowStage:
         self._opaque = gpu.raster(_PATH, (), RasterState(fragment=None, vertex_layout=corners))
         self._masked = gpu.raster(_PATH, (), holes)
         self._sheet = gpu.raster(_PATH, [Target("rgba8unorm", "multiply")], tint)
-        self._geometry: Geometry | None = None
+        self._shared_of: np.ndarray | None = None
         self._pieces: tuple[GpuScene, Pieces] | None = None
         self._kept = Kept()
         self._indices = gpu.buffer("shared indices", "index")
@@ -121,8 +121,8 @@ class ShadowStage:
 
     def _share(self, geometry: Geometry) -> None:
         """Keep the indices of a geometry, with corners shared."""
-        if geometry is not self._geometry:
-            self._geometry = geometry
+        if geometry.indices is not self._shared_of:  # which stay where meshes deform
+            self._shared_of = geometry.indices
             self._indices.write(shared_indices(geometry))
 
     def _draw_depth(
@@ -181,13 +181,13 @@ class ShadowStage:
 
 
 def shared_indices(geometry: Geometry) -> np.ndarray:
-    """Return (3 T,) uint32, the geometry's indices, where corners of a flat mesh share vertices again.
+    """Return (3 T,) uint32, the indices, where corners of flat meshes with tangents share vertices again.
 
-    They differ in their normals alone, which shadows need not; a third of the vertices are left to place.
+    They differ in what shadows need not; a third of the vertices are left to place.
     """
     indices = geometry.indices.copy()
     for kept in geometry.ranges:
-        if kept.mesh.normals is None:
+        if kept.mesh.normals is None and kept.mesh.uv0 is not None:
             _, first, row = np.unique(kept.mesh.triangles.ravel(), return_index=True, return_inverse=True)
             corners = slice(kept.first_index, kept.first_index + 3 * kept.triangle_count)
             indices[corners] = kept.first_vertex + first[row]

@@ -74,12 +74,19 @@ class Upload:
         return known
 
     def _place(self, packed: Packed) -> None:
-        if packed.geometry is not self._geometry:
+        geometry, known = packed.geometry, self._geometry
+        if geometry is not known:
             self._geometry = None
-            self._write(self._vertices, packed.geometry.vertices)
-            self._write(self._indices, packed.geometry.indices)
-            self._geometry = packed.geometry
-            self._boxes = np.array([kept.box for kept in packed.geometry.ranges])
+            if known is not None and known.indices is geometry.indices:
+                for now, before in zip(geometry.ranges, known.ranges, strict=True):
+                    if now is not before:  # it deformed
+                        rows = geometry.vertices[now.vertices]
+                        self._vertices.patch(rows, now.first_vertex * rows.itemsize)
+            else:
+                self._write(self._vertices, geometry.vertices)
+                self._write(self._indices, geometry.indices)
+            self._geometry = geometry
+            self._boxes = np.array([kept.box for kept in geometry.ranges])
         self._write(self._instances, packed.instances)
 
     def _write(self, buffer: Buffer, rows: np.ndarray) -> None:

@@ -9,6 +9,7 @@ import numpy as np
 
 from ispm.scene.environment import Environment
 from ispm.scene.material import Material, TextureUse
+from ispm.scene.mesh import ARRAYS
 from ispm.scene.node import Node
 from ispm.scene.scene import Scene
 from ispm.scene.sky import Sky
@@ -30,7 +31,8 @@ def fingerprint(scene: Scene) -> int:
             found.append((type(node.light).__name__, *map(_value, vars(node.light).values())))
         for part in node.parts:
             mesh = part.mesh
-            found.append((id(mesh), mesh.version, id(mesh.positions), id(mesh.triangles), id(part.material)))
+            arrays = (getattr(mesh, name) for name in ARRAYS)
+            found.append((id(mesh), mesh.version, *map(id, arrays), id(part.material)))
             materials[id(part.material)] = part.material
     found += [tuple(_value(getattr(m, name)) for name in _MATERIAL) for m in materials.values()]
     return hash(tuple(found))
@@ -46,9 +48,10 @@ def _identity(value: Any) -> Any:
 
 
 def _place(node: Node) -> tuple[Any, ...]:
+    held = id(node), id(node.instances), id(node.skin), _value(node.weights)
     if node.matrix is not None:
-        return id(node), np.asarray(node.matrix).tobytes(), id(node.instances)
-    return id(node), *map(_value, (node.translation, node.rotation, node.scale)), id(node.instances)
+        return *held, np.asarray(node.matrix).tobytes()
+    return *held, *map(_value, (node.translation, node.rotation, node.scale))
 
 
 def _value(value: Any) -> Any:

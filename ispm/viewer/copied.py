@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from ispm.scene.node import Node
 from ispm.scene.scene import Scene
+from ispm.scene.skin import Skin
+from ispm.scene.values import kept_value
 
 _HELD = ("parts", "instances", "light", "camera")
 
@@ -26,12 +28,24 @@ class Copy:
             self._scene, self._of = scene, of
             return scene
         self._scene.environment = scene.environment
-        for mine, other in zip(self._scene.nodes, scene.nodes, strict=True):
+        pairs = list(zip(self._scene.nodes, scene.nodes, strict=True))
+        twins = {id(other): mine for mine, other in pairs}
+        for mine, other in pairs:
             mine.name = other.name
             mine.stand_as(other)
             for name in _HELD:
                 setattr(mine, name, getattr(other, name))
+            skin = None if other.skin is None else other.skin.of(twins)
+            if not _alike(mine.skin, skin):
+                mine.skin = skin
         return self._scene
+
+
+def _alike(a: Skin | None, b: Skin | None) -> bool:
+    """Whether two skins have the same joints and matrices."""
+    if a is None or b is None:
+        return a is b
+    return a.joints == b.joints and kept_value(a.inverse_bind) == kept_value(b.inverse_bind)
 
 
 def without(scene: Scene, original: Scene, hidden: frozenset[Node]) -> Scene:

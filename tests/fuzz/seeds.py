@@ -65,10 +65,15 @@ def furnished() -> GltfBuilder:
                 "alphaMode": "MASK", "extensions": {"KHR_materials_transmission": {"transmissionFactor": 1},
                 "KHR_materials_volume": {"thicknessFactor": 1, "attenuationDistance": 2}}}  # fmt: skip
     more = {"material": builder.put("materials", material)}
-    mesh = builder.mesh(QUAD_INDICES, more=more, POSITION=QUAD, TEXCOORD_0=QUAD_UV, NORMAL=QUAD, COLOR_0=QUAD)
+    more["targets"] = [{"POSITION": builder.accessor(QUAD)}]
+    follow = {"JOINTS_0": np.zeros((4, 4), np.uint8), "WEIGHTS_0": np.ones((4, 4), np.float32)}
+    shape = {"POSITION": QUAD, "TEXCOORD_0": QUAD_UV, "NORMAL": QUAD, **follow, "COLOR_0": QUAD}
+    mesh = builder.mesh(QUAD_INDICES, more=more, **shape)
+    bind = builder.accessor(np.eye(4, dtype=np.float32).reshape(1, 16))
+    builder.put("skins", {"joints": [1], "inverseBindMatrices": bind})
     sparse = {"count": 1, "indices": {"bufferView": builder.view(b"\1"), "componentType": 5121},
               "values": {"bufferView": builder.view(QUAD[:1].tobytes())}}  # fmt: skip
-    builder.json["accessors"][-1]["sparse"] = sparse
+    builder.json["accessors"][0]["sparse"] = sparse
     builder.mesh(None, more={"mode": 5}, POSITION=QUAD)
     builder.json["cameras"] = [{"type": "perspective", "perspective": {"yfov": 1, "znear": 0.1}}]
     spot = {"type": "spot", "intensity": 10, "spot": {"outerConeAngle": 0.5}}
@@ -76,6 +81,7 @@ def furnished() -> GltfBuilder:
     builder.json["extensionsUsed"] = ["KHR_lights_punctual", "EXT_unknown"]
     instancing = {"attributes": {"TRANSLATION": builder.accessor(QUAD)}}
     builder.node(mesh=mesh, name="a", extensions={"EXT_mesh_gpu_instancing": instancing})
+    builder.json["nodes"][0] |= {"skin": 0, "weights": [0.5]}
     builder.node(mesh=1, children=[2], rotation=[0, 0.6, 0, 0.8], scale=[1, 2, 3])
     builder.node(camera=0, translation=[0, 1, 5], extensions={"KHR_lights_punctual": {"light": 0}})
     keys = {"input": builder.accessor(np.arange(4, dtype=np.float32)), "output": builder.accessor(QUAD)}

@@ -8,11 +8,14 @@ from ispm import (
     Camera,
     DirectionalLight,
     Material,
+    Morph,
+    Node,
     PointLight,
     RectLight,
     Renderer,
     Scene,
     Settings,
+    Skin,
     Sky,
     SphereLight,
     SpotLight,
@@ -46,6 +49,15 @@ def room() -> Scene:
     scene.add(DirectionalLight(), name="sun", translation=(1.0, 3.0, 1.0)).look_at((0.0, 0.0, 0.0))
     panel = RectLight((4.0, 4.0, 6.0), width=0.8, height=0.4)
     scene.add(panel, name="panel", translation=(-1.2, 1.2, -0.8)).look_at((0.0, 0.3, 4.0))
+    sail = shapes.box((0.6, 0.6, 0.05))
+    sail.morphs = [Morph(0.5 * sail.positions)]
+    glow = Material(emission=(2.0, 1.0, 0.5), double_sided=True)
+    scene.add(sail, material=glow, name="sail", translation=(1.4, 0.6, 1.0)).weights = [0.2]
+    pole = shapes.cylinder(0.1, 1.0)
+    pole.joints = np.tile([0, 1], (len(pole.positions), 1))
+    pole.joint_weights = np.stack([0.5 - pole.positions[:, 1], 0.5 + pole.positions[:, 1]], axis=1)
+    scene.roots += [Node("foot", (-1.4, 0.6, 1.0)), Node("head", (-1.4, 0.6, 1.0))]
+    scene.add(pole, name="pole").skin = Skin([scene["foot"], scene["head"]])
     scene.add(Camera(), name="camera", translation=(0.5, 2.0, 5.0)).look_at((0.0, 0.3, 0.0))
     return scene
 
@@ -67,6 +79,12 @@ def _edit_mesh(renderer: Renderer) -> None:
     mesh = renderer.scene["ball"].parts[0].mesh
     mesh.positions[:, 1] *= 1.5
     mesh.touch()
+
+
+def _deform(renderer: Renderer) -> None:
+    mesh = renderer.scene["ball"].parts[0].mesh
+    mesh.positions = mesh.positions * np.array([1.0, 1.0 + 0.5 * np.sin(1.0), 0.8])
+    mesh.normals = mesh.smooth_normals()
 
 
 def _draw_on_texture(renderer: Renderer) -> None:
@@ -144,6 +162,10 @@ LIGHTS = ("spot", "lamp", "sun", "panel")
 CHANGES = {
     "nothing": lambda renderer: None,
     "mesh edited in place": _edit_mesh,
+    "mesh deformed": _deform,
+    "mesh that glows morphed": lambda renderer: setattr(renderer.scene["sail"], "weights", [0.8]),
+    "mesh without a weight": lambda renderer: setattr(renderer.scene["sail"], "weights", None),
+    "joint moved": _move("head", 0.3, 0.1, 0.2),
     "node moved": _move("mirror", 0.3, 0.0, 0.2),
     "node with holes moved": _move("leaf", 0.3, 0.0, 0.2),
     "pane moved": _move("pane", 0.0, 0.3, 0.0),

@@ -9,6 +9,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from fuzz.attacks.buffers import accessors
+from fuzz.attacks.compressed import streams
+from fuzz.attacks.deforming import deforming
 from fuzz.attacks.files import Attack
 from fuzz.attacks.hdr import environments
 from fuzz.attacks.images import pictures
@@ -26,6 +28,8 @@ def attacks() -> Iterator[Attack]:
     """Yield all of them."""
     for source in (
         accessors,
+        deforming,
+        streams,
         pictures,
         numbers,
         nodes,
