@@ -12,6 +12,9 @@ if TYPE_CHECKING:
     from ispm import shapes
     from ispm.bench.metrics import compare
     from ispm.errors import AdapterError, IspmError, OutputError, SceneError, SceneWarning, SettingsError
+    from ispm.film.animate import animate
+    from ispm.film.path import CameraKey, CameraPath, Turntable
+    from ispm.film.settings import Film
     from ispm.gpu.device import list_adapters as adapters
     from ispm.io.about import read_names
     from ispm.io.load import load
@@ -42,10 +45,13 @@ _HOMES = {
     "AlphaMode": "ispm.scene.material",
     "Animation": "ispm.scene.animation",
     "Camera": "ispm.scene.camera",
+    "CameraKey": "ispm.film.path",
+    "CameraPath": "ispm.film.path",
     "Channel": "ispm.scene.animation",
     "DirectionalLight": "ispm.scene.light",
     "DiskLight": "ispm.scene.light",
     "Environment": "ispm.scene.environment",
+    "Film": "ispm.film.settings",
     "Frame": "ispm.renderer.picture",
     "IspmError": "ispm.errors",
     "LightPaths": "ispm.renderer.light_paths",
@@ -72,9 +78,11 @@ _HOMES = {
     "Stats": "ispm.renderer.statistics",
     "Texture": "ispm.scene.material",
     "TextureUse": "ispm.scene.material",
+    "Turntable": "ispm.film.path",
     "Viewer": "ispm.viewer.viewer",
     "Wrap": "ispm.scene.material",
     "adapters": "ispm.gpu.device:list_adapters",
+    "animate": "ispm.film.animate",
     "axis_angle": "ispm.scene.rotation",
     "builtin": "ispm.io.named",
     "compare": "ispm.bench.metrics",
@@ -92,10 +100,13 @@ __all__ = [
     "AlphaMode",
     "Animation",
     "Camera",
+    "CameraKey",
+    "CameraPath",
     "Channel",
     "DirectionalLight",
     "DiskLight",
     "Environment",
+    "Film",
     "Frame",
     "IspmError",
     "LightPaths",
@@ -122,10 +133,12 @@ __all__ = [
     "Stats",
     "Texture",
     "TextureUse",
+    "Turntable",
     "Viewer",
     "Wrap",
     "__version__",
     "adapters",
+    "animate",
     "axis_angle",
     "builtin",
     "compare",

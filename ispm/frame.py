@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,7 @@ from ispm.lights.lightmap import LightMap
 from ispm.optics import records
 from ispm.optics.records import VERTEX
 from ispm.scene.packed import Draw, Packed
+from ispm.scene.packed_light import NO_LIGHTS
 
 SLOTS = ("base_color", "metallic_roughness", "normal", "emission", "transmission")
 
@@ -44,6 +46,11 @@ class GpuScene:
     def light_count(self) -> int:
         """Rows of `lights` in use."""
         return len(self.packed.lights)
+
+    @cached_property
+    def without_lights(self) -> GpuScene:
+        """The scene without its lights that have no surface."""
+        return replace(self, packed=replace(self.packed, lit=NO_LIGHTS))
 
     def draw_corners(self, canvas: Canvas, draw: Draw) -> None:
         """Draw, with a number for each corner of each triangle, for shaders that fetch them."""

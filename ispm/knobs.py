@@ -23,14 +23,18 @@ def knob(
     unit: str = "",
     metavar: str = "",
     whole: bool = False,
+    name: bool = False,
 ) -> Any:
     """Return a dataclass field that carries its help, range, choices and unit.
 
     within  the least and the greatest number
     words   what may stand instead of a number, and the value that each stands for
     whole   numbers are whole, though the default is a word
+    name    any text
     """
-    about = dict(help=help, within=within, choices=choices, words=words or {}, unit=unit, whole=whole)
+    about = dict(
+        help=help, within=within, choices=choices, words=words or {}, unit=unit, whole=whole, name=name
+    )
     return field(default=default, metadata={**about, "metavar": metavar})
 
 
@@ -50,6 +54,8 @@ def convert(f: Field[Any], value: Any, called: str = "") -> Any:
     try:
         if f.metadata["choices"]:
             return _choice(f, value)
+        if f.metadata["name"]:
+            return _text(value)
         if isinstance(f.default, bool):
             return _switch(value)
         return _numbers(f, value)
@@ -70,6 +76,12 @@ def _choice(f: Field[Any], value: Any) -> str:
     if value in choices:
         return str(value)
     raise SettingsError(f"'{value}' is not one of {', '.join(choices)}{nearest(str(value), choices)}")
+
+
+def _text(value: Any) -> str:
+    if isinstance(value, str):
+        return value
+    raise SettingsError(f"{value!r} is no text")
 
 
 def _switch(value: Any) -> bool:

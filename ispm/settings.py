@@ -21,6 +21,7 @@ Preset = Literal["default", "fast", "best", "talk", "live"]
 Kernel = Literal["auto", "footprint", "measured", "class", "hint"]
 Estimator = Literal["auto", "volumes", "tiled", "grid"]
 Emission = Literal["auto", "map", "rays"]
+Shadows = Literal["auto", "map", "rays"]
 Tonemap = Literal["neutral", "agx", "none"]
 Unlit = Literal["auto", "none", "studio", "sky", "lamp"]
 
@@ -40,7 +41,7 @@ _SIDE_LEAST, _SIDE_MOST = 2, 8  # their square roots
 
 
 @dataclass(frozen=True)
-class _Checked:
+class Checked:
     """A frozen dataclass of knobs whose values are converted and checked as it is made."""
 
     def __post_init__(self) -> None:
@@ -49,7 +50,7 @@ class _Checked:
 
 
 @dataclass(frozen=True)
-class Settings(_Checked):
+class Settings(Checked):
     """The settings of a picture. Raises SettingsError for a value out of range."""
 
     size: tuple[int, int] = knob(
@@ -139,9 +140,15 @@ class Settings(_Checked):
     )
     emission: Emission = knob(
         "auto",
-        "how photons leave the lights: rasterised bounce maps, or rays; auto: maps, but rays where a "
-        "software adapter has much to draw",
+        "how photons leave the lights: rasterised bounce maps, or rays; auto: maps, but rays from lamps with "
+        "a surface, and where a software adapter has much to draw; an environment always sends rays",
         choices=get_args(Emission),
+    )
+    shadows: Shadows = knob(
+        "auto",
+        "how lights without a surface cast shadows: maps, or rays, where there are many to few of them at a "
+        "time; auto: maps, but rays where a software adapter has much to draw",
+        choices=get_args(Shadows),
     )
     shadow_resolution: int = knob(
         1024,
@@ -174,6 +181,11 @@ class Settings(_Checked):
         "what lights a scene without lights; studio: softboxes all around; sky: a clear sky with its sun; "
         "lamp: one near the camera in a room, else far away; auto: a lamp in a room, else the studio",
         choices=get_args(Unlit),
+    )
+    ground: bool = knob(
+        False,
+        "stand the scene on ground that takes its shadow, for pictures of a single model; on black it is "
+        "gray and fades out, else it shows what is behind it, darker where it is shaded",
     )
     antialias: bool = knob(True, "supersample the pixels on edges")
     live: bool = knob(
@@ -257,11 +269,13 @@ class Changes(TypedDict, total=False):
     subsampling: int
     estimator: Estimator
     emission: Emission
+    shadows: Shadows
     shadow_resolution: int
     exposure: float | Literal["auto", "hold"]
     tonemap: Tonemap
     background: tuple[float, float, float] | Literal["black", "transparent"]
     light: Unlit
+    ground: bool
     antialias: bool
     live: bool
     seed: int
@@ -307,7 +321,7 @@ _preset_first(Settings)
 
 
 @dataclass(frozen=True)
-class LoadOptions(_Checked):
+class LoadOptions(Checked):
     """How a scene file is taken. Raises SettingsError for a value out of range."""
 
     up: str = knob("y", "the axis of an OBJ, PLY or STL that points up; glTF's is y", choices=("y", "z"))
@@ -319,10 +333,11 @@ class LoadOptions(_Checked):
         unit="degrees",
         metavar="DEGREES",
     )
+    variant: str = knob("", "which of a glTF file's material variants is shown", name=True, metavar="NAME")
 
 
 @dataclass(frozen=True)
-class LoadLimits(_Checked):
+class LoadLimits(Checked):
     """What a scene file may ask for at most. Raises SettingsError for a value out of range.
 
     `max_file_bytes`, `max_memory`, `max_work`, `max_nodes` and `max_triangles` are of a scene with all its

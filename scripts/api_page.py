@@ -27,6 +27,7 @@ CHAPTERS = {
     "Pictures": ["render", "Renderer", "Settings", "Frame", "Names", "read_names", "Stats", "compare"],
     "Where light comes from": ["LightPaths", "PhotonPath"],
     "The live view": ["view", "Viewer"],
+    "Films": ["animate", "Film", "CameraPath", "CameraKey", "Turntable"],
     "Scenes": ["load", "builtin", "save", "Scene", "Node", "Part", "Animation", "Channel"],
     "Shapes and surfaces": [
         "shapes",

@@ -10,14 +10,14 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from PIL import Image, ImageDraw
+from PIL import Image
 
 import ispm
+from ispm.film.sheet import contact_sheet
 from ispm.io.load import READERS
 from ispm.io.named import open_named
 from ispm.library.builtin import BUILTINS
 
-_LINE = 14  # pixels of a caption
 _SIZE = "320x240"
 
 
@@ -89,21 +89,6 @@ def _pictures(
         path = frame.save(folder / f"{title}.png")
         print(f"{path}  {time.perf_counter() - started:.1f} s, exposure {frame.exposure:.2f}", flush=True)
         yield title, Image.fromarray(frame.image).convert("RGB")
-
-
-def contact_sheet(pictures: Sequence[tuple[str, Image.Image]], columns: int, width: int) -> Image.Image:
-    """Return named pictures, each `width` pixels across with its name below, in rows of `columns`."""
-    height = max(round(width * picture.height / picture.width) for _, picture in pictures)
-    columns = min(columns, len(pictures))
-    rows = -(-len(pictures) // columns)
-    sheet = Image.new("RGB", (columns * width, rows * (height + _LINE)), (32, 32, 32))
-    draw = ImageDraw.Draw(sheet)
-    for k, (name, picture) in enumerate(pictures):
-        x, y = k % columns * width, k // columns * (height + _LINE)
-        size = width, round(width * picture.height / picture.width)
-        sheet.paste(picture.resize(size, Image.Resampling.LANCZOS), (x, y))
-        draw.text((x + 3, y + height + 1), name, fill=(224, 224, 224))
-    return sheet
 
 
 if __name__ == "__main__":

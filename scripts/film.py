@@ -1,11 +1,9 @@
-"""Record the film on the README's first screen: the live view, its camera orbited and its lamp dragged.
+"""Film what README's first screen shows: the light of live frames, as a camera orbits and a lamp is dragged.
 
-    python scripts/film.py [OUT.webp] [--scene NAME] [--size WxH] [--fps N] [--strip PNG]
+    python scripts/film.py [OUT.webp] [--scene NAME] [--size WxH] [--fps N] [--sheet PNG]
 
-Each picture is one frame of the preset `live`, as the view would draw it at that rate. What it keeps of the
-frames before is what one sees. The session is moved by the messages that the page sends. The camera
-and the lamp return to where they began, so that it goes on without a cut. --strip keeps six pictures in one,
-to be looked at.
+Frames go on from one another, as in the live view. The camera and the lamp return to where they began, so
+that it goes on without a cut. It can be stopped and goes on, as `ispm animate` does.
 """
 
 from __future__ import annotations
@@ -18,20 +16,23 @@ import numpy as np
 from PIL import Image, ImageDraw
 
 import ispm
-from ispm.settings import Settings
-from ispm.viewer import messages as m
-from ispm.viewer.drawing import PRESET, Drawing
-from ispm.viewer.running import LEAST_FPS
-from ispm.viewer.session import Picture, Session
+from ispm.film.animate import Shot
 
 SECONDS = 6.0
 QUALITY = 72
-ZOOM = -0.45  # so that all of the room is seen
+BACK = 1.5  # times as far as the scene's camera from the middle, so that all of the room is seen
 
 
-def turned(t: float) -> tuple[float, float]:
-    """Radians that the camera has orbited to the right and down, at a part of the film."""
-    return 0.36 * math.sin(2.0 * math.pi * t), 0.10 * math.sin(4.0 * math.pi * t)
+def orbited(camera: ispm.Camera, middle: np.ndarray, t: float) -> ispm.Camera:
+    """The camera at a part of the film, round the middle of the scene."""
+    assert camera.pose is not None
+    across, up = 0.36 * math.sin(2.0 * math.pi * t), 0.10 * math.sin(4.0 * math.pi * t)
+    x, y, z = BACK * (camera.pose[:3, 3] - middle)
+    far, turn, rise = math.hypot(x, z), math.atan2(x, z) - across, math.atan2(y, math.hypot(x, z)) + up
+    away = math.hypot(far, y)
+    flat = away * math.cos(rise)
+    eye = middle + np.array([flat * math.sin(turn), away * math.sin(rise), flat * math.cos(turn)])
+    return ispm.Camera.look_at(eye, middle, camera.yfov)
 
 
 def dragged(t: float) -> np.ndarray:
@@ -42,78 +43,61 @@ def dragged(t: float) -> np.ndarray:
     )
 
 
-def marked(picture: Picture, place: np.ndarray) -> Image.Image:
-    """The picture with the mark of a lamp, as the page draws it."""
-    height, width = picture.image.shape[:2]
-    clip = picture.frame.camera["clip_from_world"] @ np.append(place, 1.0)
-    x, y = (0.5 + 0.5 * clip[0] / clip[3]) * width, (0.5 - 0.5 * clip[1] / clip[3]) * height
+def marked(picture: Image.Image, camera: ispm.Camera, place: np.ndarray) -> Image.Image:
+    """The picture with the mark of a lamp, as the view's page draws it."""
+    width, height = picture.size
+    seen = np.linalg.inv(camera.extrinsics("opencv"))[:3] @ np.append(place, 1.0)
+    x, y = (camera.intrinsics((width, height)) @ seen / seen[2])[:2]
     scale = 4
     layer = Image.new("RGBA", (width * scale, height * scale))
     draw = ImageDraw.Draw(layer)
     for color, wide in (("#000000a0", 4.0), ("#ffd79a", 1.6)):
-        stroke = {"fill": color, "width": round(wide * scale)}
         ring = [scale * (v + d) for d in (-4.8, 4.8) for v in (x, y)]
         draw.ellipse(ring, outline=color, width=round(wide * scale))
         for k in range(8):
             s, c = math.sin(k * math.pi / 4.0), math.cos(k * math.pi / 4.0)
-            draw.line([scale * v for v in (x + 7.0 * c, y + 7.0 * s, x + 10.0 * c, y + 10.0 * s)], **stroke)
-    below = Image.fromarray(picture.image).convert("RGBA")
+            ray = [scale * v for v in (x + 7.0 * c, y + 7.0 * s, x + 10.0 * c, y + 10.0 * s)]
+            draw.line(ray, fill=color, width=round(wide * scale))
+    below = picture.convert("RGBA")
     below.alpha_composite(layer.resize((width, height), Image.Resampling.LANCZOS))
     return below.convert("RGB")
 
 
 def main() -> None:
-    """Draw the film, and say how large it is."""
+    """Make the film, and say how large it is."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("out", nargs="?", type=Path, default=Path("docs/pictures/live.webp"))
     parser.add_argument("--scene", default="cornell-box")
     parser.add_argument("--size", default="560x420")
     parser.add_argument("--fps", type=float, default=15.0)
-    parser.add_argument("--strip", type=Path)
+    parser.add_argument("--sheet", type=Path)
     args = parser.parse_args()
-    width, height = map(int, args.size.split("x"))
+    settings = ispm.Settings(preset="live", size=args.size)
     scene = ispm.builtin(args.scene)
-    settings = Settings(preset=PRESET, size=(width, height), exposure="hold")
-    drawing = Drawing()
-    session = Session(scene, drawing, settings, fps=LEAST_FPS)  # at which no picture becomes smaller
-    node = next(each for each in scene.nodes if each.light is not None)
-    lamp, home = session.numbering.of(node), scene.world_matrix(node)[:3, 3].copy()
-    reach = 0.5 * (scene.bounds[1] - scene.bounds[0])
-    count = round(SECONDS * args.fps)
-    session.handle(m.Zoom(ZOOM))
-    session.handle(m.Pan(0.0, -0.1))
-    before = np.array(turned(0.0))
-    pictures: list[Image.Image] = []
-    for k in range(-4, count):  # what is before the film lets light of earlier frames gather
-        t = (k % count) / count
-        now = np.array(turned(t))
-        place = home + dragged(t) * reach
-        session.handle(m.Look(*(float(v) for v in now - before)))
-        session.handle(m.Change("node", lamp, "place", [float(v) for v in place], gesture=1))
-        before = now
-        picture = session.next_picture()
-        assert picture is not None
-        if k >= 0:
-            pictures.append(marked(picture, place))
-    drawing.close()
-    args.out.parent.mkdir(parents=True, exist_ok=True)
-    first, *others = pictures
-    first.save(
-        args.out,
-        save_all=True,
-        append_images=others,
-        duration=round(1000.0 / args.fps),
-        loop=0,
-        quality=QUALITY,
-        method=6,
+    camera, middle, lamp = scene.default_camera(settings.size), scene.bounds.mean(axis=0), scene.lights[0]
+    home, reach = np.array(lamp.translation), 0.5 * np.ptp(scene.bounds, axis=0)
+
+    def move(renderer: ispm.Renderer, seconds: float) -> None:
+        renderer.scene.lights[0].translation = home + dragged(seconds / SECONDS) * reach
+        renderer.camera = orbited(camera, middle, seconds / SECONDS)
+
+    film, given = ispm.Film(fps=args.fps, duration=SECONDS), args.out.parent / "film-%04d.png"
+    shots: list[Shot] = []
+    ispm.animate(
+        scene, given, settings, film=film, change=move, contact_sheet=args.sheet, on_frame=shots.append
     )
-    if args.strip:
-        kept = pictures[:: max(count // 6, 1)][:6]
-        strip = Image.new("RGB", (3 * width, 2 * height))
-        for k, each in enumerate(kept):
-            strip.paste(each, (k % 3 * width, k // 3 * height))
-        strip.save(args.strip)
-    print(f"{args.out}: {count} pictures of {width}x{height}, {args.out.stat().st_size / 1e6:.2f} MB")
+    first, *others = (
+        marked(Image.open(shot.path), orbited(camera, middle, t), home + dragged(t) * reach)
+        for shot in shots
+        for t in [shot.frame / args.fps / SECONDS]
+    )
+    duration = round(1000.0 / args.fps)
+    first.save(
+        args.out, save_all=True, append_images=others, duration=duration, loop=0, quality=QUALITY, method=6
+    )
+    for shot in shots:
+        shot.path.unlink()
+    print(f"{args.out}: {len(shots)} pictures of {args.size}, {args.out.stat().st_size / 1e6:.2f} MB")
 
 
 if __name__ == "__main__":

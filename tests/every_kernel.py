@@ -7,12 +7,15 @@ python -m every_kernel --write    and write them to that file: `make kernels`
 import math
 import sys
 import tempfile
+from base64 import b85decode
 from pathlib import Path
 
 import numpy as np
+from meshopt_streams import PLAIN, STREAMS
 from rgbe import hdr
 
 import ispm
+from ispm.io.meshopt import decode
 from ispm.kernels import manifest
 from ispm.kernels.jit import KERNELS, kernel_file
 from ispm.settings import RENDERER_VIEWS
@@ -25,9 +28,11 @@ VARIANTS = [
     *[dict(gather=0, estimator=name) for name in ("volumes", "tiled", "grid")],
     *[dict(preset=name) for name in ("fast", "best", "talk")],
     *[dict(emission=name) for name in ("map", "rays")],
+    dict(shadows="rays"),
     *[dict(tonemap=name) for name in ("agx", "none")],
     dict(subsampling=1),
     dict(antialias=False, background="transparent", exposure=1.0),
+    dict(ground=True, background=(1.0, 1.0, 1.0)),
     dict(passes=2, target_error=0.01),
 ]  # fmt: skip
 
@@ -49,6 +54,7 @@ def everything() -> ispm.Scene:
         ispm.Material(transmission=1.0, roughness=0.0, ior=1.5, thickness=0.1),
         ispm.Material(transmission=1.0, roughness=0.4, ior=1.5, thickness=0.1),
         ispm.Material(base_color=(0.8, 0.5, 0.3, 0.5), alpha_mode=AlphaMode.BLEND),
+        ispm.Material(base_color=(0.8, 0.5, 0.3), clearcoat=1.0, clearcoat_roughness=0.3),
     ]
     scene = ispm.Scene(name="everything")
     scene.add(box((-4, -1, -4), (4, 0, 4)), material=materials[0])
@@ -61,7 +67,10 @@ def everything() -> ispm.Scene:
 
 
 def render_everything() -> None:
-    """Call every kernel of a picture at least once."""
+    """Call every kernel of a picture, and of reading files, at least once."""
+    for name, (mode, filtered, values) in PLAIN.items():
+        if filtered == "NONE":
+            decode(memoryview(b85decode(STREAMS[name])), mode, filtered, len(values), values[0].nbytes)
     camera = ispm.Camera.look_at((0, 2, 7), (0, 0.5, 0))
     with (
         tempfile.TemporaryDirectory() as folder,
@@ -80,8 +89,9 @@ def render_everything() -> None:
         glow = ispm.Material(emission=(1.0, 1.0, 1.0), emission_texture=ispm.Texture(TEXTURE[..., :3]))
         renderer.scene.add(ispm.shapes.box(0.5), material=glow, translation=(2.0, 2.0, 0.0))
         renderer.scene.add(ispm.RectLight((5.0, 4.0, 3.0)), translation=(0.0, 3.0, 0.0))
-        renderer.settings = ispm.Settings(**SMALL)
-        assert renderer.render().image.size
+        for emission in ("map", "auto"):
+            renderer.settings = ispm.Settings(**SMALL, emission=emission)
+            assert renderer.render().image.size
         renderer.settings = ispm.Settings(**SMALL, preset="live")
         for step in (0.0, 0.1, 0.1):  # the last frame rests
             renderer.scene.nodes[1].translation = (-2.8 + step, 0.7, 0.0)

@@ -63,6 +63,13 @@ def interpolated(table, corners, field, u, v):
 
 
 @jit
+def is_flat(table, corners):
+    """Return whether a triangle's vertices have no normal, so that its own is theirs."""
+    n = vector_at(table[VERTICES], corners[0] + NORMAL)
+    return n[0] == f32(0) and n[1] == f32(0) and n[2] == f32(0)
+
+
+@jit
 def rows_times(instances, matrix, x):
     """Return the left 3x3 of a matrix, whose first word in INSTANCE records is `matrix`, times a vector."""
     return (

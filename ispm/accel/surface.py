@@ -14,16 +14,17 @@ import numpy as np
 from ispm.accel.emitters import EMITTER, NO_EMITTERS, Emitters, make_emitters
 from ispm.accel.intersect import HIT_INSTANCE, HIT_PRIMITIVE, closest_after, instance_scale, read_hit
 from ispm.accel.leave import leave_triangle
+from ispm.accel.lobes import NORMAL_SCALE, bsdf_at, coat_at, mapped_normal
 from ispm.accel.mesh import (
     FOOTPRINT,
     INSTANCES,
     MATERIALS,
     NORMAL,
     TO_WORLD,
-    VERTICES,
     edges_at,
     hit_plane,
     interpolated,
+    is_flat,
     rows_times,
     triangle_at,
     vector_at,
@@ -31,13 +32,11 @@ from ispm.accel.mesh import (
     world_normal,
     world_point,
 )
-from ispm.accel.normals import bend, unit
+from ispm.accel.normals import bend
 from ispm.accel.records import NO_TREES, Hit, Ray, Trees
 from ispm.accel.texturing import (
     EMISSION_MAP,
     NORMAL_MAP,
-    ROUGHNESS_MAP,
-    TRANSMISSION_MAP,
     TextureContext,
     base_color,
     has_texture,
@@ -47,36 +46,29 @@ from ispm.accel.texturing import (
 )
 from ispm.accel.world import World
 from ispm.kernels.simd import address, ldf, ldu, stu
-from ispm.optics.bsdf import Bsdf, Dielectric, surface_bsdf
+from ispm.optics.bsdf import Bsdf
+from ispm.optics.coat import NO_COAT, Coat, covered
 from ispm.optics.environment import EnvironmentTable
 from ispm.optics.jit import jit
 from ispm.optics.records import (
-    INSTANCE,
     INSTANCE_MIRRORED,
     MATERIAL,
     MATERIAL_BLEND,
+    MATERIAL_COATED,
     MATERIAL_DOUBLE_SIDED,
     MATERIAL_MASK,
     MATERIAL_THIN,
-    MATERIAL_TRANSMITS,
     MATERIAL_UNLIT,
     NO_HIT,
-    VERTEX,
 )
 from ispm.optics.texture import TextureTable
-from ispm.optics.vector import Vector, add, cross, dot, scale, sub
+from ispm.optics.vector import Vector, add, cross, dot, scale
 from ispm.scene.packed import Packed, to_world
 
 f32, i64, u32 = np.float32, np.int64, np.uint32
 
 
-_TANGENT = word_of(VERTEX, "tangent")
-_INSTANCE_FLAGS = word_of(INSTANCE, "flags")
-_METALLIC, _ROUGHNESS = word_of(MATERIAL, "metallic"), word_of(MATERIAL, "roughness")
-_SPECULAR, _SPECULAR_COLOR = word_of(MATERIAL, "specular"), word_of(MATERIAL, "specular_color")
-_F0, _CUTOFF, _FLAGS = (word_of(MATERIAL, n) for n in ("f0", "alpha_cutoff", "flags"))
-_NORMAL_SCALE = word_of(MATERIAL, "normal_scale")
-_TRANSMISSION, _IOR = (word_of(MATERIAL, n) for n in ("transmission", "ior"))
+_CUTOFF, _FLAGS = word_of(MATERIAL, "alpha_cutoff"), word_of(MATERIAL, "flags")
 _EMISSION = word_of(MATERIAL, "emission")
 
 _GLOW_SIDE = 8  # points along a side of a triangle, for the mean of its texture
@@ -197,6 +189,8 @@ class SurfacePoint(NamedTuple):
     ng, n     geometric and shading normal, unit, both turned against the ray
     flags     of the material
     entering  whether the ray met the front, the outside of a solid
+    bsdf      of what is under the coat, if there is one, as much as it shows of that
+    coat      whose light adds to it, see `accel.layers`
     """
 
     hit: Hit
@@ -206,6 +200,7 @@ class SurfacePoint(NamedTuple):
     bsdf: Bsdf
     flags: np.uint32
     entering: bool
+    coat: Coat
 
 
 @jit
@@ -217,20 +212,27 @@ def surface(tables, hit, d):
     p0, e1, e2 = edges_at(table, corners)
     position = world_point(table[INSTANCES], instance, add(p0, add(scale(u, e1), scale(v, e2))))
     ng = world_normal(table[INSTANCES], instance, cross(e1, e2))
-    n = world_normal(table[INSTANCES], instance, interpolated(table, corners, NORMAL, u, v))
+    flags = ldu(table[MATERIALS], material + _FLAGS)
+    coated = flags & u32(MATERIAL_COATED) != u32(0)
+    own = ng
+    if not is_flat(table, corners):
+        own = world_normal(table[INSTANCES], instance, interpolated(table, corners, NORMAL, u, v))
     uv_area = f32(0)
-    if has_texture(table, material):
+    if coated or has_texture(table, material):
         uv_area = uv_footprint(table, instance, corners, e1, e2)
     context = TextureContext(instance, material, corners, u, v, uv_area)
     entering = dot(ng, d) <= f32(0)
     if not entering:
         ng = scale(f32(-1), ng)
-    side = f32(-1) if dot(n, ng) < f32(0) else f32(1)
+    side, wo, n = f32(-1) if dot(own, ng) < f32(0) else f32(1), scale(f32(-1), d), own
     if texture_row(table, material, NORMAL_MAP) >= i64(0):
-        n = _mapped_normal(tables, context, n)
-    n = bend(bend(scale(side, n), ng), scale(f32(-1), d))
-    flags = ldu(table[MATERIALS], material + _FLAGS)
-    return SurfacePoint(hit, position, ng, n, _bsdf(tables, context, flags, entering), flags, entering)
+        n = mapped_normal(tables, context, own, NORMAL_MAP, NORMAL_SCALE)
+    n = bend(bend(scale(side, n), ng), wo)
+    b, coat = bsdf_at(tables, context, flags, entering), NO_COAT
+    if coated:
+        coat = coat_at(tables, context, own, side, ng, wo)
+        b = covered(b, coat.shown)
+    return SurfacePoint(hit, position, ng, n, b, flags, entering, coat)
 
 
 @jit
@@ -335,57 +337,3 @@ def _opacity(tables, hit):
         cutoff = ldf(table[MATERIALS], material + _CUTOFF)
         return f32(1) if alpha >= cutoff else f32(0)
     return alpha
-
-
-@jit
-def _bsdf(tables, context, flags, entering):
-    """The Bsdf at a TextureContext; flags: MATERIAL_* of the material;  entering  as of SurfacePoint."""
-    table, material = tables.surfaces, context.material
-    materials = table[MATERIALS]
-    color, _ = base_color(tables, context)
-    metallic = ldf(materials, material + _METALLIC)
-    roughness = ldf(materials, material + _ROUGHNESS)
-    if texture_row(table, material, ROUGHNESS_MAP) >= i64(0):
-        _, g, b, _ = sample_slot(tables, context, ROUGHNESS_MAP)
-        roughness, metallic = roughness * g, metallic * b
-    transmission = f32(0)
-    if flags & u32(MATERIAL_TRANSMITS):
-        transmission = ldf(materials, material + _TRANSMISSION)
-        if texture_row(table, material, TRANSMISSION_MAP) >= i64(0):
-            r, _, _, _ = sample_slot(tables, context, TRANSMISSION_MAP)
-            transmission *= r
-    dielectric = dielectric_at(table, material)
-    return surface_bsdf(color, metallic, roughness, transmission, dielectric, entering)
-
-
-@jit
-def dielectric_at(table, material):
-    """Return the Dielectric of the MATERIAL that begins at a word."""
-    materials = table[MATERIALS]
-    return Dielectric(
-        ldf(materials, material + _F0),
-        vector_at(materials, material + _SPECULAR_COLOR),
-        ldf(materials, material + _SPECULAR),
-        ldf(materials, material + _IOR),
-        ldu(materials, material + _FLAGS) & u32(MATERIAL_THIN) != u32(0),
-    )
-
-
-@jit
-def _mapped_normal(tables, context, n):
-    """The normal map's normal at a TextureContext, unit, world space; `n` where the mesh has no tangents."""
-    table, instance, material, corners = tables.surfaces, context.instance, context.material, context.corners
-    first, _, _ = corners
-    side = ldf(table[VERTICES], first + _TANGENT + i64(3))
-    tangent = interpolated(table, corners, _TANGENT, context.u, context.v)
-    if side == f32(0) or dot(tangent, tangent) < f32(1e-12):
-        return n
-    if ldu(table[INSTANCES], instance + _INSTANCE_FLAGS) & u32(INSTANCE_MIRRORED):
-        side = -side
-    t = rows_times(table[INSTANCES], instance + TO_WORLD, tangent)
-    t = unit(sub(t, scale(dot(t, n), n)))
-    b = scale(side, cross(n, t))
-    r, g, blue, _ = sample_slot(tables, context, NORMAL_MAP)
-    s = ldf(table[MATERIALS], material + _NORMAL_SCALE)
-    x, y, z = (f32(2) * r - f32(1)) * s, (f32(2) * g - f32(1)) * s, f32(2) * blue - f32(1)
-    return unit(add(add(scale(x, t), scale(y, b)), scale(z, n)))

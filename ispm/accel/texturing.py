@@ -36,6 +36,9 @@ ROUGHNESS_MAP = word_of(MATERIAL, "metallic_roughness_texture")
 NORMAL_MAP = word_of(MATERIAL, "normal_texture")
 EMISSION_MAP = word_of(MATERIAL, "emission_texture")
 TRANSMISSION_MAP = word_of(MATERIAL, "transmission_texture")
+COAT_MAP = word_of(MATERIAL, "clearcoat_texture")
+COAT_ROUGHNESS_MAP = word_of(MATERIAL, "clearcoat_roughness_texture")
+COAT_NORMAL_MAP = word_of(MATERIAL, "clearcoat_normal_texture")
 _TEXTURE, _UV_SET, _ROW1 = (word_of(TEXTURE_USE, n) for n in ("texture", "uv_set", "row1"))
 
 
@@ -59,7 +62,8 @@ def texture_row(table, material, use):
 
 @jit
 def has_texture(table, material):
-    """Return whether the MATERIAL has any texture but one for emission."""
+    """Return whether the MATERIAL has any texture but one for emission, or for
+    a coat."""
     base, rough = texture_row(table, material, BASE_MAP), texture_row(table, material, ROUGHNESS_MAP)
     normal, clear = texture_row(table, material, NORMAL_MAP), texture_row(table, material, TRANSMISSION_MAP)
     return max(max(base, rough), max(normal, clear)) >= i64(0)

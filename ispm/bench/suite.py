@@ -132,10 +132,10 @@ def run_bench(quick: bool = False, settings: Settings | None = None, frames: int
     if quick:
         width, height = settings.size
         settings = settings.replace(size=(max(width // 2, 1), max(height // 2, 1)))
-    scene, others = builtin(SCENE), _others()
+    scene, machine = builtin(SCENE), watch_machine()
     frame = measure_frames(scene, settings, frames or (_QUICK_FRAMES if quick else _FRAMES))
     rays, rates = measure_trace(scene.at(0.0), settings)
-    return Report(_machine(frame.stats.adapter, others()), frame, rays, rates, frame.stats.peak_memory)
+    return Report(machine(frame.stats.adapter), frame, rays, rates, frame.stats.peak_memory)
 
 
 def measure_frames(scene: Scene, settings: Settings, frames: int) -> FrameTimes:
@@ -210,6 +210,12 @@ def _seconds(run: Callable[[], Any]) -> float:
         run()
         times.append(time.perf_counter() - start)
     return float(np.median(times))
+
+
+def watch_machine() -> Callable[[str], Machine]:
+    """Return a function that tells of the machine, and of what it did since; it takes the adapter's name."""
+    others = _others()
+    return lambda adapter: _machine(adapter, others())
 
 
 def _machine(adapter: str, others: float) -> Machine:

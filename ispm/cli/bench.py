@@ -28,7 +28,11 @@ def bench(
     ] = None,
     /,
     *,
-    quick: Annotated[bool, Parameter(help="a quarter of the pixels", negative="")] = False,
+    quick: Annotated[bool, Parameter(help="a quarter of the pixels, and fewer frames", negative="")] = False,
+    talk: Annotated[
+        bool, Parameter(help="the scenes of the talk's table, each as its row says", negative="")
+    ] = False,
+    frames: Annotated[int | None, Parameter(help="frames that count, of each scene", metavar="N")] = None,
     output: Annotated[
         str | None, Parameter(name=("--output", "-o"), help="write the table as JSON", metavar="FILE")
     ] = None,
@@ -43,14 +47,21 @@ def bench(
 
     Times of a frame, stage by stage, while camera, light and an object move; photons traced per second,
     beside Embree where the package embreex is installed; memory. Medians, and the 5th and 95th percentile.
-    A stage is slower if its median grew by more than 3 % plus the uncertainty of both medians.
+    A stage is slower if its median grew by more than 3 % plus the uncertainty of both medians. --talk: the
+    twenty rows of the talk's table instead, with what indirect light adds to a frame here and there.
     """
     if report is not None and (compare is None or output is not None or quick):
         raise SettingsError(
             f"{report}: a report is given to --compare alone: ispm bench NEW.json --compare OLD.json"
         )
+    if frames is not None and frames < 1:
+        raise SettingsError(f"--frames: must be 1 or more, not {frames}")
+    if talk and compare is not None:
+        raise SettingsError("--talk: its table is not for --compare; leave one of them out")
     if output is not None:
         require_writable(output)
+    if talk:
+        return _measure_talk(console, quick, frames, output)
     from ispm.bench.change import parse_report, read_report
 
     before = None if compare is None else read_report(compare)
@@ -60,17 +71,41 @@ def bench(
     from ispm.bench.suite import run_bench
 
     with console.step("measuring"):
-        measured = run_bench(quick)
+        measured = run_bench(quick, frames=frames)
     for title, rows in tables(measured):
         console.table(title, rows)
-    if output is not None:
-        with replacing(output) as path:
-            path.write_text(to_json(measured) + "\n", "utf-8")
-        console.written(output)
+    _write(console, measured, output)
     if before is not None:
         return _tell_changes(console, before, parse_report(to_json(measured), "this run"))
     console.result(measured)
     return 0
+
+
+def _measure_talk(console: Console, quick: bool, frames: int | None, output: str | None) -> int:
+    """Measure the talk's table; return the exit code."""
+    from ispm.bench.suite import watch_machine
+    from ispm.bench.talk import measure_talk, summary, talk_table
+
+    machine, measured = watch_machine(), []
+    for each in measure_talk(quick, frames, tell=console.say):
+        console.say(
+            f"  direct {each.times.no_bounces.median:.0f} ms, with indirect {each.added_ms:.0f} ms more"
+        )
+        measured.append(each)
+    console.table("the talk's table", talk_table(measured))
+    console.say(summary(measured))
+    report = {"machine": machine(measured[-1].times.stats.adapter), "rows": measured}
+    _write(console, report, output)
+    console.result(report)
+    return 0
+
+
+def _write(console: Console, measured: object, output: str | None) -> None:
+    """Write what was measured as JSON, where wanted."""
+    if output is not None:
+        with replacing(output) as path:
+            path.write_text(to_json(measured) + "\n", "utf-8")
+        console.written(output)
 
 
 def _tell_changes(console: Console, before: Measured, now: Measured) -> int:

@@ -11,13 +11,13 @@ from typing import Any
 from cyclopts import CycloptsError
 
 from ispm import __version__
-from ispm.cli import bench, compare, doctor, info, render, scenes, view
+from ispm.cli import animate, bench, compare, doctor, info, render, scenes, view
 from ispm.cli.console import Console, drop, fault_of, one_line, tell
 from ispm.cli.main import INTERRUPTED
 from ispm.cli.options import app
 from ispm.errors import AdapterError, IspmError, SceneWarning
 
-COMMANDS = (render, view, compare, scenes, info, doctor, bench)  # importing a command registers it
+COMMANDS = (render, view, animate, compare, scenes, info, doctor, bench)  # importing a command registers it
 
 BAD_INPUT, NO_ADAPTER = 2, 3  # exit codes
 
@@ -39,8 +39,8 @@ def run(arguments: list[str]) -> int:
     except (BrokenPipeError, SystemExit):  # the reader of a pipe closed it; rich then raises SystemExit
         drop(sys.stdout)
         return 0
-    except KeyboardInterrupt:
-        return interrupted(debug)
+    except KeyboardInterrupt as stopped:
+        return interrupted(debug, str(stopped))
     except AdapterError as error:
         return _failed(NO_ADAPTER, str(error), debug)
     except (IspmError, CycloptsError) as error:
@@ -54,9 +54,9 @@ def run(arguments: list[str]) -> int:
         return _failed(BAD_INPUT, what, debug)
 
 
-def interrupted(debug: bool = False) -> int:
-    """Print on stderr that the command was interrupted, and return the exit code."""
-    return _failed(INTERRUPTED, "interrupted", debug)
+def interrupted(debug: bool = False, told: str = "") -> int:
+    """Print on stderr that the command was interrupted, and what is left of it; return the exit code."""
+    return _failed(INTERRUPTED, f"interrupted{': ' * bool(told)}{told}", debug)
 
 
 def _failed(code: int, message: str, debug: bool) -> int:

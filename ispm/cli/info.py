@@ -49,7 +49,7 @@ def info(
     contents, placed = summary(world), nodes(world)
     short = {name: v[:MOST_NODES] if isinstance(v, list) else v for name, v in contents.items()}
     console.table(scene, list(short.items()))
-    for name in ("lights", "cameras", "animations"):
+    for name in ("lights", "cameras", "variants", "animations"):
         _tell_more(console, len(contents[name]), name)
     if not console.as_json:
         _tell_nodes(console, placed)
@@ -114,6 +114,7 @@ def summary(scene: Scene) -> dict[str, Any]:
         "lights": [node.name or f"light {i}" for i, node in enumerate(scene.lights)],
         "environment": _environment(scene),
         "cameras": [node.name or f"camera {i}" for i, node in enumerate(scene.cameras)],
+        "variants": list(scene.variants),
         "animations": [a.name or f"animation {i}" for i, a in enumerate(scene.animations)],
         "extensions_used": list(scene.extensions_used),
         "extensions_honoured": list(scene.extensions_honoured),

@@ -8,14 +8,15 @@ import sys
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import Field, asdict, fields, is_dataclass
 from pathlib import Path
-from typing import Annotated, Any, get_type_hints
+from typing import Annotated, Any, Unpack, get_type_hints
 
 from cyclopts import App, Parameter
 
 from ispm.cli.console import Console
 from ispm.errors import SettingsError
+from ispm.film.settings import Film
 from ispm.knobs import as_text
-from ispm.settings import LOADING, Preset, Settings, convert, nearest, resolve
+from ispm.settings import LOADING, Changes, Settings, convert, nearest, resolve
 
 app = App(
     name="ispm",
@@ -26,6 +27,7 @@ app = App(
     "2 bad input or usage; 3 no usable graphics adapter; 130 interrupted.",
 )
 
+_KNOWN = [f.name for owner in (Settings, Film, *LOADING) for f in fields(owner)]
 _OTHER_VARIABLES = ("ISPM_ADAPTER", "ISPM_ASSETS", "ISPM_CACHE", "ISPM_DOWNLOADS", "ISPM_REFS")
 _COMMON = {
     "quiet": "print nothing but results and errors",
@@ -72,25 +74,24 @@ def command(*owners: type) -> Callable[[Callable[..., int | None]], Callable[...
     return register
 
 
-def settings_from(
-    given: Mapping[str, Any], config: str | None, *, preset: Preset = Settings.preset
-) -> Settings:
-    """Return the settings: flags, else ISPM_<NAME>, else the TOML file, else preset, else default.
+def settings_from(given: Mapping[str, Any], config: str | None, **otherwise: Unpack[Changes]) -> Settings:
+    """Return the settings: flags, else ISPM_<NAME>, else the TOML file, else `otherwise`, preset, default.
 
-    preset  where the user asks for none
     Raises SettingsError, saying where the value stands.
     """
-    return resolve(*_layers(Settings, given, config), {"preset": preset})
+    return resolve(*_layers(Settings, given, config), otherwise)
+
+
+def film_from(given: Mapping[str, Any], config: str | None) -> Film:
+    """Return what a film is, found as the settings are."""
+    return Film(**_merged(Film, given, config))
 
 
 def loading_from(given: Mapping[str, Any], config: str | None) -> dict[str, Any]:
     """Return all that `load` takes, found as the settings are."""
     found: dict[str, Any] = {}
     for owner in LOADING:
-        merged: dict[str, Any] = {}
-        for layer in reversed(_layers(owner, given, config)):
-            merged |= layer
-        found |= asdict(owner(**merged))
+        found |= asdict(owner(**_merged(owner, given, config)))
     return found
 
 
@@ -114,6 +115,14 @@ def _layers(owner: type, given: Mapping[str, Any], config: str | None) -> list[d
     ]
 
 
+def _merged(owner: type, given: Mapping[str, Any], config: str | None) -> dict[str, Any]:
+    """The user's values for the knobs of `owner`, each from the strongest source that has it."""
+    merged: dict[str, Any] = {}
+    for layer in reversed(_layers(owner, given, config)):
+        merged |= layer
+    return merged
+
+
 def _picked(owner: type, values: Mapping[str, Any], called: Callable[[str], str]) -> dict[str, Any]:
     return {f.name: convert(f, values[f.name], called(f.name)) for f in fields(owner) if f.name in values}
 
@@ -124,8 +133,7 @@ def _environment(owner: type) -> dict[str, str]:
 
 
 def _warn_of_unknown_variables(console: Console) -> None:
-    known = [f"ISPM_{f.name.upper()}" for owner in (Settings, *LOADING) for f in fields(owner)]
-    known += _OTHER_VARIABLES
+    known = [f"ISPM_{name.upper()}" for name in _KNOWN] + [*_OTHER_VARIABLES]
     for name in os.environ:
         if name.startswith("ISPM_") and name not in known:
             console.warn(f"the environment has {name}, which means nothing{nearest(name, known)}")
@@ -143,10 +151,9 @@ def _file(config: str | None) -> dict[str, Any]:
     except tomllib.TOMLDecodeError as error:
         raise SettingsError(f"{config}: is not TOML: {error}") from None
     values = {key.replace("-", "_"): value for key, value in table.items()}
-    known = [f.name for owner in (Settings, *LOADING) for f in fields(owner)]
     for key in values:
-        if key not in known:
-            raise SettingsError(f"{config}: there is no setting '{key}'{nearest(key, known)}")
+        if key not in _KNOWN:
+            raise SettingsError(f"{config}: there is no setting '{key}'{nearest(key, _KNOWN)}")
     return values
 
 

@@ -13,12 +13,12 @@ from cyclopts import Parameter
 from ispm.cli.console import Console, to_json
 from ispm.cli.options import command, loading_from, settings_from
 from ispm.cli.passes import render_passes
+from ispm.cli.picture import Kind
 from ispm.cli.scene import choose_camera, open_scene, require_not_input, surround
 from ispm.cli.viewpoint import Viewpoint
 from ispm.errors import OutputError, SettingsError
-from ispm.settings import LAYERS, LOADING, RENDERER_VIEWS, Settings, nearest
+from ispm.settings import LOADING, RENDERER_VIEWS, Settings
 
-_ARRAYS = [(".npy", layer) for layer in LAYERS]
 _TELLING = ("polygons", "emitters", "stored_photons", "passes", "error", "total_ms", "peak_memory", "adapter")
 
 
@@ -29,13 +29,6 @@ class Asked:
     output: Annotated[
         str | None, Parameter(name=("--output", "-o"), help="the picture; default SCENE.png", metavar="FILE")
     ] = None
-    layers: Annotated[
-        str | None, Parameter(help="layers of an EXR or NPZ; default: all", metavar="A,B,...")
-    ] = None
-    float: Annotated[
-        bool, Parameter(help="32 bits a channel in an EXR, not 16", negative="", show_default=False)
-    ] = False
-    bits: Annotated[int, Parameter(help="bits a channel in a PNG: 8 or 16", metavar="N")] = 8
     stats: Annotated[
         str | None,
         Parameter(
@@ -66,7 +59,14 @@ _FILE = ("layers", "float", "bits")
 
 @command(Settings, *LOADING)
 def render(
-    console: Console, scene: str | None = None, /, *, look: Viewpoint, asked: Asked, **given: Any
+    console: Console,
+    scene: str | None = None,
+    /,
+    *,
+    look: Viewpoint,
+    asked: Asked,
+    kind: Kind,
+    **given: Any,
 ) -> None:
     """Render one picture.
 
@@ -85,7 +85,7 @@ def render(
         return
     if not scene:
         raise SettingsError("no scene was named; give a file or a built-in scene, such as cornell-box")
-    target, layers = _checked(scene, look, asked)
+    target, saved = _checked(scene, look, asked, kind)
 
     from ispm.kernels import background, store
 
@@ -104,7 +104,6 @@ def render(
 
     background.finish()
     background.bar = False  # below, something else moves on the terminal
-    show = look.show
     with (
         console.step(
             f"rendering {settings.size[0]}x{settings.size[1]}, {settings.photons:,} photons",
@@ -113,15 +112,15 @@ def render(
         Renderer(world, settings, camera=camera, adapter=look.adapter, threads=look.threads) as renderer,
     ):
         frame, interrupted, not_kept = render_passes(console, renderer, asked.resume)
-        if show in RENDERER_VIEWS:
-            frame.image, show = renderer.view(show), "full"
+        if look.show in RENDERER_VIEWS:
+            frame.image, saved["show"] = renderer.view(look.show), "full"
     options = {
-        name: getattr(owner, name) for owner, names in ((look, _VIEW), (asked, _FILE)) for name in names
+        name: getattr(owner, name) for owner, names in ((look, _VIEW), (kind, _FILE)) for name in names
     }
     if not world.animations:
         options["time"] = None
     frame.command = command_line(scene, options, settings, loading, output=str(target))
-    frame.save(target, layers=layers, show=show, float32=asked.float, bits=asked.bits)
+    frame.save(target, **saved)
     console.written(target)
     _report(console, frame.stats, target, asked.stats)
     if interrupted:
@@ -132,21 +131,18 @@ def render(
         raise KeyboardInterrupt
 
 
-def _checked(scene: str, look: Viewpoint, asked: Asked) -> tuple[Path, list[str] | None]:
-    """Find out before the work whether what is asked makes sense; return the picture's path and layers."""
+def _checked(scene: str, look: Viewpoint, asked: Asked, kind: Kind) -> tuple[Path, dict[str, Any]]:
+    """Find out before the work whether what is asked makes sense; return the picture's path, and how it is
+    saved."""
     look.check()
     target = _target(scene, asked.output)
-    layers = _layers(asked.layers, target)
-    _require_view(look.show, target)
-    if asked.float and target.suffix.lower() != ".exr":
-        raise SettingsError(f"--float: is for .exr, not '{target.suffix}'")
-    _require_bits(asked.bits, look.show, target)
+    saved = kind.checked(target, look.show)
     resume, stats = asked.resume, None if asked.stats == "-" else asked.stats
     if resume is not None and Path(resume).suffix.lower() != ".npz":
         raise OutputError(f"--resume: {resume} would be an .npz; name it so")
     outputs = [Path(path) for path in (target, stats, resume) if path is not None]
     _require_writable(outputs, scene, look.environment)
-    return target, layers
+    return target, saved
 
 
 def _target(scene: str, output: str | None) -> Path:
@@ -156,37 +152,6 @@ def _target(scene: str, output: str | None) -> Path:
     target = Path(output) if output is not None else Path((Path(scene).stem or "picture") + ".png")
     require_ending(target)
     return target
-
-
-def _layers(text: str | None, target: Path) -> list[str] | None:
-    if text is None:
-        return None
-    if target.suffix.lower() not in (".exr", ".npz"):
-        raise SettingsError(f"--layers: a {target.suffix} holds one picture; use .exr or .npz, or --show")
-    names = [name.strip() for name in text.split(",")]
-    for name in names:
-        if name not in LAYERS:
-            raise SettingsError(
-                f"--layers: '{name}' is not one of {', '.join(LAYERS)}{nearest(name, LAYERS)}"
-            )
-    return names
-
-
-def _require_view(show: str, target: Path) -> None:
-    ending = target.suffix.lower()
-    if show != "full" and ending not in (".png", ".jpg", ".jpeg") and (ending, show) not in _ARRAYS:
-        raise SettingsError(
-            f"--show: is for .png and .jpg; choose what a {target.suffix} holds with --layers"
-        )
-
-
-def _require_bits(bits: int, show: str, target: Path) -> None:
-    if bits not in (8, 16):
-        raise SettingsError(f"--bits: {bits} is not possible; give 8 or 16")
-    if bits == 16 and target.suffix.lower() != ".png":
-        raise SettingsError(f"--bits: 16 is for .png, not '{target.suffix}'; an .exr has more")
-    if bits == 16 and show in RENDERER_VIEWS:
-        raise SettingsError(f"--bits: the view '{show}' has 8")
 
 
 def _require_writable(outputs: list[Path], scene: str, environment: str | None) -> None:

@@ -15,7 +15,7 @@ from ispm.framing.interior import interior_viewpoint
 from ispm.optics.records import NO_HIT
 from ispm.scene.camera import Camera, look_at_pose
 from ispm.scene.extent import enclosing_diameter
-from ispm.scene.light import SurfaceLight
+from ispm.scene.light import has_surface
 from ispm.scene.packed import Packed, farthest_points, pack, to_world
 from ispm.scene.placing import Tree
 from ispm.scene.pose import is_posed, shown_shapes
@@ -134,7 +134,7 @@ def without_lamps(scene: Scene) -> Scene:
         node.check()
     if any(len(part.mesh.triangles) and node.copies for node in rest.nodes for part in node.parts):
         for node in rest.nodes:
-            if isinstance(node.light, SurfaceLight):
+            if has_surface(node.light):
                 node.light = None
     return rest
 

@@ -51,8 +51,7 @@ def replacing(path: str | Path) -> Iterator[Path]:
     try:
         target, mode = _place(path)
         _sweep(target.parent)
-        tail = target.name.encode()[-_TAIL:].decode(errors="ignore")
-        beside = target.with_name(f".ispm-{secrets.token_hex(4)}-{tail}")
+        beside = target.with_name(f".ispm-{secrets.token_hex(4)}-{_tail(target.name)}")
         try:
             _create(beside, mode)
             yield beside
@@ -82,6 +81,21 @@ def require_writable(path: str | Path) -> None:
         raise
     except OSError as error:
         raise _cannot(path, error) from error
+
+
+def remove_unfinished(folder: Path, names: Iterable[str]) -> None:
+    """Remove what killed processes left of files of these names; none may be writing them now."""
+    tails = {_tail(name) for name in names}
+    with suppress(OSError):
+        for each in folder.iterdir():
+            match = _BESIDE.match(each.name)
+            if match and each.name[match.end() :] in tails:
+                each.unlink()
+
+
+def _tail(name: str) -> str:
+    """What names of files that are written first have of that which they take the place of."""
+    return name.encode()[-_TAIL:].decode(errors="ignore")
 
 
 def _place(path: str | Path) -> tuple[Path, int | None]:

@@ -11,8 +11,10 @@ from pathlib import Path
 
 from ispm.errors import SceneError
 from ispm.io import gltf_schema as schema
+from ispm.io.apart import has
 from ispm.io.gltf_animation import read_animations
 from ispm.io.gltf_camera import with_extras
+from ispm.io.gltf_draco import missing
 from ispm.io.gltf_file import GltfFile, item, label
 from ispm.io.gltf_instances import read_instances
 from ispm.io.gltf_lamp import read_lamp
@@ -21,35 +23,43 @@ from ispm.io.gltf_mesh import Meshes
 from ispm.io.gltf_node import build_tree, chosen_scene, reached
 from ispm.io.gltf_skin import Skins
 from ispm.scene.camera import Camera
-from ispm.scene.scene import Node, Part, Scene
+from ispm.scene.scene import Node, Scene
 from ispm.scene.values import FARTHEST
 from ispm.settings import LoadLimits
 
 SUPPORTED = (
     "EXT_mesh_gpu_instancing",
+    "EXT_meshopt_compression",
     "EXT_texture_webp",
     "KHR_lights_punctual",
+    "KHR_materials_clearcoat",
     "KHR_materials_emissive_strength",
     "KHR_materials_ior",
     "KHR_materials_specular",
     "KHR_materials_transmission",
     "KHR_materials_unlit",
+    "KHR_materials_variants",
     "KHR_materials_volume",
     "KHR_mesh_quantization",
     "KHR_texture_transform",
 )
 NARROWEST = 1e-4  # rad, and m for parallel rays: the least a camera may see
-KNOWN_AS = {
-    "KHR_draco_mesh_compression": "Draco compression",
-    "EXT_meshopt_compression": "meshopt compression",
-    "KHR_meshopt_compression": "meshopt compression",
-    "KHR_texture_basisu": "KTX2 textures",
+INSTEAD = {
+    "EXT_lights_image_based": "few programs write it, and how its colors are encoded is not said; "
+    "give the environment as a file of its own",
+    "KHR_animation_pointer": "its channels are left out",
 }
+DECODED = {"KHR_draco_mesh_compression": "draco", "KHR_texture_basisu": "ktx2"}  # by decoders of `apart`
 
 
 def read_gltf(path: Path, limits: LoadLimits) -> Scene:
     """Return the scene of a glTF file. Raises SceneError where it cannot be used."""
-    file = GltfFile(path, limits)
+    with GltfFile(path, limits) as file:
+        return _read(file)
+
+
+def _read(file: GltfFile) -> Scene:
+    limits = file.limits
     check_version(file.gltf.asset)
     check_extensions(file)
     if len(file.gltf.nodes) > limits.max_nodes:
@@ -57,10 +67,10 @@ def read_gltf(path: Path, limits: LoadLimits) -> Scene:
     chosen = chosen_scene(file)
     nodes, roots = build_tree(file, chosen)
     scene = Scene(roots, name=chosen.name)
-    _furnish(file, nodes, reached(nodes, roots))
+    scene.variants = _furnish(file, nodes, reached(nodes, roots))
     scene.animations = read_animations(file, nodes)
     scene.extensions_used = list(dict.fromkeys(file.gltf.extensions_used))
-    scene.extensions_honoured = [name for name in scene.extensions_used if name in SUPPORTED]
+    scene.extensions_honoured = [name for name in scene.extensions_used if _supported(name)]
     scene.warnings = file.notes.lines()
     return scene
 
@@ -74,30 +84,35 @@ def check_version(asset: schema.Asset) -> None:
 
 def check_extensions(file: GltfFile) -> None:
     """Note the extensions that are not supported; raise SceneError where the file requires one."""
-    required = _unsupported(file.gltf.extensions_required)
+    required = _unknown(file.gltf.extensions_required)
     if required:
         raise SceneError(f"it uses {', '.join(required)}, which ispm does not read; export it without")
-    used = _unsupported(file.gltf.extensions_used)
+    for name in file.gltf.extensions_required:
+        if not _supported(name):
+            raise SceneError(missing(name))
+    used = _unknown(file.gltf.extensions_used)
     if used:
-        file.notes.add(f"extensions that are not supported are passed over: {', '.join(used)}")
+        told = (f"{name} ({INSTEAD[name]})" if name in INSTEAD else name for name in used)
+        file.notes.add(f"extensions that are not supported are passed over: {', '.join(told)}")
 
 
-def _unsupported(names: list[str]) -> list[str]:
-    return [
-        f"{name} ({KNOWN_AS[name]})" if name in KNOWN_AS else name
-        for name in dict.fromkeys(names)
-        if name not in SUPPORTED
-    ]
+def _unknown(names: list[str]) -> list[str]:
+    return [name for name in dict.fromkeys(names) if name not in SUPPORTED and name not in DECODED]
 
 
-def _furnish(file: GltfFile, nodes: list[Node], shown: list[int]) -> None:
-    """Put meshes, cameras and lights at the nodes numbered in `shown`."""
+def _supported(name: str) -> bool:
+    """Whether an extension is read, its decoder being there where it needs one."""
+    return name in SUPPORTED or (name in DECODED and has(DECODED[name]))
+
+
+def _furnish(file: GltfFile, nodes: list[Node], shown: list[int]) -> list[str]:
+    """Put meshes, cameras and lights at the nodes numbered in `shown`; return the names of variants."""
     meshes, skins = Meshes(file), Skins(file, nodes, shown)
     triangles = instances = 0
     for i in shown:
         record, node = file.gltf.nodes[i], nodes[i]
         if record.mesh is not None:
-            node.parts = [Part(mesh, material) for mesh, material in meshes.parts(record.mesh)]
+            node.parts = meshes.parts(record.mesh)
             node.light = read_lamp(file, record.extras, label("node", i, node.name))
             if node.light is not None:
                 del node.parts[-1:]  # which shows the lamp to other programs
@@ -116,6 +131,7 @@ def _furnish(file: GltfFile, nodes: list[Node], shown: list[int]) -> None:
             node.camera = _camera(file, record.camera)
         if record.extensions.light is not None:
             node.light = read_light(file, record.extensions.light.light, node.name)
+    return list(dict.fromkeys(meshes.variants))
 
 
 def _camera(file: GltfFile, index: int) -> Camera | None:

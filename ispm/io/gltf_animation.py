@@ -32,6 +32,12 @@ def _channel(
     file: GltfFile, record: schema.Animation, channel: schema.Channel, nodes: Sequence[Node], where: str
 ) -> Channel | None:
     target = channel.target
+    if target.path == "pointer":
+        file.notes.count(
+            "animation channel moves what KHR_animation_pointer names, which is not supported",
+            "animation channels move what KHR_animation_pointer names, which is not supported",
+        )
+        return None
     if target.node is None:
         return None  # glTF 2.0, 3.11: such a channel is to be ignored
     try:

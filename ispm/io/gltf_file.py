@@ -10,6 +10,7 @@ import numpy as np
 
 from ispm.errors import SceneError
 from ispm.io import gltf_schema as schema
+from ispm.io.apart import Apart
 from ispm.io.budget import Budget
 from ispm.io.folder import map_file
 from ispm.io.gltf_container import BOM, parse, read_uri, unwrap
@@ -18,13 +19,14 @@ from ispm.settings import LoadLimits
 
 COMPONENTS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
+_UNFILTERING = 6  # bytes that are passing for each of a buffer view while its filter is taken off
 MOST_ZEROS = 1_000_000  # elements that take no bytes of the file, so that small files stay small
 
 Item = TypeVar("Item")
 
 
 class GltfFile:
-    """The records of a glTF file, and its accessors as arrays.
+    """The records of a glTF file, and its accessors as arrays; leaving it ends the decoders that it started.
 
     Raises SceneError where the file cannot be read.
     """
@@ -34,16 +36,32 @@ class GltfFile:
         self.limits = limits
         self.budget = Budget(limits)
         self.notes = Notes()
+        self.apart = Apart(self.budget)
         text, self._binary = unwrap(map_file(path, self.budget))
         self.gltf = parse(text)
         if text[:3] == BOM:
             self.notes.add("the text begins with a byte order mark, which glTF does not allow")
         self._buffers: dict[int, memoryview] = {}
         self._sparse: dict[int, np.ndarray] = {}
+        self._decoded: dict[int, memoryview] = {}
+        self._provided: dict[int, tuple[int, np.ndarray]] = {}
+
+    def __enter__(self) -> GltfFile:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.apart.close()
 
     def view(self, index: int) -> memoryview:
         """Return the bytes of a buffer view. Raises SceneError where they are not all there."""
         view = item(self.gltf.buffer_views, index, "buffer view")
+        if view.extensions.meshopt is None:
+            return self._range(view, index)
+        if index not in self._decoded:
+            self._decoded[index] = self._meshopt(view.extensions.meshopt, view.byte_length, index)
+        return self._decoded[index]
+
+    def _range(self, view: schema.BufferView | schema.Meshopt, index: int) -> memoryview:
         data = self._buffer(view.buffer)
         if view.byte_offset + view.byte_length > len(data):
             raise SceneError(
@@ -51,6 +69,22 @@ class GltfFile:
                 f"of {len(data)}"
             )
         return data[view.byte_offset : view.byte_offset + view.byte_length]
+
+    def _meshopt(self, packed: schema.Meshopt, length: int, index: int) -> memoryview:
+        """The bytes of a buffer view that is compressed, counted before they are decoded."""
+        size, what = packed.count * packed.byte_stride, f"buffer view {index}"
+        if size != length:
+            raise SceneError(f"{what} has {length} bytes, but its meshopt stream {size}")
+        stream = self._range(packed, index)
+        self.budget.take(what, memory=size, work=size)
+        self.budget.require(what, _UNFILTERING * size)
+        from ispm.io.meshopt import decode
+
+        try:
+            elements = decode(stream, packed.mode, packed.filter, packed.count, packed.byte_stride)
+        except SceneError as error:
+            raise SceneError(f"{what}: {error}") from None
+        return elements.reshape(-1).data
 
     def uri(self, uri: str) -> memoryview:
         """Return the bytes that a URI of this file names."""
@@ -63,13 +97,7 @@ class GltfFile:
             if buffer.uri is not None:
                 data = self.uri(buffer.uri)
             if data is None:
-                packed = buffer.extensions.meshopt or buffer.extensions.khr_meshopt
-                why = (
-                    " without meshopt compression, which ispm does not read; export it without"
-                    if packed
-                    else ""
-                )
-                raise SceneError(f"buffer {index} has no data{why}")
+                raise SceneError(f"buffer {index} has no data")
             if len(data) < buffer.byte_length:
                 raise SceneError(f"buffer {index} has {len(data)} of its {buffer.byte_length} bytes")
             self._buffers[index] = data[: buffer.byte_length]
@@ -93,6 +121,8 @@ class GltfFile:
         if accessor.type not in WIDTHS or (accessor.type == "MAT4" and not matrices):
             raise SceneError(f"accessor {index} holds matrices where none belong")
         what = f"accessor {index}"
+        if index in self._provided:
+            return self._provided[index][1]
         dtype, shape = COMPONENTS[accessor.component_type], (self.count(index), WIDTHS[accessor.type])
         if accessor.buffer_view is None:
             if shape[0] > MOST_ZEROS:
@@ -106,6 +136,33 @@ class GltfFile:
             self.budget.take(what, memory=values.nbytes)
             self._sparse[index] = self._replaced(values, accessor.sparse, what)
         return self._sparse[index]
+
+    def provide(self, index: int, values: np.ndarray, *, by: int) -> None:
+        """Have an accessor hold `values`, (count, width), that are decoded elsewhere.
+
+        by  the buffer view that they come from
+        Raises SceneError where they are not as many, or as wide, as the accessor says.
+        """
+        accessor = item(self.gltf.accessors, index, "accessor")
+        if values.shape != (accessor.count, WIDTHS.get(accessor.type)):
+            told = " x ".join(map(str, values.shape))
+            raise SceneError(
+                f"{told} numbers are not the {accessor.count} {accessor.type} of accessor {index}"
+            )
+        kind = np.dtype(COMPONENTS[accessor.component_type])
+        if (values.dtype.kind == "f") != (kind.kind == "f"):
+            raise SceneError(f"its {values.dtype.name} numbers are not those of accessor {index}")
+        self._provided[index] = by, values.astype(kind)
+
+    def provided(self, *indices: int, by: int) -> bool:
+        """Return whether accessors hold what is decoded from the buffer view `by` already.
+
+        Raises SceneError where one of them holds what comes from another.
+        """
+        found = [self._provided[index][0] for index in indices if index in self._provided]
+        if any(view != by for view in found):
+            raise SceneError(f"an accessor is to hold what buffer views {found[0]} and {by} decode to")
+        return len(found) == len(indices)
 
     def _replaced(self, values: np.ndarray, sparse: schema.Sparse, what: str) -> np.ndarray:
         """A copy of `values` with the elements of `sparse` in their places."""

@@ -9,6 +9,7 @@ import numpy as np
 
 from ispm.errors import SceneError
 from ispm.io import gltf_schema_material as schema
+from ispm.io.apart import INSTALL, has
 from ispm.io.gltf_file import GltfFile, item, label
 from ispm.io.picture import Pictures
 from ispm.scene.material import IDENTITY_UV, Texture, TextureUse, Wrap
@@ -27,7 +28,7 @@ class Textures:
 
     def __init__(self, file: GltfFile) -> None:
         self._file = file
-        self._pictures = Pictures(file.budget, file.notes)
+        self._pictures = Pictures(file.budget, file.notes, apart=file.apart)
         self._pixels: dict[tuple[int, bool], np.ndarray | None] = {}
         self._textures: dict[Any, Texture] = {}
 
@@ -49,7 +50,8 @@ class Textures:
         source = self._source(record, srgb)
         if source is None:
             called = label("texture", slot.index, record.name)
-            why = "; it is there as KTX2 only, which ispm does not read" * bool(record.extensions.basisu)
+            only = record.extensions.basisu is not None and not has("ktx2")
+            why = f"; it is there as KTX2 only, whose decoder is not installed: {INSTALL}" * only
             self._file.notes.add(f"{where}: {called} has no picture to show{why}")
             return None
         if max(map(abs, (transform.rotation, *transform.scale, *transform.offset))) > LARGEST_TRANSFORM:
@@ -59,12 +61,15 @@ class Textures:
         return None if texture is None else TextureUse(texture, uv_set, uv_rows(transform))
 
     def _source(self, record: schema.Texture, srgb: bool) -> int | None:
-        """The picture to show: the WebP where there is one that can be decoded, else the plain one."""
-        webp = record.extensions.webp
-        if webp is None or webp.source is None:
-            return record.source
-        shown = self._picture(webp.source, srgb) is not None
-        return webp.source if shown or record.source is None else record.source
+        """The picture to show: KTX2 or WebP where there is one that can be decoded, else the plain one."""
+        basisu, webp = record.extensions.basisu, record.extensions.webp
+        if basisu is not None and not has("ktx2"):
+            basisu = None
+            if record.source is not None:
+                self._file.notes.add(f"plain pictures are shown in place of KTX2; for these: {INSTALL}")
+        others = [other.source for other in (basisu, webp) if other and other.source is not None]
+        shown = [source for source in others if self._picture(source, srgb) is not None]
+        return next(iter([*shown, *others] if record.source is None else [*shown, record.source]), None)
 
     def _texture(self, source: int, sampler: int | None, srgb: bool) -> Texture | None:
         how = schema.Sampler() if sampler is None else item(self._file.gltf.samplers, sampler, "sampler")

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 
+from ispm.errors import SceneError
 from ispm.io import gltf_schema as schema
 from ispm.io.gltf_file import GltfFile, item
 from ispm.scene.light import DirectionalLight, Light, PointLight, SpotLight
 from ispm.scene.values import BRIGHTEST, LEAST
 
 NARROWEST = 1e-3  # rad from the axis, and between the cones
+RADIUS = "radius"  # in the extras of lights: Blender's exporter writes custom properties there
 
 
 def read_light(file: GltfFile, index: int, node: str) -> Light | None:
@@ -28,7 +30,11 @@ def read_light(file: GltfFile, index: int, node: str) -> Light | None:
         return DirectionalLight(intensity, record.name)
     reach = _range(file, record, where)
     if record.type == "point":
-        return PointLight(intensity, reach, record.name)
+        radius = _radius(file, record, intensity, where)
+        if radius > 0.0 and not math.isinf(reach):
+            file.notes.add(f"{where}: its range is passed over, as it has a radius")
+            reach = math.inf
+        return PointLight(intensity, reach, record.name, radius=radius)
     return SpotLight(intensity, reach, *_cones(file, record.spot, where), record.name)
 
 
@@ -46,6 +52,16 @@ def _range(file: GltfFile, record: schema.Light, where: str) -> float:
         return math.inf if record.range is None else record.range
     file.notes.add(f"{where}: a range of {record.range:g} lights nothing; it counts as infinite")
     return math.inf
+
+
+def _radius(file: GltfFile, record: schema.Light, intensity: tuple[float, float, float], where: str) -> float:
+    """A point light's `radius` in its extras, m; 0 where it has none, or, with a note, none that can be."""
+    given = record.extras.get(RADIUS, 0.0) if isinstance(record.extras, dict) else 0.0
+    try:
+        return PointLight(intensity, radius=given).radius
+    except SceneError as error:
+        file.notes.add(f"{where}: its radius is passed over: {error}")
+        return 0.0
 
 
 def _cones(file: GltfFile, spot: schema.Spot, where: str) -> tuple[float, float]:

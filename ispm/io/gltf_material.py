@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Sequence
+from functools import partial
 from typing import Any
 
 from ispm.io import gltf_schema_material as schema
@@ -53,16 +54,17 @@ class Materials:
             **self._base(record.pbr, where),
             **self._layers(record, where),
             **self._inside(record.extensions, where),
+            **self._coat(record.extensions, where),
             **self._opacity(record, where),
-            normal_scale=self._normal_scale(record.normal_texture, where),
+            normal_scale=self._normal_scale(record.normal_texture, f"{where}: normal scale"),
             normal_texture=self._textures.use(record.normal_texture, srgb=False, where=where),
             double_sided=record.double_sided,
             unlit=record.extensions.unlit is not None,
             name=record.name,
         )
 
-    def _normal_scale(self, slot: schema.TextureSlot | None, where: str) -> float:
-        return 1.0 if slot is None else self._within([slot.scale], -1e3, 1e3, f"{where}: normal scale")[0]
+    def _normal_scale(self, slot: schema.TextureSlot | None, what: str) -> float:
+        return 1.0 if slot is None else self._within([slot.scale], -1e3, 1e3, what)[0]
 
     def _base(self, pbr: schema.Pbr, where: str) -> dict[str, Any]:
         return dict(
@@ -112,6 +114,26 @@ class Materials:
             thickness=thickness,
             attenuation_color=self._within(volume.attenuation_color, 0.0, 1.0, f"{where}: attenuationColor"),
             attenuation_distance=distance,
+        )
+
+    def _coat(self, extensions: schema.MaterialExtensions, where: str) -> dict[str, Any]:
+        """The clear coat; what transmits has none here."""
+        coat = extensions.clearcoat
+        share = self._within([coat.clearcoat_factor], 0.0, 1.0, f"{where}: clearcoatFactor")[0]
+        if share > 0.0 and extensions.transmission.transmission_factor > 0.0:
+            self._file.notes.add(f"{where}: a clear coat over glass is not supported; it is left out")
+            share = 0.0
+        roughness = coat.clearcoat_roughness_factor
+        use = partial(self._textures.use, srgb=False, where=where)
+        return dict(
+            clearcoat=share,
+            clearcoat_roughness=self._within([roughness], 0.0, 1.0, f"{where}: clearcoatRoughnessFactor")[0],
+            clearcoat_texture=use(coat.clearcoat_texture),
+            clearcoat_roughness_texture=use(coat.clearcoat_roughness_texture),
+            clearcoat_normal_texture=use(coat.clearcoat_normal_texture),
+            clearcoat_normal_scale=self._normal_scale(
+                coat.clearcoat_normal_texture, f"{where}: scale of the clear coat's normals"
+            ),
         )
 
     def _opacity(self, record: schema.Material, where: str) -> dict[str, Any]:

@@ -10,11 +10,13 @@ from ispm.errors import SceneError
 from ispm.io import gltf_schema as schema
 from ispm.io.arrays import compact, wild
 from ispm.io.budget import MESH
+from ispm.io.gltf_draco import provide
 from ispm.io.gltf_file import GltfFile, item, label
 from ispm.io.gltf_material import Materials
 from ispm.io.gltf_skin import read_joints, read_morphs, target_names
 from ispm.scene.material import Material
 from ispm.scene.mesh import Mesh
+from ispm.scene.node import Part
 
 TRIANGLES, STRIP, FAN = 4, 5, 6
 TRIANGLE_BYTES = 12
@@ -33,19 +35,28 @@ class Meshes:
     def __init__(self, file: GltfFile) -> None:
         self._file = file
         self._materials = Materials(file)
-        self._parts: dict[int, list[tuple[Mesh, Material]]] = {}
+        self._parts: dict[int, list[Part]] = {}
+        self.variants = variant_names(file)
         self._made: dict[Any, Mesh | None] = {}
         self._triangle_count = 0
 
-    def parts(self, index: int) -> list[tuple[Mesh, Material]]:
-        """Return the meshes and materials of a glTF mesh, the same objects each time."""
+    def parts(self, index: int) -> list[Part]:
+        """Return the parts of a glTF mesh, of the same meshes and materials each time."""
         if index not in self._parts:
             record = item(self._file.gltf.meshes, index, "mesh")
-            made = [(self._mesh(p, index, record.name), p.material) for p in record.primitives]
-            self._parts[index] = [
-                (mesh, self._materials.get(material, mesh)) for mesh, material in made if mesh is not None
-            ]
-        return self._parts[index]
+            made = [(self._mesh(p, index, record.name), p) for p in record.primitives]
+            self._parts[index] = [self._part(mesh, p) for mesh, p in made if mesh is not None]
+        return [Part(part.mesh, part.material, dict(part.variants)) for part in self._parts[index]]
+
+    def _part(self, mesh: Mesh, primitive: schema.Primitive) -> Part:
+        """A mesh with what the primitive wears, always or in each variant."""
+        worn: dict[str | None, Material] = {}
+        for mapping in primitive.extensions.variants.mappings:
+            material = self._materials.get(mapping.material, mesh)
+            for variant in mapping.variants:
+                worn.setdefault(item(self.variants, variant, "variant"), material)
+        material = self._materials.get(primitive.material, mesh)
+        return Part(mesh, material, {None: material, **worn} if worn else {})
 
     def _mesh(self, primitive: schema.Primitive, index: int, name: str) -> Mesh | None:
         targets = tuple(tuple(sorted(target.items())) for target in primitive.targets)
@@ -65,10 +76,7 @@ class Meshes:
         if "POSITION" not in primitive.attributes:
             self._file.notes.add(f"{where}: a primitive without POSITION is not drawn")
             return None
-        if primitive.extensions.draco and self._lacks_bytes(primitive.attributes["POSITION"]):
-            raise SceneError(
-                f"{where} uses KHR_draco_mesh_compression, which ispm does not read; export it without"
-            )
+        provide(self._file, primitive, where)
         self._file.budget.take(where, work=MESH)
         triangles, rows = compact(self._triangles(primitive, where))
         positions = self._file.floats(primitive.attributes["POSITION"], ("VEC3",), rows)
@@ -95,9 +103,6 @@ class Meshes:
             names = target_names(self._file.gltf.meshes[index])
             deform["morphs"] = read_morphs(self._file, primitive, rows, where, names)
         return Mesh(positions, triangles, **others, **deform, name=name)
-
-    def _lacks_bytes(self, index: int) -> bool:
-        return item(self._file.gltf.accessors, index, "accessor").buffer_view is None
 
     def _triangles(self, primitive: schema.Primitive, where: str) -> np.ndarray:
         """(T, 3) numbers of the primitive's vertices; checked before memory is asked for."""
@@ -148,6 +153,14 @@ class Meshes:
             self._file.notes.add(f"{where}: values of {attribute} that are not finite count as 0")
             values[strays] = 0.0
         return opaque(values) if color else values
+
+
+def variant_names(file: GltfFile) -> list[str]:
+    """Return the names of KHR_materials_variants, in the file's order; without one, its number."""
+    names = [record.name or f"variant {i}" for i, record in enumerate(file.gltf.extensions.variants.variants)]
+    for name in {name for name in names if names.count(name) > 1}:
+        file.notes.add(f"several variants are called '{name}'; they count as one")
+    return names
 
 
 def assemble(corners: np.ndarray, mode: int) -> np.ndarray:

@@ -22,19 +22,29 @@ class Asset(Record, frozen=True):
     min_version: str | None = None
 
 
-class BufferExtensions(Record, frozen=True):
-    """Extensions of a buffer: that its bytes are found only by decoding others."""
-
-    meshopt: Any = field(name="EXT_meshopt_compression", default=None)
-    khr_meshopt: Any = field(name="KHR_meshopt_compression", default=None)
-
-
 class Buffer(Record, frozen=True):
     """Bytes: a file beside this one, a data: URI, or (without `uri`) the binary chunk of a GLB."""
 
     byte_length: Count
     uri: str | None = None
-    extensions: BufferExtensions = BufferExtensions()
+
+
+class Meshopt(Record, frozen=True):
+    """EXT_meshopt_compression: the bytes that a buffer view is decoded from."""
+
+    buffer: Index
+    byte_length: Count
+    byte_stride: Count
+    count: Count
+    mode: Literal["ATTRIBUTES", "TRIANGLES", "INDICES"]
+    byte_offset: Count = 0
+    filter: Literal["NONE", "OCTAHEDRAL", "QUATERNION", "EXPONENTIAL"] = "NONE"
+
+
+class ViewExtensions(Record, frozen=True):
+    """Extensions of a buffer view."""
+
+    meshopt: Meshopt | None = field(name="EXT_meshopt_compression", default=None)
 
 
 class BufferView(Record, frozen=True):
@@ -44,6 +54,7 @@ class BufferView(Record, frozen=True):
     byte_length: Count
     byte_offset: Count = 0
     byte_stride: Count | None = None
+    extensions: ViewExtensions = ViewExtensions()
 
 
 class SparseIndices(Record, frozen=True):
@@ -81,10 +92,31 @@ class Accessor(Record, frozen=True):
     sparse: Sparse | None = None
 
 
+class Draco(Record, frozen=True):
+    """KHR_draco_mesh_compression: a stream, and its numbers of the attributes."""
+
+    buffer_view: Index
+    attributes: dict[str, Index]
+
+
+class VariantMapping(Record, frozen=True):
+    """A material of a primitive, and the variants that show it."""
+
+    material: Index
+    variants: list[Index]
+
+
+class VariantMappings(Record, frozen=True):
+    """KHR_materials_variants: what a primitive wears when."""
+
+    mappings: list[VariantMapping] = []
+
+
 class PrimitiveExtensions(Record, frozen=True):
     """Extensions of a primitive."""
 
-    draco: Any = field(name="KHR_draco_mesh_compression", default=None)
+    draco: Draco | None = field(name="KHR_draco_mesh_compression", default=None)
+    variants: VariantMappings = field(name="KHR_materials_variants", default=VariantMappings())
 
 
 class Primitive(Record, frozen=True):
@@ -149,6 +181,7 @@ class Light(Record, frozen=True):
     range: float | None = None
     spot: Spot = Spot()
     name: str = ""
+    extras: Any = None
 
 
 class LightUse(Record, frozen=True):
@@ -238,10 +271,23 @@ class Lights(Record, frozen=True):
     lights: list[Light] = []
 
 
+class Variant(Record, frozen=True):
+    """The name of a variant."""
+
+    name: str = ""
+
+
+class Variants(Record, frozen=True):
+    """KHR_materials_variants: all variants of the file."""
+
+    variants: list[Variant] = []
+
+
 class FileExtensions(Record, frozen=True):
     """Extensions of the whole file."""
 
     lights: Lights = field(name="KHR_lights_punctual", default=Lights())
+    variants: Variants = field(name="KHR_materials_variants", default=Variants())
 
 
 class Gltf(Record, frozen=True):

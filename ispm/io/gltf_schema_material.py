@@ -118,6 +118,16 @@ class Volume(Record, frozen=True):
     attenuation_distance: float | None = None
 
 
+class Clearcoat(Record, frozen=True):
+    """KHR_materials_clearcoat."""
+
+    clearcoat_factor: float = 0.0
+    clearcoat_roughness_factor: float = 0.0
+    clearcoat_texture: TextureSlot | None = None
+    clearcoat_roughness_texture: TextureSlot | None = None
+    clearcoat_normal_texture: TextureSlot | None = None
+
+
 class MaterialExtensions(Record, frozen=True):
     """Extensions of a material."""
 
@@ -128,6 +138,7 @@ class MaterialExtensions(Record, frozen=True):
     )
     transmission: Transmission = field(name="KHR_materials_transmission", default=Transmission())
     volume: Volume = field(name="KHR_materials_volume", default=Volume())
+    clearcoat: Clearcoat = field(name="KHR_materials_clearcoat", default=Clearcoat())
     unlit: dict[str, Any] | None = field(name="KHR_materials_unlit", default=None)
 
 

@@ -15,6 +15,7 @@ from ispm.io.png import encode_png
 
 _KINDS = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4", 16: "MAT4"}
 _COMPONENTS = {"<f4": 5126, "<u2": 5123, "<u4": 5125}
+_OF_FILE = {"lights": "KHR_lights_punctual", "variants": "KHR_materials_variants"}  # kinds of extensions
 _ARRAY, _INDICES = 34962, 34963  # what OpenGL calls buffers of vertices and of indices
 _MOST_BYTES = (1 << 32) - 1  # of a GLB, and of each of its chunks
 
@@ -129,9 +130,9 @@ class Document:
         if self._extensions:
             out["extensionsUsed"] = sorted(self._extensions)
         records = dict(self._records)
-        lights = records.pop("lights", None)
-        if lights:
-            out["extensions"] = {"KHR_lights_punctual": {"lights": lights}}
+        of_file = {name: {kind: records.pop(kind)} for kind, name in _OF_FILE.items() if kind in records}
+        if of_file:
+            out["extensions"] = of_file
         if self._length:
             buffer = {"byteLength": self._length + (0 if uri else -self._length % 4)}
             out["buffers"] = [buffer if uri is None else {**buffer, "uri": uri}]

@@ -48,11 +48,9 @@ class MaterialWriter:
 
     def _record(self, m: Material) -> dict[str, Any]:
         slots = {
-            "normalTexture": self._slot(m.normal_texture, srgb=False),
+            "normalTexture": self._normals(m.normal_texture, m.normal_scale),
             "emissiveTexture": self._slot(m.emission_texture, srgb=True),
         }
-        if slots["normalTexture"] is not None and m.normal_scale != 1.0:
-            slots["normalTexture"]["scale"] = float(m.normal_scale)
         factor, strength = split(m.emission)
         if max(factor) <= 0.0:
             strength = 1.0
@@ -102,6 +100,7 @@ class MaterialWriter:
             else float(m.attenuation_distance),
         }
         parts = {
+            "clearcoat": self._coat(m),
             "emissive_strength": given({"emissiveStrength": strength}, {"emissiveStrength": 1.0}),
             "ior": given({"ior": float(m.ior)}, {"ior": 1.5}),
             "specular": given(
@@ -121,6 +120,25 @@ class MaterialWriter:
         if m.unlit:
             found[self._document.use("KHR_materials_unlit")] = {}
         return found
+
+    def _coat(self, m: Material) -> dict[str, Any]:
+        return given(
+            {
+                "clearcoatFactor": float(m.clearcoat),
+                "clearcoatRoughnessFactor": float(m.clearcoat_roughness),
+                "clearcoatTexture": self._slot(m.clearcoat_texture, srgb=False),
+                "clearcoatRoughnessTexture": self._slot(m.clearcoat_roughness_texture, srgb=False),
+                "clearcoatNormalTexture": self._normals(m.clearcoat_normal_texture, m.clearcoat_normal_scale),
+            },
+            {"clearcoatFactor": 0.0, "clearcoatRoughnessFactor": 0.0},
+        )
+
+    def _normals(self, use: TextureUse | Texture | None, strength: float) -> dict[str, Any] | None:
+        """A normal map where a material uses it."""
+        slot = self._slot(use, srgb=False)
+        if slot is not None and strength != 1.0:
+            slot["scale"] = float(strength)
+        return slot
 
     def _slot(self, use: TextureUse | Texture | None, *, srgb: bool) -> dict[str, Any] | None:
         """A texture where a material uses it."""

@@ -99,6 +99,8 @@ def _read(path: Path, limits: LoadLimits, how: LoadOptions) -> Scene:
     scene = reader(path, limits)
     if how.up == "z":
         turn_up(scene)
+    if how.variant:
+        scene.variant = how.variant
     if how.smooth_normals:
         smooth(scene, math.radians(how.crease_degrees))
     return scene

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import struct
 import warnings
 from hashlib import sha256
 from typing import Any
@@ -10,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from ispm.errors import SceneError
+from ispm.io.apart import RESERVE, Apart
 from ispm.io.budget import LOOK, Budget
 from ispm.io.notes import Notes
 
@@ -20,17 +22,23 @@ OPENING = 20 * LOOK  # steps to find out what a picture is
 STEPS_A_PIXEL = 4
 SCANS_A_STEP = 10  # of a pixel's band: 0.75 ns each
 LONGEST = 1 << 16  # pixels of a side
-RESERVE = 256 << 20  # bytes above the limit while a picture is decoded
+KTX2 = b"\xabKTX 20\xbb\r\n\x1a\n"  # the first bytes of a file (KTX 2.0, 3.1)
+# format, bytes of its type, width, height, depth, layers, faces, levels, packing
+_KTX2_HEADER = struct.Struct("<12s9I")
+_KTX2_LEVEL, _KTX2_LENGTH, _ZSTD = 80, 24, 2  # where the largest is told, in how many bytes; its packing
 
 
 class Pictures:
     """The pictures of a scene: equal ones are decoded once and share their pixels.
 
-    more  formats beside PNG, JPEG and WebP, by Pillow's names
+    more   formats beside PNG, JPEG and WebP, by Pillow's names
+    apart  where KTX2 is decoded; None: it is not
     """
 
-    def __init__(self, budget: Budget, notes: Notes, more: tuple[str, ...] = ()) -> None:
-        self._budget, self._notes, self._formats = budget, notes, FORMATS + more
+    def __init__(
+        self, budget: Budget, notes: Notes, more: tuple[str, ...] = (), apart: Apart | None = None
+    ) -> None:
+        self._budget, self._notes, self._formats, self._apart = budget, notes, FORMATS + more, apart
         self._found: dict[tuple[bytes, bool], np.ndarray | str] = {}  # pixels, or why there are none
 
     def decode(self, data: memoryview, *, srgb: bool) -> np.ndarray:
@@ -56,15 +64,50 @@ class Pictures:
 
     def _decode(self, data: memoryview, srgb: bool) -> tuple[np.ndarray, int]:
         """The pixels, and how many times they were halved."""
+        self._budget.take("the picture", work=OPENING)
+        if self._apart is not None and data[:12] == KTX2:
+            pixels, halvings = self._ktx2(data, self._apart)
+        else:
+            pixels, halvings = self._by_pillow(data)
+        for _ in range(halvings):
+            from ispm.optics.texture import halved
+
+            pixels = halved(pixels, srgb)
+        self._budget.take("the picture", memory=pixels.nbytes)
+        return pixels, halvings
+
+    def _ktx2(self, data: memoryview, apart: Apart) -> tuple[np.ndarray, int]:
+        """The pixels of a KTX2 as KHR_texture_basisu has them, and how many times they are to be halved."""
+        if len(data) < _KTX2_LEVEL + _KTX2_LENGTH:
+            raise SceneError("it is cut short within its header")
+        _, form, _, width, height, depth, layers, faces, _, packing = _KTX2_HEADER.unpack_from(data)
+        if form or depth or layers or faces != 1 or not width * height:
+            raise SceneError("it is a KTX2 of another kind; single pictures in ETC1S and UASTC are read")
+        unpacked = int.from_bytes(data[_KTX2_LEVEL + 16 : _KTX2_LEVEL + 24], "little")
+        if packing == _ZSTD and unpacked != -(-width // 4) * -(-height // 4) * 16:
+            raise SceneError(f"{unpacked} bytes are none of {width} x {height} pixels in UASTC")
+        # The decoder holds four bytes of each pixel and what it unpacks, and so do we.
+        halvings = self._admit(width, height, passing=10)
+        pixels = apart.decode("ktx2", data)["pixels"]
+        if pixels.shape != (height, width, 4):
+            raise SceneError("its decoder gives pixels of another size")
+        return pixels, halvings
+
+    def _by_pillow(self, data: memoryview) -> tuple[np.ndarray, int]:
+        """Likewise those of the formats that Pillow reads."""
         from PIL import Image, UnidentifiedImageError
 
-        self._budget.take("the picture", work=OPENING)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of bombs, for the limits are ours, and of odd metadata
             try:
                 with Image.open(io.BytesIO(data), formats=self._formats) as image:
-                    halvings = self._admit(image, data)
-                    pixels = rgba(image)
+                    bands = len(image.getbands())
+                    scans = bytes(data).count(SCAN) if image.format == "JPEG" else 0
+                    # Pillow holds four bytes of each pixel, and so do we; and all coefficients where scans
+                    # add to them. WebP's decoder keeps two pictures of its own.
+                    passing = (16 if image.format == "WEBP" else 8) + (2 * bands if scans > 1 else 0)
+                    halvings = self._admit(*image.size, passing, bands * scans)
+                    return rgba(image), halvings
             except Image.DecompressionBombError:
                 raise SceneError("it has more pixels than can be decoded safely") from None
             except UnidentifiedImageError:
@@ -73,28 +116,21 @@ class Pictures:
                 raise
             except Exception as error:  # Pillow's decoders raise a dozen kinds for broken pictures
                 raise SceneError(f"it cannot be decoded: {error}") from None
-        for _ in range(halvings):
-            from ispm.optics.texture import halved
 
-            pixels = halved(pixels, srgb)
-        self._budget.take("the picture", memory=pixels.nbytes)
-        return pixels, halvings
+    def _admit(self, width: int, height: int, passing: int, scans: int = 0) -> int:
+        """How many times the picture is to be halved. Raises SceneError where it cannot be decoded at all.
 
-    def _admit(self, image: Any, data: memoryview) -> int:
-        """How many times the picture is to be halved. Raises SceneError where it cannot be decoded at all."""
-        limits, (width, height) = self._budget.limits, image.size
+        passing  bytes for each pixel while it is decoded
+        scans    of a JPEG, times its bands
+        """
+        limits = self._budget.limits
         count, what = width * height, f"{width} x {height} pixels"
         if count > limits.max_image_pixels:
             raise SceneError(f"{what}; max_image_pixels={limits.max_image_pixels} is the most")
         if max(width, height) > LONGEST:
             raise SceneError(f"{what}; a side may have {LONGEST} at most")
-        scans = bytes(data).count(SCAN) if image.format == "JPEG" else 0
-        many = len(image.getbands()) * count
-        self._budget.take(what, work=STEPS_A_PIXEL * count + many * scans // SCANS_A_STEP)
-        # Pillow holds four bytes of each pixel, and so do we; and all coefficients where scans add to them.
-        # WebP's decoder keeps two pictures of its own.
-        passing = (16 if image.format == "WEBP" else 8) * count + (2 * many if scans > 1 else 0)
-        self._budget.require(what, passing - RESERVE)
+        self._budget.take(what, work=STEPS_A_PIXEL * count + scans * count // SCANS_A_STEP)
+        self._budget.require(what, passing * count - RESERVE)
         halvings = 0
         while max(width, height) > limits.max_texture:
             width, height, halvings = max(1, width // 2), max(1, height // 2), halvings + 1

@@ -17,6 +17,7 @@ from ispm.io.atomic import as_path, require_writable, write_whole
 from ispm.io.gltf_camera import camera_record
 from ispm.io.gltf_instances import instance_attributes
 from ispm.io.gltf_lamp import lamp_extras, lamp_part
+from ispm.io.gltf_light import RADIUS
 from ispm.io.gltf_mesh import ATTRIBUTES
 from ispm.io.gltf_write import Document
 from ispm.io.gltf_write_material import MaterialWriter, given, numbers, split
@@ -29,12 +30,13 @@ from ispm.io.gltf_write_skin import (
 )
 from ispm.io.png import encode_png
 from ispm.scene.animation import Animation, Channel
-from ispm.scene.light import DirectionalLight, PunctualLight, SpotLight, SurfaceLight
+from ispm.scene.light import DirectionalLight, PointLight, PunctualLight, SpotLight, SurfaceLight
 from ispm.scene.mesh import Mesh
 from ispm.scene.scene import Node, Part, Scene
 from ispm.scene.values import frozen
 
 ENDINGS = (".glb", ".gltf")
+_Worn = tuple[int, tuple[tuple[int, tuple[int, ...]], ...]]  # a material; others, and variants that show them
 
 
 def save(scene: Scene, path: str | os.PathLike[str]) -> Path:
@@ -44,8 +46,9 @@ def save(scene: Scene, path: str | os.PathLike[str]) -> Path:
     Left out are vertices and parts without triangles, channels of nodes outside the scene, names of a node's
     meshes but for the first, and what has no effect, such as the normal scale of a material without a normal
     map. A texture whose encoding is not the one glTF has for its place is rounded to that, and an environment
-    is left out, with a SceneWarning. A camera's pose, aspect and principal point stand in `extras`, where
-    only this program reads them; so does a lamp with a surface, which others see as a mesh that emits.
+    is left out, with a SceneWarning. Parts are written as they are without a variant, and with what they wear
+    in each. A camera's pose, aspect and principal point stand in `extras`, where only this program reads
+    them; so does a lamp with a surface, which others see as a mesh that emits.
     Raises SceneError for what glTF cannot hold, OutputError where the file cannot be written.
     """
     if not isinstance(scene, Scene):
@@ -90,12 +93,16 @@ class _Writer:
         self.document = Document()
         self._materials = MaterialWriter(self.document)
         self._primitives: dict[int, dict[str, Any]] = {}
-        self._meshes: dict[tuple[tuple[int, int], ...], int] = {}
+        self._meshes: dict[tuple[tuple[int, _Worn], ...], int] = {}
         self._lamps: dict[tuple[object, ...], Part] = {}
         self._numbers: dict[int, list[int]] = {}  # of each node, one for each of its parents
         self._bent: list[tuple[Node, dict[str, Any]]] = []  # nodes with skins, and their records
+        self._variants = {name: i for i, name in enumerate(scene.variants)}
         self._scene(scene)
         write_skins(self.document, self._bent, self._numbers)
+        for name in self._variants:
+            self.document.use("KHR_materials_variants")
+            self.document.put("variants", {"name": name})
         for animation in scene.animations:
             self._animation(animation)
 
@@ -151,11 +158,11 @@ class _Writer:
         )
 
     def _mesh(self, parts: list[Part]) -> int:
-        key = tuple((id(part.mesh), id(part.material)) for part in parts)
+        key = tuple((id(part.mesh), self._worn(part)) for part in parts)
         if key not in self._meshes:
             primitives = [
-                {**self._primitive(part.mesh), "material": self._materials.number(part.material)}
-                for part in parts
+                {**self._primitive(part.mesh), **self._wearing(worn)}
+                for part, (_, worn) in zip(parts, key, strict=True)
             ]
             record = {
                 "name": parts[0].mesh.name,
@@ -164,6 +171,24 @@ class _Writer:
             }
             self._meshes[key] = self.document.put("meshes", given(record, {"name": ""}))
         return self._meshes[key]
+
+    def _worn(self, part: Part) -> _Worn:
+        """The number of a part's material, and those of its variants with theirs."""
+        worn = part.wearing(None)
+        mappings: dict[int, list[int]] = {}
+        for name, material in worn.variants.items():
+            if name is not None and name in self._variants:
+                mappings.setdefault(self._materials.number(material), []).append(self._variants[name])
+        return self._materials.number(worn.material), tuple((m, tuple(v)) for m, v in mappings.items())
+
+    def _wearing(self, worn: _Worn) -> dict[str, Any]:
+        """What a primitive says of its material."""
+        material, mappings = worn
+        if not mappings:
+            return {"material": material}
+        records = [{"material": number, "variants": list(variants)} for number, variants in mappings]
+        extension = self.document.use("KHR_materials_variants")
+        return {"material": material, "extensions": {extension: {"mappings": records}}}
 
     def _primitive(self, mesh: Mesh) -> dict[str, Any]:
         """Accessors of a mesh; the loader shares meshes by them."""
@@ -207,6 +232,8 @@ class _Writer:
             record["type"] = "spot" if isinstance(light, SpotLight) else "point"
             if not math.isinf(light.range):
                 record["range"] = float(light.range)
+        if isinstance(light, PointLight) and light.radius > 0.0:
+            record["extras"] = {RADIUS: float(light.radius)}
         if isinstance(light, SpotLight):
             record["spot"] = {
                 "innerConeAngle": float(light.inner_angle),

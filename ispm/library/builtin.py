@@ -8,6 +8,10 @@ from typing import Any
 
 from ispm.errors import SceneError, SettingsError
 from ispm.library.atrium import atrium
+from ispm.library.cargo_map import cargo_bay, cargo_level, cargo_map
+from ispm.library.gallery import glass_figure, million
+from ispm.library.ironworks_car import ironworks_car
+from ispm.library.ironworks_water import ironworks_water
 from ispm.library.rooms import cornell_box, integrating_sphere
 from ispm.library.studio import caustic_ring, glass_sphere, objects_in_box
 from ispm.scene.scene import Scene
@@ -15,10 +19,17 @@ from ispm.settings import nearest
 
 BUILTINS: dict[str, Callable[..., Scene]] = {
     "atrium": atrium,
+    "cargo-bay": cargo_bay,
+    "cargo-level": cargo_level,
+    "cargo-map": cargo_map,
     "caustic-ring": caustic_ring,
     "cornell-box": cornell_box,
+    "glass-figure": glass_figure,
     "glass-sphere": glass_sphere,
     "integrating-sphere": integrating_sphere,
+    "ironworks-car": ironworks_car,
+    "ironworks-water": ironworks_water,
+    "million": million,
     "objects-in-box": objects_in_box,
 }
 """Name to function; the first line of the function's docstring describes the scene."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -11,7 +12,7 @@ from ispm.scene.camera import Camera, look_at_pose
 from ispm.scene.light import SpotLight
 from ispm.scene.material import Material
 from ispm.scene.rotation import quaternion
-from ispm.scene.scene import Node, Scene
+from ispm.scene.scene import Node, Part, Scene
 
 
 def lambert(color: tuple[float, ...], name: str = "", double_sided: bool = False) -> Material:
@@ -57,3 +58,13 @@ def turns_about(axis: tuple[float, float, float], angles: np.ndarray) -> np.ndar
     """Return (K, 4) quaternions that turn by `angles` (radians) about a unit axis."""
     half = 0.5 * np.asarray(angles)[:, None]
     return np.concatenate([np.sin(half) * np.asarray(axis), np.cos(half)], axis=1)
+
+
+def stand(scene: Scene, name: str, parts: list[Part], places: Sequence[np.ndarray]) -> None:
+    """Hang a node with `parts` into the scene at each of (4, 4) `places`, which turn and move alone.
+
+    The nodes share meshes and materials, and are numbered.
+    """
+    for number, place in enumerate(places):
+        x, y, z = place[:3, 3].tolist()
+        scene.roots.append(Node(f"{name} {number}", (x, y, z), quaternion(place[:3, :3]), parts=parts))

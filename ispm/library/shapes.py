@@ -101,7 +101,7 @@ def tube(path: np.ndarray, radius: float, sides: int, name: str = "") -> Mesh:
     """
     ahead = np.roll(path, -1, axis=0) - np.roll(path, 1, axis=0)
     ahead /= np.linalg.norm(ahead, axis=1, keepdims=True)
-    across = _carried(ahead)
+    across = carried(ahead)
     # what the frame has turned by after one round is taken back evenly along it
     start, *_, last = across
     end = _across(last, ahead[0])
@@ -116,7 +116,7 @@ def tube(path: np.ndarray, radius: float, sides: int, name: str = "") -> Mesh:
     return Mesh((path[:, None] + radius * out).reshape(-1, 3), triangles, out.reshape(-1, 3), name=name)
 
 
-def _carried(ahead: np.ndarray) -> np.ndarray:
+def carried(ahead: np.ndarray) -> np.ndarray:
     """(N, 3) unit vectors across a curve, each turned as little as can be from the one before."""
     across = [_across(np.eye(3)[np.argmin(np.abs(ahead[0]))], ahead[0])]
     for direction in ahead[1:]:

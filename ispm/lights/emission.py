@@ -65,12 +65,17 @@ class _Source(NamedTuple):
 
 
 def emit_texels(
-    packed: Packed, surfaces: SurfaceTable, plan: Sequence[PlannedMap], texels: Sequence[np.ndarray]
+    lights: np.ndarray,
+    surfaces: SurfaceTable,
+    plan: Sequence[PlannedMap],
+    texels: Sequence[np.ndarray],
+    first_key: int = 0,
 ) -> np.ndarray:
     """Thin bounce maps to photons, in order of map and texel.
 
-    texels  of each planned map, (F, W, W, 2) uint32: instance and primitive
-    ->      (N,) EMITTED; of each map `photons` in expectation
+    lights     (L,) LIGHT, those of the maps;  first_key  of the photons' keys
+    texels     of each planned map, (F, W, W, 2) uint32: instance and primitive
+    ->         (N,) EMITTED; of each map `photons` in expectation
 
     A texel of the part dF of its map's measure F emits N dF / F photons, N the map's: mostly one or none.
     They are spread evenly by comparing against a lattice (the plastic number's, Roberts 2018) shifted at
@@ -78,8 +83,7 @@ def emit_texels(
     """
     batches = [np.zeros(0, EMITTED)]
     content = iter(texels)
-    first_key = 0
-    for light, maps in _by_light(packed, plan):
+    for light, maps in _by_light(lights, plan):
         densities = [each.density for each in maps]
         for each, source in zip(maps, _sources(light, maps, densities), strict=True):
             expected = texel_measures(each.map, light, each.width, each.shift)
@@ -87,7 +91,7 @@ def emit_texels(
             most = np.ceil(expected)
             out = np.empty(int(most.sum()), EMITTED)
             faces = _faces(each.map, source.origin)
-            out = out[: _thin(packed.lights, source, faces, expected, u32(first_key), out)]
+            out = out[: _thin(lights, source, faces, expected, u32(first_key), out)]
             texel = (out["key"].astype(np.int64) - first_key) % expected.size
             place_photons(surfaces, each, next(content), out, texel)
             batches.append(out)
@@ -130,7 +134,7 @@ def emit_rays(
     batches = [np.zeros(0, EMITTED)]
     first_key = 0
     tables = scene_tables(packed, world, surfaces)
-    for light, maps in _by_light(packed, plan):
+    for light, maps in _by_light(packed.lights, plan):
         densities = [_density_of_rays(light, each) for each in maps]
         for each, source in zip(maps, _sources(light, maps, densities), strict=True):
             rows = np.zeros(each.photons, EMITTED)
@@ -149,10 +153,10 @@ def _emit_shared(
     run_shared(lambda counter: _emit_rays(tables, source, pass_index, seed, counter, rows), threads)
 
 
-def _by_light(packed: Packed, plan: Sequence[PlannedMap]) -> Iterator[tuple[np.void, list[PlannedMap]]]:
+def _by_light(lights: np.ndarray, plan: Sequence[PlannedMap]) -> Iterator[tuple[np.void, list[PlannedMap]]]:
     """Each LIGHT with its maps."""
     for row, maps in groupby(plan, key=lambda each: each.map.light):
-        yield packed.lights[row], list(maps)
+        yield lights[row], list(maps)
 
 
 def _sources(light: np.void, maps: Sequence[PlannedMap], densities: Sequence[float]) -> list[_Source]:
@@ -178,7 +182,7 @@ def _faces(map: LightMap, origin: np.ndarray) -> np.ndarray:
 
 def _is_whole(light: np.void, each: PlannedMap) -> bool:
     """Whether a map sees all that its light sends."""
-    return len(each.map.axes) == 6 or bool(
+    return len(each.map.axes) > 1 or bool(
         light["kind"] == LIGHT_SPOT and each.map.measure == cone_measure(light)
     )
 

@@ -22,6 +22,10 @@ _NARROWEST = 1e-6  # likewise, of a scene that is a point
 _MARGIN = 1.02  # for the maps' sub-texel shifts
 _QUADRATURE = 128  # points a side, for the part of a spot's cone that a square covers
 
+# Kind of a LIGHT that stands for a point of a lamp with a surface (Lambert): its intensity falls with the
+# cosine from its direction. Emission alone makes such; `Packed.lights` never holds one.
+LIGHT_LAMBERT = 3
+
 # s (right), t (down) and axis of each face in the order of cube maps; WebGPU, section 23.2.
 CUBE_AXES = np.array(
     [
@@ -41,7 +45,7 @@ _maps: WeakKeyDictionary[Packed, list[LightMap]] = WeakKeyDictionary()
 
 @dataclass(frozen=True, eq=False)
 class LightMap:
-    """Square views from a light that do not overlap: the six of a cube, or one.
+    """Square views from a light that do not overlap: the six of a cube, five of one, or one.
 
     light         row of the lights
     origin        (3,) m, world space: the light; of a directional one the middle of what it lights
@@ -50,7 +54,7 @@ class LightMap:
                   orthographic: at (s.p, t.p) itself, axis.p going from -1, near, to 1, far
     orthographic  the light is directional
     measure       what the map takes of the light: its flux is intensity times this; sr, weighted by a
-                  spot's falloff; orthographic: m^2 across the rays
+                  spot's or a lamp's falloff; orthographic: m^2 across the rays
     range         m from the origin beyond which the light ends
     """
 
@@ -86,7 +90,8 @@ def light_map(index: int, light: np.void, bounds: np.ndarray) -> LightMap:
 
     light   LIGHT
     bounds  (2, 3) corners of the scene
-    That of a light far outside holds the scene alone, which saves the photons that would miss it.
+    That of a light far outside holds the scene alone, which saves the photons that would miss it; that of a
+    lamp's point a hemicube, the faces of a cube that see what is before its surface.
     """
     corners = corners_of(bounds)
     if light["kind"] == records.LIGHT_DIRECTIONAL:
@@ -101,7 +106,8 @@ def light_map(index: int, light: np.void, bounds: np.ndarray) -> LightMap:
     if fitting:
         return square_map(index, light, *min(fitting, key=lambda view: view[-1]))
     origin = light["position"].astype(np.float64)
-    return LightMap(index, origin, CUBE_AXES, False, cone_measure(light), _range(light))
+    axes = CUBE_AXES[:5] @ _frame(_axis(light)) if light["kind"] == LIGHT_LAMBERT else CUBE_AXES
+    return LightMap(index, origin, axes, False, cone_measure(light), _range(light))
 
 
 def square_map(index: int, light: np.void, frame: np.ndarray, spread: float) -> LightMap:
@@ -157,6 +163,8 @@ def view_of(points: np.ndarray) -> tuple[np.ndarray, float]:
 def falloff(light: np.void, directions: np.ndarray) -> np.ndarray:
     """Return the share of its intensity that a light sends along (..., 3) unit directions."""
     cosines = directions @ _axis(light)
+    if light["kind"] == LIGHT_LAMBERT:
+        return np.asarray(np.maximum(cosines, 0.0))
     edge = np.clip(cosines * float(light["cone_scale"]) + float(light["cone_offset"]), 0.0, 1.0)
     return np.asarray(edge * edge)
 
@@ -178,7 +186,7 @@ def texel_measures(
     if not map.orthographic:
         parts = (1.0 + map.spread**2 * (s**2 + t[:, None] ** 2)) ** -1.5
     parts = np.broadcast_to(parts, (len(map.axes), width, width))
-    if light["kind"] == records.LIGHT_SPOT:
+    if _falls_off(light):
         parts = parts * [falloff(light, face_directions(axes, s, t[:, None])) for axes in map.axes]
     total = float(parts.sum())
     return parts * (map.measure / total) if total > 0.0 else parts
@@ -233,6 +241,11 @@ def _parallel_view(index: int, light: np.void, points: np.ndarray, up: np.ndarra
     return LightMap(index, (low + high) / 2.0 @ frame, axes, True, float(4.0 * half[0] * half[1]))
 
 
+def _falls_off(light: np.void) -> bool:
+    """Whether a light's intensity differs with the direction."""
+    return bool(light["kind"] in (records.LIGHT_SPOT, LIGHT_LAMBERT))
+
+
 def _axis(light: np.void) -> np.ndarray:
     """Its direction, (3,), unit in float64."""
     direction = light["direction"].astype(np.float64)
@@ -252,12 +265,14 @@ def _range(light: np.void) -> float:
 
 
 def cone_measure(light: np.void) -> float:
-    """Return the sr of all directions, weighted by the falloff: 4 pi but for spots.
+    """Return the sr of all directions, weighted by the falloff: 4 pi but for spots and points of lamps.
 
     Of these it is 2 pi times the integral of the falloff over the cosine.
     """
-    if light["kind"] != records.LIGHT_SPOT:
+    if not _falls_off(light):
         return 4.0 * math.pi
+    if light["kind"] == LIGHT_LAMBERT:
+        return math.pi
     scale, offset = float(light["cone_scale"]), float(light["cone_offset"])
     outer, inner = -offset / scale, (1.0 - offset) / scale
     full = max(1.0 - inner, 0.0)
@@ -266,12 +281,13 @@ def cone_measure(light: np.void) -> float:
 
 
 def _square_measure(light: np.void, axes: np.ndarray, spread: float) -> float:
-    """Solid angle, sr, of a square view of tangent `spread` to each side, weighted by a spot's falloff."""
+    """Solid angle, sr, of a square view of tangent `spread` to each side, weighted by the light's falloff."""
     square = spread * spread
     whole = 4.0 * math.atan2(square, math.sqrt(1.0 + 2.0 * square))
-    if light["kind"] != records.LIGHT_SPOT:
+    if not _falls_off(light):
         return whole
-    if spread >= _cone_tangent(light) and float(axes[2] @ _axis(light)) > 1.0 - 1e-12:
+    is_spot = light["kind"] == records.LIGHT_SPOT
+    if is_spot and spread >= _cone_tangent(light) and float(axes[2] @ _axis(light)) > 1.0 - 1e-12:
         return cone_measure(light)
     s = 2.0 * (np.arange(_QUADRATURE) + 0.5) / _QUADRATURE - 1.0
     density = (1.0 + square * (s**2 + s[:, None] ** 2)) ** -1.5

@@ -50,7 +50,7 @@ _PAIRS = 2  # of directions that one of the environment is drawn from
 _NONE = f32(0), f32(0), f32(0)
 _GOLDEN = 0.6180339887498949  # steps of which lie evenly in a line
 _WHOLE = f32(1), f32(1)
-BY_NOTHING, BY_FACETS, BY_BSDF = range(3)  # how a path goes on from where lights are drawn for
+BY_NOTHING, BY_FACETS, BY_COAT, BY_BSDF = range(4)  # how a path goes on from where lights are drawn for
 BEFORE = f32(1e-4)  # of the distance that a shadow ray ends before a light, which may hang on a wall
 
 
@@ -83,10 +83,10 @@ def area_light(tables, x, wo, u, scratch, limit, goes_on, count=1):
     """Return what of `direct_light` comes from lamps with a surface and from the environment: by so many
     points, and directions, of each.
 
-    goes_on  BY_NOTHING; BY_FACETS or BY_BSDF: a path goes on by the lobe of an opaque surface's facets, or by
-             `sample_bsdf`, and may meet the lamps too: their light in these lobes is weighed by the balance
-             heuristic (Veach 1997, section 9.2.2), see `lamp_weight`. Unless by all, that in the facets of
-             what transmits is left to paths
+    goes_on  BY_NOTHING; BY_FACETS, BY_COAT or BY_BSDF: a path goes on by the narrow lobe of an opaque
+             surface's facets, by a coat's lobe of any width, or by `sample_bsdf`, and may meet the lamps too:
+             their light in these lobes is weighed by the balance heuristic (Veach 1997, section 9.2.2), see
+             `lamp_weight`. Unless by all, that in the facets of what transmits is left to paths
     """
     total, traced, share = (f32(0), f32(0), f32(0)), i64(0), f32(1) / f32(count)
     if len(tables.emitters.triangles) == 0 and not has_environment(tables.environment):
@@ -236,7 +236,7 @@ def left_to_draws(x, goes_on):
     if goes_on == BY_BSDF or not transmits(b):
         return x
     b = Bsdf(b.diffuse, _NONE, f32(0), f32(0), b.dielectric_f0, b.dielectric_f90, _NONE, b.eta, b.thin)
-    return SurfacePoint(x.hit, x.position, x.ng, x.n, b, x.flags, x.entering)
+    return SurfacePoint(x.hit, x.position, x.ng, x.n, b, x.flags, x.entering, x.coat)
 
 
 @jit
@@ -247,7 +247,8 @@ def drawn_share(x, wo, wi, pdf, goes_on):
     if goes_on == BY_BSDF:
         share = pdf / (pdf + pdf_bsdf(b, x.n, wo, wi))
         return share, share
-    if goes_on == BY_FACETS and is_narrow(b) and dot(x.n, wi) > f32(0):
+    by_facets = goes_on == BY_COAT or (goes_on == BY_FACETS and is_narrow(b))
+    if by_facets and dot(x.n, wi) > f32(0):
         return f32(1), pdf / (pdf + visible_pdf(b.alpha, x.n, dot(x.n, wo), normalize(add(wo, wi))))
     return f32(1), f32(1)
 
@@ -271,7 +272,7 @@ def _reflected(x, wo, irradiance, bright, wi, limit, share=_WHOLE):
     if share[1] != f32(1):
         others = eval_bsdf(without_diffuse(x.bsdf), x.n, x.ng, wo, wi)
         f = add(scale(share[0], sub(f, others)), scale(share[1], others))
-    if greatest(f) <= f32(0) or is_bright(x.bsdf, x.ng, wo, bright, wi, limit):
+    if greatest(f) <= f32(0) or is_bright(x.bsdf, x.ng, wo, bright, wi, limit * x.coat.shown):
         return none
     if dot(wi, x.ng) < f32(0) and x.bsdf.thin == f32(0):  # refracted radiance
         f = scale(f32(1) / (x.bsdf.eta * x.bsdf.eta), f)
@@ -286,7 +287,8 @@ def is_bright(b, ng, wo, irradiance, wi, limit):
     irradiance, wi  as `light_arriving` has them
     limit           of pi times the radiance that the light would make there without shadows
     The same for the eye and for photons: it takes the geometric normal, as the shading normal is bent
-    towards the viewer, and is symmetric in wo and wi.
+    towards the viewer, and is symmetric in wo and wi. Of a coated surface what is under the coat decides:
+    callers scale the limit by the share of it that the coat shows, which is not symmetric.
     """
     if limit == f32(np.inf):
         return False
@@ -299,7 +301,7 @@ def is_bright_first_bounce(tables, photon, x, wo, limit):
     """Return whether the first bounce of an EMITTED photon, at a SurfacePoint, is bright, seen along wo;
     limit: lx, see `is_bright`."""
     irradiance, wi = first_irradiance(tables, photon, x.position)
-    return is_bright(x.bsdf, x.ng, wo, irradiance, wi, limit)
+    return is_bright(x.bsdf, x.ng, wo, irradiance, wi, limit * x.coat.shown)
 
 
 @jit
@@ -316,7 +318,7 @@ def split_count(tables, photon, limit):
     if greatest(irradiance) <= limit:
         return i64(1)
     x = surface(tables, hit, scale(f32(-1), wi))
-    return i64(SPLIT_COUNT) if is_bright(x.bsdf, x.ng, x.ng, irradiance, wi, limit) else i64(1)
+    return i64(SPLIT_COUNT) if is_bright(x.bsdf, x.ng, x.ng, irradiance, wi, limit * x.coat.shown) else i64(1)
 
 
 @jit

@@ -79,10 +79,31 @@ def plan_maps(
     seen           (n, 3) m, points in the picture: half of a directional light's other photons are aimed at
                    them, if its own map is much wider; None: unknown
     """
+    lights, maps, hulls = packed.lights, light_maps(packed), packed.caustic_hulls
+    return plan_views(lights, maps, hulls, counts[: len(lights)], caustic_share, seed, pass_index, seen=seen)
+
+
+def plan_views(
+    lights: np.ndarray,
+    maps: Sequence[LightMap],
+    hulls: np.ndarray,
+    counts: np.ndarray,
+    caustic_share: float,
+    seed: int,
+    pass_index: int,
+    first: int = 0,
+    seen: np.ndarray | None = None,
+) -> list[PlannedMap]:
+    """Return what the maps of some lights do, as `plan_maps`.
+
+    lights  (L,) LIGHT;  maps  the own map of each;  counts  (L,) photons of each
+    hulls   (n, k, 3) points round each object that casts caustics, world space
+    first   number of the first light, that tells its random numbers
+    """
     plan: list[PlannedMap] = []
-    for index, (light, count) in enumerate(zip(packed.lights, counts[: len(packed.lights)], strict=True)):
+    for index, (light, base, count) in enumerate(zip(lights, maps, counts, strict=True), first):
         if count:
-            shared = _share(packed, index, int(count), caustic_share, seen)
+            shared = _share(base, light, hulls, int(count), caustic_share, seen)
             for k, (map, photons) in enumerate(shared):
                 x, y, z, _ = random4(
                     np.uint32(index), np.uint32(_DIMENSION + k), np.uint32(pass_index), np.uint32(seed)
@@ -96,8 +117,9 @@ def map_width(map: LightMap, light: np.void, photons: int) -> int:
     """Return the width of a map's face so that its texels emit at most one photon each.
 
     A texel covers at most 4 k^2 / W^2 sr, k the spread, and must not carry more than the part 1 / N of the
-    map's measure. For a cube W^2 >= N / pi, and about 52 % of the texels survive. Of a single face nearly all
-    would: a grid, which mirrors fold into rings. So it has four texels a photon.
+    map's measure. For a cube W^2 >= N / pi, and about 52 % of the texels survive; for a lamp's hemicube
+    W^2 >= 4 N / pi, and 16 %. Of a single face nearly all would: a grid, which mirrors fold into rings. So it
+    has four texels a photon.
     """
     largest = map.measure if map.orthographic else 4.0 * map.spread**2
     needed = math.sqrt(photons * largest / map.measure)
@@ -108,13 +130,17 @@ def map_width(map: LightMap, light: np.void, photons: int) -> int:
 
 
 def _share(
-    packed: Packed, index: int, count: int, caustic_share: float, seen: np.ndarray | None
+    base: LightMap,
+    light: np.void,
+    hulls: np.ndarray,
+    count: int,
+    caustic_share: float,
+    seen: np.ndarray | None,
 ) -> list[tuple[LightMap, int]]:
     """A light's maps and their photons."""
-    base, hulls = light_maps(packed)[index], packed.caustic_hulls
     wanted = min(caustic_share, 1.0 - _LEAST_BASE) * count
     most = min(_AIMED_MOST, int(wanted) // _AIMED_LEAST)
-    aimed = aimed_maps(base, packed.lights[index], hulls, most) if most and len(hulls) else []
+    aimed = aimed_maps(base, light, hulls, most) if most and len(hulls) else []
     total = sum(map.measure for map in aimed)
     shares = [(map, round(wanted * map.measure / total)) for map in aimed]
     rest = count - sum(photons for _, photons in shares)

@@ -1,9 +1,9 @@
 """Photons as they leave lamps with a surface: rays from points drawn on them.
 
-A lamp shines from many points, so that its photons' first flights are no picture from one place. They are
-drawn evenly in five dimensions: the triangle in proportion to its flux, a point on it, a direction by the
-cosine; where the scene has mirrors or glass that cast caustics, a share of them towards these, with the
-densities of both added (the balance heuristic of Veach 1997, section 9.2.2).
+A lamp shines from many points, so that its photons' first flights are no picture from one place, but several,
+see `lamp_maps`. Rays are drawn evenly in five dimensions: the triangle in proportion to its flux, a point on
+it, a direction by the cosine; where the scene has mirrors or glass that cast caustics, a share of them
+towards these, with the densities of both added (the balance heuristic of Veach 1997, section 9.2.2).
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from ispm.optics.jit import jit
 from ispm.optics.records import EMITTED, EMITTED_BY_SURFACE, NO_HIT
 from ispm.optics.rng import random4
 from ispm.optics.sampling import cosine_hemisphere, to_world
-from ispm.optics.vector import dot, scale, sub, vec3
+from ispm.optics.vector import Vector, dot, scale, sub, vec3
 from ispm.scene.packed import Packed
 
 f32, f64, i64, u32 = np.float32, np.float64, np.int64, np.uint32
@@ -33,6 +33,21 @@ _DIMENSION = (1 << 20) - 2  # of the random numbers of a ray, and of those that 
 _CHUNK = 1024  # rays a thread takes at a time
 _ROOT = 1.1347241384015194  # x^6 = x + 1: for a lattice even in five dimensions (Roberts 2018)
 _STEPS = tuple(_ROOT**-k for k in range(1, 6))
+
+
+class LampPoint(NamedTuple):
+    """A point drawn on a lamp with a surface.
+
+    row     of its EMITTER;  hit  there
+    point   m, world space;  n  unit, of the side that it shines from
+    extent  m2 of the lamps' surface, over the density of the draw
+    """
+
+    row: np.int64
+    hit: Hit
+    point: Vector
+    n: Vector
+    extent: np.float32
 
 
 class _Lamps(NamedTuple):
@@ -76,7 +91,7 @@ def emit_from_surfaces(
         return np.zeros(0, EMITTED)
     spheres = caustic_spheres(packed)
     lamps = _Lamps(
-        np.append(0.0, np.cumsum(flux) / flux.sum()),
+        cumulative_shares(flux),
         spheres,
         f32(caustic_share if len(spheres) else 0.0),
         lattice_shifts(_DIMENSION, seed, pass_index),
@@ -87,6 +102,11 @@ def emit_from_surfaces(
     numbers_of = np.uint32(pass_index), np.uint32(seed)
     run_shared(lambda counter: _emit(tables, lamps, *numbers_of, counter, rows), world.threads)
     return rows[rows["flux"].any(axis=1)]
+
+
+def cumulative_shares(flux: np.ndarray) -> np.ndarray:
+    """Return the share of all flux before each of (n,) emitters, and 1, (n + 1,) float64."""
+    return np.append(0.0, np.cumsum(flux) / flux.sum())
 
 
 def lattice_shifts(dimension: int, seed: int, pass_index: int) -> np.ndarray:
@@ -113,38 +133,46 @@ def _emit(tables, lamps, pass_index, seed, counter, rows):
     count = f32(len(rows))
     for i in shared_rows(counter, _CHUNK, len(rows)):
         u0, u1, u2, u3, u4 = lattice5(lamps.shifts, i)
-        k, chance, u0 = _draw_triangle(lamps.cumulative, u0)
-        emitter = tables.emitters.triangles[k]
-        root = f32(math.sqrt(u1))
-        u, v = root * (f32(1) - u2), root * u2
-        hit = Hit(emitter.instance, emitter.primitive, u, v)
-        n, sides = vec3(emitter.normal), f32(1)
-        if emitter.two_sided != u32(0):
-            sides = f32(2)
-            if u0 >= f32(0.5):
-                n = scale(f32(-1), n)
-        point = emitter_point(emitter, u, v)
+        drawn = draw_lamp_point(tables, lamps.cumulative, u0, u1, u2)
+        point, n, emitter = drawn.point, drawn.n, tables.emitters.triangles[drawn.row]
         d, density = _direction(lamps, point, n, u3, u4)
         cosine = dot(n, d)
         if cosine <= f32(0) or density <= f32(0):
             continue
         # m2 sr of the lamp's light that are the photon's own
-        extent = sides * emitter.area * cosine / (count * chance * density)
-        radiance = emitted_radiance(tables, hit)
+        extent = drawn.extent * cosine / (count * density)
+        radiance = emitted_radiance(tables, drawn.hit)
         row = rows[i]
         row.spread = f32(math.sqrt(emitter.lamp)) * (extent / (f32(math.pi) * emitter.lamp)) ** f32(0.25)
         row.turn = f32(math.sqrt(extent)) / row.spread
-        row.emitter = u32(k)
+        row.emitter = u32(drawn.row)
         for c in range(3):
             row.flux[c] = extent * radiance[c]
             row.origin[c] = point[c]
         holes, _, _, _ = random4(row.key, u32(_DIMENSION), pass_index, seed)
-        start = leave_surface(tables, hit, n)
+        start = leave_surface(tables, drawn.hit, n)
         found, met = closest_surface(tables, start, d, holes, scratch)
         row.instance = met.instance if found else u32(NO_HIT)
         row.primitive = met.primitive
         row.u = met.u
         row.v = met.v
+
+
+@jit
+def draw_lamp_point(tables, cumulative, u0, u1, u2):
+    """Return the LampPoint drawn by u0, u1, u2 of [0, 1), in proportion to flux; cumulative: see
+    `cumulative_shares`."""
+    k, chance, u0 = _draw_triangle(cumulative, u0)
+    emitter = tables.emitters.triangles[k]
+    root = f32(math.sqrt(u1))
+    u, v = root * (f32(1) - u2), root * u2
+    n, sides = vec3(emitter.normal), f32(1)
+    if emitter.two_sided != u32(0):
+        sides = f32(2)
+        if u0 >= f32(0.5):
+            n = scale(f32(-1), n)
+    hit = Hit(emitter.instance, emitter.primitive, u, v)
+    return LampPoint(k, hit, emitter_point(emitter, u, v), n, sides * emitter.area / chance)
 
 
 @jit

@@ -5,7 +5,7 @@ const NO_HIT = 0xffffffffu;
 struct Vertex {            // object space
     position: vec3f,
     color: u32,            // linear RGBA, 8 bits each, red lowest
-    normal: vec3f,
+    normal: vec3f,         // 0: that of the triangle
     spare: f32,
     tangent: vec4f,        // w: handedness of the bitangent, 0: none
     uv0: vec2f,
@@ -50,14 +50,21 @@ struct Material {
     flags: u32,                    // MATERIAL_*
     transmission: f32,             // share of the light below the reflection that goes through, tinted
     ior: f32,                      // index of refraction
-    spare0: u32,
+    clearcoat: f32,                // share of the surface that a clear coat covers
     attenuation: vec3f,            // 1/m per channel, of light inside: exp(-attenuation distance)
-    spare1: u32,
+    clearcoat_roughness: f32,
     base_color_texture: TextureUse,
     metallic_roughness_texture: TextureUse,
     normal_texture: TextureUse,
     emission_texture: TextureUse,
     transmission_texture: TextureUse,
+    clearcoat_texture: TextureUse,
+    clearcoat_roughness_texture: TextureUse,
+    clearcoat_normal_texture: TextureUse,
+    clearcoat_normal_scale: f32,
+    spare0: u32,
+    spare1: u32,
+    spare2: u32,
 }
 const MATERIAL_MASK = 1u;          // opacity below alpha_cutoff is a hole
 const MATERIAL_BLEND = 2u;         // opacity is a probability
@@ -66,6 +73,7 @@ const MATERIAL_UNLIT = 8u;         // base colour is shown as it is; black to li
 const MATERIAL_TRANSMITS = 16u;    // some light goes through
 const MATERIAL_THIN = 32u;         // and straight on: the surface has no inside
 const MATERIAL_CAUSTIC = 64u;      // a mirror or glass that casts caustics, worth aiming photons at
+const MATERIAL_COATED = 128u;      // under a clear coat
 
 struct Light {
     position: vec3f,

@@ -39,7 +39,7 @@ _REFLECTED_EACH = 4  # of the paths of rough glass so many reflect once
 
 class View(NamedTuple):
     """What holds for all rays: width, spread, near and past are `EyeRays.width` and `slack`;
-    columns, most, widening and shows_environment those of EyeRays."""
+    columns, most, widening, shows_environment and of_coats those of EyeRays."""
 
     width: np.float32
     spread: np.float32
@@ -51,6 +51,7 @@ class View(NamedTuple):
     most: np.int64
     widening: np.float32
     shows_environment: bool
+    of_coats: bool
 
 
 class Branch(NamedTuple):

@@ -26,6 +26,7 @@ _SPREAD_MAX = 64.0  # widths that neighbours in a curved mirror lie apart, at mo
 _PLANE_REACH = f32(1.3)  # low-resolution pixels off the tangent plane
 _LEAST_NEAR = f32(1e-3)  # added to bilinear weights, as any of the four receivers may be the only one to fit
 _FEW = f32(0.02)  # sum of weights below which farther neighbours are used too
+_LEAST_TOTAL = f32(1e-30)  # of weights: one over less overflows float32
 _TOO_LITTLE = f32(1e-3)  # sum of weights below which an end has no neighbour
 _TURNED = f32(0.01)  # least share of its weight that a receiver keeps whose bump faces elsewhere
 _FROST_REACH = 5  # pixels on each side over which rough glass is averaged
@@ -133,7 +134,7 @@ def _mix(point, x, y, image, out):
             weight, fresnel_weight, gloss_weight = weight + w, fresnel_weight + fresnel, gloss_weight + gloss
     for c in range(16):
         total = weight if c < 4 else (fresnel_weight if c < 8 else gloss_weight)
-        out[c] = out[c] / total if total > f32(0) else f32(0)
+        out[c] = out[c] / total if total > _LEAST_TOTAL else f32(0)
     return weight >= _TOO_LITTLE
 
 

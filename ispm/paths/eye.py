@@ -16,6 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ispm.accel.intersect import STACK_WORDS
+from ispm.accel.layers import coat_point, is_coated
 from ispm.accel.medium import attenuated, medium, no_medium, passed_sheet
 from ispm.accel.records import Hit, Scratch
 from ispm.accel.surface import (
@@ -58,6 +59,7 @@ from ispm.paths.branch import (
     leave,
     pixel_width,
 )
+from ispm.paths.coat import coat_light, draw_coat, sample_coat
 from ispm.paths.eye_paths import EyePaths, EyeRays, RayArrays, ray_arrays
 from ispm.paths.facet import (
     ROUGH_SAMPLES,
@@ -74,6 +76,7 @@ from ispm.paths.vertices import (
     PATH_END,
     PATH_END_AND_POINT,
     add_light,
+    store_coat,
     store_end,
     store_first,
     store_gloss,
@@ -90,6 +93,7 @@ _MIN_WEIGHT = f32(1e-3)  # weight below which a path is not followed
 _MIN_WEIGHT_AFTER_END = f32(0.02)  # and below which not from an end
 _CONTACT = f32(1e-3)  # of a path, the least length of what reflects it to where it ends, for its blur
 _EVENTS_APART = 32  # numbers of the events of two paths that part
+_OF_COAT = 255  # likewise of the light of a coat
 _LAMP_SAMPLES = 4  # points of lamps with a surface that an end is lit by, where a pixel has one path
 _CHUNK = 64  # pixels a thread takes at a time; results do not depend on it or on the threads
 _BATCH = 1 << 15  # pixels whose ends lie in memory at their full number
@@ -111,8 +115,8 @@ def trace_eye(
     tables = scene_tables(packed, world, surfaces)
     (width, spread), (near, past) = rays.width, rays.slack
     numbers = u32(pass_index), u32(seed), u32(rays.columns), i64(rays.most), f32(rays.widening)
-    told = rays.shows_environment
-    view = View(f32(width), f32(spread), f32(near), f32(past), *numbers, told)
+    told = rays.shows_environment, rays.of_coats
+    view = View(f32(width), f32(spread), f32(near), f32(past), *numbers, *told)
     capacity = _CHUNK * _PATHS_MAX * _ENDS_MAX * _samples(packed)
     ends, points, traced = [np.zeros(0, PATH_END)], [np.zeros(0, RECEIVER)], 0
     for first in range(0, count, _BATCH):
@@ -223,6 +227,12 @@ def _follow_pixel(tables, view, thread, rays, i, slot, out, done):
     thread.footprint[:] = pixel_width(view, length)
     x = surface(tables, hit, d)
     wo = scale(f32(-1), d)
+    if view.of_coats:
+        _, _, u = facet_numbers(key, u32(_OF_COAT), view.pass_index, view.seed)
+        own, more, shadows = coat_light(tables, x, wo, u, thread.scratch, f32(0), _LAMP_SAMPLES)
+        store_coat(out.firsts[i], x, own)
+        add_light(out.direct, i, more, _WHITE)
+        x, done = coat_point(x), _Done(done.row, done.traced + shadows)
     blurred, near_by, followed = f32(0), f32(0), f32(0)
     count = i64(1) if past else branches(view, x, wo, key)
     for k in range(count):
@@ -330,6 +340,11 @@ def _follow(tables, view, thread, path, i, slot, out, done):
             add_light(out.direct, i, add(light, more), seen)
             shadows += others
             traced += shadows
+        by_coat = is_coated(x) and not unlit and event < EVENTS_MAX and ends < _ENDS_MAX
+        if by_coat:
+            light, more, shadows = coat_light(tables, x, wo, u0, thread.scratch, widest, 1)
+            add_light(out.direct, i, add(light, more), seen)
+            traced += shadows
         if unlit or has_diffuse or (has_finite(b) and not goes_on):
             if unlit:
                 b = BLACK
@@ -342,12 +357,18 @@ def _follow(tables, view, thread, path, i, slot, out, done):
         may_part = lane == TRANSMITTED and not parted
         alive, wi, factor, parts, above, kept = False, wo, wo, False, wo, wo
         drawn, passed = f32(0), False
-        if goes_on:
+        chance = f32(1)
+        if by_coat:
+            by_coat, u1, chance = draw_coat(x, wo, u1, goes_on or is_smooth(b))
+        if by_coat:
+            alive, wi, factor, drawn = sample_coat(x, wo, u1, u2)
+        elif goes_on:
             alive, wi, factor, drawn = sample_lobe(x, wo, u1, u2)
         elif is_smooth(b) or transmits(b):
             alive, wi, factor, parts, above, kept = sample_specular_lobe(x, wo, u1, u2, may_part)
             passed = is_smooth(b) and passed_sheet(x, wi)  # as shadow rays do, so that lobes draw beyond
         drawn = pdf if passed else drawn
+        factor = scale(f32(1) / chance, factor)
         branch = Branch(key, u32(dimension + u32(1)), lane, wi, times(weight, factor), drawn, sees_background)
         if parts:
             apart = u32(dimension + u32(_EVENTS_APART))

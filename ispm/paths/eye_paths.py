@@ -26,6 +26,7 @@ class EyeRays:
     columns    pixels in a row of the picture whose pixels' numbers the keys are: weak lobes of some are left
                to others beside them; 0: all are looked at
     most       paths from a strong lobe
+    of_coats   whether paths start from the clear coat of what a pixel shows, else from what is under it
     widening   at ends, direct light counts lobes as at least this times as wide as the lobe that led there:
                few paths find a light's image in a second narrow lobe
     """
@@ -41,6 +42,7 @@ class EyeRays:
     columns: int = 0
     most: int = 4
     widening: float = 1.0
+    of_coats: bool = False
 
 
 @dataclass(frozen=True)

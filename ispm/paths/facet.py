@@ -83,7 +83,7 @@ def widened(x, alpha):
         return x
     wide = min(alpha, NARROW_ALPHA)
     b = Bsdf(b.diffuse, b.f0, b.f90, wide, b.dielectric_f0, b.dielectric_f90, b.tint, b.eta, b.thin)
-    return SurfacePoint(x.hit, x.position, x.ng, x.n, b, x.flags, x.entering)
+    return SurfacePoint(x.hit, x.position, x.ng, x.n, b, x.flags, x.entering, x.coat)
 
 
 @jit

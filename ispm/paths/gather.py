@@ -9,7 +9,8 @@ each path from a light to x counts in one of them alone:
   is a bright first bounce near a light or a highlight (`nee.is_bright`), is lit by a caustic, or lets
   light through (`nee.is_gathered`); or a mirror or glass lies between y and x.
 
-Lobes too narrow for photons count as wider at rays' ends: what they bring has one bounce more to go.
+Lobes too narrow for photons count as wider at rays' ends: what they bring has one bounce more to go; rough
+clear coats count as matte there.
 So rays end without light at mirrors and glass, but pass thin clear sheets, as shadow rays do. Emission where
 they end is left out, and so is the environment: it is direct light of the receiver.
 """
@@ -21,6 +22,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ispm.accel.intersect import STACK_WORDS
+from ispm.accel.layers import with_rough_coat
 from ispm.accel.records import Scratch
 from ispm.accel.surface import SurfaceTable, closest_surface, leave_surface, scene_tables, surface
 from ispm.accel.world import World
@@ -191,6 +193,8 @@ def _look(tables, ray, course, scratch, out):
     if x.flags & u32(MATERIAL_UNLIT) != u32(0) or not is_gathered(b):
         return
     pick, _, _, _ = random4(ray.key, ray.dimension + u32(SHEETS_MAX + 1), course.pass_index, course.seed)
+    x = with_rough_coat(x)
+    b = x.bsdf
     light = times(weight, light_from_one(tables, x, wo, u_shadow, pick, scratch, course.limit))
     for c in range(3):
         out.radiance[row, c] = light[c]

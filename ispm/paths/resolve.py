@@ -26,7 +26,7 @@ _BENT = f32(4)  # over alpha^2: what the square of the difference of normals is 
 _LENIENT = f32(0.25)  # likewise for what stands out
 _ALIKE = f32(4)  # likewise that of two alphas, over the larger one
 _OFF_PLANE = f32(2)  # pixels, and as many as the stride, off the plane of a surface at which another begins
-_OUTLIER = 4.0  # times the mean about a pixel, above which its light goes farther; more in later passes
+_OUTLIER = 4.0  # times the mean about a pixel, above which its light goes farther: in the first pass
 _KERNEL = f32(0.5)  # variance of a whole pass, squares of its stride
 _CENTER = f32(0.25)  # weight of the middle pixel in it
 
@@ -76,7 +76,7 @@ def resolve_lobes(light: np.ndarray, given: Shown, smoothing: float, threads: in
     blur, weights = np.zeros((2, len(given.pixels)), np.float32)
     values = np.zeros_like(light)
     run_shared(lambda counter: _begin(given, f32(smoothing), light, counter, blur, values, weights), threads)
-    limit, excess = f32(_OUTLIER / max(smoothing * smoothing, 1e-6)), values.copy()
+    limit, excess = f32(_OUTLIER / max(smoothing**6, 1e-9)), values.copy()  # grows with the passes' number
     run_shared(lambda counter: _cut(given, limit, blur, excess, counter, values), threads)
     excess -= values
     values = _averaged(given, values, weights, blur, _BENT, threads)

@@ -30,10 +30,12 @@ PATH_END = np.dtype([
 ])  # fmt: skip
 
 # The mirror, glass or narrow lobe that a pixel shows; blur: pixels over which its light may be averaged, 0:
-# it is smooth; reflectance: of a lobe, 0: it is none; samples: paths that went out from the lobe.
+# it is smooth; reflectance: of a lobe, 0: it is none; samples: paths that went out from the lobe. Of a clear
+# coat: own, light of points that it reflects itself; hidden, its share of what is under it.
 FIRST_VERTEX = np.dtype([
     ("n", "<f4", 3), ("alpha", "<f4"), ("ng", "<f4", 3), ("tint", "<f4"), ("blur", "<f4"),
-    ("instance", "<u4"), ("reflectance", "<f4", 3), ("samples", "<u4"),
+    ("instance", "<u4"), ("reflectance", "<f4", 3), ("samples", "<u4"), ("own", "<f4", 3),
+    ("hidden", "<f4"),
 ])  # fmt: skip
 
 # Where a path ends, and the receiver there.
@@ -112,3 +114,11 @@ def store_gloss(first, x, instance, angle, reflectance, samples):
     first.blur = _LOBE_SHARE * _LOBE_SPREAD * b.alpha * angle
     first.instance = instance
     first.samples = u32(samples)
+
+
+@jit
+def store_coat(first, x, own):
+    """Write what a FIRST_VERTEX has of the coat of a SurfacePoint; own: cd/m2 RGB."""
+    first.hidden = f32(1) - x.coat.shown
+    for k in literal_unroll((0, 1, 2)):
+        first.own[k] = own[k]

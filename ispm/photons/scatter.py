@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ispm.accel.layers import drawn_layer
 from ispm.optics.bsdf import adjoint_factor, sample_bsdf
 from ispm.optics.jit import jit
 from ispm.optics.records import MATERIAL_UNLIT
@@ -69,14 +70,16 @@ def scatter(x, d, flux, u0, u1, u2):
     """Sample where a photon of `flux`, lm, goes next, by three random numbers in [0, 1); the rest as of
     `next_flight`, but without roulette."""
     wo = scale(f32(-1), d)
-    n, ng = x.n, x.ng
     if x.flags & u32(MATERIAL_UNLIT):
         return False, wo, flux, False
-    alive, wi, weight, specular = sample_bsdf(x.bsdf, n, ng, wo, u0, u1, u2, False)
+    layer, u2, chance = drawn_layer(x, u2)
+    n, ng = layer.n, x.ng
+    alive, wi, weight, specular = sample_bsdf(layer.bsdf, n, ng, wo, u0, u1, u2, False)
     if not alive:
         return False, wo, flux, False
     if not specular:  # of the others flux is kept
         weight = scale(adjoint_factor(dot(wo, n), dot(wo, ng), dot(wi, n), dot(wi, ng)), weight)
+    weight = scale(f32(1) / chance, weight)
     scattered = (weight[0] * flux[0], weight[1] * flux[1], weight[2] * flux[2])
     return _sum(scattered) > f32(0), wi, scattered, specular
 

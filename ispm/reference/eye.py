@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ispm.accel.intersect import STACK_WORDS
+from ispm.accel.layers import coat_point, drawn_layer, is_coated
 from ispm.accel.medium import attenuated, medium, no_medium, spawn_ray
 from ispm.accel.records import Scratch
 from ispm.accel.surface import SurfaceTable, closest_surface, glow, hit_position, scene_tables, surface
@@ -169,7 +170,7 @@ def _path(tables, view, i, scratch, light, ends, row):
         length += f32(math.sqrt(dot(segment, segment)))
         view.footprint.fill(view.spread * length)
         x = surface(tables, hit, d)
-        b, n, ng = x.bsdf, x.n, x.ng
+        b, ng = x.bsdf, x.ng
         wo = scale(f32(-1), d)
         if event > 0:
             inside = medium(inside, x)
@@ -180,13 +181,17 @@ def _path(tables, view, i, scratch, light, ends, row):
                 return row
             lit, _ = direct_light(tables, x, wo, u4, scratch, f32(np.inf))
             _add(light, i, lit, weight, focus)
+            if is_coated(x):
+                lit, _ = direct_light(tables, coat_point(x), wo, u4, scratch, f32(np.inf))
+                _add(light, i, lit, weight, focus)
             if has_finite(b):
                 _write(ends[row], i, x, wo, scale(focus, weight))
                 row += 1
-        alive, wi, factor = _draw(b, n, ng, wo, u1, u2, u3)
+        x, u3, chance = drawn_layer(x, u3)
+        alive, wi, factor = _draw(x.bsdf, x.n, ng, wo, u1, u2, u3)
         if not alive:
             return row
-        weight = times(weight, factor)
+        weight = times(weight, scale(f32(1) / chance, factor))
         if dot(wi, ng) < f32(0) and b.thin == f32(0):
             focus = f32(1) / (b.eta * b.eta) if x.entering else f32(1)
         start, inside = spawn_ray(tables, x, inside, wi)

@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ispm.accel.intersect import STACK_WORDS
+from ispm.accel.layers import coat_point, drawn_layer, is_coated
 from ispm.accel.medium import attenuated, medium, no_medium, passed_sheet, spawn_ray
 from ispm.accel.records import Scratch
 from ispm.accel.surface import Tables, closest_surface, glow, surface
@@ -117,13 +118,17 @@ def _path(tables, task, start, d, key, sample, scratch):
         if not last:
             lit, _ = direct_light(tables, x, wo, u4, scratch, f32(np.inf), BY_BSDF)
             total = add(total, times(weight, lit))
+            if is_coated(x):
+                lit, _ = direct_light(tables, coat_point(x), wo, u4, scratch, f32(np.inf), BY_BSDF)
+                total = add(total, times(weight, lit))
+        x, u3, chance = drawn_layer(x, u3)
         alive, wi, factor, specular = sample_bsdf(x.bsdf, x.n, x.ng, wo, u1, u2, u3, True)
         passed = specular and passed_sheet(x, wi)  # as shadow rays do: what is drawn from stays the same
         scatters += i64(not specular)
         # After the last scatter a lamp is still met by way of mirrors and glass, as photons come from there.
         if not alive or (last and not (passed or (specular and task.bounces > i64(0)))):
             return total
-        weight = times(weight, factor)
+        weight = times(weight, scale(f32(1) / chance, factor))
         if not passed:
             pdf = f32(0) if specular else pdf_bsdf(x.bsdf, x.n, wo, wi)
             start_of = x.position, lit_side(x)

@@ -46,8 +46,8 @@ def bounce_chart(maps: Sequence[np.ndarray], names: Sequence[str], bounds: np.nd
     maps    (faces, W, W, 12) `first_hits` of each map's texels; the first 8 are shown
     names   of the maps
     bounds  (2, 3) corners of the scene, which positions are colored by: x red, y green, z blue
-    Cubes are unfolded to crosses. Power is shown relative to the map's brightest texel, by its square root;
-    normals and directions as color (v + 1) / 2.
+    Cubes and hemicubes are unfolded to crosses. Power is shown relative to the map's brightest texel, by its
+    square root; normals and directions as color (v + 1) / 2.
     """
     rows = len(maps[:_ROWS_MAX])
     size = (_MARGIN + 4 * (_CELL_WIDTH + _MARGIN), _TITLE + rows * (_CELL_HEIGHT + _TITLE))
@@ -80,12 +80,12 @@ def _colored(content: np.ndarray, bounds: np.ndarray) -> list[np.ndarray]:
 
 
 def _unfolded(faces: np.ndarray) -> Image.Image:
-    """One face as it is, six as a cross about the one that looks along +z."""
+    """One face as it is, five or six as a cross about the one that looks along +z."""
     if len(faces) == 1:
         return Image.fromarray(faces[0])
     width = faces.shape[1]
     cross = Image.new("RGB", (4 * width, 3 * width))
-    for face, (column, row) in zip(faces, _CROSS, strict=True):
+    for face, (column, row) in zip(faces, _CROSS, strict=False):
         cross.paste(Image.fromarray(face), (column * width, row * width))
     return cross
 

@@ -9,17 +9,18 @@ import numpy as np
 
 from ispm.accel.world import World
 from ispm.framing.camera import default_camera, given_camera, passed_points, without_lamps
+from ispm.framing.ground import ground_node
 from ispm.framing.light import DefaultLight, brings_light, default_light
 from ispm.renderer.picture import Frame
 from ispm.scene.camera import Camera
 from ispm.scene.packed import Packed
 from ispm.scene.placing import Tree
-from ispm.scene.scene import Scene
+from ispm.scene.scene import Node, Scene
 from ispm.settings import Unlit
 
 
 class Chosen:
-    """The camera and the light of scenes that bring none, and the exposure that is held.
+    """The camera and the light of scenes that bring none, the ground, and the exposure that is held.
 
     They are made of the scene at rest and of all that its animations pass, when first asked for.
     place   packs a scene and places it in `world`
@@ -31,6 +32,7 @@ class Chosen:
         self._place, self._world, self._say = place, world, say
         self._cameras: dict[float, tuple[Camera, np.ndarray]] = {}  # by the picture's aspect
         self._lights: dict[Unlit, DefaultLight] = {}  # by the setting
+        self._ground: Node | None = None
         self.exposure: float | None = None
         self.wanted: Camera | str | int | None = None
 
@@ -38,7 +40,7 @@ class Chosen:
         """Ask for a camera; None: for what the scene suggests, found anew, and so is the light."""
         self.wanted = camera
         if camera is None:
-            self._cameras, self._lights = {}, {}
+            self._cameras, self._lights, self._ground = {}, {}, None
 
     def eye(self, scene: Scene, size: tuple[int, int], tree: Tree | None = None) -> tuple[Camera, np.ndarray]:
         """Return the camera for pictures of `size`, and its (4, 4) pose. Else as `given_camera`."""
@@ -71,6 +73,12 @@ class Chosen:
         if light.node is not None:
             tree = Tree([*tree.nodes, light.node], [*tree.parents, -1])
         return scene, tree
+
+    def grounded(self, scene: Scene, tree: Tree) -> Tree:
+        """Return a scene's tree with the ground beneath it, its last node."""
+        if self._ground is None:
+            self._ground = ground_node(self._place(without_lamps(scene)), passed_points(scene))
+        return Tree([*tree.nodes, self._ground], [*tree.parents, -1])
 
     def expose(self, frame: Frame) -> Frame:
         """Return the frame; with setting "hold" it is shown at the exposure of the first one."""

@@ -25,7 +25,7 @@ def compose(gpu: Gpu, this: Pass, lit: LitFrame) -> Frame:
     f2, f4, u4 = np.float16, np.float32, np.uint32
     packed, view, gbuffer = this.packed, this.view, lit.gbuffer
     color = background_color(this.settings)
-    glass = [(lit.through, f4, 4)] if color is not None else []
+    glass = [(lit.through, f4, 4)] if color is not None or this.settings.ground else []
     shines = packed.glows or len(packed.environment.rows) > 0  # mirrors show it
     glow = [(lit.emission, f4, 4)] if shines else []
     light = [(texture, f4, 4) for texture in (lit.direct, lit.indirect, lit.irradiance)]
@@ -33,15 +33,20 @@ def compose(gpu: Gpu, this: Pass, lit: LitFrame) -> Frame:
     d, i, irr, base, normals, ids, depth, *rest = gpu.read_many([*light, *surfaces, *glass, *glow])
     e = rest[-1] if glow else np.zeros(d.shape, f4)  # untouched pages: zeros_like would write them
     alpha, more = i[..., 3], {}
+    through = rest[0][..., :3] if glass and rest[0].shape == d.shape else np.zeros((1, 1, 3), f4)
     if color is not None:
-        through, *_ = rest
-        behind = (1.0 - alpha[..., None] + through[..., :3]) * color
+        behind = (1.0 - alpha[..., None] + through) * color
         e[..., :3] += behind
         more = {LAYER: lambda: behind}
     elif shows_environment(this):
-        behind = environment_behind(this, alpha)
+        if through.any():
+            behind = environment_behind(this, np.zeros_like(alpha)) * (1.0 - alpha[..., None] + through)
+        else:
+            behind = environment_behind(this, alpha)
         e[..., :3] += behind
         more = {ENVIRONMENT: lambda: behind}
+    elif through.any():  # a transparent background: ground is there as far as it is shaded
+        alpha = np.clip(alpha - through.mean(axis=-1), 0.0, 1.0)
     copies, materials = (
         np.append(np.int32(-1), rows.astype(np.int32)) for rows in (packed.ids, packed.instances["material"])
     )

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING
 
 from ispm.errors import SceneError
@@ -56,9 +56,12 @@ def place_in_pixel(index: int) -> tuple[float, float]:
     return x, y
 
 
-def converge(renderer: Renderer, goal: Settings) -> Iterator[Frame]:
+def converge(
+    renderer: Renderer, goal: Settings, move: Callable[[int], None] | None = None
+) -> Iterator[Frame]:
     """Render passes until one of the goal's ends is reached; yield the mean of all after each.
 
+    move  called before each pass with its number: what it changes in scene and camera is blurred
     Continues `renderer.progress` where there is one; where that is at its end already, yields it once.
     Raises SettingsError where it is of another scene.
     """
@@ -74,8 +77,10 @@ def converge(renderer: Renderer, goal: Settings) -> Iterator[Frame]:
     while True:
         begun = rendering_seconds()
         done = progress.passes if progress else 0
+        if move:
+            move(done)
         frame = renderer.render_pass(done)
-        if renderer.last_made_of() != made_of:
+        if not move and renderer.last_made_of() != made_of:
             raise SceneError(
                 f"the scene, its camera or the settings changed after pass {done}, and the mean would be of "
                 "neither; call converge to start anew"

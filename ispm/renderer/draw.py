@@ -14,6 +14,7 @@ from ispm.lights.surface_emission import emissive_flux
 from ispm.photons.walk import Walk
 from ispm.renderer.caustics import PhotonClasses, classify_photons
 from ispm.renderer.gather import PhotonLight
+from ispm.renderer.ground import catch_shadows
 from ispm.renderer.light import Traced, plan_emission, trace_photons
 from ispm.renderer.live import History
 from ispm.renderer.one_pass import Pass
@@ -22,6 +23,8 @@ from ispm.renderer.specular import light_missed, specular_light
 from ispm.renderer.stages import Stages
 from ispm.renderer.watch import Watch
 from ispm.stages.area_light import area_light
+from ispm.stages.pixels import read_pixels
+from ispm.stages.point_light import point_light, takes_rays
 
 _NEAR = 1e-4  # of the scene's diagonal; reversed depth has precision to spare
 
@@ -95,6 +98,9 @@ def draw(this: Pass, stages: Stages, watch: Watch, history: History | None = Non
         pixels, added = join_pixels(brought, shadows)
     with watch("upsample"):
         _light_missed(this, stages, sight, light, raw, sharp)
+    if this.settings.ground:
+        with watch("compose"):
+            pixels, added = catch_shadows(this, gpu, gbuffer, (direct, indirect), pixels, added)
     with watch.record(gpu) as frame:
         frame.stage("compose")
         through = stages.chains.patch(frame, pixels, added, direct, indirect, emission)
@@ -123,24 +129,25 @@ def _draw_first(
 
 def _light_directly(this: Pass, stages: Stages, sight: Sight, watch: Watch) -> Texture:
     """The light of lamps at pixels, but where shadow maps leave it in doubt."""
-    points, others = sight.receivers.points, None
-    if emissive_flux(this.packed, this.surfaces) > 0.0 or len(this.packed.environment.rows):
+    points, scene = sight.receivers.points, sight.scene
+    found: list[np.ndarray] = []
+    by_rays = takes_rays(this.packed, this.settings, stages.gpu.is_software)
+    by_area = emissive_flux(this.packed, this.surfaces) > 0.0 or len(this.packed.environment.rows) > 0
+    if by_rays or by_area:
         with watch("direct"):
-            others = area_light(
-                stages.gpu,
-                sight.gbuffer,
-                this.packed,
-                this.world,
-                this.surfaces,
-                this.view,
-                this.settings.smoothing,
-                this.settings.seed,
-            )
+            told = this.packed, this.world, this.surfaces
+            pixels, view = read_pixels(stages.gpu, sight.gbuffer, this.view, this.settings.seed)
+            if by_area:
+                found.append(area_light(pixels, view, *told, this.settings.smoothing))
+            if by_rays:
+                found.append(point_light(pixels, view, *told))
+                scene = scene.without_lights
+    others = sum(found[1:], found[0]).reshape(*reversed(this.view.size), 4) if found else None
     with watch.record(stages.gpu) as frame:
         frame.stage("direct")
         near = _NEAR * this.packed.diagonal
-        shadows = stages.shadow(frame, sight.scene, points[points["valid"] > 0], this.view, near)
-        return stages.direct(frame, sight.scene, sight.gbuffer, shadows, this.view, others)
+        shadows = stages.shadow(frame, scene, points[points["valid"] > 0], this.view, near)
+        return stages.direct(frame, scene, sight.gbuffer, shadows, this.view, others)
 
 
 def _light_missed(

@@ -11,7 +11,8 @@ from ispm.errors import IspmError, SettingsError
 from ispm.frame import Receivers
 from ispm.lights.emission import place_photons
 from ispm.lights.lightmap import texel_measures
-from ispm.optics.records import EMITTED
+from ispm.lights.plan import PlannedMap
+from ispm.optics.records import EMITTED, EMITTED_BY_SURFACE
 from ispm.photons.first_hits import first_hits
 from ispm.photons.grid import PhotonGrid
 from ispm.renderer.caustics import PhotonClasses
@@ -72,26 +73,35 @@ class LastFrame:
             raise SettingsError(f"bounce-map: there is none, {why}; use bounces 1 or more and emission 'map'")
         shown, names = [], []
         packed, surfaces = traced.this.packed, traced.this.surfaces
-        for each, batch in zip(traced.plan.maps, texels_as_photons(traced), strict=True):
+        for (each, _, of_lamp), batch in zip(_drawn(traced), texels_as_photons(traced), strict=True):
             found = first_hits(packed, surfaces, batch, settings.seed, 0)
             shown.append(found.reshape(-1, each.width, each.width, 12))
             faces = f"{len(shown[-1])} faces of " if len(shown[-1]) > 1 else ""
-            names.append(f"light {each.map.light}: {faces}{each.width} x {each.width} texels")
+            whose = f"{'point on lamps' if of_lamp else 'light'} {each.map.light}"
+            names.append(f"{whose}: {faces}{each.width} x {each.width} texels")
         return bounce_chart(shown, names, packed.bounds)
+
+
+def _drawn(traced: Traced) -> list[tuple[PlannedMap, np.void, bool]]:
+    """Return the maps that were drawn, each with its LIGHT, and whether that is a point of a lamp."""
+    plan, lights = traced.plan, traced.this.packed.lights
+    lamps = plan.lamps.maps if plan.lamps else []
+    maps = plan.drawn[: len(plan.drawn) - len(lamps)]
+    drawn = [(each, lights[each.map.light], False) for each in maps]
+    return drawn + [(each, plan.lamps.lights[each.map.light], True) for each in lamps if plan.lamps]
 
 
 def texels_as_photons(traced: Traced) -> list[np.ndarray]:
     """Return the texels of each bounce map as (faces W^2,) EMITTED of the flux they stand for, before any
     thinning."""
-    packed, surfaces = traced.this.packed, traced.this.surfaces
     batches = []
     first_key = 0
-    for each, content in zip(traced.plan.maps, traced.texels, strict=True):
-        row, rows = packed.lights[each.map.light], np.zeros(content.size // 2, EMITTED)
-        place_photons(surfaces, each, content, rows, np.arange(len(rows)))
+    for (each, row, of_lamp), content in zip(_drawn(traced), traced.texels, strict=True):
+        rows = np.zeros(content.size // 2, EMITTED)
+        place_photons(traced.this.surfaces, each, content, rows, np.arange(len(rows)))
         measures = texel_measures(each.map, row, each.width, each.shift)
         rows["flux"] = measures.reshape(-1, 1) * row["intensity"]
-        rows["light"] = each.map.light
+        rows["light"], rows["origin"] = EMITTED_BY_SURFACE if of_lamp else each.map.light, row["position"]
         rows["key"] = first_key + np.arange(len(rows))
         first_key += len(rows)
         batches.append(rows)

@@ -10,6 +10,7 @@ import numpy as np
 from ispm.lights.aim import aims_at_seen
 from ispm.lights.emission import emit_rays, emit_texels
 from ispm.lights.environment_emission import emit_from_environment, environment_flux
+from ispm.lights.lamp_maps import LampMaps, emit_from_lamp_maps, plan_lamp_maps
 from ispm.lights.lightmap import light_maps
 from ispm.lights.plan import PlannedMap, plan_maps, share_photons
 from ispm.lights.surface_emission import emissive_flux, emit_from_surfaces
@@ -27,21 +28,28 @@ _PHOTONS_PER_STORED = 1000  # photons of which one is stored: of fewer, light is
 class EmissionPlan:
     """How photons leave the lights in a pass.
 
-    maps      that emit them, light by light
+    maps      that emit them, of punctual lights, light by light
     by        "map": they are drawn, and photons come from their texels; or "rays": rays are sent through them
-    surfaces  how many leave emissive surfaces, and
+    lamps     maps of points of emissive surfaces, which are drawn; None: photons leave these as rays
+    surfaces  how many leave emissive surfaces as rays, and
     surround  how many come from the environment, always as rays
     """
 
     maps: list[PlannedMap]
     by: str
+    lamps: LampMaps | None = None
     surfaces: int = 0
     surround: int = 0
 
     @property
+    def mostly(self) -> str:
+        """How photons leave the lights, "map" or "rays", in a word."""
+        return "rays" if not self.drawn and self.surfaces + self.surround else self.by
+
+    @property
     def drawn(self) -> list[PlannedMap]:
         """Those maps that are drawn."""
-        return self.maps if self.by == "map" else []
+        return [*(self.maps if self.by == "map" else []), *(self.lamps.maps if self.lamps else [])]
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,8 +89,13 @@ def plan_emission(this: Pass, software: bool) -> EmissionPlan:
         settings.photons if settings.bounces else 0,
         [emissive_flux(packed, this.surfaces), environment_flux(packed)],
     )
-    maps = plan_maps(packed, counts, settings.caustic_photons, settings.seed, this.index, _seen_places(this))
-    return EmissionPlan(maps, emission_of(maps, packed, settings, software), *map(int, counts[-2:]))
+    told = settings.caustic_photons, settings.seed, this.index
+    maps = plan_maps(packed, counts, *told, _seen_places(this))
+    by = emission_of(maps, packed, settings, software)
+    surfaces, surround = map(int, counts[-2:])
+    if settings.emission == "map":
+        return EmissionPlan(maps, by, plan_lamp_maps(packed, this.surfaces, surfaces, *told), 0, surround)
+    return EmissionPlan(maps, by, None, surfaces, surround)
 
 
 def aims_by_view(packed: Packed) -> bool:
@@ -133,7 +146,11 @@ def emit_photons(this: Pass, plan: EmissionPlan, texels: Sequence[np.ndarray]) -
     if plan.by == "rays":
         emitted = emit_rays(*scene, plan.maps, settings.seed, this.index)
     else:
-        emitted = emit_texels(this.packed, this.surfaces, plan.maps, texels)
+        emitted = emit_texels(this.packed.lights, this.surfaces, plan.maps, texels)
+    if plan.lamps:
+        seen = texels[len(texels) - len(plan.lamps.maps) :]
+        first_key = int(emitted["key"].max(initial=0)) + 1
+        emitted = np.concatenate([emitted, emit_from_lamp_maps(plan.lamps, this.surfaces, seen, first_key)])
     told = settings.caustic_photons, settings.seed, this.index
     for emit, count in ((emit_from_surfaces, plan.surfaces), (emit_from_environment, plan.surround)):
         if count:

@@ -85,10 +85,11 @@ class History:
         self._photons: int | None = None  # to be emitted
         self._most = 0
 
-    def begin(self, this: Pass, changes: bool) -> Pass:
+    def begin(self, this: Pass, changes: bool, antialias: bool) -> Pass:
         """Return the pass with the random numbers of the next frame.
 
-        changes  whether anything but the camera may have changed since the frame before
+        changes    whether anything but the camera may have changed since the frame before
+        antialias  whether its edges are supersampled
         """
         self.number += 1
         width = CELL * this.packed.diagonal
@@ -99,7 +100,7 @@ class History:
             self._caustics = []
         if changes or self._served == _SERVED or aims_by_view(this.packed):
             self.traced = self._light = None
-        settings = this.settings.replace(photons=self._photons or this.settings.photons, antialias=False)
+        settings = this.settings.replace(photons=self._photons or this.settings.photons, antialias=antialias)
         key, _, _, _ = pcg4d(
             np.uint32(self.number), np.uint32(0), np.uint32(0), np.uint32(this.settings.seed)
         )

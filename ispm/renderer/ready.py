@@ -46,7 +46,10 @@ class Ready:
         size = settings.size
         tree = scene.tree()
         camera, pose = self.chosen.eye(scene, size, tree)
-        packed = self.place(*self.chosen.lit(scene, size, tree, settings.light))
+        lit, tree = self.chosen.lit(scene, size, tree, settings.light)
+        if settings.ground:
+            tree = self.chosen.grounded(scene, tree)
+        packed = self.place(lit, tree)
         reach = float(np.abs(packed.bounds - pose[:3, 3]).max()) + packed.diagonal
         near = _EYE_NEAR * packed.diagonal if camera.ymag is None else 0.0
         view = CameraView(

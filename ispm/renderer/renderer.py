@@ -78,6 +78,7 @@ class Renderer:
         self._history = History()
         self._rest: Rest | None = None
         self._live_scene: Scene | None = None
+        self.antialias_live = False  # a view that moves has no time for it
         self.progress: Progress | None = None
         self.names = Names()
         self._warned: set[str] = set()
@@ -107,6 +108,12 @@ class Renderer:
             self._gpu.close()
         del self._stages, self._ready, self.chosen, self._gpu
         gc.collect()  # wgpu's device and queue refer to each other, and hold memory that Python does not see
+
+    @property
+    def adapter(self) -> str:
+        """The name of the graphics adapter."""
+        self._require_open()
+        return self._gpu.name
 
     @property
     def settings(self) -> Settings:
@@ -230,7 +237,7 @@ class Renderer:
         placed, self._placed = self._placed, this.packed.placed
         stats = collect(this, drawn.path, watch.milliseconds, total, moved(this.packed.placed, placed))
         frame.stats = replace(
-            stats, adapter=self._gpu.name, emission=drawn.traced.plan.by, timing=watch.timing
+            stats, adapter=self._gpu.name, emission=drawn.traced.plan.mostly, timing=watch.timing
         )
         self._photons = drawn.path.photons
         self._last = LastFrame(
@@ -263,7 +270,8 @@ class Renderer:
                 return self.chosen.expose(shown)
             changes = rest is None or rest.made_of.scene != now.scene
             try:
-                frame = self._draw(self._history.begin(this, changes), self._history)
+                antialias = self.antialias_live and self.settings.antialias
+                frame = self._draw(self._history.begin(this, changes, antialias), self._history)
             except BaseException:  # what is kept may be of this frame in part
                 self.reset()
                 raise

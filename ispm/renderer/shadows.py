@@ -101,11 +101,13 @@ def join_pixels(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return pixels, (m,) sorted, and what to add there, (m, c) float32.
 
-    chains   (n,) pixels, none of them twice, and (n, c) what eye paths bring, direct light first
+    chains   (n,) pixels, none of them twice, and (n, c) what eye paths bring, direct light first; last the
+             share of other light that a coat hides
     shadows  likewise, and (n, 3) direct light that was in doubt
     """
     pixels, rows = np.unique(np.concatenate([chains[0], shadows[0]]), return_inverse=True)
     light = np.zeros((len(pixels), chains[1].shape[1]), np.float32)
     light[rows[: len(chains[0])]] = chains[1]
-    light[rows[len(chains[0]) :], :3] += shadows[1]
+    own = rows[len(chains[0]) :]
+    light[own, :3] += (1.0 - light[own, -1:]) * shadows[1]
     return pixels, light

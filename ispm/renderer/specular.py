@@ -24,6 +24,7 @@ from ispm.renderer.gather import PhotonLight
 from ispm.renderer.one_pass import Pass
 from ispm.stages.camera import CameraView
 from ispm.stages.filter import filter_estimate, filter_points
+from ispm.stages.specular import LAYER_BASE, LAYER_COAT
 
 _MISSED_SHARE = 1 / 64  # receivers of missed pixels to those of the picture, while blocks can grow; measured
 _GAP = 4  # unused rows between used ones of an image, at most: those on its sides never mix by interpolation
@@ -34,20 +35,32 @@ _FINE_SLACK = 5e-3, 2e-2
 
 
 def specular_light(this: Pass, seen: np.ndarray, light: PhotonLight) -> np.ndarray:
-    """Return direct light, indirect light and emission that such paths bring to SEEN pixels, (n,), and the
-    share that these show of a colored background: (n, 12) float32.
+    """Return direct light, indirect light and emission that such paths bring to SEEN pixels, (n,), the share
+    that these show of a colored background, and that which a clear coat hides of the light of what is under
+    it: (n, 13) float32.
+
+    A coat and what is under it are two surfaces, whose light adds.
+    """
+    found = np.zeros((len(seen), 13), np.float32)
+    for layer in (LAYER_BASE, LAYER_COAT):
+        rows = np.flatnonzero(seen["layers"] & layer)
+        if len(rows):
+            found[rows] += _light_of_layer(this, seen[rows], light, layer == LAYER_COAT)
+    return found
+
+
+def _light_of_layer(this: Pass, seen: np.ndarray, light: PhotonLight, of_coats: bool) -> np.ndarray:
+    """`specular_light` of SEEN pixels by their coats alone, or by what is under these.
 
     Pixels on edges of what is seen in a mirror or glass are sampled four times.
     """
     settings, view, count = this.settings, this.view, len(seen)
-    if not count:
-        return np.zeros((0, 12), np.float32)
 
     def trace(rays: EyeRays) -> EyePaths:
         return trace_eye(this.packed, this.world, this.surfaces, rays, settings.seed, this.index)
 
     rays = eye_rays(seen, this.surfaces, view, settings.smoothing)
-    rays = replace(rays, shows_environment=shows_environment(this))
+    rays = replace(rays, shows_environment=shows_environment(this), of_coats=of_coats)
     paths, pixels = trace(rays), rays.keys
     edges = edge_rows(paths, pixels, view.size[0]) if settings.antialias else np.zeros(0, np.int64)
     places = rays.origins + rays.distances[:, None] * rays.directions
@@ -70,7 +83,8 @@ def specular_light(this: Pass, seen: np.ndarray, light: PhotonLight) -> np.ndarr
         brought[edges] = samples.mean(axis=1)
         denoise_rough_transmission(brought[:count], rays.keys, view.size[0], paths.firsts, this.threads)
     resolve_lobes(found[:count], given._replace(firsts=paths.firsts), settings.smoothing, this.threads)
-    return np.concatenate([found[:count], through[:count]], axis=1)
+    found[:count, :3] += paths.firsts["own"][:count]
+    return np.concatenate([found[:count], through[:count], paths.firsts["hidden"][:count, None]], axis=1)
 
 
 def eye_rays(seen: np.ndarray, surfaces: SurfaceTable, view: CameraView, widening: float = 1.0) -> EyeRays:

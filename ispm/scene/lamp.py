@@ -8,7 +8,7 @@ from functools import cache, lru_cache
 import numpy as np
 
 from ispm.scene.geodesic import geodesic
-from ispm.scene.light import DiskLight, RectLight, SurfaceLight
+from ispm.scene.light import DiskLight, Light, PointLight, RectLight, as_lamp
 from ispm.scene.material import Material
 from ispm.scene.mesh import Mesh
 
@@ -17,7 +17,7 @@ _CUTS = 8  # of each edge of the icosahedron that stands for a sphere
 _MADE = 4096  # materials that are kept
 
 
-def lamp_mesh(lamp: SurfaceLight) -> Mesh:
+def lamp_mesh(lamp: Light) -> Mesh:
     """Return the mesh that a lamp's `stretch` makes as large as it is: the same for all lamps of its kind.
 
     Disks and spheres have the area of what they stand for, as flux is proportional to it.
@@ -27,20 +27,22 @@ def lamp_mesh(lamp: SurfaceLight) -> Mesh:
     return _disk() if isinstance(lamp, DiskLight) else _sphere()
 
 
-def lamp_material(lamp: SurfaceLight, called: str = "") -> Material:
+def lamp_material(lamp: Light, called: str = "") -> Material:
     """Return what a lamp's surface looks like: the same object for equal lamps, not to be changed.
 
     called  in messages
     Raises SceneError for a value out of range.
     """
-    lamp.check(called)
-    r, g, b = (float(v) for v in lamp.intensity)
-    return _glowing((r, g, b), lamp.shines_both_ways)
+    shown = as_lamp(lamp, called)
+    r, g, b = (float(v) for v in shown.intensity)
+    return _glowing((r, g, b), shown.shines_both_ways)
 
 
-def lamp_stretch(lamp: SurfaceLight) -> np.ndarray:
-    """Return the (4, 4) matrix from the space of a lamp's mesh to its node's."""
-    return np.diag([*lamp.stretch, 1.0])
+def lamp_place(lamp: Light, world: np.ndarray) -> np.ndarray:
+    """Return the (4, 4) matrix from the space of a lamp's mesh to the world; world: its node's, (4, 4)."""
+    if isinstance(lamp, PointLight):  # which its node's scale leaves as it is
+        world = np.block([[np.eye(3), world[:3, 3:]], [np.array([0.0, 0.0, 0.0, 1.0])]])
+    return np.asarray(world @ np.diag([*as_lamp(lamp).stretch, 1.0]))
 
 
 @lru_cache(_MADE)

@@ -13,7 +13,7 @@ import numpy as np
 
 from ispm.scene.camera import Camera
 from ispm.scene.lamp import lamp_material, lamp_mesh
-from ispm.scene.light import Light, SurfaceLight, light_called
+from ispm.scene.light import Light, has_surface, light_called
 from ispm.scene.material import Material
 from ispm.scene.mesh import Mesh
 from ispm.scene.names import Names, Place, Run
@@ -61,7 +61,7 @@ class Layout:
 
     nodes: list[Node]
     meshes: list[Mesh]
-    materials: list[Material | SurfaceLight]
+    materials: list[Material | Light]
     mesh: np.ndarray
     material: np.ndarray
     node: np.ndarray
@@ -74,9 +74,9 @@ class Layout:
     _things: Sequence[object]
     _values: Sequence[object]
 
-    def lamp(self, row: int) -> SurfaceLight:
+    def lamp(self, row: int) -> Light:
         """Return the lamp of one of the rows `lamps`."""
-        lamp: Material | SurfaceLight = self.materials[self.material[row]]
+        lamp: Material | Light = self.materials[self.material[row]]
         assert not isinstance(lamp, Material)
         return lamp
 
@@ -124,7 +124,7 @@ def layout_of(tree: Tree, before: Layout | None = None) -> Layout:
     copies = [1 if node.instances is None else len(node.instances) for node in nodes]
     lights = list(map(attrgetter("light"), nodes))
     lit = [index for index, light in enumerate(lights) if light is not None]
-    lamp_nodes = [index for index in lit if isinstance(lights[index], SurfaceLight)]
+    lamp_nodes = [index for index in lit if has_surface(lights[index])]
     row_meshes += [lamp_mesh(lights[index]) for index in lamp_nodes]
     row_looks += [lights[index] for index in lamp_nodes]
     met = {id(mesh): mesh for mesh in row_meshes}

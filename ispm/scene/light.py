@@ -37,11 +37,34 @@ class PointLight(_Shining):
 
     intensity  (3,) cd per channel, linear
     range      m, beyond which nothing is lit; infinite by default
+    radius     m, of the sphere that shines, for soft shadows, to be given by name; 0, the default, is a
+               point. It is a `SphereLight` that gives as much light: the camera and mirrors see it. The scale
+               of its node leaves it as it is, and its `range` must be infinite.
     """
 
     intensity: tuple[float, float, float] = (1.0, 1.0, 1.0)
     range: float = math.inf
+    radius: float = field(default=0.0, kw_only=True)
     name: str = field(default="", compare=False)
+
+    def check(self, called: str = "") -> None:
+        """Raise SceneError for a value out of range; `called` names this light in the message."""
+        super().check(called)
+        called = called or light_called(self)
+        require(f"{called}: radius, in metres,", self.radius, 0.0, FARTHEST)
+        if self.radius > 0.0 and not math.isinf(self.range):
+            raise SceneError(
+                f"{called}: range {self.range:g} cannot be with radius {self.radius:g}; leave it infinite"
+            )
+        if self.radius > 0.0:
+            require(f"{called}: intensity over the area of its radius", self.radiance, 0.0, BRIGHTEST, 3)
+
+    @property
+    def radiance(self) -> tuple[float, float, float]:
+        """What the sphere of `radius` shines with, (3,) cd/m2: it appears as a disk of that radius."""
+        area = max(math.pi * float(self.radius) ** 2, 1e-300)
+        r, g, b = (float(v) / area for v in self.intensity)
+        return r, g, b
 
 
 @dataclass(repr=False)
@@ -224,6 +247,24 @@ class SphereLight(_Surface):
 PunctualLight = PointLight | SpotLight | DirectionalLight
 SurfaceLight = RectLight | DiskLight | SphereLight
 Light = PointLight | SpotLight | DirectionalLight | RectLight | DiskLight | SphereLight
+
+
+def has_surface(light: Light | None) -> bool:
+    """Return whether a light is a lamp with a surface."""
+    return isinstance(light, SurfaceLight) or (isinstance(light, PointLight) and light.radius != 0.0)
+
+
+def as_lamp(light: Light, called: str = "") -> SurfaceLight:
+    """Return the lamp that a light with a surface is: itself, or the sphere of a point light with a radius.
+
+    called  in messages
+    Raises SceneError for a value out of range.
+    """
+    light.check(called)
+    if isinstance(light, PointLight):
+        return SphereLight(light.radiance, light.radius, name=light.name)
+    assert isinstance(light, SurfaceLight)
+    return light
 
 
 def light_called(light: _Shining, node: str = "", index: int | None = None) -> str:

@@ -152,6 +152,9 @@ RANGES: dict[str, tuple[float, float, *tuple[int, ...]]] = {
     "emission": (0.0, BRIGHTEST, 3),
     "alpha_cutoff": (0.0, 1e6),
     "normal_scale": (-1e3, 1e3),
+    "clearcoat": (0.0, 1.0),
+    "clearcoat_roughness": (0.0, 1.0),
+    "clearcoat_normal_scale": (-1e3, 1e3),
     "double_sided": (False, True),
     "unlit": (False, True),
 }
@@ -161,10 +164,20 @@ TEXTURES = (
     "normal_texture",
     "emission_texture",
     "transmission_texture",
+    "clearcoat_texture",
+    "clearcoat_roughness_texture",
+    "clearcoat_normal_texture",
 )
 
 
-DATA = ("metallic_roughness_texture", "normal_texture", "transmission_texture")
+DATA = (
+    "metallic_roughness_texture",
+    "normal_texture",
+    "transmission_texture",
+    "clearcoat_texture",
+    "clearcoat_roughness_texture",
+    "clearcoat_normal_texture",
+)
 """Those of TEXTURES that hold numbers, not colors: kept linear, as glTF has them."""
 
 
@@ -190,6 +203,12 @@ class Material(Strict):
     normal_texture    data: `Texture(picture, srgb=False)`; so are the following
     metallic_roughness_texture   G roughness, B metallic
     transmission_texture         R
+    clearcoat, clearcoat_roughness   KHR_materials_clearcoat: share of the surface under a clear coat of index
+                      1.5, not over glass; roughness as that of the base
+    clearcoat_normal_scale   factor on the x and y of the coat's normal map
+    clearcoat_texture            R
+    clearcoat_roughness_texture  G
+    clearcoat_normal_texture     of the coat alone; without it the coat is smooth whatever is under it
     Raises SceneError for a value out of range, as it is made and, if changed since, as it is rendered; warns
     where data is given as sRGB.
     """
@@ -215,6 +234,12 @@ class Material(Strict):
     normal_texture: TextureUse | Texture | None = None
     emission_texture: TextureUse | Texture | None = None
     transmission_texture: TextureUse | Texture | None = None
+    clearcoat: float = 0.0
+    clearcoat_roughness: float = 0.0
+    clearcoat_normal_scale: float = 1.0
+    clearcoat_texture: TextureUse | Texture | None = None
+    clearcoat_roughness_texture: TextureUse | Texture | None = None
+    clearcoat_normal_texture: TextureUse | Texture | None = None
     name: str = field(default="", compare=False)
 
     def __post_init__(self) -> None:
@@ -237,6 +262,8 @@ class Material(Strict):
                 require(f"{where}: {name}", value, *limits)
                 if isinstance(value, list | np.ndarray):  # compared and shown as tuples are
                     setattr(self, name, tuple(np.asarray(value).tolist()))
+        if self.clearcoat > 0.0 and self.transmission > 0.0:
+            raise SceneError(f"{where}: a clear coat over glass is not supported; set one of the two to 0")
         self.alpha_mode = member_of(f"{where}: alpha_mode", self.alpha_mode, AlphaMode)
         for name in TEXTURES:
             use = getattr(self, name)

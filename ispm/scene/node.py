@@ -31,11 +31,22 @@ _MOVED = ("translation", "rotation", "scale", "matrix", "weights")
 class Part(Strict):
     """A mesh and its material.
 
+    variants  what it wears in each variant of its scene, by name, and in all others under None; see
+              `Scene.variant`
     Two parts of one mesh or one material share it: what changes, changes for both.
     """
 
     mesh: Mesh
     material: Material
+    variants: dict[str | None, Material] = field(default_factory=dict)
+
+    def wearing(self, variant: str | None) -> Part:
+        """Return this part as it is in one of its scene's variants.
+
+        variant  its name; None: as it is without
+        """
+        worn = {None: self.material, **self.variants}
+        return Part(self.mesh, worn.get(variant, worn[None]), worn)
 
 
 class Branch:

@@ -56,7 +56,9 @@ class MeshRange:
     def is_shaped_by(self, mesh: Mesh) -> bool:
         """Whether a mesh has the triangles that were packed, so that its vertices fit in their place."""
         same = mesh.triangles is self.mesh.triangles and len(mesh.positions) == len(self.mesh.positions)
-        return same and (mesh.normals is None) == (self.mesh.normals is None)
+        return same and all(
+            (getattr(mesh, name) is None) == (getattr(self.mesh, name) is None) for name in ("normals", "uv0")
+        )
 
     def digest_in(self, geometry: Geometry) -> bytes:
         """Return a hash of the mesh as it is packed in a geometry; found once."""
@@ -315,21 +317,21 @@ def _deformed(meshes: list[Mesh], before: Geometry) -> Geometry | None:
 
 
 def _vertices(mesh: Mesh) -> tuple[np.ndarray, np.ndarray]:
-    """VERTEX rows and triangles; a mesh without normals gets three vertices of its own per triangle."""
+    """VERTEX rows and triangles; where flat triangles are to have tangents, each gets vertices of its own."""
     triangles = mesh.triangles
-    normals = mesh.normals
     take: np.ndarray | slice = slice(None)
-    if normals is None:
+    if mesh.normals is None and mesh.uv0 is not None:
         take = triangles.ravel()
-        corners = mesh.positions[triangles].astype(np.float64)
-        flat = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-        normals = np.repeat(_unit(flat), 3, axis=0)
         triangles = np.arange(triangles.size, dtype=np.uint32).reshape(-1, 3)
-    else:
-        normals = _unit(normals.astype(np.float64))
-    rows = np.zeros(len(normals), records.VERTEX)
-    rows["position"] = mesh.positions[take]
-    rows["normal"] = normals
+    positions = mesh.positions[take]
+    rows = np.zeros(len(positions), records.VERTEX)
+    rows["position"] = positions
+    if mesh.normals is not None:
+        rows["normal"] = _unit(mesh.normals.astype(np.float64))
+    elif mesh.uv0 is not None:
+        corners = positions.reshape(-1, 3, 3).astype(np.float64)
+        flat = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        rows["normal"] = np.repeat(_unit(flat), 3, axis=0)
     rows["color"] = _pack_colors(mesh.colors, take, len(rows))
     for name in ("uv0", "uv1"):
         values = getattr(mesh, name)

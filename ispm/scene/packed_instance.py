@@ -9,7 +9,7 @@ import numpy as np
 
 from ispm.optics import records
 from ispm.scene.extent import enclosing_diameter
-from ispm.scene.lamp import lamp_stretch
+from ispm.scene.lamp import lamp_place
 from ispm.scene.layout import Layout
 from ispm.scene.pose import shape_places
 
@@ -107,7 +107,7 @@ def _places(layout: Layout, worlds: np.ndarray) -> np.ndarray:
         here = slice(first[posed.row], first[posed.row] + layout.copies[posed.row])
         places[here] = shape_places(node, posed.shape, worlds[layout.node[posed.row]])
     for row in layout.lamps:
-        places[first[row]] = places[first[row]] @ lamp_stretch(layout.lamp(row))
+        places[first[row]] = lamp_place(layout.lamp(row), places[first[row]])
     return places
 
 

@@ -31,6 +31,9 @@ class Lit:
     made_of: list[object]
 
 
+NO_LIGHTS = Lit(np.zeros(0, records.LIGHT), [])
+
+
 def pack_lights(layout: Layout, worlds: np.ndarray, before: Lit | None = None) -> Lit:
     """Return a scene's lights: `before` itself if they are as then.
 

@@ -80,6 +80,9 @@ def material_record(material: Material, textures: list[Texture]) -> np.ndarray:
     row["ior"] = material.ior if material.ior > 0.0 else 1.5
     row["transmission"] = material.transmission
     row["attenuation"] = _attenuation(material)
+    row["clearcoat"] = material.clearcoat
+    row["clearcoat_roughness"] = material.clearcoat_roughness
+    row["clearcoat_normal_scale"] = material.clearcoat_normal_scale
     row["alpha_cutoff"] = material.alpha_cutoff
     row["normal_scale"] = material.normal_scale
     row["flags"] = (
@@ -90,6 +93,7 @@ def material_record(material: Material, textures: list[Texture]) -> np.ndarray:
         | records.MATERIAL_TRANSMITS * (material.transmission > 0.0)
         | records.MATERIAL_THIN * (material.transmission > 0.0 and material.thickness <= 0.0)
         | records.MATERIAL_CAUSTIC * material.casts_caustics
+        | records.MATERIAL_COATED * (material.clearcoat > 0.0 and not material.unlit)
     )
     for slot in TEXTURES:
         row[slot] = _texture_use(getattr(material, slot), textures)

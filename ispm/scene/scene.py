@@ -26,14 +26,15 @@ from ispm.scene.pose import shown_shapes
 from ispm.scene.rotation import Quaternion
 from ispm.scene.skin import Skin
 from ispm.scene.sky import Sky
-from ispm.scene.values import Point, Strict, array_of, require, strict_call
+from ispm.scene.values import Point, array_of, require, strict_call
+from ispm.scene.variants import Varied
 
 _MOMENTS = 64  # evenly over an animation, at which trajectories are sampled
 _KEYS = 256  # likewise, of its own
 
 
 @dataclass(eq=False)
-class Scene(Branch, Strict):
+class Scene(Branch, Varied):
     """What is lit: right-handed, +Y up, metres. Change anything between frames; nothing is precomputed.
 
     `scene[name]` is a node, `name in scene` asks for one, and a loop goes through all of them.
@@ -44,6 +45,7 @@ class Scene(Branch, Strict):
     warnings    what is amiss in the file it was loaded from, a line each
     extensions_used, extensions_honoured   of glTF, in that file
     playing     the name of the animation that `at` played; None: all of them
+    variants    names of the looks that its parts can have, as of glTF (KHR_materials_variants)
     """
 
     roots: list[Node] = field(default_factory=list)
@@ -190,7 +192,7 @@ class Scene(Branch, Strict):
         node = Node(name or other.name, translation, rotation, scale, children=copied.roots)
         self._hang(node, parent)
         self.animations = [*self.animations, *copied.animations]
-        for kept in ("warnings", "extensions_used", "extensions_honoured"):
+        for kept in ("warnings", "extensions_used", "extensions_honoured", "variants"):
             setattr(self, kept, list(dict.fromkeys([*getattr(self, kept), *getattr(other, kept)])))
         return node
 

@@ -153,11 +153,13 @@ fn mix_edges(@builtin(global_invocation_id) thread: vec3u) {
         var indirect = vec3f(0.0);
         var emission = vec3f(0.0);
         var through = vec3f(0.0);
+        var seen = 0.0;        // samples of a surface that no pixel shows have no light to cover others with
         for (var k = 0; k < SAMPLES; k++) {
             let pixel = own + vec2i(best[k] % 3, best[k] / 3) - 1;
             direct += textureLoad(direct_in, pixel, 0).rgb;
             indirect += textureLoad(indirect_in, pixel, 0).rgb;
             emission += textureLoad(emission_in, pixel, 0).rgb;
+            seen += select(0.0, 1.0, id[k] != 0u && short_id(pixel) != 0u);
             if (all(pixel < shown)) {
                 through += textureLoad(through_in, pixel, 0).rgb;
             }
@@ -167,7 +169,7 @@ fn mix_edges(@builtin(global_invocation_id) thread: vec3u) {
         edges[i].indirect = share * indirect;
         edges[i].emission = share * emission;
         edges[i].through = share * through;
-        edges[i].seen = share * dot(vec4f(id != vec4u(0u)), vec4f(1.0));
+        edges[i].seen = share * seen;
     }
 }
 

@@ -17,14 +17,11 @@ from typing import NamedTuple
 import numpy as np
 
 from ispm.accel.intersect import STACK_WORDS, any_distance
-from ispm.accel.mesh import MATERIAL_WORDS, MATERIALS, word_of
-from ispm.accel.records import Hit, Ray, Scratch
-from ispm.accel.surface import SurfacePoint, SurfaceTable, dielectric_at, scene_tables
+from ispm.accel.records import Ray, Scratch
+from ispm.accel.surface import SurfaceTable, scene_tables
 from ispm.accel.world import World
-from ispm.frame import GBuffer
-from ispm.gpu import Gpu
 from ispm.kernels.share import run_shared, shared_rows
-from ispm.kernels.simd import alloca, ldu, u2f
+from ispm.kernels.simd import alloca
 from ispm.lights.area import resample_surround, sample_lamps
 from ispm.lights.nee import (
     BEFORE,
@@ -36,53 +33,24 @@ from ispm.lights.nee import (
     side_of,
     without_diffuse,
 )
-from ispm.optics.bsdf import eval_bsdf, is_lambert, is_narrow, surface_bsdf, transmits
+from ispm.optics.bsdf import eval_bsdf, is_lambert, is_narrow, transmits
 from ispm.optics.environment import environment_irradiance, has_environment
 from ispm.optics.jit import jit
 from ispm.optics.light import FAR
-from ispm.optics.records import MATERIAL, MATERIAL_UNLIT, NO_HIT
 from ispm.optics.rng import random4
-from ispm.optics.sampling import octahedral_decode
 from ispm.optics.vector import Vector, add, dot, scale, sub, vec3
 from ispm.scene.packed import Packed
-from ispm.stages.camera import CameraView
+from ispm.stages.pixels import Pixels, PixelView, is_alike, is_lit, lift, plane_at, shown_at
 
 f32, i64, u32 = np.float32, np.int64, np.uint32
 
-_FLAGS = word_of(MATERIAL, "flags")
 _DIMENSION = 5 << 20  # of the random numbers
 _SIDE = 4  # pixels of a square that draws from each part once
 _PAIRS = 1  # of directions that one of the environment is drawn from
 _REACH = 2  # pixels to each side that the filter takes in
 _LEAST_REACH = f32(1)  # in the first pass, for single rays are specks
 _CHUNK = 64  # pixels a thread takes at a time
-_CLEAR, _ROUNDED = f32(2e-5), f32(1e-6)  # a ray's start above its surface: of the distance, of coordinates
 _BLUR = f32(0.25)  # of a penumbra's width, that the filter blurs it over to each side at most
-_OFF_PLANE = f32(1.5)  # pixels' widths that neighbors lie off a pixel's plane at most
-_TURNED = f32(0.9)  # cosine of the angle between their normals at least
-
-
-class Pixels(NamedTuple):
-    """What the G-buffer holds of n pixels, row by row, see `GBuffer`: (n, 4) and (n, 2) uint32, (n, 4) and
-    (n,) float32."""
-
-    points: np.ndarray
-    normals: np.ndarray
-    base: np.ndarray
-    roughness: np.ndarray
-
-
-class _View(NamedTuple):
-    """Where the eye is, (3,) m; the direction to it, of parallel views; a pixel's width, m, is
-    `width . (x, y, z, 1)` of the point that it shows; pixels in a row; random numbers."""
-
-    eye: np.ndarray
-    parallel: bool
-    back: np.ndarray
-    width: np.ndarray
-    columns: np.int64
-    pass_index: np.uint32
-    seed: np.uint32
 
 
 class _Samples(NamedTuple):
@@ -91,7 +59,8 @@ class _Samples(NamedTuple):
     diffuse, gloss  (n, 3) light of the Lambert lobe over its albedo, and of the others, cd/m2
     drawn           (n, 3) what `diffuse` would be without shadows and reflection above it
     unshadowed      (n, 3) likewise, exact where that is known
-    reach           (n,) pixels to each side that the penumbra can be blurred over, infinite without shadow
+    reach           (n,) pixels to each side that the filter may take in: of the penumbra's width, infinite
+                    where none shades a Lambert surface or metal
     """
 
     diffuse: np.ndarray
@@ -102,60 +71,28 @@ class _Samples(NamedTuple):
 
 
 def area_light(
-    gpu: Gpu,
-    gbuffer: GBuffer,
+    pixels: Pixels,
+    view: PixelView,
     packed: Packed,
     world: World,
     surfaces: SurfaceTable,
-    view: CameraView,
     smoothing: float,
-    seed: int,
 ) -> np.ndarray:
-    """Return the direct light of lamps with a surface and of the environment, (h, w, 4) float32 cd/m2; of an
-    opacity of 1.
+    """Return the direct light of lamps with a surface and of the environment, (n, 4) float32 cd/m2 of
+    the n pixels; of an opacity of 1.
 
     smoothing  factor on the filter's width
     """
-    width, height = gbuffer.size
-    count = width * height
-    read = gpu.read_many(
-        [
-            (gbuffer.points, np.uint32, 4),
-            (gbuffer.normals, np.uint32, 2),
-            (gbuffer.base, np.float16, 4),
-            (gbuffer.emission, np.float16, 4),
-        ]
-    )
-    points, normals, base, emission = (a.reshape(count, -1) for a in read)
-    pixels = Pixels(points, normals, base.astype(np.float32), emission[:, 3].astype(np.float32))
+    count = len(pixels.points)
     tables = scene_tables(packed, world, surfaces)
-    *ahead, offset = view.clip_from_world[-1]
-    told = _View(
-        view.eye.astype(np.float32),
-        view.ymag is not None,
-        (-view.forward).astype(np.float32),
-        (view.footprint * np.array([*ahead, offset])).astype(np.float32),
-        i64(width),
-        u32(view.pass_index),
-        u32(seed),
-    )
     diffuse, gloss, drawn, unshadowed = np.zeros((4, count, 3), np.float32)
     samples = _Samples(diffuse, gloss, drawn, unshadowed, np.zeros(count, np.float32))
-    out = np.zeros((height, width, 4), np.float32)
-    run_shared(lambda counter: _sample_pixels(tables, pixels, told, counter, samples), world.threads)
+    out = np.zeros((count, 4), np.float32)
+    run_shared(lambda counter: _sample_pixels(tables, pixels, view, counter, samples), world.threads)
     run_shared(
-        lambda counter: _filter(tables, pixels, told, f32(smoothing), samples, counter, out), world.threads
+        lambda counter: _filter(tables, pixels, view, f32(smoothing), samples, counter, out), world.threads
     )
     return out
-
-
-class _Shown(NamedTuple):
-    """A pixel's surface: SurfacePoint, wo, distance to the eye and the pixel's width there, m."""
-
-    x: SurfacePoint
-    wo: Vector
-    distance: np.float32
-    width: np.float32
 
 
 @jit
@@ -167,9 +104,12 @@ def _sample_pixels(tables, pixels, view, counter, samples):
     step = (i64(turn * f32(_SIDE * _SIDE)) + i64(5) * i64(view.pass_index)) % (_SIDE * _SIDE)
     for i in shared_rows(counter, _CHUNK, len(pixels.points)):
         samples.reach[i] = f32(np.inf)
-        if not _is_lit(tables, pixels, i):
+        if not is_lit(tables, pixels, i):
             continue
-        shown = _shown(tables, pixels, view, i)
+        shown = shown_at(tables, pixels, view, i)
+        if greatest(shown.x.bsdf.diffuse) > f32(0) and not is_lambert(shown.x.bsdf):
+            # what reflection leaves to the Lambert lobe depends on the draw, whose ratio alone is biased
+            samples.reach[i] = f32(_REACH)
         column = (i % view.columns + step) % _SIDE
         row = (i // view.columns + step // _SIDE) % _SIDE
         r0, r1, r2, holes = random4(u32(i), u32(_DIMENSION), view.pass_index, view.seed)
@@ -209,45 +149,6 @@ class _Arriving(NamedTuple):
 
 
 @jit
-def _is_lit(tables, pixels, i):
-    """Whether row i of Pixels shows something that light makes visible."""
-    word = pixels.points[i, 3]
-    if word == u32(0):
-        return False
-    return ldu(tables.surfaces[MATERIALS], _material(word) + _FLAGS) & u32(MATERIAL_UNLIT) == u32(0)
-
-
-@jit
-def _material(word):
-    """The word, int64, at which the MATERIAL begins that a pixel's `word` tells, see stages/material.wgsl."""
-    return i64((word & u32(0xFFFFFF)) - u32(1)) * MATERIAL_WORDS
-
-
-@jit
-def _shown(tables, pixels, view, i):
-    """What row i of Pixels shows."""
-    point, word, base = pixels.points[i], pixels.points[i, 3], pixels.base[i]
-    position = u2f(point[0]), u2f(point[1]), u2f(point[2])
-    transmission = f32(word >> u32(24)) * f32(1 / 255)
-    dielectric = dielectric_at(tables.surfaces, _material(word))
-    b = surface_bsdf(vec3(base), base[3], pixels.roughness[i], transmission, dielectric, True)
-    n, ng = _unpacked(pixels.normals[i, 0]), _unpacked(pixels.normals[i, 1])
-    to_eye, width = sub(vec3(view.eye), position), view.width
-    distance = f32(math.sqrt(dot(to_eye, to_eye)))
-    wo = vec3(view.back) if view.parallel else scale(f32(1) / distance, to_eye)
-    side = max(dot(vec3(width), position) + width[3], f32(1e-30))
-    hit = Hit(u32(NO_HIT), u32(0), f32(0), f32(0))
-    return _Shown(SurfacePoint(hit, position, ng, n, b, u32(0), True), wo, distance, side)
-
-
-@jit
-def _unpacked(word):
-    """The unit vector that `pack_normal` of sampling.wgsl has packed."""
-    x, y = np.int16(word & u32(0xFFFF)), np.int16(word >> u32(16))
-    return octahedral_decode(max(f32(x) * f32(1 / 32767), f32(-1)), max(f32(y) * f32(1 / 32767), f32(-1)))
-
-
-@jit
 def _add_light(tables, shown, arriving, holes, i, scratch, samples):
     """Add what row i makes of an _Arriving to the _Samples; holes: random in [0, 1), for those it meets."""
     x, wo, wi = shown.x, shown.wo, arriving.wi
@@ -267,11 +168,10 @@ def _add_light(tables, shown, arriving, holes, i, scratch, samples):
             gloss = scale(share, gloss)
     if greatest(f) <= f32(0) and greatest(gloss) <= f32(0):
         return
-    near = _ROUNDED * max(abs(x.position[0]), max(abs(x.position[1]), abs(x.position[2])))
     if dot(x.n, wi) > f32(0):
         for c in range(3):
             samples.drawn[i, c] += along * arriving.irradiance[c] * f32(1 / math.pi)
-    start = add(x.position, scale(_CLEAR * shown.distance + near, side_of(x.ng, wi)))
+    start = add(x.position, scale(lift(shown), side_of(x.ng, wi)))
     toward, distance = wi, arriving.distance
     if distance < FAR:  # anew, for `start` may lie nearer to a lamp by more than rays end before it
         segment = sub(add(x.position, scale(distance, wi)), start)
@@ -297,7 +197,7 @@ def _add_light(tables, shown, arriving, holes, i, scratch, samples):
 
 @jit
 def _filter(tables, pixels, view, smoothing, samples, counter, out):
-    """Write the light of as many of the Pixels as a thread gets to (h, w, 4) float32.
+    """Write the light of as many of the Pixels as a thread gets to (n, 4) float32.
 
     In the first pass the share of light that is not shaded multiplies what is known of it without shadows: a
     ratio of means, as of Heitz, Hill and McGuire, Combining Analytic Direct Illumination and Stochastic
@@ -308,8 +208,8 @@ def _filter(tables, pixels, view, smoothing, samples, counter, out):
     columns, rows = view.columns, i64(len(pixels.points)) // view.columns
     for i in shared_rows(counter, _CHUNK, len(pixels.points)):
         row, column = i // columns, i % columns
-        out[row, column, 3] = f32(1)
-        if not _is_lit(tables, pixels, i):
+        out[i, 3] = f32(1)
+        if not is_lit(tables, pixels, i):
             continue
         top, bottom = max(row - _REACH, 0), min(row + _REACH, rows - 1)
         left, right = max(column - _REACH, 0), min(column + _REACH, columns - 1)
@@ -324,10 +224,10 @@ def _filter(tables, pixels, view, smoothing, samples, counter, out):
                 light = (
                     samples.diffuse[i, c] / max(samples.drawn[i, c], f32(1e-30)) * samples.unshadowed[i, c]
                 )
-                out[row, column, c] = light * opaque * base[c] + samples.gloss[i, c]
+                out[i, c] = light * opaque * base[c] + samples.gloss[i, c]
             continue
         reach = min(max(reach, least), f32(_REACH)) * smoothing
-        plane = _plane(pixels, view, i)
+        plane = plane_at(pixels, view, i)
         none, total = (f32(0), f32(0), f32(0)), f32(0)
         diffuse, gloss, drawn, unshadowed = none, none, none, none
         for y in range(top, bottom + 1):
@@ -337,7 +237,7 @@ def _filter(tables, pixels, view, smoothing, samples, counter, out):
             for x in range(left, right + 1):
                 k = y * columns + x
                 weight = down * _near(x - column, reach)
-                if weight > f32(0) and (k == i or _is_alike(pixels, plane, i, k)):
+                if weight > f32(0) and (k == i or is_alike(pixels, plane, i, k)):
                     total += weight
                     diffuse = add(diffuse, scale(weight, vec3(samples.diffuse[k])))
                     gloss = add(gloss, scale(weight, vec3(samples.gloss[k])))
@@ -347,43 +247,10 @@ def _filter(tables, pixels, view, smoothing, samples, counter, out):
             light = diffuse[c]
             if first and drawn[c] > f32(0):
                 light *= unshadowed[c] / drawn[c]
-            out[row, column, c] = (light * opaque * base[c] + gloss[c]) / total
-
-
-class _Plane(NamedTuple):
-    """Where a pixel's neighbors lie that are filtered with it: its point, m, geometric and shading normal,
-    unit, and how far off its plane, m."""
-
-    position: Vector
-    ng: Vector
-    n: Vector
-    off: np.float32
-
-
-@jit
-def _plane(pixels, view, i):
-    """The _Plane of row i of Pixels."""
-    point, width = pixels.points[i], view.width
-    position = u2f(point[0]), u2f(point[1]), u2f(point[2])
-    side = max(dot(vec3(width), position) + width[3], f32(1e-30))
-    n, ng = _unpacked(pixels.normals[i, 0]), _unpacked(pixels.normals[i, 1])
-    return _Plane(position, ng, n, _OFF_PLANE * side)
+            out[i, c] = (light * opaque * base[c] + gloss[c]) / total
 
 
 @jit
 def _near(away, reach):
     """Weight of a pixel `away` rows or columns from the middle of a square that reaches so far."""
     return min(max(reach + f32(0.5) - abs(f32(away)), f32(0)), f32(1)) if away != 0 else f32(1)
-
-
-@jit
-def _is_alike(pixels, plane, i, k):
-    """Whether row k of Pixels shows the material of row i, in its _Plane, turned alike."""
-    point = pixels.points[k]
-    if point[3] != pixels.points[i, 3]:
-        return False
-    off = dot(plane.ng, sub((u2f(point[0]), u2f(point[1]), u2f(point[2])), plane.position))
-    if abs(off) > plane.off:
-        return False
-    word = pixels.normals[k, 0]
-    return word == pixels.normals[i, 0] or dot(_unpacked(word), plane.n) > _TURNED

@@ -35,9 +35,11 @@ fn fs(@builtin(position) at: vec4f) -> Shown {
     let ray = pixel_ray(at.xy);
     let met = meet(point_to_world(instance, first), e1, e2, ray.origin, ray.direction, camera.orthographic != 0u);
     let weights = vec3f(1.0 - met.uv.x - met.uv.y, met.uv);
-    var n = normalize(normal_to_world(instance, mat3x3f(
-        vertices[rows.x].normal, vertices[rows.y].normal, vertices[rows.z].normal,
-    ) * weights));
+    let normals = mat3x3f(vertices[rows.x].normal, vertices[rows.y].normal, vertices[rows.z].normal);
+    var n = met.ng;
+    if (any(normals[0] != vec3f(0.0))) {
+        n = normalize(normal_to_world(instance, normals * weights));
+    }
     let side = select(-1.0, 1.0, dot(n, met.ng) >= 0.0);
     if (BUMPY) {
         let tangent = mat3x3f(

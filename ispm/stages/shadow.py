@@ -181,13 +181,13 @@ class ShadowStage:
 
 
 def shared_indices(geometry: Geometry) -> np.ndarray:
-    """Return (3 T,) uint32, the geometry's indices, where corners of a flat mesh share vertices again.
+    """Return (3 T,) uint32, the indices, where corners of flat meshes with tangents share vertices again.
 
-    They differ in their normals alone, which shadows need not; a third of the vertices are left to place.
+    They differ in what shadows need not; a third of the vertices are left to place.
     """
     indices = geometry.indices.copy()
     for kept in geometry.ranges:
-        if kept.mesh.normals is None:
+        if kept.mesh.normals is None and kept.mesh.uv0 is not None:
             _, first, row = np.unique(kept.mesh.triangles.ravel(), return_index=True, return_inverse=True)
             corners = slice(kept.first_index, kept.first_index + 3 * kept.triangle_count)
             indices[corners] = kept.first_vertex + first[row]

@@ -7,10 +7,11 @@ import numpy as np
 from ispm import wgsl
 from ispm.frame import GBuffer, GpuScene
 from ispm.gpu import Counted, Gpu, Kept, Recording, Texture
-from ispm.optics.records import MATERIAL_TRANSMITS
+from ispm.optics.records import MATERIAL_COATED, MATERIAL_TRANSMITS
 
 _PATH = "stages/specular.wgsl"
 _SHADER = wgsl.load(_PATH)
+LAYER_BASE, LAYER_COAT = (int(_SHADER.constants[name]) for name in ("LAYER_BASE", "LAYER_COAT"))
 SEEN, BROUGHT = _SHADER.dtype("Seen"), _SHADER.dtype("Brought")
 _THREADS = int(_SHADER.constants["THREADS"])
 _NARROW = 1.01 * _SHADER.constants["NARROW_ALPHA"]  # roughness^2, and what the G-buffer's halves may round
@@ -79,13 +80,14 @@ class SpecularStage:
         indirect: Texture,
         emission: Texture,
     ) -> Texture:
-        """Add (n, 9) light, direct, indirect and emission RGB, to the numbered pixels of three textures.
+        """Add light, direct, indirect and emission RGB, to the numbered pixels of three textures.
 
-        light  (n, 12): the last three are the share of a background that a pixel shows
+        light  (n, 13): behind these nine numbers the share of a background that a pixel shows, RGB, and the
+               share of the direct and indirect light there that a coat hides
         ->     an image of that share, W x H; where there is none, of one black texel
         """
         through = self._none
-        if light[:, 9:].any():
+        if light[:, 9:12].any():
             through = self._through.sized(direct.size)
             with frame.draw_into(through):
                 pass  # clears it
@@ -93,8 +95,9 @@ class SpecularStage:
             return through
         brought = np.zeros(len(pixels), BROUGHT)
         brought["pixel"] = pixels
-        for k, name in enumerate(("direct", "indirect", "emission", "through")[: light.shape[1] // 3]):
+        for k, name in enumerate(("direct", "indirect", "emission", "through")):
             brought[name] = light[:, 3 * k : 3 * k + 3]
+        brought["hidden"] = light[:, 12]
         threads = min(len(pixels), _THREADS)
         self._add(
             frame,
@@ -119,5 +122,6 @@ class SpecularStage:
 def _may_lead_on(materials: np.ndarray) -> bool:
     """Whether eye rays may have to go on from any of these."""
     textured = materials["metallic_roughness_texture"]["texture"] >= 0
-    may = (materials["flags"] & MATERIAL_TRANSMITS != 0) | (materials["roughness"] ** 2 < _NARROW) | textured
+    layered = materials["flags"] & (MATERIAL_TRANSMITS | MATERIAL_COATED) != 0
+    may = layered | (materials["roughness"] ** 2 < _NARROW) | textured
     return bool(may.any())

@@ -22,14 +22,16 @@ struct Seen {              // a pixel that shows a mirror, glass or a narrow lob
     pixel: u32,
     instance: u32,
     primitive: u32,
-    spare: u32,
+    layers: u32,           // LAYER_*: from which of its layers eye rays go on
 }
+const LAYER_BASE = 1u;     // what is under a coat, or all
+const LAYER_COAT = 2u;
 
 struct Brought {           // the light that specular paths bring to a pixel
     direct: vec3f,
     pixel: u32,
     indirect: vec3f,
-    spare0: u32,
+    hidden: f32,           // share that a coat hides of what is shown already
     emission: vec3f,
     spare1: u32,
     through: vec3f,        // share of the background that it shows
@@ -46,8 +48,8 @@ fn leads_on(b: Bsdf) -> bool {
 fn may_lead_on(row: u32) -> bool {
     let roughness = materials[row].roughness;
     let textured = materials[row].metallic_roughness_texture.texture >= 0;
-    let clear = (materials[row].flags & MATERIAL_TRANSMITS) != 0u;
-    return clear || textured || roughness * roughness < 1.01 * NARROW_ALPHA;
+    let layered = (materials[row].flags & (MATERIAL_TRANSMITS | MATERIAL_COATED)) != 0u;
+    return layered || textured || roughness * roughness < 1.01 * NARROW_ALPHA;
 }
 
 @compute @workgroup_size(8, 8)
@@ -64,13 +66,15 @@ fn find_specular(@builtin(global_invocation_id) thread: vec3u) {
     }
     let roughness = textureLoad(glow, pixel, 0).a;
     let b = seen_bsdf(word, textureLoad(base, pixel, 0), roughness, materials[row]);
-    if (!leads_on(b)) {
+    let coated = (materials[row].flags & MATERIAL_COATED) != 0u;
+    let layers = select(0u, LAYER_BASE, leads_on(b)) | select(0u, LAYER_COAT, coated);
+    if (layers == 0u) {
         return;
     }
     let slot = atomicAdd(&seen_count[0], 1u);
     if (slot < arrayLength(&seen)) {
         let triangle = textureLoad(ids, pixel, 0).xy;
-        seen[slot] = Seen(pixel.y * size.x + pixel.x, triangle.x - 1u, triangle.y, 0u);
+        seen[slot] = Seen(pixel.y * size.x + pixel.x, triangle.x - 1u, triangle.y, layers);
     }
 }
 
@@ -86,8 +90,9 @@ fn add_pixels(@builtin(global_invocation_id) thread: vec3u) {
     let width = textureDimensions(direct_in).x;
     for (var i = thread.x; i < arrayLength(&brought); i += THREADS) {
         let pixel = pixel_of(brought[i].pixel, width);
-        brought[i].direct += textureLoad(direct_in, pixel, 0).rgb;
-        brought[i].indirect += textureLoad(indirect_in, pixel, 0).rgb;
+        let shown = 1.0 - brought[i].hidden;
+        brought[i].direct += shown * textureLoad(direct_in, pixel, 0).rgb;
+        brought[i].indirect += shown * textureLoad(indirect_in, pixel, 0).rgb;
         brought[i].emission += textureLoad(emission_in, pixel, 0).rgb;
     }
 }

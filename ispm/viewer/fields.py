@@ -13,7 +13,15 @@ from typing import Any
 import numpy as np
 
 from ispm.errors import SceneError, SettingsError
-from ispm.scene.light import DirectionalLight, Light, PointLight, SpotLight, SurfaceLight
+from ispm.scene.light import (
+    DirectionalLight,
+    DiskLight,
+    Light,
+    PointLight,
+    RectLight,
+    SpotLight,
+    SurfaceLight,
+)
 from ispm.scene.material import RANGES, AlphaMode, Material
 from ispm.scene.node import Node
 from ispm.settings import Settings
@@ -91,12 +99,18 @@ def light_fields(light: Light) -> list[Field]:
             made.append(_field(name, "number", degrees, least=0.0, most=90.0, unit="°"))
     if isinstance(light, PointLight | SpotLight):
         made.append(_field("range", "number", _finite(light.range), least=0.0, unit="m"))
-    if isinstance(light, SurfaceLight):
-        for name in light.SIZES:
-            made.append(_field(name, "number", float(getattr(light, name)), least=0.0, unit="m"))
-        if hasattr(light, "two_sided"):
-            made.append(_field("two_sided", "switch", light.shines_both_ways))
+    for name in _sizes(light):
+        made.append(_field(name, "number", float(getattr(light, name)), least=0.0, unit="m"))
+    if isinstance(light, RectLight | DiskLight):
+        made.append(_field("two_sided", "switch", light.shines_both_ways))
     return made
+
+
+def _sizes(light: Light) -> tuple[str, ...]:
+    """The fields that say how large a light is."""
+    if isinstance(light, SurfaceLight):
+        return light.SIZES
+    return ("radius",) if isinstance(light, PointLight) else ()
 
 
 def _field(name: str, kind: str, value: Any, *, label: str = "", **about: Any) -> Field:
@@ -163,7 +177,7 @@ def light_edit(node: Node, field: str, value: Any, distance: float, gesture: obj
         given = math.radians(_number(field, value))
     elif field == "range" and isinstance(light, PointLight | SpotLight):
         given = math.inf if value == "" else _number(field, value)
-    elif isinstance(light, SurfaceLight) and field in light.SIZES:
+    elif field in _sizes(light):
         given = _number(field, value)
     elif field == "two_sided" and hasattr(light, field):
         given = bool(value)

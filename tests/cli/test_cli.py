@@ -105,7 +105,9 @@ def test_print_config_can_be_read_back(ispm_command, place):
     assert json.loads(ispm_command("render --config s.toml --print-config --json")[1])["size"] == [64, 48]
 
 
-@pytest.mark.parametrize("command", ["", "render ", "compare ", "info ", "scenes ", "doctor ", "bench "])
+@pytest.mark.parametrize(
+    "command", ["", "render ", "animate ", "compare ", "info ", "scenes ", "doctor ", "bench "]
+)
 def test_every_command_has_help_with_an_example(ispm_command, command):
     code, out, _ = ispm_command(command + "--help")
     assert code == 0
@@ -182,6 +184,26 @@ def test_info_takes_the_options_of_loading(ispm_command, place):
     assert bounds == [[1, 2, 3], [1, 3, 0], [1, 2, 3]]
     code, _, err = ispm_command("info a.obj --up x")
     assert (code, "--up: 'x' is not one of y, z" in err) == (2, True)
+
+
+def test_variants_are_listed_and_chosen(ispm_command, place):
+    looks = [{"emissiveFactor": [0, 0, 0], "name": name} for name in ("plain", "red")]
+    mapped = {"KHR_materials_variants": {"mappings": [{"material": 1, "variants": [0]}]}}
+    points = {"componentType": 5126, "type": "VEC3", "count": 3}
+    primitive = {"attributes": {"POSITION": 0}, "material": 0, "extensions": mapped}
+    file = {"asset": {"version": "2.0"}, "accessors": [points], "nodes": [{"mesh": 0}],
+            "meshes": [{"primitives": [primitive]}], "materials": looks,
+            "extensions": {"KHR_materials_variants": {"variants": [{"name": "warm"}]}}}  # fmt: skip
+    (place / "v.gltf").write_text(json.dumps(file))
+    for option in ("", "--variant warm"):
+        code, out, _ = ispm_command(f"info v.gltf --json {option}")
+        assert (code, json.loads(out)["variants"]) == (0, ["warm"])
+    code, _, err = ispm_command("render v.gltf --variant cold")
+    assert code == 2
+    assert err.endswith("v.gltf: there is no variant 'cold'; the scene has 'warm'\n")
+    assert ispm_command("render v.gltf --variant warm --size 8x6 -o a.png")[0] == 0
+    assert FakeRenderer.made[-1].scene.variant == "warm"
+    assert "ispm render v.gltf --size 8x6 --variant warm -o a.png" in ispm_command("info a.png")[2]
 
 
 def test_doctor_reports_the_machine(ispm_command):

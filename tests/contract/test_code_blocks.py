@@ -23,6 +23,8 @@ SMALLER = [
     (r"photons=100_000", "photons=2_000"),
     (r"--passes \d+", "--passes 2"),
     (r"--target-error 0\.\d+", "--target-error 1.0"),
+    (r"--turntable 360/\d+", "--turntable 360/2"),
+    (r"--frames \d+:\d+", "--frames 0:1"),
 ]
 ELSEWHERE = ("pip install .", "scripts/on_gpu.sh")  # change the machine, or need another
 
@@ -47,8 +49,13 @@ def place(tmp_path, monkeypatch):
     monkeypatch.setenv("ISPM_SIZE", "64x48")
     monkeypatch.setenv("ISPM_PHOTONS", "2000")
     scene = ispm.builtin("cornell-box")
+    lamp = scene.lights[0]
+    down = [lamp.translation, (2.8, 4.0, 2.8)]
+    scene.animations.append(ispm.Animation([ispm.Channel(lamp, "translation", [0.0, 0.1], down)]))
     ispm.save(scene, "room.glb")
     trimesh.creation.box().export("part.stl")
+    keys = "[[key]]\ntime = 0\neye = [2, 3, -2]\ntarget = [3, 2, 3]\n"
+    Path("walk.toml").write_text(keys + keys.replace("time = 0", "time = 0.05"))
     Path("workshop.hdr").write_bytes(rgbe.hdr(rgbe.texels_of(np.ones((4, 8, 3)))))
     return tmp_path
 

@@ -7,21 +7,25 @@ from pathlib import Path
 import pytest
 from PIL import ImageShow
 
-EXAMPLES = sorted((Path(__file__).parents[2] / "examples").glob("*.py"))
+FOLDER = Path(__file__).parents[2] / "examples"
+EXAMPLES = sorted(FOLDER.glob("*.py"))
+FILMS = sorted((FOLDER / "films").glob("*.py"))
 
 
 @pytest.mark.filterwarnings("ignore:there is no display")
-@pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", [*EXAMPLES, *FILMS], ids=lambda path: path.stem)
 def test_example_runs(path, tmp_path, monkeypatch, capsys):
     if "trimesh" in path.stem:
         pytest.importorskip("trimesh", reason="trimesh is not installed")
+    if path in FILMS:
+        pytest.importorskip("av", reason="PyAV is not installed")
     if "ispm.view(" in path.read_text("utf-8"):
         pytest.importorskip("uvicorn", reason="uvicorn is not installed")
         pytest.importorskip("websockets", reason="websockets is not installed")
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(ImageShow, "_viewers", [])  # no windows while tests run
     text, sizes = re.subn(r"^SIZE = .*$", "SIZE = (64, 48)", path.read_text("utf-8"), flags=re.MULTILINE)
-    text = re.sub(r"^(STEPS|PICTURES|PASSES) = .*$", r"\1 = 2", text, flags=re.MULTILINE)
+    text = re.sub(r"^(STEPS|PICTURES|PASSES|FRAMES) = .*$", r"\1 = 2", text, flags=re.MULTILINE)
     assert sizes == 1
     monkeypatch.setattr(sys, "argv", [path.name, *(["--frames", "3"] if "--frames" in text else [])])
     exec(compile(text, str(path), "exec"), {"__name__": "__main__"})

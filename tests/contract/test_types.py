@@ -61,7 +61,7 @@ def mypy(*paths):
 def test_examples_are_well_typed_and_planted_mistakes_are_found(tmp_path):
     planted = tmp_path / "planted.py"
     planted.write_text(MISTAKES, "utf-8")
-    examples = sorted((ROOT / "examples").glob("*.py"))
+    examples = sorted((ROOT / "examples").rglob("*.py"))
     lines = mypy(planted, *examples)
     errors = [line for line in lines if ": error:" in line]
     found = {int(m[1]) for line in errors if (m := re.match(r".*planted\.py:(\d+): error:", line))}

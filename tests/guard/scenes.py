@@ -60,6 +60,10 @@ def cases() -> list[Case]:
             "corner/off-axis", corner, Camera(yfov=0.8, aspect=1.4, principal=(0.2, -0.3), pose=_EYE.pose),
             dict(subsampling=3),
         ),
+        *_case("panels", panels, _EYE, {"default": {}, "photons": dict(gather=0), "passes": dict(passes=2)}),
+        Case("dome/default", partial(dome, SKY), _EYE),
+        Case("dome/gradient", partial(dome, GRADIENT), _EYE, dict(passes=2, shadows="rays")),
+        *_case("unlit", unlit, _EYE, {name: dict(light=name) for name in ("studio", "sky", "lamp", "none")}),
         Case("crowd/moving", crowd, _EYE, {}, times=(0.0, 0.6)),
         Case("crowd/photons", crowd, _EYE, dict(gather=0, subsampling=2), times=(0.3, 0.3)),
         *(Case(f"{name}/builtin", partial(ispm.builtin, name)) for name in _BUILTINS),
@@ -73,6 +77,11 @@ _EYE = Camera.look_at((0.3, 1.7, 4.2), (0.0, 0.95, 0.0))
 _ring = partial(ispm.builtin, "caustic-ring")
 _BUILTINS = ("cornell-box", "glass-sphere", "objects-in-box")
 _SKY = (0.2, 0.3, 0.5)
+SKY = ispm.Sky(0.6)
+GRADIENT = ispm.Environment(
+    (np.linspace(2.0, 0.1, 8)[:, None, None] * np.linspace(0.5, 1.0, 16)[:, None] * (0.8, 0.9, 1.0)),
+    rotation=0.5,
+)
 _FULL = dict(subsampling=1, gather=4, background=(0.1, 0.2, 0.1))
 _METHODS: dict[str, dict[str, Any]] = {
     "default": dict(views=("photons", "overdraw")),
@@ -96,6 +105,8 @@ _LIGHTS: dict[str, dict[str, Any]] = {
     "map": dict(emission="map", views=("bounce-map",)),
     "rays": dict(emission="rays"),
     "rough-shadows": dict(shadow_resolution=64, gather=0, emission="map"),
+    "traced-shadows": dict(shadows="rays"),
+    "mapped-shadows": dict(shadows="map", passes=2),
     "all-aimed": dict(caustic_photons=1.0),
     "none-aimed": dict(caustic_photons=0.0),
 }
@@ -277,6 +288,49 @@ def outdoors() -> Scene:
     _put(scene, _ball(0.4), _MIRROR, (1.0, 0.41, 0.9))
     sun = scene.add(ispm.DirectionalLight((5.0, 4.5, 4.0)), translation=(2.0, 3.0, 2.5))
     sun.look_at((0.0, 0.0, 0.0))
+    return scene
+
+
+def panels() -> Scene:
+    """Lamps of every shape, one behind glass, a ball and a pattern that glow, among rough metals."""
+    scene = _room("panels")
+    _put(scene, shapes.box((0.6, 0.8, 0.6)), Material(_BLUE), (-1.1, 0.4, -0.5), turn=0.4)
+    _put(scene, _ball(0.35), Material((0.9, 0.7, 0.4), metallic=1.0, roughness=0.3), (0.0, 0.36, 0.9))
+    _put(scene, _ball(0.3), Material((0.8, 0.8, 0.9), metallic=1.0, roughness=0.6), (0.9, 0.31, 0.4))
+    _put(scene, _ball(0.2), Material(emission=(4.0, 2.0, 1.0)), (-1.4, 1.3, 0.4))
+    glow = Material(emission=(2.0, 2.0, 2.0), emission_texture=Texture(_pattern(0)), double_sided=True)
+    _put(scene, shapes.plane(0.8, 0.8), glow, (1.3, 1.2, -1.2), lift=True)
+    _put(scene, shapes.box((0.6, 0.6, 0.03)), Material(roughness=0.0, transmission=1.0), (0.9, 1.9, 1.0))
+    lamps: list[tuple[ispm.Light, Place]] = [
+        (ispm.RectLight((20.0, 18.0, 15.0), width=0.8, height=0.4), (0.0, 2.8, 0.2)),
+        (ispm.DiskLight((9.0, 12.0, 18.0), radius=0.2), (1.6, 2.4, 1.4)),
+        (ispm.SphereLight((30.0, 24.0, 16.0), radius=0.08), (-0.9, 2.2, 1.0)),
+    ]
+    for lamp, place in lamps:
+        scene.add(lamp, translation=place).look_at((0.0, 0.3, 0.0))
+    return scene
+
+
+def dome(environment: ispm.Environment | ispm.Sky) -> Scene:
+    """A field under light from all around, with glass, gloss and a lamp."""
+    scene = outdoors()
+    for node in list(scene.lights):
+        scene.remove(node)
+    _put(scene, _ball(0.35), _solid_glass(), (-0.3, 0.36, 0.9))
+    _put(scene, _ball(0.3), Material((0.9, 0.6, 0.3), metallic=1.0, roughness=0.3), (-1.3, 0.31, 0.8))
+    scene.add(ispm.PointLight((3.0, 2.0, 1.0)), translation=(-0.3, 1.2, 0.2))
+    scene.environment = environment
+    return scene
+
+
+def unlit() -> Scene:
+    """Things on the ground that bring no light."""
+    scene = Scene(name="unlit")
+    _put(scene, shapes.plane(5.0, 5.0), Material(_WHITE), (0.0, 0.0, 0.0))
+    _put(
+        scene, shapes.torus(0.6, 0.2, segments=24, sides=12), Material(_RED, roughness=0.4), (-0.6, 0.2, 0.2)
+    )
+    _put(scene, _ball(0.4), Material((0.9, 0.8, 0.6), metallic=1.0, roughness=0.3), (0.8, 0.4, 0.4))
     return scene
 
 

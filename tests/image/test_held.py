@@ -63,8 +63,8 @@ def test_a_renderer_holds_the_camera_that_it_made(gpu):
 
 def test_a_renderer_holds_the_light_that_it_made(gpu):
     """The floor far from a ball that moves keeps its light, though the scene's bounds do not."""
-    scene = scene_of(CLAY, lamp=False)
-    with opened(gpu, scene, bounces=0, antialias=False) as renderer, pytest.warns(UserWarning, match="light"):
+    scene, told = scene_of(CLAY, lamp=False), dict(bounces=0, antialias=False, light="lamp")
+    with opened(gpu, scene, **told) as renderer, pytest.warns(UserWarning, match="light"):
         first = renderer.render()
         scene["ball 0"].translation = (0.0, 30.0, 0.0)
         later = renderer.render()

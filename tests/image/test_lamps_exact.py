@@ -9,7 +9,8 @@ from transport import Tracer, box_room
 
 from ispm import Camera, Environment, Material, RectLight, Renderer, Scene, Settings, SphereLight
 from ispm.library.shapes import icosphere, polygons
-from ispm.optics.bsdf import Bsdf, Dielectric, eval_bsdf, surface_bsdf, without_diffuse
+from ispm.lights.nee import without_diffuse
+from ispm.optics.bsdf import Bsdf, Dielectric, eval_bsdf, surface_bsdf
 from ispm.optics.jit import jit
 from ispm.optics.vector import dot, scale, sub
 from ispm.scene.camera import look_at_pose

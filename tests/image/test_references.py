@@ -32,7 +32,7 @@ def compared(frame, reference, over, finer, factor) -> Comparison:
 
 
 def test_references_are_there_and_know_their_noise():
-    assert len(names()) == 25
+    assert len(names()) == 28
     for name in names():
         reference = stored(name)
         assert reference.samples >= (1024 if name in TRACED else 4096)

@@ -13,7 +13,7 @@ from guard.arrays import arrays, open_renderer
 from guard.scenes import cases
 
 import ispm
-from ispm.settings import Emission, Estimator, Kernel, Preset, Settings, Tonemap
+from ispm.settings import Emission, Estimator, Kernel, Preset, Settings, Shadows, Tonemap, Unlit
 
 CASES = cases()
 
@@ -41,6 +41,7 @@ def test_pictures_are_what_they_were(case, renderer, kept, gpu):
 def test_all_that_can_be_chosen_is_rendered():
     used = [Settings(**case.settings) for case in CASES]
     every = dict(preset=Preset, kernel=Kernel, estimator=Estimator, emission=Emission, tonemap=Tonemap)
+    every |= dict(shadows=Shadows, light=Unlit)
     for name, choices in every.items():
         assert {getattr(settings, name) for settings in used} == set(get_args(choices)), name
     fixed = {"size", "photons", "time_limit", "target_error"}
@@ -52,8 +53,10 @@ def test_all_that_can_be_chosen_is_rendered():
 def test_all_that_scenes_are_made_of_is_rendered():
     scenes = [case.scene() for case in CASES]
     assert {type(node.light) for scene in scenes for node in scene.lights} == {
-        ispm.PointLight, ispm.SpotLight, ispm.DirectionalLight
+        ispm.PointLight, ispm.SpotLight, ispm.DirectionalLight,
+        ispm.RectLight, ispm.DiskLight, ispm.SphereLight,
     }  # fmt: skip
+    assert {type(scene.environment) for scene in scenes} == {type(None), ispm.Environment, ispm.Sky}
     materials = [material for scene in scenes for material in scene.materials]
     names = {f.name for f in dataclasses.fields(ispm.Material)} - {"name"}
     plain = ispm.Material()

@@ -87,7 +87,7 @@ def test_rotations_take_the_shorter_arc(tmp_path: Path, kind: type) -> None:
         (animated(TIMES, MOVES, how="CUBICSPLINE"), "3 times and 3 values"),
         (animated(TIMES[:0], MOVES[:0]), "no keys"),
         (animated(TIMES, MOVES, how="WOBBLE"), "WOBBLE"),
-        (animated(TIMES, MOVES, "pointer"), "pointer"),
+        (animated(TIMES, MOVES, "colour"), "colour"),
         (animated(TIMES, MOVES, "rotation"), "wrong type"),
         (animated(TIMES, np.zeros((3, 4), np.float32), "rotation"), "zero"),
         (animated(TIMES, np.full((3, 3), np.inf, np.float32)), "finite"),
@@ -109,6 +109,21 @@ def test_channels_of_unknown_targets_are_left_out(tmp_path: Path) -> None:
         builder.json["animations"][0]["channels"][0]["target"] = {"path": "translation"} | target
         scene = builder.load(tmp_path)
         assert (scene.animations, len(scene.warnings)) == ([], warnings)
+
+
+def test_pointers_are_named_and_the_other_channels_play(tmp_path: Path) -> None:
+    builder = animated(TIMES, MOVES)
+    pointer = {"KHR_animation_pointer": {"pointer": "/materials/0/emissiveFactor"}}
+    channels = builder.json["animations"][0]["channels"]
+    channels += 2 * [{"sampler": 0, "target": {"path": "pointer", "extensions": pointer}}]
+    builder.json["extensionsUsed"] = ["KHR_animation_pointer"]
+    scene = builder.load(tmp_path)
+    assert [channel.path for channel in scene.animations[0].channels] == ["translation"]
+    assert len(scene.warnings) == 2
+    assert scene.warnings[0] == (
+        "2 animation channels move what KHR_animation_pointer names, which is not supported"
+    )
+    assert "KHR_animation_pointer (its channels are left out)" in scene.warnings[1]
 
 
 def test_nodes_placed_by_a_matrix_are_not_animated(tmp_path: Path) -> None:

@@ -140,20 +140,3 @@ def test_numbers_packed_small_mean_the_same(tmp_path: Path) -> None:
     assert (first.positions == QUAD * 100).all() and (second.positions == QUAD).all()
     assert (first.normals == (0, 1, 0)).all() and (first.tangents == (1, 0, 0, -1)).all()
     assert first.uv0[2].tolist() == [1.0, 1.0] and first.uv1[2].tolist() == [3.0, 3.0]
-
-
-def test_packed_geometry_without_a_decoder_is_named(tmp_path: Path) -> None:
-    builder = GltfBuilder()
-    builder.node(mesh=builder.mesh())
-    primitive = builder.json["meshes"][0]["primitives"][0]
-    primitive["extensions"] = {"KHR_draco_mesh_compression": {"bufferView": 0, "attributes": {}}}
-    assert builder.load(tmp_path).triangle_count == 2  # plain accessors are there, too
-    del builder.json["accessors"][primitive["attributes"]["POSITION"]]["bufferView"]
-    with pytest.raises(SceneError, match="KHR_draco_mesh_compression"):
-        builder.load(tmp_path)
-    builder = GltfBuilder(
-        buffers=[{"byteLength": 99, "extensions": {"EXT_meshopt_compression": {"fallback": True}}}]
-    )
-    builder.node(mesh=builder.mesh())
-    with pytest.raises(SceneError, match="meshopt compression"):
-        builder.load(tmp_path)

@@ -64,22 +64,26 @@ def test_load_imports_no_decoder_tracer_or_gpu() -> None:
 
 
 def test_load_refuses_required_extensions_by_name(tmp_path: Path) -> None:
-    needed = ["KHR_texture_transform", "KHR_draco_mesh_compression", "ACME_teleport"]
+    needed = ["KHR_texture_transform", "KHR_xmp_json_ld", "ACME_teleport"]
     builder = quad(extensionsUsed=needed, extensionsRequired=needed)
-    with pytest.raises(
-        SceneError, match=r"uses KHR_draco_mesh_compression \(Draco.*ACME_teleport.*export it without"
-    ) as e:
+    with pytest.raises(SceneError, match=r"uses KHR_xmp_json_ld, ACME_teleport, .*export it without") as e:
         builder.load(tmp_path)
     assert "texture_transform" not in str(e.value)
 
 
+def test_load_says_what_to_do_without_an_environment_of_gltf(tmp_path: Path) -> None:
+    (line,) = quad(extensionsUsed=["EXT_lights_image_based"]).load(tmp_path).warnings
+    assert "EXT_lights_image_based (few programs" in line
+    assert "give the environment as a file" in line
+
+
 def test_load_tells_which_extensions_are_honoured(tmp_path: Path) -> None:
-    used = ["KHR_materials_ior", "KHR_materials_clearcoat", "ACME_teleport"]
+    used = ["KHR_materials_ior", "KHR_materials_iridescence", "ACME_teleport"]
     scene = quad(extensionsUsed=used).load(tmp_path)
     assert scene.extensions_used == used
     assert scene.extensions_honoured == ["KHR_materials_ior"]
     assert scene.warnings == [
-        "extensions that are not supported are passed over: KHR_materials_clearcoat, ACME_teleport"
+        "extensions that are not supported are passed over: KHR_materials_iridescence, ACME_teleport"
     ]
 
 

@@ -328,6 +328,49 @@ def test_transmission_textures_hold_data_and_need_coordinates(tmp_path: Path) ->
     assert without.transmission_texture is None
 
 
+def coat(**more: Any) -> dict[str, Any]:
+    return {"extensions": {"KHR_materials_clearcoat": {"clearcoatFactor": 0.75, **more}}}
+
+
+def test_a_clear_coat_is_read(tmp_path: Path) -> None:
+    slots = {
+        "clearcoatTexture": {"index": 0},
+        "clearcoatRoughnessTexture": {"index": 0},
+        "clearcoatNormalTexture": {"index": 0, "scale": 0.5},
+    }
+    builder = quad(coat(clearcoatRoughnessFactor=0.25, **slots))
+    builder.picture(CHECKS)
+    scene = builder.load(tmp_path)
+    material = only_material(scene)
+    assert scene.warnings == [] and scene.extensions_honoured == scene.extensions_used
+    assert (material.clearcoat, material.clearcoat_roughness) == (0.75, 0.25)
+    assert material.clearcoat_normal_scale == 0.5
+    for use in (
+        material.clearcoat_texture,
+        material.clearcoat_roughness_texture,
+        material.clearcoat_normal_texture,
+    ):
+        assert use is not None and use.texture.srgb is False
+
+
+def test_a_clear_coat_with_wrong_numbers_is_mended(tmp_path: Path) -> None:
+    scene = quad(coat(clearcoatFactor=7, clearcoatRoughnessFactor=-1)).load(tmp_path)
+    material = only_material(scene)
+    assert (material.clearcoat, material.clearcoat_roughness) == (1.0, 0.0)
+    assert [line.partition(": ")[2] for line in scene.warnings] == [
+        "clearcoatFactor 7 is clamped to 0..1", "clearcoatRoughnessFactor -1 is clamped to 0..1",
+    ]  # fmt: skip
+
+
+def test_a_clear_coat_over_glass_is_left_out_in_one_line(tmp_path: Path) -> None:
+    record = coat()
+    record["extensions"] |= glass()["extensions"]
+    scene = quad(record).load(tmp_path)
+    assert (only_material(scene).clearcoat, only_material(scene).transmission) == (0.0, 0.75)
+    (line,) = scene.warnings
+    assert line.endswith("a clear coat over glass is not supported; it is left out")
+
+
 def webp(**texture: Any) -> GltfBuilder:
     """A quad with a texture whose WebP is white and whose plain picture is black."""
     builder = quad({"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}})
@@ -350,14 +393,3 @@ def test_a_broken_webp_leaves_the_plain_picture(tmp_path: Path) -> None:
     scene = builder.load(tmp_path)
     assert (base_texture(scene).texture.pixels[..., :3] == 0).all()
     assert "left out" in scene.warnings[0]
-
-
-@pytest.mark.parametrize(("plain", "told"), [({"source": 1}, "passed over"), ({}, "KTX2 only")])
-def test_ktx2_gives_way_to_a_plain_picture(tmp_path: Path, plain: dict[str, Any], told: str) -> None:
-    builder = webp()
-    builder.json |= {"extensionsUsed": ["KHR_texture_basisu"]}
-    builder.json["textures"] = [plain | {"extensions": {"KHR_texture_basisu": {"source": 0}}}]
-    scene = builder.load(tmp_path)
-    assert (only_material(scene).base_color_texture is not None) == bool(plain)
-    assert told in scene.warnings[-1]
-    assert "KTX2 textures" in scene.warnings[0]

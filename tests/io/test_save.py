@@ -236,9 +236,15 @@ def test_every_kind_of_light_and_glass_loads_back_equal(tmp_path, ending):
         roughness=0.0, transmission=0.9, thickness=0.1, attenuation_color=(0.2, 0.5, 0.9),
         attenuation_distance=0.3, ior=1.33, transmission_texture=grey_texture(), name="glass",
     )  # fmt: skip
+    varnish = Material(
+        clearcoat=0.7, clearcoat_roughness=0.2, clearcoat_normal_scale=0.5, clearcoat_texture=grey_texture(),
+        clearcoat_roughness_texture=grey_texture(), clearcoat_normal_texture=grey_texture(), name="varnish",
+    )  # fmt: skip
     mesh = box((-1, -1, -1), (1, 1, 1), "cube")
     mesh.uv0 = np.zeros((8, 2), np.float32)
     scene.add(mesh, material=glass)
+    scene.add(mesh, material=varnish)
+    scene.add(mesh, material=Material(clearcoat_roughness=0.2, name="what no coat has"))
     back = round_trip(scene, tmp_path, ending)
     assert_alike(scene, back)
 

@@ -50,7 +50,7 @@ def planned(packed, wanted, offset=0.3, shift=(0.2, -0.4)):
 def thinned(packed, each):
     texels = np.zeros((len(each.map.axes), each.width, each.width, 2), np.uint32)
     surfaces = SurfaceTable(packed, TextureTable.pack(packed.textures), 1.0)
-    return emit_texels(packed, surfaces, [each], [texels])
+    return emit_texels(packed.lights, surfaces, [each], [texels])
 
 
 @pytest.mark.parametrize("kind", LIGHTS)
@@ -222,7 +222,7 @@ class Emitter:
             return emit_rays(packed, tracer.world, tracer.surfaces, plan, seed, 0)
         with self.gpu.frame() as frame:
             maps = self._stage(frame, self._upload(packed), plan, 1e-4 * packed.diagonal)
-        return emit_texels(packed, tracer.surfaces, plan, maps.read(self.gpu))
+        return emit_texels(packed.lights, tracer.surfaces, plan, maps.read(self.gpu))
 
     def on_objects(self, photons):
         """Return the luminous flux on each instance, (I,)."""

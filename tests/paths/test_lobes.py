@@ -8,6 +8,7 @@ from transport import Tracer
 
 from ispm.library.shapes import polygons
 from ispm.optics.bsdf import Bsdf, eval_bsdf, pdf_bsdf
+from ispm.optics.coat import NO_COAT
 from ispm.optics.jit import jit
 from ispm.paths.branch import View
 from ispm.paths.eye import trace_eye
@@ -20,7 +21,7 @@ f32, i64, u32 = np.float32, np.int64, np.uint32
 
 NORMAL = np.array([0.0, 1.0, 0.0])
 F0 = (0.9, 0.6, 0.3)
-GLOW = (2.0, 3.0, 4.0)
+GLOW = (0.5, 0.75, 1.0)
 
 
 def seen_from(cosine):
@@ -61,12 +62,12 @@ def quadrature(alpha, wo, meets, steps=1200):
 
 
 def plane_under(wall, alpha):
-    """A metal plane, with a bright rectangle (`wall`) above it."""
+    """A metal plane, with a bright rectangle (`wall`) above it that is no lamp: only paths find it."""
     scene = Scene()
     corners = np.array([(-1, 0, -1), (-1, 0, 1), (1, 0, 1), (1, 0, -1)], float)
     metal = Material(F0, metallic=1.0, roughness=math.sqrt(alpha))
     scene.add(polygons([corners], "plane"), material=metal, name="plane")
-    bright = Material((0.0,) * 3, specular=0.0, emission=GLOW, double_sided=True)
+    bright = Material(GLOW, unlit=True, double_sided=True)  # no lamp, which other stages draw from, too
     scene.add(polygons([np.array(wall, float)], "wall"), material=bright, name="wall")
     return scene
 
@@ -129,7 +130,7 @@ def test_weights_are_the_bsdf_over_the_density_that_is_handed_on():
 
     zero, up = (f32(0),) * 3, (f32(0), f32(1), f32(0))
     b = Bsdf(zero, (f32(0.9),) * 3, f32(1), f32(0.15), f32(0), f32(0), zero, f32(1.5), f32(0))
-    x = SurfacePoint(Hit(u32(0), u32(0), f32(0), f32(0)), zero, up, up, b, u32(0), True)
+    x = SurfacePoint(Hit(u32(0), u32(0), f32(0), f32(0)), zero, up, up, b, u32(0), True, NO_COAT)
     wo = tuple(f32(c) for c in seen_from(0.3))
     u = np.random.default_rng(5).random((2000, 2)).astype(np.float32)
     out = np.zeros((len(u), 5), np.float32)
@@ -153,7 +154,9 @@ def _width(pdf):
 
 
 def lattice(pass_index, columns=64):
-    view = View(f32(0), f32(0), f32(0), f32(0), u32(pass_index), u32(0), u32(columns), i64(1), f32(1))
+    view = View(
+        f32(0), f32(0), f32(0), f32(0), u32(pass_index), u32(0), u32(columns), i64(1), f32(1), False, False
+    )
     out = np.zeros((columns * columns, 2), np.float32)
     _numbers(view, out)
     assert (out >= 0).all() and (out < 1).all()

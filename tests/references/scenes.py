@@ -1,5 +1,5 @@
 """Scenes that Mitsuba renders too: Lambert walls, with one thing each that must be right, and `rooms.py`;
-and all that there are, with those of `lit.py`.
+and all that there are, with those of `lit.py` and `held_out.py`.
 
 Metals are white, so that every model of Fresnel's reflects all. Boxes are sunk into what they stand on, and
 walls into each other: no two faces share a plane.
@@ -21,6 +21,7 @@ from ispm.scene.material import Material, Texture
 from ispm.scene.mesh import Mesh
 from ispm.scene.scene import Scene
 from ispm.scene.sky import Sky
+from references.held_out import HELD_OUT
 from references.lit import LIT, under_sky
 from references.rooms import ROOMS
 
@@ -183,7 +184,7 @@ SCENES = {
 }
 """Name to function: what Mitsuba renders."""
 
-TRACED = {**LIT, "sky-colonnade": sky_colonnade}
+TRACED = {**LIT, "sky-colonnade": sky_colonnade, **HELD_OUT}
 """Likewise what `traced.py` renders."""
 
 

@@ -1,24 +1,26 @@
 """Scenes for Mitsuba 3: what both can show exactly alike, and nothing else.
 
-Meshes come from the arrays that our tracer reads, in world space; intensities need no factor: both take cd
-and lx per channel.
+Meshes come from the arrays that our tracer reads, in world space; intensities need no factor: both take cd,
+lx and cd/m2 per channel. What glows shines from its front alone.
 """
 
 from __future__ import annotations
 
 from typing import Any
 
-import drjit as dr
 import mitsuba as mi
 import numpy as np
 
 from ispm.scene.camera import Camera
 from ispm.scene.color import linear
-from ispm.scene.light import DirectionalLight, PointLight, SpotLight
+from ispm.scene.environment import Environment
+from ispm.scene.light import DirectionalLight, PointLight, SpotLight, SurfaceLight
 from ispm.scene.material import Material, Texture, TextureUse
-from ispm.scene.packed import Packed, pack
+from ispm.scene.packed import pack
 from ispm.scene.scene import Node, Scene
-from references.triangles import world_triangles
+from ispm.scene.sky import dome_of, with_sun
+from references.mitsuba_gloss import register_gloss
+from references.triangles import Triangles, world_triangles
 
 _CONE_TEXELS = 512  # a side, of the picture that a spot's soft edge is
 _FLIP = np.diag([-1.0, 1.0, -1.0, 1.0])  # ours look along -Z, theirs along +Z
@@ -34,17 +36,28 @@ def to_mitsuba(
     plain_mirrors  take colored ones too, the same at all angles where ours whiten towards grazing ones
     Raises ValueError for a material, light or camera that Mitsuba would show otherwise.
     """
-    _register()
+    register_gloss()
     packed = pack(scene)
-    if len(scene.materials) != len(packed.materials):
-        raise ValueError("a part of the scene has no triangles")
+    materials = packed.placed.layout.looks()
     described: dict[str, Any] = {"type": "scene", "integrator": integrator}
     described["sensor"] = _sensor(*_first_camera(scene), size)
-    lights = [(node, world) for node, world in scene.placed() if node.light is not None]
-    described |= {f"light_{k}": _light(node, world) for k, (node, world) in enumerate(lights)}
-    bsdfs = [mi.load_dict(_bsdf(material, plain_mirrors)) for material in scene.materials]
+    tree = with_sun(scene.tree(), scene.environment)
+    for k, (node, world) in enumerate(zip(tree.nodes, tree.worlds(), strict=True)):
+        if node.light is not None and not isinstance(node.light, SurfaceLight):  # those are meshes
+            described[f"light_{k}"] = _light(node, world)
+    environment = dome_of(scene.environment)
+    if environment is not None:
+        described["environment"] = _environment(environment)
+    bsdfs = [mi.load_dict(_bsdf(material, plain_mirrors)) for material in materials]
     for k, instance in enumerate(packed.instances):
-        described[f"mesh_{k}"] = _mesh(packed, instance, bsdfs[instance["material"]])
+        material, bsdf = materials[instance["material"]], bsdfs[instance["material"]]
+        parts = (
+            _charts(world_triangles(packed, instance))
+            if material.emissive
+            else [world_triangles(packed, instance)]
+        )
+        for part, triangles in enumerate(parts):
+            described[f"mesh_{k}_{part}"] = _mesh(triangles, bsdf, material)
     return mi.load_dict(described)
 
 
@@ -56,15 +69,23 @@ def _first_camera(scene: Scene) -> tuple[Camera, np.ndarray]:
 
 
 def _sensor(camera: Camera, world: np.ndarray, size: tuple[int, int]) -> dict[str, Any]:
-    if camera.orthographic or camera.aspect is not None or camera.principal != (0.0, 0.0):
-        raise ValueError("only plain perspective cameras are handed over")
+    if camera.aspect is not None or camera.principal != (0.0, 0.0):
+        raise ValueError("only cameras with square pixels that look ahead are handed over")
     film = {
         "type": "hdrfilm", "width": size[0], "height": size[1], "rfilter": {"type": "box"},
         "pixel_format": "rgb", "component_format": "float32",
     }  # fmt: skip
-    return {
-        "type": "perspective", "fov": float(np.degrees(camera.yfov)), "fov_axis": "y", "near_clip": 1e-2,
-        "far_clip": 1e3, "to_world": mi.ScalarTransform4f(world @ _FLIP), "film": film,
+    described: dict[str, Any] = {
+        "type": "perspective",
+        "fov": float(np.degrees(camera.yfov)),
+        "fov_axis": "y",
+    }
+    pose = world @ _FLIP
+    if camera.ymag is not None:
+        half = camera.ymag * size[0] / size[1]  # theirs is 2 wide
+        described, pose = {"type": "orthographic"}, pose @ np.diag([half, half, 1.0, 1.0])
+    return described | {
+        "near_clip": 1e-2, "far_clip": 1e3, "to_world": mi.ScalarTransform4f(pose), "film": film,
         "sampler": {"type": "independent"},
     }  # fmt: skip
 
@@ -96,37 +117,70 @@ def _cone_picture(light: SpotLight) -> np.ndarray:
     return np.repeat(falloff[..., None], 3, axis=-1).astype(np.float32)
 
 
-def _mesh(packed: Packed, instance: np.void, bsdf: Any) -> Any:
-    """The triangles of an INSTANCE in world space; texture coordinates with v upwards."""
-    positions, normals, uv, corners = world_triangles(packed, instance)
+def _environment(environment: Environment) -> dict[str, Any]:
+    """Theirs has u 0, not 0.5, along -Z, and its first and last rows at the poles: twice as many rows hold
+    the middles between ours too, so that both are the same function."""
+    image = environment.image.astype(np.float32) * np.float32(environment.intensity)
+    padded = np.concatenate([image[:1], image, image[-1:]])
+    rows = np.empty((2 * len(image) + 1, *image.shape[1:]), np.float32)
+    rows[::2], rows[1::2] = 0.5 * (padded[:-1] + padded[1:]), image
+    turn = mi.ScalarTransform4f().rotate([0, 1, 0], float(np.degrees(environment.rotation)) + 180.0)
+    return {"type": "envmap", "bitmap": mi.Bitmap(rows), "to_world": turn}
+
+
+def _charts(triangles: Triangles) -> list[Triangles]:
+    """Triangles by what hangs together: a lamp's points are drawn by place in its texture, which two must not
+    share."""
+    label = np.arange(len(triangles.positions))
+    while True:
+        least = label[triangles.corners].min(axis=1)
+        before = label.copy()
+        np.minimum.at(label, triangles.corners, least[:, None])
+        if (label == before).all():
+            break
+    of = label[triangles.corners[:, 0]]
+    return [triangles._replace(corners=triangles.corners[of == each]) for each in np.unique(of)]
+
+
+def _mesh(triangles: Triangles, bsdf: Any, material: Material) -> Any:
+    """Triangles in world space; texture coordinates with v upwards. What glows has flat faces: Mitsuba takes
+    the cosine at a lamp by its shading normals."""
+    positions, normals, uv, corners = triangles
     properties = mi.Properties()
     properties["bsdf"] = bsdf
-    mesh = mi.Mesh("mesh", len(positions), len(corners), properties, True, True)
+    if material.emissive:
+        if material.double_sided:
+            raise ValueError(f"material '{material.name}' glows from both sides")
+        properties["emitter"] = mi.load_dict({"type": "area", "radiance": _emission(material)})
+    mesh = mi.Mesh("mesh", len(positions), len(corners), properties, not material.emissive, True)
     arrays = mi.traverse(mesh)
     arrays["vertex_positions"] = positions.astype(np.float32).ravel()
-    arrays["vertex_normals"] = normals.astype(np.float32).ravel()
+    if not material.emissive:
+        arrays["vertex_normals"] = normals.astype(np.float32).ravel()
     arrays["vertex_texcoords"] = (uv * (1.0, -1.0) + (0.0, 1.0)).astype(np.float32).ravel()
     arrays["faces"] = corners.ravel()
     arrays.update()
     return mesh
 
 
+def _emission(material: Material) -> dict[str, Any]:
+    if material.emission_texture is None:
+        return _rgb(material.emission)
+    return _bitmap(_texture(material.emission_texture)[..., :3] * np.float32(material.emission))
+
+
 def _bsdf(material: Material, plain_mirrors: bool) -> dict[str, Any]:
-    """Lambert, white metal, clear glass, or a plain mirror."""
+    """Lambert, clear glass, a white or plain mirror, or what is rough and has no textures."""
     color, white = tuple(material.base_color[:3]), (1.0, 1.0, 1.0)
-    textures = (material.metallic_roughness_texture, material.emission_texture, material.transmission_texture)
-    if any(textures) or material.emissive or material.alpha_mode or material.unlit:
-        raise ValueError(f"material '{material.name}' has more than a base color and normals")
+    textures = (material.metallic_roughness_texture, material.transmission_texture)
+    if any(textures) or material.alpha_mode or material.unlit:
+        raise ValueError(f"material '{material.name}' has more than a base color, normals and emission")
     plain = material.base_color_texture is None and material.normal_texture is None
     bare = plain and color == white
     if material.transmission == 1.0 and not material.metallic and bare and material.roughness == 0.0:
         if material.thickness > 0.0 and material.specular == 1.0 and material.attenuation_distance == np.inf:
             return {"type": "dielectric", "int_ior": material.ior, "ext_ior": 1.0}
-    elif material.metallic == 1.0 and bare:
-        mirror = {"type": "conductor", "material": "none"}
-        rough = {"type": "glossy_metal", "alpha": material.roughness**2}
-        return {"type": "twosided", "bsdf": rough if material.roughness else mirror}
-    elif material.metallic == 1.0 and plain and plain_mirrors and material.roughness == 0.0:
+    elif material.metallic == 1.0 and material.roughness == 0.0 and plain and (plain_mirrors or bare):
         mirror = {"type": "conductor", "material": "none", "specular_reflectance": _rgb(color)}
         return {"type": "twosided", "bsdf": mirror}
     elif material.metallic == 0.0 and material.transmission == 0.0 and material.specular == 0.0:
@@ -137,7 +191,25 @@ def _bsdf(material: Material, plain_mirrors: bool) -> dict[str, Any]:
                 raise ValueError(f"material '{material.name}' scales its normals")
             bsdf = {"type": "normalmap", "normalmap": _bitmap(normals), "bsdf": bsdf}
         return {"type": "twosided", "bsdf": bsdf}
-    raise ValueError(f"material '{material.name}' is not Lambert, white metal or clear glass")
+    elif material.transmission == 0.0 and material.roughness > 0.0 and plain:
+        return {"type": "twosided", "bsdf": _glossy(material)}
+    raise ValueError(f"material '{material.name}' is none that Mitsuba can show alike")
+
+
+def _glossy(material: Material) -> dict[str, Any]:
+    if material.metallic not in (0.0, 1.0) or material.specular_color != (1.0, 1.0, 1.0):
+        raise ValueError(
+            f"material '{material.name}' mixes metal and what is none, or has a colored reflection"
+        )
+    metal, color = material.metallic == 1.0, tuple(material.base_color[:3])
+    clear = material.specular * ((material.ior - 1.0) / (material.ior + 1.0)) ** 2
+    described = {
+        "diffuse": (0.0, 0.0, 0.0) if metal else color,
+        "f0": color if metal else (clear, clear, clear),
+        "f90": 1.0 if metal else material.specular,
+        "alpha": material.roughness**2,
+    }
+    return {"type": "glossy", **{key: _rgb(v) if isinstance(v, tuple) else v for key, v in described.items()}}
 
 
 def _reflectance(material: Material) -> dict[str, Any]:
@@ -164,43 +236,3 @@ def _bitmap(values: np.ndarray) -> dict[str, Any]:
 
 def _rgb(values: tuple[float, ...]) -> dict[str, Any]:
     return {"type": "rgb", "value": [float(v) for v in values]}
-
-
-def _register() -> None:
-    """Make `glossy_metal` known: GGX with shadowing and masking that know of each other, as glTF has it.
-
-    Mitsuba's own takes them as independent, G1 G1, which is darker at grazing angles.
-    """
-
-    class GlossyMetal(mi.BSDF):
-        def __init__(self, properties: Any) -> None:
-            mi.BSDF.__init__(self, properties)
-            self._alpha = float(properties.get("alpha"))
-            self._facets = mi.load_dict(
-                {"type": "roughconductor", "material": "none", "distribution": "ggx", "alpha": self._alpha}
-            )
-            self.m_components = [self._facets.flags(0)]
-            self.m_flags = self._facets.flags()
-
-        def _correction(self, wi: Any, wo: Any) -> Any:
-            """G2 / (G1 G1) = (1 + a)(1 + b) / (1 + a + b); a, b: Smith's lambda; Heitz, JCGT 2014."""
-            a, b = self._lambda(wi), self._lambda(wo)
-            return (1.0 + a) * (1.0 + b) / (1.0 + a + b)
-
-        def _lambda(self, w: Any) -> Any:
-            return 0.5 * (dr.sqrt(1.0 + self._alpha**2 * mi.Frame3f.tan_theta_2(w)) - 1.0)
-
-        def sample(self, context: Any, at: Any, one: Any, two: Any, active: Any = True) -> Any:
-            drawn, weight = self._facets.sample(context, at, one, two, active)
-            return drawn, weight * self._correction(at.wi, drawn.wo)
-
-        def eval(self, context: Any, at: Any, wo: Any, active: Any = True) -> Any:
-            return self._facets.eval(context, at, wo, active) * self._correction(at.wi, wo)
-
-        def pdf(self, context: Any, at: Any, wo: Any, active: Any = True) -> Any:
-            return self._facets.pdf(context, at, wo, active)
-
-        def eval_pdf(self, context: Any, at: Any, wo: Any, active: Any = True) -> Any:
-            return self.eval(context, at, wo, active), self.pdf(context, at, wo, active)
-
-    mi.register_bsdf("glossy_metal", GlossyMetal)

@@ -27,7 +27,13 @@ SIZE = 80, 45  # width and height
 _BOUNCES = 8
 _PARTS = 16
 _PLACES, _PATHS = 32, 4  # of a pixel and part: rays from the eye, and paths of each
-_OTHER_PLACES = {"lamp-behind-glass": 64, "shade": 16, "many-lamps": 16}  # by noise, and by time
+_OTHER_PLACES = {  # by noise, and by time
+    "lamp-behind-glass": 64,
+    "shade": 16,
+    "many-lamps": 16,
+    "strip-corridor": 16,
+    "window-vase": 64,
+}
 _FINER = 6  # times as many, where caustics are
 _CAUSTICS = ("lamp-behind-glass",)
 _GRID = 8  # rays along a pixel's side that look for edges

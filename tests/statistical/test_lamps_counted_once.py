@@ -96,7 +96,8 @@ FLOORS = {
 @pytest.mark.parametrize("surrounded", [False, True])
 def test_light_that_a_pane_lets_through_to_a_narrow_lobe_counts_once(gpu, surrounded):
     """By draws, whose shadow rays pass sheets, and by paths, which do as well; the pane's own reflection, a
-    twelfth of the light of some pixels, is shared with what it lets through: 3 % of a block more."""
+    twelfth of the light of some pixels, is shared with what it lets through: 3 % of a block more. Hardly
+    smoothed, as the far end of the floor gets darker by half from block to block."""
     sky = Environment(np.full((4, 8, 3), 2.0)) if surrounded else None
     scene = Scene(environment=sky)
     corners = np.array([(-2, 0, -2), (-2, 0, 2), (2, 0, 2), (2, 0, -2)], float)
@@ -106,7 +107,7 @@ def test_light_that_a_pane_lets_through_to_a_narrow_lobe_counts_once(gpu, surrou
         scene.add(polygons([0.4 * corners[::-1] + np.array([0, 1.2, 0])]), material=glow)
     scene.add(polygons([corners + np.array([0, 0.8, 0])]), material=PANE, name="pane")
     scene.add(Camera.look_at((0.0, 0.6, 1.9), (0.0, 0.0, -0.2), yfov=0.7))
-    compare(*passes(gpu, scene, 5), truth(scene, 5), blurred=2 * BLURRED)
+    compare(*passes(gpu, scene, 5, smoothing=0.1), truth(scene, 5), blurred=2 * BLURRED)
 
 
 CASES = [(floor, 5) for floor in FLOORS] + [(floor, b) for floor in ("matt", "wide metal") for b in (0, 1)]

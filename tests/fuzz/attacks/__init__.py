@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from fuzz.attacks.buffers import accessors
+from fuzz.attacks.compressed import streams
 from fuzz.attacks.deforming import deforming
 from fuzz.attacks.files import Attack
 from fuzz.attacks.hdr import environments
@@ -28,6 +29,7 @@ def attacks() -> Iterator[Attack]:
     for source in (
         accessors,
         deforming,
+        streams,
         pictures,
         numbers,
         nodes,

@@ -1,0 +1,139 @@
+"""What covers a surface: the BSDF, the clear coat and the normals of maps, by material and textures.
+
+In kernels `tables` is a Tables, `table` its `surfaces`; `material` is a word, see `accel.mesh`; `use` is the
+word of a TEXTURE_USE in MATERIAL.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ispm.accel.mesh import (
+    INSTANCES,
+    MATERIALS,
+    TO_WORLD,
+    VERTICES,
+    interpolated,
+    rows_times,
+    vector_at,
+    word_of,
+)
+from ispm.accel.normals import bend, unit
+from ispm.accel.texturing import (
+    COAT_MAP,
+    COAT_NORMAL_MAP,
+    COAT_ROUGHNESS_MAP,
+    ROUGHNESS_MAP,
+    TRANSMISSION_MAP,
+    base_color,
+    sample_slot,
+    texture_row,
+)
+from ispm.kernels.simd import ldf, ldu
+from ispm.optics.bsdf import Dielectric, surface_bsdf
+from ispm.optics.coat import make_coat
+from ispm.optics.jit import jit
+from ispm.optics.records import (
+    INSTANCE,
+    INSTANCE_MIRRORED,
+    MATERIAL,
+    MATERIAL_THIN,
+    MATERIAL_TRANSMITS,
+    VERTEX,
+)
+from ispm.optics.vector import add, cross, dot, scale, sub
+
+f32, i64, u32 = np.float32, np.int64, np.uint32
+
+NORMAL_SCALE = word_of(MATERIAL, "normal_scale")
+_TANGENT = word_of(VERTEX, "tangent")
+_INSTANCE_FLAGS = word_of(INSTANCE, "flags")
+_METALLIC, _ROUGHNESS = word_of(MATERIAL, "metallic"), word_of(MATERIAL, "roughness")
+_SPECULAR, _SPECULAR_COLOR = word_of(MATERIAL, "specular"), word_of(MATERIAL, "specular_color")
+_F0, _FLAGS = word_of(MATERIAL, "f0"), word_of(MATERIAL, "flags")
+_TRANSMISSION, _IOR = word_of(MATERIAL, "transmission"), word_of(MATERIAL, "ior")
+_COAT, _COAT_ROUGHNESS = word_of(MATERIAL, "clearcoat"), word_of(MATERIAL, "clearcoat_roughness")
+_COAT_NORMAL_SCALE = word_of(MATERIAL, "clearcoat_normal_scale")
+
+
+@jit
+def bsdf_at(tables, context, flags, entering):
+    """Return the Bsdf at a TextureContext, without a coat.
+
+    flags  MATERIAL_* of the material;  entering  as of SurfacePoint
+    """
+    table, material = tables.surfaces, context.material
+    materials = table[MATERIALS]
+    color, _ = base_color(tables, context)
+    metallic = ldf(materials, material + _METALLIC)
+    roughness = ldf(materials, material + _ROUGHNESS)
+    if texture_row(table, material, ROUGHNESS_MAP) >= i64(0):
+        _, g, b, _ = sample_slot(tables, context, ROUGHNESS_MAP)
+        roughness, metallic = roughness * g, metallic * b
+    transmission = f32(0)
+    if flags & u32(MATERIAL_TRANSMITS):
+        transmission = ldf(materials, material + _TRANSMISSION)
+        if texture_row(table, material, TRANSMISSION_MAP) >= i64(0):
+            r, _, _, _ = sample_slot(tables, context, TRANSMISSION_MAP)
+            transmission *= r
+    dielectric = dielectric_at(table, material)
+    return surface_bsdf(color, metallic, roughness, transmission, dielectric, entering)
+
+
+@jit
+def dielectric_at(table, material):
+    """Return the Dielectric of the MATERIAL that begins at a word."""
+    materials = table[MATERIALS]
+    return Dielectric(
+        ldf(materials, material + _F0),
+        vector_at(materials, material + _SPECULAR_COLOR),
+        ldf(materials, material + _SPECULAR),
+        ldf(materials, material + _IOR),
+        ldu(materials, material + _FLAGS) & u32(MATERIAL_THIN) != u32(0),
+    )
+
+
+@jit
+def mapped_normal(tables, context, n, use, strength):
+    """Return the normal of the map in slot `use` at a TextureContext, unit, world space; `n`, the mesh's own,
+    where the mesh has no tangents.
+
+    strength  word of the factor on the map's x and y
+    """
+    table, instance, material, corners = tables.surfaces, context.instance, context.material, context.corners
+    first, _, _ = corners
+    side = ldf(table[VERTICES], first + _TANGENT + i64(3))
+    tangent = interpolated(table, corners, _TANGENT, context.u, context.v)
+    if side == f32(0) or dot(tangent, tangent) < f32(1e-12):
+        return n
+    if ldu(table[INSTANCES], instance + _INSTANCE_FLAGS) & u32(INSTANCE_MIRRORED):
+        side = -side
+    t = rows_times(table[INSTANCES], instance + TO_WORLD, tangent)
+    t = unit(sub(t, scale(dot(t, n), n)))
+    b = scale(side, cross(n, t))
+    r, g, blue, _ = sample_slot(tables, context, use)
+    s = ldf(table[MATERIALS], material + strength)
+    x, y, z = (f32(2) * r - f32(1)) * s, (f32(2) * g - f32(1)) * s, f32(2) * blue - f32(1)
+    return unit(add(add(scale(x, t), scale(y, b)), scale(z, n)))
+
+
+@jit
+def coat_at(tables, context, n, side, ng, wo):
+    """Return the Coat at a TextureContext of a MATERIAL_COATED.
+
+    n         the mesh's normal;  side  1 or -1, which turns it to the side of ng, the geometric one
+    ng, wo    unit; where the coat is seen from
+    """
+    table, material = tables.surfaces, context.material
+    weight = ldf(table[MATERIALS], material + _COAT)
+    roughness = ldf(table[MATERIALS], material + _COAT_ROUGHNESS)
+    if texture_row(table, material, COAT_MAP) >= i64(0):
+        r, _, _, _ = sample_slot(tables, context, COAT_MAP)
+        weight *= r
+    if texture_row(table, material, COAT_ROUGHNESS_MAP) >= i64(0):
+        _, g, _, _ = sample_slot(tables, context, COAT_ROUGHNESS_MAP)
+        roughness *= g
+    if texture_row(table, material, COAT_NORMAL_MAP) >= i64(0):
+        n = mapped_normal(tables, context, n, COAT_NORMAL_MAP, _COAT_NORMAL_SCALE)
+    n = bend(bend(scale(side, n), ng), wo)
+    return make_coat(weight, roughness, n, dot(n, wo))

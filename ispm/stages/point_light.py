@@ -1,0 +1,229 @@
+"""Direct light of lights without a surface at the eye's pixels by shadow rays, where maps would take longer.
+
+It runs on the CPU, where the trees are. Each light that makes more than a share of what a pixel would get
+without shadows has a ray of its own, so that shadows that show have sharp edges. Of the others one is drawn,
+in proportion to what each would bring: many lights cost a few rays (Shirley, Wang and Zimmerman, Monte Carlo
+Techniques for Direct Lighting Calculations, TOG 1996, section 4). In the first pass what the neighbors of a
+pixel see of those that they draw tells how much of the others' light it gets, a ratio of means as in
+`stages/area_light.py`; later passes take what they draw as it is, so that their mean converges.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from ispm.accel.intersect import STACK_WORDS
+from ispm.accel.records import Scratch
+from ispm.accel.surface import SurfaceTable, scene_tables
+from ispm.accel.world import World
+from ispm.kernels.share import run_shared, shared_rows
+from ispm.kernels.simd import alloca
+from ispm.lights.nee import shadow_transmittance, side_of, times, without_diffuse
+from ispm.optics.bsdf import eval_bsdf, is_lambert
+from ispm.optics.jit import jit
+from ispm.optics.light import FAR, light_arriving
+from ispm.optics.rng import random4
+from ispm.optics.vector import add, dot, scale, sub, vec3
+from ispm.scene.packed import Packed
+from ispm.settings import Settings
+from ispm.stages.pixels import Pixels, PixelView, is_alike, is_lit, lift, plane_at, shown_at
+
+f32, i64, u32 = np.float32, np.int64, np.uint32
+
+_DIMENSION = 6 << 20  # of the random numbers
+_SHARE = f32(0.25)  # of a pixel's light, that is worth a ray of its own
+_SIDE = 4  # pixels of a square that draws from each part of the others once
+_REACH = 2  # pixels to each side that tell what a pixel sees of the others
+_CHUNK = 64  # pixels a thread takes at a time
+_NONE = f32(0), f32(0), f32(0)
+_DRAW_NS = 270.0  # of a processor, that a software adapter takes to draw a triangle for one light
+_TRACE_NS = 900.0  # likewise, that the rays of a pixel take
+
+
+class _Samples(NamedTuple):
+    """What shadow rays found at n pixels, float32.
+
+    sure    (n, 3) light of those lights that have rays of their own, cd/m2
+    others  (n, 3) likewise of the others, but for their shadows
+    weight  (n,) what the one drawn stands for, in any unit; 0: `others` has its shadows
+    passed  (n, 3) and as much of it as passes what is between
+    """
+
+    sure: np.ndarray
+    others: np.ndarray
+    weight: np.ndarray
+    passed: np.ndarray
+
+
+def takes_rays(packed: Packed, settings: Settings, software: bool) -> bool:
+    """Return whether lights without a surface have rays in place of shadow maps.
+
+    software  the adapter is a program on the CPU: where the settings leave the choice, rays are taken if it
+              takes longer to draw all triangles for each light
+    """
+    if settings.shadows != "auto":
+        return settings.shadows == "rays" and len(packed.lights) > 0
+    pixels = math.prod(settings.size)
+    return software and packed.triangle_count * len(packed.lights) * _DRAW_NS > pixels * _TRACE_NS
+
+
+def point_light(
+    pixels: Pixels, view: PixelView, packed: Packed, world: World, surfaces: SurfaceTable
+) -> np.ndarray:
+    """Return the direct light of lights without a surface, (n, 4) float32 cd/m2 of the n pixels; of an
+    opacity of 1."""
+    count = len(pixels.points)
+    tables = scene_tables(packed, world, surfaces)
+    sure, others, passed = np.zeros((3, count, 3), np.float32)
+    samples = _Samples(sure, others, np.zeros(count, np.float32), passed)
+    out = np.ones((count, 4), np.float32)
+    run_shared(lambda counter: _sample_pixels(tables, pixels, view, counter, samples), world.threads)
+    run_shared(lambda counter: _filter(pixels, view, samples, counter, out), world.threads)
+    return out
+
+
+@jit
+def _sample_pixels(tables, pixels, view, counter, samples):
+    """Trace the rays of as many of the Pixels as a thread gets."""
+    scratch = Scratch(alloca(STACK_WORDS), alloca(2))
+    for i in shared_rows(counter, _CHUNK, len(pixels.points)):
+        if not is_lit(tables, pixels, i):
+            continue
+        shown = shown_at(tables, pixels, view, i)
+        r0, holes, _, _ = random4(u32(i), u32(_DIMENSION), view.pass_index, view.seed)
+        shift, _, _, _ = random4(u32(0), u32(_DIMENSION + 1), view.pass_index, view.seed)
+        column, row = i % view.columns % _SIDE, i // view.columns % _SIDE
+        pick = (f32((row * _SIDE + column) * 7 % (_SIDE * _SIDE)) + r0) * f32(1 / (_SIDE * _SIDE)) + shift
+        pick -= f32(math.floor(pick))
+        _sample(tables, shown, pick, holes, view.pass_index == u32(0), scratch, samples, i)
+
+
+@jit
+def _sample(tables, shown, pick, holes, first, scratch, samples, i):
+    """Write row i of the _Samples.
+
+    pick, holes  random in [0, 1): draws a light; for holes that rays meet
+    first        whether the others' shadows are left to the filter
+    """
+    lights, x, wo, away = tables.lights, shown.x, shown.wo, lift(shown)
+    total, irradiance = f32(0), _NONE
+    best, best_value, second, second_value = i64(-1), f32(0), i64(-1), f32(0)
+    draw = _Draw(i64(-1), f32(0), f32(0), pick)
+    for k in range(len(lights)):
+        arriving = _irradiance(lights[k], x)
+        value = _sum(arriving)
+        if value <= f32(0):
+            continue
+        total, irradiance = total + value, add(irradiance, arriving)
+        other, other_value = i64(k), value
+        if value > best_value:
+            other, other_value = second, second_value
+            second, second_value, best, best_value = best, best_value, i64(k), value
+        elif value > second_value:
+            other, other_value, second, second_value = second, second_value, i64(k), value
+        draw = _offer(draw, other, other_value)
+    for row, value in ((best, best_value), (second, second_value)):
+        if value > _SHARE * total:
+            arriving = _irradiance(lights[row], x)
+            irradiance = sub(irradiance, arriving)
+            wi, passed = _passed(tables, lights[row], x, away, holes, scratch)
+            light = times(times(arriving, passed), eval_bsdf(x.bsdf, x.n, x.ng, wo, wi))
+            for c in range(3):
+                samples.sure[i, c] += light[c]
+        else:
+            draw = _offer(draw, row, value)
+    if draw.light < i64(0):
+        return
+    wi, passed = _passed(tables, lights[draw.light], x, away, holes, scratch)
+    drawn = scale(draw.total / draw.value, _irradiance(lights[draw.light], x))
+    f, gloss = eval_bsdf(x.bsdf, x.n, x.ng, wo, wi), _NONE
+    if not first or draw.value == draw.total:  # of one there is no doubt which to draw
+        light = times(times(drawn, passed), f)
+    else:
+        if not is_lambert(x.bsdf):
+            gloss = eval_bsdf(without_diffuse(x.bsdf), x.n, x.ng, wo, wi)
+        rest = max(irradiance[0], f32(0)), max(irradiance[1], f32(0)), max(irradiance[2], f32(0))
+        light = add(times(rest, sub(f, gloss)), times(drawn, gloss))
+        samples.weight[i] = draw.total
+    for c in range(3):
+        samples.others[i, c] = light[c]
+        samples.passed[i, c] = samples.weight[i] * passed[c]
+
+
+class _Draw(NamedTuple):
+    """One of the lights offered so far, drawn in proportion to their values: its row, -1 of none; its value;
+    the sum of all; and the random number that drew, uniform again."""
+
+    light: np.int64
+    value: np.float32
+    total: np.float32
+    pick: np.float32
+
+
+@jit
+def _offer(draw, light, value):
+    """The _Draw after another light; light: its row, -1 of none."""
+    if light < i64(0):
+        return draw
+    total = draw.total + value
+    if draw.pick * total < value:
+        return _Draw(light, value, total, draw.pick * (total / value))
+    return _Draw(draw.light, draw.value, total, (draw.pick * total - value) / max(draw.total, f32(1e-30)))
+
+
+@jit
+def _irradiance(light, x):
+    """What a LIGHT brings to a SurfacePoint but for shadows, lx; black where the surface hides it itself."""
+    irradiance, _, wi = light_arriving(light, x.position)
+    along, above = dot(x.n, wi), dot(x.ng, wi) > f32(0)
+    if not ((above and along > f32(0)) or (x.bsdf.thin > f32(0) and not above)):
+        return _NONE
+    return scale(abs(along), irradiance)
+
+
+@jit
+def _passed(tables, light, x, away, holes, scratch):
+    """Where a LIGHT is seen from a SurfacePoint, wi, and the share of it that passes what is between, RGB.
+
+    away  m, that the ray starts above the surface
+    """
+    _, distance, wi = light_arriving(light, x.position)
+    start, toward = add(x.position, scale(away, side_of(x.ng, wi))), wi
+    if distance < FAR:
+        segment = sub(add(x.position, scale(distance, wi)), start)
+        distance = f32(math.sqrt(dot(segment, segment)))
+        toward = scale(f32(1) / max(distance, f32(1e-30)), segment)
+    return wi, shadow_transmittance(tables, start, toward, distance, holes, scratch)
+
+
+@jit
+def _filter(pixels, view, samples, counter, out):
+    """Write the light of as many of the Pixels as a thread gets to (n, 4) float32."""
+    columns, rows = view.columns, i64(len(pixels.points)) // view.columns
+    for i in shared_rows(counter, _CHUNK, len(pixels.points)):
+        share = f32(1), f32(1), f32(1)
+        if samples.weight[i] > f32(0):
+            row, column, plane = i // columns, i % columns, plane_at(pixels, view, i)
+            weight, passed = f32(0), _NONE
+            for y in range(max(row - _REACH, 0), min(row + _REACH, rows - 1) + 1):
+                for x in range(max(column - _REACH, 0), min(column + _REACH, columns - 1) + 1):
+                    k = y * columns + x
+                    if samples.weight[k] > f32(0) and (k == i or is_alike(pixels, plane, i, k)):
+                        # Those at the ends count half: each part that is drawn from has the same weight.
+                        half = f32(0.5) if abs(y - row) == _REACH else f32(1)
+                        half *= f32(0.5) if abs(x - column) == _REACH else f32(1)
+                        weight += half * samples.weight[k]
+                        passed = add(passed, scale(half, vec3(samples.passed[k])))
+            share = scale(f32(1) / weight, passed)
+        light = add(vec3(samples.sure[i]), times(share, vec3(samples.others[i])))
+        for c in range(3):
+            out[i, c] = light[c]
+
+
+@jit
+def _sum(a):
+    """The sum of linear RGB's channels."""
+    return a[0] + a[1] + a[2]
