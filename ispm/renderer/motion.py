@@ -25,6 +25,12 @@ def moved(packed: Placed, last: Placed | None) -> np.ndarray:
     ):
         return np.zeros(len(now), bool)
     pairs = zip(packed.geometry.ranges, last.geometry.ranges, strict=False)
-    deformed = np.array([piece is not other for piece, other in pairs], bool)
+    deformed = np.array(
+        [
+            piece.mesh.triangles is other.mesh.triangles and piece.mesh.positions is not other.mesh.positions
+            for piece, other in pairs
+        ],
+        bool,
+    )
     placed = np.any([(now[k] != before[k]).any(axis=1) for k in _PLACE], axis=0)
     return np.asarray(placed | deformed[now["mesh"]])
