@@ -64,6 +64,8 @@ def cases() -> list[Case]:
         Case("dome/default", partial(dome, SKY), _EYE),
         Case("dome/gradient", partial(dome, GRADIENT), _EYE, dict(passes=2, shadows="rays")),
         *_case("unlit", unlit, _EYE, {name: dict(light=name) for name in ("studio", "sky", "lamp", "none")}),
+        Case("coats/default", coats, _EYE),
+        Case("product/ground", product, _EYE, dict(ground=True, background="transparent")),
         Case("crowd/moving", crowd, _EYE, {}, times=(0.0, 0.6)),
         Case("crowd/photons", crowd, _EYE, dict(gather=0, subsampling=2), times=(0.3, 0.3)),
         *(Case(f"{name}/builtin", partial(ispm.builtin, name)) for name in _BUILTINS),
@@ -331,6 +333,32 @@ def unlit() -> Scene:
         scene, shapes.torus(0.6, 0.2, segments=24, sides=12), Material(_RED, roughness=0.4), (-0.6, 0.2, 0.2)
     )
     _put(scene, _ball(0.4), Material((0.9, 0.8, 0.6), metallic=1.0, roughness=0.3), (0.8, 0.4, 0.4))
+    return scene
+
+
+def coats() -> Scene:
+    """Clear coats, smooth and rough, even, patterned and bumpy, over paint and over metal; a soft lamp."""
+    scene = _room("coats")
+    pattern, bumps = Texture(_pattern(1), srgb=False), Texture(_bumps(), srgb=False)
+    materials = [
+        Material(_RED, roughness=0.6, clearcoat=1.0),
+        Material((0.7, 0.5, 0.3), metallic=1.0, roughness=0.5, clearcoat=0.8, clearcoat_roughness=0.3),
+        Material(_BLUE, roughness=0.7, clearcoat=1.0, clearcoat_roughness=0.5, clearcoat_texture=pattern,
+                 clearcoat_roughness_texture=pattern, clearcoat_normal_texture=bumps,
+                 clearcoat_normal_scale=0.5),
+    ]  # fmt: skip
+    for place, material in enumerate(materials):
+        _put(scene, _ball(0.42), material, (1.1 * place - 1.1, 0.43, 0.5))
+    scene.add(ispm.PointLight(_LAMP, radius=0.15), translation=(0.4, 2.5, 0.8))
+    return scene
+
+
+def product() -> Scene:
+    """One thing alone, without light."""
+    scene = Scene(name="product")
+    _put(
+        scene, shapes.torus(0.7, 0.25, segments=32, sides=16), Material(_RED, roughness=0.4), (0.0, 0.25, 0.0)
+    )
     return scene
 
 
