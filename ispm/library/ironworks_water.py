@@ -93,9 +93,7 @@ def water_surface() -> Mesh:
         else:
             there[j - 2 : j + 2, min(i, _COLUMNS - 1)] = False
     quads = np.stack([a, b, c, d], axis=-1)[there]
-    kept, numbers = np.unique(
-        np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]]), return_inverse=True
-    )
+    kept, numbers = np.unique(np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]]), return_inverse=True)
     mesh = averaged(Mesh(_still_water()[kept], numbers.reshape(-1, 3), name="water"))
     mesh.morphs = [
         _swell(mesh, cycles, quarters * PERIOD / (4.0 * cycles))

@@ -142,10 +142,9 @@ def water_then(time):
 
 
 def test_water_is_where_its_waves_are_and_comes_back():
-    columns, rows = 219, 128
     x, _, z = builtin("ironworks-water")["water"].parts[0].mesh.positions.T
-    row = np.rint((z / 9.3 + 1.0) / 2.0 * (rows - 1)) * columns + np.rint((x / 24.0 + 1.0) / 2.0 * (columns - 1))
-    row = row.astype(int)
+    column, line = np.rint((x / 24.0 + 1.0) * 0.5 * 218), np.rint((z / 9.3 + 1.0) * 0.5 * 127)
+    row = (line * 219 + column).astype(int)
     # a straight line between keys of a sine of amplitude A is at most A (w dt)^2 / 8 off, A w^2 = .03 g
     bound = 12 * 0.03 * 9.81 / 8.0 * (PERIOD / 240) ** 2
     for time in (0.0, 0.4, 1.3 + PERIOD / 480, 5.77, PERIOD):
