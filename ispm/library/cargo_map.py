@@ -71,7 +71,7 @@ def cargo_map() -> Scene:
     lights: list[Lamp] = []
     for number, (i, k) in enumerate(cells):
         x, z = i * _STEP_X, k * _STEP_Z
-        first, second = [(_WARM, _COLD), (_COLD, _RED), (_WARM, _GREEN)][number % 3]
+        first, second = [(_COLD, _RED), (_WARM, _COLD), (_WARM, _GREEN)][number % 3]
         lights.append((x - 7.4, 7.1, z + 1.6, first, 170.0))
         lights.append((x + 7.6, 7.1, z - 1.2, second, 120.0))
     scene = _deck("cargo-map", cells, 880_403, 21, lights)

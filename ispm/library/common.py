@@ -45,8 +45,9 @@ def add_spot(
 
 
 def closed_path(node: Node, path: str, values: np.ndarray, period: float) -> Channel:
-    """Return the channel that takes `path` of a node through (K, 3 or 4) values, evenly, in `period` s.
+    """Return the channel that takes `path` of a node through (K, n) values, evenly, in `period` s.
 
+    path  as of a Channel
     The first value is where the node begins, and the path ends there.
     """
     keys = np.concatenate([values, values[:1]]).astype(np.float32)

@@ -90,20 +90,24 @@ _EGGS = [
 _LOW, _HIGH = np.array([-1.46, -0.04, -0.92]), np.array([2.42, 2.40, 0.92])
 
 
-@lru_cache(maxsize=1)
-def _elephant() -> Mesh:
+@lru_cache(maxsize=2)
+def _elephant(triangles: int) -> Mesh:
     """The mesh that `elephant` returns copies of: of a grid that gives no more triangles, refined."""
-    cell = 0.0199  # m; as it grows a little, thin places come to lie well in the grid
+    # m; as it grows a little, thin places come to lie well in the grid
+    cell = 0.0199 * (TRIANGLES / triangles) ** 0.5
     mesh = _surface(cell)
-    while len(mesh.triangles) > TRIANGLES or not _is_sound(mesh):
+    while len(mesh.triangles) > triangles or not _is_sound(mesh):
         cell *= 1.0005
         mesh = _surface(cell)
-    return averaged(refined(mesh, TRIANGLES))
+    return averaged(refined(mesh, triangles))
 
 
-def elephant() -> Mesh:
-    """Return an elephant of 138,902 triangles, standing on y = 0 and looking along +x; closed and smooth."""
-    made = _elephant()
+def elephant(triangles: int = TRIANGLES) -> Mesh:
+    """Return an elephant, standing on y = 0 and looking along +x; closed and smooth.
+
+    triangles  how many it has; an even number
+    """
+    made = _elephant(triangles)
     return Mesh(made.positions, made.triangles, made.normals, name="elephant")
 
 

@@ -21,6 +21,7 @@ from ispm.scene.scene import Scene
 STILL = 141_492  # triangles
 PERIOD = 16.0  # s
 _HALF_X, _HALF_Z, _CORNER = 15.5, 4.3, 4.0  # m, of the way
+_START = 0.92  # share of the way at which the car begins: it turns before the gate, and lights what is near
 
 
 def ironworks_car() -> Scene:
@@ -36,10 +37,10 @@ def ironworks_car() -> Scene:
     ironworks.floor(scene, finishes, STILL - scene.triangle_count)
     _drive(scene, finishes)
     for name, eye, target, fov in (
-        ("follow", (9.8, 1.55, 6.1), (-4.0, 1.25, 1.2), 52.0),
+        ("turn", (19.4, 2.3, 5.4), (12.3, 2.45, -5.0), 54.0),
         ("catwalk", (-16.5, 5.0, -7.7), (2.0, 1.0, 2.5), 58.0),
+        ("aisle", (-3.0, 1.7, 5.4), (15.0, 2.2, 0.4), 56.0),
         ("hearth", (-11.0, 1.7, -4.2), (-21.0, 2.0, 2.6), 60.0),
-        ("hall", (17.6, 2.8, 6.3), (-10.0, 2.7, -1.5), 58.0),
     ):
         add_camera(scene, eye, target, math.radians(fov)).name = name
     return scene
@@ -145,7 +146,7 @@ def _drive(scene: Scene, finishes: Finishes) -> None:
     length = 2.0 * (straight_x + straight_z) + 4.0 * arc
     turns = round(length / (2.0 * math.pi * WHEEL))
     keys = 8 * turns
-    s = (np.arange(keys) / keys * length + 0.5 * straight_x) % length
+    s = (np.arange(keys) / keys + _START) % 1.0 * length
     place, heading = np.zeros((keys, 3)), np.zeros(keys)
     begin, corner = 0.0, np.array([_HALF_X - _CORNER, 0.0, _HALF_Z - _CORNER])
     # westwards along the south side, then north, east and south again; clockwise seen from above

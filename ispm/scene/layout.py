@@ -33,7 +33,7 @@ _KINDS = {
 class Posed(NamedTuple):
     """A row of a Layout whose mesh deforms.
 
-    key     its node and its part there, by identity, and how often that was met before
+    key     the number of its node, its mesh by identity, and how often that was met before
     shape   its mesh, which takes its shape of a moment by `Layout.pose`
     joints  (J,) int64 numbers of the nodes that it follows; None: it has no skin
     """
@@ -213,14 +213,13 @@ def _shapes(
     for part in posed:
         if part not in row_of:
             continue
-        owner, mesh = nodes[node[part]], meshes[part]
-        own = id(owner), id(mesh)
+        mesh, own = meshes[part], (int(node[part]), id(meshes[part]))
         key = (*own, met[own])
         met[own] += 1
         shape = known.get(key)
         if shape is None or shape.source is not mesh:
             shape = Shape.of(mesh)
-        found.append((row_of[part], key, shape, owner))
+        found.append((row_of[part], key, shape, nodes[own[0]]))
     bent = [owner for *_, shape, owner in found if is_skinned(owner, shape.source)]
     joints = iter(joint_rows(nodes, bent))
     return [

@@ -164,3 +164,22 @@ def test_needles_are_found_again():
     mesh.positions = mesh.positions * np.array([100.0, 1.0, 1.0])
     world.update(pack(scene, packed))
     assert world.trace(*rays(4)).tobytes() == world_of(scene).trace(*rays(4)).tobytes()
+
+
+def test_an_animation_refits_the_tree_of_what_it_deforms(built):
+    """`scene.at` makes nodes anew for each moment; what they show is still the same."""
+    scene, world = scene_of_three(), World(1)
+    ball = scene["ball"]
+    ball.parts[0].mesh.morphs = [ispm.Morph(waves(1) - ball.parts[0].mesh.positions)]
+    ball.weights = [0.0]
+    scene.animations.append(ispm.Animation([ispm.Channel(ball, "weights", [0.0, 1.0], [[0.0], [1.0]])]))
+    packed = pack(scene.at(0.0))
+    world.update(packed)
+    built.clear()
+    for time in (0.3, 0.6, 1.0):
+        packed = pack(scene.at(time), packed)
+        world.update(packed)
+        new = world_of(scene.at(time))
+        assert built == [len(part.mesh.triangles) for part in packed.geometry.ranges]  # of the new one
+        built.clear()
+        assert world.trace(*rays()).tobytes() == new.trace(*rays()).tobytes()

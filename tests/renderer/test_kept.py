@@ -28,7 +28,9 @@ from ispm.stages.bounce import BounceStage
 from ispm.stages.gbuffer import GBufferStage
 from ispm.stages.shadow import ShadowStage
 
-SETTINGS = Settings(size=(48, 27), preset="fast", photons=400, emission="map", shadow_resolution=64)
+SETTINGS = Settings(
+    size=(48, 27), preset="fast", photons=400, emission="map", shadows="map", shadow_resolution=64
+)
 RNG = np.random.default_rng(1)
 PICTURE = RNG.integers(0, 255, (8, 8, 4), np.uint8)
 
