@@ -1,5 +1,7 @@
 """A red box moves through a white room, and what is near it turns red."""
 
+import numpy as np
+
 import ispm
 from ispm import shapes
 
@@ -24,8 +26,8 @@ box = scene.add(shapes.box((1.1, 1.6, 1.1)), material=red, name="box")
 lamp = ispm.RectLight((30, 29, 27), width=2.4, height=0.8)
 scene.add(lamp, translation=(0, 2.79, 0.9)).look_at((0, 0, 0.901))
 
-times = [0.0, 1.0, 2.0]
-places = [(-2.3, 0.8, -0.3), (0.0, 0.8, -0.6), (2.3, 0.8, -0.3)]
+times = np.array([0.0, 1.0, 2.0])
+places = np.array([(-2.3, 0.8, -0.3), (0.0, 0.8, -0.6), (2.3, 0.8, -0.3)])
 scene.animations.append(ispm.Animation([ispm.Channel(box, "translation", times, places)], "through"))
 
 camera = ispm.Camera.look_at((0.0, 1.5, 5.2), (0.0, 1.35, 0.0), yfov=0.62)

@@ -46,7 +46,7 @@ fn opacity_at(c: MaskedCorner) -> f32 {
 
 @fragment
 fn fs_masked(c: MaskedCorner) -> @location(0) vec2u {
-    if (is_hole(opacity_at(c), texel_key(c.clip.xy, surface_key(c.ids.x, vertex_row(c.ids.x, 3u * c.ids.y))))) {
+    if (is_hole(opacity_at(c), texel_key(c.clip.xy, c.ids.x))) {
         discard;
     }
     return c.ids;

@@ -14,7 +14,6 @@ struct MaskedCorner {
     @location(0) @interpolate(flat) instance: u32,
     @location(1) uv: vec4f,
     @location(2) color: vec4f,
-    @location(3) @interpolate(flat) first_row: u32,
 }
 
 // Ids are told apart within 3 x 3 pixels only, so their low bits serve; 0 is nothing.
@@ -33,15 +32,14 @@ fn fs(c: Corner) -> @location(0) u32 {
 }
 
 @vertex
-fn vs_masked(v: MaskedVertex, @builtin(vertex_index) row: u32, @builtin(instance_index) instance: u32) -> MaskedCorner {
+fn vs_masked(v: MaskedVertex, @builtin(instance_index) instance: u32) -> MaskedCorner {
     let clip = camera.clip_from_world * vec4f(point_to_world(instance, v.position), 1.0);
-    return MaskedCorner(clip, instance, vec4f(v.uv0, v.uv1), v.color, row);
+    return MaskedCorner(clip, instance, vec4f(v.uv0, v.uv1), v.color);
 }
 
 @fragment
 fn fs_masked(c: MaskedCorner) -> @location(0) u32 {
-    let surface = surface_key(c.instance, c.first_row);  // as in the G-buffer, or its grain would count as edges
-    let key = vec4u(vec2u(c.clip.xy), surface, camera.pass_index);
+    let key = vec4u(vec2u(c.clip.xy), c.instance, camera.pass_index);
     if (is_hole(base_color_at(c.uv, c.color).a, key)) {
         discard;
     }

@@ -29,7 +29,7 @@ fn clip_from_world(position: vec3f) -> vec4f {
 }
 
 // What is_hole needs to know apart one texel, light, surface and pass from another.
-fn texel_key(texel: vec2f, surface: u32) -> vec4u {
+fn texel_key(texel: vec2f, instance: u32) -> vec4u {
     let xy = vec2u(texel);
-    return vec4u(xy.x | (xy.y << 16u), face.index, surface, face.pass_index);
+    return vec4u(xy.x | (xy.y << 16u), face.index, instance, face.pass_index);
 }

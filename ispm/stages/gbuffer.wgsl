@@ -69,9 +69,7 @@ fn fs(c: Corner) -> Pixel {
         bump = bump_of(textureSample(normal_map, normal_sampler, texture_uv(material.normal_texture, c.uv)).xyz);
     }
     if (MASKED) {
-        let instance = c.ids.x - 1u;
-        let surface = surface_key(instance, vertex_row(instance, 3u * c.ids.y));
-        let key = vec4u(vec2u(c.clip.xy), surface, camera.pass_index);
+        let key = vec4u(vec2u(c.clip.xy), c.ids.x, camera.pass_index);
         if (is_hole(base.a, key)) {
             discard;
         }

@@ -48,26 +48,11 @@ fn base_color_at(uv: vec4f, color: vec4f) -> vec4f {
     return material.base_color * color * texel;
 }
 
-// A number in [0, 1) for a place, a view, a surface and, last, a pass. Each 16 passes draw one from each
-// sixteenth, in an order that is shuffled for each surface (Latin hypercube sampling): layers one behind
-// the other stay independent, while the mean of one comes 16 times as near as by chance.
-fn stratified(key: vec4u) -> f32 {
-    let order = pcg4d(vec4u(key.xyz, key.w / 16u));
-    var k = (key.w * (order.x | 1u) + order.y) & 15u;
-    k = (((k ^ (k >> 2u)) * (order.z | 1u)) ^ order.w) & 15u;
-    return (f32(k) + uniform_float(pcg4d(key).x)) / 16.0;
-}
-
-// What tells surfaces apart at one place: triangles of one instance, known by the rows of their first
-// corners, may be layers of it.
-fn surface_key(instance: u32, first_row: u32) -> u32 {
-    return instance ^ (first_row * 0x9e3779b9u);
-}
-
-// Whether light and eye pass the material where it has this opacity.  key  of `stratified`
+// Whether light and eye pass the material where it has this opacity. `key` makes BLEND's chance: a place
+// and an instance, so that surfaces one behind the other are independent.
 fn is_hole(opacity: f32, key: vec4u) -> bool {
     if ((material.flags & MATERIAL_MASK) != 0u) {
         return opacity < material.alpha_cutoff;
     }
-    return (material.flags & MATERIAL_BLEND) != 0u && stratified(key) >= opacity;
+    return (material.flags & MATERIAL_BLEND) != 0u && uniform_float(pcg4d(key).x) >= opacity;
 }

@@ -6,6 +6,7 @@ import math
 import numpy as np
 import pytest
 
+from ispm import shapes
 from ispm.accel.surface import SurfaceTable
 from ispm.accel.world import World
 from ispm.bench.change import changes, parse_report
@@ -16,11 +17,12 @@ from ispm.cli.console import to_json
 from ispm.library.builtin import builtin
 from ispm.lights.emission import emit_rays
 from ispm.lights.plan import plan_maps
-from ispm.optics.records import INSTANCE, NO_HIT
+from ispm.optics.records import NO_HIT
 from ispm.optics.texture import TextureTable
 from ispm.photons.walk import walk
 from ispm.renderer.motion import moved
 from ispm.scene.packed import pack
+from ispm.scene.scene import Scene
 from ispm.settings import Settings
 
 TINY = Settings(size=(64, 36), photons=400, shadow_resolution=64, bounces=3)
@@ -82,8 +84,8 @@ def test_moments_change_camera_light_and_object_every_time():
         if before is not None:
             assert np.abs(eye - before[0]).max() > 1e-3
             assert np.abs(light - before[1]).max() > 1e-3
-            assert moved(packed.instances, before[2]).sum() == 1
-        before = eye, light, packed.instances
+            assert moved(packed.placed, before[2]).sum() == 1
+        before = eye, light, packed.placed
     assert scene.cameras[0].matrix is None  # the scene itself stays as it was
 
 
@@ -112,12 +114,13 @@ def test_spread_is_median_and_percentiles():
 
 
 def test_nothing_moved_without_a_frame_before_or_with_other_instances():
-    rows = np.zeros(3, INSTANCE)
-    rows["node"] = [0, 1, 2]
-    assert not moved(rows, None).any()
-    other = rows.copy()
-    other["world1"][2] = 1.0
-    assert moved(other, rows).tolist() == [False, False, True]
-    other["mesh"][0] = 7
-    assert not moved(other, rows).any()
-    assert not moved(rows[:2], rows).any()
+    scene = Scene()
+    for k in range(3):
+        scene.add(shapes.box(), translation=(float(k), 0.0, 0.0))
+    before = pack(scene).placed
+    assert not moved(before, None).any()
+    scene.nodes[2].translation = (2.0, 1.0, 0.0)
+    after = pack(scene).placed
+    assert moved(after, before).tolist() == [False, False, True]
+    scene.remove(scene.nodes[0])
+    assert not moved(pack(scene).placed, before).any()

@@ -7,7 +7,7 @@ from transport import render
 from ispm.errors import SettingsError
 from ispm.library.shapes import polygons
 from ispm.scene.camera import Camera
-from ispm.scene.material import AlphaMode, Material
+from ispm.scene.material import Material
 from ispm.scene.mesh import Mesh
 from ispm.scene.scene import Scene
 
@@ -44,17 +44,6 @@ def test_an_edge_is_as_bright_as_the_share_it_covers(gpu, slope):
     assert np.abs(error).max() <= 0.25 + 1 / 16
     assert abs(error.sum()) < 0.02 * SIZE[1]
     assert frame["alpha"] == pytest.approx(frame.radiance[..., 0], abs=1e-6)
-
-
-def test_the_grain_of_blended_surfaces_is_no_edge(gpu):
-    """Samples see a layer where their pixel does, or holes would count as edges and be mixed."""
-    shades = ((0.0, 1.0, 0.5), (-0.2, 0.3, 0.5), (-0.4, 0.0, 1.0))  # z, radiance, opacity
-    layers = [flat([(-99, -9, z), (99, -9, z), (0, 99, z)], (c, c, c, a)) for z, c, a in shades]
-    for _, material in layers:
-        material.alpha_mode = AlphaMode.BLEND
-    smooth, sharp = (picture(gpu, *layers, antialias=on).radiance for on in (True, False))
-    assert len(np.unique(sharp)) == 3
-    assert (smooth == sharp).all()
 
 
 def test_pixels_within_surfaces_stay_as_they_are(gpu):

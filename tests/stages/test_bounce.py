@@ -16,7 +16,6 @@ from ispm.optics.records import NO_HIT
 from ispm.scene.extent import corners_of
 from ispm.scene.light import DirectionalLight, Light, PointLight, SpotLight
 from ispm.scene.material import AlphaMode, Material, Texture, TextureUse
-from ispm.scene.mesh import Mesh
 from ispm.scene.packed import Packed, pack
 from ispm.scene.scene import Scene
 from ispm.stages.bounce import BounceStage, _arrange
@@ -119,21 +118,6 @@ def test_blended_surface_stops_its_share(gpu: Gpu) -> None:
     (got,) = draw(gpu, packed, [planned(light_maps(packed)[0], 128)])
     # 16 384 texels: standard deviation 0.0036; 5 of them
     assert (got[3, ..., 0] == 0).mean() == pytest.approx(0.3, abs=0.018)
-
-
-def test_blended_layers_of_one_mesh_stop_their_shares(gpu: Gpu) -> None:
-    square, scene = quad(9.0), Scene()
-    both = Mesh(np.concatenate([square.positions, square.positions - (0.0, 1.0, 0.0)]),
-                np.concatenate([square.triangles, square.triangles + 4]))  # fmt: skip
-    scene.add(both, material=Material(base_color=(1, 1, 1, 0.3), alpha_mode=AlphaMode.BLEND))
-    scene.add(PointLight(), translation=(0.0, 1.0, 0.0))
-    packed = pack(scene)
-    (got,) = draw(gpu, packed, [planned(light_maps(packed)[0], 128)])
-    down = got[3]
-    # 16 384 texels: standard deviation 0.0036; 5 of them
-    for first, share in ((0, 0.3), (2, 0.21)):
-        stopped = (down[..., 0] == 0) & (down[..., 1] // 2 * 2 == first)
-        assert stopped.mean() == pytest.approx(share, abs=0.018)
 
 
 def test_opacity_is_that_of_the_finest_texels(gpu: Gpu) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -16,7 +15,6 @@ from ispm.gpu import Gpu
 from ispm.optics.jit import jit
 from ispm.scene.camera import look_at_pose
 from ispm.scene.material import AlphaMode, Material, Texture, TextureUse, Wrap
-from ispm.scene.mesh import Mesh
 from ispm.scene.packed import Packed, pack
 from ispm.scene.scene import Scene
 from ispm.stages.camera import CameraView
@@ -233,42 +231,6 @@ def test_mask_cuts_holes_and_blend_thins(gpu: Gpu) -> None:
     assert share(base_color=(1, 1, 1, 0.4)) == 1.0
     # 57 600 pixels: standard deviation 0.002; 5 of them
     assert share(base_color=(1, 1, 1, 0.3), alpha_mode=AlphaMode.BLEND) == pytest.approx(0.3, abs=0.01)
-
-
-def layered(alpha: float) -> Packed:
-    """Three blended squares one above the other, all of one mesh."""
-    square = quad(5.0)
-    layers = [np.add(square.positions, (0.0, height, 0.0)) for height in (0.0, 0.5, 1.0)]
-    triangles = [square.triangles + 4 * k for k in range(3)]
-    scene = Scene()
-    material = Material((1.0, 1.0, 1.0, alpha), alpha_mode=AlphaMode.BLEND)
-    scene.add(Mesh(np.concatenate(layers), np.concatenate(triangles)), material=material)
-    return pack(scene)
-
-
-def test_blended_layers_of_one_mesh_are_independent(gpu: Gpu) -> None:
-    got = draw(gpu, layered(0.4), from_above((320, 180)))["ids"]
-    layer = np.where(got[..., 0] == 0, 3, 2 - got[..., 1] // 2)  # from above; 3: none
-    # 57 600 pixels: standard deviation 0.002 at most; 5 of them
-    for k, share in enumerate((0.4, 0.24, 0.144, 0.216)):
-        assert (layer == k).mean() == pytest.approx(share, abs=0.01)
-
-
-def test_sixteen_passes_draw_a_layer_in_its_share_of_them(gpu: Gpu) -> None:
-    """Of sixteen sixteenths four lie below .3, and four fifths of the fifth."""
-    scene, view = Scene(), from_above((64, 36))
-    scene.add(quad(5.0), material=Material((1.0, 1.0, 1.0, 0.3), alpha_mode=AlphaMode.BLEND))
-    packed = pack(scene)
-    drawn = [draw(gpu, packed, replace(view, pass_index=k))["ids"][..., 0] == 1 for k in range(32)]
-    for passes in (drawn[:16], drawn[16:]):
-        count = np.sum(passes, axis=0)
-        assert set(np.unique(count)) == {4, 5}
-        # 2 304 pixels: standard deviation 0.008; 5 of them
-        assert (count == 5).mean() == pytest.approx(0.8, abs=0.042)
-    # The order is shuffled: a pixel of each pass is drawn as often as by chance.
-    shares = np.mean(drawn, axis=(1, 2))
-    assert np.abs(shares - 0.3).max() < 5.0 * np.sqrt(0.3 * 0.7 / drawn[0].size)
-    assert (drawn[:16] == np.array(drawn[16:])).mean() == pytest.approx(0.58, abs=0.02)
 
 
 def test_depth_does_not_depend_on_near(gpu: Gpu) -> None:

@@ -77,4 +77,4 @@ def test_the_first_pass_blurs_no_more_than_a_few_pixels(gpu):
 def test_without_lights_there_are_no_rays(gpu):
     scene = Scene()
     scene.add(shapes.plane(1.0, 1.0), material=Material(emission=(1.0, 1.0, 1.0)))
-    assert direct(gpu, scene, 1, shadows="rays").any()
+    assert not direct(gpu, scene, 1, shadows="rays").any()
