@@ -3,6 +3,7 @@
 import hashlib
 import os
 import random
+import shutil
 import subprocess
 import sys
 import time
@@ -103,14 +104,21 @@ def killed_and_resumed(scene, folder, output, note):
     """
     command = [sys.executable, "-m", "ispm", "animate", str(scene), "-o", output, *FLAGS.split()]
     wait = random.uniform(0.0, 1.0)
-    with subprocess.Popen(
-        command, cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-    ) as run:
-        end = time.monotonic() + 200.0
-        while not (folder / note).exists() and run.poll() is None and time.monotonic() < end:
-            time.sleep(0.005)
-        time.sleep(wait)
-        run.kill()
+    before = set(folder.iterdir())
+    while True:
+        with subprocess.Popen(
+            command, cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        ) as run:
+            end = time.monotonic() + 200.0
+            while not (folder / note).exists() and run.poll() is None and time.monotonic() < end:
+                time.sleep(0.005)
+            time.sleep(wait)
+            run.kill()
+        if (folder / note).exists():
+            break
+        wait /= 2.0  # the film was done already: once more
+        for path in set(folder.iterdir()) - before:
+            shutil.rmtree(path) if path.is_dir() else path.unlink()
     for written in (folder / note, folder / output.replace("%04d", "0003")):
         written.with_name(f".ispm-0123abcd-{written.name}").write_bytes(b"half")
     again = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=280)
