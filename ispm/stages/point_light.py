@@ -40,7 +40,7 @@ _REACH = 2  # pixels to each side that tell what a pixel sees of the others
 _CHUNK = 64  # pixels a thread takes at a time
 _NONE = f32(0), f32(0), f32(0)
 _DRAW_NS = 270.0  # of a processor, that a software adapter takes to draw a triangle for one light
-_TRACE_NS = 900.0  # likewise, that the rays of a pixel take
+_TRACE_NS = 900.0  # likewise, about, that the rays of a pixel take
 
 
 class _Samples(NamedTuple):
