@@ -62,6 +62,13 @@ bench:
 	@scripts/setup.sh all
 	$(run)/ispm bench
 
+reports:
+	@scripts/setup.sh all
+	mkdir -p out
+	$(run)/ispm bench -o out/frame.json
+	$(run)/ispm bench --growth -o out/growth.json
+	$(run)/ispm bench --talk -o out/talk.json
+
 soak:
 	@scripts/setup.sh core
 	$(run)/python scripts/soak.py
