@@ -40,6 +40,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         metavar="NAME=VALUE",
         help=f"a setting, as size=640x360; default {_SIZE}",
     )
+    parser.add_argument(
+        "--up", choices=["y", "z"], help="which way is up in meshes that do not say; default y"
+    )
     given = parser.parse_args(arguments)
     if min(given.columns, given.rows, given.width) < 1:
         parser.error("--columns, --rows and --width must be 1 or more")
@@ -51,7 +54,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if not names:
         parser.error("no scenes were named; give files, folders of some, or --builtins")
     given.output.mkdir(parents=True, exist_ok=True)
-    shown = list(_pictures(names, settings, given.output))
+    shown = list(_pictures(names, settings, given.output, {"up": given.up} if given.up else {}))
     page = given.columns * given.rows
     for first in range(0, len(shown), page):
         path = given.output / ("sheet.png" if len(shown) <= page else f"sheet-{first // page + 1}.png")
@@ -76,13 +79,13 @@ def _titles(names: Sequence[str]) -> list[str]:
 
 
 def _pictures(
-    names: Sequence[str], settings: ispm.Settings, folder: Path
+    names: Sequence[str], settings: ispm.Settings, folder: Path, options: dict[str, str]
 ) -> Iterator[tuple[str, Image.Image]]:
-    """Render scene by scene; yield each that could be, with its name."""
+    """Render scene by scene, loaded with these options; yield each that could be, with its name."""
     for name, title in zip(names, _titles(names), strict=True):
         started = time.perf_counter()
         try:
-            frame = ispm.render(open_named(name), settings)
+            frame = ispm.render(open_named(name, **options), settings)
         except ispm.IspmError as error:
             print(f"{name}: {error}", file=sys.stderr)
             continue

@@ -10,6 +10,7 @@
 const PLANE_REACH = 1.3;    // low-resolution pixels: a biweight as wide as a Gaussian of 0.5
 const FEW = 0.02;          // sum of weights below which farther neighbours are asked too
 const TOO_LITTLE = 1e-3;   // and below which a pixel has found none
+const SLIGHT = 1e-30;      // below which a sum of weights counts as none: inverses of the least numbers overflow
 const TURNED = 0.01;       // least share of its weight that a receiver keeps whose bump faces elsewhere
 const NO_TAP = 0x80008000u;  // in place of a packed normal, which has no such numbers
 const FINISHING = 64u;     // workgroups of `finish`, each of as many threads
@@ -166,8 +167,8 @@ fn add_tap(taps: ptr<function, Taps>, s: Surface, tap: Tap, near: f32) {
 
 fn mean_of(taps: Taps) -> Incident {
     let w = 1.0 / max(taps.weight, 1e-20);
-    let f = select(0.0, 1.0 / taps.fresnel_weight, taps.fresnel_weight > 0.0);
-    let g = select(0.0, 1.0 / taps.gloss_weight, taps.gloss_weight > 0.0);
+    let f = select(0.0, 1.0 / taps.fresnel_weight, taps.fresnel_weight > SLIGHT);
+    let g = select(0.0, 1.0 / taps.gloss_weight, taps.gloss_weight > SLIGHT);
     return Incident(w * taps.sums.irradiance, f * taps.sums.fresnel, g * taps.sums.gloss, g * taps.sums.grazing);
 }
 
