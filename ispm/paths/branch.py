@@ -1,8 +1,8 @@
 """How eye paths start from what a pixel shows, and go on: records of paths, and their first branches.
 
 A mirror or clear glass sends out two, rough glass and narrow lobes of opaque surfaces draw some by chance:
-the latter as many as what they reflect is worth, and weak ones, which fill much of many pictures, but one for
-2 x 2 pixels, of which passes take another each.
+the latter as many as what they reflect is worth. Weak ones, which fill much of many pictures, have but one
+for 2 x 2 pixels, of which passes take another each, and so have all where most of the picture shows lobes.
 """
 
 from __future__ import annotations
@@ -33,7 +33,8 @@ REFLECTED, TRANSMITTED, SCATTERED = 0, 1, 2  # what the first surface did to a p
 GLOSS_SAMPLES = 4  # paths from a pixel whose narrow lobe is strong, at most
 STRONG = f32(0.3)  # reflectance of such lobes
 _WEAK = f32(0.12)  # and of those that have one path for 2 x 2 pixels
-_SHARP = f32(0.01)  # alpha below which each pixel has its own all the same
+_BROAD = f32(0.05)  # alpha from which stronger ones have as few, where most of the picture shows lobes
+_SHARP = f32(0.01)  # and below which each pixel has its own all the same
 _REFLECTED_EACH = 4  # of the paths of rough glass so many reflect once
 
 
@@ -114,13 +115,19 @@ def _gloss_samples(view, x, wo, key):
     reflectance = greatest(mean_reflectance(x, wo))
     if is_lambert(x.bsdf):
         return i64(0)
-    if reflectance >= STRONG:
-        return view.most
-    if view.columns == u32(0) or reflectance >= _WEAK or x.bsdf.alpha < _SHARP:
-        return i64(1)
+    if not _is_shared(view, x.bsdf.alpha, reflectance):
+        return max(view.most, i64(1)) if reflectance >= STRONG else i64(1)
     column, row = key % view.columns, key // view.columns
     own = (column & u32(1)) | (row & u32(1)) << u32(1)
     return i64(own == (u32(3) * view.pass_index & u32(3)))
+
+
+@jit
+def _is_shared(view, alpha, reflectance):
+    """Whether 2 x 2 pixels whose narrow lobes are alike have one path among them."""
+    if view.columns == u32(0) or alpha < _SHARP:
+        return False
+    return reflectance < _WEAK or (view.most == i64(0) and alpha >= _BROAD)
 
 
 @jit
@@ -148,9 +155,10 @@ def first_path(tables, view, x, wo, key, k, length):
 @jit
 def _first_of_lobe(tables, view, x, wo, key, k, length):
     """`first_path` from an opaque surface: one of as many as `branches` says."""
-    strong = greatest(mean_reflectance(x, wo)) >= STRONG
-    count = view.most if strong else i64(1)
-    u1, u2 = lobe_numbers(view, key, k, count, not strong and x.bsdf.alpha >= _SHARP)
+    reflectance = greatest(mean_reflectance(x, wo))
+    strong, shared = reflectance >= STRONG, _is_shared(view, x.bsdf.alpha, reflectance)
+    count = max(view.most, i64(1)) if strong else i64(1)
+    u1, u2 = lobe_numbers(view, key, k, count, shared)
     _, wi, factor, pdf = sample_lobe(x, wo, u1, u2)
     lane = REFLECTED if strong else SCATTERED
     weight = scale(f32(1) / f32(count), factor)

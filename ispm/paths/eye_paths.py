@@ -26,7 +26,7 @@ class EyeRays:
     shows_environment  whether one that meets nothing at all shows the scene's environment
     columns    pixels in a row of the picture whose pixels' numbers the keys are: weak lobes of some are left
                to others beside them; 0: all are looked at
-    most       paths from a strong lobe
+    most       paths from a strong lobe; 0: as few as from a weak one
     of_coats   whether paths start from the clear coat of what a pixel shows, else from what is under it
     widening   at ends, direct light counts lobes as at least this times as wide as the lobe that led there:
                few paths find a light's image in a second narrow lobe

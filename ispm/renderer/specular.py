@@ -109,7 +109,7 @@ def eye_rays(
     f4 = np.float32
     keys, distances = seen["pixel"].astype(np.uint32), hits["t"].copy()
     across, high = view.size
-    most = max(min(across * high // (2 * max(len(seen), 1)), GLOSS_SAMPLES), 1)
+    most = min(across * high // (2 * max(len(seen), 1)), GLOSS_SAMPLES)
     return EyeRays(
         origins.astype(f4),
         directions.astype(f4),

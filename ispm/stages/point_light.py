@@ -109,21 +109,22 @@ def _sample(tables, shown, pick, holes, first, scratch, samples, i):
     lights, x, wo, away = tables.lights, shown.x, shown.wo, lift(shown)
     irradiance, few = _NONE, no_lights(pick)
     for k in range(len(lights)):
-        arriving = _irradiance(lights[k], x)
-        few, irradiance = offer(few, i64(k), _sum(arriving)), add(irradiance, arriving)
+        arriving, wi = _irradiance(lights[k], x)
+        few, irradiance = offer(few, i64(k), _brought(x, wo, arriving, wi)), add(irradiance, arriving)
     few = settled(few)
     for row in (few.best, few.second):
         if row >= i64(0):
-            arriving = _irradiance(lights[row], x)
+            arriving, wi = _irradiance(lights[row], x)
             irradiance = sub(irradiance, arriving)
-            wi, passed = _passed(tables, lights[row], x, away, holes, scratch)
+            passed = _passed(tables, lights[row], x, away, holes, scratch)
             light = times(times(arriving, passed), eval_bsdf(x.bsdf, x.n, x.ng, wo, wi))
             for c in range(3):
                 samples.sure[i, c] += light[c]
     if few.drawn < i64(0):
         return
-    wi, passed = _passed(tables, lights[few.drawn], x, away, holes, scratch)
-    drawn = scale(few.others / few.drawn_value, _irradiance(lights[few.drawn], x))
+    arriving, wi = _irradiance(lights[few.drawn], x)
+    drawn = scale(few.others / few.drawn_value, arriving)
+    passed = _passed(tables, lights[few.drawn], x, away, holes, scratch)
     f, gloss = eval_bsdf(x.bsdf, x.n, x.ng, wo, wi), _NONE
     if not first or few.drawn_value == few.others:  # of one there is no doubt which to draw
         light = times(times(drawn, passed), f)
@@ -140,17 +141,27 @@ def _sample(tables, shown, pick, holes, first, scratch, samples, i):
 
 @jit
 def _irradiance(light, x):
-    """What a LIGHT brings to a SurfacePoint but for shadows, lx; black where the surface hides it itself."""
+    """What a LIGHT brings to a SurfacePoint but for shadows, lx, and wi; black where the surface hides it
+    itself."""
     irradiance, _, wi = light_arriving(light, x.position)
     along, above = dot(x.n, wi), dot(x.ng, wi) > f32(0)
     if not ((above and along > f32(0)) or (x.bsdf.thin > f32(0) and not above)):
-        return _NONE
-    return scale(abs(along), irradiance)
+        return _NONE, wi
+    return scale(abs(along), irradiance), wi
+
+
+@jit
+def _brought(x, wo, irradiance, wi):
+    """What a SurfacePoint makes of irradiance from wi along wo, sum of channels, by which lights are
+    compared; of a Lambert surface in another unit. Drawn by irradiance alone, highlights would be specks."""
+    if is_lambert(x.bsdf) or irradiance[0] + irradiance[1] + irradiance[2] <= f32(0):
+        return _sum(irradiance)
+    return _sum(times(irradiance, eval_bsdf(x.bsdf, x.n, x.ng, wo, wi)))
 
 
 @jit
 def _passed(tables, light, x, away, holes, scratch):
-    """Where a LIGHT is seen from a SurfacePoint, wi, and the share of it that passes what is between, RGB.
+    """The share of a LIGHT that passes what is between it and a SurfacePoint, RGB.
 
     away  m, that the ray starts above the surface
     """
@@ -160,7 +171,7 @@ def _passed(tables, light, x, away, holes, scratch):
         segment = sub(add(x.position, scale(distance, wi)), start)
         distance = f32(math.sqrt(dot(segment, segment)))
         toward = scale(f32(1) / max(distance, f32(1e-30)), segment)
-    return wi, shadow_transmittance(tables, start, toward, distance, holes, scratch)
+    return shadow_transmittance(tables, start, toward, distance, holes, scratch)
 
 
 @jit
