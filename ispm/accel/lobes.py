@@ -24,6 +24,8 @@ from ispm.accel.texturing import (
     COAT_NORMAL_MAP,
     COAT_ROUGHNESS_MAP,
     ROUGHNESS_MAP,
+    SPECULAR_COLOR_MAP,
+    SPECULAR_MAP,
     TRANSMISSION_MAP,
     base_color,
     sample_slot,
@@ -37,6 +39,7 @@ from ispm.optics.records import (
     INSTANCE,
     INSTANCE_MIRRORED,
     MATERIAL,
+    MATERIAL_SPECULAR_MAPPED,
     MATERIAL_THIN,
     MATERIAL_TRANSMITS,
     VERTEX,
@@ -54,6 +57,7 @@ _F0, _FLAGS = word_of(MATERIAL, "f0"), word_of(MATERIAL, "flags")
 _TRANSMISSION, _IOR = word_of(MATERIAL, "transmission"), word_of(MATERIAL, "ior")
 _COAT, _COAT_ROUGHNESS = word_of(MATERIAL, "clearcoat"), word_of(MATERIAL, "clearcoat_roughness")
 _COAT_NORMAL_SCALE = word_of(MATERIAL, "clearcoat_normal_scale")
+_WHITE = f32(1), f32(1), f32(1)
 
 
 @jit
@@ -76,18 +80,35 @@ def bsdf_at(tables, context, flags, entering):
         if texture_row(table, material, TRANSMISSION_MAP) >= i64(0):
             r, _, _, _ = sample_slot(tables, context, TRANSMISSION_MAP)
             transmission *= r
-    dielectric = dielectric_at(table, material)
+    color_map, specular_map = _WHITE, f32(1)
+    if flags & u32(MATERIAL_SPECULAR_MAPPED):
+        color_map, specular_map = _specular_maps(tables, context)
+    dielectric = dielectric_at(table, material, color_map, specular_map)
     return surface_bsdf(color, metallic, roughness, transmission, dielectric, entering)
 
 
 @jit
-def dielectric_at(table, material):
-    """Return the Dielectric of the MATERIAL that begins at a word."""
+def _specular_maps(tables, context):
+    """What textures make of specular color, RGB, and factor at a TextureContext."""
+    table, color, factor = tables.surfaces, _WHITE, f32(1)
+    if texture_row(table, context.material, SPECULAR_COLOR_MAP) >= i64(0):
+        r, g, b, _ = sample_slot(tables, context, SPECULAR_COLOR_MAP)
+        color = r, g, b
+    if texture_row(table, context.material, SPECULAR_MAP) >= i64(0):
+        _, _, _, factor = sample_slot(tables, context, SPECULAR_MAP)
+    return color, factor
+
+
+@jit
+def dielectric_at(table, material, color_map, specular_map):
+    """Return the Dielectric of the MATERIAL that begins at a word; the last two: what textures make of its
+    specular color, RGB, and factor."""
     materials = table[MATERIALS]
+    r, g, b = vector_at(materials, material + _SPECULAR_COLOR)
     return Dielectric(
         ldf(materials, material + _F0),
-        vector_at(materials, material + _SPECULAR_COLOR),
-        ldf(materials, material + _SPECULAR),
+        (r * color_map[0], g * color_map[1], b * color_map[2]),
+        ldf(materials, material + _SPECULAR) * specular_map,
         ldf(materials, material + _IOR),
         ldu(materials, material + _FLAGS) & u32(MATERIAL_THIN) != u32(0),
     )

@@ -57,6 +57,7 @@ from ispm.optics.records import (
     MATERIAL_COATED,
     MATERIAL_DOUBLE_SIDED,
     MATERIAL_MASK,
+    MATERIAL_SPECULAR_MAPPED,
     MATERIAL_THIN,
     MATERIAL_UNLIT,
     NO_HIT,
@@ -218,7 +219,7 @@ def surface(tables, hit, d):
     if not is_flat(table, corners):
         own = world_normal(table[INSTANCES], instance, interpolated(table, corners, NORMAL, u, v))
     uv_area = f32(0)
-    if coated or has_texture(table, material):
+    if flags & u32(MATERIAL_COATED | MATERIAL_SPECULAR_MAPPED) != u32(0) or has_texture(table, material):
         uv_area = uv_footprint(table, instance, corners, e1, e2)
     context = TextureContext(instance, material, corners, u, v, uv_area)
     entering = dot(ng, d) <= f32(0)

@@ -80,8 +80,6 @@ class Materials:
     def _layers(self, record: schema.Material, where: str) -> dict[str, Any]:
         """What the extensions and the emission say."""
         specular = record.extensions.specular or schema.Specular()
-        if specular.specular_texture or specular.specular_color_texture:
-            self._file.notes.add(f"{where}: specular textures are not supported yet; the factors are used")
         ior = record.extensions.ior.ior
         if ior != 0.0 and not 1.0 <= ior <= 100.0:  # 0 is the extension's word for F0 = 1
             self._file.notes.add(f"{where}: an ior of {ior:g} is not possible; 1.5 is used")
@@ -93,6 +91,10 @@ class Materials:
             specular=self._within([specular.specular_factor], 0.0, 1.0, f"{where}: specularFactor")[0],
             specular_color=self._within(
                 specular.specular_color_factor, 0.0, 1e4, f"{where}: specularColorFactor"
+            ),
+            specular_texture=self._textures.use(specular.specular_texture, srgb=True, where=where),  # alpha
+            specular_color_texture=self._textures.use(
+                specular.specular_color_texture, srgb=True, where=where
             ),
             ior=ior,
             emission=tuple(strength * f for f in factor),

@@ -61,6 +61,8 @@ struct Material {
     clearcoat_texture: TextureUse,
     clearcoat_roughness_texture: TextureUse,
     clearcoat_normal_texture: TextureUse,
+    specular_texture: TextureUse,
+    specular_color_texture: TextureUse,
     clearcoat_normal_scale: f32,
     spare0: u32,
     spare1: u32,
@@ -74,6 +76,7 @@ const MATERIAL_TRANSMITS = 16u;    // some light goes through
 const MATERIAL_THIN = 32u;         // and straight on: the surface has no inside
 const MATERIAL_CAUSTIC = 64u;      // a mirror or glass that casts caustics, worth aiming photons at
 const MATERIAL_COATED = 128u;      // under a clear coat
+const MATERIAL_SPECULAR_MAPPED = 256u;   // textures multiply `specular` or `specular_color`
 
 struct Light {
     position: vec3f,

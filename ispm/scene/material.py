@@ -167,6 +167,8 @@ TEXTURES = (
     "clearcoat_texture",
     "clearcoat_roughness_texture",
     "clearcoat_normal_texture",
+    "specular_texture",
+    "specular_color_texture",
 )
 
 
@@ -178,7 +180,7 @@ DATA = (
     "clearcoat_roughness_texture",
     "clearcoat_normal_texture",
 )
-"""Those of TEXTURES that hold numbers, not colors: kept linear, as glTF has them."""
+"""Those of TEXTURES whose RGB holds numbers, not colors: kept linear, as glTF has them."""
 
 
 @dataclass
@@ -209,6 +211,7 @@ class Material(Strict):
     clearcoat_texture            R
     clearcoat_roughness_texture  G
     clearcoat_normal_texture     of the coat alone; without it the coat is smooth whatever is under it
+    specular_texture             A, of one kept linear or not;  specular_color_texture   a color
     Raises SceneError for a value out of range, as it is made and, if changed since, as it is rendered; warns
     where data is given as sRGB.
     """
@@ -240,6 +243,8 @@ class Material(Strict):
     clearcoat_texture: TextureUse | Texture | None = None
     clearcoat_roughness_texture: TextureUse | Texture | None = None
     clearcoat_normal_texture: TextureUse | Texture | None = None
+    specular_texture: TextureUse | Texture | None = None
+    specular_color_texture: TextureUse | Texture | None = None
     name: str = field(default="", compare=False)
 
     def __post_init__(self) -> None:

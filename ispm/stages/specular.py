@@ -57,6 +57,7 @@ class SpecularStage:
             points=gbuffer.points,
             base=gbuffer.base,
             glow=gbuffer.emission,
+            specular=gbuffer.specular,
             seen_count=self._count,
             seen=self._seen.sized(capacity * SEEN.itemsize),
         )

@@ -17,6 +17,7 @@
 @group(0) @binding(13) var indirect_out: texture_storage_2d<rgba32float, write>;
 @group(0) @binding(14) var emission_out: texture_storage_2d<rgba32float, write>;
 @group(0) @binding(15) var through_out: texture_storage_2d<rgba32float, write>;
+@group(0) @binding(16) var specular: texture_2d<f32>;
 
 struct Seen {              // a pixel that shows a mirror, glass or a narrow lobe, and the triangle
     pixel: u32,
@@ -65,7 +66,8 @@ fn find_specular(@builtin(global_invocation_id) thread: vec3u) {
         return;
     }
     let roughness = textureLoad(glow, pixel, 0).a;
-    let b = seen_bsdf(word, textureLoad(base, pixel, 0), roughness, materials[row]);
+    let maps = seen_specular(specular, pixel, materials[row].flags);
+    let b = seen_bsdf(word, textureLoad(base, pixel, 0), roughness, maps, materials[row]);
     let coated = (materials[row].flags & MATERIAL_COATED) != 0u;
     let layers = select(0u, LAYER_BASE, leads_on(b)) | select(0u, LAYER_COAT, coated);
     if (layers == 0u) {

@@ -328,6 +328,18 @@ def test_transmission_textures_hold_data_and_need_coordinates(tmp_path: Path) ->
     assert without.transmission_texture is None
 
 
+def test_textures_of_specular_reflection_are_read(tmp_path: Path) -> None:
+    slots = {"specularTexture": {"index": 0}, "specularColorTexture": {"index": 0}}
+    builder = quad({"extensions": {"KHR_materials_specular": slots}})
+    builder.picture(CHECKS)
+    scene = builder.load(tmp_path)
+    material = only_material(scene)
+    assert scene.warnings == [] and scene.extensions_honoured == scene.extensions_used
+    assert material.specular_color_texture is not None and material.specular_texture is not None
+    assert material.specular_color_texture.texture.srgb is True
+    assert material.specular_texture.texture is material.specular_color_texture.texture  # of one picture
+
+
 def coat(**more: Any) -> dict[str, Any]:
     return {"extensions": {"KHR_materials_clearcoat": {"clearcoatFactor": 0.75, **more}}}
 
