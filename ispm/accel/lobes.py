@@ -24,6 +24,8 @@ from ispm.accel.texturing import (
     COAT_NORMAL_MAP,
     COAT_ROUGHNESS_MAP,
     ROUGHNESS_MAP,
+    SHEEN_COLOR_MAP,
+    SHEEN_ROUGHNESS_MAP,
     SPECULAR_COLOR_MAP,
     SPECULAR_MAP,
     TRANSMISSION_MAP,
@@ -44,6 +46,7 @@ from ispm.optics.records import (
     MATERIAL_TRANSMITS,
     VERTEX,
 )
+from ispm.optics.sheen import make_sheen
 from ispm.optics.vector import add, cross, dot, scale, sub
 
 f32, i64, u32 = np.float32, np.int64, np.uint32
@@ -57,6 +60,7 @@ _F0, _FLAGS = word_of(MATERIAL, "f0"), word_of(MATERIAL, "flags")
 _TRANSMISSION, _IOR = word_of(MATERIAL, "transmission"), word_of(MATERIAL, "ior")
 _COAT, _COAT_ROUGHNESS = word_of(MATERIAL, "clearcoat"), word_of(MATERIAL, "clearcoat_roughness")
 _COAT_NORMAL_SCALE = word_of(MATERIAL, "clearcoat_normal_scale")
+_SHEEN_COLOR, _SHEEN_ROUGHNESS = word_of(MATERIAL, "sheen_color"), word_of(MATERIAL, "sheen_roughness")
 _WHITE = f32(1), f32(1), f32(1)
 
 
@@ -158,3 +162,18 @@ def coat_at(tables, context, n, side, ng, wo):
         n = mapped_normal(tables, context, n, COAT_NORMAL_MAP, _COAT_NORMAL_SCALE)
     n = bend(bend(scale(side, n), ng), wo)
     return make_coat(weight, roughness, n, dot(n, wo))
+
+
+@jit
+def sheen_at(tables, context, cosine, uncovered):
+    """Return the Sheen at a TextureContext of a MATERIAL_SHEEN; cosine and uncovered as of `make_sheen`."""
+    table, material = tables.surfaces, context.material
+    color = vector_at(table[MATERIALS], material + _SHEEN_COLOR)
+    roughness = ldf(table[MATERIALS], material + _SHEEN_ROUGHNESS)
+    if texture_row(table, material, SHEEN_COLOR_MAP) >= i64(0):
+        r, g, b, _ = sample_slot(tables, context, SHEEN_COLOR_MAP)
+        color = color[0] * r, color[1] * g, color[2] * b
+    if texture_row(table, material, SHEEN_ROUGHNESS_MAP) >= i64(0):
+        _, _, _, a = sample_slot(tables, context, SHEEN_ROUGHNESS_MAP)
+        roughness *= a
+    return make_sheen(color, roughness, cosine, uncovered)

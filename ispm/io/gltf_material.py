@@ -55,6 +55,7 @@ class Materials:
             **self._layers(record, where),
             **self._inside(record.extensions, where),
             **self._coat(record.extensions, where),
+            **self._sheen(record.extensions, where),
             **self._opacity(record, where),
             normal_scale=self._normal_scale(record.normal_texture, f"{where}: normal scale"),
             normal_texture=self._textures.use(record.normal_texture, srgb=False, where=where),
@@ -136,6 +137,22 @@ class Materials:
             clearcoat_normal_scale=self._normal_scale(
                 coat.clearcoat_normal_texture, f"{where}: scale of the clear coat's normals"
             ),
+        )
+
+    def _sheen(self, extensions: schema.MaterialExtensions, where: str) -> dict[str, Any]:
+        """The sheen; what transmits has none here."""
+        sheen = extensions.sheen
+        color = self._within(sheen.sheen_color_factor, 0.0, 1.0, f"{where}: sheenColorFactor")
+        if max(color) > 0.0 and extensions.transmission.transmission_factor > 0.0:
+            self._file.notes.add(f"{where}: sheen over glass is not supported; it is left out")
+            color = (0.0, 0.0, 0.0)
+        roughness = sheen.sheen_roughness_factor
+        use = partial(self._textures.use, srgb=True, where=where)
+        return dict(
+            sheen_color=color,
+            sheen_roughness=self._within([roughness], 0.0, 1.0, f"{where}: sheenRoughnessFactor")[0],
+            sheen_color_texture=use(sheen.sheen_color_texture),
+            sheen_roughness_texture=use(sheen.sheen_roughness_texture),  # alpha
         )
 
     def _opacity(self, record: schema.Material, where: str) -> dict[str, Any]:

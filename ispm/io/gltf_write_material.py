@@ -103,6 +103,7 @@ class MaterialWriter:
             "clearcoat": self._coat(m),
             "emissive_strength": given({"emissiveStrength": strength}, {"emissiveStrength": 1.0}),
             "ior": given({"ior": float(m.ior)}, {"ior": 1.5}),
+            "sheen": self._sheen(m),
             "specular": self._specular(m),
             "transmission": given(
                 {
@@ -117,6 +118,17 @@ class MaterialWriter:
         if m.unlit:
             found[self._document.use("KHR_materials_unlit")] = {}
         return found
+
+    def _sheen(self, m: Material) -> dict[str, Any]:
+        return given(
+            {
+                "sheenColorFactor": numbers(m.sheen_color),
+                "sheenRoughnessFactor": float(m.sheen_roughness),
+                "sheenColorTexture": self._slot(m.sheen_color_texture, srgb=True),
+                "sheenRoughnessTexture": self._slot(m.sheen_roughness_texture, srgb=None),
+            },
+            {"sheenColorFactor": [0.0] * 3, "sheenRoughnessFactor": 0.0},
+        )
 
     def _specular(self, m: Material) -> dict[str, Any]:
         return given(

@@ -321,7 +321,7 @@ fn sample_facet(b: Bsdf, n: vec3f, wo: vec3f, u: vec3f) -> Refracted {
 }
 
 // What shading normals do to flux that scatters from `wi` to `wo`: in towards where the photon came
-// from, out where it goes; ns shading, ng geometric. Veach 1997, 5.3, clamped.
+// from, out where it goes; ns shading, ng geometric. Veach 1997, 5.3, clamped. Twin: photons/scatter.py's.
 fn adjoint_factor(in_ns: f32, in_ng: f32, out_ns: f32, out_ng: f32) -> f32 {
     return clamp(abs(in_ns * out_ng) / max(abs(in_ng * out_ns), 1e-20), 0.1, 10.0);
 }

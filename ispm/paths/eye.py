@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ispm.accel.intersect import STACK_WORDS
-from ispm.accel.layers import coat_point, is_coated
+from ispm.accel.layers import coat_point, has_sheen, is_coated, sheen_point, with_matte_sheen
 from ispm.accel.medium import attenuated, medium, no_medium, passed_sheet
 from ispm.accel.records import Hit, Scratch
 from ispm.accel.surface import (
@@ -35,6 +35,7 @@ from ispm.lights.nee import (
     BY_FACETS,
     BY_NOTHING,
     area_light,
+    direct_light,
     greatest,
     lamp_weight,
     punctual_light,
@@ -327,7 +328,8 @@ def _follow(tables, view, thread, path, i, slot, out, done):
         widest = view.widening * lobe_width(pdf)
         far = length if sharp else far
         sharp = sharp and (not from_lobe or (is_smooth(b) and not has_finite(b)))
-        has_diffuse = b.diffuse[0] + b.diffuse[1] + b.diffuse[2] > f32(0)
+        end = with_matte_sheen(x).bsdf
+        has_diffuse = end.diffuse[0] + end.diffuse[1] + end.diffuse[2] > f32(0)
         ends = stored + (1 if has_diffuse else 0)
         mean = greatest(times(weight, mean_reflectance(x, wo)))
         goes_on = is_narrow(b) and not unlit and event < EVENTS_MAX and ends < _ENDS_MAX
@@ -340,6 +342,10 @@ def _follow(tables, view, thread, path, i, slot, out, done):
             add_light(out.direct, i, add(light, more), seen)
             shadows += others
             traced += shadows
+        if has_sheen(x):
+            light, shadows = direct_light(tables, sheen_point(x), wo, u0, thread.scratch, f32(np.inf))
+            add_light(out.direct, i, light, seen)
+            traced += shadows
         by_coat = is_coated(x) and not unlit and event < EVENTS_MAX and ends < _ENDS_MAX
         if by_coat:
             light, more, shadows = coat_light(tables, x, wo, u0, thread.scratch, widest, 1)
@@ -347,9 +353,9 @@ def _follow(tables, view, thread, path, i, slot, out, done):
             traced += shadows
         if unlit or has_diffuse or (has_finite(b) and not goes_on):
             if unlit:
-                b = BLACK
-            store_end(out.ends[row].end, slot, lane, seen, b, hit.instance)
-            store_point(out.ends[row].point, x, wo, b, width, widest if goes_on else NARROW_ALPHA)
+                end = BLACK
+            store_end(out.ends[row].end, slot, lane, seen, end, hit.instance)
+            store_point(out.ends[row].point, x, wo, end, width, widest if goes_on else NARROW_ALPHA)
             row, stored, lane = row + i64(1), stored + 1, i64(SCATTERED)
         if unlit:
             break

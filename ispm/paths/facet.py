@@ -82,8 +82,8 @@ def widened(x, alpha):
     if not is_narrow(b) or b.alpha >= alpha:
         return x
     wide = min(alpha, NARROW_ALPHA)
-    b = Bsdf(b.diffuse, b.f0, b.f90, wide, b.dielectric_f0, b.dielectric_f90, b.tint, b.eta, b.thin)
-    return SurfacePoint(x.hit, x.position, x.ng, x.n, b, x.flags, x.entering, x.coat)
+    b = Bsdf(b.diffuse, b.f0, b.f90, wide, b.dielectric_f0, b.dielectric_f90, b.tint, b.eta, b.thin, b.sheen)
+    return SurfacePoint(x.hit, x.position, x.ng, x.n, b, x.flags, x.entering, x.coat, x.sheen)
 
 
 @jit

@@ -19,6 +19,7 @@ from ispm.optics.coat import NO_COAT
 from ispm.optics.jit import jit
 from ispm.optics.records import MATERIAL, MATERIAL_SPECULAR_MAPPED, MATERIAL_UNLIT, NO_HIT
 from ispm.optics.sampling import octahedral_decode
+from ispm.optics.sheen import NO_SHEEN
 from ispm.optics.texture import FROM_BYTE, FROM_SRGB
 from ispm.optics.vector import Vector, dot, scale, sub, vec3
 from ispm.stages.camera import CameraView
@@ -121,7 +122,7 @@ def shown_at(tables, pixels, view, i):
     wo = vec3(view.back) if view.parallel else scale(f32(1) / distance, to_eye)
     side = max(dot(vec3(width), position) + width[3], f32(1e-30))
     hit = Hit(u32(NO_HIT), u32(0), f32(0), f32(0))
-    return Shown(SurfacePoint(hit, position, ng, n, b, u32(0), True, NO_COAT), wo, distance, side)
+    return Shown(SurfacePoint(hit, position, ng, n, b, u32(0), True, NO_COAT, NO_SHEEN), wo, distance, side)
 
 
 @jit

@@ -383,6 +383,41 @@ def test_a_clear_coat_over_glass_is_left_out_in_one_line(tmp_path: Path) -> None
     assert line.endswith("a clear coat over glass is not supported; it is left out")
 
 
+def sheen(**more: Any) -> dict[str, Any]:
+    return {"extensions": {"KHR_materials_sheen": {"sheenColorFactor": [0.5, 0.25, 1.0], **more}}}
+
+
+def test_sheen_is_read(tmp_path: Path) -> None:
+    slots = {"sheenColorTexture": {"index": 0}, "sheenRoughnessTexture": {"index": 0}}
+    builder = quad(sheen(sheenRoughnessFactor=0.25, **slots))
+    builder.picture(CHECKS)
+    scene = builder.load(tmp_path)
+    material = only_material(scene)
+    assert scene.warnings == [] and scene.extensions_honoured == scene.extensions_used
+    assert (material.sheen_color, material.sheen_roughness) == ((0.5, 0.25, 1.0), 0.25)
+    assert material.sheen_color_texture is not None and material.sheen_roughness_texture is not None
+    assert material.sheen_color_texture.texture.srgb is True
+    assert material.sheen_roughness_texture.texture is material.sheen_color_texture.texture
+
+
+def test_sheen_with_wrong_numbers_is_mended(tmp_path: Path) -> None:
+    scene = quad(sheen(sheenColorFactor=[2, 0, 0], sheenRoughnessFactor=-1)).load(tmp_path)
+    material = only_material(scene)
+    assert (material.sheen_color, material.sheen_roughness) == ((1.0, 0.0, 0.0), 0.0)
+    assert [line.partition(": ")[2] for line in scene.warnings] == [
+        "sheenColorFactor 2, 0, 0 is clamped to 0..1", "sheenRoughnessFactor -1 is clamped to 0..1",
+    ]  # fmt: skip
+
+
+def test_sheen_over_glass_is_left_out_in_one_line(tmp_path: Path) -> None:
+    record = sheen()
+    record["extensions"] |= glass()["extensions"]
+    scene = quad(record).load(tmp_path)
+    assert (only_material(scene).sheen_color, only_material(scene).transmission) == ((0.0, 0.0, 0.0), 0.75)
+    (line,) = scene.warnings
+    assert line.endswith("sheen over glass is not supported; it is left out")
+
+
 def webp(**texture: Any) -> GltfBuilder:
     """A quad with a texture whose WebP is white and whose plain picture is black."""
     builder = quad({"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}})

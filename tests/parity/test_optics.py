@@ -7,6 +7,7 @@ import numpy as np
 from ispm.optics import bsdf, density, rng, sampling
 from ispm.optics.jit import jit
 from ispm.optics.vector import cross
+from ispm.photons.scatter import adjoint_factor
 
 SHADER = str(Path(__file__).with_name("optics.wgsl"))
 N = 4096
@@ -104,7 +105,7 @@ def density_rows(rows, out):
         out[i, 0, 0] = density.density_kernel((r[0, 0], r[0, 1], r[0, 2]), n, r[1, 0], r[1, 1])
         out[i, 0, 1] = density.cosine_ratio(r[2, 0], r[2, 1])
         out[i, 0, 2] = np.float32(density.photon_counts(r[2, 2], r[2, 1]))
-        out[i, 0, 3] = bsdf.adjoint_factor(r[2, 0], r[2, 1], r[2, 2], r[1, 2])
+        out[i, 0, 3] = adjoint_factor(r[2, 0], r[2, 1], r[2, 2], r[1, 2])
         out[i, 1, :2] = sampling.octahedral_encode(n)
         x, y = sampling.octahedral_encode(m)
         out[i, 1, 2], out[i, 1, 3] = x, y
