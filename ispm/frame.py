@@ -17,6 +17,7 @@ from ispm.scene.packed import Draw, Packed
 from ispm.scene.packed_light import NO_LIGHTS
 
 SLOTS = ("base_color", "metallic_roughness", "normal", "emission", "transmission")
+SPECULAR_SLOTS = ("specular", "specular_color")
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,7 +26,8 @@ class GpuScene:
 
     boxes  (draws, 2, 3) float64 bounds of what each draw shows, world space
     vertices, indices, instances, materials, lights  its arrays, at least one row each
-    maps  of each material the texture and the sampler of each of SLOTS; white where it has none
+    maps  of each material the texture and the sampler of each of SLOTS and SPECULAR_SLOTS; white where it
+          has none
     """
 
     packed: Packed
@@ -78,7 +80,7 @@ class GpuScene:
         return bool(flags & (records.MATERIAL_MASK | records.MATERIAL_BLEND))
 
     def is_textured(self, material: int) -> bool:
-        """Whether a material, by its row, has a texture in any slot."""
+        """Whether a material, by its row, has a texture in any of SLOTS."""
         row = self.packed.materials[material]
         return any(row[f"{slot}_texture"]["texture"] >= 0 for slot in SLOTS)
 
@@ -129,6 +131,8 @@ class GBuffer:
     base      rgba16float: base color, linear; metallic
     emission  rgba16float: cd/m2, at most 65504; roughness
     depth     r32float: of the points in clip space, reversed; 0 where nothing is
+    specular  rgba8unorm-srgb: what textures make of specular color and factor, of MATERIAL_SPECULAR_MAPPED
+              alone; one texel where no material has them
     """
 
     ids: Texture
@@ -137,6 +141,7 @@ class GBuffer:
     base: Texture
     emission: Texture
     depth: Texture
+    specular: Texture
 
     @property
     def size(self) -> tuple[int, int]:
@@ -146,7 +151,8 @@ class GBuffer:
     @property
     def surfaces(self) -> dict[str, Texture]:
         """What shaders that shade pixels bind, as they name it."""
-        return dict(points=self.points, normals=self.normals, base=self.base, emission=self.emission)
+        kept = dict(points=self.points, normals=self.normals, base=self.base, emission=self.emission)
+        return kept | dict(specular=self.specular)
 
 
 @dataclass(frozen=True, eq=False)

@@ -54,7 +54,9 @@ def everything() -> ispm.Scene:
         ispm.Material(transmission=1.0, roughness=0.0, ior=1.5, thickness=0.1),
         ispm.Material(transmission=1.0, roughness=0.4, ior=1.5, thickness=0.1),
         ispm.Material(base_color=(0.8, 0.5, 0.3, 0.5), alpha_mode=AlphaMode.BLEND),
-        ispm.Material(base_color=(0.8, 0.5, 0.3), clearcoat=1.0, clearcoat_roughness=0.3),
+        ispm.Material(
+            clearcoat=1.0, clearcoat_roughness=0.3, sheen_color=(1.0, 0.5, 0.2), sheen_roughness=0.4
+        ),
     ]
     scene = ispm.Scene(name="everything")
     scene.add(box((-4, -1, -4), (4, 0, 4)), material=materials[0])

@@ -1,6 +1,6 @@
-"""A coated surface as two at one place: the clear coat, and what is under it.
+"""A surface of layers as several at one place: the clear coat, the sheen under it, and what is under both.
 
-Light of both adds. Each is a SurfacePoint, so that what is known of surfaces holds for either alone.
+Light of all adds. Each is a SurfacePoint, so that what is known of surfaces holds for either alone.
 """
 
 from __future__ import annotations
@@ -11,7 +11,8 @@ from ispm.accel.surface import SurfacePoint
 from ispm.optics.bsdf import Bsdf
 from ispm.optics.coat import NO_COAT, coat_bsdf
 from ispm.optics.jit import jit
-from ispm.optics.vector import add
+from ispm.optics.sheen import MIN_ROUGHNESS, NO_SHEEN
+from ispm.optics.vector import add, scale
 
 f32 = np.float32
 
@@ -27,12 +28,41 @@ def is_coated(x):
 @jit
 def coat_point(x):
     """Return the coat of a SurfacePoint as a surface of its own: facets alone, smooth or rough."""
-    return SurfacePoint(x.hit, x.position, x.ng, x.coat.n, coat_bsdf(x.coat), x.flags, x.entering, NO_COAT)
+    return SurfacePoint(
+        x.hit, x.position, x.ng, x.coat.n, coat_bsdf(x.coat), x.flags, x.entering, NO_COAT, NO_SHEEN
+    )
+
+
+@jit
+def has_sheen(x):
+    """Return whether a SurfacePoint has sheen."""
+    return x.sheen.albedo > f32(0)
+
+
+@jit
+def sheen_point(x):
+    """Return the sheen of a SurfacePoint as a surface of its own: opaque, rough, one wide lobe."""
+    none = f32(0), f32(0), f32(0)
+    roughness = max(x.sheen.roughness, MIN_ROUGHNESS)
+    b = Bsdf(none, x.sheen.color, f32(0), f32(1), f32(0), f32(0), none, f32(1), f32(1), roughness)
+    return SurfacePoint(x.hit, x.position, x.ng, x.n, b, x.flags, x.entering, NO_COAT, NO_SHEEN)
+
+
+@jit
+def with_matte_sheen(x):
+    """Return a SurfacePoint whose sheen counts as part of the Lambert lobe, by its albedo along wo, for light
+    that is known as irradiance."""
+    if not has_sheen(x):
+        return x
+    b = x.bsdf
+    diffuse = add(b.diffuse, scale(x.sheen.albedo, x.sheen.color))
+    b = Bsdf(diffuse, b.f0, b.f90, b.alpha, b.dielectric_f0, b.dielectric_f90, b.tint, b.eta, b.thin, b.sheen)
+    return SurfacePoint(x.hit, x.position, x.ng, x.n, b, x.flags, x.entering, x.coat, x.sheen)
 
 
 @jit
 def drawn_layer(x, u):
-    """Draw the coat of a SurfacePoint or what is under it, by what the coat reflects.
+    """Draw the coat of a SurfacePoint, its sheen or what is under both, by what these reflect.
 
     u   random in [0, 1)
     ->  the layer, a SurfacePoint; u, uniform again; the chance, float32, with which it was drawn
@@ -40,7 +70,13 @@ def drawn_layer(x, u):
     hidden = f32(1) - x.coat.shown
     if u < hidden:
         return coat_point(x), u / hidden, hidden
-    return x, min((u - hidden) / x.coat.shown, _BELOW_ONE), x.coat.shown
+    u, chance = min((u - hidden) / x.coat.shown, _BELOW_ONE), x.coat.shown
+    if has_sheen(x):
+        hidden = f32(1) - x.sheen.shown
+        if u < hidden:
+            return sheen_point(x), u / hidden, chance * hidden
+        u, chance = min((u - hidden) / x.sheen.shown, _BELOW_ONE), chance * x.sheen.shown
+    return x, u, chance
 
 
 @jit
@@ -51,5 +87,5 @@ def with_rough_coat(x):
         return x
     b, hidden = x.bsdf, f32(1) - x.coat.shown
     diffuse = add(b.diffuse, (hidden, hidden, hidden))
-    b = Bsdf(diffuse, b.f0, b.f90, b.alpha, b.dielectric_f0, b.dielectric_f90, b.tint, b.eta, b.thin)
-    return SurfacePoint(x.hit, x.position, x.ng, x.n, b, x.flags, x.entering, x.coat)
+    b = Bsdf(diffuse, b.f0, b.f90, b.alpha, b.dielectric_f0, b.dielectric_f90, b.tint, b.eta, b.thin, b.sheen)
+    return SurfacePoint(x.hit, x.position, x.ng, x.n, b, x.flags, x.entering, x.coat, x.sheen)

@@ -24,6 +24,10 @@ from ispm.accel.texturing import (
     COAT_NORMAL_MAP,
     COAT_ROUGHNESS_MAP,
     ROUGHNESS_MAP,
+    SHEEN_COLOR_MAP,
+    SHEEN_ROUGHNESS_MAP,
+    SPECULAR_COLOR_MAP,
+    SPECULAR_MAP,
     TRANSMISSION_MAP,
     base_color,
     sample_slot,
@@ -37,10 +41,12 @@ from ispm.optics.records import (
     INSTANCE,
     INSTANCE_MIRRORED,
     MATERIAL,
+    MATERIAL_SPECULAR_MAPPED,
     MATERIAL_THIN,
     MATERIAL_TRANSMITS,
     VERTEX,
 )
+from ispm.optics.sheen import make_sheen
 from ispm.optics.vector import add, cross, dot, scale, sub
 
 f32, i64, u32 = np.float32, np.int64, np.uint32
@@ -54,6 +60,8 @@ _F0, _FLAGS = word_of(MATERIAL, "f0"), word_of(MATERIAL, "flags")
 _TRANSMISSION, _IOR = word_of(MATERIAL, "transmission"), word_of(MATERIAL, "ior")
 _COAT, _COAT_ROUGHNESS = word_of(MATERIAL, "clearcoat"), word_of(MATERIAL, "clearcoat_roughness")
 _COAT_NORMAL_SCALE = word_of(MATERIAL, "clearcoat_normal_scale")
+_SHEEN_COLOR, _SHEEN_ROUGHNESS = word_of(MATERIAL, "sheen_color"), word_of(MATERIAL, "sheen_roughness")
+_WHITE = f32(1), f32(1), f32(1)
 
 
 @jit
@@ -76,18 +84,35 @@ def bsdf_at(tables, context, flags, entering):
         if texture_row(table, material, TRANSMISSION_MAP) >= i64(0):
             r, _, _, _ = sample_slot(tables, context, TRANSMISSION_MAP)
             transmission *= r
-    dielectric = dielectric_at(table, material)
+    color_map, specular_map = _WHITE, f32(1)
+    if flags & u32(MATERIAL_SPECULAR_MAPPED):
+        color_map, specular_map = _specular_maps(tables, context)
+    dielectric = dielectric_at(table, material, color_map, specular_map)
     return surface_bsdf(color, metallic, roughness, transmission, dielectric, entering)
 
 
 @jit
-def dielectric_at(table, material):
-    """Return the Dielectric of the MATERIAL that begins at a word."""
+def _specular_maps(tables, context):
+    """What textures make of specular color, RGB, and factor at a TextureContext."""
+    table, color, factor = tables.surfaces, _WHITE, f32(1)
+    if texture_row(table, context.material, SPECULAR_COLOR_MAP) >= i64(0):
+        r, g, b, _ = sample_slot(tables, context, SPECULAR_COLOR_MAP)
+        color = r, g, b
+    if texture_row(table, context.material, SPECULAR_MAP) >= i64(0):
+        _, _, _, factor = sample_slot(tables, context, SPECULAR_MAP)
+    return color, factor
+
+
+@jit
+def dielectric_at(table, material, color_map, specular_map):
+    """Return the Dielectric of the MATERIAL that begins at a word; the last two: what textures make of its
+    specular color, RGB, and factor."""
     materials = table[MATERIALS]
+    r, g, b = vector_at(materials, material + _SPECULAR_COLOR)
     return Dielectric(
         ldf(materials, material + _F0),
-        vector_at(materials, material + _SPECULAR_COLOR),
-        ldf(materials, material + _SPECULAR),
+        (r * color_map[0], g * color_map[1], b * color_map[2]),
+        ldf(materials, material + _SPECULAR) * specular_map,
         ldf(materials, material + _IOR),
         ldu(materials, material + _FLAGS) & u32(MATERIAL_THIN) != u32(0),
     )
@@ -137,3 +162,18 @@ def coat_at(tables, context, n, side, ng, wo):
         n = mapped_normal(tables, context, n, COAT_NORMAL_MAP, _COAT_NORMAL_SCALE)
     n = bend(bend(scale(side, n), ng), wo)
     return make_coat(weight, roughness, n, dot(n, wo))
+
+
+@jit
+def sheen_at(tables, context, cosine, uncovered):
+    """Return the Sheen at a TextureContext of a MATERIAL_SHEEN; cosine and uncovered as of `make_sheen`."""
+    table, material = tables.surfaces, context.material
+    color = vector_at(table[MATERIALS], material + _SHEEN_COLOR)
+    roughness = ldf(table[MATERIALS], material + _SHEEN_ROUGHNESS)
+    if texture_row(table, material, SHEEN_COLOR_MAP) >= i64(0):
+        r, g, b, _ = sample_slot(tables, context, SHEEN_COLOR_MAP)
+        color = color[0] * r, color[1] * g, color[2] * b
+    if texture_row(table, material, SHEEN_ROUGHNESS_MAP) >= i64(0):
+        _, _, _, a = sample_slot(tables, context, SHEEN_ROUGHNESS_MAP)
+        roughness *= a
+    return make_sheen(color, roughness, cosine, uncovered)

@@ -14,7 +14,7 @@ import numpy as np
 from ispm.accel.emitters import EMITTER, NO_EMITTERS, Emitters, make_emitters
 from ispm.accel.intersect import HIT_INSTANCE, HIT_PRIMITIVE, closest_after, instance_scale, read_hit
 from ispm.accel.leave import leave_triangle
-from ispm.accel.lobes import NORMAL_SCALE, bsdf_at, coat_at, mapped_normal
+from ispm.accel.lobes import NORMAL_SCALE, bsdf_at, coat_at, mapped_normal, sheen_at
 from ispm.accel.mesh import (
     FOOTPRINT,
     INSTANCES,
@@ -57,10 +57,13 @@ from ispm.optics.records import (
     MATERIAL_COATED,
     MATERIAL_DOUBLE_SIDED,
     MATERIAL_MASK,
+    MATERIAL_SHEEN,
+    MATERIAL_SPECULAR_MAPPED,
     MATERIAL_THIN,
     MATERIAL_UNLIT,
     NO_HIT,
 )
+from ispm.optics.sheen import NO_SHEEN, Sheen
 from ispm.optics.texture import TextureTable
 from ispm.optics.vector import Vector, add, cross, dot, scale
 from ispm.scene.packed import Packed, to_world
@@ -71,6 +74,7 @@ f32, i64, u32 = np.float32, np.int64, np.uint32
 _CUTOFF, _FLAGS = word_of(MATERIAL, "alpha_cutoff"), word_of(MATERIAL, "flags")
 _EMISSION = word_of(MATERIAL, "emission")
 
+_MAPPED = MATERIAL_COATED | MATERIAL_SHEEN | MATERIAL_SPECULAR_MAPPED  # may have textures of their own
 _GLOW_SIDE = 8  # points along a side of a triangle, for the mean of its texture
 _GLOW_FLOOR = 0.02  # of a texture's greatest radiance, that triangles are drawn by at least
 _HOLES_MAX = 64  # layers of a masked material that one ray passes
@@ -189,8 +193,8 @@ class SurfacePoint(NamedTuple):
     ng, n     geometric and shading normal, unit, both turned against the ray
     flags     of the material
     entering  whether the ray met the front, the outside of a solid
-    bsdf      of what is under the coat, if there is one, as much as it shows of that
-    coat      whose light adds to it, see `accel.layers`
+    bsdf      of what is under the coat and sheen, if there are any, as much as they show of that
+    coat, sheen   whose light adds to it, see `accel.layers`
     """
 
     hit: Hit
@@ -201,6 +205,7 @@ class SurfacePoint(NamedTuple):
     flags: np.uint32
     entering: bool
     coat: Coat
+    sheen: Sheen
 
 
 @jit
@@ -218,7 +223,7 @@ def surface(tables, hit, d):
     if not is_flat(table, corners):
         own = world_normal(table[INSTANCES], instance, interpolated(table, corners, NORMAL, u, v))
     uv_area = f32(0)
-    if coated or has_texture(table, material):
+    if flags & u32(_MAPPED) != u32(0) or has_texture(table, material):
         uv_area = uv_footprint(table, instance, corners, e1, e2)
     context = TextureContext(instance, material, corners, u, v, uv_area)
     entering = dot(ng, d) <= f32(0)
@@ -228,11 +233,14 @@ def surface(tables, hit, d):
     if texture_row(table, material, NORMAL_MAP) >= i64(0):
         n = mapped_normal(tables, context, own, NORMAL_MAP, NORMAL_SCALE)
     n = bend(bend(scale(side, n), ng), wo)
-    b, coat = bsdf_at(tables, context, flags, entering), NO_COAT
+    b, coat, sheen = bsdf_at(tables, context, flags, entering), NO_COAT, NO_SHEEN
     if coated:
         coat = coat_at(tables, context, own, side, ng, wo)
         b = covered(b, coat.shown)
-    return SurfacePoint(hit, position, ng, n, b, flags, entering, coat)
+    if flags & u32(MATERIAL_SHEEN):
+        sheen = sheen_at(tables, context, dot(n, wo), coat.shown)
+        b = covered(b, sheen.shown)
+    return SurfacePoint(hit, position, ng, n, b, flags, entering, coat, sheen)
 
 
 @jit

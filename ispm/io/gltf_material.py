@@ -55,6 +55,7 @@ class Materials:
             **self._layers(record, where),
             **self._inside(record.extensions, where),
             **self._coat(record.extensions, where),
+            **self._sheen(record.extensions, where),
             **self._opacity(record, where),
             normal_scale=self._normal_scale(record.normal_texture, f"{where}: normal scale"),
             normal_texture=self._textures.use(record.normal_texture, srgb=False, where=where),
@@ -80,8 +81,6 @@ class Materials:
     def _layers(self, record: schema.Material, where: str) -> dict[str, Any]:
         """What the extensions and the emission say."""
         specular = record.extensions.specular or schema.Specular()
-        if specular.specular_texture or specular.specular_color_texture:
-            self._file.notes.add(f"{where}: specular textures are not supported yet; the factors are used")
         ior = record.extensions.ior.ior
         if ior != 0.0 and not 1.0 <= ior <= 100.0:  # 0 is the extension's word for F0 = 1
             self._file.notes.add(f"{where}: an ior of {ior:g} is not possible; 1.5 is used")
@@ -93,6 +92,10 @@ class Materials:
             specular=self._within([specular.specular_factor], 0.0, 1.0, f"{where}: specularFactor")[0],
             specular_color=self._within(
                 specular.specular_color_factor, 0.0, 1e4, f"{where}: specularColorFactor"
+            ),
+            specular_texture=self._textures.use(specular.specular_texture, srgb=True, where=where),  # alpha
+            specular_color_texture=self._textures.use(
+                specular.specular_color_texture, srgb=True, where=where
             ),
             ior=ior,
             emission=tuple(strength * f for f in factor),
@@ -134,6 +137,22 @@ class Materials:
             clearcoat_normal_scale=self._normal_scale(
                 coat.clearcoat_normal_texture, f"{where}: scale of the clear coat's normals"
             ),
+        )
+
+    def _sheen(self, extensions: schema.MaterialExtensions, where: str) -> dict[str, Any]:
+        """The sheen; what transmits has none here."""
+        sheen = extensions.sheen
+        color = self._within(sheen.sheen_color_factor, 0.0, 1.0, f"{where}: sheenColorFactor")
+        if max(color) > 0.0 and extensions.transmission.transmission_factor > 0.0:
+            self._file.notes.add(f"{where}: sheen over glass is not supported; it is left out")
+            color = (0.0, 0.0, 0.0)
+        roughness = sheen.sheen_roughness_factor
+        use = partial(self._textures.use, srgb=True, where=where)
+        return dict(
+            sheen_color=color,
+            sheen_roughness=self._within([roughness], 0.0, 1.0, f"{where}: sheenRoughnessFactor")[0],
+            sheen_color_texture=use(sheen.sheen_color_texture),
+            sheen_roughness_texture=use(sheen.sheen_roughness_texture),  # alpha
         )
 
     def _opacity(self, record: schema.Material, where: str) -> dict[str, Any]:

@@ -128,6 +128,15 @@ class Clearcoat(Record, frozen=True):
     clearcoat_normal_texture: TextureSlot | None = None
 
 
+class Sheen(Record, frozen=True):
+    """KHR_materials_sheen."""
+
+    sheen_color_factor: Vec3 = (0.0, 0.0, 0.0)
+    sheen_roughness_factor: float = 0.0
+    sheen_color_texture: TextureSlot | None = None
+    sheen_roughness_texture: TextureSlot | None = None
+
+
 class MaterialExtensions(Record, frozen=True):
     """Extensions of a material."""
 
@@ -139,6 +148,7 @@ class MaterialExtensions(Record, frozen=True):
     transmission: Transmission = field(name="KHR_materials_transmission", default=Transmission())
     volume: Volume = field(name="KHR_materials_volume", default=Volume())
     clearcoat: Clearcoat = field(name="KHR_materials_clearcoat", default=Clearcoat())
+    sheen: Sheen = field(name="KHR_materials_sheen", default=Sheen())
     unlit: dict[str, Any] | None = field(name="KHR_materials_unlit", default=None)
 
 

@@ -103,10 +103,8 @@ class MaterialWriter:
             "clearcoat": self._coat(m),
             "emissive_strength": given({"emissiveStrength": strength}, {"emissiveStrength": 1.0}),
             "ior": given({"ior": float(m.ior)}, {"ior": 1.5}),
-            "specular": given(
-                {"specularFactor": float(m.specular), "specularColorFactor": numbers(m.specular_color)},
-                {"specularFactor": 1.0, "specularColorFactor": white},
-            ),
+            "sheen": self._sheen(m),
+            "specular": self._specular(m),
             "transmission": given(
                 {
                     "transmissionFactor": float(m.transmission),
@@ -120,6 +118,28 @@ class MaterialWriter:
         if m.unlit:
             found[self._document.use("KHR_materials_unlit")] = {}
         return found
+
+    def _sheen(self, m: Material) -> dict[str, Any]:
+        return given(
+            {
+                "sheenColorFactor": numbers(m.sheen_color),
+                "sheenRoughnessFactor": float(m.sheen_roughness),
+                "sheenColorTexture": self._slot(m.sheen_color_texture, srgb=True),
+                "sheenRoughnessTexture": self._slot(m.sheen_roughness_texture, srgb=None),
+            },
+            {"sheenColorFactor": [0.0] * 3, "sheenRoughnessFactor": 0.0},
+        )
+
+    def _specular(self, m: Material) -> dict[str, Any]:
+        return given(
+            {
+                "specularFactor": float(m.specular),
+                "specularColorFactor": numbers(m.specular_color),
+                "specularTexture": self._slot(m.specular_texture, srgb=None),
+                "specularColorTexture": self._slot(m.specular_color_texture, srgb=True),
+            },
+            {"specularFactor": 1.0, "specularColorFactor": [1.0] * 3},
+        )
 
     def _coat(self, m: Material) -> dict[str, Any]:
         return given(
@@ -140,8 +160,8 @@ class MaterialWriter:
             slot["scale"] = float(strength)
         return slot
 
-    def _slot(self, use: TextureUse | Texture | None, *, srgb: bool) -> dict[str, Any] | None:
-        """A texture where a material uses it."""
+    def _slot(self, use: TextureUse | Texture | None, *, srgb: bool | None) -> dict[str, Any] | None:
+        """A texture where a material uses it; srgb: whether the slot holds colors, None: alpha alone."""
         if use is None:
             return None
         use = TextureUse(use) if isinstance(use, Texture) else use
@@ -152,8 +172,8 @@ class MaterialWriter:
             record["extensions"] = {self._document.use("KHR_texture_transform"): transform(use.transform)}
         return record
 
-    def _texture(self, texture: Texture, srgb: bool) -> int:
-        pixels = texture.pixels if texture.srgb == srgb else self._as_stored(texture)
+    def _texture(self, texture: Texture, srgb: bool | None) -> int:
+        pixels = texture.pixels if srgb in (texture.srgb, None) else self._as_stored(texture)
         if id(pixels) not in self._digests:
             self._digests[id(pixels)] = sha256(repr(pixels.shape).encode() + pixels.tobytes()).digest()
         image_key = self._digests[id(pixels)], texture.name

@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ispm.accel.intersect import any_hit
+from ispm.accel.layers import with_matte_sheen
 from ispm.accel.records import Hit, Ray
 from ispm.accel.surface import SurfacePoint, closest_surface, hit_position, leave_surface, surface
 from ispm.lights.area import (
@@ -236,8 +237,10 @@ def left_to_draws(x, goes_on):
     b = x.bsdf
     if goes_on == BY_BSDF or not transmits(b):
         return x
-    b = Bsdf(b.diffuse, _NONE, f32(0), f32(0), b.dielectric_f0, b.dielectric_f90, _NONE, b.eta, b.thin)
-    return SurfacePoint(x.hit, x.position, x.ng, x.n, b, x.flags, x.entering, x.coat)
+    b = Bsdf(
+        b.diffuse, _NONE, f32(0), f32(0), b.dielectric_f0, b.dielectric_f90, _NONE, b.eta, b.thin, b.sheen
+    )
+    return SurfacePoint(x.hit, x.position, x.ng, x.n, b, x.flags, x.entering, x.coat, x.sheen)
 
 
 @jit
@@ -258,7 +261,7 @@ def drawn_share(x, wo, wi, pdf, goes_on):
 def without_diffuse(b):
     """Return a Bsdf without its Lambert lobe."""
     none = f32(0), f32(0), f32(0)
-    return Bsdf(none, b.f0, b.f90, b.alpha, b.dielectric_f0, b.dielectric_f90, b.tint, b.eta, b.thin)
+    return Bsdf(none, b.f0, b.f90, b.alpha, b.dielectric_f0, b.dielectric_f90, b.tint, b.eta, b.thin, b.sheen)
 
 
 @jit
@@ -302,6 +305,7 @@ def is_bright_first_bounce(tables, photon, x, wo, limit):
     """Return whether the first bounce of an EMITTED photon, at a SurfacePoint, is bright, seen along wo;
     limit: lx, see `is_bright`."""
     irradiance, wi = first_irradiance(tables, photon, x.position)
+    x = with_matte_sheen(x)  # as at the ends of gather rays
     return is_bright(x.bsdf, x.ng, wo, irradiance, wi, limit * x.coat.shown)
 
 
@@ -318,7 +322,7 @@ def split_count(tables, photon, limit):
     irradiance, wi = first_irradiance(tables, photon, hit_position(tables.surfaces, hit))
     if greatest(irradiance) <= limit:
         return i64(1)
-    x = surface(tables, hit, scale(f32(-1), wi))
+    x = with_matte_sheen(surface(tables, hit, scale(f32(-1), wi)))
     return i64(SPLIT_COUNT) if is_bright(x.bsdf, x.ng, x.ng, irradiance, wi, limit * x.coat.shown) else i64(1)
 
 

@@ -27,6 +27,7 @@ from ispm.optics.microfacet import (
     visible_normal,
 )
 from ispm.optics.sampling import cosine_hemisphere, to_local, to_world
+from ispm.optics.sheen import eval_sheen
 from ispm.optics.vector import Vector, add, dot, luminance, normalize, scale, sub
 
 f32 = np.float32
@@ -48,7 +49,7 @@ class Dielectric(NamedTuple):
 
 
 class Bsdf(NamedTuple):
-    """How a surface scatters at a point; fields as in bsdf.wgsl, float32, vectors RGB.
+    """How a surface scatters at a point; fields as in bsdf.wgsl, but for the last; float32, vectors RGB.
 
     diffuse  albedo of the Lambert lobe, before it gives way to reflection
     f0       reflectance of the facets along their normal
@@ -58,6 +59,7 @@ class Bsdf(NamedTuple):
     tint     transmittance before it does; 0: opaque
     eta      index of refraction of the other side over this one's
     thin     1: a sheet without inside, light goes straight through; 0: a solid's boundary
+    sheen    roughness of fibers of the color f0 that stand in place of all else, see `sheen_bsdf`; 0: none
     """
 
     diffuse: Vector
@@ -69,6 +71,7 @@ class Bsdf(NamedTuple):
     tint: Vector
     eta: np.float32
     thin: np.float32
+    sheen: np.float32
 
 
 @jit
@@ -96,6 +99,7 @@ def surface_bsdf(base, metallic, roughness, transmission, dielectric, entering):
         scale(clear, base),
         ior if thin or entering else f32(1) / ior,
         f32(1) if thin else f32(0),
+        f32(0),
     )
 
 
@@ -214,6 +218,8 @@ def eval_bsdf(b, n, ng, wo, wi):
     if nl < f32(0):
         return _eval_transmission(b, n, wo, wi)
     h = normalize(add(wo, wi))
+    if b.sheen > f32(0):
+        return scale(eval_sheen(b.sheen, n, wo, wi, h), b.f0)
     fc = fresnel_weight(b, dot(wo, h))
     lambert = (f32(1) - _mix(b.dielectric_f0, b.dielectric_f90, fc)) * _INV_PI
     if is_smooth(b):
@@ -301,6 +307,8 @@ def pdf_bsdf(b, n, wo, wi):
     nv, nl = dot(n, wo), dot(n, wi)
     if nv <= f32(0):
         return f32(0)
+    if b.sheen > f32(0):
+        return max(nl, f32(0)) * _INV_PI
     share = gloss_share(b, n, wo)
     lambert = max(nl, f32(0)) * _INV_PI * (f32(1) - share)
     if is_smooth(b) or (nl <= f32(0) and not transmits(b)):
@@ -336,7 +344,7 @@ def sample_bsdf(b, n, ng, wo, u1, u2, u3, radiance):
             b.diffuse,
             False,
         )
-    share = gloss_share(b, n, wo)
+    share = gloss_share(b, n, wo) if b.sheen == f32(0) else f32(0)
     ok = True
     if u3 >= share:
         wi = to_world(cosine_hemisphere(u1, u2), n)
@@ -384,15 +392,3 @@ def _sample_facet(b, n, wo, u1, u2, u3):
         return dot(n, above) > f32(0), sub(above, scale(f32(2) * dot(n, above), n))
     through, beyond = refract(wo, h, b.eta)
     return through and dot(n, beyond) < f32(0), beyond
-
-
-@jit
-def adjoint_factor(in_ns, in_ng, out_ns, out_ng):
-    """Return by what shading normals multiply the flux of a photon that scatters, float32, [0.1, 10].
-
-    in_*   cosines of the direction towards where it came from with the shading and geometric normal
-    out_*  and of the direction it goes
-    Source: Veach 1997, section 5.3.
-    """
-    factor = abs(in_ns * out_ng) / max(abs(in_ng * out_ns), f32(1e-20))
-    return min(max(factor, f32(0.1)), f32(10))

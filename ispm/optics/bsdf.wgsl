@@ -22,22 +22,31 @@ struct Bsdf {
     thin: f32,             // 1: a sheet without inside, light goes straight through; 0: a solid's boundary
 }
 
+// What textures make of a material's `specular_color` and `specular`.
+struct SpecularMaps {
+    color: vec3f,
+    factor: f32,
+}
+
 // A material at a point: base colour, metallic, roughness and transmission with the textures' part in them;
-// entering: wo is outside the solid.
-fn surface_bsdf(base: vec3f, metallic: f32, roughness: f32, transmission: f32, material: Material, entering: bool) -> Bsdf {
+// maps: the textures of specular reflection; entering: wo is outside the solid.
+fn surface_bsdf(
+    base: vec3f, metallic: f32, roughness: f32, transmission: f32, material: Material, maps: SpecularMaps, entering: bool,
+) -> Bsdf {
     let opaque = (1.0 - metallic) * (1.0 - transmission);
     let clear = (1.0 - metallic) * transmission;
-    let dielectric = min(material.f0 * material.specular_color, vec3f(1.0)) * material.specular;
+    let specular = material.specular * maps.factor;
+    let dielectric = min(material.f0 * (material.specular_color * maps.color), vec3f(1.0)) * specular;
     let thin = (material.flags & MATERIAL_THIN) != 0u;
     let alpha = roughness * roughness;
     let bends_nothing = (clear > 0.0) & !thin & (abs(material.ior - 1.0) < MIN_CONTRAST);  // & : no branch, see stages/face.wgsl
     return Bsdf(
         base * opaque,
         mix(dielectric, base, metallic),
-        mix(material.specular, 1.0, metallic),
+        mix(specular, 1.0, metallic),
         select(alpha, 0.0, alpha < MIN_ALPHA || bends_nothing),
         max(dielectric.x, max(dielectric.y, dielectric.z)),
-        material.specular,
+        specular,
         base * clear,
         select(1.0 / material.ior, material.ior, thin | entering),
         select(0.0, 1.0, thin),
@@ -312,7 +321,7 @@ fn sample_facet(b: Bsdf, n: vec3f, wo: vec3f, u: vec3f) -> Refracted {
 }
 
 // What shading normals do to flux that scatters from `wi` to `wo`: in towards where the photon came
-// from, out where it goes; ns shading, ng geometric. Veach 1997, 5.3, clamped.
+// from, out where it goes; ns shading, ng geometric. Veach 1997, 5.3, clamped. Twin: photons/scatter.py's.
 fn adjoint_factor(in_ns: f32, in_ng: f32, out_ns: f32, out_ng: f32) -> f32 {
     return clamp(abs(in_ns * out_ng) / max(abs(in_ng * out_ns), 1e-20), 0.1, 10.0);
 }

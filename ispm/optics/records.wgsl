@@ -61,6 +61,12 @@ struct Material {
     clearcoat_texture: TextureUse,
     clearcoat_roughness_texture: TextureUse,
     clearcoat_normal_texture: TextureUse,
+    specular_texture: TextureUse,
+    specular_color_texture: TextureUse,
+    sheen_color_texture: TextureUse,
+    sheen_roughness_texture: TextureUse,
+    sheen_color: vec3f,            // of KHR_materials_sheen; black: none
+    sheen_roughness: f32,
     clearcoat_normal_scale: f32,
     spare0: u32,
     spare1: u32,
@@ -74,6 +80,8 @@ const MATERIAL_TRANSMITS = 16u;    // some light goes through
 const MATERIAL_THIN = 32u;         // and straight on: the surface has no inside
 const MATERIAL_CAUSTIC = 64u;      // a mirror or glass that casts caustics, worth aiming photons at
 const MATERIAL_COATED = 128u;      // under a clear coat
+const MATERIAL_SPECULAR_MAPPED = 256u;   // textures multiply `specular` or `specular_color`
+const MATERIAL_SHEEN = 512u;       // under sheen
 
 struct Light {
     position: vec3f,

@@ -31,8 +31,9 @@ def _decode_srgb(encoded: np.ndarray) -> np.ndarray:
 
 
 _BYTES = np.arange(256) / 255
-_FROM_BYTE = _BYTES.astype(f32)
-_FROM_SRGB = _decode_srgb(_BYTES).astype(f32)
+# What bytes stand for, 0 to 1, (256,) float32.
+FROM_BYTE = _BYTES.astype(f32)
+FROM_SRGB = _decode_srgb(_BYTES).astype(f32)
 
 
 @dataclass(frozen=True)
@@ -89,7 +90,7 @@ def halved(pixels: np.ndarray, srgb: bool) -> np.ndarray:
 @jit
 def _halve(source, smaller, srgb):
     """Average `source` (h, w, 4) into `smaller`, half its size rounded down."""
-    decode = _FROM_SRGB if srgb else _FROM_BYTE
+    decode = FROM_SRGB if srgb else FROM_BYTE
     height, width = smaller.shape[0], smaller.shape[1]
     for y in range(height):
         for x in range(width):
@@ -103,7 +104,7 @@ def _halve(source, smaller, srgb):
                     r += w * decode[source[sy, sx, 0]]
                     g += w * decode[source[sy, sx, 1]]
                     b += w * decode[source[sy, sx, 2]]
-                    a += w * _FROM_BYTE[source[sy, sx, 3]]
+                    a += w * FROM_BYTE[source[sy, sx, 3]]
             smaller[y, x, 0] = _encode(r, srgb)
             smaller[y, x, 1] = _encode(g, srgb)
             smaller[y, x, 2] = _encode(b, srgb)
@@ -209,12 +210,12 @@ def _wrap(i, size, wrap):
 def _texel(texels, index, srgb):
     """Linear RGBA, float32, of a texel by its index."""
     texel = texels[index]
-    decode = _FROM_SRGB if srgb else _FROM_BYTE
+    decode = FROM_SRGB if srgb else FROM_BYTE
     return (
         decode[texel & u32(255)],
         decode[(texel >> u32(8)) & u32(255)],
         decode[(texel >> u32(16)) & u32(255)],
-        _FROM_BYTE[texel >> u32(24)],
+        FROM_BYTE[texel >> u32(24)],
     )
 
 

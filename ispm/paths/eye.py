@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ispm.accel.intersect import STACK_WORDS
-from ispm.accel.layers import coat_point, is_coated
+from ispm.accel.layers import coat_point, has_sheen, is_coated, sheen_point, with_matte_sheen
 from ispm.accel.medium import attenuated, medium, no_medium, passed_sheet
 from ispm.accel.records import Hit, Scratch
 from ispm.accel.surface import (
@@ -36,6 +36,7 @@ from ispm.lights.nee import (
     BY_FACETS,
     BY_NOTHING,
     area_light,
+    direct_light,
     greatest,
     lamp_weight,
     punctual_light,
@@ -70,6 +71,7 @@ from ispm.paths.facet import (
     mean_reflectance,
     sample_lobe,
     sample_specular_lobe,
+    samples_most,
     widened,
 )
 from ispm.paths.vertices import (
@@ -120,7 +122,7 @@ def trace_eye(
     numbers = u32(pass_index), u32(seed), u32(rays.columns), i64(rays.most), f32(rays.widening)
     told = rays.shows_environment, rays.of_coats
     view = View(f32(width), f32(spread), f32(near), f32(past), *numbers, *told)
-    capacity = _CHUNK * _PATHS_MAX * _ENDS_MAX * _samples(packed)
+    capacity = _CHUNK * _PATHS_MAX * _ENDS_MAX * samples_most(packed)
     words, cut = PATH_END_AND_POINT.itemsize // 4, PATH_END.itemsize // 4
     ends, points, traced = [np.zeros((0, cut), np.uint32)], [np.zeros((0, words - cut), np.uint32)], 0
     for first in range(0, count, _BATCH):
@@ -150,16 +152,6 @@ def _follow_batch(
         _follow_chunks(tables._replace(surfaces=own), view, footprint, rays, i64(first), counter, out)
 
     run_shared(work, threads)
-
-
-def _samples(packed: Packed) -> int:
-    """The most paths that a branch at a pixel's surface may become."""
-    materials = packed.materials
-    textured = materials["metallic_roughness_texture"]["texture"] >= 0
-    rough = (materials["roughness"] > 0.0) & (
-        (materials["transmission"] > 0.0) | (materials["roughness"] ** 2 < NARROW_ALPHA) | textured
-    )
-    return ROUGH_SAMPLES if rough.any() else 1
 
 
 class _Out(NamedTuple):
@@ -332,7 +324,8 @@ def _follow(tables, view, thread, path, i, slot, out, done):
         widest = view.widening * lobe_width(pdf)
         far = length if sharp else far
         sharp = sharp and (not from_lobe or (is_smooth(b) and not has_finite(b)))
-        has_diffuse = b.diffuse[0] + b.diffuse[1] + b.diffuse[2] > f32(0)
+        end = with_matte_sheen(x).bsdf
+        has_diffuse = end.diffuse[0] + end.diffuse[1] + end.diffuse[2] > f32(0)
         ends = stored + (1 if has_diffuse else 0)
         mean = greatest(times(weight, mean_reflectance(x, wo)))
         goes_on = is_narrow(b) and not unlit and event < EVENTS_MAX and ends < _ENDS_MAX
@@ -349,6 +342,10 @@ def _follow(tables, view, thread, path, i, slot, out, done):
             add_light(out.direct, i, add(light, more), seen)
             shadows += others
             traced += shadows
+        if has_sheen(x):
+            light, shadows = direct_light(tables, sheen_point(x), wo, u0, thread.scratch, f32(np.inf))
+            add_light(out.direct, i, light, seen)
+            traced += shadows
         by_coat = is_coated(x) and not unlit and event < EVENTS_MAX and ends < _ENDS_MAX
         if by_coat:
             light, more, shadows = coat_light(tables, x, wo, u0, thread.scratch, widest, 1)
@@ -356,9 +353,9 @@ def _follow(tables, view, thread, path, i, slot, out, done):
             traced += shadows
         if unlit or has_diffuse or (has_finite(b) and not goes_on):
             if unlit:
-                b = BLACK
-            store_end(out.ends[row].end, slot, lane, seen, b, hit.instance)
-            store_point(out.ends[row].point, x, wo, b, width, widest if goes_on else NARROW_ALPHA)
+                end = BLACK
+            store_end(out.ends[row].end, slot, lane, seen, end, hit.instance)
+            store_point(out.ends[row].point, x, wo, end, width, widest if goes_on else NARROW_ALPHA)
             row, stored, lane = row + i64(1), stored + 1, i64(SCATTERED)
         if unlit:
             break

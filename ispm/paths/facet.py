@@ -24,6 +24,7 @@ from ispm.optics.microfacet import schlick, smith, visible_normal
 from ispm.optics.rng import random4
 from ispm.optics.sampling import LATTICE, to_local, to_world
 from ispm.optics.vector import add, dot, luminance, normalize, scale, sub
+from ispm.scene.packed import Packed
 
 f32, u32 = np.float32, np.uint32
 
@@ -82,8 +83,8 @@ def widened(x, alpha):
     if not is_narrow(b) or b.alpha >= alpha:
         return x
     wide = min(alpha, NARROW_ALPHA)
-    b = Bsdf(b.diffuse, b.f0, b.f90, wide, b.dielectric_f0, b.dielectric_f90, b.tint, b.eta, b.thin)
-    return SurfacePoint(x.hit, x.position, x.ng, x.n, b, x.flags, x.entering, x.coat)
+    b = Bsdf(b.diffuse, b.f0, b.f90, wide, b.dielectric_f0, b.dielectric_f90, b.tint, b.eta, b.thin, b.sheen)
+    return SurfacePoint(x.hit, x.position, x.ng, x.n, b, x.flags, x.entering, x.coat, x.sheen)
 
 
 @jit
@@ -120,6 +121,16 @@ def _unshadowed(alpha, nv, nl):
     a2 = alpha * alpha
     g1 = f32(2) * nv / (nv + math.sqrt(nv * nv * (f32(1) - a2) + a2))
     return smith(alpha, nv, nl) * f32(4) * nv * nl / g1
+
+
+def samples_most(packed: Packed) -> int:
+    """Return the most paths that a branch at a pixel's surface may become."""
+    materials = packed.materials
+    textured = materials["metallic_roughness_texture"]["texture"] >= 0
+    rough = (materials["roughness"] > 0.0) & (
+        (materials["transmission"] > 0.0) | (materials["roughness"] ** 2 < NARROW_ALPHA) | textured
+    )
+    return ROUGH_SAMPLES if rough.any() else 1
 
 
 @jit

@@ -10,7 +10,7 @@ each path from a light to x counts in one of them alone:
   light through (`nee.is_gathered`); or a mirror or glass lies between y and x.
 
 Lobes too narrow for photons count as wider at rays' ends: what they bring has one bounce more to go; rough
-clear coats count as matte there.
+clear coats and sheen count as matte there.
 So rays end without light at mirrors and glass, but pass thin clear sheets, as shadow rays do. Emission where
 they end is left out, and so is the environment: it is direct light of the receiver.
 """
@@ -22,7 +22,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ispm.accel.intersect import STACK_WORDS
-from ispm.accel.layers import with_rough_coat
+from ispm.accel.layers import with_matte_sheen, with_rough_coat
 from ispm.accel.records import Scratch
 from ispm.accel.surface import SurfaceTable, closest_surface, leave_surface, scene_tables, surface
 from ispm.accel.world import World
@@ -179,7 +179,7 @@ def _look(tables, ray, course, scratch, out):
         found, hit = closest_surface(tables, start, d, u, scratch)
         if not found:
             return
-        x = surface(tables, hit, d)
+        x = with_matte_sheen(surface(tables, hit, d))
         b = x.bsdf
         out.nearness[row] = share / max(dot(sub(x.position, ray.start), d), f32(1e-30))
         if is_gathered(b):

@@ -19,7 +19,7 @@ _LOBE_SPREAD = f32(1.4)  # radians over alpha, the standard deviation of a lobe 
 _LEAST_REFLECTANCE = f32(1e-4)  # by which light is divided to be averaged
 
 _NONE = (f32(0), f32(0), f32(0))
-BLACK = Bsdf(_NONE, _NONE, f32(0), f32(0), f32(0), f32(0), _NONE, f32(0), f32(0))  # of what is unlit
+BLACK = Bsdf(_NONE, _NONE, f32(0), f32(0), f32(0), f32(0), _NONE, f32(0), f32(0), f32(0))  # of what is unlit
 
 # A surface that photons may light, or that is unlit, seen in mirrors and glass. slot: the ray's row;
 # lane: what the first surface did to its path; weight: of the radiance that leaves it, in the ray's. f0

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ispm.accel.layers import drawn_layer
-from ispm.optics.bsdf import adjoint_factor, sample_bsdf
+from ispm.optics.bsdf import sample_bsdf
 from ispm.optics.jit import jit
 from ispm.optics.records import MATERIAL_UNLIT
 from ispm.optics.rng import random4
@@ -88,3 +88,15 @@ def scatter(x, d, flux, u0, u1, u2):
 def _sum(flux):
     """Sum of the channels, lm."""
     return flux[0] + flux[1] + flux[2]
+
+
+@jit
+def adjoint_factor(in_ns, in_ng, out_ns, out_ng):
+    """Return by what shading normals multiply the flux of a photon that scatters, float32, [0.1, 10].
+
+    in_*   cosines of the direction towards where it came from with the shading and geometric normal
+    out_*  and of the direction it goes
+    Source: Veach 1997, section 5.3.
+    """
+    factor = abs(in_ns * out_ng) / max(abs(in_ng * out_ns), f32(1e-20))
+    return min(max(factor, f32(0.1)), f32(10))

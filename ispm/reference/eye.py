@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ispm.accel.intersect import STACK_WORDS
-from ispm.accel.layers import coat_point, drawn_layer, is_coated
+from ispm.accel.layers import coat_point, drawn_layer, has_sheen, is_coated, sheen_point, with_matte_sheen
 from ispm.accel.medium import attenuated, medium, no_medium, spawn_ray
 from ispm.accel.records import Scratch
 from ispm.accel.surface import SurfaceTable, closest_surface, glow, hit_position, scene_tables, surface
@@ -184,8 +184,11 @@ def _path(tables, view, i, scratch, light, ends, row):
             if is_coated(x):
                 lit, _ = direct_light(tables, coat_point(x), wo, u4, scratch, f32(np.inf))
                 _add(light, i, lit, weight, focus)
-            if has_finite(b):
-                _write(ends[row], i, x, wo, scale(focus, weight))
+            if has_sheen(x):
+                lit, _ = direct_light(tables, sheen_point(x), wo, u4, scratch, f32(np.inf))
+                _add(light, i, lit, weight, focus)
+            if has_finite(b) or has_sheen(x):
+                _write(ends[row], i, with_matte_sheen(x), wo, scale(focus, weight))
                 row += 1
         x, u3, chance = drawn_layer(x, u3)
         alive, wi, factor = _draw(x.bsdf, x.n, ng, wo, u1, u2, u3)
@@ -206,7 +209,9 @@ def _draw(b, n, ng, wo, u1, u2, u3):
     if not is_smooth(b):
         if not transmits(b):
             return False, wo, wo
-        gloss = Bsdf(_NONE, b.f0, b.f90, b.alpha, b.dielectric_f0, b.dielectric_f90, b.tint, b.eta, b.thin)
+        gloss = Bsdf(
+            _NONE, b.f0, b.f90, b.alpha, b.dielectric_f0, b.dielectric_f90, b.tint, b.eta, b.thin, b.sheen
+        )
         ok, wi, factor, _ = sample_bsdf(gloss, n, ng, wo, u1, u2, u3, False)
         return ok, wi, factor
     reflectance, transmittance, above, beyond, through = smooth_split(b, n, ng, wo)

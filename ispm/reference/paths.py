@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ispm.accel.intersect import STACK_WORDS
-from ispm.accel.layers import coat_point, drawn_layer, is_coated
+from ispm.accel.layers import coat_point, drawn_layer, has_sheen, is_coated, sheen_point
 from ispm.accel.medium import attenuated, medium, no_medium, passed_sheet, spawn_ray
 from ispm.accel.records import Scratch
 from ispm.accel.surface import Tables, closest_surface, glow, surface
@@ -120,6 +120,9 @@ def _path(tables, task, start, d, key, sample, scratch):
             total = add(total, times(weight, lit))
             if is_coated(x):
                 lit, _ = direct_light(tables, coat_point(x), wo, u4, scratch, f32(np.inf), BY_BSDF)
+                total = add(total, times(weight, lit))
+            if has_sheen(x):
+                lit, _ = direct_light(tables, sheen_point(x), wo, u4, scratch, f32(np.inf), BY_BSDF)
                 total = add(total, times(weight, lit))
         x, u3, chance = drawn_layer(x, u3)
         alive, wi, factor, specular = sample_bsdf(x.bsdf, x.n, x.ng, wo, u1, u2, u3, True)

@@ -103,7 +103,7 @@ def draw(this: Pass, stages: Stages, watch: Watch, history: History | None = Non
             pixels, added = catch_shadows(this, gpu, gbuffer, (direct, indirect), pixels, added)
     with watch.record(gpu) as frame:
         frame.stage("compose")
-        through = stages.chains.patch(frame, pixels, added, direct, indirect, emission)
+        through = stages.chains.patch(frame, pixels, added, direct, indirect, emission, irradiance)
         lit = LitFrame(gbuffer, direct, indirect, irradiance, emission, through)
         if this.settings.antialias:
             stages.antialias(frame, scene, lit, view)

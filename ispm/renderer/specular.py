@@ -20,12 +20,13 @@ from ispm.paths.ends import denoise_rough_transmission, image_of_ends, reflect_l
 from ispm.paths.eye import trace_eye
 from ispm.paths.eye_paths import EyePaths, EyeRays, join_paths
 from ispm.paths.resolve import lonely_rows, resolve_lobes, shown
+from ispm.paths.sheen import filtered_light, sheen_light
 from ispm.renderer.backdrop import background_color, shows_environment
 from ispm.renderer.gather import PhotonLight
 from ispm.renderer.one_pass import Pass
 from ispm.stages.camera import CameraView
 from ispm.stages.filter import filter_estimate, filter_points
-from ispm.stages.specular import LAYER_BASE, LAYER_COAT
+from ispm.stages.specular import LAYER_BASE, LAYER_COAT, LAYER_SHEEN
 
 _MISSED_SHARE = 1 / 64  # receivers of missed pixels to those of the picture, while blocks can grow; measured
 _GAP = 4  # unused rows between used ones of an image, at most: those on its sides never mix by interpolation
@@ -38,18 +39,26 @@ _FINE_SLACK = 5e-3, 2e-2
 
 def specular_light(this: Pass, seen: np.ndarray, light: PhotonLight) -> np.ndarray:
     """Return direct light, indirect light and emission that such paths bring to SEEN pixels, (n,), the share
-    that these show of a colored background, and that which a clear coat hides of the light of what is under
-    it: (n, 13) float32.
+    that these show of a colored background, the share of irradiance, over pi, that sheen reflects, and that
+    which a clear coat and sheen hide of the light of what is under them: (n, 16) float32.
 
-    A coat and what is under it are two surfaces, whose light adds.
+    A coat, sheen and what is under them are surfaces whose light adds.
     """
-    found = np.zeros((len(seen), 13), np.float32)
+    found = np.zeros((len(seen), 16), np.float32)
     for layer in (LAYER_BASE, LAYER_COAT):
         rows = np.flatnonzero(seen["layers"] & layer)
         if len(rows) == len(seen) > 0:
             found += _light_of_layer(this, seen, light, layer == LAYER_COAT)
         elif len(rows):
             found[rows] += _light_of_layer(this, take(seen, rows), light, layer == LAYER_COAT)
+    rows = np.flatnonzero(seen["layers"] & LAYER_SHEEN)
+    if len(rows):
+        rays = eye_rays(take(seen, rows), this.surfaces, this.view, this.threads)
+        sheen = sheen_light(this.packed, this.world, this.surfaces, rays, this.settings.seed, this.index)
+        across, smoothing = this.view.size[0], this.settings.smoothing
+        found[rows, :3] += filtered_light(sheen, rays.keys, across, smoothing, this.threads)
+        found[rows, 12:15] = sheen.albedo
+        found[rows, 15] = 1.0 - (1.0 - found[rows, 15]) * (1.0 - sheen.hidden)
     return found
 
 
@@ -91,7 +100,8 @@ def _light_of_layer(this: Pass, seen: np.ndarray, light: PhotonLight, of_coats: 
         denoise_rough_transmission(brought[:count], rays.keys, view.size[0], paths.firsts, this.threads)
     resolve_lobes(found[:count], given._replace(firsts=paths.firsts), settings.smoothing, this.threads)
     found[:count, :3] += paths.firsts["own"][:count]
-    return np.concatenate([found[:count], through[:count], paths.firsts["hidden"][:count, None]], axis=1)
+    no_sheen, hidden = np.zeros((count, 3), np.float32), paths.firsts["hidden"][:count, None]
+    return np.concatenate([found[:count], through[:count], no_sheen, hidden], axis=1)
 
 
 def eye_rays(

@@ -155,6 +155,8 @@ RANGES: dict[str, tuple[float, float, *tuple[int, ...]]] = {
     "clearcoat": (0.0, 1.0),
     "clearcoat_roughness": (0.0, 1.0),
     "clearcoat_normal_scale": (-1e3, 1e3),
+    "sheen_color": (0.0, 1.0, 3),
+    "sheen_roughness": (0.0, 1.0),
     "double_sided": (False, True),
     "unlit": (False, True),
 }
@@ -167,6 +169,10 @@ TEXTURES = (
     "clearcoat_texture",
     "clearcoat_roughness_texture",
     "clearcoat_normal_texture",
+    "specular_texture",
+    "specular_color_texture",
+    "sheen_color_texture",
+    "sheen_roughness_texture",
 )
 
 
@@ -178,7 +184,7 @@ DATA = (
     "clearcoat_roughness_texture",
     "clearcoat_normal_texture",
 )
-"""Those of TEXTURES that hold numbers, not colors: kept linear, as glTF has them."""
+"""Those of TEXTURES whose RGB holds numbers, not colors: kept linear, as glTF has them."""
 
 
 @dataclass
@@ -209,6 +215,9 @@ class Material(Strict):
     clearcoat_texture            R
     clearcoat_roughness_texture  G
     clearcoat_normal_texture     of the coat alone; without it the coat is smooth whatever is under it
+    specular_texture             A, of one kept linear or not;  specular_color_texture   a color
+    sheen_color, sheen_roughness   KHR_materials_sheen: fibers on the surface, not over glass; black: none
+    sheen_color_texture          a color;  sheen_roughness_texture   A, of one kept linear or not
     Raises SceneError for a value out of range, as it is made and, if changed since, as it is rendered; warns
     where data is given as sRGB.
     """
@@ -240,6 +249,12 @@ class Material(Strict):
     clearcoat_texture: TextureUse | Texture | None = None
     clearcoat_roughness_texture: TextureUse | Texture | None = None
     clearcoat_normal_texture: TextureUse | Texture | None = None
+    specular_texture: TextureUse | Texture | None = None
+    specular_color_texture: TextureUse | Texture | None = None
+    sheen_color: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    sheen_roughness: float = 0.0
+    sheen_color_texture: TextureUse | Texture | None = None
+    sheen_roughness_texture: TextureUse | Texture | None = None
     name: str = field(default="", compare=False)
 
     def __post_init__(self) -> None:
@@ -264,6 +279,10 @@ class Material(Strict):
                     setattr(self, name, tuple(np.asarray(value).tolist()))
         if self.clearcoat > 0.0 and self.transmission > 0.0:
             raise SceneError(f"{where}: a clear coat over glass is not supported; set one of the two to 0")
+        if max(self.sheen_color) > 0.0 and self.transmission > 0.0:
+            raise SceneError(
+                f"{where}: sheen over glass is not supported; set sheen_color or transmission to 0"
+            )
         self.alpha_mode = member_of(f"{where}: alpha_mode", self.alpha_mode, AlphaMode)
         for name in TEXTURES:
             use = getattr(self, name)

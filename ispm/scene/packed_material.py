@@ -83,6 +83,8 @@ def material_record(material: Material, textures: list[Texture]) -> np.ndarray:
     row["clearcoat"] = material.clearcoat
     row["clearcoat_roughness"] = material.clearcoat_roughness
     row["clearcoat_normal_scale"] = material.clearcoat_normal_scale
+    row["sheen_color"] = material.sheen_color
+    row["sheen_roughness"] = material.sheen_roughness
     row["alpha_cutoff"] = material.alpha_cutoff
     row["normal_scale"] = material.normal_scale
     row["flags"] = (
@@ -94,10 +96,16 @@ def material_record(material: Material, textures: list[Texture]) -> np.ndarray:
         | records.MATERIAL_THIN * (material.transmission > 0.0 and material.thickness <= 0.0)
         | records.MATERIAL_CAUSTIC * material.casts_caustics
         | records.MATERIAL_COATED * (material.clearcoat > 0.0 and not material.unlit)
+        | records.MATERIAL_SHEEN * (max(material.sheen_color) > 0.0 and not material.unlit)
+        | records.MATERIAL_SPECULAR_MAPPED * _has_specular_maps(material)
     )
     for slot in TEXTURES:
         row[slot] = _texture_use(getattr(material, slot), textures)
     return row
+
+
+def _has_specular_maps(material: Material) -> bool:
+    return material.specular_texture is not None or material.specular_color_texture is not None
 
 
 def _attenuation(material: Material) -> np.ndarray:

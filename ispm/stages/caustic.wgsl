@@ -11,6 +11,7 @@
 @group(0) @binding(4) var normals: texture_2d<u32>;
 @group(0) @binding(5) var base: texture_2d<f32>;
 @group(0) @binding(6) var emission: texture_2d<f32>;
+@group(0) @binding(7) var specular: texture_2d<f32>;
 
 override BOUND_SCALE: f32 = 1.0;   // a smaller triangle would cut the kernel
 const MARGIN = 0.125;              // pixels, for rounding; the kernel falls to zero at its edge
@@ -99,7 +100,9 @@ fn fs(splat: Splat) -> Arrived {
 // Radiance towards the eye of a photon's light, as if it came from the estimators.
 fn reflected(pixel: vec2u, word: u32, light: vec3f, n: vec3f, wo: vec3f, photon: Caustic) -> vec3f {
     let material = material_row(word);
-    let b = seen_bsdf(word, textureLoad(base, pixel, 0), textureLoad(emission, pixel, 0).a, materials[material]);
+    let maps = seen_specular(specular, pixel, materials[material].flags);
+    let roughness = textureLoad(emission, pixel, 0).a;
+    let b = seen_bsdf(word, textureLoad(base, pixel, 0), roughness, maps, materials[material]);
     let alpha = receiver_alpha(b, materials[material].flags);
     let terms = photon_gloss(max(alpha, MIN_ALPHA), n, wo, photon.wi, photon.bounce);
     let gloss = select(vec3f(0.0), terms, alpha > 0.0);

@@ -27,6 +27,7 @@ struct Lamps {                      // uniform: on llvmpipe a storage buffer cos
 @group(0) @binding(4) var normals: texture_2d<u32>;
 @group(0) @binding(5) var base: texture_2d<f32>;
 @group(0) @binding(6) var emission: texture_2d<f32>;
+@group(0) @binding(7) var specular: texture_2d<f32>;
 @group(0) @binding(8) var before: texture_2d<f32>;
 @group(0) @binding(9) var atlas: texture_depth_2d;
 @group(0) @binding(10) var sheets: texture_depth_2d;
@@ -162,7 +163,9 @@ fn lit(pixel: vec2u, position: vec3f, word: u32) -> vec3f {
     s.ng = unpack_normal(packed.y);
     s.position = position;
     s.wo = view_direction(s.position);
-    s.bsdf = seen_bsdf(word, color, roughness, materials[material_row(word)]);
+    let material = material_row(word);
+    let maps = seen_specular(specular, pixel, materials[material].flags);
+    s.bsdf = seen_bsdf(word, color, roughness, maps, materials[material]);
     if (!TRANSMITS) {
         s.bsdf.tint = vec3f(0.0);  // so that the compiler leaves the lobe out
     }

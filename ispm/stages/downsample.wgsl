@@ -18,6 +18,7 @@ const SAME_PLANE = 1.0;    // pixels that one may lie off the plane of another w
 @group(0) @binding(6) var depth: texture_2d<f32>;
 @group(0) @binding(7) var ids: texture_2d<u32>;
 @group(0) @binding(8) var<storage, read_write> receivers: array<Receiver>;
+@group(0) @binding(9) var specular: texture_2d<f32>;
 
 // The pixel in the middle of what a block shows; (-1, -1) where it shows nothing.
 fn middle_pixel(block: vec2u) -> vec2i {
@@ -94,7 +95,8 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
         let word = at.w;
         let material = material_row(word);
         let color = textureLoad(base, pixel, 0);
-        let b = seen_bsdf(word, color, textureLoad(emission, pixel, 0).a, materials[material]);
+        let maps = seen_specular(specular, vec2u(pixel), materials[material].flags);
+        let b = seen_bsdf(word, color, textureLoad(emission, pixel, 0).a, maps, materials[material]);
         r.position = bitcast<vec3f>(at.xyz);
         r.alpha = receiver_alpha(b, materials[material].flags);
         r.n = unpack_normal(packed.x);

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 from itertools import compress
 
-from ispm.frame import SLOTS, GBuffer, GpuScene
+from ispm.frame import SLOTS, SPECULAR_SLOTS, GBuffer, GpuScene
 from ispm.gpu import FLAT, Gpu, Group, Kept, Raster, RasterState, Recording, Texture
 from ispm.optics import records
+from ispm.optics.records import MATERIAL_SPECULAR_MAPPED
 from ispm.scene.packed import Draw
 from ispm.stages.camera import CameraView
 
 _DRAWN = {"ids": "rg32uint", "bump": "rgba16float", "base": "rgba16float", "emission": "rgba16float"}
 _COMPUTED = {"points": "rgba32uint", "normals": "rg32uint", "depth": "r32float"}
+_SPECULAR = "rgba8unorm-srgb"  # holds what such a texture says as it is
 
 
 class GBufferStage:
@@ -35,22 +37,28 @@ class GBufferStage:
             {name: gpu.texture(f"gbuffer {name}", format) for name, format in formats.items()}
             for formats in (_DRAWN, _COMPUTED)
         )
+        self._specular = gpu.texture("gbuffer specular", _SPECULAR)
+        self._unmapped = gpu.texture("gbuffer without specular", _SPECULAR, usage=["sampled"]).sized((1, 1))
+        self._map_specular = gpu.raster(
+            "stages/gbuffer.wgsl", [_SPECULAR], RasterState(depth=None, fragment="fs_specular"), TEXTURED=True
+        )
         self._nearest = gpu.texture("gbuffer nearest", "depth32float", usage=["attachment"])
-        self._kept, self._last = Kept(), GBuffer(**self._textures())
+        self._kept, self._last = Kept(), GBuffer(**self._textures(), specular=self._unmapped)
 
     def __call__(self, frame: Recording, scene: GpuScene, view: CameraView) -> GBuffer:
         """Record the draws and return where their result will be: the last frame's if it is the same."""
         packed = scene.packed
         if self._kept.lacks(frame, packed.placed, packed.looks, view.size, view.uniform().tobytes()):
-            self._draw(frame, scene, view)
-            self._last = GBuffer(**self._textures())  # another one, so that all can tell
+            specular = self._draw(frame, scene, view)
+            self._last = GBuffer(**self._textures(), specular=specular)  # another one, so that all can tell
         return self._last
 
     def _textures(self) -> dict[str, Texture]:
-        """Those of a GBuffer, by name."""
+        """Those of a GBuffer that every scene has, by name."""
         return {name: each for name, each in (self._drawn | self._computed).items() if name != "bump"}
 
-    def _draw(self, frame: Recording, scene: GpuScene, view: CameraView) -> None:
+    def _draw(self, frame: Recording, scene: GpuScene, view: CameraView) -> Texture:
+        """Record the draws; return what is `specular` of the GBuffer."""
         drawn, computed = (
             {name: target.sized(view.size) for name, target in targets.items()}
             for targets in (self._drawn, self._computed)
@@ -71,6 +79,19 @@ class GBufferStage:
         with frame.draw_into(*computed.values()) as canvas:
             canvas.use(resolve, resolve.bind(0, **shared, ids=drawn["ids"], bumps=drawn["bump"]))
             canvas.draw(3)
+        flags = scene.packed.materials["flags"]
+        mapped = [d for d in compress(scene.draws, seen) if flags[d.material] & MATERIAL_SPECULAR_MAPPED]
+        if not mapped:
+            return self._unmapped
+        specular, raster = self._specular.sized(view.size), self._map_specular
+        with frame.draw_into(specular, clear=(1.0, 1.0, 1.0, 1.0)) as canvas:
+            group = raster.bind(0, **shared, drawn_ids=drawn["ids"])
+            for draw in mapped:
+                material = frame.uniform(scene.packed.materials[draw.material])
+                maps = scene.material_maps(draw.material, *SPECULAR_SLOTS)
+                canvas.use(raster, group, raster.bind(1, material=material, **maps))
+                scene.draw_corners(canvas, draw)
+        return specular
 
     def _pipeline(self, scene: GpuScene, draw: Draw) -> Raster:
         """The pipeline for a draw's material; compiled when first needed."""

@@ -8,6 +8,7 @@ override MASKED: bool = false;     // the material has holes
 override TEXTURED: bool = false;   // the material has textures
 
 @group(0) @binding(0) var<uniform> camera: Camera;
+@group(0) @binding(4) var drawn_ids: texture_2d<u32>;     // the pixels' ids, drawn before
 @group(1) @binding(3) var metallic_roughness_map: texture_2d<f32>;
 @group(1) @binding(4) var metallic_roughness_sampler: sampler;
 @group(1) @binding(5) var normal_map: texture_2d<f32>;
@@ -16,6 +17,10 @@ override TEXTURED: bool = false;   // the material has textures
 @group(1) @binding(8) var emission_sampler: sampler;
 @group(1) @binding(9) var transmission_map: texture_2d<f32>;
 @group(1) @binding(10) var transmission_sampler: sampler;
+@group(1) @binding(11) var specular_map: texture_2d<f32>;
+@group(1) @binding(12) var specular_sampler: sampler;
+@group(1) @binding(13) var specular_color_map: texture_2d<f32>;
+@group(1) @binding(14) var specular_color_sampler: sampler;
 
 const LARGEST_HALF = 65504.0;
 
@@ -82,4 +87,16 @@ fn fs(c: Corner) -> Pixel {
         c.ids, vec4f(bump, transmission, 0.0), vec4f(base.rgb, metallic_roughness.x),
         vec4f(min(emission, vec3f(LARGEST_HALF)), metallic_roughness.y),
     );
+}
+
+// What textures make of specular color and factor where the pixel shows this triangle: a pass of its own, as
+// WebGPU's 32 bytes a pixel are taken above, and most scenes have no such textures.
+@fragment
+fn fs_specular(c: Corner) -> @location(0) vec4f {
+    let color = textureSample(specular_color_map, specular_color_sampler, texture_uv(material.specular_color_texture, c.uv)).rgb;
+    let factor = textureSample(specular_map, specular_sampler, texture_uv(material.specular_texture, c.uv)).a;
+    if (any(textureLoad(drawn_ids, vec2u(c.clip.xy), 0).xy != c.ids)) {
+        discard;
+    }
+    return vec4f(color, factor);
 }

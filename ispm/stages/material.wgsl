@@ -14,7 +14,16 @@ fn material_transmission(word: u32) -> f32 {
     return f32(word >> 24u) / 255.0;
 }
 
-// The surface in a pixel: the word above, what the G-buffer has in `base`, and roughness.
-fn seen_bsdf(word: u32, base: vec4f, roughness: f32, material: Material) -> Bsdf {
-    return surface_bsdf(base.rgb, base.a, roughness, material_transmission(word), material, true);
+// The surface in a pixel: the word above, what the G-buffer has in `base` and `specular`, and roughness.
+fn seen_bsdf(word: u32, base: vec4f, roughness: f32, specular: vec4f, material: Material) -> Bsdf {
+    let maps = SpecularMaps(specular.rgb, specular.a);
+    return surface_bsdf(base.rgb, base.a, roughness, material_transmission(word), material, maps, true);
+}
+
+// What the G-buffer has in `specular`, of a material of these flags: 1 without textures.
+fn seen_specular(specular: texture_2d<f32>, pixel: vec2u, flags: u32) -> vec4f {
+    if ((flags & MATERIAL_SPECULAR_MAPPED) == 0u) {
+        return vec4f(1.0);
+    }
+    return textureLoad(specular, pixel, 0);
 }

@@ -17,8 +17,10 @@ from ispm.kernels.simd import ldu, u2f
 from ispm.optics.bsdf import surface_bsdf
 from ispm.optics.coat import NO_COAT
 from ispm.optics.jit import jit
-from ispm.optics.records import MATERIAL, MATERIAL_UNLIT, NO_HIT
+from ispm.optics.records import MATERIAL, MATERIAL_SPECULAR_MAPPED, MATERIAL_UNLIT, NO_HIT
 from ispm.optics.sampling import octahedral_decode
+from ispm.optics.sheen import NO_SHEEN
+from ispm.optics.texture import FROM_BYTE, FROM_SRGB
 from ispm.optics.vector import Vector, dot, scale, sub, vec3
 from ispm.stages.camera import CameraView
 
@@ -32,12 +34,13 @@ _TURNED = f32(0.9)  # cosine of the angle between their normals at least
 
 class Pixels(NamedTuple):
     """What the G-buffer holds of n pixels, row by row, see `GBuffer`: (n, 4) and (n, 2) uint32, (n, 4) and
-    (n,) float32."""
+    (n,) float32, (n, 4) uint8; the last with one row where no material has textures for it."""
 
     points: np.ndarray
     normals: np.ndarray
     base: np.ndarray
     roughness: np.ndarray
+    specular: np.ndarray
 
 
 class PixelView(NamedTuple):
@@ -62,9 +65,10 @@ def read_pixels(gpu: Gpu, gbuffer: GBuffer, view: CameraView, seed: int) -> tupl
             (gbuffer.normals, np.uint32, 2),
             (gbuffer.base, np.float16, 4),
             (gbuffer.emission, np.float16, 4),
+            (gbuffer.specular, np.uint8, 4),
         ]
     )
-    points, normals, base, emission = (a.reshape(width * height, -1) for a in read)
+    points, normals, base, emission = (a.reshape(width * height, -1) for a in read[:4])
     *ahead, offset = view.clip_from_world[-1]
     through = PixelView(
         view.eye.astype(np.float32),
@@ -75,7 +79,8 @@ def read_pixels(gpu: Gpu, gbuffer: GBuffer, view: CameraView, seed: int) -> tupl
         u32(view.pass_index),
         u32(seed),
     )
-    return Pixels(points, normals, base.astype(np.float32), emission[:, 3].astype(np.float32)), through
+    roughness, specular = emission[:, 3].astype(np.float32), read[4].reshape(-1, 4)
+    return Pixels(points, normals, base.astype(np.float32), roughness, specular), through
 
 
 class Shown(NamedTuple):
@@ -108,7 +113,8 @@ def shown_at(tables, pixels, view, i):
     point, word, base = pixels.points[i], pixels.points[i, 3], pixels.base[i]
     position = u2f(point[0]), u2f(point[1]), u2f(point[2])
     transmission = f32(word >> u32(24)) * f32(1 / 255)
-    dielectric = dielectric_at(tables.surfaces, _material(word))
+    maps = _specular_maps(tables, pixels, i)
+    dielectric = dielectric_at(tables.surfaces, _material(word), vec3(maps), maps[3])
     b = surface_bsdf(vec3(base), base[3], pixels.roughness[i], transmission, dielectric, True)
     n, ng = _unpacked(pixels.normals[i, 0]), _unpacked(pixels.normals[i, 1])
     to_eye, width = sub(vec3(view.eye), position), view.width
@@ -116,7 +122,17 @@ def shown_at(tables, pixels, view, i):
     wo = vec3(view.back) if view.parallel else scale(f32(1) / distance, to_eye)
     side = max(dot(vec3(width), position) + width[3], f32(1e-30))
     hit = Hit(u32(NO_HIT), u32(0), f32(0), f32(0))
-    return Shown(SurfacePoint(hit, position, ng, n, b, u32(0), True, NO_COAT), wo, distance, side)
+    return Shown(SurfacePoint(hit, position, ng, n, b, u32(0), True, NO_COAT, NO_SHEEN), wo, distance, side)
+
+
+@jit
+def _specular_maps(tables, pixels, i):
+    """What textures make of specular color and factor in row i of Pixels, four float32."""
+    flags = ldu(tables.surfaces[MATERIALS], _material(pixels.points[i, 3]) + _FLAGS)
+    if flags & u32(MATERIAL_SPECULAR_MAPPED) == u32(0):
+        return f32(1), f32(1), f32(1), f32(1)
+    texel = pixels.specular[i]
+    return FROM_SRGB[texel[0]], FROM_SRGB[texel[1]], FROM_SRGB[texel[2]], FROM_BYTE[texel[3]]
 
 
 @jit

@@ -9,7 +9,7 @@ import numpy as np
 
 from ispm import wgsl
 from ispm.errors import SceneError
-from ispm.frame import GpuScene, ShadowMaps, vertex_layout
+from ispm.frame import SPECULAR_SLOTS, GpuScene, ShadowMaps, vertex_layout
 from ispm.gpu import Canvas, Gpu, Kept, RasterState, Recording, Target, Texture
 from ispm.lights.atlas import GUARD, LEAST, Seen, ShadowAtlas, ShadowTile, plan_atlas
 from ispm.lights.lightmap import LightMap, light_maps
@@ -22,6 +22,7 @@ _PATH = "stages/shadow.wgsl"
 _MAP = wgsl.load("stages/shadow_map.wgsl").dtype("ShadowMap")
 _TILE = wgsl.load("stages/shadow_map.wgsl").dtype("ShadowTile")
 _VIEW, _MIN_ALPHA = wgsl.load(_PATH).dtype("View"), wgsl.load(_PATH).constants["MIN_ALPHA"]
+_SHEET_SLOTS = ("base_color", "transmission", *SPECULAR_SLOTS)
 _FACES = 6  # rows of a light
 _SLANTED = np.float32(8.0)  # at most, of receivers seen aslant: how much longer than wide they are
 _ROUND = 256  # texels that the atlas grows by
@@ -165,7 +166,7 @@ class ShadowStage:
                 group = self._sheet.bind(0, frame, view=view, instances=scene.instances)
                 for run in pieces.runs(tile.seen[thin[tile.seen]]):
                     material = scene.packed.materials[run.draw.material]
-                    maps = scene.material_maps(run.draw.material, "base_color", "transmission")
+                    maps = scene.material_maps(run.draw.material, *_SHEET_SLOTS)
                     canvas.use(self._sheet, group, self._sheet.bind(1, frame, material=material, **maps))
                     _draw_run(canvas, run)
 

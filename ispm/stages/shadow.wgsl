@@ -13,6 +13,10 @@ struct View {
 @group(0) @binding(0) var<uniform> view: View;
 @group(1) @binding(3) var transmission_map: texture_2d<f32>;
 @group(1) @binding(4) var transmission_sampler: sampler;
+@group(1) @binding(5) var specular_map: texture_2d<f32>;
+@group(1) @binding(6) var specular_sampler: sampler;
+@group(1) @binding(7) var specular_color_map: texture_2d<f32>;
+@group(1) @binding(8) var specular_color_sampler: sampler;
 
 struct Corner {
     @builtin(position) clip: vec4f,
@@ -57,8 +61,12 @@ fn fs_sheet(c: Corner) -> @location(0) vec4f {
     let n = normalize(cross(dpdx(c.local), dpdy(c.local)));
     let wi = normalize(view.light.xyz - view.light.w * (c.local + view.origin));
     let texel = textureSample(transmission_map, transmission_sampler, texture_uv(material.transmission_texture, c.uv)).r;
+    let maps = SpecularMaps(
+        textureSample(specular_color_map, specular_color_sampler, texture_uv(material.specular_color_texture, c.uv)).rgb,
+        textureSample(specular_map, specular_sampler, texture_uv(material.specular_texture, c.uv)).a,
+    );
     let base = cover(c);
-    let b = surface_bsdf(base.rgb, material.metallic, 0.0, material.transmission * texel, material, true);
+    let b = surface_bsdf(base.rgb, material.metallic, 0.0, material.transmission * texel, material, maps, true);
     let smooth_sheet = material.roughness * material.roughness < MIN_ALPHA;
     let clear = select(0.0, 1.0, ((material.flags & MATERIAL_THIN) != 0u) & smooth_sheet);  // & : no branch, see face.wgsl
     let passed = clear * facet_transmittance(b, fresnel_weight(b, abs(dot(n, wi))));

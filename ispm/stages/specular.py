@@ -7,11 +7,13 @@ import numpy as np
 from ispm import wgsl
 from ispm.frame import GBuffer, GpuScene
 from ispm.gpu import Counted, Gpu, Kept, Recording, Texture
-from ispm.optics.records import MATERIAL_COATED, MATERIAL_TRANSMITS
+from ispm.optics.records import MATERIAL_COATED, MATERIAL_SHEEN, MATERIAL_TRANSMITS
 
 _PATH = "stages/specular.wgsl"
 _SHADER = wgsl.load(_PATH)
-LAYER_BASE, LAYER_COAT = (int(_SHADER.constants[name]) for name in ("LAYER_BASE", "LAYER_COAT"))
+LAYER_BASE, LAYER_COAT, LAYER_SHEEN = (
+    int(_SHADER.constants[name]) for name in ("LAYER_BASE", "LAYER_COAT", "LAYER_SHEEN")
+)
 SEEN, BROUGHT = _SHADER.dtype("Seen"), _SHADER.dtype("Brought")
 _THREADS = int(_SHADER.constants["THREADS"])
 _NARROW = 1.01 * _SHADER.constants["NARROW_ALPHA"]  # roughness^2, and what the G-buffer's halves may round
@@ -57,6 +59,7 @@ class SpecularStage:
             points=gbuffer.points,
             base=gbuffer.base,
             glow=gbuffer.emission,
+            specular=gbuffer.specular,
             seen_count=self._count,
             seen=self._seen.sized(capacity * SEEN.itemsize),
         )
@@ -79,11 +82,14 @@ class SpecularStage:
         direct: Texture,
         indirect: Texture,
         emission: Texture,
+        irradiance: Texture,
     ) -> Texture:
         """Add light, direct, indirect and emission RGB, to the numbered pixels of three textures.
 
-        light  (n, 13): behind these nine numbers the share of a background that a pixel shows, RGB, and the
-               share of the direct and indirect light there that a coat hides
+        light  (n, 16): behind these nine numbers the share of a background that a pixel shows, RGB; the share
+               of irradiance, over pi, that its sheen reflects, RGB; and the share of the direct and indirect
+               light there that a coat and sheen hide
+        irradiance  of photons at the pixels, lx
         ->     an image of that share, W x H; where there is none, of one black texel
         """
         through = self._none
@@ -95,9 +101,9 @@ class SpecularStage:
             return through
         brought = np.zeros(len(pixels), BROUGHT)
         brought["pixel"] = pixels
-        for k, name in enumerate(("direct", "indirect", "emission", "through")):
+        for k, name in enumerate(("direct", "indirect", "emission", "through", "albedo")):
             brought[name] = light[:, 3 * k : 3 * k + 3]
-        brought["hidden"] = light[:, 12]
+        brought["hidden"] = light[:, 15]
         threads = min(len(pixels), _THREADS)
         self._add(
             frame,
@@ -106,6 +112,7 @@ class SpecularStage:
             direct_in=direct,
             indirect_in=indirect,
             emission_in=emission,
+            irradiance_in=irradiance,
         )
         self._write(
             frame,
@@ -122,6 +129,6 @@ class SpecularStage:
 def _may_lead_on(materials: np.ndarray) -> bool:
     """Whether eye rays may have to go on from any of these."""
     textured = materials["metallic_roughness_texture"]["texture"] >= 0
-    layered = materials["flags"] & (MATERIAL_TRANSMITS | MATERIAL_COATED) != 0
+    layered = materials["flags"] & (MATERIAL_TRANSMITS | MATERIAL_COATED | MATERIAL_SHEEN) != 0
     may = layered | (materials["roughness"] ** 2 < _NARROW) | textured
     return bool(may.any())

@@ -17,25 +17,30 @@
 @group(0) @binding(13) var indirect_out: texture_storage_2d<rgba32float, write>;
 @group(0) @binding(14) var emission_out: texture_storage_2d<rgba32float, write>;
 @group(0) @binding(15) var through_out: texture_storage_2d<rgba32float, write>;
+@group(0) @binding(16) var specular: texture_2d<f32>;
+@group(0) @binding(17) var irradiance_in: texture_2d<f32>;
 
 struct Seen {              // a pixel that shows a mirror, glass or a narrow lobe, and the triangle
     pixel: u32,
     instance: u32,
     primitive: u32,
-    layers: u32,           // LAYER_*: from which of its layers eye rays go on
+    layers: u32,           // LAYER_*: from which of its layers eye rays go on, and whether it has sheen
 }
 const LAYER_BASE = 1u;     // what is under a coat, or all
 const LAYER_COAT = 2u;
+const LAYER_SHEEN = 4u;    // none goes on, but it is lit
 
 struct Brought {           // the light that specular paths bring to a pixel
     direct: vec3f,
     pixel: u32,
     indirect: vec3f,
-    hidden: f32,           // share that a coat hides of what is shown already
+    hidden: f32,           // share that a coat and sheen hide of what is shown already
     emission: vec3f,
     spare1: u32,
     through: vec3f,        // share of the background that it shows
     spare2: u32,
+    albedo: vec3f,         // of sheen: share of light from all around that it reflects to the eye
+    spare3: u32,
 }
 
 // Whether eye rays have to go on from a surface: it transmits, is a mirror, or its lobe is narrow.
@@ -48,7 +53,7 @@ fn leads_on(b: Bsdf) -> bool {
 fn may_lead_on(row: u32) -> bool {
     let roughness = materials[row].roughness;
     let textured = materials[row].metallic_roughness_texture.texture >= 0;
-    let layered = (materials[row].flags & (MATERIAL_TRANSMITS | MATERIAL_COATED)) != 0u;
+    let layered = (materials[row].flags & (MATERIAL_TRANSMITS | MATERIAL_COATED | MATERIAL_SHEEN)) != 0u;
     return layered || textured || roughness * roughness < 1.01 * NARROW_ALPHA;
 }
 
@@ -65,9 +70,11 @@ fn find_specular(@builtin(global_invocation_id) thread: vec3u) {
         return;
     }
     let roughness = textureLoad(glow, pixel, 0).a;
-    let b = seen_bsdf(word, textureLoad(base, pixel, 0), roughness, materials[row]);
+    let maps = seen_specular(specular, pixel, materials[row].flags);
+    let b = seen_bsdf(word, textureLoad(base, pixel, 0), roughness, maps, materials[row]);
     let coated = (materials[row].flags & MATERIAL_COATED) != 0u;
-    let layers = select(0u, LAYER_BASE, leads_on(b)) | select(0u, LAYER_COAT, coated);
+    let sheen = select(0u, LAYER_SHEEN, (materials[row].flags & MATERIAL_SHEEN) != 0u);
+    let layers = select(0u, LAYER_BASE, leads_on(b)) | select(0u, LAYER_COAT, coated) | sheen;
     if (layers == 0u) {
         return;
     }
@@ -92,7 +99,8 @@ fn add_pixels(@builtin(global_invocation_id) thread: vec3u) {
         let pixel = pixel_of(brought[i].pixel, width);
         let shown = 1.0 - brought[i].hidden;
         brought[i].direct += shown * textureLoad(direct_in, pixel, 0).rgb;
-        brought[i].indirect += shown * textureLoad(indirect_in, pixel, 0).rgb;
+        let matte = brought[i].albedo / PI * textureLoad(irradiance_in, pixel, 0).rgb;
+        brought[i].indirect += shown * textureLoad(indirect_in, pixel, 0).rgb + matte;
         brought[i].emission += textureLoad(emission_in, pixel, 0).rgb;
     }
 }

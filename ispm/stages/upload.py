@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ispm.errors import SceneError
-from ispm.frame import SLOTS, GpuScene
+from ispm.frame import SLOTS, SPECULAR_SLOTS, GpuScene
 from ispm.gpu import Buffer, Gpu, Sampler, Texture
 from ispm.optics.texture import mip_chain
 from ispm.scene import material as scene_material
@@ -138,7 +138,8 @@ class Upload:
     def _maps(
         self, material: np.void, textures: list[scene_material.Texture]
     ) -> dict[str, tuple[Texture, Sampler]]:
-        return {slot: self._map(int(material[f"{slot}_texture"]["texture"]), textures) for slot in SLOTS}
+        slots = (*SLOTS, *SPECULAR_SLOTS)
+        return {slot: self._map(int(material[f"{slot}_texture"]["texture"]), textures) for slot in slots}
 
     def _map(self, row: int, textures: list[scene_material.Texture]) -> tuple[Texture, Sampler]:
         if row < 0:

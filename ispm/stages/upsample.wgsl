@@ -31,6 +31,7 @@ struct Missed {
 @group(0) @binding(3) var normals: texture_2d<u32>;
 @group(0) @binding(4) var base: texture_2d<f32>;
 @group(0) @binding(5) var emission: texture_2d<f32>;
+@group(0) @binding(23) var specular: texture_2d<f32>;
 @group(0) @binding(7) var<storage, read> receivers: array<Receiver>;
 @group(0) @binding(8) var<storage, read> light: array<vec4f>;          // four for each receiver
 @group(0) @binding(6) var places: texture_2d<u32>;   // of each receiver the position and geometric normal,
@@ -65,7 +66,8 @@ fn surface_at(pixel: vec2u, seen: vec4u) -> Surface {
     let material = material_row(word);
     let color = textureLoad(base, pixel, 0);
     let packed = textureLoad(normals, pixel, 0);
-    s.bsdf = seen_bsdf(word, color, textureLoad(emission, pixel, 0).a, materials[material]);
+    let maps = seen_specular(specular, pixel, materials[material].flags);
+    s.bsdf = seen_bsdf(word, color, textureLoad(emission, pixel, 0).a, maps, materials[material]);
     s.alpha = receiver_alpha(s.bsdf, materials[material].flags);
     if ((materials[material].flags & MATERIAL_UNLIT) != 0u) {
         s.bsdf = Bsdf();

@@ -129,6 +129,16 @@ def test_textures_multiply_the_materials_factors():
     assert bsdf[7] == pytest.approx(roughness**2, rel=1e-5)
 
 
+def test_textures_multiply_specular_reflection():
+    """F0 = min(0.04 color, 1) factor, F90 = factor: by RGB of one texture and A of the other."""
+    material = Material((0.5,) * 3, specular=0.5, specular_color=(2.0, 1.0, 30.0),
+                        specular_texture=constant(9, 9, 9, 204),
+                        specular_color_texture=constant(51, 102, 255, 9))  # fmt: skip
+    bsdf = surfaces(textured_square(material), [0], [(0.2, 0.2)], DOWN)[3][0]
+    assert bsdf[3:6] == pytest.approx(0.4 * np.array([0.04 * 0.4, 0.04 * 0.4, 1.0]), rel=1e-5)
+    assert bsdf[6] == pytest.approx(0.4, rel=1e-5)
+
+
 def test_flags_and_broken_normals_come_through():
     scene = textured_square(Material(unlit=True))
     scene.nodes[0].parts[0].mesh.normals = np.zeros((4, 3), np.float32)

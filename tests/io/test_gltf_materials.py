@@ -328,6 +328,18 @@ def test_transmission_textures_hold_data_and_need_coordinates(tmp_path: Path) ->
     assert without.transmission_texture is None
 
 
+def test_textures_of_specular_reflection_are_read(tmp_path: Path) -> None:
+    slots = {"specularTexture": {"index": 0}, "specularColorTexture": {"index": 0}}
+    builder = quad({"extensions": {"KHR_materials_specular": slots}})
+    builder.picture(CHECKS)
+    scene = builder.load(tmp_path)
+    material = only_material(scene)
+    assert scene.warnings == [] and scene.extensions_honoured == scene.extensions_used
+    assert material.specular_color_texture is not None and material.specular_texture is not None
+    assert material.specular_color_texture.texture.srgb is True
+    assert material.specular_texture.texture is material.specular_color_texture.texture  # of one picture
+
+
 def coat(**more: Any) -> dict[str, Any]:
     return {"extensions": {"KHR_materials_clearcoat": {"clearcoatFactor": 0.75, **more}}}
 
@@ -369,6 +381,41 @@ def test_a_clear_coat_over_glass_is_left_out_in_one_line(tmp_path: Path) -> None
     assert (only_material(scene).clearcoat, only_material(scene).transmission) == (0.0, 0.75)
     (line,) = scene.warnings
     assert line.endswith("a clear coat over glass is not supported; it is left out")
+
+
+def sheen(**more: Any) -> dict[str, Any]:
+    return {"extensions": {"KHR_materials_sheen": {"sheenColorFactor": [0.5, 0.25, 1.0], **more}}}
+
+
+def test_sheen_is_read(tmp_path: Path) -> None:
+    slots = {"sheenColorTexture": {"index": 0}, "sheenRoughnessTexture": {"index": 0}}
+    builder = quad(sheen(sheenRoughnessFactor=0.25, **slots))
+    builder.picture(CHECKS)
+    scene = builder.load(tmp_path)
+    material = only_material(scene)
+    assert scene.warnings == [] and scene.extensions_honoured == scene.extensions_used
+    assert (material.sheen_color, material.sheen_roughness) == ((0.5, 0.25, 1.0), 0.25)
+    assert material.sheen_color_texture is not None and material.sheen_roughness_texture is not None
+    assert material.sheen_color_texture.texture.srgb is True
+    assert material.sheen_roughness_texture.texture is material.sheen_color_texture.texture
+
+
+def test_sheen_with_wrong_numbers_is_mended(tmp_path: Path) -> None:
+    scene = quad(sheen(sheenColorFactor=[2, 0, 0], sheenRoughnessFactor=-1)).load(tmp_path)
+    material = only_material(scene)
+    assert (material.sheen_color, material.sheen_roughness) == ((1.0, 0.0, 0.0), 0.0)
+    assert [line.partition(": ")[2] for line in scene.warnings] == [
+        "sheenColorFactor 2, 0, 0 is clamped to 0..1", "sheenRoughnessFactor -1 is clamped to 0..1",
+    ]  # fmt: skip
+
+
+def test_sheen_over_glass_is_left_out_in_one_line(tmp_path: Path) -> None:
+    record = sheen()
+    record["extensions"] |= glass()["extensions"]
+    scene = quad(record).load(tmp_path)
+    assert (only_material(scene).sheen_color, only_material(scene).transmission) == ((0.0, 0.0, 0.0), 0.75)
+    (line,) = scene.warnings
+    assert line.endswith("sheen over glass is not supported; it is left out")
 
 
 def webp(**texture: Any) -> GltfBuilder:

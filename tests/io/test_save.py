@@ -131,6 +131,12 @@ def materials(draw):
         base_color_texture=draw(slot[True]),
         metallic_roughness_texture=draw(slot[False]),
         emission_texture=draw(slot[True]),
+        sheen_color=draw(colors),
+        sheen_roughness=draw(fractions),
+        sheen_color_texture=draw(slot[True]),
+        sheen_roughness_texture=draw(slot[True]),
+        specular_texture=draw(slot[True]),
+        specular_color_texture=draw(slot[True]),
         name=draw(names),
     )
 
@@ -307,6 +313,17 @@ def test_a_texture_in_the_other_encoding_is_rounded_with_a_warning(tmp_path):
     linear = ispm.io.image.srgb_to_linear(use.texture.pixels[..., :3])
     assert np.abs(linear - ramp[..., :3] / 255.0).max() < 0.5 * 2.3 / 255.0  # sRGB's steepest step
     np.testing.assert_array_equal(use.texture.pixels[..., 3], ramp[..., 3])
+
+
+def test_a_texture_whose_alpha_alone_counts_is_written_as_it_is(tmp_path):
+    """Without a warning, whichever encoding its RGB has, which nothing reads."""
+    pixels = np.random.default_rng(4).integers(0, 256, (3, 3, 4), np.uint8)
+    for srgb in (True, False):
+        scene = Scene()
+        mesh = Mesh(np.eye(3), np.array([[0, 1, 2]]), uv0=np.zeros((3, 2), np.float32))
+        scene.add(mesh, material=Material(specular_texture=Texture(pixels, srgb=srgb)))
+        (material,) = load(save(scene, tmp_path / "room.glb")).materials
+        assert (material.specular_texture.texture.pixels == pixels).all()
 
 
 def test_gltf_files_lie_beside_with_names_that_need_quoting(tmp_path):

@@ -4,11 +4,12 @@ import numpy as np
 import pytest
 from numba import types
 
-from ispm.optics import bsdf, density, rng, sampling, texture
+from ispm.optics import bsdf, density, rng, sampling, sheen, texture
+from ispm.photons.scatter import adjoint_factor
 
 F, U, B = types.float32, types.uint32, types.boolean
 VECTOR = types.UniTuple(F, 3)
-BSDF = types.NamedTuple([VECTOR, VECTOR, F, F, F, F, VECTOR, F, F], bsdf.Bsdf)
+BSDF = types.NamedTuple([VECTOR, VECTOR, F, F, F, F, VECTOR, F, F, F], bsdf.Bsdf)
 DIELECTRIC = types.NamedTuple([F, VECTOR, F, F, B], bsdf.Dielectric)
 TEXELS, ROWS = types.Array(U, 1, "C"), types.Array(types.int64, 2, "C")
 
@@ -26,10 +27,12 @@ TEXELS, ROWS = types.Array(U, 1, "C"), types.Array(types.int64, 2, "C")
         (bsdf.refract, (VECTOR, VECTOR, F)),
         (bsdf.specular_split, (BSDF, VECTOR, VECTOR)),
         (bsdf.eval_bsdf, (BSDF, VECTOR, VECTOR, VECTOR, VECTOR)),
+        (sheen.eval_sheen, (F, VECTOR, VECTOR, VECTOR, VECTOR)),
+        (sheen.sheen_albedo, (F, F)),
         (bsdf.gloss_terms, (F, VECTOR, VECTOR, VECTOR)),
         (bsdf.pdf_bsdf, (BSDF, VECTOR, VECTOR, VECTOR)),
         (bsdf.sample_bsdf, (BSDF, VECTOR, VECTOR, VECTOR, F, F, F, B)),
-        (bsdf.adjoint_factor, (F, F, F, F)),
+        (adjoint_factor, (F, F, F, F)),
         (density.density_kernel, (VECTOR, VECTOR, F, F)),
         (density.cosine_ratio, (F, F)),
         (texture.sample_texture, (TEXELS, ROWS, types.int64, F, F, F)),

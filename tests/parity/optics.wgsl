@@ -24,7 +24,8 @@ fn surface(row: array<vec4f, 8>) -> Bsdf {
     material.specular = row[2].w;
     material.ior = row[4].w;
     material.flags = select(0u, MATERIAL_THIN, row[5].w == 1.0);
-    return surface_bsdf(row[0].xyz, row[0].w, row[2].x, row[6].w, material, row[5].w != 2.0);
+    let maps = SpecularMaps(row[7].yzw, row[7].y);
+    return surface_bsdf(row[0].xyz, row[0].w, row[2].x, row[6].w, material, maps, row[5].w != 2.0);
 }
 
 @compute @workgroup_size(64)

@@ -7,6 +7,7 @@ import numpy as np
 from ispm.optics import bsdf, density, rng, sampling
 from ispm.optics.jit import jit
 from ispm.optics.vector import cross
+from ispm.photons.scatter import adjoint_factor
 
 SHADER = str(Path(__file__).with_name("optics.wgsl"))
 N = 4096
@@ -27,7 +28,8 @@ def unit(vectors: np.ndarray) -> np.ndarray:
 
 def random_rows(seed: int) -> np.ndarray:
     """(N, 8, 4): base, metallic | f0, specular color | roughness, u1, u2, specular | n, u3 | wo, ior |
-    wi, kind (0 solid, 1 thin, 2 solid from within) | ng, transmission | whether the path carries radiance."""
+    wi, kind (0 solid, 1 thin, 2 solid from within) | ng, transmission | whether the path carries radiance,
+    what textures make of specular color, the first of the factor."""
     random = np.random.default_rng(seed)
     rows = random.random((N, 8, 4))
     rows[:, 1, 0] *= 0.2
@@ -53,8 +55,8 @@ def vector(r, k):
 
 @jit
 def surface(r):
-    specular_color = r[1, 1], r[1, 2], r[1, 3]
-    dielectric = bsdf.Dielectric(r[1, 0], specular_color, r[2, 3], r[4, 3], r[5, 3] == 1)
+    specular_color = r[1, 1] * r[7, 1], r[1, 2] * r[7, 2], r[1, 3] * r[7, 3]
+    dielectric = bsdf.Dielectric(r[1, 0], specular_color, r[2, 3] * r[7, 1], r[4, 3], r[5, 3] == 1)
     return bsdf.surface_bsdf(vector(r, 0), r[0, 3], r[2, 0], r[6, 3], dielectric, r[5, 3] != 2)
 
 
@@ -103,7 +105,7 @@ def density_rows(rows, out):
         out[i, 0, 0] = density.density_kernel((r[0, 0], r[0, 1], r[0, 2]), n, r[1, 0], r[1, 1])
         out[i, 0, 1] = density.cosine_ratio(r[2, 0], r[2, 1])
         out[i, 0, 2] = np.float32(density.photon_counts(r[2, 2], r[2, 1]))
-        out[i, 0, 3] = bsdf.adjoint_factor(r[2, 0], r[2, 1], r[2, 2], r[1, 2])
+        out[i, 0, 3] = adjoint_factor(r[2, 0], r[2, 1], r[2, 2], r[1, 2])
         out[i, 1, :2] = sampling.octahedral_encode(n)
         x, y = sampling.octahedral_encode(m)
         out[i, 1, 2], out[i, 1, 3] = x, y

@@ -32,14 +32,15 @@ def mesh(**others):
     ("name", "value"),
     [
         *[(name, value) for name in ("metallic", "roughness", "specular", "transmission", "clearcoat",
-                                     "clearcoat_roughness")
+                                     "clearcoat_roughness", "sheen_roughness")
           for value in (-0.1, 1.1, NAN, "a", None, (1.0,))],
         *[("base_color", value)
           for value in ((2, 0, 0), (-1, 0, 0), (1, 1), (1, 1, 1, NAN), 0.5, "red", None)],
         *[("emission", value) for value in ((-1, 0, 0), (INF, 0, 0), (1e13, 0, 0), 1.0)],
         *[("ior", value) for value in (NAN, -1.0, 0.5, 1e9, "glass")],
         *[("specular_color", value) for value in ((-1, 1, 1), (1e5, 1, 1), 1.0)],
-        *[("attenuation_color", value) for value in ((3, 1, 1), (NAN, 1, 1))],
+        *[(name, value)
+          for name in ("attenuation_color", "sheen_color") for value in ((3, 1, 1), (NAN, 1, 1))],
         *[("attenuation_distance", value) for value in (0.0, -1.0, NAN)],
         *[("thickness", value) for value in (-1.0, NAN, INF)],
         *[("alpha_cutoff", value) for value in (-1.0, NAN)],

@@ -14,6 +14,7 @@ from ispm.accel.surface import glow
 from ispm.gpu import Gpu
 from ispm.optics.jit import jit
 from ispm.scene.camera import look_at_pose
+from ispm.scene.color import linear
 from ispm.scene.material import AlphaMode, Material, Texture, TextureUse, Wrap
 from ispm.scene.packed import Packed, pack
 from ispm.scene.scene import Scene
@@ -205,6 +206,37 @@ def test_textures_multiply_factors_by_their_own_uv(gpu: Gpu) -> None:
     expected = np.array([0.5, 1.0, 0.0]) / np.hypot(0.5, 1.0)
     assert angle(got["n"][inside], expected).max() < 0.3
     assert angle(got["ng"][inside], np.array([0.0, 1.0, 0.0])).max() < 0.004
+
+
+def test_textures_of_specular_reflection_are_seen_where_they_are(gpu: Gpu) -> None:
+    """As the same picture for base color and roughness, where the quad is seen, not before it."""
+    random = np.random.default_rng(7)
+    pixels = random.integers(0, 256, (4, 4, 4), np.uint8)
+    colors = Texture(pixels, linear=False, mipmaps=False)
+    twin = np.stack([pixels[..., 3]] * 4, axis=-1)
+    scene = Scene()
+    scene.add(quad(2.0), material=Material(
+        base_color_texture=colors, specular_color_texture=colors, specular_texture=colors,
+        metallic_roughness_texture=Texture(twin, srgb=False, linear=False, mipmaps=False),
+    ))  # fmt: skip
+    scene.add(quad(0.7), material=Material(base_color=(0.1, 0.2, 0.3)), translation=(0.3, 0.2, -0.4))
+    packed, upload, stage = pack(scene), Upload(gpu), GBufferStage(gpu)
+    with gpu.frame() as frame:
+        out = stage(frame, upload(packed), from_above())
+    ids, base, emission, specular = gpu.read_many([
+        (out.ids, np.uint32, 2), (out.base, np.float16, 4), (out.emission, np.float16, 4),
+        (out.specular, np.uint8, 4),
+    ])  # fmt: skip
+    shown = ids[..., 0] == 1
+    assert 2000 < shown.sum() < (ids[..., 0] > 0).sum() - 500
+    # halves round by 2^-11, bytes by half a step of sRGB or of 255
+    assert np.abs(linear(specular[shown, :3] / 255.0) - base[shown, :3]).max() < 2e-3
+    assert np.abs(specular[shown, 3] / 255.0 - emission[shown, 3]).max() < 1e-3
+    assert len(np.unique(specular[shown], axis=0)) >= 12
+    plain = pack(Scene(scene.nodes[1:]))
+    with gpu.frame() as frame:
+        out = stage(frame, upload(plain), from_above())
+    assert out.specular.size == (1, 1)
 
 
 def test_normal_map_is_mirrored_with_its_instance(gpu: Gpu) -> None:

@@ -76,26 +76,29 @@ def test_light_is_added_to_the_listed_pixels_alone(gpu):
     size, random = (37, 21), np.random.default_rng(1)
     chains = SpecularStage(gpu)
     textures, before = [], []
-    for name in ("direct", "indirect", "emission"):
+    for name in ("direct", "indirect", "emission", "irradiance"):
         values = random.random((size[1], size[0], 4), np.float32)
         values[..., 3] = 1.0
         texture = gpu.texture(name, "rgba32float", usage=("storage", "sampled")).sized(size)
         textures.append(texture.write(values))
         before.append(values.reshape(-1, 4))
     pixels = np.sort(random.permutation(37 * 21)[:300])
-    light = random.random((300, 13), np.float32)
+    light = random.random((300, 16), np.float32)
     with gpu.frame() as frame:
         through = chains.patch(frame, pixels, light, *textures)
-    *after, seen = gpu.read_many([(texture, np.float32, 4) for texture in (*textures, through)])
+    *after, seen = gpu.read_many([(texture, np.float32, 4) for texture in (*textures[:3], through)])
     expected = np.zeros((37 * 21, 3), np.float32)
     expected[pixels] = light[:, 9:12]
     assert (seen[..., :3].reshape(-1, 3) == expected).all()
-    for k, (old, new) in enumerate(zip(before, after, strict=True)):
-        kept = 1.0 - light[:, 12:] if k < 2 else np.float32(1.0)  # a coat does not hide emission
+    before[1][pixels, :3] += (
+        light[:, 12:15] / np.float32(np.pi) * before[3][pixels, :3] / (1.0 - light[:, 15:])
+    )
+    for k, (old, new) in enumerate(zip(before[:3], after, strict=True)):
+        kept = 1.0 - light[:, 15:] if k < 2 else np.float32(1.0)  # a coat and sheen do not hide emission
         old[pixels, :3] = kept * old[pixels, :3] + light[:, 3 * k : 3 * k + 3]
-        assert new.reshape(-1, 4) == pytest.approx(old, rel=2e-7)
+        assert new.reshape(-1, 4) == pytest.approx(old, rel=1e-6)
     for shown in (1.0, 0.0):  # a later picture keeps nothing of this one
-        light = random.random((10, 13), np.float32) * np.repeat([1, shown, 1], [9, 3, 1])
+        light = random.random((10, 16), np.float32) * np.repeat([1, shown, 1], [9, 3, 4])
         with gpu.frame() as frame:
             through = chains.patch(frame, pixels[:10], light, *textures)
         (seen,) = gpu.read_many([(through, np.float32, 4)])

@@ -35,7 +35,7 @@ def surface(
 def mirror_gloss(roughness):
     """The glossy lobe alone, all of whose facets reflect everything."""
     none, all_ = (0, 0, 0), (1, 1, 1)
-    return singles((none, all_, 1, roughness**2, 0, 0, none, 1.5, 0))
+    return singles((none, all_, 1, roughness**2, 0, 0, none, 1.5, 0, 0))
 
 
 def towards(cosine):

@@ -14,6 +14,7 @@ from ispm.optics.bsdf import eval_bsdf, pdf_bsdf
 from ispm.optics.coat import coat_bsdf, covered, make_coat
 from ispm.optics.jit import jit
 from ispm.optics.rng import random4
+from ispm.optics.sheen import NO_SHEEN
 from ispm.paths.eye import trace_eye
 from ispm.paths.eye_paths import EyeRays
 from ispm.photons.scatter import scatter
@@ -63,7 +64,9 @@ def coated(base, roughness, cosine, weight=1.0):
     none = f32(0), f32(0), f32(0)
     wo = f32(math.sqrt(1.0 - cosine * cosine)), f32(0), f32(cosine)
     b = made(covered(base, coat.shown))
-    return SurfacePoint(Hit(u32(0), u32(0), f32(0), f32(0)), none, UP, UP, b, u32(0), True, coat), wo
+    return SurfacePoint(
+        Hit(u32(0), u32(0), f32(0), f32(0)), none, UP, UP, b, u32(0), True, coat, NO_SHEEN
+    ), wo
 
 
 WHITE = made(coat_bsdf(make_coat(f32(0), f32(0), UP, f32(1))))._replace(diffuse=(f32(1),) * 3)

@@ -1,0 +1,152 @@
+"""Sheen in pictures: what it makes of lights, and as bright as slow paths find it."""
+
+import math
+
+import numpy as np
+import pytest
+from transport import Tracer, render
+
+from ispm.library.common import lambert
+from ispm.library.shapes import icosphere, polygons
+from ispm.optics.jit import jit
+from ispm.optics.sheen import eval_sheen, sheen_albedo
+from ispm.reference.paths import path_light
+from ispm.scene.camera import Camera
+from ispm.scene.environment import Environment
+from ispm.scene.light import PointLight, RectLight
+from ispm.scene.material import Material, Texture
+from ispm.scene.scene import Scene
+from ispm.stages.camera import CameraView
+
+f32 = np.float32
+UP = f32(0), f32(1), f32(0)
+
+
+def floor(material, uv=None):
+    """A square of 20 m at y = 0."""
+    scene = Scene()
+    mesh = polygons([np.array([(-10, 0, -10), (-10, 0, 10), (10, 0, 10), (10, 0, -10)], float)], "floor")
+    if uv is not None:
+        mesh.uv0 = np.full((len(mesh.positions), 2), uv, f32)
+    scene.add(mesh, material=material, name="floor")
+    return scene
+
+
+def unit(v):
+    return v / np.linalg.norm(v, axis=-1, keepdims=True)
+
+
+def places_seen(eye, size, yfov):
+    """Points of the floor that pixels show, (n, 3)."""
+    width, height = size
+    x, y = np.meshgrid((np.arange(width) + 0.5) / width * 2 - 1, 1 - (np.arange(height) + 0.5) / height * 2)
+    tangent, back = math.tan(yfov / 2), unit(np.array(eye))
+    right = np.array([1.0, 0.0, 0.0])
+    d = (
+        (x * width / height * tangent)[..., None] * right
+        + (y * tangent)[..., None] * np.cross(back, right)
+        - back
+    )
+    d = d.reshape(-1, 3)
+    return np.array(eye) - d * (eye[1] / d[:, 1:2])
+
+
+@jit
+def lobes(roughness, wo, wi, f, albedo):
+    for i in range(len(wo)):
+        o, w = (wo[i, 0], wo[i, 1], wo[i, 2]), (wi[i, 0], wi[i, 1], wi[i, 2])
+        s = math.sqrt((o[0] + w[0]) ** 2 + (o[1] + w[1]) ** 2 + (o[2] + w[2]) ** 2)
+        h = f32((o[0] + w[0]) / s), f32((o[1] + w[1]) / s), f32((o[2] + w[2]) / s)
+        f[i], albedo[i] = eval_sheen(roughness, UP, o, w, h), sheen_albedo(roughness, o[1])
+
+
+@pytest.mark.parametrize("mapped", [False, True])
+def test_a_picture_of_a_floor_with_sheen_is_the_formula(gpu, mapped):
+    """Direct light of a matte floor under sheen, by factors or by textures that stand for them; 1 % of the
+    brightest, which pixels' halves and normals round."""
+    color, roughness = np.array([1.0, 0.5, 0.25]), 0.45
+    look = dict(sheen_color=tuple(color), sheen_roughness=roughness)
+    if mapped:
+        color, roughness = np.array([1.0, 0.0, 0.2]), 0.9 * 102 / 255
+        picture = Texture(np.full((1, 1, 4), (255, 0, 255, 102), np.uint8))
+        look = dict(sheen_color=(1.0, 0.7, 0.2), sheen_roughness=0.9)
+        look |= dict(sheen_color_texture=picture, sheen_roughness_texture=picture)
+    scene = floor(Material((0.4,) * 3, specular=0.0, **look), uv=0.5)
+    eye, place = (0.0, 1.0, 3.0), (0.5, 2.0, -0.5)
+    scene.add(PointLight((50.0,) * 3), translation=place)
+    camera = Camera.look_at(eye, (0, 0, 0), yfov=0.6)
+    frame, _ = render(gpu, scene, camera, size=(64, 36), antialias=False)
+    places = places_seen(eye, (64, 36), 0.6)
+    to_light = np.array(place) - places
+    wo, wi = unit(np.array(eye) - places), unit(to_light)
+    irradiance = wi[:, 1] * 50.0 / (to_light**2).sum(axis=1)
+    f, albedo = np.zeros((2, len(places)), f32)
+    lobes(f32(roughness), wo.astype(f32), wi.astype(f32), f, albedo)
+    base = (1.0 - color.max() * albedo) * 0.4 / math.pi
+    expected = (base[:, None] + f[:, None] * color) * irradiance[:, None]
+    assert (f * irradiance).max() > 0.1 * expected.max()
+    near = np.abs(places).max(axis=1) < 9.0  # on the floor
+    found = frame.direct.reshape(-1, 3)[near]
+    np.testing.assert_allclose(found, expected[near], rtol=2e-3, atol=1e-2 * expected.max())
+
+
+def test_a_white_ball_with_sheen_in_even_light_is_white(gpu):
+    """What sheen hides it reflects: radiance 1 all over, but for the filter of light by few directions."""
+    scene = Scene()
+    material = Material((1.0,) * 3, specular=0.0, sheen_color=(1.0,) * 3, sheen_roughness=0.6)
+    scene.add(icosphere(1.0, 24, "ball"), material=material, name="ball")
+    scene.environment = Environment(np.ones((4, 8, 3), f32))
+    camera = Camera.look_at((0, 0, 4), (0, 0, 0), yfov=0.6)
+    frame, _ = render(gpu, scene, camera, size=(48, 48), antialias=False, passes=4)
+    shown = np.isfinite(frame.depth)
+    radiance = frame.radiance[shown]
+    error = radiance.std(axis=0) / math.sqrt(len(radiance))
+    assert (np.abs(radiance.mean(axis=0) - 1.0) < 4.0 * error + 4e-3).all()
+
+
+def ball(**look):
+    """A ball in an open box under a lamp."""
+    scene = Scene()
+    for corners, color in (
+        ([(-2, 0, -2), (-2, 0, 2), (2, 0, 2), (2, 0, -2)], (0.7,) * 3),
+        ([(-2, 0, -2), (2, 0, -2), (2, 3, -2), (-2, 3, -2)], (0.7, 0.4, 0.3)),
+        ([(-2, 0, 2), (-2, 0, -2), (-2, 3, -2), (-2, 3, 2)], (0.3, 0.7, 0.4)),
+    ):
+        scene.add(polygons([np.array(corners, float)], "wall"), material=lambert(color))
+    scene.add(icosphere(0.7, 24, "ball"), material=Material(**look), translation=(0.0, 0.7, 0.0), name="ball")
+    scene.add(RectLight((60.0,) * 3, 1.0, 1.0), translation=(0.5, 2.9, 0.5), rotation=(-0.7071, 0, 0, 0.7071))
+    return scene
+
+
+@pytest.mark.parametrize(
+    "look",
+    [
+        dict(base_color=(0.5, 0.1, 0.1), sheen_color=(0.9, 0.6, 0.3), sheen_roughness=0.5),
+        dict(base_color=(0.02,) * 3, specular=0.0, sheen_color=(0.8,) * 3, sheen_roughness=1.0),
+        dict(base_color=(0.6, 0.3, 0.2), sheen_color=(0.5,) * 3, sheen_roughness=0.3, clearcoat=0.8),
+        dict(base_color=(0.9,) * 3, metallic=1.0, roughness=0.0, sheen_color=(0.7,) * 3, sheen_roughness=0.7),
+    ],
+    ids=["velvet", "black", "coated", "mirror"],
+)
+def test_a_ball_with_sheen_is_as_bright_as_paths_find_it(gpu, look):
+    """Six pictures; the ball's mean, apart in direct and indirect light, against the slow paths'."""
+    scene, size = ball(**look), (64, 48)
+    camera = Camera.look_at((0, 1.2, 4.5), (0, 0.7, 0), yfov=0.4)
+    frame, _ = render(gpu, scene, camera, size=size, antialias=False)
+    shown = frame.instance == np.bincount(frame.instance[20:28, 28:36].ravel()).argmax()
+    runs = [
+        render(gpu, scene, camera, size=size, antialias=False, seed=s)[0].radiance[shown].mean(axis=0)
+        for s in range(6)
+    ]
+    ours, our_error = np.mean(runs, axis=0), np.std(runs, axis=0, ddof=1) / math.sqrt(len(runs))
+    tracer, view = Tracer(scene), CameraView(size, camera.pose, camera.yfov, None)
+    x, y = np.meshgrid(np.arange(size[0]) + 0.5, np.arange(size[1]) + 0.5)
+    origins, directions = view.rays_through(x, y)
+    rays = np.broadcast_to(origins, directions.shape)[shown], directions[shown]
+    parts = np.array([
+        path_light(tracer.tables, *rays, samples=range(k, k + 32), bounces=32, threads=2).mean(axis=0)
+        for k in range(0, 256, 32)
+    ])  # fmt: skip
+    truth, error = parts.mean(axis=0), parts.std(axis=0, ddof=1) / math.sqrt(len(parts))
+    assert (error < 0.01 * truth).all()
+    assert (np.abs(ours - truth) < 0.02 * truth + 3.5 * np.hypot(error, our_error)).all()
