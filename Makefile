@@ -7,7 +7,7 @@ ARGS ?=
 WRITE ?=
 run = .venv/bin
 
-.PHONY: help demo test guard docs drivers check bench soak fuzz accuracy biases live peers kernels wheel clean
+.PHONY: help demo test guard docs drivers check bench reports soak fuzz accuracy biases live peers kernels wheel clean
 
 help:
 	@echo 'make demo               render a few built-in scenes to out/'
@@ -19,7 +19,8 @@ help:
 	@echo 'make drivers            tests on other Vulkan drivers, validation, Tint; PARTS=, see scripts/drivers.sh'
 	@echo 'make check              format, lint, types, imports'
 	@echo 'make bench              the benchmark'
-	@echo 'make soak               thousands of pictures: does anything grow? an hour and a half'
+	@echo 'make reports            measures all of docs/benchmarks.md, to out/*.json; half an hour or more'
+	@echo 'make soak               thousands of pictures: does anything grow? two hours and a half'
 	@echo 'make accuracy           errors against a path tracer, to docs/accuracy.md'
 	@echo 'make peers              seconds for the same error, beside other renderers, to docs/accuracy.md'
 	@echo '                        LUXCORE=, MITSUBA=: interpreters that have them, if not this one'
@@ -61,6 +62,13 @@ check:
 bench:
 	@scripts/setup.sh all
 	$(run)/ispm bench
+
+reports:
+	@scripts/setup.sh all
+	mkdir -p out
+	$(run)/ispm bench -o out/frame.json
+	$(run)/ispm bench --growth -o out/growth.json
+	$(run)/ispm bench --talk -o out/talk.json
 
 soak:
 	@scripts/setup.sh core

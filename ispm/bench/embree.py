@@ -52,7 +52,7 @@ _intersect: Any = types.ExternalFunction("rtcIntersect1", types.void(types.uintp
 
 
 class EmbreeScene:
-    """The instances of a packed scene in Embree; the library's objects live as long as the process.
+    """The instances of a packed scene in Embree, until it is closed.
 
     Raises ImportError where `embreex` is not installed.
     """
@@ -70,6 +70,13 @@ class EmbreeScene:
             self._library.rtcSetGeometryTransform(geometry, 0, _FLOAT3X4_ROWS, matrix.ctypes.data)
             self._attach(self.scene, geometry)
         self._library.rtcCommitScene(self.scene)
+        for mesh in meshes:
+            self._library.rtcReleaseScene(mesh)  # its instances hold it
+
+    def close(self) -> None:
+        """Free the library's objects; nothing can be traced afterwards."""
+        self._library.rtcReleaseScene(self.scene)
+        self._library.rtcReleaseDevice(self._device)
 
     def trace(self, origins: np.ndarray, directions: np.ndarray, threads: int = 1) -> np.ndarray:
         """Return the nearest hits, (N,) HIT, as `World.trace` does; `t` is infinite where nothing is hit.
@@ -133,6 +140,7 @@ def compare_rates(
         seconds = np.array([[_seconds(run) for run in runs] for _ in range(repetitions)])
     finally:
         world.threads = kept
+        embree.close()
     own, raw = np.median(len(origins) / seconds, axis=0)
     return {"own": float(own), "embree": float(raw), "ratio": float(np.median(seconds[:, 1] / seconds[:, 0]))}
 
@@ -176,6 +184,8 @@ def _declare(library: ctypes.CDLL) -> None:
         ("rtcCommitGeometry", None, [pointer]),
         ("rtcAttachGeometry", word, [pointer, pointer]),
         ("rtcReleaseGeometry", None, [pointer]),
+        ("rtcReleaseScene", None, [pointer]),
+        ("rtcReleaseDevice", None, [pointer]),
     ):
         function = getattr(library, name)
         function.restype, function.argtypes = result, arguments

@@ -24,6 +24,7 @@ from ispm import __version__
 from ispm.accel.surface import SurfaceTable
 from ispm.accel.world import World
 from ispm.bench.rays import rays_of_walk
+from ispm.gpu.traffic import Traffic, traffic
 from ispm.kernels.threads import thread_count
 from ispm.library.builtin import builtin
 from ispm.lights.emission import emit_rays
@@ -31,12 +32,13 @@ from ispm.optics.texture import TextureTable
 from ispm.photons.walk import walk
 from ispm.renderer import Renderer, Stats
 from ispm.renderer.light import map_plan
-from ispm.scene.packed import pack
+from ispm.renderer.watch import rendering_seconds
+from ispm.scene.packed import Packed, pack
 from ispm.scene.scene import Scene
 from ispm.settings import Settings
 
 SCENE = "atrium"
-FORMAT = 2  # of a report as JSON; 1 had no number, and no quartiles
+FORMAT = 2  # of reports as JSON; 1 had no number, and no quartiles
 _TIMES = ("direct", "bounce_map", "copy", "trace", "radiance", "upsample", "compose", "total", "direct_only")
 STAGES = (*(f"{name}_ms" for name in _TIMES), "fps_full", "fps_direct")
 _FRAMES, _QUICK_FRAMES = 20, 8
@@ -81,6 +83,9 @@ class FrameTimes:
     columns      by name: stages in ms and frames per second as `Stats` has them; `photons_per_s`, those
                  emitted in a second of `trace_ms`; `ns_per_stored_photon` of it
     no_bounces   ms of the same frames with `bounces` 0: nothing emitted, nothing traced
+    prepare      ms before each of them that no stage counts: packing what moved, fitting trees to it
+    traffic      bytes that one of them moves between CPU and device; traffic_bare: one without bounces
+    seen         share of the pixels, 0 to 1, that show a surface
     """
 
     scene: str
@@ -88,6 +93,10 @@ class FrameTimes:
     stats: Stats
     columns: dict[str, Spread]
     no_bounces: Spread
+    prepare: Spread
+    traffic: Traffic
+    traffic_bare: Traffic
+    seen: float
 
 
 @dataclass(frozen=True)
@@ -110,7 +119,7 @@ class Report:
     """The outcome of `run_bench`; `rates` is empty where Embree is not installed.
 
     peak_memory  resident bytes of the process after the frames, compilers and all
-    format       of the report in a file
+    format       of the report in a file; kind: which of the reports it is
     """
 
     machine: Machine
@@ -119,6 +128,7 @@ class Report:
     rates: list[TraceRate]
     peak_memory: int
     format: int = FORMAT
+    kind: str = "frame"
 
 
 def run_bench(quick: bool = False, settings: Settings | None = None, frames: int | None = None) -> Report:
@@ -141,18 +151,46 @@ def run_bench(quick: bool = False, settings: Settings | None = None, frames: int
 def measure_frames(scene: Scene, settings: Settings, frames: int) -> FrameTimes:
     """Render `frames` moments of a scene after a few that are not counted, with bounces and without."""
     with Renderer(scene, settings) as renderer:
-        moving = [_render(renderer, moment) for moment in moments(scene, frames + _WARM_UP)][_WARM_UP:]
+        moving = render_moving(renderer, scene, frames)
         renderer.settings = settings.replace(bounces=0)
-        bare = [_render(renderer, moment) for moment in moments(scene, frames + _WARM_UP)][_WARM_UP:]
-    columns = {name: spread([getattr(stats, name) for stats in moving]) for name in STAGES}
-    columns["photons_per_s"] = spread([1e3 * s.emitted_photons / s.trace_ms for s in moving])
-    columns["ns_per_stored_photon"] = spread([1e6 * s.trace_ms / max(s.stored_photons, 1) for s in moving])
-    return FrameTimes(scene.name, frames, moving[-1], columns, spread([stats.total_ms for stats in bare]))
+        bare = render_moving(renderer, scene, frames)
+        seen = float((renderer.render().instance >= 0).mean())
+    stats = [each.stats for each in moving]
+    columns = {name: spread([getattr(each, name) for each in stats]) for name in STAGES}
+    columns["photons_per_s"] = spread([1e3 * s.emitted_photons / s.trace_ms for s in stats])
+    columns["ns_per_stored_photon"] = spread([1e6 * s.trace_ms / max(s.stored_photons, 1) for s in stats])
+    return FrameTimes(
+        scene.name,
+        frames,
+        stats[-1],
+        columns,
+        spread([each.stats.total_ms for each in bare]),
+        spread([each.wall_ms - each.stats.total_ms for each in moving]),
+        moving[-1].traffic,
+        bare[-1].traffic,
+        seen,
+    )
 
 
-def _render(renderer: Renderer, scene: Scene) -> Stats:
+@dataclass(frozen=True)
+class Rendered:
+    """What one frame took: its statistics, ms from call to return, and bytes to and from the device."""
+
+    stats: Stats
+    wall_ms: float
+    traffic: Traffic
+
+
+def render_moving(renderer: Renderer, scene: Scene, frames: int) -> list[Rendered]:
+    """Render `frames` moments of a scene after a few that are not counted."""
+    return [_render(renderer, moment) for moment in moments(scene, frames + _WARM_UP)][_WARM_UP:]
+
+
+def _render(renderer: Renderer, scene: Scene) -> Rendered:
     renderer.scene = scene
-    return renderer.render().stats
+    before, start = traffic(), rendering_seconds()
+    stats = renderer.render().stats
+    return Rendered(stats, 1e3 * (rendering_seconds() - start), traffic().since(before))
 
 
 def moments(scene: Scene, count: int) -> Iterator[Scene]:
@@ -178,27 +216,41 @@ def measure_trace(scene: Scene, settings: Settings) -> tuple[int, list[TraceRate
 
     No rates where Embree is not installed.
     """
-    packed = pack(scene)
-    world = World()
-    world.update(packed)
-    footprint = _TEXTURE_FOOTPRINT * packed.diagonal
-    surfaces = SurfaceTable(packed, TextureTable.pack(packed.textures), footprint)
-    plan = map_plan(packed, settings, 0)
-    emitted = emit_rays(packed, world, surfaces, plan, settings.seed, 0)
-    bounces, seed = settings.bounces, settings.seed
-    origins, directions = rays_of_walk(packed, world, surfaces, emitted, bounces, seed)
+    walked = Walked(scene, settings)
     if find_spec("embreex") is None:
-        return len(origins), []
+        return len(walked.origins), []
     from ispm.bench.embree import compare_rates
 
     rates = []
-    race = [np.tile(rays, (_TRACE_REPEATS, 1)) for rays in (origins, directions)]
+    world, race = walked.world, walked.repeated()
     for threads in sorted({1, thread_count(None)}):
-        raw = compare_rates(world, packed, race[0], race[1], threads, _REPETITIONS)
+        raw = compare_rates(world, walked.packed, *race, threads=threads, repetitions=_REPETITIONS)
         world.threads = threads
-        seconds = _seconds(partial(walk, packed, world, surfaces, emitted, bounces, seed, 0))
-        rates.append(TraceRate(threads, len(origins) / seconds, raw["own"], raw["embree"]))
-    return len(origins), rates
+        rates.append(
+            TraceRate(threads, len(walked.origins) / _seconds(walked.walk), raw["own"], raw["embree"])
+        )
+    return len(walked.origins), rates
+
+
+class Walked:
+    """The photons of a scene's first pass, and the rays that follow them: (N, 3) origins and directions."""
+
+    def __init__(self, scene: Scene, settings: Settings) -> None:
+        self.packed: Packed = pack(scene)
+        self.world = World()
+        self.world.update(self.packed)
+        footprint = _TEXTURE_FOOTPRINT * self.packed.diagonal
+        surfaces = SurfaceTable(self.packed, TextureTable.pack(self.packed.textures), footprint)
+        plan = map_plan(self.packed, settings, 0)
+        emitted = emit_rays(self.packed, self.world, surfaces, plan, settings.seed, 0)
+        told = self.packed, self.world, surfaces, emitted, settings.bounces, settings.seed
+        self.walk: Callable[[], Any] = partial(walk, *told, 0)
+        self.origins, self.directions = rays_of_walk(*told)
+
+    def repeated(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return origins and directions so often that a run outlasts the start of threads."""
+        times = _TRACE_REPEATS, 1
+        return np.tile(self.origins, times), np.tile(self.directions, times)
 
 
 def _seconds(run: Callable[[], Any]) -> float:

@@ -1,15 +1,14 @@
-"""The scenes of the talk's table, each at its row's resolution, subsampling, photons and bounces.
-
-Source: McGuire and Luebke, Hardware-Accelerated Global Illumination by Image Space Photon Mapping, talk at
-High Performance Graphics 2009, table of results: a GeForce GTX 280 and eight cores.
-"""
+"""The scenes of the talk's table, each at its row's resolution, subsampling, photons and bounces."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
-from ispm.bench.suite import FrameTimes, measure_frames
+from ispm.bench.suite import FORMAT, FrameTimes, Machine, measure_frames
+from ispm.bench.talk_rows import ROWS, TalkRow
+from ispm.bench.yardsticks import Floor, Yardsticks, embree_rate, floor_of
 from ispm.library.builtin import builtin
 from ispm.settings import Settings
 
@@ -17,74 +16,38 @@ QUICK_FRAMES, FRAMES = 4, 20
 
 
 @dataclass(frozen=True)
-class TalkRow:
-    """A row of the talk's table.
-
-    scene                built in, with the triangles, moving objects and lights of the talk's
-    size                 pixels across and down
-    fps_direct, fps_full frames per second with direct light alone, and with all light
-    """
-
-    scene: str
-    photons: int
-    bounces: int
-    size: tuple[int, int]
-    subsampling: int
-    fps_direct: float
-    fps_full: float
-
-    @property
-    def added_ms(self) -> float:
-        """What indirect light adds to a frame, ms."""
-        return 1e3 / self.fps_full - 1e3 / self.fps_direct
-
-    @property
-    def ratio(self) -> float:
-        """A frame with all light over one with direct light alone."""
-        return self.fps_direct / self.fps_full
-
-
-_HD, _TALL, _SQUARE, _SMALL = (1920, 1080), (1920, 1600), (512, 512), (512, 384)
-ROWS = [
-    TalkRow("ironworks-car", 8_448, 1, _HD, 4, 121.8, 26.5),
-    TalkRow("ironworks-car", 8_448, 3, _HD, 4, 121.8, 20.6),
-    TalkRow("ironworks-water", 26_896, 1, _HD, 4, 159.9, 13.4),
-    TalkRow("ironworks-water", 40_000, 1, _HD, 2, 159.9, 8.7),
-    TalkRow("cargo-bay", 20_356, 3, _HD, 6, 138.9, 21.4),
-    TalkRow("cargo-bay", 20_356, 1, _HD, 6, 138.9, 26.7),
-    TalkRow("cargo-level", 20_356, 3, _HD, 6, 95.7, 15.2),
-    TalkRow("cargo-map", 95_948, 3, _HD, 6, 6.5, 2.0),
-    TalkRow("glass-sphere", 26_640, 2, _SQUARE, 6, 199.0, 38.8),
-    TalkRow("glass-sphere", 137_780, 3, _SQUARE, 3, 199.0, 10.3),
-    TalkRow("glass-sphere", 18_000, 2, _HD, 6, 163.0, 34.1),
-    TalkRow("objects-in-box", 27_620, 3, _HD, 8, 177.6, 11.8),
-    TalkRow("objects-in-box", 27_620, 2, _HD, 10, 177.6, 15.8),
-    TalkRow("atrium", 13_688, 1, _TALL, 4, 195.2, 11.9),
-    TalkRow("atrium", 6_240, 1, _HD, 4, 195.2, 22.4),
-    TalkRow("glass-figure", 29_928, 2, _HD, 6, 137.0, 9.6),
-    TalkRow("glass-figure", 29_928, 2, _HD, 16, 137.0, 12.8),  # fps_direct of the row before: it has none
-    TalkRow("caustic-ring", 101_124, 1, _SMALL, 1, 200.0, 28.0),
-    TalkRow("caustic-ring", 324_900, 1, _SMALL, 1, 200.0, 10.9),
-    TalkRow("caustic-ring", 101_124, 1, _HD, 1, 197.5, 24.3),
-]
-
-
-@dataclass(frozen=True)
 class TalkTimes:
     """A row, and what it takes here.
 
+    talk      the row
     times     of its frames, in which camera, lights and objects move
     added_ms  median of whole frames less that of frames without bounces
     ratio     of these medians
+    embree    rays per second at which Embree follows the photons; NaN where it is not installed
+    floor     what `added_ms` would be at the yardsticks' rates
     """
 
-    row: TalkRow
+    talk: TalkRow
     times: FrameTimes
     added_ms: float
     ratio: float
+    embree: float
+    floor: Floor
+
+
+@dataclass
+class TalkReport:
+    """The outcome of `ispm bench --talk`, of the rows that were measured; `machine` as of the last."""
+
+    yardsticks: Yardsticks
+    machine: Machine
+    rows: list[TalkTimes] = field(default_factory=list)
+    format: int = FORMAT
+    kind: str = "talk"
 
 
 def measure_talk(
+    rates: Yardsticks,
     quick: bool = False,
     frames: int | None = None,
     rows: Sequence[TalkRow] = ROWS,
@@ -92,41 +55,57 @@ def measure_talk(
 ) -> Iterator[TalkTimes]:
     """Measure rows of the talk's table, and yield each as it is done.
 
+    rates   of the adapter, for floors
     quick   a quarter of the pixels and fewer frames
     frames  measured of each, after three that are not counted; None: 20, or 4 if quick
     tell    is called with a line before each row
     Raises AdapterError where no adapter serves.
     """
-    for number, row in enumerate(rows, 1):
+    for count, row in enumerate(rows, 1):
         width, height = (side // 2 for side in row.size) if quick else row.size
-        tell(f"{number} of {len(rows)}: {row.scene}, {width}x{height}")
+        tell(f"{count} of {len(rows)}: row {row.number}, {row.scene}, {width}x{height} ...")
         settings = Settings(
             size=(width, height), photons=row.photons, bounces=row.bounces, subsampling=row.subsampling
         )
-        times = measure_frames(builtin(row.scene), settings, frames or (QUICK_FRAMES if quick else FRAMES))
+        scene = builtin(row.scene)
+        times = measure_frames(scene, settings, frames or (QUICK_FRAMES if quick else FRAMES))
         full, direct = times.columns["total_ms"].median, times.no_bounces.median
-        yield TalkTimes(row, times, full - direct, full / direct)
+        embree = embree_rate(scene, settings)
+        floor = floor_of(times, settings, embree, rates)
+        yield TalkTimes(row, times, full - direct, full / direct, embree, floor)
+
+
+def row_line(each: TalkTimes) -> str:
+    """Return what a row took, in a line."""
+    full, direct = each.times.columns["total_ms"].median, each.times.no_bounces.median
+    least = "" if math.isnan(each.floor.total) else f", {each.floor.total:.0f} at least"
+    return (
+        f"  direct {direct:.0f} ms, all light {full:.0f} ms ({each.ratio:.2f} times; the talk: "
+        f"{each.talk.ratio:.2f}); indirect light adds {each.added_ms:.0f} ms (the talk: "
+        f"{each.talk.added_ms:.0f}{least})"
+    )
 
 
 def talk_table(measured: Sequence[TalkTimes]) -> list[tuple[object, ...]]:
-    """Return a table of rows, with headings: ours beside the talk's, and how many add no more than there."""
+    """Return a table of rows, with headings: ours beside the talk's."""
     rows: list[tuple[object, ...]] = [
-        ("scene", "triangles", "pixels", "K", "photons", "bounces", "direct ms", "full ms", "added ms",
-         "talk's", "full / direct", "talk's")
+        ("row", "scene", "triangles", "pixels", "K", "photons", "bounces", "direct ms", "full ms", "added ms",
+         "talk's", "floor", "full / direct", "talk's")
     ]  # fmt: skip
     for each in measured:
-        row, stats = each.row, each.times.stats
+        row, stats = each.talk, each.times.stats
         rows.append((
-            row.scene, f"{stats.polygons:,}", f"{stats.width}x{stats.height}", row.subsampling,
+            row.number, row.scene, f"{stats.polygons:,}", f"{stats.width}x{stats.height}", row.subsampling,
             f"{stats.emitted_photons:,}", row.bounces, each.times.no_bounces.median,
-            each.times.columns["total_ms"].median, each.added_ms, row.added_ms, each.ratio, row.ratio,
+            each.times.columns["total_ms"].median, each.added_ms, row.added_ms, each.floor.total, each.ratio,
+            row.ratio,
         ))  # fmt: skip
     return rows
 
 
 def summary(measured: Sequence[TalkTimes]) -> str:
     """Return a line that says in how many rows indirect light adds no more than in the talk."""
-    fewer = sum(each.added_ms <= each.row.added_ms for each in measured)
+    fewer = sum(each.added_ms <= each.talk.added_ms for each in measured)
     doubled = sum(each.ratio <= 2.0 for each in measured)
     return (
         f"in {fewer} of {len(measured)} rows indirect light adds no more ms than in the talk; in {doubled} a "

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import wgpu
 
-from ispm.gpu import memory
+from ispm.gpu import memory, traffic
 
 _USAGE = {
     "storage": wgpu.BufferUsage.STORAGE,
@@ -39,6 +39,7 @@ class Buffer:
     def write(self, array: np.ndarray) -> Buffer:
         """Replace the contents by the bytes of `array`; at least one element's room is kept."""
         self.sized(max(array.nbytes, array.itemsize))
+        traffic.count(sent=array.nbytes)
         if array.nbytes:
             data = np.ascontiguousarray(array).reshape(-1).view(np.uint8)
             whole = array.nbytes & ~3  # the queue copies in words
@@ -53,6 +54,7 @@ class Buffer:
     def patch(self, array: np.ndarray, offset: int) -> Buffer:
         """Replace bytes in use, from `offset` on, by those of `array`; both are multiples of 4."""
         data = np.ascontiguousarray(array).reshape(-1).view(np.uint8)
+        traffic.count(sent=data.nbytes)
         self._device.queue.write_buffer(self.handle, offset, data)
         return self
 

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import wgpu
 
+from ispm.gpu import traffic
 from ispm.gpu.buffer import Buffer
 from ispm.gpu.texture import Texture
 
@@ -95,6 +96,7 @@ class Readback:
         if end > self._staging.size:
             self._staging.destroy()
             self._staging = self._create(end)
+        traffic.count(read=sum(copy.nbytes for copy in planned))
         encoder = self._device.create_command_encoder()
         encoder.clear_buffer(self._staging, 0, 4)  # so that mapping waits even where nothing is copied
         for copy in planned:

@@ -12,6 +12,7 @@ import numpy as np
 import wgpu
 
 from ispm.errors import IspmError
+from ispm.gpu import traffic
 from ispm.gpu.raster import Canvas
 from ispm.gpu.readback import Readback
 from ispm.gpu.texture import Texture
@@ -52,6 +53,7 @@ class UniformPool:
             buffer, staged = self._chunks[index]
             count = _CHUNK if index < self._chunk else min(self._used, _CHUNK)
             if count:
+                traffic.count(sent=count)
                 self._device.queue.write_buffer(buffer, 0, staged[:count])
         self._chunk, self._used = 0, 0
 

@@ -8,7 +8,7 @@ from typing import TypeAlias
 import numpy as np
 import wgpu
 
-from ispm.gpu import memory
+from ispm.gpu import memory, traffic
 
 Sampler: TypeAlias = wgpu.GPUSampler
 
@@ -77,6 +77,7 @@ class Texture:
         """Copy (height, width, ...) pixels, in the texture's own format, into one mip level."""
         pixels = np.ascontiguousarray(pixels)
         height, width = pixels.shape[:2]
+        traffic.count(sent=pixels.nbytes)
         self._device.queue.write_texture(
             {"texture": self.handle, "mip_level": level},
             pixels,

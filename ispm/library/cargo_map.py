@@ -19,6 +19,7 @@ from ispm.scene.scene import Node, Scene
 
 PERIOD = 20.0  # s
 _STEP_X, _STEP_Z = 2.0 * modules.HALF_X + modules.LENGTH, 2.0 * modules.HALF_Z + modules.LENGTH
+_RANGE = 45.0  # m of a lamp, which brings a tenth of a lux there
 _KEYS = 2.0 * np.pi * np.arange(48) / 48
 _WARM, _COLD, _RED, _GREEN = (1.0, 0.62, 0.30), (0.42, 0.66, 1.0), (1.0, 0.16, 0.08), (0.35, 1.0, 0.55)
 
@@ -125,7 +126,7 @@ def _deck(
     _fly(scene, finishes, cells, tugs)
     for number, (x, y, z, color, candela) in enumerate(lights):
         r, g, b = (candela * c for c in color)
-        scene.add(PointLight((r, g, b)), name=f"light {number}", translation=(x, y, z))
+        scene.add(PointLight((r, g, b), range=_RANGE), name=f"light {number}", translation=(x, y, z))
     return scene
 
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ispm.accel.emitters import emitter_flux
-from ispm.accel.surface import SurfaceTable, emitted_radiance, leave_surface, scene_tables
+from ispm.accel.surface import SurfaceTable, emitted_radiance, hit_position, scene_tables
 from ispm.lights.emission import emit_texels
 from ispm.lights.lightmap import LIGHT_LAMBERT, light_map
 from ispm.lights.plan import PlannedMap, plan_views
@@ -102,12 +102,15 @@ def emit_from_lamp_maps(
 @jit
 def _draw_points(tables, cumulative, numbers, lights, emitters, extents):
     """Write (P,) LIGHT of points that (P, 3) numbers of [0, 1) draw: position, direction, and for intensity
-    radiance, cd/m2; rows of their EMITTERs and their `extent`."""
+    radiance, cd/m2; rows of their EMITTERs and their `extent`.
+
+    They lie on the surface itself: what sees the scene from them has a near plane, and the tables no trees.
+    """
     for i in range(len(lights)):
         drawn = draw_lamp_point(tables, cumulative, numbers[i, 0], numbers[i, 1], numbers[i, 2])
-        start, radiance = leave_surface(tables, drawn.hit, drawn.n), emitted_radiance(tables, drawn.hit)
+        place, radiance = hit_position(tables.surfaces, drawn.hit), emitted_radiance(tables, drawn.hit)
         for c in range(3):
-            lights[i].position[c] = start[c]
+            lights[i].position[c] = place[c]
             lights[i].direction[c] = drawn.n[c]
             lights[i].intensity[c] = radiance[c]
         emitters[i], extents[i] = u32(drawn.row), drawn.extent

@@ -72,8 +72,8 @@ def punctual_light(tables, x, wo, u, scratch, limit):
     """Return what of `direct_light` comes from points and along directions."""
     total, traced = (f32(0), f32(0), f32(0)), i64(0)
     for k in range(len(tables.lights)):
-        arriving = _unshadowed(tables.lights[k], x, wo, limit)
-        light, rays = _shadowed(tables, x, arriving, u, scratch)
+        arriving = unshadowed(tables.lights[k], x, wo, limit)
+        light, rays = shadowed(tables, x, arriving, u, scratch)
         total, traced = add(total, light), traced + rays
     return total, traced
 
@@ -96,11 +96,11 @@ def area_light(tables, x, wo, u, scratch, limit, goes_on, count=1):
         numbers = _next_numbers(first, k)
         if len(tables.emitters.triangles) > 0:
             arriving = _unshadowed_lamp(tables, x, wo, numbers, limit, goes_on)
-            light, rays = _shadowed(tables, x, arriving, u, scratch)
+            light, rays = shadowed(tables, x, arriving, u, scratch)
             total, traced = add(total, scale(share, light)), traced + rays
         if has_environment(tables.environment):
             arriving = _unshadowed_surround(tables, x, wo, numbers, goes_on)
-            light, rays = _shadowed(tables, x, arriving, u, scratch)
+            light, rays = shadowed(tables, x, arriving, u, scratch)
             total, traced = add(total, scale(share, light)), traced + rays
     return total, traced
 
@@ -142,7 +142,7 @@ def light_from_one(tables, x, wo, u, pick, scratch, limit):
     total, none = f32(0), (f32(0), f32(0), f32(0))
     drawn, weight = Arriving(none, f32(0), wo), f32(1)
     for k in range(len(tables.lights)):
-        arriving = _unshadowed(tables.lights[k], x, wo, limit)
+        arriving = unshadowed(tables.lights[k], x, wo, limit)
         drawn, weight, total, pick = _draw(drawn, weight, total, arriving, pick)
     if len(tables.emitters.triangles) > 0:
         arriving = _unshadowed_lamp(tables, x, wo, area_numbers(x.hit, u), limit, BY_NOTHING)
@@ -152,7 +152,7 @@ def light_from_one(tables, x, wo, u, pick, scratch, limit):
         drawn, weight, total, pick = _draw(drawn, weight, total, arriving, pick)
     if total <= f32(0):
         return none
-    light, _ = _shadowed(tables, x, drawn, u, scratch)
+    light, _ = shadowed(tables, x, drawn, u, scratch)
     return scale(total / weight, light)
 
 
@@ -179,8 +179,8 @@ def _draw(drawn, weight, total, arriving, pick):
 
 
 @jit
-def _shadowed(tables, x, arriving, u, scratch):
-    """What of an Arriving comes to a SurfacePoint, cd/m2 RGB, and the rays traced; u: for holes."""
+def shadowed(tables, x, arriving, u, scratch):
+    """Return what of an Arriving comes to a SurfacePoint, cd/m2 RGB, and the rays traced; u: for holes."""
     if greatest(arriving.radiance) <= f32(0):
         return (f32(0), f32(0), f32(0)), i64(0)
     start = leave_surface(tables, x.hit, side_of(x.ng, arriving.wi))
@@ -189,8 +189,9 @@ def _shadowed(tables, x, arriving, u, scratch):
 
 
 @jit
-def _unshadowed(light, x, wo, limit):
-    """The Arriving of a LIGHT at a SurfacePoint; black where its first bounce is bright."""
+def unshadowed(light, x, wo, limit):
+    """Return the Arriving of a LIGHT at a SurfacePoint, seen along wo; black where its first bounce is
+    bright, see `is_bright`."""
     irradiance, distance, wi = light_arriving(light, x.position)
     return Arriving(_reflected(x, wo, irradiance, irradiance, wi, limit), distance, wi)
 

@@ -16,7 +16,7 @@ from numba import literal_unroll
 from ispm.kernels.share import run_shared, shared_rows
 from ispm.optics.bsdf import NARROW_ALPHA
 from ispm.optics.jit import jit
-from ispm.optics.records import RECEIVER
+from ispm.optics.records import RECEIVER, take
 
 f32, i64, u32 = np.float32, np.int64, np.uint32
 
@@ -48,7 +48,7 @@ def image_of_ends(
     order = np.argsort(cells, kind="stable")
     used, first, count = np.unique(cells[order], return_index=True, return_counts=True)
     image = np.zeros(size[0] * size[1], RECEIVER)
-    image[used] = points[order[first + (count // 2 + pass_index) % count]]
+    image[used] = take(points, order[first + (count // 2 + pass_index) % count])
     image["footprint"] *= f32(block)
     apart = _nearest_neighbour(image.reshape(size[1], size[0])).reshape(-1)
     ray = image["footprint"]
@@ -224,10 +224,11 @@ def denoise_rough_transmission(
     Light is averaged over a fifth of what the surface blurs it, at most 11 x 11 pixels, whose paths went out
     in different directions; and single paths that found a light's image through two rough faces are cut.
     """
-    frost = frost.copy()
-    frost["blur"][frost["reflectance"][:, 0] > 0.0] = 0.0  # lobes are averaged by resolve_lobes
-    if not (frost["blur"] > 0.0).any():
+    rough = (frost["blur"] > 0.0) & (frost["reflectance"][:, 0] == 0.0)  # lobes are for resolve_lobes
+    if not rough.any():
         return
+    frost = frost.copy()
+    frost["blur"][~rough] = 0.0
     rows = np.full((int(pixels[-1]) // width + 1, width), -1, np.int32)
     rows[pixels // width, pixels % width] = np.arange(len(pixels))
     noisy = _Noisy(light.copy(), frost, rows)

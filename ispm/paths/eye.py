@@ -31,6 +31,7 @@ from ispm.accel.surface import (
 from ispm.accel.world import World
 from ispm.kernels.share import run_shared, shared_rows
 from ispm.kernels.simd import alloca
+from ispm.lights.few import light_of_few
 from ispm.lights.nee import (
     BY_FACETS,
     BY_NOTHING,
@@ -45,6 +46,7 @@ from ispm.optics.bsdf import NARROW_ALPHA, has_finite, is_narrow, is_smooth, tra
 from ispm.optics.environment import environment_radiance, has_environment
 from ispm.optics.jit import jit
 from ispm.optics.records import MATERIAL_UNLIT, NO_HIT, RECEIVER
+from ispm.optics.rng import random4
 from ispm.optics.vector import add, dot, scale, sub, vec3
 from ispm.paths.branch import (
     GLOSS_SAMPLES,
@@ -93,6 +95,7 @@ _MIN_WEIGHT = f32(1e-3)  # weight below which a path is not followed
 _MIN_WEIGHT_AFTER_END = f32(0.02)  # and below which not from an end
 _CONTACT = f32(1e-3)  # of a path, the least length of what reflects it to where it ends, for its blur
 _EVENTS_APART = 32  # numbers of the events of two paths that part
+_DIMENSION = 7 << 20  # of the random numbers that draw lights
 _OF_COAT = 255  # likewise of the light of a coat
 _LAMP_SAMPLES = 4  # points of lamps with a surface that an end is lit by, where a pixel has one path
 _CHUNK = 64  # pixels a thread takes at a time; results do not depend on it or on the threads
@@ -118,7 +121,8 @@ def trace_eye(
     told = rays.shows_environment, rays.of_coats
     view = View(f32(width), f32(spread), f32(near), f32(past), *numbers, *told)
     capacity = _CHUNK * _PATHS_MAX * _ENDS_MAX * _samples(packed)
-    ends, points, traced = [np.zeros(0, PATH_END)], [np.zeros(0, RECEIVER)], 0
+    words, cut = PATH_END_AND_POINT.itemsize // 4, PATH_END.itemsize // 4
+    ends, points, traced = [np.zeros((0, cut), np.uint32)], [np.zeros((0, words - cut), np.uint32)], 0
     for first in range(0, count, _BATCH):
         part = slice(first, min(first + _BATCH, count))
         chunks = -(-(part.stop - first) // _CHUNK)
@@ -127,12 +131,13 @@ def trace_eye(
         out = _Out(direct[part], emission[part], through[part], firsts[part], room, counts)
         batch = RayArrays(*(each[part] for each in arrays))
         _follow_batch(tables, surfaces, view, batch, first, out, world.threads)
-        for chunk, found in enumerate(counts[:, 0]):
-            kept = room[chunk * capacity : chunk * capacity + found]
-            ends.append(kept["end"].copy())
-            points.append(kept["point"].copy())
+        raw = room.view(np.uint32).reshape(-1, words)  # records are copied field by field, which is slow
+        met = [raw[k * capacity :][:found] for k, found in enumerate(counts[:, 0])]
+        ends.append(np.concatenate([part[:, :cut] for part in met]))
+        points.append(np.concatenate([part[:, cut:] for part in met]))
         traced += int(counts[:, 1].sum())
-    return EyePaths(direct, emission, through, np.concatenate(ends), np.concatenate(points), firsts, traced)
+    stored = np.concatenate(ends).view(PATH_END)[:, 0], np.concatenate(points).view(RECEIVER)[:, 0]
+    return EyePaths(direct, emission, through, *stored, firsts, traced)
 
 
 def _follow_batch(
@@ -334,7 +339,11 @@ def _follow(tables, view, thread, path, i, slot, out, done):
         goes_on = goes_on and mean >= (_MIN_WEIGHT_AFTER_END if ends > 0 else _MIN_WEIGHT)
         if not unlit and (has_finite(b) or not is_smooth(b)):
             lit, goes_on_by = widened(x, widest), BY_FACETS if goes_on else BY_NOTHING
-            light, shadows = punctual_light(tables, lit, wo, u0, thread.scratch, f32(np.inf))
+            if from_lobe:
+                pick, _, _, _ = random4(key, dimension + u32(_DIMENSION), view.pass_index, view.seed)
+                light, shadows = light_of_few(tables, lit, wo, u0, pick, thread.scratch)
+            else:
+                light, shadows = punctual_light(tables, lit, wo, u0, thread.scratch, f32(np.inf))
             count = 1 if from_lobe or rough else _LAMP_SAMPLES
             more, others = area_light(tables, x, wo, u0, thread.scratch, f32(np.inf), goes_on_by, count)
             add_light(out.direct, i, add(light, more), seen)

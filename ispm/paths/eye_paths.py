@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -68,14 +69,17 @@ class EyePaths:
     rays: int
 
 
-def join_paths(a: EyePaths, b: EyePaths) -> EyePaths:
-    """Return what two calls found as if the rays of the second had come after those of the first."""
-    ends = np.concatenate([a.ends, b.ends])
-    ends["slot"][len(a.ends) :] += np.uint32(len(a.direct))
-    names = ("direct", "emission", "through", "points", "firsts")
-    rest = (np.concatenate([getattr(a, name), getattr(b, name)]) for name in names)
-    direct, emission, through, points, firsts = rest
-    return EyePaths(direct, emission, through, ends, points, firsts, a.rays + b.rays)
+def join_paths(parts: Sequence[EyePaths]) -> EyePaths:
+    """Return what several calls found as if the rays of each had come after those of the ones before."""
+    names = ("direct", "emission", "through", "ends", "points", "firsts")
+    direct, emission, through, ends, points, firsts = (
+        np.concatenate([getattr(part, name) for part in parts]) for name in names
+    )
+    first, row = 0, 0
+    for part in parts:
+        ends["slot"][row : row + len(part.ends)] += np.uint32(first)
+        first, row = first + len(part.direct), row + len(part.ends)
+    return EyePaths(direct, emission, through, ends, points, firsts, sum(part.rays for part in parts))
 
 
 class RayArrays(NamedTuple):

@@ -15,7 +15,9 @@ from typing import NamedTuple
 import numpy as np
 
 from ispm.kernels.share import run_shared, shared_rows
+from ispm.kernels.simd import address, aligned, ldf, splat8, stf, vfma, vload8, vmul, vstore8
 from ispm.optics.jit import jit
+from ispm.optics.records import NO_HIT
 from ispm.optics.vector import dot, sub, vec3
 
 f32, i64, u32 = np.float32, np.int64, np.uint32
@@ -29,6 +31,17 @@ _OFF_PLANE = f32(2)  # pixels, and as many as the stride, off the plane of a sur
 _OUTLIER = 4.0  # times the mean about a pixel, above which its light goes farther: in the first pass
 _KERNEL = f32(0.5)  # variance of a whole pass, squares of its stride
 _CENTER = f32(0.25)  # weight of the middle pixel in it
+
+
+_LANES = 16  # floats of a pixel's light: a line of cache, whose last is the number of paths
+_PATHS = _LANES - 1
+
+# Of the lobe that a pixel shows: normals, alpha, position and a pixel's width there in m, and the instance,
+# NO_HIT without a lobe. Less than a line of cache: each is compared with its neighbours many times.
+_LOBE = np.dtype([
+    ("n", "<f4", 3), ("alpha", "<f4"), ("ng", "<f4", 3), ("width", "<f4"), ("position", "<f4", 3),
+    ("instance", "<u4"),
+])  # fmt: skip
 
 
 class Shown(NamedTuple):
@@ -62,60 +75,79 @@ def lonely_rows(given: Shown) -> np.ndarray:
     """Return the rows of pixels from whose lobe no path went out, nor from any beside them, sorted."""
     lonely = np.zeros(len(given.pixels), np.bool_)
     if _has_lobes(given):
-        _find_lonely(given, lonely)
+        _find_lonely(_picture(given), np.ascontiguousarray(given.firsts["samples"]), lonely)
     return np.flatnonzero(lonely)
 
 
 def resolve_lobes(light: np.ndarray, given: Shown, smoothing: float, threads: int) -> None:
-    """Average the light of pixels that show narrow lobes, (n, c) float32, c in threes, in place.
+    """Average the light of pixels that show narrow lobes, (n, c) float32, c in threes up to 15, in place.
 
     smoothing  factor on the deviation
     """
     if not _has_lobes(given):
         return
-    blur, weights = np.zeros((2, len(given.pixels)), np.float32)
-    values = np.zeros_like(light)
-    run_shared(lambda counter: _begin(given, f32(smoothing), light, counter, blur, values, weights), threads)
-    limit, excess = f32(_OUTLIER / max(smoothing**6, 1e-9)), values.copy()  # grows with the passes' number
-    run_shared(lambda counter: _cut(given, limit, blur, excess, counter, values), threads)
-    excess -= values
-    values = _averaged(given, values, weights, blur, _BENT, threads)
-    if excess.any():
-        widest = np.full_like(blur, np.inf)
-        values += _averaged(given, excess, weights, widest, _LENIENT, threads)
-    _finish(given, values, light)
+    picture, firsts = _picture(given), given.firsts
+    count = len(picture.pixels)
+    blur, values, excess = np.zeros(count, np.float32), _lanes(count), _lanes(count)
+    run_shared(lambda counter: _begin(picture, firsts, f32(smoothing), light, counter, blur, values), threads)
+    limit = f32(_OUTLIER / max(smoothing**6, 1e-9))  # grows with the passes' number
+    excess[:] = values
+    run_shared(lambda counter: _cut(picture, limit, blur, excess, counter, values), threads)
+    excess[:, :_PATHS] -= values[:, :_PATHS]
+    stands_out = excess[:, :_PATHS].any()
+    values = _averaged(picture, values, blur, _BENT, threads)
+    if stands_out:
+        values += _averaged(picture, excess, np.full_like(blur, np.inf), _LENIENT, threads)
+    _finish(picture, firsts, values, light)
+
+
+class _Picture(NamedTuple):
+    """Pixels and rows of a Shown, and (n,) _LOBE."""
+
+    pixels: np.ndarray
+    rows: np.ndarray
+    lobes: np.ndarray
+
+
+def _picture(given: Shown) -> _Picture:
+    lobes, firsts = np.empty(len(given.pixels), _LOBE), given.firsts[: len(given.pixels)]
+    for name in ("n", "ng", "alpha"):
+        lobes[name] = firsts[name]
+    lobes["position"], lobes["width"] = given.positions, given.widths
+    lobes["instance"] = np.where(firsts["reflectance"][:, 0] > 0.0, firsts["instance"], np.uint32(NO_HIT))
+    return _Picture(given.pixels, given.rows, lobes)
+
+
+def _lanes(count: int) -> np.ndarray:
+    """(n, _LANES) float32 zeros, each row a line of cache: light over reflectance, and the paths of which it
+    is the mean."""
+    return aligned(count * _LANES).reshape(count, _LANES)
 
 
 def _averaged(
-    given: Shown, values: np.ndarray, weights: np.ndarray, blur: np.ndarray, bent: np.float32, threads: int
+    picture: _Picture, values: np.ndarray, blur: np.ndarray, bent: np.float32, threads: int
 ) -> np.ndarray:
-    """Return values, (n, c), averaged to a variance, (n,) pixels^2, as far as passes go."""
-    before, spent = _Averaged(values, weights), np.zeros_like(blur)
+    """Return values, (n, _LANES), averaged to a variance, (n,) pixels^2, as far as passes go."""
+    spent = np.zeros_like(blur)
     for stride in _STRIDES:
-        after = _Averaged(np.zeros_like(values), np.zeros_like(weights))
-        run_shared(_one_pass(given, stride, bent, blur, spent, before, after), threads)
-        before = after
-    return before.values
+        after = _lanes(len(values))
+        run_shared(_one_pass(picture, stride, bent, blur, spent, values, after), threads)
+        values = after
+    return values
 
 
 def _one_pass(
-    given: Shown,
+    picture: _Picture,
     stride: int,
     bent: np.float32,
     blur: np.ndarray,
     spent: np.ndarray,
-    before: _Averaged,
-    after: _Averaged,
+    before: np.ndarray,
+    after: np.ndarray,
 ) -> Callable[[np.uint64], None]:
     """Return what threads call to make one pass."""
-    return lambda counter: _average(given, i64(stride), bent, blur, spent, before, counter, after)
-
-
-class _Averaged(NamedTuple):
-    """Light over reflectance, (n, c) float32, and of how many paths each is the mean, (n,) float32."""
-
-    values: np.ndarray
-    weights: np.ndarray
+    places = address(before), address(after)
+    return lambda counter: _average(picture, i64(stride), bent, blur, spent, counter, *places)
 
 
 def _has_lobes(given: Shown) -> bool:
@@ -123,149 +155,148 @@ def _has_lobes(given: Shown) -> bool:
 
 
 @jit
-def _find_lonely(given, lonely):
-    """Mark (n,) bool, as `lonely_rows` says."""
-    for i in range(len(given.pixels)):
-        first = given.firsts[i]
-        if first.reflectance[0] > f32(0) and first.samples == u32(0):
+def _find_lonely(picture, samples, lonely):
+    """Mark (n,) bool, as `lonely_rows` says; samples: (n,) uint32 or more, paths from each."""
+    for i in range(len(picture.pixels)):
+        if picture.lobes[i].instance != u32(NO_HIT) and samples[i] == u32(0):
             weight = f32(0)
             for k in range(9):
-                j = _beside(given, i, k, i64(1))
-                if j >= i64(0):
-                    weight += f32(given.firsts[j].samples) * _likeness(given, i, j, i64(1), _BENT)
+                j = _beside(picture, i, k, i64(1))
+                if j >= i64(0) and samples[j] > u32(0):
+                    weight += f32(samples[j]) * _likeness(picture, i, j, i64(1), _BENT)
             lonely[i] = weight <= f32(0)
 
 
 @jit
-def _beside(given, i, k, stride):
+def _beside(picture, i, k, stride):
     """The row, int64, of neighbor `k` of 9 of row `i`, -1: there is none; stride: pixels between them."""
-    height, across = given.rows.shape
-    x = given.pixels[i] % across + stride * i64(k % 3 - 1)
-    y = given.pixels[i] // across + stride * i64(k // 3 - 1)
+    height, across = picture.rows.shape
+    x = picture.pixels[i] % across + stride * i64(k % 3 - 1)
+    y = picture.pixels[i] // across + stride * i64(k // 3 - 1)
     if x < i64(0) or y < i64(0) or x >= across or y >= height:
         return i64(-1)
-    return i64(given.rows[y, x])
+    return i64(picture.rows[y, x])
 
 
 @jit
-def _likeness(given, i, j, stride, bent):
+def _likeness(picture, i, j, stride, bent):
     """Weight, float32 in [0, 1], of row `j` to row `i`, `stride` pixels apart: 1 for one flat surface.
 
     bent  by what a bend is weighed
     """
-    a, b = given.firsts[i], given.firsts[j]
-    if a.instance != b.instance or b.reflectance[0] <= f32(0):
+    a, b = picture.lobes[i], picture.lobes[j]
+    if a.instance != b.instance:
         return f32(0)
     bend = f32(0)
     for k in range(3):
         bend += (a.n[k] - b.n[k]) * (a.n[k] - b.n[k])
     wider = max(a.alpha, b.alpha)
     apart = (a.alpha - b.alpha) / wider
-    off = dot(sub(vec3(given.positions[j]), vec3(given.positions[i])), vec3(a.ng))
-    off /= (_OFF_PLANE + f32(stride)) * given.widths[i]
+    off = dot(sub(vec3(b.position), vec3(a.position)), vec3(a.ng))
+    off /= (_OFF_PLANE + f32(stride)) * a.width
     straight = max(f32(1) - bent * bend / (wider * wider), f32(0))
     return straight * max(f32(1) - _ALIKE * apart * apart, f32(0)) * max(f32(1) - off * off, f32(0))
 
 
 @jit
-def _begin(given, smoothing, light, counter, blur, values, weights):
-    """Write the variance wanted, (n,) pixels^2, light over reflectance, (n, c), and the paths, (n,)."""
-    for i in shared_rows(counter, _CHUNK, len(given.pixels)):
-        first = given.firsts[i]
-        if first.reflectance[0] <= f32(0):
+def _begin(picture, firsts, smoothing, light, counter, blur, values):
+    """Write the variance wanted, (n,) pixels^2, and (n, _LANES) values; firsts: (n,) FIRST_VERTEX or more."""
+    for i in shared_rows(counter, _CHUNK, len(picture.pixels)):
+        if picture.lobes[i].instance == u32(NO_HIT):
             continue
-        weights[i] = f32(first.samples)
+        first = firsts[i]
+        values[i, _PATHS] = f32(first.samples)
         for c in range(light.shape[1]):
             values[i, c] = light[i, c] / first.reflectance[c % 3]
         total, inverse = f32(0), f32(0)
         for stride in range(1, 3):
             for k in range(9):
-                j = _beside(given, i, k, i64(stride))
-                if j >= i64(0) and given.firsts[j].blur > f32(0):
-                    w = _likeness(given, i, j, i64(stride), _BENT)
+                j = _beside(picture, i, k, i64(stride))
+                if j >= i64(0) and firsts[j].blur > f32(0):
+                    w = _likeness(picture, i, j, i64(stride), _BENT)
                     total += w
-                    inverse += w / given.firsts[j].blur
+                    inverse += w / firsts[j].blur
         if inverse > f32(0):
             deviation = smoothing * total / inverse
             blur[i] = deviation * deviation
 
 
 @jit
-def _cut(given, limit, blur, whole, counter, values):
-    """Lessen values, (n, c), that exceed `limit` times the mean about them: paths that few would find.
+def _cut(picture, limit, blur, whole, counter, values):
+    """Lessen values, (n, _LANES), that exceed `limit` times the mean about them: paths that few would find.
 
-    whole  (n, c) copy of values
+    whole  (n, _LANES) copy of values
     Where pixels nearby may differ, as their `blur` is less than a pixel, nothing is cut.
     """
-    for i in shared_rows(counter, _CHUNK, len(given.pixels)):
-        own = _sum(whole, i) if given.firsts[i].samples > u32(0) else f32(0)
+    for i in shared_rows(counter, _CHUNK, len(picture.pixels)):
+        own = _sum(whole, i) if whole[i, _PATHS] > f32(0) else f32(0)
         if own <= f32(0) or blur[i] < f32(1):
             continue
         total, paths = f32(0), f32(0)
         for k in range(18):
             stride = i64(1 + k // 9)
-            j = _beside(given, i, k % 9, stride)
+            j = _beside(picture, i, k % 9, stride)
             if j >= i64(0) and k % 9 != 4:
-                w = f32(given.firsts[j].samples) * _likeness(given, i, j, stride, _BENT)
+                w = whole[j, _PATHS] * _likeness(picture, i, j, stride, _BENT)
                 paths += w
                 total += w * _sum(whole, j)
         if paths > f32(0) and own * paths > limit * total:
             less = limit * total / (paths * own)
-            for c in range(values.shape[1]):
+            for c in range(_PATHS):
                 values[i, c] *= less
 
 
 @jit
 def _sum(values, i):
-    """Sum of row `i` of (n, c) values."""
+    """Sum of the light of row `i` of (n, _LANES) values."""
     total = f32(0)
-    for c in range(values.shape[1]):
+    for c in range(_PATHS):
         total += values[i, c]
     return total
 
 
 @jit
-def _average(given, stride, bent, blur, spent, before, counter, after):
-    """Write one pass over _Averaged `before` to `after`, zeros.
+def _average(picture, stride, bent, blur, spent, counter, before, after):
+    """Write one pass over the values at the address `before` to those, zeros, at `after`.
 
     bent         as of `_likeness`
     blur, spent  (n,) variance that is wanted, and that passes before have brought
     """
     whole = _KERNEL * f32(stride * stride)
-    for i in shared_rows(counter, _CHUNK, len(given.pixels)):
-        if given.firsts[i].reflectance[0] <= f32(0):
+    for i in shared_rows(counter, _CHUNK, len(picture.pixels)):
+        if picture.lobes[i].instance == u32(NO_HIT):
             continue
         wanted = min(max(blur[i] - spent[i], f32(0)), whole)
-        if before.weights[i] == f32(0) and stride == i64(1):
+        if ldf(before, i * _LANES + _PATHS) == f32(0) and stride == i64(1):
             wanted = whole
         spent[i] += wanted
         around = _CENTER * wanted / (whole - (f32(1) - _CENTER) * wanted)
-        total, paths = f32(0), f32(0)
+        total, paths, low, high = f32(0), f32(0), splat8(f32(0)), splat8(f32(0))
         for k in range(9):
-            j = _beside(given, i, k, stride) if k == 4 or around > f32(0) else i64(-1)
+            j = _beside(picture, i, k, stride) if k == 4 or around > f32(0) else i64(-1)
             if j < i64(0):
                 continue
             w = f32((2 - abs(k % 3 - 1)) * (2 - abs(k // 3 - 1))) * f32(0.0625)
             if k != 4:
-                w *= around * _likeness(given, i, j, stride, bent)
+                w *= around * _likeness(picture, i, j, stride, bent)
             if w <= f32(0):
                 continue
             total += w
-            w *= before.weights[j]
+            w *= ldf(before, j * _LANES + _PATHS)
             paths += w
-            for c in range(after.values.shape[1]):
-                after.values[i, c] += w * before.values[j, c]
+            low = vfma(vload8(before, j * _LANES), splat8(w), low)
+            high = vfma(vload8(before, j * _LANES + 8), splat8(w), high)
         if paths > f32(0):
-            after.weights[i] = paths / total
-            for c in range(after.values.shape[1]):
-                after.values[i, c] /= paths
+            share = splat8(f32(1) / paths)
+            vstore8(after, i * _LANES, vmul(low, share))
+            vstore8(after, i * _LANES + 8, vmul(high, share))
+            stf(after, i * _LANES + _PATHS, paths / total)
 
 
 @jit
-def _finish(given, values, light):
+def _finish(picture, firsts, values, light):
     """Write the light, (n, c), of pixels with lobes."""
-    for i in range(len(given.pixels)):
-        first = given.firsts[i]
-        if first.reflectance[0] > f32(0):
+    for i in range(len(picture.pixels)):
+        if picture.lobes[i].instance != u32(NO_HIT):
             for c in range(light.shape[1]):
-                light[i, c] = values[i, c] * first.reflectance[c % 3]
+                light[i, c] = values[i, c] * firsts[i].reflectance[c % 3]

@@ -48,7 +48,7 @@ _RAYS_USUAL = 4  # of a receiver, to which the radius belongs
 _RAYS_WITHIN = 800.0  # least rays within the filter's radius, over all passes: fewer leave specks in corners
 _NEAREST = 0.01  # of the scene's diagonal, for which shorter rays count there
 _BATCH = 1 << 17  # rays whose ends lie in memory at once
-_SERIES = 8  # of photons that light receivers; at rays' ends, which meet many of them, more gain nothing
+_SERIES = 8  # of photons that alone light receivers; for gloss and at rays' ends more gain nothing
 _DIMENSION = 1 << 21  # of the random numbers that shift whole pictures of rays
 
 
@@ -179,8 +179,8 @@ class PhotonLight:
         """The smooth photons, which bring all their light to surfaces."""
         if self._this.settings.is_plain:
             return PhotonGrid(self.parts.smooth)
-        smooth = self.parts.smooth.copy()
-        keep_all_light(self._this, self.parts.keys[: len(smooth)], smooth)
+        smooth, keys = self.parts.smooth.copy(), self.parts.keys[: len(self.parts.smooth)]
+        keep_all_light(self._this, keys, smooth, series=series_of(self._this.settings))
         return PhotonGrid(smooth)
 
     @cached_property
@@ -197,7 +197,7 @@ class PhotonLight:
         rows = np.flatnonzero(self.parts.not_gathered)
         not_gathered = take(self.parts.smooth, rows)
         self._measure(not_gathered)
-        keep_all_light(self._this, self.parts.keys[rows], not_gathered)
+        keep_all_light(self._this, self.parts.keys[rows], not_gathered, series=_SERIES)
         return PhotonGrid(not_gathered)
 
     def _measure(self, photons: np.ndarray) -> None:
@@ -274,17 +274,23 @@ class PhotonLight:
         return self._scattered.estimate(points, self._this.threads)
 
 
+def series_of(settings: Settings) -> int:
+    """Return how many series keep the light of smooth photons, see `Draws`: gather rays leave them gloss."""
+    return 1 if settings.gather_rays else _SERIES
+
+
 def keep_all_light(
     this: Pass,
     keys: np.ndarray,
     photons: np.ndarray,
     rows: np.ndarray | None = None,
     *,
+    series: int = 1,
     solids: bool = False,
 ) -> None:
     """Give photons back, in place, what their kernels lose past edges, and within solids; arguments as of
-    `keep_light`."""
-    draws = Draws(keys, this.settings.seed, this.index, 1 if solids else _SERIES)
+    `keep_light` and `Draws`."""
+    draws = Draws(keys, this.settings.seed, this.index, series)
     keep_light(photons, draws, this.world, this.surfaces, solids=solids, rows=rows)
 
 

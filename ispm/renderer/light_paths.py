@@ -14,7 +14,7 @@ from ispm.photons.grid import PhotonGrid
 from ispm.photons.retrace import retrace
 from ispm.photons.steps import EVENTS
 from ispm.photons.walk import all_steps
-from ispm.renderer.gather import bright_limit, keep_all_light
+from ispm.renderer.gather import bright_limit, keep_all_light, series_of
 from ispm.renderer.last import CHANGED, LastFrame
 from ispm.renderer.one_pass import Pass
 from ispm.scene.packed import to_world
@@ -120,7 +120,11 @@ def _face_normal(made: Pass, instance: int, primitive: int) -> np.ndarray:
 def _photons_at(last: LastFrame, point: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The photons that light a point: rows of the map, (m,), and what they bring, (m, 3) lx."""
     made, parts = last.made, last.parts
-    finish = None if made.settings.is_plain else partial(keep_all_light, made, parts.keys)
+    finish = (
+        None
+        if made.settings.is_plain
+        else partial(keep_all_light, made, parts.keys, series=series_of(made.settings))
+    )
     rows, brought = PhotonGrid(parts.smooth.copy(), finish=finish).each(point)
     more, others = parts.caustics.grid().each(point)
     return np.concatenate([rows, len(parts.smooth) + more]), np.concatenate([brought, others])

@@ -13,6 +13,7 @@ from ispm.accel.rays import HIT
 from ispm.accel.surface import SurfaceTable
 from ispm.frame import Receivers
 from ispm.optics.incident import channels, no_light
+from ispm.optics.records import take
 from ispm.paths.branch import GLOSS_SAMPLES, REFLECTED, SCATTERED, TRANSMITTED
 from ispm.paths.edges import edge_rows
 from ispm.paths.ends import denoise_rough_transmission, image_of_ends, reflect_light, spread_light
@@ -30,6 +31,7 @@ _MISSED_SHARE = 1 / 64  # receivers of missed pixels to those of the picture, wh
 _GAP = 4  # unused rows between used ones of an image, at most: those on its sides never mix by interpolation
 _FINER = 2  # blocks of ends are this much smaller than the picture's: curved mirrors show much in few pixels
 SAMPLES = np.array([(-1, -3), (3, -1), (-3, 1), (1, 3)]) / 8.0  # pixels from the centre, as antialiasing's
+_EDGES_FEW = 1 / 16  # of the picture's pixels
 # Start before, and search behind, of the distance, which is that to the plane at the center.
 _FINE_SLACK = 5e-3, 2e-2
 
@@ -44,50 +46,57 @@ def specular_light(this: Pass, seen: np.ndarray, light: PhotonLight) -> np.ndarr
     found = np.zeros((len(seen), 13), np.float32)
     for layer in (LAYER_BASE, LAYER_COAT):
         rows = np.flatnonzero(seen["layers"] & layer)
-        if len(rows):
-            found[rows] += _light_of_layer(this, seen[rows], light, layer == LAYER_COAT)
+        if len(rows) == len(seen) > 0:
+            found += _light_of_layer(this, seen, light, layer == LAYER_COAT)
+        elif len(rows):
+            found[rows] += _light_of_layer(this, take(seen, rows), light, layer == LAYER_COAT)
     return found
 
 
 def _light_of_layer(this: Pass, seen: np.ndarray, light: PhotonLight, of_coats: bool) -> np.ndarray:
     """`specular_light` of SEEN pixels by their coats alone, or by what is under these.
 
-    Pixels on edges of what is seen in a mirror or glass are sampled four times.
+    Pixels on edges of what is seen in a mirror or glass are sampled four times; where these are many, as on
+    waves, twice.
     """
     settings, view, count = this.settings, this.view, len(seen)
 
     def trace(rays: EyeRays) -> EyePaths:
         return trace_eye(this.packed, this.world, this.surfaces, rays, settings.seed, this.index)
 
-    rays = eye_rays(seen, this.surfaces, view, settings.smoothing)
+    rays = eye_rays(seen, this.surfaces, view, this.threads, settings.smoothing)
     rays = replace(rays, shows_environment=shows_environment(this), of_coats=of_coats)
     paths, pixels = trace(rays), rays.keys
     edges = edge_rows(paths, pixels, view.size[0]) if settings.antialias else np.zeros(0, np.int64)
     places = rays.origins + rays.distances[:, None] * rays.directions
     given = shown(pixels, view.size[0], paths.firsts, places, view.pixel_widths(places))
     lonely = lonely_rows(given)
+    parts = [paths]
     if len(lonely):
-        paths = join_paths(paths, trace(rows_of(rays, lonely)))
-        pixels = np.concatenate([pixels, pixels[lonely]])
-        paths.firsts[lonely] = paths.firsts[count:]
-    total = len(pixels)
+        parts.append(trace(rows_of(rays, lonely)))
+        paths.firsts[lonely] = parts[-1].firsts
+    samples = SAMPLES if len(edges) <= _EDGES_FEW * view.size[0] * view.size[1] else SAMPLES[[0, 3]]
     if len(edges):
-        fine = fine_rays(rays, paths, edges, view)
-        paths = join_paths(paths, trace(fine))
-        pixels = np.concatenate([pixels, np.repeat(pixels[edges], len(SAMPLES))])
+        parts.append(trace(fine_rays(rays, paths, edges, view, samples)))
+    if len(parts) > 1:
+        paths = join_paths(parts)
+    total = count + len(lonely)
+    pixels = np.concatenate([pixels, pixels[lonely], np.repeat(pixels[edges], len(samples))])
     found = light_ends(this, paths, pixels, light)
     through = paths.through if background_color(settings) is not None else np.zeros_like(paths.through)
     for brought in (found, through):
         brought[lonely] = brought[count:total]
-        samples = brought[total:].reshape(-1, len(SAMPLES), brought.shape[1])
-        brought[edges] = samples.mean(axis=1)
+        fine = brought[total:].reshape(-1, len(samples), brought.shape[1])
+        brought[edges] = fine.mean(axis=1)
         denoise_rough_transmission(brought[:count], rays.keys, view.size[0], paths.firsts, this.threads)
     resolve_lobes(found[:count], given._replace(firsts=paths.firsts), settings.smoothing, this.threads)
     found[:count, :3] += paths.firsts["own"][:count]
     return np.concatenate([found[:count], through[:count], paths.firsts["hidden"][:count, None]], axis=1)
 
 
-def eye_rays(seen: np.ndarray, surfaces: SurfaceTable, view: CameraView, widening: float = 1.0) -> EyeRays:
+def eye_rays(
+    seen: np.ndarray, surfaces: SurfaceTable, view: CameraView, threads: int, widening: float = 1.0
+) -> EyeRays:
     """Return the rays through (n,) SEEN pixels, and where they meet the triangles there."""
     origins, directions = view.pixel_rays(seen["pixel"].astype(np.int64))
     parallel = view.ymag is not None
@@ -95,7 +104,7 @@ def eye_rays(seen: np.ndarray, surfaces: SurfaceTable, view: CameraView, widenin
     hits = np.zeros(len(seen), HIT)
     hits["instance"], hits["primitive"] = seen["instance"], seen["primitive"]
     rays = Rays(origins, directions, parallel)
-    barycentrics, hits["t"] = meet_many(surfaces, seen["instance"], seen["primitive"], rays)
+    barycentrics, hits["t"] = meet_many(surfaces, seen["instance"], seen["primitive"], rays, threads)
     hits["u"], hits["v"] = barycentrics.T
     f4 = np.float32
     keys, distances = seen["pixel"].astype(np.uint32), hits["t"].copy()
@@ -116,24 +125,30 @@ def eye_rays(seen: np.ndarray, surfaces: SurfaceTable, view: CameraView, widenin
 
 def rows_of(rays: EyeRays, rows: np.ndarray) -> EyeRays:
     """Return some of the rays, from each of whose lobes a path goes out."""
-    names = ("origins", "directions", "distances", "keys", "hits")
-    return replace(rays, **{name: getattr(rays, name)[rows] for name in names}, columns=0)
+    names = ("origins", "directions", "distances", "keys")
+    hits = None if rays.hits is None else take(rays.hits, rows)
+    return replace(rays, **{name: getattr(rays, name)[rows] for name in names}, hits=hits, columns=0)
 
 
-def fine_rays(rays: EyeRays, paths: EyePaths, rows: np.ndarray, view: CameraView) -> EyeRays:
-    """Return the rays through the samples of some pixels, one pixel's after the other's."""
+def fine_rays(
+    rays: EyeRays, paths: EyePaths, rows: np.ndarray, view: CameraView, samples: np.ndarray = SAMPLES
+) -> EyeRays:
+    """Return the rays through samples of some pixels, one pixel's after the other's.
+
+    samples  (k, 2) pixels right of and below the centre
+    """
     pixels = rays.keys[rows].astype(np.int64)[:, None]
-    x = pixels % view.size[0] + 0.5 + SAMPLES[:, 0]
-    y = pixels // view.size[0] + 0.5 + SAMPLES[:, 1]
+    x = pixels % view.size[0] + 0.5 + samples[:, 0]
+    y = pixels // view.size[0] + 0.5 + samples[:, 1]
     origins, directions = (a.reshape(-1, 3) for a in view.rays_through(x, y))
     center = rays.origins[rows] + rays.distances[rows, None] * rays.directions[rows]
     center, ng, expected = (
-        np.repeat(a, len(SAMPLES), axis=0) for a in (center, paths.firsts["ng"][rows], rays.distances[rows])
+        np.repeat(a, len(samples), axis=0) for a in (center, paths.firsts["ng"][rows], rays.distances[rows])
     )
     slope = np.einsum("ij,ij->i", directions, ng)
     away = np.einsum("ij,ij->i", center - origins, ng) / np.where(np.abs(slope) > 1e-3, slope, np.inf)
     distances = np.where(np.abs(away / expected - 1.0) < 0.2, away, expected)  # beyond, it is another surface
-    keys = (pixels + len(SAMPLES) * (1 + np.arange(len(SAMPLES))) * 0x9E3779B1).astype(np.uint32)
+    keys = (pixels + len(samples) * (1 + np.arange(len(samples))) * 0x9E3779B1).astype(np.uint32)
     f4 = np.float32
     return replace(
         rays,
@@ -154,16 +169,16 @@ def light_ends(this: Pass, paths: EyePaths, pixels: np.ndarray, light: PhotonLig
     Photons that scattered before light gently: a few ends are lit and filtered. Those of caustics are
     estimated at every end.
     """
-    points, lanes = paths.points, paths.ends["lane"]
+    points, lanes, slots = paths.points, paths.ends["lane"], paths.ends["slot"]
     found, finer = no_light(len(points)), max(this.settings.subsampling // _FINER, 1)
     if len(points):
         for lane in (REFLECTED, TRANSMITTED):
             rows = np.flatnonzero(lanes == lane)
-            shown = pixels[paths.ends["slot"][rows]]
-            found[rows] = light_by_image(this, points[rows], shown, finer, light.at)
+            shown = pixels[slots[rows]]
+            found[rows] = light_by_image(this, take(points, rows), shown, finer, light.at)
         rows = np.flatnonzero(lanes == SCATTERED)
         if len(rows):
-            found[rows] = light.photons.estimate(points[rows], this.threads)
+            found[rows] = light.photons.estimate(take(points, rows), this.threads)
         found += light.focused.estimate(points, this.threads)
     indirect = reflect_light(paths.ends, found, len(pixels))
     return np.concatenate([paths.direct, indirect, paths.emission], axis=1)
@@ -200,11 +215,11 @@ def light_by_image(
     lost = np.flatnonzero(~found)
     if len(lost):
         spread[lost] = filter_points(
-            points[lost], cells[lost], image, raw, size, diagonal, smoothing, threads
+            take(points, lost), cells[lost], image, raw, size, diagonal, smoothing, threads
         )
         alone = lost[channels(spread)["met"][lost] == 0.0]
         if len(alone):
-            spread[alone] = light_at(Receivers(points[alone], (len(alone), 1)))
+            spread[alone] = light_at(Receivers(take(points, alone), (len(alone), 1)))
     return spread
 
 
@@ -241,7 +256,7 @@ def light_missed(
     )
     met = channels(found)["met"]
     alone = np.flatnonzero(met < 1.0)
-    lone = points[alone]
+    lone = take(points, alone)
     lone["footprint"] /= settings.subsampling  # a pixel's, as an image wants
     share = len(lone) / (_MISSED_SHARE * len(receivers.points))
     block = min(max(math.ceil(share), 1), settings.subsampling)

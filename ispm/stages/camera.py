@@ -103,20 +103,22 @@ class CameraView:
 
         x, y  pixels right and down, centres at .5, of shapes that broadcast
         """
-        near, beyond = (self._unproject(x, y, depth) for depth in (1.0, 0.5))
-        direction = beyond - near
-        direction /= np.linalg.norm(direction, axis=-1, keepdims=True)
-        return (near if self.ymag is not None else np.broadcast_to(self.eye, near.shape)), direction
+        (wide, high), (shift_x, shift_y) = self._extents(), self._shift()
+        across = (2.0 * x / self.size[0] - 1.0 - shift_x) * wide
+        up = (1.0 - 2.0 * y / self.size[1] - shift_y) * high
+        pose = np.asarray(self.pose, np.float64)
+        in_plane = across[..., None] * pose[:3, 0] + up[..., None] * pose[:3, 1]
+        if self.ymag is not None:
+            return self.eye + self.near * self.forward + in_plane, np.broadcast_to(
+                self.forward, in_plane.shape
+            )
+        in_plane += self.forward
+        in_plane /= np.sqrt(np.einsum("...k,...k->...", in_plane, in_plane))[..., None]
+        return np.broadcast_to(self.eye, in_plane.shape), in_plane
 
     def pixel_rays(self, pixels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return origins and unit directions, (n, 3) float64, of (n,) pixels numbered y width + x."""
         return self.rays_through(pixels % self.size[0] + 0.5, pixels // self.size[0] + 0.5)
-
-    def _unproject(self, x: np.ndarray, y: np.ndarray, depth: float) -> np.ndarray:
-        x, y = np.broadcast_arrays(2.0 * x / self.size[0] - 1.0, 1.0 - 2.0 * y / self.size[1])
-        ndc = np.stack([x, y, np.full(x.shape, depth), np.ones(x.shape)], axis=-1)
-        world = ndc @ self.world_from_clip.T
-        return np.asarray(world[..., :3] / world[..., 3:])
 
     def _extents(self) -> tuple[float, float]:
         """Half the width and height of the view in m: at 1 m of depth, or at any (orthographic)."""
@@ -132,8 +134,11 @@ class CameraView:
         else:
             span = self.far - self.near
             matrix[2, 2], matrix[2, 3], matrix[3, 3] = 1.0 / span, self.far / span, 1.0
-        (x, y), (right, down), (width, height) = self.principal, self.jitter, self.size
         shift = np.eye(4)
-        shift[0, 3] = x - 2.0 * right / width
-        shift[1, 3] = y + 2.0 * down / height
+        shift[:2, 3] = self._shift()
         return shift @ matrix
+
+    def _shift(self) -> tuple[float, float]:
+        """Where the view axis meets the picture, -1 to 1 right and up, the samples' jitter taken off."""
+        (x, y), (right, down), (width, height) = self.principal, self.jitter, self.size
+        return x - 2.0 * right / width, y + 2.0 * down / height

@@ -1,12 +1,10 @@
 """Direct light of lights without a surface at the eye's pixels by shadow rays, where maps would take longer.
 
-It runs on the CPU, where the trees are. Each light that makes more than a share of what a pixel would get
-without shadows has a ray of its own, so that shadows that show have sharp edges. Of the others one is drawn,
-in proportion to what each would bring: many lights cost a few rays (Shirley, Wang and Zimmerman, Monte Carlo
-Techniques for Direct Lighting Calculations, TOG 1996, section 4). In the first pass what the neighbors of a
-pixel see of those that they draw tells how much of the others' light it gets, a ratio of means as in
-`stages/area_light.py`; what a surface reflects of them, but for its Lambert lobe, is their mean. Later passes
-take what they draw as it is, so that their mean converges.
+It runs on the CPU, where the trees are. The lights that bring a pixel most have a ray each, so that shadows
+that show have sharp edges; of the others one is drawn, see `lights/few.py`. In the first pass what the
+neighbors of a pixel see of those that they draw tells how much of the others' light it gets, a ratio of means
+as in `stages/area_light.py`; what a surface reflects of them, but for its Lambert lobe, is their mean. Later
+passes take what they draw as it is, so that their mean converges.
 """
 
 from __future__ import annotations
@@ -22,6 +20,7 @@ from ispm.accel.surface import SurfaceTable, scene_tables
 from ispm.accel.world import World
 from ispm.kernels.share import run_shared, shared_rows
 from ispm.kernels.simd import alloca
+from ispm.lights.few import no_lights, offer, settled
 from ispm.lights.nee import shadow_transmittance, side_of, times, without_diffuse
 from ispm.optics.bsdf import eval_bsdf, is_lambert
 from ispm.optics.jit import jit
@@ -35,7 +34,6 @@ from ispm.stages.pixels import Pixels, PixelView, is_alike, is_lit, lift, plane_
 f32, i64, u32 = np.float32, np.int64, np.uint32
 
 _DIMENSION = 6 << 20  # of the random numbers
-_SHARE = f32(0.25)  # of a pixel's light, that is worth a ray of its own
 _SIDE = 4  # pixels of a square that draws from each part of the others once
 _REACH = 2  # pixels to each side that tell what a pixel sees of the others
 _CHUNK = 64  # pixels a thread takes at a time
@@ -112,69 +110,35 @@ def _sample(tables, shown, pick, holes, first, scratch, samples, i):
     first        whether the others' shadows are left to the filter
     """
     lights, x, wo, away = tables.lights, shown.x, shown.wo, lift(shown)
-    total, irradiance = f32(0), _NONE
-    best, best_value, second, second_value = i64(-1), f32(0), i64(-1), f32(0)
-    draw = _Draw(i64(-1), f32(0), f32(0), pick)
+    irradiance, few = _NONE, no_lights(pick)
     for k in range(len(lights)):
         arriving = _irradiance(lights[k], x)
-        value = _sum(arriving)
-        if value <= f32(0):
-            continue
-        total, irradiance = total + value, add(irradiance, arriving)
-        other, other_value = i64(k), value
-        if value > best_value:
-            other, other_value = second, second_value
-            second, second_value, best, best_value = best, best_value, i64(k), value
-        elif value > second_value:
-            other, other_value, second, second_value = second, second_value, i64(k), value
-        draw = _offer(draw, other, other_value)
-    for row, value in ((best, best_value), (second, second_value)):
-        if value > _SHARE * total:
+        few, irradiance = offer(few, i64(k), _sum(arriving)), add(irradiance, arriving)
+    few = settled(few)
+    for row in (few.best, few.second):
+        if row >= i64(0):
             arriving = _irradiance(lights[row], x)
             irradiance = sub(irradiance, arriving)
             wi, passed = _passed(tables, lights[row], x, away, holes, scratch)
             light = times(times(arriving, passed), eval_bsdf(x.bsdf, x.n, x.ng, wo, wi))
             for c in range(3):
                 samples.sure[i, c] += light[c]
-        else:
-            draw = _offer(draw, row, value)
-    if draw.light < i64(0):
+    if few.drawn < i64(0):
         return
-    wi, passed = _passed(tables, lights[draw.light], x, away, holes, scratch)
-    drawn = scale(draw.total / draw.value, _irradiance(lights[draw.light], x))
+    wi, passed = _passed(tables, lights[few.drawn], x, away, holes, scratch)
+    drawn = scale(few.others / few.drawn_value, _irradiance(lights[few.drawn], x))
     f, gloss = eval_bsdf(x.bsdf, x.n, x.ng, wo, wi), _NONE
-    if not first or draw.value == draw.total:  # of one there is no doubt which to draw
+    if not first or few.drawn_value == few.others:  # of one there is no doubt which to draw
         light = times(times(drawn, passed), f)
     else:
         if not is_lambert(x.bsdf):
             gloss = eval_bsdf(without_diffuse(x.bsdf), x.n, x.ng, wo, wi)
         rest = max(irradiance[0], f32(0)), max(irradiance[1], f32(0)), max(irradiance[2], f32(0))
         light, gloss = times(rest, sub(f, gloss)), times(times(drawn, passed), gloss)
-        samples.weight[i] = draw.total
+        samples.weight[i] = few.others
     for c in range(3):
         samples.others[i, c], samples.gloss[i, c] = light[c], gloss[c]
         samples.passed[i, c] = samples.weight[i] * passed[c]
-
-
-class _Draw(NamedTuple):
-    """One of the lights offered so far, drawn in proportion to their values: its row, -1 of none; its value;
-    the sum of all; and the random number that drew, uniform again."""
-
-    light: np.int64
-    value: np.float32
-    total: np.float32
-    pick: np.float32
-
-
-@jit
-def _offer(draw, light, value):
-    """The _Draw after another light; light: its row, -1 of none."""
-    if light < i64(0):
-        return draw
-    total = draw.total + value
-    if draw.pick * total < value:
-        return _Draw(light, value, total, draw.pick * (total / value))
-    return _Draw(draw.light, draw.value, total, (draw.pick * total - value) / max(draw.total, f32(1e-30)))
 
 
 @jit

@@ -7,7 +7,7 @@ import random
 
 import pytest
 
-from ispm.bench.change import changes, parse_report, read_report, rows
+from ispm.bench.change import changes, parse_report, read_report, table
 from ispm.bench.suite import FORMAT, spread
 from ispm.cli.main import main
 from ispm.errors import SettingsError
@@ -65,10 +65,10 @@ def test_a_stage_that_takes_no_time_is_slower_once_it_does():
 
 def test_table_has_all_stages_and_says_which_are_slower():
     found = changes(parsed(made()), parsed(made(2.0)))
-    table = rows(found)
-    assert [row[0] for row in table[1:]] == ["trace", "bounce map", "total", "total at 0 bounces"]
-    assert [row[-1] for row in table[1:]] == ["slower", "", "slower", "slower"]
-    assert len({len(row) for row in table}) == 1
+    rows = table(found)
+    assert [row[0] for row in rows[1:]] == ["trace", "bounce map", "total", "total at 0 bounces"]
+    assert [row[-1] for row in rows[1:]] == ["slower", "", "slower", "slower"]
+    assert len({len(row) for row in rows}) == 1
 
 
 @pytest.mark.parametrize(

@@ -8,6 +8,7 @@ from scipy import stats
 from transport import Tracer, box_room
 
 from ispm import DiskLight, Material, RectLight, Renderer, Settings, SphereLight
+from ispm.accel.records import NO_TREES
 from ispm.errors import SettingsError
 from ispm.library.common import lambert
 from ispm.library.shapes import box, icosphere
@@ -176,6 +177,19 @@ def test_passes_draw_other_points_evenly(gpu):
         place = (points - corner) @ axis / (axis @ axis)
         counts = np.histogram(place - place.min(), 4, (0.0, 1.0))[0]
         assert counts.min() >= 10 and counts.max() <= 22
+
+
+def test_points_are_drawn_without_trees(gpu, monkeypatch):
+    """They lie on the lamp, whatever stands in memory where there are no trees."""
+    emit = Emitter(gpu, room(RectLight(GLOW, 1.0, 1.0), False))
+    poison = NO_TREES._replace(rows=np.full(4096, np.nan, np.float32))
+    monkeypatch.setattr("ispm.accel.surface.NO_TREES", poison)
+    lamps = plan_lamp_maps(emit.tracer.packed, emit.tracer.surfaces, 64_000, 0.0, 5, 0)
+    triangle = emit.tracer.tables.emitters.triangles[0]
+    normal = np.cross(triangle["edge1"], triangle["edge2"])
+    heights = (lamps.lights["position"] - triangle["corner"]) @ normal
+    assert len(heights) == 64
+    assert np.abs(heights).max() < 1e-6
 
 
 def test_a_picture_with_maps_of_lamps_says_so(gpu):

@@ -11,7 +11,7 @@ from ispm.errors import IspmError, SettingsError
 from ispm.library.common import lambert
 from ispm.library.shapes import polygons
 from ispm.photons.grid import PhotonGrid
-from ispm.renderer.gather import keep_all_light
+from ispm.renderer.gather import keep_all_light, series_of
 from ispm.renderer.light_paths import receiver_at
 
 SIZE = (64, 36)
@@ -51,7 +51,7 @@ def test_paths_are_those_of_photons_of_the_map_and_bring_what_the_estimator_find
     made, parts = last.made, last.parts
     smooth = parts.smooth.copy()
     if not made.settings.is_plain:
-        keep_all_light(made, parts.keys[: len(smooth)], smooth)
+        keep_all_light(made, parts.keys[: len(smooth)], smooth, series=series_of(made.settings))
     lit_pixels = 0
     for x, y in [(5, 5), (20, 18), (32, 30), (60, 20), (40, 3)]:
         found = renderer.light_paths(x, y, 1000)

@@ -211,7 +211,7 @@ def test_the_processor_finds_the_same_points(gpu: Gpu, options: dict[str, Any]) 
     pixels = np.flatnonzero(ids[:, 0])
     seen = np.zeros(len(pixels), SEEN)
     seen["pixel"], seen["instance"], seen["primitive"] = pixels, ids[pixels, 0] - 1, ids[pixels, 1]
-    rays = eye_rays(seen, surfaces_of(drawn.packed), drawn.view)
+    rays = eye_rays(seen, surfaces_of(drawn.packed), drawn.view, threads=1)
     assert rays.hits is not None
     corners = drawn.corners(ids[pixels])
     u, v = rays.hits["u"][:, None].astype(float), rays.hits["v"][:, None].astype(float)
