@@ -60,7 +60,7 @@ class _Samples(NamedTuple):
     drawn           (n, 3) what `diffuse` would be without shadows and reflection above it
     unshadowed      (n, 3) likewise, exact where that is known
     reach           (n,) pixels to each side that the filter may take in: of the penumbra's width, infinite
-                    where none shades a Lambert surface or metal
+                    where none shades a Lambert surface
     """
 
     diffuse: np.ndarray
@@ -107,8 +107,9 @@ def _sample_pixels(tables, pixels, view, counter, samples):
         if not is_lit(tables, pixels, i):
             continue
         shown = shown_at(tables, pixels, view, i)
-        if greatest(shown.x.bsdf.diffuse) > f32(0) and not is_lambert(shown.x.bsdf):
-            # what reflection leaves to the Lambert lobe depends on the draw, whose ratio alone is biased
+        if not is_lambert(shown.x.bsdf):
+            # what reflection leaves to the Lambert lobe depends on the draw, whose ratio alone is biased; and
+            # what is reflected is known by draws alone, of which each pixel of a square has another part
             samples.reach[i] = f32(_REACH)
         column = (i % view.columns + step) % _SIDE
         row = (i // view.columns + step // _SIDE) % _SIDE

@@ -3,7 +3,8 @@
 It runs on the CPU, where the trees are. The lights that bring a pixel most have a ray each, so that shadows
 that show have sharp edges; of the others one is drawn, see `lights/few.py`. In the first pass what the
 neighbors of a pixel see of those that they draw tells how much of the others' light it gets, a ratio of means
-as in `stages/area_light.py`; later passes take what they draw as it is, so that their mean converges.
+as in `stages/area_light.py`; what a surface reflects of them, but for its Lambert lobe, is their mean. Later
+passes take what they draw as it is, so that their mean converges.
 """
 
 from __future__ import annotations
@@ -45,13 +46,15 @@ class _Samples(NamedTuple):
     """What shadow rays found at n pixels, float32.
 
     sure    (n, 3) light of those lights that have rays of their own, cd/m2
-    others  (n, 3) likewise of the others, but for their shadows
-    weight  (n,) what the one drawn stands for, in any unit; 0: `others` has its shadows
+    others  (n, 3) likewise of the others, of the Lambert lobe alone and but for their shadows
+    gloss   (n, 3) and of all other lobes, of the one drawn over its probability
+    weight  (n,) what the one drawn stands for, in any unit; 0: `others` has its shadows, and all lobes
     passed  (n, 3) and as much of it as passes what is between
     """
 
     sure: np.ndarray
     others: np.ndarray
+    gloss: np.ndarray
     weight: np.ndarray
     passed: np.ndarray
 
@@ -75,8 +78,8 @@ def point_light(
     opacity of 1."""
     count = len(pixels.points)
     tables = scene_tables(packed, world, surfaces)
-    sure, others, passed = np.zeros((3, count, 3), np.float32)
-    samples = _Samples(sure, others, np.zeros(count, np.float32), passed)
+    sure, others, gloss, passed = np.zeros((4, count, 3), np.float32)
+    samples = _Samples(sure, others, gloss, np.zeros(count, np.float32), passed)
     out = np.ones((count, 4), np.float32)
     run_shared(lambda counter: _sample_pixels(tables, pixels, view, counter, samples), world.threads)
     run_shared(lambda counter: _filter(pixels, view, samples, counter, out), world.threads)
@@ -132,10 +135,10 @@ def _sample(tables, shown, pick, holes, first, scratch, samples, i):
         if not is_lambert(x.bsdf):
             gloss = eval_bsdf(without_diffuse(x.bsdf), x.n, x.ng, wo, wi)
         rest = max(irradiance[0], f32(0)), max(irradiance[1], f32(0)), max(irradiance[2], f32(0))
-        light = add(times(rest, sub(f, gloss)), times(drawn, gloss))
-        samples.weight[i] = few.others
+        light, gloss = times(rest, sub(f, gloss)), times(times(drawn, passed), gloss)
+        samples.weight[i] = _sum(drawn)
     for c in range(3):
-        samples.others[i, c] = light[c]
+        samples.others[i, c], samples.gloss[i, c] = light[c], gloss[c]
         samples.passed[i, c] = samples.weight[i] * passed[c]
 
 
@@ -179,10 +182,10 @@ def _filter(pixels, view, samples, counter, out):
     """Write the light of as many of the Pixels as a thread gets to (n, 4) float32."""
     columns, rows = view.columns, i64(len(pixels.points)) // view.columns
     for i in shared_rows(counter, _CHUNK, len(pixels.points)):
-        share = f32(1), f32(1), f32(1)
+        share, gloss = (f32(1), f32(1), f32(1)), _NONE
         if samples.weight[i] > f32(0):
             row, column, plane = i // columns, i % columns, plane_at(pixels, view, i)
-            weight, passed = f32(0), _NONE
+            weight, passed, total = f32(0), _NONE, f32(0)
             for y in range(max(row - _REACH, 0), min(row + _REACH, rows - 1) + 1):
                 for x in range(max(column - _REACH, 0), min(column + _REACH, columns - 1) + 1):
                     k = y * columns + x
@@ -192,8 +195,10 @@ def _filter(pixels, view, samples, counter, out):
                         half *= f32(0.5) if abs(x - column) == _REACH else f32(1)
                         weight += half * samples.weight[k]
                         passed = add(passed, scale(half, vec3(samples.passed[k])))
-            share = scale(f32(1) / weight, passed)
-        light = add(vec3(samples.sure[i]), times(share, vec3(samples.others[i])))
+                        gloss = add(gloss, scale(half, vec3(samples.gloss[k])))
+                        total += half
+            share, gloss = scale(f32(1) / weight, passed), scale(f32(1) / total, gloss)
+        light = add(add(vec3(samples.sure[i]), times(share, vec3(samples.others[i]))), gloss)
         for c in range(3):
             out[i, c] = light[c]
 
