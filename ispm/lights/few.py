@@ -21,87 +21,63 @@ _SHARE = f32(0.25)  # of a point's light, that is worth a ray of its own
 
 
 class Few(NamedTuple):
-    """The lights that have rays, of those offered so far: rows of the lights, -1 of none, and their values.
+    """The lights that have rays: rows of the lights, -1 of none.
 
-    best, second  those that bring most
+    best, second  those that bring most, where it is much
     drawn         one of the others
-    others, total sums of the values of these others and of all
-    pick          random in [0, 1), uniform again after each draw
+    weight        of its light: 1 over the probability with which it was drawn
     """
 
     best: np.int64
-    best_value: np.float32
     second: np.int64
-    second_value: np.float32
     drawn: np.int64
-    drawn_value: np.float32
-    others: np.float32
-    total: np.float32
-    pick: np.float32
+    weight: np.float32
 
 
 @jit
-def no_lights(pick):
-    """Return the Few of no lights; pick: random in [0, 1), float32."""
-    none, zero = i64(-1), f32(0)
-    return Few(none, zero, none, zero, none, zero, zero, zero, pick)
+def choose(values, pick):
+    """Return the Few of lights by their values, (n,) float32: what each brings without shadows, in any unit.
+
+    pick  random in [0, 1): even picks draw evenly
+    """
+    total, best, second = f32(0), i64(-1), i64(-1)
+    for k in range(len(values)):
+        value = values[k]
+        total += value
+        if value > (values[best] if best >= i64(0) else f32(0)):
+            best, second = i64(k), best
+        elif value > (values[second] if second >= i64(0) else f32(0)):
+            second = i64(k)
+    if best >= i64(0) and values[best] <= _SHARE * total:
+        best = i64(-1)
+    if second >= i64(0) and values[second] <= _SHARE * total:
+        second = i64(-1)
+    others = f32(0)
+    for k in range(len(values)):
+        others += values[k] if k != best and k != second else f32(0)
+    drawn, before = i64(-1), f32(0)
+    for k in range(len(values)):
+        if k != best and k != second and values[k] > f32(0) and (drawn < i64(0) or before <= pick * others):
+            drawn, before = i64(k), before + values[k]
+    return Few(best, second, drawn, others / values[drawn] if drawn >= i64(0) else f32(0))
 
 
 @jit
-def offer(few, row, value):
-    """Return the Few after another light, whose value is what it brings without shadows, in any unit."""
-    best, best_value, second, second_value, drawn, drawn_value, others, total, pick = few
-    total += value
-    if value > best_value:
-        best, best_value, row, value = i64(row), value, best, best_value
-    if value > second_value:
-        second, second_value, row, value = i64(row), value, second, second_value
-    return _draw(
-        Few(best, best_value, second, second_value, drawn, drawn_value, others, total, pick), row, value
-    )
-
-
-@jit
-def settled(few):
-    """Return the Few when all have been offered: what brings little is one of the others."""
-    best, best_value, second, second_value = few.best, few.best_value, few.second, few.second_value
-    if best_value <= _SHARE * few.total:
-        few, best = _draw(few, best, best_value), i64(-1)
-    if second_value <= _SHARE * few.total:
-        few, second = _draw(few, second, second_value), i64(-1)
-    rest = few.drawn, few.drawn_value, few.others, few.total, few.pick
-    return Few(best, best_value, second, second_value, *rest)
-
-
-@jit
-def _draw(few, row, value):
-    """The Few after one more light among the others, unless its value is 0."""
-    best, best_value, second, second_value, drawn, drawn_value, others, total, pick = few
-    if value <= f32(0):
-        return few
-    others += value
-    if pick * others < value:
-        drawn, drawn_value, pick = i64(row), value, pick * (others / value)
-    else:
-        pick = (pick * others - value) / max(others - value, f32(1e-30))
-    return Few(best, best_value, second, second_value, drawn, drawn_value, others, total, pick)
-
-
-@jit
-def light_of_few(tables, x, wo, u, pick, scratch):
+def light_of_few(tables, x, wo, u, pick, scratch, values):
     """Return what `punctual_light` does, in the mean over `pick`, by three rays at most.
 
     u, pick  random in [0, 1), for holes that shadow rays meet, and to draw a light by
+    values   (n,) float32 of any content, overwritten: a number for each of the lights
     """
-    lights, few = tables.lights, no_lights(pick)
+    lights = tables.lights
     for k in range(len(lights)):
         radiance = unshadowed(lights[k], x, wo, f32(np.inf)).radiance
-        few = offer(few, i64(k), radiance[0] + radiance[1] + radiance[2])
-    few = settled(few)
+        values[k] = radiance[0] + radiance[1] + radiance[2]
+    few = choose(values, pick)
     total, traced = (f32(0), f32(0), f32(0)), i64(0)
     for row in (few.best, few.second, few.drawn):
         if row >= i64(0):
             light, rays = shadowed(tables, x, unshadowed(lights[row], x, wo, f32(np.inf)), u, scratch)
-            weight = few.others / few.drawn_value if row == few.drawn else f32(1)
+            weight = few.weight if row == few.drawn else f32(1)
             total, traced = add(total, scale(weight, light)), traced + rays
     return total, traced

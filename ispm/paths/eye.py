@@ -149,7 +149,8 @@ def _follow_batch(
 
     def work(counter: np.uint64) -> None:
         own, footprint = surfaces.own_footprint()
-        _follow_chunks(tables._replace(surfaces=own), view, footprint, rays, i64(first), counter, out)
+        own_tables, values = tables._replace(surfaces=own), np.empty(len(tables.lights), np.float32)
+        _follow_chunks(own_tables, view, footprint, values, rays, i64(first), counter, out)
 
     run_shared(work, threads)
 
@@ -170,11 +171,12 @@ class _Out(NamedTuple):
 
 
 class _Thread(NamedTuple):
-    """What one thread works with: Scratch, and the (1,) float32 that is its surfaces' footprint, see
-    `SurfaceTable.own_footprint`."""
+    """What one thread works with: Scratch, the (1,) float32 that is its surfaces' footprint, see
+    `SurfaceTable.own_footprint`, and a number for each light, see `light_of_few`."""
 
     scratch: Scratch
     footprint: np.ndarray
+    values: np.ndarray
 
 
 class _Done(NamedTuple):
@@ -185,14 +187,14 @@ class _Done(NamedTuple):
 
 
 @jit
-def _follow_chunks(tables, view, footprint, rays, first, counter, out):
+def _follow_chunks(tables, view, footprint, values, rays, first, counter, out):
     """Follow the paths of as many chunks of RayArrays as a thread gets, filling an _Out.
 
-    footprint  (1,) float32 m, of the thread;  first  row of the first ray among all
+    footprint, values  of the thread's _Thread;  first  row of the first ray among all
     """
     counts = out.counts
     capacity = i64(len(out.ends) // len(counts))
-    thread = _Thread(Scratch(alloca(STACK_WORDS), alloca(2)), footprint)
+    thread = _Thread(Scratch(alloca(STACK_WORDS), alloca(2)), footprint, values)
     for chunk in shared_rows(counter, 1, len(counts)):
         done = _Done(chunk * capacity, i64(0))
         for i in range(chunk * i64(_CHUNK), min((chunk + 1) * i64(_CHUNK), len(rays.origins))):
@@ -334,7 +336,7 @@ def _follow(tables, view, thread, path, i, slot, out, done):
             lit, goes_on_by = widened(x, widest), BY_FACETS if goes_on else BY_NOTHING
             if from_lobe:
                 pick, _, _, _ = random4(key, dimension + u32(_DIMENSION), view.pass_index, view.seed)
-                light, shadows = light_of_few(tables, lit, wo, u0, pick, thread.scratch)
+                light, shadows = light_of_few(tables, lit, wo, u0, pick, thread.scratch, thread.values)
             else:
                 light, shadows = punctual_light(tables, lit, wo, u0, thread.scratch, f32(np.inf))
             count = 1 if from_lobe or rough else _LAMP_SAMPLES

@@ -20,9 +20,9 @@ from ispm.accel.surface import SurfaceTable, scene_tables
 from ispm.accel.world import World
 from ispm.kernels.share import run_shared, shared_rows
 from ispm.kernels.simd import alloca
-from ispm.lights.few import no_lights, offer, settled
-from ispm.lights.nee import shadow_transmittance, side_of, times, without_diffuse
-from ispm.optics.bsdf import eval_bsdf, is_lambert
+from ispm.lights.few import choose
+from ispm.lights.nee import greatest, shadow_transmittance, side_of, times
+from ispm.optics.bsdf import eval_bsdf
 from ispm.optics.jit import jit
 from ispm.optics.light import FAR, light_arriving
 from ispm.optics.rng import random4
@@ -46,15 +46,13 @@ class _Samples(NamedTuple):
     """What shadow rays found at n pixels, float32.
 
     sure    (n, 3) light of those lights that have rays of their own, cd/m2
-    others  (n, 3) likewise of the others, of the Lambert lobe alone and but for their shadows
-    gloss   (n, 3) and of all other lobes, of the one drawn over its probability
-    weight  (n,) what the one drawn stands for, in any unit; 0: `others` has its shadows, and all lobes
+    others  (n, 3) likewise of the others, but for their shadows
+    weight  (n,) what the one drawn stands for, sum of channels; 0: `others` has its shadows
     passed  (n, 3) and as much of it as passes what is between
     """
 
     sure: np.ndarray
     others: np.ndarray
-    gloss: np.ndarray
     weight: np.ndarray
     passed: np.ndarray
 
@@ -78,17 +76,22 @@ def point_light(
     opacity of 1."""
     count = len(pixels.points)
     tables = scene_tables(packed, world, surfaces)
-    sure, others, gloss, passed = np.zeros((4, count, 3), np.float32)
-    samples = _Samples(sure, others, gloss, np.zeros(count, np.float32), passed)
+    sure, others, passed = np.zeros((3, count, 3), np.float32)
+    samples = _Samples(sure, others, np.zeros(count, np.float32), passed)
     out = np.ones((count, 4), np.float32)
-    run_shared(lambda counter: _sample_pixels(tables, pixels, view, counter, samples), world.threads)
+
+    def sample(counter: np.uint64) -> None:
+        values = np.empty(len(packed.lights), np.float32)  # of each thread
+        _sample_pixels(tables, pixels, view, values, counter, samples)
+
+    run_shared(sample, world.threads)
     run_shared(lambda counter: _filter(pixels, view, samples, counter, out), world.threads)
     return out
 
 
 @jit
-def _sample_pixels(tables, pixels, view, counter, samples):
-    """Trace the rays of as many of the Pixels as a thread gets."""
+def _sample_pixels(tables, pixels, view, values, counter, samples):
+    """Trace the rays of as many of the Pixels as a thread gets; values: (n,) float32, see `light_of_few`."""
     scratch = Scratch(alloca(STACK_WORDS), alloca(2))
     for i in shared_rows(counter, _CHUNK, len(pixels.points)):
         if not is_lit(tables, pixels, i):
@@ -99,67 +102,51 @@ def _sample_pixels(tables, pixels, view, counter, samples):
         column, row = i % view.columns % _SIDE, i // view.columns % _SIDE
         pick = (f32((row * _SIDE + column) * 7 % (_SIDE * _SIDE)) + r0) * f32(1 / (_SIDE * _SIDE)) + shift
         pick -= f32(math.floor(pick))
-        _sample(tables, shown, pick, holes, view.pass_index == u32(0), scratch, samples, i)
+        _sample(tables, shown, pick, holes, view.pass_index == u32(0), scratch, values, samples, i)
 
 
 @jit
-def _sample(tables, shown, pick, holes, first, scratch, samples, i):
+def _sample(tables, shown, pick, holes, first, scratch, values, samples, i):
     """Write row i of the _Samples.
 
     pick, holes  random in [0, 1): draws a light; for holes that rays meet
     first        whether the others' shadows are left to the filter
     """
     lights, x, wo, away = tables.lights, shown.x, shown.wo, lift(shown)
-    irradiance, few = _NONE, no_lights(pick)
+    unshadowed = _NONE
     for k in range(len(lights)):
-        arriving, wi = _irradiance(lights[k], x)
-        few, irradiance = offer(few, i64(k), _brought(x, wo, arriving, wi)), add(irradiance, arriving)
-    few = settled(few)
+        brought = _brought(lights[k], x, wo)
+        values[k], unshadowed = _sum(brought), add(unshadowed, brought)
+    few = choose(values, pick)
     for row in (few.best, few.second):
         if row >= i64(0):
-            arriving, wi = _irradiance(lights[row], x)
-            irradiance = sub(irradiance, arriving)
+            brought = _brought(lights[row], x, wo)
+            unshadowed = sub(unshadowed, brought)
             passed = _passed(tables, lights[row], x, away, holes, scratch)
-            light = times(times(arriving, passed), eval_bsdf(x.bsdf, x.n, x.ng, wo, wi))
             for c in range(3):
-                samples.sure[i, c] += light[c]
+                samples.sure[i, c] += brought[c] * passed[c]
     if few.drawn < i64(0):
         return
-    arriving, wi = _irradiance(lights[few.drawn], x)
-    drawn = scale(few.others / few.drawn_value, arriving)
     passed = _passed(tables, lights[few.drawn], x, away, holes, scratch)
-    f, gloss = eval_bsdf(x.bsdf, x.n, x.ng, wo, wi), _NONE
-    if not first or few.drawn_value == few.others:  # of one there is no doubt which to draw
-        light = times(times(drawn, passed), f)
-    else:
-        if not is_lambert(x.bsdf):
-            gloss = eval_bsdf(without_diffuse(x.bsdf), x.n, x.ng, wo, wi)
-        rest = max(irradiance[0], f32(0)), max(irradiance[1], f32(0)), max(irradiance[2], f32(0))
-        light, gloss = times(rest, sub(f, gloss)), times(times(drawn, passed), gloss)
-        samples.weight[i] = _sum(drawn)
+    light = scale(few.weight, times(passed, _brought(lights[few.drawn], x, wo)))
+    if first and few.weight > f32(1):  # of one there is no doubt which to draw
+        light = max(unshadowed[0], f32(0)), max(unshadowed[1], f32(0)), max(unshadowed[2], f32(0))
+        samples.weight[i] = few.weight * values[few.drawn]
     for c in range(3):
-        samples.others[i, c], samples.gloss[i, c] = light[c], gloss[c]
+        samples.others[i, c] = light[c]
         samples.passed[i, c] = samples.weight[i] * passed[c]
 
 
 @jit
-def _irradiance(light, x):
-    """What a LIGHT brings to a SurfacePoint but for shadows, lx, and wi; black where the surface hides it
-    itself."""
+def _brought(light, x, wo):
+    """The radiance along wo that a LIGHT makes at a SurfacePoint but for shadows, cd/m2; black where the
+    surface hides it itself."""
     irradiance, _, wi = light_arriving(light, x.position)
     along, above = dot(x.n, wi), dot(x.ng, wi) > f32(0)
-    if not ((above and along > f32(0)) or (x.bsdf.thin > f32(0) and not above)):
-        return _NONE, wi
-    return scale(abs(along), irradiance), wi
-
-
-@jit
-def _brought(x, wo, irradiance, wi):
-    """What a SurfacePoint makes of irradiance from wi along wo, sum of channels, by which lights are
-    compared; of a Lambert surface in another unit. Drawn by irradiance alone, highlights would be specks."""
-    if is_lambert(x.bsdf) or irradiance[0] + irradiance[1] + irradiance[2] <= f32(0):
-        return _sum(irradiance)
-    return _sum(times(irradiance, eval_bsdf(x.bsdf, x.n, x.ng, wo, wi)))
+    lit = (above and along > f32(0)) or (x.bsdf.thin > f32(0) and not above)
+    if not lit or greatest(irradiance) <= f32(0):
+        return _NONE
+    return scale(abs(along), times(irradiance, eval_bsdf(x.bsdf, x.n, x.ng, wo, wi)))
 
 
 @jit
@@ -182,10 +169,10 @@ def _filter(pixels, view, samples, counter, out):
     """Write the light of as many of the Pixels as a thread gets to (n, 4) float32."""
     columns, rows = view.columns, i64(len(pixels.points)) // view.columns
     for i in shared_rows(counter, _CHUNK, len(pixels.points)):
-        share, gloss = (f32(1), f32(1), f32(1)), _NONE
+        share = f32(1), f32(1), f32(1)
         if samples.weight[i] > f32(0):
             row, column, plane = i // columns, i % columns, plane_at(pixels, view, i)
-            weight, passed, total = f32(0), _NONE, f32(0)
+            weight, passed = f32(0), _NONE
             for y in range(max(row - _REACH, 0), min(row + _REACH, rows - 1) + 1):
                 for x in range(max(column - _REACH, 0), min(column + _REACH, columns - 1) + 1):
                     k = y * columns + x
@@ -195,10 +182,8 @@ def _filter(pixels, view, samples, counter, out):
                         half *= f32(0.5) if abs(x - column) == _REACH else f32(1)
                         weight += half * samples.weight[k]
                         passed = add(passed, scale(half, vec3(samples.passed[k])))
-                        gloss = add(gloss, scale(half, vec3(samples.gloss[k])))
-                        total += half
-            share, gloss = scale(f32(1) / weight, passed), scale(f32(1) / total, gloss)
-        light = add(add(vec3(samples.sure[i]), times(share, vec3(samples.others[i]))), gloss)
+            share = scale(f32(1) / weight, passed)
+        light = add(vec3(samples.sure[i]), times(share, vec3(samples.others[i])))
         for c in range(3):
             out[i, c] = light[c]
 

@@ -12,7 +12,7 @@ from ispm.accel.records import Scratch
 from ispm.accel.surface import closest_surface, surface
 from ispm.kernels.simd import alloca
 from ispm.library.shapes import box
-from ispm.lights.few import light_of_few, no_lights, offer, settled
+from ispm.lights.few import choose, light_of_few
 from ispm.lights.nee import punctual_light
 from ispm.optics.jit import jit
 from ispm.optics.vector import scale
@@ -22,7 +22,7 @@ f32, i64 = np.float32, np.int64
 
 
 @jit
-def both_ways(tables, start, d, picks, every, few, rays):
+def both_ways(tables, start, d, picks, values, every, few, rays):
     """Direct light of what a ray meets, by all lights and by few, for as many random numbers as rows."""
     scratch = Scratch(alloca(STACK_WORDS), alloca(2))
     _, hit = closest_surface(tables, start, d, f32(0.5), scratch)
@@ -30,7 +30,7 @@ def both_ways(tables, start, d, picks, every, few, rays):
     wo = scale(f32(-1), d)
     for i in range(len(picks)):
         light, _ = punctual_light(tables, x, wo, f32(0.5), scratch, f32(np.inf))
-        drawn, traced = light_of_few(tables, x, wo, f32(0.5), picks[i], scratch)
+        drawn, traced = light_of_few(tables, x, wo, f32(0.5), picks[i], scratch, values)
         rays[i] = traced
         for c in range(3):
             every[i, c], few[i, c] = light[c], drawn[c]
@@ -49,7 +49,8 @@ def found(lights, picks):
     every, few, rays = np.zeros((len(picks), 3)), np.zeros((len(picks), 3)), np.zeros(len(picks), np.int64)
     d = np.array((0.5, -1.7, 0.9)) / math.sqrt(0.25 + 2.89 + 0.81)
     start = tuple(map(f32, (-1.1, 0.0, -0.4)))
-    both_ways(tracer.tables, start, tuple(map(f32, d)), picks.astype(f32), every, few, rays)
+    values = np.empty(lights, f32)
+    both_ways(tracer.tables, start, tuple(map(f32, d)), picks.astype(f32), values, every, few, rays)
     return every, few, rays
 
 
@@ -69,22 +70,22 @@ def test_many_lights_are_met_in_the_mean_by_three_rays():
     assert few.std() > 0.0
 
 
-@jit
-def chosen(values, pick):
-    few = no_lights(pick)
-    for k in range(len(values)):
-        few = offer(few, i64(k), f32(values[k]))
-    return settled(few)
-
-
 def test_lights_that_bring_much_have_rays_of_their_own_and_others_share_one():
-    few = chosen(np.array([1.0, 30.0, 0.0, 2.0, 40.0, 3.0]), f32(0.3))
-    assert (few.best, few.second) == (4, 1)
-    assert few.others == pytest.approx(6.0) and few.total == pytest.approx(76.0)
-    drawn = [chosen(np.array([1.0, 30.0, 0.0, 2.0, 40.0, 3.0]), f32(p)).drawn for p in np.arange(600) / 600]
-    assert [drawn.count(k) for k in (0, 3, 5)] == pytest.approx([100, 200, 300], abs=2)
+    values = np.array([1.0, 30.0, 0.0, 2.0, 40.0, 3.0], f32)
+    picked = [choose(values, f32(pick)) for pick in (np.arange(600) + 0.5) / 600]
+    assert {few[:2] for few in picked} == {(4, 1)}
+    # picks side by side draw evenly, to one at each border
+    assert [sum(few.drawn == k for few in picked) for k in (0, 3, 5)] == pytest.approx([100, 200, 300], abs=1)
+    assert {(few.drawn, few.weight) for few in picked} == {(0, 6.0), (3, 3.0), (5, 2.0)}
 
 
 def test_of_many_even_lights_none_has_a_ray_of_its_own():
-    few = chosen(np.ones(10), f32(0.7))
-    assert (few.best, few.second) == (-1, -1) and few.others == pytest.approx(10.0)
+    few = choose(np.ones(10, f32), f32(0.75))
+    assert few == (-1, -1, 7, pytest.approx(10.0))
+
+
+def test_lights_that_bring_nothing_are_never_drawn():
+    values = np.array([0.0, 1.0, 0.0, 1.0, 1.0, 1.0, 1.0, 0.0], f32)
+    drawn = {choose(values, f32(pick)).drawn for pick in (0.0, 0.1999, 0.2, 0.6, 0.8, 1.0 - 2.0**-24)}
+    assert drawn <= {1, 3, 4, 5, 6}
+    assert choose(np.zeros(4, f32), f32(0.5)) == (-1, -1, -1, 0.0)
