@@ -65,6 +65,7 @@ def cases() -> list[Case]:
         Case("dome/gradient", partial(dome, GRADIENT), _EYE, dict(passes=2, shadows="rays")),
         *_case("unlit", unlit, _EYE, {name: dict(light=name) for name in ("studio", "sky", "lamp", "none")}),
         Case("coats/default", coats, _EYE),
+        Case("velvet/default", velvet, _EYE),
         Case("product/ground", product, _EYE, dict(ground=True, background="transparent")),
         Case("crowd/moving", crowd, _EYE, {}, times=(0.0, 0.6)),
         Case("crowd/photons", crowd, _EYE, dict(gather=0, subsampling=2), times=(0.3, 0.3)),
@@ -346,6 +347,22 @@ def coats() -> Scene:
         Material(_BLUE, roughness=0.7, clearcoat=1.0, clearcoat_roughness=0.5, clearcoat_texture=pattern,
                  clearcoat_roughness_texture=pattern, clearcoat_normal_texture=bumps,
                  clearcoat_normal_scale=0.5),
+    ]  # fmt: skip
+    for place, material in enumerate(materials):
+        _put(scene, _ball(0.42), material, (1.1 * place - 1.1, 0.43, 0.5))
+    scene.add(ispm.PointLight(_LAMP, radius=0.15), translation=(0.4, 2.5, 0.8))
+    return scene
+
+
+def velvet() -> Scene:
+    """Sheen, even and patterned, and specular reflection that textures tell; a lamp with a surface."""
+    scene = _room("velvet")
+    pattern, colors = Texture(_pattern(1), srgb=False), Texture(_pattern(2))
+    materials = [
+        Material(_RED, roughness=0.8, sheen_color=(0.9, 0.6, 0.5), sheen_roughness=0.4),
+        Material(_BLUE, roughness=0.7, sheen_color=(1.0, 1.0, 1.0), sheen_roughness=0.8,
+                 sheen_color_texture=colors, sheen_roughness_texture=pattern),
+        Material((0.1, 0.1, 0.1), roughness=0.3, specular_texture=pattern, specular_color_texture=colors),
     ]  # fmt: skip
     for place, material in enumerate(materials):
         _put(scene, _ball(0.42), material, (1.1 * place - 1.1, 0.43, 0.5))
