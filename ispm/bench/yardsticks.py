@@ -73,7 +73,7 @@ def measure_yardsticks() -> Yardsticks:
 
         return Yardsticks(
             gpu.name,
-            math.prod(_FILL_SIZE) * _FILL_LAYERS / _seconds(gpu, _filling(gpu)),
+            math.prod(_FILL_SIZE) * _FILL_LAYERS / _seconds(gpu, filling(gpu)),
             _TRANSFER / _seconds(gpu, lambda: source.write(data)),
             _TRANSFER / _seconds(gpu, lambda: gpu.read_buffer(source, np.uint8, _TRANSFER)),
             2 * _TRANSFER / _seconds(gpu, copy),
@@ -82,7 +82,8 @@ def measure_yardsticks() -> Yardsticks:
         gpu.close()
 
 
-def _filling(gpu: Gpu) -> Callable[[], None]:
+def filling(gpu: Gpu) -> Callable[[], None]:
+    """Return what fills a texture with additive layers once."""
     raster = gpu.raster("bench/fill.wgsl", [Target(_FILL_FORMAT, blend="add")], FLAT)
     screen = gpu.texture("fill", _FILL_FORMAT).sized(_FILL_SIZE)
 

@@ -44,7 +44,7 @@ def environment_behind(this: Pass, alpha: np.ndarray) -> np.ndarray:
     view = this.view
     width, height = view.size
     _, corners = view.rays_through(np.array([0.0, width, 0.0]), np.array([0.0, 0.0, height]))
-    corners /= (corners @ view.forward)[:, None]  # on a plane, where they are even over the picture
+    corners = corners / (corners @ view.forward)[:, None]  # on a plane, where they are even over the picture
     corner, right, down = corners[0], (corners[1] - corners[0]) / width, (corners[2] - corners[0]) / height
     out = np.zeros((height, width, 3), np.float32)
     edges = np.linspace(0, height, this.threads + 1).astype(np.int64)

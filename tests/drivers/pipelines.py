@@ -12,6 +12,7 @@ from typing import Any
 from transport import box_room, lit, render
 
 from ispm import wgsl
+from ispm.bench.yardsticks import filling
 from ispm.estimators.tiled import Tiled
 from ispm.estimators.volumes import Volumes
 from ispm.gpu import Compute, Gpu, Raster, RasterState
@@ -86,6 +87,7 @@ def all_pipelines(adapter: Any = None) -> list[Pipeline]:
     Tiled(gpu)
     if gpu.has("float32-blendable"):
         Volumes(gpu)
+    filling(gpu)
     found = {variant.label: variant for pipeline in gpu.made for variant in pipeline.variants()}
     gpu.close()
     return sorted(found.values(), key=lambda pipeline: pipeline.label)

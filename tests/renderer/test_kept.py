@@ -250,7 +250,7 @@ def test_what_rests_is_not_drawn_again(gpu, monkeypatch):
     stages = {ShadowStage, BounceStage, GBufferStage, Antialias}
     for stage in stages:
         monkeypatch.setattr(
-            stage, "_draw", lambda self, *_, draw=stage._draw: (drawn.append(type(self)), draw(self, *_))
+            stage, "_draw", lambda self, *_, draw=stage._draw: (drawn.append(type(self)), draw(self, *_))[1]
         )
 
     def of_a_frame() -> set[type]:
