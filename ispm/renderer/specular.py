@@ -33,6 +33,7 @@ _GAP = 4  # unused rows between used ones of an image, at most: those on its sid
 _FINER = 2  # blocks of ends are this much smaller than the picture's: curved mirrors show much in few pixels
 SAMPLES = np.array([(-1, -3), (3, -1), (-3, 1), (1, 3)]) / 8.0  # pixels from the centre, as antialiasing's
 _EDGES_FEW = 1 / 16  # of the picture's pixels
+_PAIR = SAMPLES[[0, 3]]  # in their place where edges are many: opposite, so that their mean is the centre
 # Start before, and search behind, of the distance, which is that to the plane at the center.
 _FINE_SLACK = 5e-3, 2e-2
 
@@ -84,7 +85,7 @@ def _light_of_layer(this: Pass, seen: np.ndarray, light: PhotonLight, of_coats: 
     if len(lonely):
         parts.append(trace(rows_of(rays, lonely)))
         paths.firsts[lonely] = parts[-1].firsts
-    samples = SAMPLES if len(edges) <= _EDGES_FEW * view.size[0] * view.size[1] else SAMPLES[[0, 3]]
+    samples = SAMPLES if len(edges) <= _EDGES_FEW * view.size[0] * view.size[1] else _PAIR
     if len(edges):
         parts.append(trace(fine_rays(rays, paths, edges, view, samples)))
     if len(parts) > 1:

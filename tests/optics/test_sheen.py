@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from layered import scatter_often
 
 from ispm.accel.layers import sheen_point
 from ispm.accel.records import Hit
@@ -11,10 +12,8 @@ from ispm.accel.surface import SurfacePoint
 from ispm.optics.bsdf import Bsdf, eval_bsdf, pdf_bsdf, sample_bsdf
 from ispm.optics.coat import NO_COAT, covered
 from ispm.optics.jit import jit
-from ispm.optics.rng import random4
 from ispm.optics.sheen import eval_sheen, make_sheen, sheen_albedo
 from ispm.optics.sheen_albedo import ALBEDO
-from ispm.photons.scatter import scatter
 
 f32, u32 = np.float32, np.uint32
 UP = f32(0), f32(0), f32(1)
@@ -146,17 +145,6 @@ def test_sheen_over_white_gains_no_energy(roughness, cosine):
     if roughness > 0.3:
         assert both > 1.0 - 4e-3
     assert (pdf * area).sum() == pytest.approx(1.0, abs=1e-3)
-
-
-@jit
-def scatter_often(x, wo, weights):
-    one = f32(1), f32(1), f32(1)
-    d = -wo[0], -wo[1], -wo[2]
-    for k in range(len(weights)):
-        u0, u1, u2, _ = random4(u32(k), u32(0), u32(0), u32(5))
-        alive, _, flux, _ = scatter(x, d, one, u0, u1, u2)
-        for c in range(3):
-            weights[k, c] = flux[c] if alive else f32(0)
 
 
 @pytest.mark.parametrize(("roughness", "cosine"), CASES)

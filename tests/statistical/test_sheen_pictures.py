@@ -4,19 +4,17 @@ import math
 
 import numpy as np
 import pytest
-from transport import Tracer, render
+from layered import assert_as_bright_as_paths
+from transport import render
 
-from ispm.library.common import lambert
 from ispm.library.shapes import icosphere, polygons
 from ispm.optics.jit import jit
 from ispm.optics.sheen import eval_sheen, sheen_albedo
-from ispm.reference.paths import path_light
 from ispm.scene.camera import Camera
 from ispm.scene.environment import Environment
-from ispm.scene.light import PointLight, RectLight
+from ispm.scene.light import PointLight
 from ispm.scene.material import Material, Texture
 from ispm.scene.scene import Scene
-from ispm.stages.camera import CameraView
 
 f32 = np.float32
 UP = f32(0), f32(1), f32(0)
@@ -104,20 +102,6 @@ def test_a_white_ball_with_sheen_in_even_light_is_white(gpu):
     assert (np.abs(radiance.mean(axis=0) - 1.0) < 4.0 * error + 4e-3).all()
 
 
-def ball(**look):
-    """A ball in an open box under a lamp."""
-    scene = Scene()
-    for corners, color in (
-        ([(-2, 0, -2), (-2, 0, 2), (2, 0, 2), (2, 0, -2)], (0.7,) * 3),
-        ([(-2, 0, -2), (2, 0, -2), (2, 3, -2), (-2, 3, -2)], (0.7, 0.4, 0.3)),
-        ([(-2, 0, 2), (-2, 0, -2), (-2, 3, -2), (-2, 3, 2)], (0.3, 0.7, 0.4)),
-    ):
-        scene.add(polygons([np.array(corners, float)], "wall"), material=lambert(color))
-    scene.add(icosphere(0.7, 24, "ball"), material=Material(**look), translation=(0.0, 0.7, 0.0), name="ball")
-    scene.add(RectLight((60.0,) * 3, 1.0, 1.0), translation=(0.5, 2.9, 0.5), rotation=(-0.7071, 0, 0, 0.7071))
-    return scene
-
-
 @pytest.mark.parametrize(
     "look",
     [
@@ -129,24 +113,4 @@ def ball(**look):
     ids=["velvet", "black", "coated", "mirror"],
 )
 def test_a_ball_with_sheen_is_as_bright_as_paths_find_it(gpu, look):
-    """Six pictures; the ball's mean, apart in direct and indirect light, against the slow paths'."""
-    scene, size = ball(**look), (64, 48)
-    camera = Camera.look_at((0, 1.2, 4.5), (0, 0.7, 0), yfov=0.4)
-    frame, _ = render(gpu, scene, camera, size=size, antialias=False)
-    shown = frame.instance == np.bincount(frame.instance[20:28, 28:36].ravel()).argmax()
-    runs = [
-        render(gpu, scene, camera, size=size, antialias=False, seed=s)[0].radiance[shown].mean(axis=0)
-        for s in range(6)
-    ]
-    ours, our_error = np.mean(runs, axis=0), np.std(runs, axis=0, ddof=1) / math.sqrt(len(runs))
-    tracer, view = Tracer(scene), CameraView(size, camera.pose, camera.yfov, None)
-    x, y = np.meshgrid(np.arange(size[0]) + 0.5, np.arange(size[1]) + 0.5)
-    origins, directions = view.rays_through(x, y)
-    rays = np.broadcast_to(origins, directions.shape)[shown], directions[shown]
-    parts = np.array([
-        path_light(tracer.tables, *rays, samples=range(k, k + 32), bounces=32, threads=2).mean(axis=0)
-        for k in range(0, 256, 32)
-    ])  # fmt: skip
-    truth, error = parts.mean(axis=0), parts.std(axis=0, ddof=1) / math.sqrt(len(parts))
-    assert (error < 0.01 * truth).all()
-    assert (np.abs(ours - truth) < 0.02 * truth + 3.5 * np.hypot(error, our_error)).all()
+    assert_as_bright_as_paths(gpu, Material(**look), samples=256)
