@@ -34,11 +34,9 @@ from ispm.accel.world import World
 from ispm.kernels.share import run_shared, shared_rows
 from ispm.kernels.simd import alloca
 from ispm.lights.few import light_of_few
-from ispm.lights.first_pass import first_area_light
 from ispm.lights.nee import (
     BY_FACETS,
     BY_NOTHING,
-    area_light,
     direct_light,
     greatest,
     lamp_weight,
@@ -46,6 +44,7 @@ from ispm.lights.nee import (
     surround_weight,
     times,
 )
+from ispm.lights.ratio import area_light_by_ratio
 from ispm.optics.bsdf import NARROW_ALPHA, has_finite, is_narrow, is_smooth, transmits
 from ispm.optics.environment import environment_radiance, has_environment
 from ispm.optics.jit import jit
@@ -344,10 +343,8 @@ def _follow(tables, view, thread, path, veil, i, slot, out, done):
                 light, shadows = punctual_light(tables, lit, wo, u0, thread.scratch, f32(np.inf))
             count = 1 if from_lobe or rough else _LAMP_SAMPLES
             count = _SAMPLES_BEHIND if view.behind and sees_background else count
-            if view.pass_index == u32(0):
-                more, others = first_area_light(tables, x, wo, u0, thread.scratch, goes_on_by, count)
-            else:
-                more, others = area_light(tables, x, wo, u0, thread.scratch, f32(np.inf), goes_on_by, count)
+            told = goes_on_by, count, view.pass_index
+            more, others = area_light_by_ratio(tables, x, wo, u0, thread.scratch, *told)
             add_light(out.direct, i, add(light, more), seen)
             shadows += others
             traced += shadows

@@ -33,6 +33,7 @@ from ispm.lights.nee import (
     side_of,
     without_diffuse,
 )
+from ispm.lights.ratio import ratio_share
 from ispm.optics.bsdf import eval_bsdf, is_lambert, is_narrow, transmits
 from ispm.optics.environment import environment_irradiance, has_environment
 from ispm.optics.jit import jit
@@ -48,7 +49,7 @@ _DIMENSION = 5 << 20  # of the random numbers
 _SIDE = 4  # pixels of a square that draws from each part once
 _PAIRS = 1  # of directions that one of the environment is drawn from
 _REACH = 2  # pixels to each side that the filter takes in
-_LEAST_REACH = f32(1)  # in the first pass, for single rays are specks
+_LEAST_REACH = f32(2)  # in the first pass, for single rays are specks
 _CHUNK = 64  # pixels a thread takes at a time
 _BLUR = f32(0.25)  # of a penumbra's width, that the filter blurs it over to each side at most
 
@@ -200,12 +201,12 @@ def _add_light(tables, shown, arriving, holes, i, scratch, samples):
 def _filter(tables, pixels, view, smoothing, samples, counter, out):
     """Write the light of as many of the Pixels as a thread gets to (n, 4) float32.
 
-    In the first pass the share of light that is not shaded multiplies what is known of it without shadows: a
-    ratio of means, as of Heitz, Hill and McGuire, Combining Analytic Direct Illumination and Stochastic
-    Shadows, I3D 2018, section 3. Later ones take the light as it is, so that their mean converges.
+    The share of light that is not shaded multiplies what is known of it without shadows, as far as
+    `ratio_share` says: the first pass takes no other.
     """
     first = view.pass_index == u32(0)
     least, exact = _LEAST_REACH if first else f32(0), len(tables.emitters.triangles) == 0
+    by_ratio = ratio_share(view.pass_index)
     columns, rows = view.columns, i64(len(pixels.points)) // view.columns
     for i in shared_rows(counter, _CHUNK, len(pixels.points)):
         row, column = i // columns, i % columns
@@ -246,8 +247,8 @@ def _filter(tables, pixels, view, smoothing, samples, counter, out):
                     unshadowed = add(unshadowed, scale(weight, vec3(samples.unshadowed[k])))
         for c in range(3):
             light = diffuse[c]
-            if first and drawn[c] > f32(0):
-                light *= unshadowed[c] / drawn[c]
+            if drawn[c] > f32(0):
+                light *= f32(1) + by_ratio * (unshadowed[c] / drawn[c] - f32(1))
             out[i, c] = (light * opaque * base[c] + gloss[c]) / total
 
 

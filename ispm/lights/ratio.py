@@ -1,8 +1,10 @@
-"""The environment's light at points that a picture of one pass sees by few rays, without most of its noise.
+"""The environment's light by few rays, without most of its noise.
 
 What comes to a matte surface without shadows is known; few rays tell how much of it passes. Their ratio of
-means errs by less than the rays' own mean, but not to nothing: later passes do without (Heitz, Hill and
-McGuire, Combining Analytic Direct Illumination and Stochastic Shadows, I3D 2018, section 3).
+means errs by less than the rays' own mean, but is biased where much is shaded. So the first pass takes it
+whole, and later ones less and less.
+Source: Heitz, Hill and McGuire, Combining Analytic Direct Illumination and Stochastic Shadows, I3D 2018,
+section 3.
 """
 
 from __future__ import annotations
@@ -32,21 +34,35 @@ from ispm.optics.vector import add, dot, scale, sub
 
 f32, i64 = np.float32, np.int64
 
+_HALVED = f32(8)  # passes after which one takes half of it
+
 
 @jit
-def first_area_light(tables, x, wo, u, scratch, goes_on, count):
-    """Return what `area_light` does without a limit, for a picture's first pass."""
+def ratio_share(pass_index):
+    """Return the share, float32, with which a pass takes the ratio of means; it takes the mean for the rest.
+
+    A pass's noise grows as its bias falls, and that of all passes together stays low: with the mean from the
+    second pass on, four passes have four times the noise of one where little is shaded.
+    """
+    return _HALVED / (_HALVED + f32(pass_index))
+
+
+@jit
+def area_light_by_ratio(tables, x, wo, u, scratch, goes_on, count, pass_index):
+    """Return what `area_light` does without a limit, the environment's light by the ratio of means where a
+    pass wants that."""
     by_ratio = has_environment(tables.environment) and not transmits(x.bsdf)
     total, traced = area_light(tables, x, wo, u, scratch, f32(np.inf), goes_on, count, not by_ratio)
     if by_ratio:
-        light, rays = _surround(tables, x, wo, u, scratch, goes_on, count)
+        share = ratio_share(pass_index)
+        light, rays = _surround(tables, x, wo, u, scratch, goes_on, count, share)
         total, traced = add(total, light), traced + rays
     return total, traced
 
 
 @jit
-def _surround(tables, x, wo, u, scratch, goes_on, count):
-    """The environment's part of it at an opaque SurfacePoint, and the rays traced."""
+def _surround(tables, x, wo, u, scratch, goes_on, count, by_ratio):
+    """The environment's part at an opaque SurfacePoint, and the rays traced; by_ratio: `ratio_share`."""
     b, none, traced = x.bsdf, (f32(0), f32(0), f32(0)), i64(0)
     numbers, by_lobes = area_numbers(x.hit, u), goes_on == BY_NOTHING and draws_by_lobes(b)
     matte, gloss, drawn = none, none, none
@@ -64,12 +80,14 @@ def _surround(tables, x, wo, u, scratch, goes_on, count):
         passed, rays = shadowed(tables, x, Arriving(light, FAR, one.wi), along(u, k, SILVER), scratch)
         matte, gloss = add(matte, times(passed, lambert)), add(gloss, scale(share, times(passed, others)))
         traced += rays
-    known, gloss = environment_irradiance(tables.environment, x.n), scale(f32(1) / f32(count), gloss)
-    parts = _part(matte, known, drawn, 0), _part(matte, known, drawn, 1), _part(matte, known, drawn, 2)
-    return add(gloss, parts), traced
+    known, each = environment_irradiance(tables.environment, x.n), f32(1) / f32(count)
+    factor = _factor(known[0], drawn[0], each, by_ratio), _factor(known[1], drawn[1], each, by_ratio)
+    factor = *factor, _factor(known[2], drawn[2], each, by_ratio)
+    return add(scale(each, gloss), times(factor, matte)), traced
 
 
 @jit
-def _part(passed, known, drawn, c):
-    """Channel c of `known` times `passed` over `drawn`, 0 where nothing was drawn."""
-    return known[c] * passed[c] / drawn[c] if drawn[c] > f32(0) else f32(0)
+def _factor(known, drawn, each, by_ratio):
+    """What a channel's sum of light that passes is multiplied by; known, drawn: lx of all, and the sum of
+    what was drawn of it;  each  1 over the number of draws."""
+    return each + by_ratio * (known / drawn - each) if drawn > f32(0) else each

@@ -13,15 +13,15 @@ from ispm.accel.surface import closest_surface, scene_tables, surface
 from ispm.kernels.simd import alloca
 from ispm.library.common import lambert
 from ispm.library.shapes import polygons
-from ispm.lights.first_pass import first_area_light
 from ispm.lights.nee import BY_NOTHING, area_light
+from ispm.lights.ratio import area_light_by_ratio, ratio_share
 from ispm.optics.environment import environment_irradiance
 from ispm.optics.jit import jit
 from ispm.optics.vector import scale
 from ispm.scene.material import Material
 from ispm.scene.scene import Scene
 
-f32, i64 = np.float32, np.int64
+f32, i64, u32 = np.float32, np.int64, np.uint32
 ALBEDO = (0.6, 0.5, 0.4)
 FLOOR = polygons([np.array([(-50, 0, -50), (-50, 0, 50), (50, 0, 50), (50, 0, -50)], float)])
 WALL = polygons([np.array([(-0.5, 0, -50), (-0.5, 9, -50), (-0.5, 9, 50), (-0.5, 0, 50)], float)])
@@ -39,7 +39,7 @@ def look(tables, numbers, count, by_ratio, known, out):
         known[c] = environment_irradiance(tables.environment, x.n)[c]
     for i in range(len(numbers)):
         if by_ratio:
-            light, _ = first_area_light(tables, x, wo, numbers[i], scratch, BY_NOTHING, count)
+            light, _ = area_light_by_ratio(tables, x, wo, numbers[i], scratch, BY_NOTHING, count, u32(0))
         else:
             light, _ = area_light(tables, x, wo, numbers[i], scratch, f32(np.inf), BY_NOTHING, count)
         for c in range(3):
@@ -77,3 +77,8 @@ def test_in_shadow_the_mean_is_near_that_of_rays(material):
     bias = 0.01 + (rays.std(axis=0) / rays.mean(axis=0)) ** 2
     assert (abs(ratio.mean(axis=0) - rays.mean(axis=0)) < error + bias * rays.mean(axis=0)).all()
     assert (ratio.std(axis=0) < 1.2 * rays.std(axis=0)).all()
+
+
+def test_later_passes_leave_the_ratio():
+    shares = [ratio_share(u32(k)) for k in (0, 8, 56, 10**6)]
+    assert shares == pytest.approx([1.0, 0.5, 0.125, 0.0], abs=1e-5)
