@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import wgpu
 
@@ -57,6 +59,11 @@ class Buffer:
         traffic.count(sent=data.nbytes)
         self._device.queue.write_buffer(self.handle, offset, data)
         return self
+
+    def rows(self, first: int, end: int, itemsize: int) -> dict[str, Any]:
+        """Return the binding of rows of `itemsize` bytes, at least one, from a multiple of 256 bytes on."""
+        size = max(end - first, 1) * itemsize
+        return {"buffer": self.handle, "offset": first * itemsize, "size": size}
 
     def _create(self, size: int) -> wgpu.GPUBuffer:
         memory.changed()
