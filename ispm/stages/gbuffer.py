@@ -81,7 +81,8 @@ class GBufferStage:
                 canvas.use(resolve, resolve.bind(0, **shared, ids=drawn["ids"], bumps=drawn["bump"]))
                 canvas.draw(3)
         flags = scene.packed.materials["flags"]
-        mapped = [bool(flags[draw.material] & MATERIAL_SPECULAR_MAPPED) for draw in scene.draws] & seen
+        rows = [draw.material for draw in scene.draws]
+        mapped = seen & (flags[rows] & MATERIAL_SPECULAR_MAPPED != 0)
         if not mapped.any():
             return self._unmapped
         specular, raster = self._specular.sized(view.size), self._map_specular
