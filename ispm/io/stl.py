@@ -14,7 +14,6 @@ from ispm.io.folder import map_file
 from ispm.io.mtl import plain
 from ispm.io.notes import Notes
 from ispm.io.surface_mesh import check_counts, make_mesh
-from ispm.io.weld import weld
 from ispm.scene.scene import Node, Part, Scene
 from ispm.settings import LoadLimits
 
@@ -24,6 +23,8 @@ TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribu
 
 def read_stl(path: Path, limits: LoadLimits) -> Scene:
     """Return the scene of an STL file. Raises SceneError where it cannot be used."""
+    from ispm.io.weld import weld  # which loads numba
+
     notes, budget = Notes(), Budget(limits)
     nodes = []
     for name, corners in _solids(map_file(path, budget), limits):
