@@ -106,6 +106,8 @@ class BinaryTree:
     def _part(growing: GrowingTree, tasks: np.ndarray, threads: int) -> np.ndarray:
         """Part the ranges of `tasks`, (n, 4) int64, each thread taking the next one; return their children,
         (m, 4)."""
+        if not len(tasks):
+            return tasks
         counter, children = np.zeros(1, np.int64), np.zeros((2 * len(tasks), 4), np.int64)
 
         def worker(_: int) -> None:
