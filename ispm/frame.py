@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import compress
 from typing import Any
 
 import numpy as np
@@ -12,9 +13,10 @@ import numpy as np
 from ispm.gpu import Buffer, Canvas, Gpu, Group, Raster, Recording, Sampler, Texture
 from ispm.lights.lightmap import LightMap
 from ispm.optics import records
-from ispm.optics.records import VERTEX
+from ispm.optics.records import VERTEX, WINDOW
 from ispm.scene.packed import Draw, Packed
 from ispm.scene.packed_light import NO_LIGHTS
+from ispm.scene.windows import Window
 
 SLOTS = ("base_color", "metallic_roughness", "normal", "emission", "transmission")
 SPECULAR_SLOTS = ("specular", "specular_color")
@@ -26,6 +28,7 @@ class GpuScene:
 
     boxes  (draws, 2, 3) float64 bounds of what each draw shows, world space
     vertices, indices, instances, materials, lights  its arrays, at least one row each
+    windows  what shaders that fetch their own vertices can bind of the first two at once
     maps  of each material the texture and the sampler of each of SLOTS and SPECULAR_SLOTS; white where it
           has none
     """
@@ -37,6 +40,7 @@ class GpuScene:
     instances: Buffer
     materials: Buffer
     lights: Buffer
+    windows: list[Window]
     maps: list[dict[str, tuple[Texture, Sampler]]] = field(repr=False)
 
     @property
@@ -54,10 +58,15 @@ class GpuScene:
         """The scene without its lights that have no surface."""
         return replace(self, packed=replace(self.packed, lit=NO_LIGHTS))
 
-    def draw_corners(self, canvas: Canvas, draw: Draw) -> None:
-        """Draw, with a number for each corner of each triangle, for shaders that fetch them."""
-        corners = 3 * self.packed.geometry.ranges[draw.mesh].triangle_count
-        canvas.draw(corners, draw.instance_count, first_instance=draw.first_instance)
+    def draw_corners(self, canvas: Canvas, draw: Draw, window: Window) -> None:
+        """Draw what a window shows, with a number for each corner of each triangle, for shaders that fetch
+        them."""
+        first, count = window.corners[draw.mesh]
+        canvas.draw(count, draw.instance_count, first=first, first_instance=draw.first_instance)
+
+    def draws_in(self, window: Window, shown: np.ndarray) -> Iterator[Draw]:
+        """Yield the draws that a window has triangles of; shown: (draws,) bool, which are looked for."""
+        return (draw for draw in compress(self.draws, shown) if draw.mesh in window.corners)
 
     def draw_indexed(self, canvas: Canvas, draw: Draw) -> None:
         """Draw through the canvas's vertex and index buffers, so that corners share work."""
@@ -69,10 +78,20 @@ class GpuScene:
             first_instance=draw.first_instance,
         )
 
-    @property
-    def corners(self) -> dict[str, Buffer]:
-        """What shaders that fetch their own vertices bind, as they name it."""
-        return dict(vertices=self.vertices, indices=self.indices, instances=self.instances)
+    def corners(self, frame: Recording, window: Window) -> dict[str, Any]:
+        """What shaders that fetch their own vertices bind of a window, as they name it."""
+        record = np.zeros((), WINDOW)
+        record["first_vertex"], record["first_index"] = window.first_vertex, window.first_index
+        record["first_shown"], record["shown_count"] = (
+            window.first_shown,
+            window.end_index - window.first_shown,
+        )
+        return {
+            "vertices": self.vertices.rows(window.first_vertex, window.end_vertex, VERTEX.itemsize),
+            "indices": self.indices.rows(window.first_index, window.end_index, 4),
+            "instances": self.instances,
+            "window": frame.uniform(record),
+        }
 
     def is_masked(self, material: int) -> bool:
         """Whether a material, by its row, has holes: alpha mode MASK or BLEND."""

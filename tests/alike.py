@@ -4,7 +4,7 @@ import dataclasses
 
 import numpy as np
 
-from ispm.io.arrays import compact
+from ispm.scene.compact import compact
 from ispm.scene.material import Material, Texture, TextureUse
 from ispm.scene.mesh import DELTAS, Mesh
 

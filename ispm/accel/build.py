@@ -87,23 +87,35 @@ class BinaryTree:
         self.links = np.zeros((2 * n, 2), np.uint32)
         threads = threads if n >= _PARALLEL else 1
         bound_refs(address(refs), 0, n, address(self.boxes))
-        whole = np.array([[0, n, 0, 0]], np.int64)
         growing = GrowingTree(address(refs), address(self.boxes), self.links, block_shift, leaf_size)
-        if threads == 1:
-            self._grow(growing, whole, 1)
-            return
-        task_size = max(1024, n // (16 * threads))
-        tasks = np.empty((2 * n // task_size * MAX_DEPTH + 1, 4), np.int64)
-        scratch = aligned(_SCRATCH)
-        stack = np.empty((_STACK_ROWS, 4), np.int64)
-        count = build_range(growing, whole[0], task_size, tasks, address(scratch), stack)
-        largest_first = np.argsort(tasks[:count, 0] - tasks[:count, 1], kind="stable")
-        self._grow(growing, np.ascontiguousarray(tasks[:count][largest_first]), threads)
+        large, small = np.array([[0, n, 0, 0]], np.int64), np.empty((0, 4), np.int64)
+        most = max(1024, n // (16 * threads)) if threads > 1 else n
+        while len(large):
+            fits = large[:, 1] - large[:, 0] <= most
+            small = np.concatenate([small, large[fits]])
+            large = self._part(growing, large[~fits], threads)
+        largest_first = np.argsort(small[:, 0] - small[:, 1], kind="stable")
+        self._grow(growing, small[largest_first], threads)
 
     @property
     def bounds(self) -> np.ndarray:
         """(2, 3) float32 corners of the box of all references."""
         return np.stack([self.boxes[0, :3], -self.boxes[0, 4:7]])
+
+    @staticmethod
+    def _part(growing: GrowingTree, tasks: np.ndarray, threads: int) -> np.ndarray:
+        """Part the ranges of `tasks`, (n, 4) int64, each thread taking the next one; return their children,
+        (m, 4)."""
+        if not len(tasks):
+            return tasks
+        counter, children = np.zeros(1, np.int64), np.zeros((2 * len(tasks), 4), np.int64)
+
+        def worker(_: int) -> None:
+            scratch = aligned(_SCRATCH)
+            part_tasks(growing, tasks, address(counter), address(scratch), children)
+
+        run_threads(worker, threads if len(tasks) > 1 else 1)
+        return children[children[:, 1] > 0]
 
     @staticmethod
     def _grow(growing: GrowingTree, tasks: np.ndarray, threads: int) -> None:
@@ -265,25 +277,15 @@ def part_refs(refs, start, stop, scratch, axis, last_left, bins):
     """Move references whose bin on `axis` is last_left at most to the front; return where the others start,
     int64."""
     origin, scale = ldf(scratch, axis), bin_scale(scratch, axis, bins)
-    i, j = start, stop - 1
-    while True:
-        while (
-            i <= j
-            and i64((ldf(refs, 8 * i + axis) - ldf(refs, 8 * i + 4 + axis) - origin) * scale) <= last_left
-        ):
-            i += 1
-        while (
-            i <= j
-            and i64((ldf(refs, 8 * j + axis) - ldf(refs, 8 * j + 4 + axis) - origin) * scale) > last_left
-        ):
-            j -= 1
-        if i >= j:
-            return i
-        a, b = vload8(refs, 8 * i), vload8(refs, 8 * j)
-        vstore8(refs, 8 * i, b)
-        vstore8(refs, 8 * j, a)
-        i += 1
-        j -= 1
+    right = start
+    for i in range(start, stop):
+        # without branches, which would be guessed wrongly every other time
+        center = ldf(refs, 8 * i + axis) - ldf(refs, 8 * i + 4 + axis)
+        ref, first_right = vload8(refs, 8 * i), vload8(refs, 8 * right)
+        vstore8(refs, 8 * i, first_right)
+        vstore8(refs, 8 * right, ref)
+        right += i64(i64((center - origin) * scale) <= last_left)
+    return right
 
 
 @jit
@@ -327,47 +329,52 @@ def split(tree, start, stop, depth, scratch):
 
 
 @jit
-def build_range(tree, task, task_size, tasks, scratch, stack):
-    """Build a subtree of a GrowingTree.
-
-    Ranges of at most `task_size` are left to others: written to `tasks`. Returns how many those are.
-    task   (4,) int64: first reference, end, node, depth;  tasks  (n, 4), the same
-    stack  (MAX_DEPTH + 2, 4), the same: a range waits for each level of the path, so it does not overflow
-    """
+def part_range(tree, start, stop, node, depth, scratch, out, k):
+    """Write a node of a GrowingTree over the range start..stop; return whether it has children, which rows
+    k and k + 1 of `out` then tell: first reference, end, node, depth."""
     boxes, links = tree.boxes, tree.links
-    task_count = 0
-    for k in range(4):
-        stack[0, k] = task[k]
-    waiting = 1
-    while waiting > 0:
-        waiting -= 1
-        start, stop, node, depth = stack[waiting, 0], stack[waiting, 1], stack[waiting, 2], stack[waiting, 3]
-        if stop - start <= task_size:
-            for k in range(4):
-                tasks[task_count, k] = stack[waiting, k]
-            task_count += 1
-            continue
-        middle = split(tree, start, stop, depth, scratch)
-        if middle == start:
-            links[node, 0], links[node, 1] = u32(start), u32(stop - start) | u32(LEAF)
-            continue
-        left, right = node + 1, node + 2 * (middle - start)
-        vstore8(boxes, 8 * left, vload8(scratch, _LEFT))
-        vstore8(boxes, 8 * right, vload8(scratch, _RIGHT))
-        links[node, 0], links[node, 1] = u32(left), u32(right)
-        stack[waiting, 0], stack[waiting, 1], stack[waiting, 2] = start, middle, left
-        stack[waiting + 1, 0], stack[waiting + 1, 1], stack[waiting + 1, 2] = middle, stop, right
-        stack[waiting, 3] = stack[waiting + 1, 3] = depth + 1
-        waiting += 2
-    return task_count
+    middle = split(tree, start, stop, depth, scratch)
+    if middle == start:
+        links[node, 0], links[node, 1] = u32(start), u32(stop - start) | u32(LEAF)
+        return False
+    left, right = node + 1, node + 2 * (middle - start)
+    vstore8(boxes, 8 * left, vload8(scratch, _LEFT))
+    vstore8(boxes, 8 * right, vload8(scratch, _RIGHT))
+    links[node, 0], links[node, 1] = u32(left), u32(right)
+    out[k, 0], out[k, 1], out[k, 2], out[k, 3] = start, middle, left, depth + 1
+    out[k + 1, 0], out[k + 1, 1], out[k + 1, 2], out[k + 1, 3] = middle, stop, right, depth + 1
+    return True
 
 
 @jit
-def build_tasks(tree, tasks, counter, scratch, stack):
-    """Build the subtrees of (n, 4) int64 `tasks` until none is left; threads share the int64 at the address
-    `counter`. Arguments as of `build_range`."""
+def part_tasks(tree, tasks, counter, scratch, children):
+    """Part the ranges of `tasks`, (n, 4) int64 rows as of `part_range`, until none is left.
+
+    counter   address of an int64 that threads share
+    children  (2 n, 4) int64 of zeros, written where there are any
+    """
     while True:
         k = atomic_add(counter, i64(1))
         if k >= len(tasks):
             return
-        build_range(tree, tasks[k], i64(0), tasks, scratch, stack)
+        part_range(tree, tasks[k, 0], tasks[k, 1], tasks[k, 2], tasks[k, 3], scratch, children, 2 * k)
+
+
+@jit
+def build_tasks(tree, tasks, counter, scratch, stack):
+    """Build the subtrees over the ranges of `tasks`; arguments as of `part_tasks`.
+
+    stack  (MAX_DEPTH + 2, 4) int64: a range waits for each level of the path, so it does not overflow
+    """
+    while True:
+        k = atomic_add(counter, i64(1))
+        if k >= len(tasks):
+            return
+        for word in range(4):
+            stack[0, word] = tasks[k, word]
+        waiting = 1
+        while waiting > 0:
+            waiting -= 1
+            start, stop, node = stack[waiting, 0], stack[waiting, 1], stack[waiting, 2]
+            if part_range(tree, start, stop, node, stack[waiting, 3], scratch, stack, waiting):
+                waiting += 2

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import wgpu
 
@@ -13,6 +15,7 @@ _USAGE = {
     "index": wgpu.BufferUsage.INDEX | wgpu.BufferUsage.STORAGE,
 }
 _COPIES = wgpu.BufferUsage.COPY_SRC | wgpu.BufferUsage.COPY_DST
+_SLICE = 1 << 26  # bytes that are written at once
 _SMALLEST = 256  # bytes; also what an empty buffer holds, since nothing of size 0 can be bound
 
 
@@ -43,8 +46,11 @@ class Buffer:
         if array.nbytes:
             data = np.ascontiguousarray(array).reshape(-1).view(np.uint8)
             whole = array.nbytes & ~3  # the queue copies in words
-            if whole:
-                self._device.queue.write_buffer(self.handle, 0, data[:whole])
+            for begin in range(0, whole, _SLICE):
+                if begin:
+                    self._device.queue.submit([])  # the driver can give back its copy of the slice before
+                end = min(begin + _SLICE, whole)
+                self._device.queue.write_buffer(self.handle, begin, data[begin:end])
             if whole < array.nbytes:
                 tail = np.zeros(4, np.uint8)
                 tail[: array.nbytes - whole] = data[whole:]
@@ -57,6 +63,11 @@ class Buffer:
         traffic.count(sent=data.nbytes)
         self._device.queue.write_buffer(self.handle, offset, data)
         return self
+
+    def rows(self, first: int, end: int, itemsize: int) -> dict[str, Any]:
+        """Return the binding of rows of `itemsize` bytes, at least one, from a multiple of 256 bytes on."""
+        size = max(end - first, 1) * itemsize
+        return {"buffer": self.handle, "offset": first * itemsize, "size": size}
 
     def _create(self, size: int) -> wgpu.GPUBuffer:
         memory.changed()

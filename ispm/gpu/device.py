@@ -163,7 +163,8 @@ class Gpu:
 
     info         the adapter
     max_texture  texels of the longest side of a texture
-    max_binding  bytes of the largest storage buffer
+    max_buffer   bytes of the largest buffer
+    max_binding  bytes of a storage buffer that a shader can bind at once
     """
 
     def __init__(self, adapter: wgpu.GPUAdapter) -> None:
@@ -181,7 +182,8 @@ class Gpu:
             raise AdapterError(f"{self.info.name}: the driver gave no device ({reason})") from error
         self._features = frozenset(features)
         self.max_texture: int = limits["max-texture-dimension-2d"]
-        self.max_binding: int = min(limits["max-storage-buffer-binding-size"], limits["max-buffer-size"])
+        self.max_buffer: int = limits["max-buffer-size"]
+        self.max_binding: int = min(limits["max-storage-buffer-binding-size"], self.max_buffer)
         self._samplers: dict[tuple[Any, ...], Sampler] = {}
         self._readback = Readback(self.device)
         self._uniforms = UniformPool(self.device)

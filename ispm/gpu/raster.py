@@ -127,9 +127,9 @@ class Canvas:
         self._commands.set_viewport(x, y, width, height, 0.0, 1.0)
         self._commands.set_scissor_rect(x, y, width, height)
 
-    def draw(self, vertices: int, instances: int = 1, *, first_instance: int = 0) -> None:
-        """Draw triangles without indices."""
-        self._commands.draw(vertices, instances, 0, first_instance)
+    def draw(self, vertices: int, instances: int = 1, *, first: int = 0, first_instance: int = 0) -> None:
+        """Draw triangles without indices; first: the number of the first vertex."""
+        self._commands.draw(vertices, instances, first, first_instance)
 
     def draw_indexed(
         self, indices: int, instances: int = 1, *, first_index: int = 0, first_instance: int = 0

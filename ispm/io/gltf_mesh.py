@@ -8,12 +8,13 @@ import numpy as np
 
 from ispm.errors import SceneError
 from ispm.io import gltf_schema as schema
-from ispm.io.arrays import compact, wild
+from ispm.io.arrays import wild
 from ispm.io.budget import MESH
 from ispm.io.gltf_draco import provide
 from ispm.io.gltf_file import GltfFile, item, label
 from ispm.io.gltf_material import Materials
 from ispm.io.gltf_skin import read_joints, read_morphs, target_names
+from ispm.scene.compact import compact
 from ispm.scene.material import Material
 from ispm.scene.mesh import Mesh
 from ispm.scene.node import Part

@@ -12,7 +12,6 @@ from urllib.parse import quote
 import numpy as np
 
 from ispm.errors import OutputError, SceneError, warn_caller
-from ispm.io.arrays import compact
 from ispm.io.atomic import as_path, require_writable, write_whole
 from ispm.io.gltf_camera import camera_record
 from ispm.io.gltf_instances import instance_attributes
@@ -30,6 +29,7 @@ from ispm.io.gltf_write_skin import (
 )
 from ispm.io.png import encode_png
 from ispm.scene.animation import Animation, Channel
+from ispm.scene.compact import compact
 from ispm.scene.light import DirectionalLight, PointLight, PunctualLight, SpotLight, SurfaceLight
 from ispm.scene.mesh import Mesh
 from ispm.scene.scene import Node, Part, Scene

@@ -1,4 +1,5 @@
-"""STL files, text or binary: one flat mesh for each solid. Metres and axes as written."""
+"""STL files, text or binary: one flat mesh for each solid, whose triangles share vertices. Metres and axes as
+written."""
 
 from __future__ import annotations
 
@@ -22,11 +23,14 @@ TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribu
 
 def read_stl(path: Path, limits: LoadLimits) -> Scene:
     """Return the scene of an STL file. Raises SceneError where it cannot be used."""
+    from ispm.io.weld import weld  # which loads numba
+
     notes, budget = Notes(), Budget(limits)
     nodes = []
     for name, corners in _solids(map_file(path, budget), limits):
-        triangles = np.arange(len(corners) * 3).reshape(-1, 3)
-        mesh = make_mesh(corners.reshape(-1, 3), triangles, notes, budget, name or path.stem)
+        points = corners.reshape(-1, 3)
+        rows, numbers = weld(points)
+        mesh = make_mesh(points[rows], numbers.reshape(-1, 3), notes, budget, name or path.stem)
         if mesh is not None:
             nodes.append(Node(mesh.name, parts=[Part(mesh, plain(mesh))]))
     if not nodes:
@@ -35,12 +39,13 @@ def read_stl(path: Path, limits: LoadLimits) -> Scene:
 
 
 def _solids(data: memoryview, limits: LoadLimits) -> list[tuple[str, np.ndarray]]:
-    """The name and the (T, 3, 3) corners of each solid; by what the file holds, whatever its first word."""
+    """The name and the (T, 3, 3) float32 corners, without -0, of each solid; by what the file holds, whatever
+    its first word."""
     count = struct.unpack_from("<I", data, 80)[0] if len(data) >= HEADER else 0
     whole = HEADER + count * TRIANGLE.itemsize
     if len(data) >= HEADER and whole == len(data):
         check_counts(limits, 3 * count, count)
-        return [("", np.frombuffer(data, TRIANGLE, count, HEADER)["corners"].astype(np.float64))]
+        return [("", np.frombuffer(data, TRIANGLE, count, HEADER)["corners"] + np.float32(0.0))]
     start = bytes(data[:2048]).lstrip().lower()
     if start.startswith(b"solid") and (b"facet" in start or b"endsolid" in start):
         return _text(data, limits)
@@ -72,4 +77,8 @@ def _text(data: memoryview, limits: LoadLimits) -> list[tuple[str, np.ndarray]]:
     total = sum(len(numbers) // 9 for _, numbers in solids)
     whole = [(name, numbers) for name, numbers in solids if numbers]
     check_counts(limits, 3 * total, total, len(whole))
-    return [(name, np.array(numbers).reshape(-1, 3, 3)) for name, numbers in whole]
+    with np.errstate(over="ignore"):  # to infinity, which is left out
+        return [
+            (name, np.array(numbers).astype(np.float32).reshape(-1, 3, 3) + np.float32(0.0))
+            for name, numbers in whole
+        ]

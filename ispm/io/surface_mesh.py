@@ -7,9 +7,10 @@ from typing import Any
 import numpy as np
 
 from ispm.errors import SceneError
-from ispm.io.arrays import compact, wild
+from ispm.io.arrays import wild
 from ispm.io.budget import MESH, Budget
 from ispm.io.notes import Notes
+from ispm.scene.compact import compact
 from ispm.scene.mesh import Mesh
 from ispm.settings import LoadLimits
 

@@ -10,6 +10,7 @@ _SOURCE = wgsl.load("optics/records.wgsl")
 
 VERTEX = _SOURCE.dtype("Vertex")
 INSTANCE = _SOURCE.dtype("Instance")
+WINDOW = _SOURCE.dtype("Window")
 TEXTURE_USE = _SOURCE.dtype("TextureUse")
 MATERIAL = _SOURCE.dtype("Material")
 LIGHT = _SOURCE.dtype("Light")

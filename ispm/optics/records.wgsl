@@ -28,6 +28,13 @@ struct Instance {          // one mesh with one material, placed by a node
     spare0: u32,
     spare1: u32,
 }
+struct Window {            // which rows of `vertices` and `indices` are bound; all arrays count from the first of all
+    first_vertex: u32,
+    first_index: u32,
+    first_shown: u32,      // of the indices of the triangles that lie within
+    shown_count: u32,
+}
+
 const INSTANCE_MIRRORED = 1u;     // the matrix turns triangles inside out
 
 struct TextureUse {        // a texture as one slot of a material uses it

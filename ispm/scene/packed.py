@@ -22,6 +22,7 @@ from ispm.scene.packed_instance import Draw as Draw
 from ispm.scene.packed_instance import Placed, place_instances
 from ispm.scene.packed_light import Lit, pack_lights
 from ispm.scene.packed_material import Looks, pack_materials
+from ispm.scene.packed_vertices import Chunk, VertexLayout, fill_vertices, lay_out
 from ispm.scene.placing import Tree
 from ispm.scene.scene import Scene
 from ispm.scene.sky import with_sun
@@ -45,6 +46,7 @@ class MeshRange:
     vertex_count: int
     first_index: int
     triangle_count: int
+    chunks: list[Chunk]  # rows count from the first vertex and the first index
     box: np.ndarray  # (2, 3) corners in object space
     _digest: bytes = field(default=b"", init=False)
 
@@ -52,6 +54,11 @@ class MeshRange:
     def vertices(self) -> slice:
         """Which rows of the vertices are its own."""
         return slice(self.first_vertex, self.first_vertex + self.vertex_count)
+
+    @property
+    def indices(self) -> slice:
+        """Which rows of the indices are its own."""
+        return slice(self.first_index, self.first_index + 3 * self.triangle_count)
 
     def is_shaped_by(self, mesh: Mesh) -> bool:
         """Whether a mesh has the triangles that were packed, so that its vertices fit in their place."""
@@ -63,9 +70,8 @@ class MeshRange:
     def digest_in(self, geometry: Geometry) -> bytes:
         """Return a hash of the mesh as it is packed in a geometry; found once."""
         if not self._digest:
-            indices = slice(self.first_index, self.first_index + 3 * self.triangle_count)
             told = sha256(geometry.vertices[self.vertices].view(np.uint8).data)
-            told.update(geometry.indices[indices].data)
+            told.update(geometry.indices[self.indices].data)
             self._digest = told.digest()
         return self._digest
 
@@ -275,32 +281,30 @@ def pack_geometry(meshes: list[Mesh], before: Geometry | None = None) -> Geometr
             return before
         if deformed := _deformed(meshes, before):
             return deformed
-    ranges: list[MeshRange] = []
-    vertices: list[np.ndarray] = []
-    indices: list[np.ndarray] = []
+    ranges, layouts = list[MeshRange](), list[VertexLayout]()
     vertex_count = index_count = 0
     for source in meshes:
         source.check()
         mesh = copy.copy(source)  # its arrays stay together, whoever gives the mesh others meanwhile
         mesh.check()
-        rows, triangles = _vertices(mesh)
-        place = vertex_count, len(rows), index_count, len(triangles)
-        ranges.append(MeshRange(source, mesh, *place, mesh.bounds))
-        vertices.append(rows)
-        indices.append((triangles + np.uint32(vertex_count)).astype(np.uint32).ravel())
-        vertex_count += len(rows)
-        index_count += triangles.size
-    empty_vertices, empty_indices = np.zeros(0, records.VERTEX), np.zeros(0, np.uint32)
-    return Geometry(
-        np.concatenate([empty_vertices, *vertices]), np.concatenate([empty_indices, *indices]), ranges
-    )
+        layout = lay_out(mesh)
+        place = vertex_count, layout.count, index_count, len(layout.triangles)
+        ranges.append(MeshRange(source, mesh, *place, layout.chunks, mesh.bounds))
+        layouts.append(layout)
+        vertex_count += layout.count
+        index_count += layout.triangles.size
+    vertices, indices = np.zeros(vertex_count, records.VERTEX), np.empty(index_count, np.uint32)
+    for part, layout in zip(ranges, layouts, strict=True):
+        fill_vertices(vertices[part.vertices], part.mesh, layout)
+        np.add(layout.triangles.ravel(), np.uint32(part.first_vertex), out=indices[part.indices])
+    return Geometry(vertices, indices, ranges)
 
 
 def _deformed(meshes: list[Mesh], before: Geometry) -> Geometry | None:
     """A geometry that differs from one before in its vertices alone; None where more does."""
     if len(meshes) != len(before.ranges):
         return None
-    ranges, new = list(before.ranges), dict[int, np.ndarray]()
+    ranges, changed = list(before.ranges), list[MeshRange]()
     for k, (source, kept) in enumerate(zip(meshes, before.ranges, strict=True)):
         if source is kept.source and kept.shows(source):
             continue
@@ -309,76 +313,9 @@ def _deformed(meshes: list[Mesh], before: Geometry) -> Geometry | None:
         if source is not kept.source or not kept.is_shaped_by(mesh):
             return None
         ranges[k] = replace(kept, mesh=mesh, box=mesh.bounds)
-        new[k], _ = _vertices(mesh)
+        changed.append(ranges[k])
     vertices = before.vertices.copy()
-    for k, rows in new.items():
-        vertices[ranges[k].vertices] = rows
+    for part in changed:
+        vertices[part.vertices] = np.zeros((), records.VERTEX)
+        fill_vertices(vertices[part.vertices], part.mesh, lay_out(part.mesh))
     return Geometry(vertices, before.indices, ranges)
-
-
-def _vertices(mesh: Mesh) -> tuple[np.ndarray, np.ndarray]:
-    """VERTEX rows and triangles; where flat triangles are to have tangents, each gets vertices of its own."""
-    triangles = mesh.triangles
-    take: np.ndarray | slice = slice(None)
-    if mesh.normals is None and mesh.uv0 is not None:
-        take = triangles.ravel()
-        triangles = np.arange(triangles.size, dtype=np.uint32).reshape(-1, 3)
-    positions = mesh.positions[take]
-    rows = np.zeros(len(positions), records.VERTEX)
-    rows["position"] = positions
-    if mesh.normals is not None:
-        rows["normal"] = _unit(mesh.normals.astype(np.float64))
-    elif mesh.uv0 is not None:
-        corners = positions.reshape(-1, 3, 3).astype(np.float64)
-        flat = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-        rows["normal"] = np.repeat(_unit(flat), 3, axis=0)
-    rows["color"] = _pack_colors(mesh.colors, take, len(rows))
-    for name in ("uv0", "uv1"):
-        values = getattr(mesh, name)
-        if values is not None:
-            rows[name] = values[take]
-    if mesh.tangents is not None:
-        rows["tangent"] = mesh.tangents[take]
-    elif mesh.uv0 is not None:
-        rows["tangent"] = _tangents(rows, triangles)
-    return rows, triangles
-
-
-def _tangents(rows: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    """(V, 4) tangents from uv0, area-weighted over each vertex's triangles."""
-    p = rows["position"][triangles].astype(np.float64)
-    uv = rows["uv0"][triangles].astype(np.float64)
-    e1, e2 = p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]
-    d1, d2 = uv[:, 1] - uv[:, 0], uv[:, 2] - uv[:, 0]
-    det = d1[:, 0] * d2[:, 1] - d2[:, 0] * d1[:, 1]
-    sign = np.sign(det)[:, None]
-    tangent = (e1 * d2[:, 1:] - e2 * d1[:, 1:]) * sign
-    bitangent = (e2 * d1[:, :1] - e1 * d2[:, :1]) * sign
-    corners = triangles.T.ravel()
-    sums = [
-        np.stack([np.bincount(corners, np.tile(column, 3), len(rows)) for column in along.T], axis=1)
-        for along in (tangent, bitangent)
-    ]
-    normal = rows["normal"].astype(np.float64)
-    along = sums[0] - normal * np.einsum("ij,ij->i", normal, sums[0])[:, None]
-    length = np.linalg.norm(along, axis=1)
-    result = np.zeros((len(rows), 4), np.float32)
-    good = length > 1e-20
-    result[good, :3] = along[good] / length[good, None]
-    side = np.einsum("ij,ij->i", np.cross(normal, along), sums[1])
-    result[good, 3] = np.where(side[good] < 0.0, 1.0, -1.0)  # glTF's v points down
-    return result
-
-
-def _pack_colors(colors: np.ndarray | None, take: np.ndarray | slice, count: int) -> np.ndarray:
-    if colors is None:
-        return np.full(count, 0xFFFFFFFF, np.uint32)
-    bytes_ = np.rint(np.clip(colors[take], 0.0, 1.0) * 255.0).astype(np.uint32)
-    return np.asarray(bytes_[:, 0] | bytes_[:, 1] << 8 | bytes_[:, 2] << 16 | bytes_[:, 3] << 24)
-
-
-def _unit(vectors: np.ndarray) -> np.ndarray:
-    """Unit vectors; +Y where a vector has no length."""
-    length = np.linalg.norm(vectors, axis=1, keepdims=True)
-    good = np.isfinite(length) & (length > 0.0)
-    return np.where(good, vectors / np.where(good, length, 1.0), (0.0, 1.0, 0.0))

@@ -6,7 +6,6 @@ McGuire and Luebke 2009: the first segment of a photon's path leaves a point, so
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import compress
 
 import numpy as np
 
@@ -75,13 +74,16 @@ class BounceStage:
             return self._masked if scene.is_masked(draw.material) else self._opaque
 
         seen = seen_by_faces(scene.boxes, map.map)
+        windows = [(window, scene.corners(frame, window)) for window in scene.windows]
         for uniform, (x, y), visible in zip(uniforms, map.corners.tolist(), seen, strict=True):
             if not visible.any():
                 continue
-            shared = {"face": frame.uniform(uniform), **scene.corners}
             canvas.viewport(x, y, map.width, map.width)
-            for draw in scene.each(frame, canvas, compress(scene.draws, visible), pipeline, shared):
-                scene.draw_corners(canvas, draw)
+            face = frame.uniform(uniform)
+            for window, shared in windows:
+                draws = scene.draws_in(window, visible)
+                for draw in scene.each(frame, canvas, draws, pipeline, {"face": face, **shared}):
+                    scene.draw_corners(canvas, draw, window)
 
 
 def _arrange(plan: Sequence[PlannedMap], limit: int) -> tuple[list[BounceMap], tuple[int, int]]:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from itertools import compress
-
 from ispm.frame import SLOTS, SPECULAR_SLOTS, GBuffer, GpuScene
 from ispm.gpu import FLAT, Gpu, Group, Kept, Raster, RasterState, Recording, Texture
 from ispm.optics import records
@@ -63,34 +61,39 @@ class GBufferStage:
             {name: target.sized(view.size) for name, target in targets.items()}
             for targets in (self._drawn, self._computed)
         )
-        shared = {"camera": frame.uniform(view.uniform()), **scene.corners}
-        groups: dict[Raster, Group] = {}
+        camera = frame.uniform(view.uniform())
+        windows = [(window, {"camera": camera, **scene.corners(frame, window)}) for window in scene.windows]
         seen = view.sees(scene.boxes)
         with frame.draw_into(*drawn.values(), depth=self._nearest.sized(view.size)) as canvas:
-            for draw in compress(scene.draws, seen):
-                raster = self._pipeline(scene, draw)
-                if raster not in groups:
-                    groups[raster] = raster.bind(0, **shared)
-                material = frame.uniform(scene.packed.materials[draw.material])
-                maps = scene.material_maps(draw.material, *SLOTS)
-                canvas.use(raster, groups[raster], raster.bind(1, material=material, **maps))
-                scene.draw_corners(canvas, draw)
+            for window, shared in windows:
+                groups: dict[Raster, Group] = {}
+                for draw in scene.draws_in(window, seen):
+                    raster = self._pipeline(scene, draw)
+                    if raster not in groups:
+                        groups[raster] = raster.bind(0, **shared)
+                    material = frame.uniform(scene.packed.materials[draw.material])
+                    maps = scene.material_maps(draw.material, *SLOTS)
+                    canvas.use(raster, groups[raster], raster.bind(1, material=material, **maps))
+                    scene.draw_corners(canvas, draw, window)
         resolve = self._resolve[bool((scene.packed.materials["normal_texture"]["texture"] >= 0).any())]
         with frame.draw_into(*computed.values()) as canvas:
-            canvas.use(resolve, resolve.bind(0, **shared, ids=drawn["ids"], bumps=drawn["bump"]))
-            canvas.draw(3)
+            for _, shared in windows:
+                canvas.use(resolve, resolve.bind(0, **shared, ids=drawn["ids"], bumps=drawn["bump"]))
+                canvas.draw(3)
         flags = scene.packed.materials["flags"]
-        mapped = [d for d in compress(scene.draws, seen) if flags[d.material] & MATERIAL_SPECULAR_MAPPED]
-        if not mapped:
+        rows = [draw.material for draw in scene.draws]
+        mapped = seen & (flags[rows] & MATERIAL_SPECULAR_MAPPED != 0)
+        if not mapped.any():
             return self._unmapped
         specular, raster = self._specular.sized(view.size), self._map_specular
         with frame.draw_into(specular, clear=(1.0, 1.0, 1.0, 1.0)) as canvas:
-            group = raster.bind(0, **shared, drawn_ids=drawn["ids"])
-            for draw in mapped:
-                material = frame.uniform(scene.packed.materials[draw.material])
-                maps = scene.material_maps(draw.material, *SPECULAR_SLOTS)
-                canvas.use(raster, group, raster.bind(1, material=material, **maps))
-                scene.draw_corners(canvas, draw)
+            for window, shared in windows:
+                group = raster.bind(0, **shared, drawn_ids=drawn["ids"])
+                for draw in scene.draws_in(window, mapped):
+                    material = frame.uniform(scene.packed.materials[draw.material])
+                    maps = scene.material_maps(draw.material, *SPECULAR_SLOTS)
+                    canvas.use(raster, group, raster.bind(1, material=material, **maps))
+                    scene.draw_corners(canvas, draw, window)
         return specular
 
     def _pipeline(self, scene: GpuScene, draw: Draw) -> Raster:

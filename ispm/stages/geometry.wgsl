@@ -5,6 +5,7 @@
 @group(0) @binding(1) var<storage, read> vertices: array<Vertex>;
 @group(0) @binding(2) var<storage, read> indices: array<u32>;
 @group(0) @binding(3) var<storage, read> instances: array<Instance>;
+@group(0) @binding(6) var<uniform> window: Window;
 @group(1) @binding(0) var<uniform> material: Material;
 @group(1) @binding(1) var base_color_map: texture_2d<f32>;
 @group(1) @binding(2) var base_color_sampler: sampler;
@@ -31,9 +32,14 @@ fn normal_to_world(i: u32, n: vec3f) -> vec3f {
     return vec3f(dot(instances[i].normal0.xyz, n), dot(instances[i].normal1.xyz, n), dot(instances[i].normal2.xyz, n));
 }
 
-// The row of `vertices` that corner `corner` of an instance's triangles is, counted through all triangles.
+// Whether the window shows a corner of an instance's triangles, counted through all triangles.
+fn is_in_window(instance: u32, corner: u32) -> bool {
+    return instances[instance].first_index + corner - window.first_shown < window.shown_count;
+}
+
+// The row of `vertices` that a corner is, which is in the window.
 fn vertex_row(instance: u32, corner: u32) -> u32 {
-    return indices[instances[instance].first_index + corner];
+    return indices[instances[instance].first_index + corner - window.first_index] - window.first_vertex;
 }
 
 // Where a texture is to be read for a vertex's two sets of coordinates, xy and zw.

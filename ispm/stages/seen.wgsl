@@ -21,10 +21,10 @@ struct Shown {
 fn fs(@builtin(position) at: vec4f) -> Shown {
     let pixel = vec2u(at.xy);
     let seen = textureLoad(ids, pixel, 0).xy;
-    if (seen.x == 0u) {
-        return Shown(vec4u(0u), vec2u(0u), 0.0);
-    }
     let instance = seen.x - 1u;
+    if (seen.x == 0u || !is_in_window(instance, 3u * seen.y)) {
+        discard;
+    }
     let bump = textureLoad(bumps, pixel, 0).xyz;
     let rows = vec3u(
         vertex_row(instance, 3u * seen.y), vertex_row(instance, 3u * seen.y + 1u), vertex_row(instance, 3u * seen.y + 2u),

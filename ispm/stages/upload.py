@@ -12,6 +12,7 @@ from ispm.gpu import Buffer, Gpu, Sampler, Texture
 from ispm.optics.texture import mip_chain
 from ispm.scene import material as scene_material
 from ispm.scene.packed import Geometry, Packed, to_world
+from ispm.scene.windows import Window, cut_windows
 
 _WRAP = {
     scene_material.Wrap.REPEAT: "repeat",
@@ -31,7 +32,7 @@ class _Loaded(NamedTuple):
 class Upload:
     """`Packed` to `GpuScene`; of parts that are the last frame's nothing is done.
 
-    Raises SceneError where an array is larger than the adapter can bind or a texture too wide for it.
+    Raises SceneError where an array is larger than the adapter has room for, or a texture too wide for it.
     """
 
     def __init__(self, gpu: Gpu) -> None:
@@ -39,6 +40,7 @@ class Upload:
         self._scene: GpuScene | None = None
         self._geometry: Geometry | None = None
         self._boxes = np.zeros((0, 2, 3))  # of the meshes, object space
+        self._windows: list[Window] = []
         self._vertices = gpu.buffer("vertices", "vertex")
         self._indices = gpu.buffer("indices", "index")
         self._instances = gpu.buffer("instances")
@@ -68,6 +70,7 @@ class Upload:
                 self._instances,
                 self._materials,
                 self._lights,
+                self._windows,
                 [self._maps(row, packed.textures) for row in packed.materials],
             )
         self._scene = known
@@ -83,17 +86,20 @@ class Upload:
                         rows = geometry.vertices[now.vertices]
                         self._vertices.patch(rows, now.first_vertex * rows.itemsize)
             else:
-                self._write(self._vertices, geometry.vertices)
-                self._write(self._indices, geometry.indices)
+                self._write(self._vertices, geometry.vertices, self._gpu.max_buffer)
+                self._write(self._indices, geometry.indices, self._gpu.max_buffer)
+                self._windows = cut_windows(geometry.ranges, self._gpu.max_binding)
             self._geometry = geometry
             self._boxes = np.array([kept.box for kept in geometry.ranges])
         self._write(self._instances, packed.instances)
 
-    def _write(self, buffer: Buffer, rows: np.ndarray) -> None:
-        if rows.nbytes > self._gpu.max_binding:
+    def _write(self, buffer: Buffer, rows: np.ndarray, most: int | None = None) -> None:
+        """Write an array of at most `most` bytes; None: what can be bound at once."""
+        most = most or self._gpu.max_binding
+        if rows.nbytes > most:
             raise SceneError(
-                f"the scene's {buffer.name} take {rows.nbytes >> 20} MiB, but {self._gpu.name} binds at most "
-                f"{self._gpu.max_binding >> 20} MiB; use fewer triangles or another adapter"
+                f"the scene's {buffer.name} take {rows.nbytes >> 20} MiB, but {self._gpu.name} has room for "
+                f"{most >> 20} MiB of them at most; use fewer triangles or another adapter"
             )
         buffer.write(rows)
 

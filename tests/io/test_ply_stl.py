@@ -9,7 +9,9 @@ import pytest
 from PIL import Image
 
 from ispm.errors import SceneError
+from ispm.io import stl
 from ispm.io.load import load
+from ispm.io.weld import number_points, weld
 from ispm.scene.mesh import Mesh
 from ispm.scene.scene import Scene
 
@@ -242,3 +244,30 @@ def test_ply_limits_are_held(tmp_path: Path, data: bytes, limits: dict[str, Any]
 def test_stl_limits_are_held(tmp_path: Path) -> None:
     with pytest.raises(SceneError, match="max_triangles=1"):
         load(write(tmp_path, binary_stl(2, 2), "a.stl"), max_triangles=1)
+
+
+def test_triangles_of_stl_share_equal_corners(tmp_path: Path) -> None:
+    rng = np.random.default_rng(3)
+    corners = rng.integers(-2, 3, (500, 3, 3)).astype("<f4") / np.float32(3.0)
+    corners[7, 1] = -0.0
+    records = np.zeros(500, stl.TRIANGLE)
+    records["corners"] = corners
+    data = bytes(80) + struct.pack("<I", 500) + records.tobytes()
+    mesh = only_mesh(load(write(tmp_path, data, "a.stl")))
+    assert (mesh.positions[mesh.triangles] == corners).all()
+    assert len(mesh.positions) == len(np.unique(corners.reshape(-1, 3) + 0.0, axis=0))
+    (twice,) = load(write(tmp_path, data, "b.stl")).roots
+    assert twice.parts[0].mesh.triangles.tobytes() == mesh.triangles.tobytes()
+
+
+def test_equal_points_are_one_until_the_table_is_crowded() -> None:
+    points = np.random.default_rng(4).integers(0, 30, (20_000, 3)).astype(np.float32)
+    rows, numbers = weld(points)
+    _, first = np.unique(points, axis=0, return_index=True)
+    np.testing.assert_array_equal(rows, np.sort(first))
+    assert (points[rows][numbers] == points).all()
+    table = np.full(64, 0xFFFFFFFF, np.uint32)  # too small: what finds no place stays apart
+    rows, numbers = np.empty(200, np.uint32), np.empty(200, np.uint32)
+    few = points[:200].view(np.uint32)
+    count = number_points(few, table, rows, numbers)
+    assert (few[rows[:count]][numbers] == few).all() and count >= len(np.unique(few, axis=0))

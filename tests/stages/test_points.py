@@ -67,11 +67,10 @@ class Drawn:
         targets = [self.gbuffer.points, self.gbuffer.normals, self.gbuffer.depth]
         resolve = self.stage._resolve[0]
         with self.gpu.frame() as frame, frame.draw_into(*targets) as canvas:
-            group = resolve.bind(
-                0, frame, camera=self.view.uniform(), vertices=self.scene.vertices,
-                indices=self.scene.indices, instances=self.scene.instances, ids=changed, bumps=bumps,
-            )  # fmt: skip
-            canvas.use(resolve, group)
+            (window,) = self.scene.windows
+            corners = self.scene.corners(frame, window)
+            shown = dict(camera=self.view.uniform(), ids=changed, bumps=bumps)
+            canvas.use(resolve, resolve.bind(0, frame, **shown, **corners))
             canvas.draw(3)
         return self.points()
 
