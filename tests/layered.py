@@ -1,4 +1,4 @@
-"""What tests of surfaces of layers share: photons that scatter often, and a ball beside slow paths."""
+"""What tests of surfaces share: records, photons that scatter often, and a ball beside slow paths."""
 
 import math
 
@@ -18,6 +18,14 @@ from ispm.stages.camera import CameraView
 
 f32, u32 = np.float32, np.uint32
 _SEEDS, _PARTS = 6, 8
+
+
+def made(value):
+    """What a kernel returned, numbers, vectors and records of Python's floats, as kernels take it."""
+    if not isinstance(value, tuple):
+        return f32(value)
+    parts = [made(part) for part in value]
+    return type(value)(*parts) if hasattr(value, "_fields") else tuple(parts)
 
 
 @jit

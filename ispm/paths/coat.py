@@ -20,13 +20,13 @@ _BELOW_ONE = f32(1 - 2**-24)
 
 
 @jit
-def coat_light(tables, x, wo, u, scratch, widest, count):
-    """Return the radiance along wo, cd/m2 RGB, of the coat of a SurfacePoint from which a path goes on, see
-    `nee.direct_light`: that of points, that of other lights by `count` draws; and the rays traced.
+def facet_light(tables, y, wo, u, scratch, widest, count):
+    """Return the radiance along wo, cd/m2 RGB, of a SurfacePoint of opaque facets alone, a `coat_point` or
+    `facet_point` from which a path goes on, see `nee.direct_light`: that of points, that of other lights by
+    `count` draws; and the rays traced.
 
     widest  alpha, as which narrower lobes count for the former
     """
-    y = coat_point(x)
     if is_smooth(y.bsdf):
         return _NONE, _NONE, i64(0)
     points, rays = punctual_light(tables, widened(y, widest), wo, u, scratch, f32(np.inf))

@@ -10,13 +10,20 @@ added here.
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 import numpy as np
 
 from ispm.accel.intersect import STACK_WORDS
-from ispm.accel.layers import coat_point, has_sheen, is_coated, sheen_point, with_matte_sheen
+from ispm.accel.layers import (
+    coat_point,
+    facet_point,
+    has_sheen,
+    is_coated,
+    sheen_point,
+    with_matte_sheen,
+    without_facets,
+)
 from ispm.accel.medium import attenuated, medium, no_medium, passed_sheet
 from ispm.accel.records import Hit, Scratch
 from ispm.accel.surface import (
@@ -24,7 +31,6 @@ from ispm.accel.surface import (
     Tables,
     closest_surface,
     glow,
-    hit_position,
     scene_tables,
     surface,
 )
@@ -45,10 +51,11 @@ from ispm.lights.nee import (
 )
 from ispm.optics.bsdf import NARROW_ALPHA, has_finite, is_narrow, is_smooth, transmits
 from ispm.optics.environment import environment_radiance, has_environment
+from ispm.optics.facets import is_anisotropic
 from ispm.optics.jit import jit
 from ispm.optics.records import MATERIAL_UNLIT, NO_HIT, RECEIVER
 from ispm.optics.rng import random4
-from ispm.optics.vector import add, dot, scale, sub, vec3
+from ispm.optics.vector import add, scale, vec3
 from ispm.paths.branch import (
     GLOSS_SAMPLES,
     SCATTERED,
@@ -58,12 +65,13 @@ from ispm.paths.branch import (
     Path,
     View,
     branches,
+    distance_to,
     first_path,
     leave,
     pixel_width,
 )
-from ispm.paths.coat import coat_light, draw_coat, sample_coat
-from ispm.paths.eye_paths import EyePaths, EyeRays, RayArrays, ray_arrays
+from ispm.paths.coat import draw_coat, facet_light, sample_coat
+from ispm.paths.eye_paths import EyePaths, EyeRays, EyeThread, RayArrays, ray_arrays
 from ispm.paths.facet import (
     ROUGH_SAMPLES,
     facet_numbers,
@@ -80,10 +88,10 @@ from ispm.paths.vertices import (
     PATH_END,
     PATH_END_AND_POINT,
     add_light,
-    store_coat,
     store_end,
     store_first,
     store_gloss,
+    store_own,
     store_point,
 )
 from ispm.scene.packed import Packed
@@ -98,7 +106,7 @@ _MIN_WEIGHT_AFTER_END = f32(0.02)  # and below which not from an end
 _CONTACT = f32(1e-3)  # of a path, the least length of what reflects it to where it ends, for its blur
 _EVENTS_APART = 32  # numbers of the events of two paths that part
 _DIMENSION = 7 << 20  # of the random numbers that draw lights
-_OF_COAT = 255  # likewise of the light of a coat
+_OF_COAT = 255  # likewise of the light of a coat, or of anisotropic facets
 _LAMP_SAMPLES = 4  # points of lamps with a surface that an end is lit by, where a pixel has one path
 _CHUNK = 64  # pixels a thread takes at a time; results do not depend on it or on the threads
 _BATCH = 1 << 15  # pixels whose ends lie in memory at their full number
@@ -170,15 +178,6 @@ class _Out(NamedTuple):
     counts: np.ndarray
 
 
-class _Thread(NamedTuple):
-    """What one thread works with: Scratch, the (1,) float32 that is its surfaces' footprint, see
-    `SurfaceTable.own_footprint`, and a number for each light, see `light_of_few`."""
-
-    scratch: Scratch
-    footprint: np.ndarray
-    values: np.ndarray
-
-
 class _Done(NamedTuple):
     """How far a chunk is: the next free row of the ends, and the number of rays traced."""
 
@@ -190,11 +189,11 @@ class _Done(NamedTuple):
 def _follow_chunks(tables, view, footprint, values, rays, first, counter, out):
     """Follow the paths of as many chunks of RayArrays as a thread gets, filling an _Out.
 
-    footprint, values  of the thread's _Thread;  first  row of the first ray among all
+    footprint, values  of the thread's EyeThread;  first  row of the first ray among all
     """
     counts = out.counts
     capacity = i64(len(out.ends) // len(counts))
-    thread = _Thread(Scratch(alloca(STACK_WORDS), alloca(2)), footprint, values)
+    thread = EyeThread(Scratch(alloca(STACK_WORDS), alloca(2)), footprint, values)
     for chunk in shared_rows(counter, 1, len(counts)):
         done = _Done(chunk * capacity, i64(0))
         for i in range(chunk * i64(_CHUNK), min((chunk + 1) * i64(_CHUNK), len(rays.origins))):
@@ -221,17 +220,18 @@ def _follow_pixel(tables, view, thread, rays, i, slot, out, done):
             else:
                 add_light(out.through, i, _WHITE, _WHITE)
             return _Done(done.row, done.traced + i64(1))
-        length = near + _distance(tables, hit, start)
+        length = near + distance_to(tables, start, hit)
         past = length > rays.distances[i] * (f32(1) + view.past)  # the edge of what the rasteriser drew
     thread.footprint[:] = pixel_width(view, length)
     x = surface(tables, hit, d)
     wo = scale(f32(-1), d)
-    if view.of_coats:
+    if view.of_coats or is_anisotropic(x.bsdf):
         _, _, u = facet_numbers(key, u32(_OF_COAT), view.pass_index, view.seed)
-        own, more, shadows = coat_light(tables, x, wo, u, thread.scratch, f32(0), _LAMP_SAMPLES)
-        store_coat(out.firsts[i], x, own)
+        facets = coat_point(x) if view.of_coats else facet_point(x)
+        own, more, shadows = facet_light(tables, facets, wo, u, thread.scratch, f32(0), _LAMP_SAMPLES)
+        store_own(out.firsts[i], own, f32(1) - x.coat.shown if view.of_coats else f32(0))
         add_light(out.direct, i, more, _WHITE)
-        x, done = coat_point(x), _Done(done.row, done.traced + shadows)
+        x, done = facets if view.of_coats else x, _Done(done.row, done.traced + shadows)
     blurred, near_by, followed = f32(0), f32(0), f32(0)
     count = i64(1) if past else branches(view, x, wo, key)
     for k in range(count):
@@ -310,7 +310,7 @@ def _follow(tables, view, thread, path, i, slot, out, done):
                 add_light(out.through, i, _WHITE, weight)
             length = f32(1e30)
             break
-        length += _distance(tables, hit, start)
+        length += distance_to(tables, start, hit)
         width = pixel_width(view, length)
         thread.footprint[:] = width
         x = surface(tables, hit, d)
@@ -350,12 +350,14 @@ def _follow(tables, view, thread, path, i, slot, out, done):
             traced += shadows
         by_coat = is_coated(x) and not unlit and event < EVENTS_MAX and ends < _ENDS_MAX
         if by_coat:
-            light, more, shadows = coat_light(tables, x, wo, u0, thread.scratch, widest, 1)
+            light, more, shadows = facet_light(tables, coat_point(x), wo, u0, thread.scratch, widest, 1)
             add_light(out.direct, i, add(light, more), seen)
             traced += shadows
         if unlit or has_diffuse or (has_finite(b) and not goes_on):
             if unlit:
                 end = BLACK
+            elif goes_on and is_anisotropic(b):
+                end = without_facets(end)
             store_end(out.ends[row].end, slot, lane, seen, end, hit.instance)
             store_point(out.ends[row].point, x, wo, end, width, widest if goes_on else NARROW_ALPHA)
             row, stored, lane = row + i64(1), stored + 1, i64(SCATTERED)
@@ -391,10 +393,3 @@ def _follow(tables, view, thread, path, i, slot, out, done):
         key, dimension, lane, start, d, weight, pdf, _, _, inside, focus, length, sees_background = left
         side, origin = sides
     return _Done(row, traced), rough, far if from_lobe else length, parted, other
-
-
-@jit
-def _distance(tables, hit, start):
-    """Distance in m from `start` to a Hit."""
-    segment = sub(hit_position(tables.surfaces, hit), start)
-    return f32(math.sqrt(dot(segment, segment)))

@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ispm.accel.rays import HIT
+from ispm.accel.records import Scratch
 from ispm.optics.records import NO_HIT
 
 
@@ -80,6 +81,15 @@ def join_paths(parts: Sequence[EyePaths]) -> EyePaths:
         ends["slot"][row : row + len(part.ends)] += np.uint32(first)
         first, row = first + len(part.direct), row + len(part.ends)
     return EyePaths(direct, emission, through, ends, points, firsts, sum(part.rays for part in parts))
+
+
+class EyeThread(NamedTuple):
+    """What one thread works with: Scratch, the (1,) float32 that is its surfaces' footprint, see
+    `SurfaceTable.own_footprint`, and a number for each light, see `light_of_few`."""
+
+    scratch: Scratch
+    footprint: np.ndarray
+    values: np.ndarray
 
 
 class RayArrays(NamedTuple):

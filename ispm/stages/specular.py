@@ -7,7 +7,12 @@ import numpy as np
 from ispm import wgsl
 from ispm.frame import GBuffer, GpuScene
 from ispm.gpu import Counted, Gpu, Kept, Recording, Texture
-from ispm.optics.records import MATERIAL_COATED, MATERIAL_SHEEN, MATERIAL_TRANSMITS
+from ispm.optics.records import (
+    MATERIAL_ANISOTROPIC,
+    MATERIAL_COATED,
+    MATERIAL_SHEEN,
+    MATERIAL_TRANSMITS,
+)
 
 _PATH = "stages/specular.wgsl"
 _SHADER = wgsl.load(_PATH)
@@ -15,6 +20,7 @@ LAYER_BASE, LAYER_COAT, LAYER_SHEEN = (
     int(_SHADER.constants[name]) for name in ("LAYER_BASE", "LAYER_COAT", "LAYER_SHEEN")
 )
 SEEN, BROUGHT = _SHADER.dtype("Seen"), _SHADER.dtype("Brought")
+_BY_FLAGS = MATERIAL_TRANSMITS | MATERIAL_COATED | MATERIAL_SHEEN | MATERIAL_ANISOTROPIC  # may lead on
 _THREADS = int(_SHADER.constants["THREADS"])
 _NARROW = 1.01 * _SHADER.constants["NARROW_ALPHA"]  # roughness^2, and what the G-buffer's halves may round
 
@@ -129,6 +135,6 @@ class SpecularStage:
 def _may_lead_on(materials: np.ndarray) -> bool:
     """Whether eye rays may have to go on from any of these."""
     textured = materials["metallic_roughness_texture"]["texture"] >= 0
-    layered = materials["flags"] & (MATERIAL_TRANSMITS | MATERIAL_COATED | MATERIAL_SHEEN) != 0
+    layered = materials["flags"] & _BY_FLAGS != 0
     may = layered | (materials["roughness"] ** 2 < _NARROW) | textured
     return bool(may.any())
