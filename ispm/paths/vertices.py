@@ -113,8 +113,8 @@ def store_gloss(first, x, instance, angle, reflectance, samples):
         first.n[k] = x.n[k]
         first.ng[k] = x.ng[k]
         first.reflectance[k] = max(reflectance[k], _LEAST_REFLECTANCE)
-    first.alpha = b.alpha
-    first.blur = _LOBE_SHARE * _LOBE_SPREAD * b.alpha * angle
+    first.alpha = mean_alpha(b)
+    first.blur = _LOBE_SHARE * _LOBE_SPREAD * first.alpha * angle
     first.instance = instance
     first.samples = u32(samples)
 
