@@ -249,7 +249,8 @@ def _follow_pixel(tables, view, thread, rays, i, slot, out, done):
     if past or is_smooth(x.bsdf) or transmits(x.bsdf):
         store_first(out.firsts[i], x, instance, angle * blurred * f32(1.0 / ROUGH_SAMPLES))
     else:
-        near_by = followed / near_by if followed > f32(0) else f32(0)
+        unknown = f32(-1) if is_anisotropic(x.bsdf) else f32(0)  # of which many paths lead below the surface
+        near_by = followed / near_by if followed > f32(0) else unknown
         store_gloss(out.firsts[i], x, instance, angle * near_by, mean_reflectance(x, wo), count)
     return done
 

@@ -32,9 +32,9 @@ PATH_END = np.dtype([
 ])  # fmt: skip
 
 # The mirror, glass or narrow lobe that a pixel shows; blur: pixels over which its light may be averaged, 0:
-# it is smooth; reflectance: of a lobe, 0: it is none; samples: paths that went out from the lobe. Of a clear
-# coat and of anisotropic facets: own, light of points that they reflect themselves; hidden, a coat's share of
-# what is under it.
+# it is smooth, or unknown; below 0: unknown, but no more than as many; reflectance: of a lobe, 0: it is none;
+# samples: paths that went out from the lobe. Of a clear coat and of anisotropic facets: own, light of points
+# that they reflect themselves; hidden, a coat's share of what is under it.
 FIRST_VERTEX = np.dtype([
     ("n", "<f4", 3), ("alpha", "<f4"), ("ng", "<f4", 3), ("tint", "<f4"), ("blur", "<f4"),
     ("instance", "<u4"), ("reflectance", "<f4", 3), ("samples", "<u4"), ("own", "<f4", 3),
@@ -106,7 +106,8 @@ def add_light(sums, i, value, weight):
 def store_gloss(first, x, instance, angle, reflectance, samples):
     """Write a FIRST_VERTEX of an opaque surface with a narrow lobe; blur: a standard deviation.
 
-    angle  as of `store_first`, 0: unknown;  reflectance  of the lobe, RGB;  samples  paths that it sent out
+    angle  as of `store_first`, 0 or less: unknown, and of anisotropic facets the most that it can be, negated
+    reflectance  of the lobe, RGB;  samples  paths that it sent out
     """
     b = x.bsdf
     for k in literal_unroll((0, 1, 2)):
