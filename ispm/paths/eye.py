@@ -109,7 +109,7 @@ _DIMENSION = 7 << 20  # of the random numbers that draw lights
 _OF_COAT = 255  # likewise of the light of a coat, or of anisotropic facets
 _LAMP_SAMPLES = 4  # points of lamps with a surface that an end is lit by, where a pixel has one path
 _CHUNK = 64  # pixels a thread takes at a time; results do not depend on it or on the threads
-_BATCH = 1 << 15  # pixels whose ends lie in memory at their full number
+_BATCH = 1 << 13  # pixels whose ends lie in memory at their full number
 
 _WHITE = f32(1), f32(1), f32(1)
 
@@ -123,7 +123,7 @@ def trace_eye(
     """
     count = len(rays.origins)
     firsts = np.zeros(count, FIRST_VERTEX)
-    direct, emission, through = np.zeros((3, count, 3), np.float32)
+    direct, indirect, emission, through = np.zeros((4, count, 3), np.float32)
     arrays = ray_arrays(rays)
     tables = scene_tables(packed, world, surfaces)
     (width, spread), (near, past) = rays.width, rays.slack
@@ -147,7 +147,7 @@ def trace_eye(
         points.append(np.concatenate([part[:, cut:] for part in met]))
         traced += int(counts[:, 1].sum())
     stored = np.concatenate(ends).view(PATH_END)[:, 0], np.concatenate(points).view(RECEIVER)[:, 0]
-    return EyePaths(direct, emission, through, *stored, firsts, traced)
+    return EyePaths(direct, indirect, emission, through, *stored, firsts, traced)
 
 
 def _follow_batch(

@@ -52,6 +52,7 @@ class EyePaths:
     """What the paths found.
 
     direct, emission  (n, 3) float32 radiance that they bring to each ray; the latter of the environment too
+    indirect  (n, 3) float32 likewise, of ends that have been lit and are no longer among these; zeros
     through  (n, 3) float32 share of the background that each sees through glass; mirrors show none of it, and
              where there is an environment, glass shows that
     ends    (m,) PATH_END in the order of the rays; lane: REFLECTED or TRANSMITTED by a smooth surface;
@@ -62,6 +63,7 @@ class EyePaths:
     """
 
     direct: np.ndarray
+    indirect: np.ndarray
     emission: np.ndarray
     through: np.ndarray
     ends: np.ndarray
@@ -72,15 +74,15 @@ class EyePaths:
 
 def join_paths(parts: Sequence[EyePaths]) -> EyePaths:
     """Return what several calls found as if the rays of each had come after those of the ones before."""
-    names = ("direct", "emission", "through", "ends", "points", "firsts")
-    direct, emission, through, ends, points, firsts = (
-        np.concatenate([getattr(part, name) for part in parts]) for name in names
-    )
+    if len(parts) == 1:
+        return parts[0]
+    names = ("direct", "indirect", "emission", "through", "ends", "points", "firsts")
+    joined = {name: np.concatenate([getattr(part, name) for part in parts]) for name in names}
     first, row = 0, 0
     for part in parts:
-        ends["slot"][row : row + len(part.ends)] += np.uint32(first)
+        joined["ends"]["slot"][row : row + len(part.ends)] += np.uint32(first)
         first, row = first + len(part.direct), row + len(part.ends)
-    return EyePaths(direct, emission, through, ends, points, firsts, sum(part.rays for part in parts))
+    return EyePaths(**joined, rays=sum(part.rays for part in parts))
 
 
 class EyeThread(NamedTuple):
