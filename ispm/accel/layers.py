@@ -10,7 +10,7 @@ import numpy as np
 from ispm.accel.surface import SurfacePoint
 from ispm.optics.bsdf import Bsdf
 from ispm.optics.coat import NO_COAT, coat_bsdf
-from ispm.optics.facets import NO_ANISOTROPY
+from ispm.optics.facets import NO_ANISOTROPY, is_anisotropic
 from ispm.optics.jit import jit
 from ispm.optics.sheen import MIN_ROUGHNESS, NO_SHEEN
 from ispm.optics.vector import add, scale
@@ -39,6 +39,13 @@ def with_diffuse(b, diffuse):
     """Return a Bsdf with another albedo of its Lambert lobe, RGB."""
     kept = b.dielectric_f0, b.dielectric_f90, b.tint, b.eta, b.thin, b.sheen, b.anisotropy
     return Bsdf(diffuse, b.f0, b.f90, b.alpha, *kept)
+
+
+@jit
+def end_bsdf(b, goes_on):
+    """Return the Bsdf by which photons light the end of a path that may go on by the surface's lobe: without
+    it where that is anisotropic."""
+    return without_facets(b) if goes_on and is_anisotropic(b) else b
 
 
 @jit

@@ -10,27 +10,20 @@ added here.
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
 from ispm.accel.intersect import STACK_WORDS
-from ispm.accel.layers import (
-    coat_point,
-    facet_point,
-    has_sheen,
-    is_coated,
-    sheen_point,
-    with_matte_sheen,
-    without_facets,
-)
+from ispm.accel.layers import coat_point, end_bsdf, has_sheen, is_coated, sheen_point, with_matte_sheen
 from ispm.accel.medium import attenuated, medium, no_medium, passed_sheet
 from ispm.accel.records import Hit, Scratch
 from ispm.accel.surface import (
     SurfaceTable,
     Tables,
+    closest_behind,
     closest_surface,
     glow,
+    leave_surface,
+    opacity_seen,
     scene_tables,
     surface,
 )
@@ -55,7 +48,7 @@ from ispm.optics.facets import is_anisotropic
 from ispm.optics.jit import jit
 from ispm.optics.records import MATERIAL_UNLIT, NO_HIT, RECEIVER
 from ispm.optics.rng import random4
-from ispm.optics.vector import add, scale, vec3
+from ispm.optics.vector import add, scale, sub, vec3
 from ispm.paths.branch import (
     GLOSS_SAMPLES,
     SCATTERED,
@@ -70,8 +63,8 @@ from ispm.paths.branch import (
     leave,
     pixel_width,
 )
-from ispm.paths.coat import draw_coat, facet_light, sample_coat
-from ispm.paths.eye_paths import EyePaths, EyeRays, EyeThread, RayArrays, ray_arrays
+from ispm.paths.coat import draw_coat, facet_light, own_light, sample_coat
+from ispm.paths.eye_paths import Done, EyeOut, EyePaths, EyeRays, EyeThread, RayArrays, ray_arrays
 from ispm.paths.facet import (
     ROUGH_SAMPLES,
     facet_numbers,
@@ -88,6 +81,7 @@ from ispm.paths.vertices import (
     PATH_END,
     PATH_END_AND_POINT,
     add_light,
+    store_clear,
     store_end,
     store_first,
     store_gloss,
@@ -106,7 +100,6 @@ _MIN_WEIGHT_AFTER_END = f32(0.02)  # and below which not from an end
 _CONTACT = f32(1e-3)  # of a path, the least length of what reflects it to where it ends, for its blur
 _EVENTS_APART = 32  # numbers of the events of two paths that part
 _DIMENSION = 7 << 20  # of the random numbers that draw lights
-_OF_COAT = 255  # likewise of the light of a coat, or of anisotropic facets
 _LAMP_SAMPLES = 4  # points of lamps with a surface that an end is lit by, where a pixel has one path
 _CHUNK = 64  # pixels a thread takes at a time; results do not depend on it or on the threads
 _BATCH = 1 << 13  # pixels whose ends lie in memory at their full number
@@ -128,7 +121,7 @@ def trace_eye(
     tables = scene_tables(packed, world, surfaces)
     (width, spread), (near, past) = rays.width, rays.slack
     numbers = u32(pass_index), u32(seed), u32(rays.columns), i64(rays.most), f32(rays.widening)
-    told = rays.shows_environment, rays.of_coats
+    told = rays.shows_environment, rays.of_coats, rays.behind
     view = View(f32(width), f32(spread), f32(near), f32(past), *numbers, *told)
     capacity = _CHUNK * _PATHS_MAX * _ENDS_MAX * samples_most(packed)
     words, cut = PATH_END_AND_POINT.itemsize // 4, PATH_END.itemsize // 4
@@ -138,7 +131,7 @@ def trace_eye(
         chunks = -(-(part.stop - first) // _CHUNK)
         room = world.scratch(chunks * capacity, PATH_END_AND_POINT)
         counts = np.zeros((chunks, 2), np.int64)
-        out = _Out(direct[part], emission[part], through[part], firsts[part], room, counts)
+        out = EyeOut(direct[part], emission[part], through[part], firsts[part], room, counts)
         batch = RayArrays(*(each[part] for each in arrays))
         _follow_batch(tables, surfaces, view, batch, first, out, world.threads)
         raw = room.view(np.uint32).reshape(-1, words)  # records are copied field by field, which is slow
@@ -151,7 +144,7 @@ def trace_eye(
 
 
 def _follow_batch(
-    tables: Tables, surfaces: SurfaceTable, view: View, rays: RayArrays, first: int, out: _Out, threads: int
+    tables: Tables, surfaces: SurfaceTable, view: View, rays: RayArrays, first: int, out: EyeOut, threads: int
 ) -> None:
     """Follow the paths of some rays, the first of which is row `first` of all."""
 
@@ -163,31 +156,9 @@ def _follow_batch(
     run_shared(work, threads)
 
 
-class _Out(NamedTuple):
-    """What kernels write: arrays of EyePaths, and by chunks
-
-    ends    (m,) PATH_END_AND_POINT, of which each chunk has an equal part
-    counts  (chunks, 2) int64, ends and rays
-    """
-
-    direct: np.ndarray
-    emission: np.ndarray
-    through: np.ndarray
-    firsts: np.ndarray
-    ends: np.ndarray
-    counts: np.ndarray
-
-
-class _Done(NamedTuple):
-    """How far a chunk is: the next free row of the ends, and the number of rays traced."""
-
-    row: np.int64
-    traced: np.int64
-
-
 @jit
 def _follow_chunks(tables, view, footprint, values, rays, first, counter, out):
-    """Follow the paths of as many chunks of RayArrays as a thread gets, filling an _Out.
+    """Follow the paths of as many chunks of RayArrays as a thread gets, filling an EyeOut.
 
     footprint, values  of the thread's EyeThread;  first  row of the first ray among all
     """
@@ -195,7 +166,7 @@ def _follow_chunks(tables, view, footprint, values, rays, first, counter, out):
     capacity = i64(len(out.ends) // len(counts))
     thread = EyeThread(Scratch(alloca(STACK_WORDS), alloca(2)), footprint, values)
     for chunk in shared_rows(counter, 1, len(counts)):
-        done = _Done(chunk * capacity, i64(0))
+        done = Done(chunk * capacity, i64(0))
         for i in range(chunk * i64(_CHUNK), min((chunk + 1) * i64(_CHUNK), len(rays.origins))):
             done = _follow_pixel(tables, view, thread, rays, i, first + i, out, done)
         counts[chunk, 0] = done.row - chunk * capacity
@@ -204,8 +175,8 @@ def _follow_chunks(tables, view, footprint, values, rays, first, counter, out):
 
 @jit
 def _follow_pixel(tables, view, thread, rays, i, slot, out, done):
-    """Follow all paths of row `i` of RayArrays, whose ends have `slot`, int64; write an _Out, return the
-    _Done."""
+    """Follow all paths of row `i` of RayArrays, whose ends have `slot`, int64; write an EyeOut, return the
+    Done."""
     start, d, key = vec3(rays.origins[i]), vec3(rays.directions[i]), rays.keys[i]
     near, past = f32(0), False
     shown, length = rays.hits[i], rays.distances[i]
@@ -219,19 +190,19 @@ def _follow_pixel(tables, view, thread, rays, i, slot, out, done):
                 add_light(out.emission, i, environment_radiance(tables.environment, d), _WHITE)
             else:
                 add_light(out.through, i, _WHITE, _WHITE)
-            return _Done(done.row, done.traced + i64(1))
+            return Done(done.row, done.traced + i64(1))
         length = near + distance_to(tables, start, hit)
         past = length > rays.distances[i] * (f32(1) + view.past)  # the edge of what the rasteriser drew
     thread.footprint[:] = pixel_width(view, length)
     x = surface(tables, hit, d)
     wo = scale(f32(-1), d)
-    if view.of_coats or is_anisotropic(x.bsdf):
-        _, _, u = facet_numbers(key, u32(_OF_COAT), view.pass_index, view.seed)
-        facets = coat_point(x) if view.of_coats else facet_point(x)
-        own, more, shadows = facet_light(tables, facets, wo, u, thread.scratch, f32(0), _LAMP_SAMPLES)
+    if view.of_coats or (is_anisotropic(x.bsdf) and not (past or view.behind)):
+        own, more, shadows = own_light(tables, x, wo, key, view, thread.scratch, _LAMP_SAMPLES)
         store_own(out.firsts[i], own, f32(1) - x.coat.shown if view.of_coats else f32(0))
         add_light(out.direct, i, more, _WHITE)
-        x, done = facets if view.of_coats else x, _Done(done.row, done.traced + shadows)
+        x, done = coat_point(x) if view.of_coats else x, Done(done.row, done.traced + shadows)
+    if view.behind and not past:
+        return _follow_behind(tables, view, thread, x, d, key, length, i, slot, out, done)
     blurred, near_by, followed = f32(0), f32(0), f32(0)
     count = i64(1) if past else branches(view, x, wo, key)
     for k in range(count):
@@ -241,7 +212,7 @@ def _follow_pixel(tables, view, thread, rays, i, slot, out, done):
         if not past:
             path = first_path(tables, view, x, wo, key, k, length)
         if greatest(path.weight) > _MIN_WEIGHT * f32(1.0 / ROUGH_SAMPLES):
-            done, end = _follow_often(tables, view, thread, path, i, slot, out, done)
+            done, end = _follow_often(tables, view, thread, path, no_medium(), i, slot, out, done)
             blurred += (end - length) / end if k < ROUGH_SAMPLES else f32(0)
             near_by, followed = near_by + end / max(end - length, _CONTACT * end), followed + f32(1)
     angle = length / pixel_width(view, length)
@@ -256,20 +227,35 @@ def _follow_pixel(tables, view, thread, rays, i, slot, out, done):
 
 
 @jit
-def _follow_often(tables, view, thread, path, i, slot, out, done):
+def _follow_behind(tables, view, thread, x, d, key, length, i, slot, out, done):
+    """Follow the path of ray `i` behind a blended SurfacePoint, `length` m away along d; return the Done."""
+    clear = f32(1) - opacity_seen(tables, x.hit)
+    store_clear(out.firsts[i], x, clear)
+    if clear < _MIN_WEIGHT:
+        return done
+    before = length * view.near
+    place = sub(x.position, scale(before, d)), d, (clear, clear, clear), f32(0), d, d, no_medium(), f32(1)
+    path = Path(key, u32(0), i64(TRANSMITTED), *place, length - before, True)
+    done, _ = _follow_often(tables, view, thread, path, x.hit, i, slot, out, done)
+    return done
+
+
+@jit
+def _follow_often(tables, view, thread, path, veil, i, slot, out, done):
     """Follow a path of ray `i`, and the second one if it parts. Where it is its pixel's first to meet rough
     glass, it becomes one of ROUGH_SAMPLES, whose mean counts.
 
-    -> the _Done, and the length of the last path, m
+    veil  as of `_follow`
+    -> the Done, and the length of the last path, m
     """
     first = done.row
     key, dimension, lane, start, d, weight, pdf, side, origin, inside, focus, length, sees_background = path
     direct, emission, through = vec3(out.direct[i]), vec3(out.emission[i]), vec3(out.through[i])
     share, k, count, rough = f32(1), 0, 1, False
-    end = length
+    end, skipped = length, veil
     while k < count:
-        done, met, end, parted, path = _follow(tables, view, thread, path, i, slot, out, done)
-        rough = rough or met
+        done, met, end, parted, path = _follow(tables, view, thread, path, skipped, i, slot, out, done)
+        rough, skipped = rough or met, no_medium() if parted else veil
         if parted:
             continue
         if rough and k == 0 and lane != SCATTERED and pdf == f32(0):
@@ -288,22 +274,28 @@ def _follow_often(tables, view, thread, path, i, slot, out, done):
 
 
 @jit
-def _follow(tables, view, thread, path, i, slot, out, done):
+def _follow(tables, view, thread, path, veil, i, slot, out, done):
     """Follow one path of ray `i` to its end or ends.
 
-    -> the _Done, whether it met rough glass or a strong lobe, its length in m, of one that a lobe began to
+    veil  Hit on the blended surface that the path starts behind, instance NO_HIT: on none. Others behind it
+          end it by as much as they are opaque, as long as there is room for two ends more; then by chance
+    -> the Done, whether it met rough glass or a strong lobe, its length in m, of one that a lobe began to
        where it first ends or meets a lobe, whether it parted, and if so the other path
     """
     row, traced = done.row, done.traced
     key, dimension, lane, start, d, weight, pdf, side, origin, inside, focus, length, sees_background = path
     stored, rough, parted, other = 0, False, False, path
     from_lobe, far, sharp = pdf > f32(0), f32(1e30), True
+    behind = veil.instance != u32(NO_HIT)
     for event in range(EVENTS_MAX + 1):
         u1, u2, u0 = facet_numbers(key, dimension, view.pass_index, view.seed)
         traced += i64(1)
-        found, hit = closest_surface(tables, start, d, u0, thread.scratch)
+        if behind and event == 0:
+            found, hit = closest_behind(tables, start, d, veil, thread.scratch)
+        else:
+            found, hit = closest_surface(tables, start, d, f32(0) if behind else u0, thread.scratch)
         if not found:
-            if has_environment(tables.environment):
+            if has_environment(tables.environment) and (view.shows_environment or not behind):
                 share = surround_weight(tables, pdf, d)
                 light = scale(share, environment_radiance(tables.environment, d))
                 add_light(out.emission, i, light, scale(focus, weight))
@@ -319,7 +311,13 @@ def _follow(tables, view, thread, path, i, slot, out, done):
         inside = medium(inside, x)
         if inside.instance != u32(NO_HIT):
             weight = attenuated(tables, inside, start, x.position, weight)
-        seen = scale(focus, weight)
+        shown = f32(1)
+        if behind:
+            shown = opacity_seen(tables, hit)
+            if stored == _ENDS_MAX - 1:
+                shown = f32(1) if u0 < shown else f32(0)
+            behind = shown < f32(1)
+        seen = scale(focus * shown, weight)
         share = lamp_weight(tables, origin, side, pdf, hit, d)
         add_light(out.emission, i, scale(share, glow(tables, hit, d)), seen)
         unlit = x.flags & u32(MATERIAL_UNLIT) != u32(0)
@@ -331,7 +329,7 @@ def _follow(tables, view, thread, path, i, slot, out, done):
         has_diffuse = end.diffuse[0] + end.diffuse[1] + end.diffuse[2] > f32(0)
         ends = stored + (1 if has_diffuse else 0)
         mean = greatest(times(weight, mean_reflectance(x, wo)))
-        goes_on = is_narrow(b) and not unlit and event < EVENTS_MAX and ends < _ENDS_MAX
+        goes_on = is_narrow(b) and not (unlit or behind) and event < EVENTS_MAX and ends < _ENDS_MAX
         goes_on = goes_on and mean >= (_MIN_WEIGHT_AFTER_END if ends > 0 else _MIN_WEIGHT)
         if not unlit and (has_finite(b) or not is_smooth(b)):
             lit, goes_on_by = widened(x, widest), BY_FACETS if goes_on else BY_NOTHING
@@ -355,13 +353,15 @@ def _follow(tables, view, thread, path, i, slot, out, done):
             add_light(out.direct, i, add(light, more), seen)
             traced += shadows
         if unlit or has_diffuse or (has_finite(b) and not goes_on):
-            if unlit:
-                end = BLACK
-            elif goes_on and is_anisotropic(b):
-                end = without_facets(end)
+            end = BLACK if unlit else end_bsdf(end, goes_on)
             store_end(out.ends[row].end, slot, lane, seen, end, hit.instance)
             store_point(out.ends[row].point, x, wo, end, width, widest if goes_on else NARROW_ALPHA)
             row, stored, lane = row + i64(1), stored + 1, i64(SCATTERED)
+        if behind:
+            start, weight = leave_surface(tables, hit, scale(f32(-1), x.ng)), scale(f32(1) - shown, weight)
+            if greatest(weight) < _MIN_WEIGHT:
+                break
+            continue
         if unlit:
             break
         rough = rough or (transmits(b) and not is_smooth(b)) or (goes_on and mean >= STRONG)
@@ -393,4 +393,4 @@ def _follow(tables, view, thread, path, i, slot, out, done):
         sides = (side, origin) if passed else (left.side, left.origin)
         key, dimension, lane, start, d, weight, pdf, _, _, inside, focus, length, sees_background = left
         side, origin = sides
-    return _Done(row, traced), rough, far if from_lobe else length, parted, other
+    return Done(row, traced), rough, far if from_lobe else length, parted, other

@@ -29,6 +29,7 @@ class EyeRays:
                to others beside them; 0: all are looked at
     most       paths from a strong lobe; 0: as few as from a weak one
     of_coats   whether paths start from the clear coat of what a pixel shows, else from what is under it
+    behind     whether they go straight on behind a blended surface that a pixel shows
     widening   at ends, direct light counts lobes as at least this times as wide as the lobe that led there:
                few paths find a light's image in a second narrow lobe
     """
@@ -45,6 +46,7 @@ class EyeRays:
     most: int = 4
     widening: float = 1.0
     of_coats: bool = False
+    behind: bool = False
 
 
 @dataclass(frozen=True)
@@ -85,15 +87,6 @@ def join_paths(parts: Sequence[EyePaths]) -> EyePaths:
     return EyePaths(**joined, rays=sum(part.rays for part in parts))
 
 
-class EyeThread(NamedTuple):
-    """What one thread works with: Scratch, the (1,) float32 that is its surfaces' footprint, see
-    `SurfaceTable.own_footprint`, and a number for each light, see `light_of_few`."""
-
-    scratch: Scratch
-    footprint: np.ndarray
-    values: np.ndarray
-
-
 class RayArrays(NamedTuple):
     """The arrays of EyeRays, for kernels."""
 
@@ -113,3 +106,34 @@ def ray_arrays(rays: EyeRays) -> RayArrays:
     # parts of arrays in another order would be of another type, and kernels for it be compiled
     origins, directions = np.ascontiguousarray(rays.origins), np.ascontiguousarray(rays.directions)
     return RayArrays(origins, directions, rays.distances, rays.keys, hits)
+
+
+class EyeOut(NamedTuple):
+    """What kernels write: arrays of EyePaths, and by chunks
+
+    ends    (m,) PATH_END_AND_POINT, of which each chunk has an equal part
+    counts  (chunks, 2) int64, ends and rays
+    """
+
+    direct: np.ndarray
+    emission: np.ndarray
+    through: np.ndarray
+    firsts: np.ndarray
+    ends: np.ndarray
+    counts: np.ndarray
+
+
+class EyeThread(NamedTuple):
+    """What one thread works with: Scratch, the (1,) float32 that is its surfaces' footprint, see
+    `SurfaceTable.own_footprint`, and a number for each light, see `light_of_few`."""
+
+    scratch: Scratch
+    footprint: np.ndarray
+    values: np.ndarray
+
+
+class Done(NamedTuple):
+    """How far a chunk is: the next free row of the ends, and the number of rays traced."""
+
+    row: np.int64
+    traced: np.int64

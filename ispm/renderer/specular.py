@@ -26,7 +26,7 @@ from ispm.renderer.gather import PhotonLight
 from ispm.renderer.one_pass import Pass
 from ispm.stages.camera import CameraView
 from ispm.stages.filter import filter_estimate, filter_points
-from ispm.stages.specular import LAYER_BASE, LAYER_COAT, LAYER_SHEEN
+from ispm.stages.specular import LAYER_BASE, LAYER_BEHIND, LAYER_COAT, LAYER_SHEEN
 
 _MISSED_SHARE = 1 / 64  # receivers of missed pixels to those of the picture, while blocks can grow; measured
 _BAND = 1 << 18  # rays whose ends lie in memory at a time
@@ -41,18 +41,20 @@ _FINE_SLACK = 5e-3, 2e-2
 
 def specular_light(this: Pass, seen: np.ndarray, light: PhotonLight) -> np.ndarray:
     """Return direct light, indirect light and emission that such paths bring to SEEN pixels, (n,), the share
-    that these show of a colored background, the share of irradiance, over pi, that sheen reflects, and that
-    which a clear coat and sheen hide of the light of what is under them: (n, 16) float32.
+    that these show of a colored background, the share of irradiance, over pi, that sheen reflects, that which
+    is hidden of emission, as much as a blended surface is clear, and that of the direct and indirect light of
+    what is under a clear coat or sheen, or blended: (n, 17) float32.
 
-    A coat, sheen and what is under them are surfaces whose light adds.
+    A coat, sheen and what is under them are surfaces whose light adds; what lies behind a blended surface
+    adds by as much as that is clear.
     """
-    found = np.zeros((len(seen), 16), np.float32)
+    found = np.zeros((len(seen), 17), np.float32)
     for layer in (LAYER_BASE, LAYER_COAT):
         rows = np.flatnonzero(seen["layers"] & layer)
         if len(rows) == len(seen) > 0:
-            found += _light_of_layer(this, seen, light, layer == LAYER_COAT)
+            found += _light_of_layer(this, seen, light, layer)
         elif len(rows):
-            found[rows] += _light_of_layer(this, take(seen, rows), light, layer == LAYER_COAT)
+            found[rows] += _light_of_layer(this, take(seen, rows), light, layer)
     rows = np.flatnonzero(seen["layers"] & LAYER_SHEEN)
     if len(rows):
         rays = eye_rays(take(seen, rows), this.surfaces, this.view, this.threads)
@@ -60,19 +62,26 @@ def specular_light(this: Pass, seen: np.ndarray, light: PhotonLight) -> np.ndarr
         across, smoothing = this.view.size[0], this.settings.smoothing
         found[rows, :3] += filtered_light(sheen, rays.keys, across, smoothing, this.threads)
         found[rows, 12:15] = sheen.albedo
-        found[rows, 15] = 1.0 - (1.0 - found[rows, 15]) * (1.0 - sheen.hidden)
+        found[rows, 16] = 1.0 - (1.0 - found[rows, 16]) * (1.0 - sheen.hidden)
+    rows = np.flatnonzero(seen["layers"] & LAYER_BEHIND)
+    if len(rows):
+        behind = _light_of_layer(this, take(seen, rows), light, LAYER_BEHIND)
+        opacity = 1.0 - behind[:, 16:]
+        found[rows, :15] = opacity * found[rows, :15] + behind[:, :15]
+        found[rows, 15:] = 1.0 - opacity * (1.0 - found[rows, 15:])
     return found
 
 
-def _light_of_layer(this: Pass, seen: np.ndarray, light: PhotonLight, of_coats: bool) -> np.ndarray:
-    """`specular_light` of SEEN pixels by their coats alone, or by what is under these.
+def _light_of_layer(this: Pass, seen: np.ndarray, light: PhotonLight, layer: int) -> np.ndarray:
+    """`specular_light` of SEEN pixels by their coats alone, by what is under these, or by what lies behind.
 
     Pixels on edges of what is seen in a mirror or glass are sampled four times; where these are many, as on
     waves, twice.
     """
     settings, view, count = this.settings, this.view, len(seen)
     rays = eye_rays(seen, this.surfaces, view, this.threads, settings.smoothing)
-    rays = replace(rays, shows_environment=shows_environment(this), of_coats=of_coats)
+    of_coats, behind = layer == LAYER_COAT, layer == LAYER_BEHIND
+    rays = replace(rays, shows_environment=shows_environment(this), of_coats=of_coats, behind=behind)
     paths, given, lonely, edges = _paths_of(this, rays, light)
     total = count + len(lonely)
     samples = max((len(paths.direct) - total) // max(len(edges), 1), 1)
@@ -86,8 +95,8 @@ def _light_of_layer(this: Pass, seen: np.ndarray, light: PhotonLight, of_coats: 
         denoise_rough_transmission(brought[:count], rays.keys, view.size[0], firsts, this.threads)
     resolve_lobes(found[:count], given, settings.smoothing, this.threads)
     found[:count, :3] += firsts["own"]
-    no_sheen, hidden = np.zeros((count, 3), np.float32), firsts["hidden"][:, None]
-    return np.concatenate([found[:count], through[:count], no_sheen, hidden], axis=1)
+    none, hidden = np.zeros((count, 4), np.float32), firsts["hidden"][:, None]
+    return np.concatenate([found[:count], through[:count], none, hidden], axis=1)
 
 
 def _paths_of(
@@ -187,7 +196,7 @@ def fine_rays(
 
 
 def follow(this: Pass, rays: EyeRays, light: PhotonLight) -> EyePaths:
-    """Follow eye paths to their ends. Those that scattered are lit as they are found, and kept as light alone."""
+    """Follow eye paths to their ends; those of paths that scattered are lit as they are found and dropped."""
     parts = []
     for first in range(0, max(len(rays.keys), 1), _BAND):
         band = stretch_of(rays, slice(first, first + _BAND))

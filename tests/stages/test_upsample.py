@@ -122,7 +122,7 @@ def test_unused_light_is_not_spread(gpu):
 
 
 def test_missed_pixels_all_find_room(gpu):
-    """Where no receiver's light is to be spread each pixel that is seen is missed, and gets light of its own."""
+    """Where no receiver's light is to be spread each pixel that is seen gets light of its own."""
 
     def none(receivers):
         out = even(9.0)(receivers)
