@@ -37,8 +37,8 @@ def facet_light(tables, y, wo, u, scratch, widest, count):
 
 @jit
 def own_light(tables, x, wo, key, view, scratch, count):
-    """Return `facet_light` of the coat of a SurfacePoint that a pixel shows, or of its facets where paths start
-    from what is under a coat; key, view: of the pixel's ray."""
+    """Return `facet_light` of the coat of a SurfacePoint that a pixel shows, or of its facets where paths do
+    not start from the coat; key, view: of the pixel's ray."""
     _, _, u = facet_numbers(key, u32(_OF_PIXEL), view.pass_index, view.seed)
     facets = coat_point(x) if view.of_coats else facet_point(x)
     return facet_light(tables, facets, wo, u, scratch, f32(0), count)
