@@ -4,8 +4,7 @@ At the first surface both branches are followed, weighted by Fresnel's equations
 leaves the solid that it entered there; after that the stronger one is followed with the weight of both, which
 is exact where both would find the same light. Rough glass is sampled instead, and so are the lobes of opaque
 surfaces that are too narrow for photons.
-Where a path meets a surface that photons may light it leaves an end; direct light there, and emission, is
-added here.
+Where photons may light what a path meets it leaves an end; direct light there and emission are added here.
 """
 
 from __future__ import annotations
@@ -31,6 +30,7 @@ from ispm.accel.world import World
 from ispm.kernels.share import run_shared, shared_rows
 from ispm.kernels.simd import alloca
 from ispm.lights.few import light_of_few
+from ispm.lights.first_pass import first_area_light
 from ispm.lights.nee import (
     BY_FACETS,
     BY_NOTHING,
@@ -101,6 +101,7 @@ _CONTACT = f32(1e-3)  # of a path, the least length of what reflects it to where
 _EVENTS_APART = 32  # numbers of the events of two paths that part
 _DIMENSION = 7 << 20  # of the random numbers that draw lights
 _LAMP_SAMPLES = 4  # points of lamps with a surface that an end is lit by, where a pixel has one path
+_SAMPLES_BEHIND = 16  # likewise behind what is blended: as many as what stands beside it has by its filter
 _CHUNK = 64  # pixels a thread takes at a time; results do not depend on it or on the threads
 _BATCH = 1 << 13  # pixels whose ends lie in memory at their full number
 
@@ -206,9 +207,8 @@ def _follow_pixel(tables, view, thread, rays, i, slot, out, done):
     blurred, near_by, followed = f32(0), f32(0), f32(0)
     count = i64(1) if past else branches(view, x, wo, key)
     for k in range(count):
-        path = Path(
-            key, u32(0), i64(SCATTERED), start, d, _WHITE, f32(0), d, d, no_medium(), f32(1), near, True
-        )
+        place = f32(0), d, d, no_medium(), f32(1)
+        path = Path(key, u32(0), i64(SCATTERED), start, d, _WHITE, *place, near, True)
         if not past:
             path = first_path(tables, view, x, wo, key, k, length)
         if greatest(path.weight) > _MIN_WEIGHT * f32(1.0 / ROUGH_SAMPLES):
@@ -339,7 +339,11 @@ def _follow(tables, view, thread, path, veil, i, slot, out, done):
             else:
                 light, shadows = punctual_light(tables, lit, wo, u0, thread.scratch, f32(np.inf))
             count = 1 if from_lobe or rough else _LAMP_SAMPLES
-            more, others = area_light(tables, x, wo, u0, thread.scratch, f32(np.inf), goes_on_by, count)
+            count = _SAMPLES_BEHIND if view.behind and sees_background else count
+            if view.pass_index == u32(0):
+                more, others = first_area_light(tables, x, wo, u0, thread.scratch, goes_on_by, count)
+            else:
+                more, others = area_light(tables, x, wo, u0, thread.scratch, f32(np.inf), goes_on_by, count)
             add_light(out.direct, i, add(light, more), seen)
             shadows += others
             traced += shadows
