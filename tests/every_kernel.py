@@ -56,7 +56,11 @@ def everything() -> ispm.Scene:
         ispm.Material(transmission=1.0, roughness=0.4, ior=1.5, thickness=0.1),
         ispm.Material(base_color=(0.8, 0.5, 0.3, 0.5), alpha_mode=AlphaMode.BLEND),
         ispm.Material(
-            clearcoat=1.0, clearcoat_roughness=0.3, sheen_color=(1.0, 0.5, 0.2), sheen_roughness=0.4
+            clearcoat=1.0,
+            clearcoat_roughness=0.3,
+            sheen_color=(1.0, 0.5, 0.2),
+            sheen_roughness=0.4,
+            anisotropy=0.5,
         ),
     ]
     scene = ispm.Scene(name="everything")

@@ -1,4 +1,4 @@
-"""What tests of surfaces of layers share: photons that scatter often, and a ball beside slow paths."""
+"""What tests of surfaces share: records, photons that scatter often, floors, and a ball beside slow paths."""
 
 import math
 
@@ -20,6 +20,14 @@ f32, u32 = np.float32, np.uint32
 _SEEDS, _PARTS = 6, 8
 
 
+def made(value):
+    """What a kernel returned, numbers, vectors and records of Python's floats, as kernels take it."""
+    if not isinstance(value, tuple):
+        return f32(value)
+    parts = [made(part) for part in value]
+    return type(value)(*parts) if hasattr(value, "_fields") else tuple(parts)
+
+
 @jit
 def scatter_often(x, wo, weights):
     """Write what a photon of flux 1 that comes from wo is worth after a SurfacePoint, (n, 3), 0: absorbed."""
@@ -30,6 +38,35 @@ def scatter_often(x, wo, weights):
         alive, _, flux, _ = scatter(x, d, one, u0, u1, u2)
         for c in range(3):
             weights[k, c] = flux[c] if alive else f32(0)
+
+
+def floor(material, uv=None):
+    """A square of 20 m at y = 0; uv: texture coordinates of its corners, or of all."""
+    scene = Scene()
+    mesh = polygons([np.array([(-10, 0, -10), (-10, 0, 10), (10, 0, 10), (10, 0, -10)], float)], "floor")
+    if uv is not None:
+        mesh.uv0 = np.broadcast_to(np.asarray(uv, f32), (len(mesh.positions), 2)).copy()
+    scene.add(mesh, material=material, name="floor")
+    return scene
+
+
+def unit(v):
+    return v / np.linalg.norm(v, axis=-1, keepdims=True)
+
+
+def places_seen(eye, size, yfov):
+    """Points of the floor that pixels show, (n, 3)."""
+    width, height = size
+    x, y = np.meshgrid((np.arange(width) + 0.5) / width * 2 - 1, 1 - (np.arange(height) + 0.5) / height * 2)
+    tangent, back = math.tan(yfov / 2), unit(np.array(eye))
+    right = np.array([1.0, 0.0, 0.0])
+    d = (
+        (x * width / height * tangent)[..., None] * right
+        + (y * tangent)[..., None] * np.cross(back, right)
+        - back
+    )
+    d = d.reshape(-1, 3)
+    return np.array(eye) - d * (eye[1] / d[:, 1:2])
 
 
 def boxed_ball(material):

@@ -10,13 +10,49 @@ import numpy as np
 from ispm.accel.surface import SurfacePoint
 from ispm.optics.bsdf import Bsdf
 from ispm.optics.coat import NO_COAT, coat_bsdf
+from ispm.optics.facets import NO_ANISOTROPY, is_anisotropic
 from ispm.optics.jit import jit
 from ispm.optics.sheen import MIN_ROUGHNESS, NO_SHEEN
 from ispm.optics.vector import add, scale
 
 f32 = np.float32
 
+_NONE = f32(0), f32(0), f32(0)
 _BELOW_ONE = f32(1 - 2**-24)
+
+
+@jit
+def without_diffuse(b):
+    """Return a Bsdf without its Lambert lobe."""
+    return with_diffuse(b, _NONE)
+
+
+@jit
+def without_facets(b):
+    """Return a Bsdf that reflects nothing by facets, to which the Lambert lobe gives way all the same."""
+    kept = b.dielectric_f0, b.dielectric_f90, b.tint, b.eta, b.thin, b.sheen, b.anisotropy
+    return Bsdf(b.diffuse, _NONE, f32(0), b.alpha, *kept)
+
+
+@jit
+def with_diffuse(b, diffuse):
+    """Return a Bsdf with another albedo of its Lambert lobe, RGB."""
+    kept = b.dielectric_f0, b.dielectric_f90, b.tint, b.eta, b.thin, b.sheen, b.anisotropy
+    return Bsdf(diffuse, b.f0, b.f90, b.alpha, *kept)
+
+
+@jit
+def end_bsdf(b, goes_on):
+    """Return the Bsdf by which photons light the end of a path that may go on by the surface's lobe: without
+    it where that is anisotropic."""
+    return without_facets(b) if goes_on and is_anisotropic(b) else b
+
+
+@jit
+def facet_point(x):
+    """Return what the facets of an opaque SurfacePoint reflect as a surface of its own."""
+    b = without_diffuse(x.bsdf)
+    return SurfacePoint(x.hit, x.position, x.ng, x.n, b, x.flags, x.entering, NO_COAT, NO_SHEEN)
 
 
 @jit
@@ -42,9 +78,9 @@ def has_sheen(x):
 @jit
 def sheen_point(x):
     """Return the sheen of a SurfacePoint as a surface of its own: opaque, rough, one wide lobe."""
-    none = f32(0), f32(0), f32(0)
     roughness = max(x.sheen.roughness, MIN_ROUGHNESS)
-    b = Bsdf(none, x.sheen.color, f32(0), f32(1), f32(0), f32(0), none, f32(1), f32(1), roughness)
+    fibers = f32(0), f32(1), f32(0), f32(0), _NONE, f32(1), f32(1), roughness, NO_ANISOTROPY
+    b = Bsdf(_NONE, x.sheen.color, *fibers)
     return SurfacePoint(x.hit, x.position, x.ng, x.n, b, x.flags, x.entering, NO_COAT, NO_SHEEN)
 
 
@@ -56,7 +92,7 @@ def with_matte_sheen(x):
         return x
     b = x.bsdf
     diffuse = add(b.diffuse, scale(x.sheen.albedo, x.sheen.color))
-    b = Bsdf(diffuse, b.f0, b.f90, b.alpha, b.dielectric_f0, b.dielectric_f90, b.tint, b.eta, b.thin, b.sheen)
+    b = with_diffuse(b, diffuse)
     return SurfacePoint(x.hit, x.position, x.ng, x.n, b, x.flags, x.entering, x.coat, x.sheen)
 
 
@@ -87,5 +123,5 @@ def with_rough_coat(x):
         return x
     b, hidden = x.bsdf, f32(1) - x.coat.shown
     diffuse = add(b.diffuse, (hidden, hidden, hidden))
-    b = Bsdf(diffuse, b.f0, b.f90, b.alpha, b.dielectric_f0, b.dielectric_f90, b.tint, b.eta, b.thin, b.sheen)
+    b = with_diffuse(b, diffuse)
     return SurfacePoint(x.hit, x.position, x.ng, x.n, b, x.flags, x.entering, x.coat, x.sheen)

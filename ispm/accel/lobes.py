@@ -1,4 +1,4 @@
-"""What covers a surface: the BSDF, the clear coat and the normals of maps, by material and textures.
+"""What covers a surface: BSDF, anisotropy, clear coat and the normals of maps, by material and textures.
 
 In kernels `tables` is a Tables, `table` its `surfaces`; `material` is a word, see `accel.mesh`; `use` is the
 word of a TEXTURE_USE in MATERIAL.
@@ -20,6 +20,7 @@ from ispm.accel.mesh import (
 )
 from ispm.accel.normals import bend, unit
 from ispm.accel.texturing import (
+    ANISOTROPY_MAP,
     COAT_MAP,
     COAT_NORMAL_MAP,
     COAT_ROUGHNESS_MAP,
@@ -34,8 +35,9 @@ from ispm.accel.texturing import (
     texture_row,
 )
 from ispm.kernels.simd import ldf, ldu
-from ispm.optics.bsdf import Dielectric, surface_bsdf
+from ispm.optics.bsdf import MIN_ALPHA, Bsdf, Dielectric, surface_bsdf
 from ispm.optics.coat import make_coat
+from ispm.optics.facets import Anisotropy
 from ispm.optics.jit import jit
 from ispm.optics.records import (
     INSTANCE,
@@ -46,6 +48,7 @@ from ispm.optics.records import (
     MATERIAL_TRANSMITS,
     VERTEX,
 )
+from ispm.optics.sampling import orthonormal_basis
 from ispm.optics.sheen import make_sheen
 from ispm.optics.vector import add, cross, dot, scale, sub
 
@@ -61,7 +64,10 @@ _TRANSMISSION, _IOR = word_of(MATERIAL, "transmission"), word_of(MATERIAL, "ior"
 _COAT, _COAT_ROUGHNESS = word_of(MATERIAL, "clearcoat"), word_of(MATERIAL, "clearcoat_roughness")
 _COAT_NORMAL_SCALE = word_of(MATERIAL, "clearcoat_normal_scale")
 _SHEEN_COLOR, _SHEEN_ROUGHNESS = word_of(MATERIAL, "sheen_color"), word_of(MATERIAL, "sheen_roughness")
-_WHITE = f32(1), f32(1), f32(1)
+_ANISOTROPY, _DIRECTION = word_of(MATERIAL, "anisotropy"), word_of(MATERIAL, "anisotropy_direction")
+_ALONG_AXIS = f32(1e-6)  # sine^2 of the angle between normal and axis, below which nothing goes around
+_NO_DIRECTION = f32(1 / 255)  # of a texel from the middle value
+_WHITE, _Y = (f32(1), f32(1), f32(1)), (f32(0), f32(1), f32(0))
 
 
 @jit
@@ -125,21 +131,62 @@ def mapped_normal(tables, context, n, use, strength):
 
     strength  word of the factor on the map's x and y
     """
-    table, instance, material, corners = tables.surfaces, context.instance, context.material, context.corners
-    first, _, _ = corners
-    side = ldf(table[VERTICES], first + _TANGENT + i64(3))
-    tangent = interpolated(table, corners, _TANGENT, context.u, context.v)
-    if side == f32(0) or dot(tangent, tangent) < f32(1e-12):
+    known, t, b = _tangents(tables, context, n)
+    if not known:
         return n
-    if ldu(table[INSTANCES], instance + _INSTANCE_FLAGS) & u32(INSTANCE_MIRRORED):
-        side = -side
-    t = rows_times(table[INSTANCES], instance + TO_WORLD, tangent)
-    t = unit(sub(t, scale(dot(t, n), n)))
-    b = scale(side, cross(n, t))
+    table, material = tables.surfaces, context.material
     r, g, blue, _ = sample_slot(tables, context, use)
     s = ldf(table[MATERIALS], material + strength)
     x, y, z = (f32(2) * r - f32(1)) * s, (f32(2) * g - f32(1)) * s, f32(2) * blue - f32(1)
     return unit(add(add(scale(x, t), scale(y, b)), scale(z, n)))
+
+
+@jit
+def _tangents(tables, context, n):
+    """Whether the mesh has tangents at a TextureContext, and tangent and bitangent there, unit, world space,
+    at right angles to its normal `n`."""
+    table, instance, corners = tables.surfaces, context.instance, context.corners
+    first, _, _ = corners
+    side = ldf(table[VERTICES], first + _TANGENT + i64(3))
+    tangent = interpolated(table, corners, _TANGENT, context.u, context.v)
+    if side == f32(0) or dot(tangent, tangent) < f32(1e-12):
+        return False, n, n
+    if ldu(table[INSTANCES], instance + _INSTANCE_FLAGS) & u32(INSTANCE_MIRRORED):
+        side = -side
+    t = rows_times(table[INSTANCES], instance + TO_WORLD, tangent)
+    t = unit(sub(t, scale(dot(t, n), n)))
+    return True, t, scale(side, cross(n, t))
+
+
+@jit
+def anisotropic(tables, context, n, b):
+    """Return a Bsdf with the facets of a MATERIAL_ANISOTROPIC at a TextureContext; `n`: the mesh's normal.
+
+    Without tangents the first direction goes around the mesh's Y axis, as what a lathe leaves.
+    """
+    table, material = tables.surfaces, context.material
+    known, t, across = _tangents(tables, context, n)
+    if not known:
+        axis = unit(rows_times(table[INSTANCES], context.instance + TO_WORLD, _Y))
+        t = cross(axis, n)
+        if dot(t, t) < _ALONG_AXIS:
+            t, _ = orthonormal_basis(n)
+        t = unit(t)
+        across = cross(n, t)
+    strength = ldf(table[MATERIALS], material + _ANISOTROPY)
+    x, y = f32(1), f32(0)
+    if texture_row(table, material, ANISOTROPY_MAP) >= i64(0):
+        r, g, blue, _ = sample_slot(tables, context, ANISOTROPY_MAP)
+        strength *= blue
+        if max(abs(r - f32(0.5)), abs(g - f32(0.5))) > _NO_DIRECTION:
+            x, y = f32(2) * r - f32(1), f32(2) * g - f32(1)
+    c = ldf(table[MATERIALS], material + _DIRECTION)
+    s = ldf(table[MATERIALS], material + _DIRECTION + i64(1))
+    tangent = unit(add(scale(c * x - s * y, t), scale(s * x + c * y, across)))
+    alpha = max(b.alpha, MIN_ALPHA)
+    widest = alpha + (f32(1) - alpha) * strength * strength
+    kept = b.dielectric_f0, b.dielectric_f90, b.tint, b.eta, b.thin, b.sheen
+    return Bsdf(b.diffuse, b.f0, b.f90, alpha, *kept, Anisotropy(widest, tangent))
 
 
 @jit

@@ -14,7 +14,7 @@ import numpy as np
 from ispm.accel.emitters import EMITTER, NO_EMITTERS, Emitters, make_emitters
 from ispm.accel.intersect import HIT_INSTANCE, HIT_PRIMITIVE, closest_after, instance_scale, read_hit
 from ispm.accel.leave import leave_triangle
-from ispm.accel.lobes import NORMAL_SCALE, bsdf_at, coat_at, mapped_normal, sheen_at
+from ispm.accel.lobes import NORMAL_SCALE, anisotropic, bsdf_at, coat_at, mapped_normal, sheen_at
 from ispm.accel.mesh import (
     FOOTPRINT,
     INSTANCES,
@@ -53,6 +53,7 @@ from ispm.optics.jit import jit
 from ispm.optics.records import (
     INSTANCE_MIRRORED,
     MATERIAL,
+    MATERIAL_ANISOTROPIC,
     MATERIAL_BLEND,
     MATERIAL_COATED,
     MATERIAL_DOUBLE_SIDED,
@@ -74,7 +75,8 @@ f32, i64, u32 = np.float32, np.int64, np.uint32
 _CUTOFF, _FLAGS = word_of(MATERIAL, "alpha_cutoff"), word_of(MATERIAL, "flags")
 _EMISSION = word_of(MATERIAL, "emission")
 
-_MAPPED = MATERIAL_COATED | MATERIAL_SHEEN | MATERIAL_SPECULAR_MAPPED  # may have textures of their own
+# may have textures of their own
+_MAPPED = MATERIAL_COATED | MATERIAL_SHEEN | MATERIAL_SPECULAR_MAPPED | MATERIAL_ANISOTROPIC
 _GLOW_SIDE = 8  # points along a side of a triangle, for the mean of its texture
 _GLOW_FLOOR = 0.02  # of a texture's greatest radiance, that triangles are drawn by at least
 _HOLES_MAX = 64  # layers of a masked material that one ray passes
@@ -234,6 +236,8 @@ def surface(tables, hit, d):
         n = mapped_normal(tables, context, own, NORMAL_MAP, NORMAL_SCALE)
     n = bend(bend(scale(side, n), ng), wo)
     b, coat, sheen = bsdf_at(tables, context, flags, entering), NO_COAT, NO_SHEEN
+    if flags & u32(MATERIAL_ANISOTROPIC):
+        b = anisotropic(tables, context, own, b)
     if coated:
         coat = coat_at(tables, context, own, side, ng, wo)
         b = covered(b, coat.shown)

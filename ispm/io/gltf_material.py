@@ -56,6 +56,7 @@ class Materials:
             **self._inside(record.extensions, where),
             **self._coat(record.extensions, where),
             **self._sheen(record.extensions, where),
+            **self._anisotropy(record.extensions, where),
             **self._opacity(record, where),
             normal_scale=self._normal_scale(record.normal_texture, f"{where}: normal scale"),
             normal_texture=self._textures.use(record.normal_texture, srgb=False, where=where),
@@ -153,6 +154,20 @@ class Materials:
             sheen_roughness=self._within([roughness], 0.0, 1.0, f"{where}: sheenRoughnessFactor")[0],
             sheen_color_texture=use(sheen.sheen_color_texture),
             sheen_roughness_texture=use(sheen.sheen_roughness_texture),  # alpha
+        )
+
+    def _anisotropy(self, extensions: schema.MaterialExtensions, where: str) -> dict[str, Any]:
+        """The direction in which facets are widest; what transmits has none here."""
+        facets = extensions.anisotropy
+        strength = self._within([facets.anisotropy_strength], 0.0, 1.0, f"{where}: anisotropyStrength")[0]
+        if strength > 0.0 and extensions.transmission.transmission_factor > 0.0:
+            self._file.notes.add(f"{where}: anisotropy of glass is not supported; it is left out")
+            strength = 0.0
+        rotation = self._within([facets.anisotropy_rotation], -1e3, 1e3, f"{where}: anisotropyRotation")[0]
+        return dict(
+            anisotropy=strength,
+            anisotropy_rotation=rotation,
+            anisotropy_texture=self._textures.use(facets.anisotropy_texture, srgb=False, where=where),
         )
 
     def _opacity(self, record: schema.Material, where: str) -> dict[str, Any]:

@@ -137,6 +137,14 @@ class Sheen(Record, frozen=True):
     sheen_roughness_texture: TextureSlot | None = None
 
 
+class Anisotropy(Record, frozen=True):
+    """KHR_materials_anisotropy."""
+
+    anisotropy_strength: float = 0.0
+    anisotropy_rotation: float = 0.0
+    anisotropy_texture: TextureSlot | None = None
+
+
 class MaterialExtensions(Record, frozen=True):
     """Extensions of a material."""
 
@@ -149,6 +157,7 @@ class MaterialExtensions(Record, frozen=True):
     volume: Volume = field(name="KHR_materials_volume", default=Volume())
     clearcoat: Clearcoat = field(name="KHR_materials_clearcoat", default=Clearcoat())
     sheen: Sheen = field(name="KHR_materials_sheen", default=Sheen())
+    anisotropy: Anisotropy = field(name="KHR_materials_anisotropy", default=Anisotropy())
     unlit: dict[str, Any] | None = field(name="KHR_materials_unlit", default=None)
 
 

@@ -100,6 +100,7 @@ class MaterialWriter:
             else float(m.attenuation_distance),
         }
         parts = {
+            "anisotropy": self._anisotropy(m),
             "clearcoat": self._coat(m),
             "emissive_strength": given({"emissiveStrength": strength}, {"emissiveStrength": 1.0}),
             "ior": given({"ior": float(m.ior)}, {"ior": 1.5}),
@@ -128,6 +129,16 @@ class MaterialWriter:
                 "sheenRoughnessTexture": self._slot(m.sheen_roughness_texture, srgb=None),
             },
             {"sheenColorFactor": [0.0] * 3, "sheenRoughnessFactor": 0.0},
+        )
+
+    def _anisotropy(self, m: Material) -> dict[str, Any]:
+        return given(
+            {
+                "anisotropyStrength": float(m.anisotropy),
+                "anisotropyRotation": float(m.anisotropy_rotation),
+                "anisotropyTexture": self._slot(m.anisotropy_texture, srgb=False),
+            },
+            {"anisotropyStrength": 0.0, "anisotropyRotation": 0.0},
         )
 
     def _specular(self, m: Material) -> dict[str, Any]:

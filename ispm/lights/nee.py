@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ispm.accel.intersect import any_hit
-from ispm.accel.layers import with_matte_sheen
+from ispm.accel.layers import with_matte_sheen, without_diffuse
 from ispm.accel.records import Hit, Ray
 from ispm.accel.surface import SurfacePoint, closest_surface, hit_position, leave_surface, surface
 from ispm.lights.area import (
@@ -31,9 +31,9 @@ from ispm.optics.bsdf import (
     pdf_bsdf,
     smooth_split,
     transmits,
-    visible_pdf,
 )
 from ispm.optics.environment import environment_pdf, has_environment
+from ispm.optics.facets import visible_pdf
 from ispm.optics.jit import jit
 from ispm.optics.light import FAR, light_arriving
 from ispm.optics.records import NO_HIT
@@ -244,9 +244,8 @@ def left_to_draws(x, goes_on):
     b = x.bsdf
     if goes_on == BY_BSDF or not transmits(b):
         return x
-    b = Bsdf(
-        b.diffuse, _NONE, f32(0), f32(0), b.dielectric_f0, b.dielectric_f90, _NONE, b.eta, b.thin, b.sheen
-    )
+    kept = b.dielectric_f0, b.dielectric_f90, _NONE, b.eta, b.thin, b.sheen, b.anisotropy
+    b = Bsdf(b.diffuse, _NONE, f32(0), f32(0), *kept)
     return SurfacePoint(x.hit, x.position, x.ng, x.n, b, x.flags, x.entering, x.coat, x.sheen)
 
 
@@ -260,15 +259,8 @@ def drawn_share(x, wo, wi, pdf, goes_on):
         return share, share
     by_facets = goes_on == BY_COAT or (goes_on == BY_FACETS and is_narrow(b))
     if by_facets and dot(x.n, wi) > f32(0):
-        return f32(1), pdf / (pdf + visible_pdf(b.alpha, x.n, dot(x.n, wo), normalize(add(wo, wi))))
+        return f32(1), pdf / (pdf + visible_pdf(b, x.n, wo, normalize(add(wo, wi))))
     return f32(1), f32(1)
-
-
-@jit
-def without_diffuse(b):
-    """Return a Bsdf without its Lambert lobe."""
-    none = f32(0), f32(0), f32(0)
-    return Bsdf(none, b.f0, b.f90, b.alpha, b.dielectric_f0, b.dielectric_f90, b.tint, b.eta, b.thin, b.sheen)
 
 
 @jit

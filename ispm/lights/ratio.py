@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ispm.accel.layers import without_diffuse
 from ispm.lights.area import area_numbers, resample_surround
 from ispm.lights.nee import (
     BY_NOTHING,
@@ -24,7 +25,6 @@ from ispm.lights.nee import (
     next_numbers,
     shadowed,
     times,
-    without_diffuse,
 )
 from ispm.optics.bsdf import eval_bsdf, transmits
 from ispm.optics.environment import environment_irradiance, has_environment

@@ -16,17 +16,17 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ispm.optics.jit import jit
-from ispm.optics.microfacet import (
-    fresnel_dielectric,
-    ggx,
-    mirrored,
-    refract,
-    schlick,
-    smith,
-    visible_normal,
+from ispm.optics.facets import (
+    NO_ANISOTROPY,
+    Anisotropy,
+    facet_lobe,
+    is_anisotropic,
+    visible_facet,
+    visible_pdf,
 )
-from ispm.optics.sampling import cosine_hemisphere, to_local, to_world
+from ispm.optics.jit import jit
+from ispm.optics.microfacet import fresnel_dielectric, ggx, mirrored, refract, schlick, smith
+from ispm.optics.sampling import cosine_hemisphere, to_world
 from ispm.optics.sheen import eval_sheen
 from ispm.optics.vector import Vector, add, dot, luminance, normalize, scale, sub
 
@@ -49,7 +49,7 @@ class Dielectric(NamedTuple):
 
 
 class Bsdf(NamedTuple):
-    """How a surface scatters at a point; fields as in bsdf.wgsl, but for the last; float32, vectors RGB.
+    """How a surface scatters at a point; fields as in bsdf.wgsl, but for the last two; float32, vectors RGB.
 
     diffuse  albedo of the Lambert lobe, before it gives way to reflection
     f0       reflectance of the facets along their normal
@@ -60,6 +60,7 @@ class Bsdf(NamedTuple):
     eta      index of refraction of the other side over this one's
     thin     1: a sheet without inside, light goes straight through; 0: a solid's boundary
     sheen    roughness of fibers of the color f0 that stand in place of all else, see `sheen_bsdf`; 0: none
+    anisotropy   the direction in which facets are wider than alpha, of opaque surfaces
     """
 
     diffuse: Vector
@@ -72,6 +73,7 @@ class Bsdf(NamedTuple):
     eta: np.float32
     thin: np.float32
     sheen: np.float32
+    anisotropy: Anisotropy
 
 
 @jit
@@ -100,6 +102,7 @@ def surface_bsdf(base, metallic, roughness, transmission, dielectric, entering):
         ior if thin or entering else f32(1) / ior,
         f32(1) if thin else f32(0),
         f32(0),
+        NO_ANISOTROPY,
     )
 
 
@@ -117,9 +120,9 @@ def transmits(b):
 
 @jit
 def is_lambert(b):
-    """Return whether a Bsdf has no facets: neither reflection nor transmission beside the Lambert lobe; a
-    bool."""
-    return b.f0[0] + b.f0[1] + b.f0[2] + b.f90 == f32(0) and not transmits(b)
+    """Return whether a Bsdf has no facets, and none that its Lambert lobe gives way to, a bool."""
+    facets = b.f0[0] + b.f0[1] + b.f0[2] + b.f90 + b.dielectric_f0 + b.dielectric_f90
+    return facets == f32(0) and not transmits(b)
 
 
 @jit
@@ -138,8 +141,9 @@ def has_finite(b):
 
 @jit
 def is_narrow(b):
-    """Return whether a Bsdf is opaque and its lobe is left to eye paths, a bool."""
-    return f32(0) < b.alpha < NARROW_ALPHA and not is_lambert(b) and not transmits(b)
+    """Return whether a Bsdf is opaque and its lobe is left to eye paths, a bool: narrow, or anisotropic."""
+    narrow = f32(0) < b.alpha < NARROW_ALPHA or is_anisotropic(b)
+    return narrow and not is_lambert(b) and not transmits(b)
 
 
 @jit
@@ -224,7 +228,7 @@ def eval_bsdf(b, n, ng, wo, wi):
     lambert = (f32(1) - _mix(b.dielectric_f0, b.dielectric_f90, fc)) * _INV_PI
     if is_smooth(b):
         return b.diffuse[0] * lambert, b.diffuse[1] * lambert, b.diffuse[2] * lambert
-    dv = ggx(b.alpha, n, h) * smith(b.alpha, dot(n, wo), nl)
+    dv = facet_lobe(b, n, wo, wi, h)
     return (
         b.diffuse[0] * lambert + dv * _mix(b.f0[0], b.f90, fc),
         b.diffuse[1] * lambert + dv * _mix(b.f0[1], b.f90, fc),
@@ -315,16 +319,9 @@ def pdf_bsdf(b, n, wo, wi):
         return lambert
     if nl > f32(0):
         h = normalize(add(wo, wi))
-        return lambert + share * reflection_chance(b, dot(wo, h)) * visible_pdf(b.alpha, n, nv, h)
+        return lambert + share * reflection_chance(b, dot(wo, h)) * visible_pdf(b, n, wo, h)
     h, spread = transmitting_facet(b, n, wo, wi)
-    return share * (f32(1) - reflection_chance(b, dot(wo, h))) * visible_pdf(b.alpha, n, nv, h) * spread
-
-
-@jit
-def visible_pdf(alpha, n, nv, h):
-    """Density of `visible_normal` over 4 wo.h, 1/sr: that of the reflected direction; nv: n.wo, float32."""
-    a2 = alpha * alpha
-    return ggx(alpha, n, h) / (f32(2) * (nv + math.sqrt(nv * nv * (f32(1) - a2) + a2)))
+    return share * (f32(1) - reflection_chance(b, dot(wo, h))) * visible_pdf(b, n, wo, h) * spread
 
 
 @jit
@@ -384,7 +381,7 @@ def _sample_smooth(b, n, ng, wo, u, share, radiance):
 @jit
 def _sample_facet(b, n, wo, u1, u2, u3):
     """(ok, unit wi) from a facet that wo sees; not ok: it leads to the wrong side of the surface."""
-    h = to_world(visible_normal(b.alpha, to_local(wo, n), u1, u2), n)
+    h = visible_facet(b, n, wo, u1, u2)
     above = mirrored(wo, h)
     if not transmits(b) or u3 < reflection_chance(b, dot(wo, h)):
         return dot(n, above) > f32(0), above

@@ -58,9 +58,9 @@ fn transmits(b: Bsdf) -> bool {
     return b.tint.x + b.tint.y + b.tint.z > 0.0;
 }
 
-// Whether there are no facets: neither reflection nor transmission beside the Lambert lobe.
+// Whether there are no facets, neither reflection nor transmission that the Lambert lobe gives way to.
 fn is_lambert(b: Bsdf) -> bool {
-    return b.f0.x + b.f0.y + b.f0.z + b.f90 == 0.0 && !transmits(b);
+    return b.f0.x + b.f0.y + b.f0.z + b.f90 + b.dielectric_f0 + b.dielectric_f90 == 0.0 && !transmits(b);
 }
 
 // Whether reflection and transmission go one way each.

@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ispm.optics.bsdf import MIN_ALPHA, Bsdf
+from ispm.optics.facets import NO_ANISOTROPY
 from ispm.optics.jit import jit
 from ispm.optics.microfacet import schlick
 from ispm.optics.vector import Vector, scale
@@ -53,13 +54,23 @@ def make_coat(weight, roughness, n, cosine):
 def coat_bsdf(coat):
     """Return the Bsdf of a Coat alone; its normal is the coat's."""
     r = _F0 * coat.weight
-    return Bsdf(_NONE, (r, r, r), coat.weight, coat.alpha, f32(0), f32(0), _NONE, f32(1), f32(1), f32(0))
+    return Bsdf(
+        _NONE,
+        (r, r, r),
+        coat.weight,
+        coat.alpha,
+        f32(0),
+        f32(0),
+        _NONE,
+        f32(1),
+        f32(1),
+        f32(0),
+        NO_ANISOTROPY,
+    )
 
 
 @jit
 def covered(b, shown):
     """Return the Bsdf of an opaque surface of which a coat shows this share, float32."""
-    diffuse, f0 = scale(shown, b.diffuse), scale(shown, b.f0)
-    return Bsdf(
-        diffuse, f0, shown * b.f90, b.alpha, b.dielectric_f0, b.dielectric_f90, b.tint, b.eta, b.thin, b.sheen
-    )
+    kept = b.dielectric_f0, b.dielectric_f90, b.tint, b.eta, b.thin, b.sheen, b.anisotropy
+    return Bsdf(scale(shown, b.diffuse), scale(shown, b.f0), shown * b.f90, b.alpha, *kept)

@@ -78,14 +78,20 @@ def refract(wo, h, eta):
 
 @jit
 def visible_normal(alpha, wo, u1, u2):
-    """Return a GGX normal as seen from `wo`, both unit and local; u1, u2: uniform in [0, 1).
+    """Return a GGX normal as seen from `wo`, both unit and local; u1, u2: uniform in [0, 1)."""
+    return stretched_normal(alpha, alpha, wo, u1, u2)
+
+
+@jit
+def stretched_normal(alpha_x, alpha_y, wo, u1, u2):
+    """Return likewise a normal of a GGX of two widths, along the x and the y axis.
 
     Source: Dupuy and Benyoub, Sampling Visible GGX Normals with Spherical Caps, HPG 2023.
     """
-    stretched = normalize((alpha * wo[0], alpha * wo[1], wo[2]))
+    stretched = normalize((alpha_x * wo[0], alpha_y * wo[1], wo[2]))
     _, _, height = stretched
     phi = _TWO_PI * u1
     z = (f32(1) - u2) * (f32(1) + height) - height
     r = math.sqrt(max(f32(1) - z * z, f32(0)))
     h = add((r * math.cos(phi), r * math.sin(phi), z), stretched)
-    return normalize((alpha * h[0], alpha * h[1], h[2]))
+    return normalize((alpha_x * h[0], alpha_y * h[1], h[2]))

@@ -72,12 +72,12 @@ struct Material {
     specular_color_texture: TextureUse,
     sheen_color_texture: TextureUse,
     sheen_roughness_texture: TextureUse,
+    anisotropy_texture: TextureUse,
     sheen_color: vec3f,            // of KHR_materials_sheen; black: none
     sheen_roughness: f32,
     clearcoat_normal_scale: f32,
-    spare0: u32,
-    spare1: u32,
-    spare2: u32,
+    anisotropy: f32,               // strength of KHR_materials_anisotropy; 0: none
+    anisotropy_direction: vec2f,   // in the plane of tangent and bitangent, unit; a texture's is turned by it
 }
 const MATERIAL_MASK = 1u;          // opacity below alpha_cutoff is a hole
 const MATERIAL_BLEND = 2u;         // opacity is a probability
@@ -89,6 +89,7 @@ const MATERIAL_CAUSTIC = 64u;      // a mirror or glass that casts caustics, wor
 const MATERIAL_COATED = 128u;      // under a clear coat
 const MATERIAL_SPECULAR_MAPPED = 256u;   // textures multiply `specular` or `specular_color`
 const MATERIAL_SHEEN = 512u;       // under sheen
+const MATERIAL_ANISOTROPIC = 1024u;  // facets are wider in one direction: their lobe is left to eye paths
 
 struct Light {
     position: vec3f,

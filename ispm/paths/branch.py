@@ -7,16 +7,18 @@ for 2 x 2 pixels, of which passes take another each, and so have all where most 
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 
 from ispm.accel.medium import no_medium, spawn_ray
 from ispm.accel.records import Hit
+from ispm.accel.surface import hit_position
 from ispm.lights.nee import greatest
 from ispm.optics.bsdf import is_lambert, is_smooth, transmits
 from ispm.optics.jit import jit
-from ispm.optics.vector import Vector, dot, scale
+from ispm.optics.vector import Vector, dot, scale, sub
 from ispm.paths.facet import (
     ROUGH_SAMPLES,
     facet_numbers,
@@ -182,6 +184,13 @@ def leave(tables, x, inside, focus, length, branch):
     side = x.ng if not passes else scale(f32(-1), x.ng)
     place = inside, focus, length
     return Path(key, dimension, lane, start, d, weight, pdf, side, x.position, *place, sees_background)
+
+
+@jit
+def distance_to(tables, start, hit):
+    """Return the distance in m from `start` to a Hit."""
+    segment = sub(hit_position(tables.surfaces, hit), start)
+    return f32(math.sqrt(dot(segment, segment)))
 
 
 @jit

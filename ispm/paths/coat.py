@@ -7,31 +7,41 @@ from __future__ import annotations
 
 import numpy as np
 
-from ispm.accel.layers import coat_point
+from ispm.accel.layers import coat_point, facet_point
 from ispm.lights.nee import BY_COAT, area_light, greatest, punctual_light
 from ispm.optics.bsdf import is_smooth, smooth_split
 from ispm.optics.jit import jit
-from ispm.paths.facet import mean_reflectance, sample_lobe, widened
+from ispm.paths.facet import facet_numbers, mean_reflectance, sample_lobe, widened
 
-f32, i64 = np.float32, np.int64
+f32, i64, u32 = np.float32, np.int64, np.uint32
 
+_OF_PIXEL = 255  # of the random numbers of the light of what a pixel shows
 _NONE = f32(0), f32(0), f32(0)
 _BELOW_ONE = f32(1 - 2**-24)
 
 
 @jit
-def coat_light(tables, x, wo, u, scratch, widest, count):
-    """Return the radiance along wo, cd/m2 RGB, of the coat of a SurfacePoint from which a path goes on, see
-    `nee.direct_light`: that of points, that of other lights by `count` draws; and the rays traced.
+def facet_light(tables, y, wo, u, scratch, widest, count):
+    """Return the radiance along wo, cd/m2 RGB, of a SurfacePoint of opaque facets alone, a `coat_point` or
+    `facet_point` from which a path goes on, see `nee.direct_light`: that of points, that of other lights by
+    `count` draws; and the rays traced.
 
     widest  alpha, as which narrower lobes count for the former
     """
-    y = coat_point(x)
     if is_smooth(y.bsdf):
         return _NONE, _NONE, i64(0)
     points, rays = punctual_light(tables, widened(y, widest), wo, u, scratch, f32(np.inf))
     areas, others = area_light(tables, y, wo, u, scratch, f32(np.inf), BY_COAT, count)
     return points, areas, rays + others
+
+
+@jit
+def own_light(tables, x, wo, key, view, scratch, count):
+    """Return `facet_light` of the coat of a SurfacePoint that a pixel shows, or of its facets where paths do
+    not start from the coat; key, view: of the pixel's ray."""
+    _, _, u = facet_numbers(key, u32(_OF_PIXEL), view.pass_index, view.seed)
+    facets = coat_point(x) if view.of_coats else facet_point(x)
+    return facet_light(tables, facets, wo, u, scratch, f32(0), count)
 
 
 @jit

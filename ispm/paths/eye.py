@@ -4,18 +4,15 @@ At the first surface both branches are followed, weighted by Fresnel's equations
 leaves the solid that it entered there; after that the stronger one is followed with the weight of both, which
 is exact where both would find the same light. Rough glass is sampled instead, and so are the lobes of opaque
 surfaces that are too narrow for photons.
-Where a path meets a surface that photons may light it leaves an end; direct light there, and emission, is
-added here.
+Where photons may light what a path meets it leaves an end; direct light there and emission are added here.
 """
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
 from ispm.accel.intersect import STACK_WORDS
-from ispm.accel.layers import coat_point, has_sheen, is_coated, sheen_point, with_matte_sheen
+from ispm.accel.layers import coat_point, end_bsdf, has_sheen, is_coated, sheen_point, with_matte_sheen
 from ispm.accel.medium import attenuated, medium, no_medium, passed_sheet
 from ispm.accel.records import Hit, Scratch
 from ispm.accel.surface import (
@@ -24,7 +21,6 @@ from ispm.accel.surface import (
     closest_behind,
     closest_surface,
     glow,
-    hit_position,
     leave_surface,
     opacity_seen,
     scene_tables,
@@ -47,10 +43,11 @@ from ispm.lights.nee import (
 from ispm.lights.ratio import area_light_by_ratio
 from ispm.optics.bsdf import NARROW_ALPHA, has_finite, is_narrow, is_smooth, transmits
 from ispm.optics.environment import environment_radiance, has_environment
+from ispm.optics.facets import is_anisotropic
 from ispm.optics.jit import jit
 from ispm.optics.records import MATERIAL_UNLIT, NO_HIT, RECEIVER
 from ispm.optics.rng import random4
-from ispm.optics.vector import add, dot, scale, sub, vec3
+from ispm.optics.vector import add, scale, sub, vec3
 from ispm.paths.branch import (
     GLOSS_SAMPLES,
     SCATTERED,
@@ -60,11 +57,12 @@ from ispm.paths.branch import (
     Path,
     View,
     branches,
+    distance_to,
     first_path,
     leave,
     pixel_width,
 )
-from ispm.paths.coat import coat_light, draw_coat, sample_coat
+from ispm.paths.coat import draw_coat, facet_light, own_light, sample_coat
 from ispm.paths.eye_paths import Done, EyeOut, EyePaths, EyeRays, EyeThread, RayArrays, ray_arrays
 from ispm.paths.facet import (
     ROUGH_SAMPLES,
@@ -83,10 +81,10 @@ from ispm.paths.vertices import (
     PATH_END_AND_POINT,
     add_light,
     store_clear,
-    store_coat,
     store_end,
     store_first,
     store_gloss,
+    store_own,
     store_point,
 )
 from ispm.scene.packed import Packed
@@ -101,7 +99,6 @@ _MIN_WEIGHT_AFTER_END = f32(0.02)  # and below which not from an end
 _CONTACT = f32(1e-3)  # of a path, the least length of what reflects it to where it ends, for its blur
 _EVENTS_APART = 32  # numbers of the events of two paths that part
 _DIMENSION = 7 << 20  # of the random numbers that draw lights
-_OF_COAT = 255  # likewise of the light of a coat
 _LAMP_SAMPLES = 4  # points of lamps with a surface that an end is lit by, where a pixel has one path
 _SAMPLES_BEHIND = 16  # likewise behind what is blended: as many as what stands beside it has by its filter
 _CHUNK = 64  # pixels a thread takes at a time; results do not depend on it or on the threads
@@ -194,25 +191,23 @@ def _follow_pixel(tables, view, thread, rays, i, slot, out, done):
             else:
                 add_light(out.through, i, _WHITE, _WHITE)
             return Done(done.row, done.traced + i64(1))
-        length = near + _distance(tables, hit, start)
+        length = near + distance_to(tables, start, hit)
         past = length > rays.distances[i] * (f32(1) + view.past)  # the edge of what the rasteriser drew
     thread.footprint[:] = pixel_width(view, length)
     x = surface(tables, hit, d)
     wo = scale(f32(-1), d)
-    if view.of_coats:
-        _, _, u = facet_numbers(key, u32(_OF_COAT), view.pass_index, view.seed)
-        own, more, shadows = coat_light(tables, x, wo, u, thread.scratch, f32(0), _LAMP_SAMPLES)
-        store_coat(out.firsts[i], x, own)
+    if view.of_coats or (is_anisotropic(x.bsdf) and not (past or view.behind)):
+        own, more, shadows = own_light(tables, x, wo, key, view, thread.scratch, _LAMP_SAMPLES)
+        store_own(out.firsts[i], own, f32(1) - x.coat.shown if view.of_coats else f32(0))
         add_light(out.direct, i, more, _WHITE)
-        x, done = coat_point(x), Done(done.row, done.traced + shadows)
+        x, done = coat_point(x) if view.of_coats else x, Done(done.row, done.traced + shadows)
     if view.behind and not past:
         return _follow_behind(tables, view, thread, x, d, key, length, i, slot, out, done)
     blurred, near_by, followed = f32(0), f32(0), f32(0)
     count = i64(1) if past else branches(view, x, wo, key)
     for k in range(count):
-        path = Path(
-            key, u32(0), i64(SCATTERED), start, d, _WHITE, f32(0), d, d, no_medium(), f32(1), near, True
-        )
+        place = f32(0), d, d, no_medium(), f32(1)
+        path = Path(key, u32(0), i64(SCATTERED), start, d, _WHITE, *place, near, True)
         if not past:
             path = first_path(tables, view, x, wo, key, k, length)
         if greatest(path.weight) > _MIN_WEIGHT * f32(1.0 / ROUGH_SAMPLES):
@@ -224,7 +219,8 @@ def _follow_pixel(tables, view, thread, rays, i, slot, out, done):
     if past or is_smooth(x.bsdf) or transmits(x.bsdf):
         store_first(out.firsts[i], x, instance, angle * blurred * f32(1.0 / ROUGH_SAMPLES))
     else:
-        near_by = followed / near_by if followed > f32(0) else f32(0)
+        unknown = f32(-1) if is_anisotropic(x.bsdf) else f32(0)  # of which many paths lead below the surface
+        near_by = followed / near_by if followed > f32(0) else unknown
         store_gloss(out.firsts[i], x, instance, angle * near_by, mean_reflectance(x, wo), count)
     return done
 
@@ -306,7 +302,7 @@ def _follow(tables, view, thread, path, veil, i, slot, out, done):
                 add_light(out.through, i, _WHITE, weight)
             length = f32(1e30)
             break
-        length += _distance(tables, hit, start)
+        length += distance_to(tables, start, hit)
         width = pixel_width(view, length)
         thread.footprint[:] = width
         x = surface(tables, hit, d)
@@ -354,12 +350,11 @@ def _follow(tables, view, thread, path, veil, i, slot, out, done):
             traced += shadows
         by_coat = is_coated(x) and not unlit and event < EVENTS_MAX and ends < _ENDS_MAX
         if by_coat:
-            light, more, shadows = coat_light(tables, x, wo, u0, thread.scratch, widest, 1)
+            light, more, shadows = facet_light(tables, coat_point(x), wo, u0, thread.scratch, widest, 1)
             add_light(out.direct, i, add(light, more), seen)
             traced += shadows
         if unlit or has_diffuse or (has_finite(b) and not goes_on):
-            if unlit:
-                end = BLACK
+            end = BLACK if unlit else end_bsdf(end, goes_on)
             store_end(out.ends[row].end, slot, lane, seen, end, hit.instance)
             store_point(out.ends[row].point, x, wo, end, width, widest if goes_on else NARROW_ALPHA)
             row, stored, lane = row + i64(1), stored + 1, i64(SCATTERED)
@@ -400,10 +395,3 @@ def _follow(tables, view, thread, path, veil, i, slot, out, done):
         key, dimension, lane, start, d, weight, pdf, _, _, inside, focus, length, sees_background = left
         side, origin = sides
     return Done(row, traced), rough, far if from_lobe else length, parted, other
-
-
-@jit
-def _distance(tables, hit, start):
-    """Distance in m from `start` to a Hit."""
-    segment = sub(hit_position(tables.surfaces, hit), start)
-    return f32(math.sqrt(dot(segment, segment)))

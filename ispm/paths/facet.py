@@ -17,12 +17,13 @@ from ispm.optics.bsdf import (
     is_smooth,
     smooth_split,
     specular_split,
-    visible_pdf,
 )
+from ispm.optics.facets import Anisotropy, is_anisotropic, unshadowed, visible_facet, visible_pdf
 from ispm.optics.jit import jit
-from ispm.optics.microfacet import schlick, smith, visible_normal
+from ispm.optics.microfacet import schlick
+from ispm.optics.records import MATERIAL_ANISOTROPIC
 from ispm.optics.rng import random4
-from ispm.optics.sampling import LATTICE, to_local, to_world
+from ispm.optics.sampling import LATTICE
 from ispm.optics.vector import add, dot, luminance, normalize, scale, sub
 from ispm.scene.packed import Packed
 
@@ -61,7 +62,7 @@ def sample_lobe(x, wo, u1, u2):
     """
     b = x.bsdf
     factor, _, wi, _, _ = facet_split(x, wo, u1, u2)
-    pdf = visible_pdf(b.alpha, x.n, dot(x.n, wo), normalize(add(wo, wi)))
+    pdf = visible_pdf(b, x.n, wo, normalize(add(wo, wi)))
     return greatest(factor) > f32(0), wi, factor, pdf
 
 
@@ -80,10 +81,14 @@ def widened(x, alpha):
     Eurographics 2013.
     """
     b = x.bsdf
-    if not is_narrow(b) or b.alpha >= alpha:
+    if not is_narrow(b) or b.alpha >= min(alpha, NARROW_ALPHA):
         return x
     wide = min(alpha, NARROW_ALPHA)
-    b = Bsdf(b.diffuse, b.f0, b.f90, wide, b.dielectric_f0, b.dielectric_f90, b.tint, b.eta, b.thin, b.sheen)
+    anisotropy = b.anisotropy
+    if is_anisotropic(b):
+        anisotropy = Anisotropy(max(anisotropy.alpha, wide), anisotropy.tangent)
+    kept = b.dielectric_f0, b.dielectric_f90, b.tint, b.eta, b.thin, b.sheen, anisotropy
+    b = Bsdf(b.diffuse, b.f0, b.f90, wide, *kept)
     return SurfacePoint(x.hit, x.position, x.ng, x.n, b, x.flags, x.entering, x.coat, x.sheen)
 
 
@@ -103,24 +108,15 @@ def facet_split(x, wo, u1, u2):
     b, n, ng = x.bsdf, x.n, x.ng
     if is_smooth(b):
         return smooth_split(b, n, ng, wo)
-    alpha, nv = b.alpha, dot(n, wo)
-    h = to_world(visible_normal(alpha, to_local(wo, n), u1, u2), n)
+    h = visible_facet(b, n, wo, u1, u2)
     reflectance, transmittance, above, beyond, through = specular_split(b, h, wo)
     if b.thin > f32(0):
         beyond = sub(above, scale(f32(2) * dot(n, above), n))
     shown = dot(above, ng) > f32(0) and dot(above, n) > f32(0)
     through = through and dot(beyond, ng) < f32(0) and dot(beyond, n) < f32(0)
-    reflected = _unshadowed(alpha, nv, dot(n, above)) if shown else f32(0)
-    passed = _unshadowed(alpha, nv, -dot(n, beyond)) if through else f32(0)
+    reflected = unshadowed(b, n, wo, above) if shown else f32(0)
+    passed = unshadowed(b, n, wo, beyond) if through else f32(0)
     return scale(reflected, reflectance), scale(passed, transmittance), above, beyond, through
-
-
-@jit
-def _unshadowed(alpha, nv, nl):
-    """G2 / G1, 0 to 1, of facets of roughness alpha, for directions of these cosines to the normal."""
-    a2 = alpha * alpha
-    g1 = f32(2) * nv / (nv + math.sqrt(nv * nv * (f32(1) - a2) + a2))
-    return smith(alpha, nv, nl) * f32(4) * nv * nl / g1
 
 
 def samples_most(packed: Packed) -> int:
@@ -130,6 +126,7 @@ def samples_most(packed: Packed) -> int:
     rough = (materials["roughness"] > 0.0) & (
         (materials["transmission"] > 0.0) | (materials["roughness"] ** 2 < NARROW_ALPHA) | textured
     )
+    rough |= materials["flags"] & MATERIAL_ANISOTROPIC != 0
     return ROUGH_SAMPLES if rough.any() else 1
 
 

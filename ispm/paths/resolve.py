@@ -217,9 +217,8 @@ def _begin(picture, firsts, smoothing, light, counter, blur, values):
                     w = _likeness(picture, i, j, i64(stride), _BENT)
                     total += w
                     inverse += w / firsts[j].blur
-        if inverse > f32(0):
-            deviation = smoothing * total / inverse
-            blur[i] = deviation * deviation
+        deviation = smoothing * (total / inverse if inverse > f32(0) else max(-first.blur, f32(0)))
+        blur[i] = deviation * deviation
 
 
 @jit

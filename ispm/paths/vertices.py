@@ -6,6 +6,7 @@ import numpy as np
 from numba import literal_unroll
 
 from ispm.optics.bsdf import MIN_ALPHA, Bsdf, transmits
+from ispm.optics.facets import NO_ANISOTROPY, mean_alpha
 from ispm.optics.jit import jit
 from ispm.optics.records import RECEIVER
 from ispm.optics.vector import dot, luminance
@@ -19,7 +20,8 @@ _LOBE_SPREAD = f32(1.4)  # radians over alpha, the standard deviation of a lobe 
 _LEAST_REFLECTANCE = f32(1e-4)  # by which light is divided to be averaged
 
 _NONE = (f32(0), f32(0), f32(0))
-BLACK = Bsdf(_NONE, _NONE, f32(0), f32(0), f32(0), f32(0), _NONE, f32(0), f32(0), f32(0))  # of what is unlit
+_DARK = _NONE, _NONE, f32(0), f32(0), f32(0), f32(0), _NONE, f32(0), f32(0), f32(0)
+BLACK = Bsdf(*_DARK, NO_ANISOTROPY)  # of what is unlit
 
 # A surface that photons may light, or that is unlit, seen in mirrors and glass. slot: the ray's row;
 # lane: what the first surface did to its path; weight: of the radiance that leaves it, in the ray's. f0
@@ -30,9 +32,10 @@ PATH_END = np.dtype([
 ])  # fmt: skip
 
 # The mirror, glass or narrow lobe that a pixel shows; blur: pixels over which its light may be averaged, 0:
-# it is smooth; reflectance: of a lobe, 0: it is none; samples: paths that went out from the lobe. Of a clear
-# coat: own, light of points that it reflects itself; hidden, its share of what is under it. Of a blended
-# surface hidden is the share of what lies behind.
+# it is smooth, or unknown; below 0: unknown, but no more than as many; reflectance: of a lobe, 0: it is none;
+# samples: paths that went out from the lobe. Of a clear coat and of anisotropic facets: own, light of points
+# that they reflect themselves; hidden, a coat's share of what is under it. Of a blended surface hidden is the
+# share of what lies behind.
 FIRST_VERTEX = np.dtype([
     ("n", "<f4", 3), ("alpha", "<f4"), ("ng", "<f4", 3), ("tint", "<f4"), ("blur", "<f4"),
     ("instance", "<u4"), ("reflectance", "<f4", 3), ("samples", "<u4"), ("own", "<f4", 3),
@@ -68,8 +71,8 @@ def store_point(point, x, wo, b, width, least):
         point.ng[k] = x.ng[k]
         point.n[k] = x.n[k]
         point.wo[k] = wo[k]
-    glossy = b.f90 > f32(0) or b.f0[0] + b.f0[1] + b.f0[2] > f32(0)
-    point.alpha = max(b.alpha, max(least, MIN_ALPHA)) if glossy else f32(0)
+    glossy = max(b.f90, b.dielectric_f90) > f32(0) or b.f0[0] + b.f0[1] + b.f0[2] > f32(0)
+    point.alpha = max(mean_alpha(b), max(least, MIN_ALPHA)) if glossy else f32(0)
     point.valid = u32(1)
     point.footprint = width
     point.slant = f32(1) / max(abs(dot(wo, x.ng)), f32(0.02))
@@ -104,23 +107,24 @@ def add_light(sums, i, value, weight):
 def store_gloss(first, x, instance, angle, reflectance, samples):
     """Write a FIRST_VERTEX of an opaque surface with a narrow lobe; blur: a standard deviation.
 
-    angle  as of `store_first`, 0: unknown;  reflectance  of the lobe, RGB;  samples  paths that it sent out
+    angle  as of `store_first`, 0 or less: unknown, and of anisotropic facets the most that it can be, negated
+    reflectance  of the lobe, RGB;  samples  paths that it sent out
     """
     b = x.bsdf
     for k in literal_unroll((0, 1, 2)):
         first.n[k] = x.n[k]
         first.ng[k] = x.ng[k]
         first.reflectance[k] = max(reflectance[k], _LEAST_REFLECTANCE)
-    first.alpha = b.alpha
-    first.blur = _LOBE_SHARE * _LOBE_SPREAD * b.alpha * angle
+    first.alpha = mean_alpha(b)
+    first.blur = _LOBE_SHARE * _LOBE_SPREAD * first.alpha * angle
     first.instance = instance
     first.samples = u32(samples)
 
 
 @jit
-def store_coat(first, x, own):
-    """Write what a FIRST_VERTEX has of the coat of a SurfacePoint; own: cd/m2 RGB."""
-    first.hidden = f32(1) - x.coat.shown
+def store_own(first, own, hidden):
+    """Write what a FIRST_VERTEX reflects itself of lights that are points, cd/m2 RGB, and what it hides."""
+    first.hidden = hidden
     for k in literal_unroll((0, 1, 2)):
         first.own[k] = own[k]
 

@@ -8,15 +8,24 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ispm.accel.intersect import STACK_WORDS
-from ispm.accel.layers import coat_point, drawn_layer, has_sheen, is_coated, sheen_point, with_matte_sheen
+from ispm.accel.layers import (
+    coat_point,
+    drawn_layer,
+    has_sheen,
+    is_coated,
+    sheen_point,
+    with_matte_sheen,
+    without_diffuse,
+)
 from ispm.accel.medium import attenuated, medium, no_medium, spawn_ray
 from ispm.accel.records import Scratch
 from ispm.accel.surface import SurfaceTable, closest_surface, glow, hit_position, scene_tables, surface
 from ispm.accel.world import World
 from ispm.kernels.simd import alloca
 from ispm.lights.nee import direct_light, times
-from ispm.optics.bsdf import Bsdf, has_finite, is_smooth, sample_bsdf, smooth_split, transmits
+from ispm.optics.bsdf import has_finite, is_smooth, sample_bsdf, smooth_split, transmits
 from ispm.optics.environment import environment_radiance, has_environment
+from ispm.optics.facets import mean_alpha
 from ispm.optics.jit import jit
 from ispm.optics.records import MATERIAL_UNLIT, NO_HIT
 from ispm.optics.rng import random4
@@ -209,10 +218,7 @@ def _draw(b, n, ng, wo, u1, u2, u3):
     if not is_smooth(b):
         if not transmits(b):
             return False, wo, wo
-        gloss = Bsdf(
-            _NONE, b.f0, b.f90, b.alpha, b.dielectric_f0, b.dielectric_f90, b.tint, b.eta, b.thin, b.sheen
-        )
-        ok, wi, factor, _ = sample_bsdf(gloss, n, ng, wo, u1, u2, u3, False)
+        ok, wi, factor, _ = sample_bsdf(without_diffuse(b), n, ng, wo, u1, u2, u3, False)
         return ok, wi, factor
     reflectance, transmittance, above, beyond, through = smooth_split(b, n, ng, wo)
     reflected, passed = luminance(reflectance), luminance(transmittance) if through else f32(0)
@@ -240,5 +246,5 @@ def _write(end, i, x, wo, weight):
         end.position[c], end.n[c], end.ng[c] = x.position[c], x.n[c], x.ng[c]
         end.wo[c], end.weight[c] = wo[c], weight[c]
         end.diffuse[c], end.f0[c], end.tint[c] = b.diffuse[c], b.f0[c], b.tint[c]
-    end.f90, end.alpha = b.f90, b.alpha
+    end.f90, end.alpha = b.f90, mean_alpha(b)
     end.dielectric_f0, end.dielectric_f90 = b.dielectric_f0, b.dielectric_f90

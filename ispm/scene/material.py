@@ -157,6 +157,8 @@ RANGES: dict[str, tuple[float, float, *tuple[int, ...]]] = {
     "clearcoat_normal_scale": (-1e3, 1e3),
     "sheen_color": (0.0, 1.0, 3),
     "sheen_roughness": (0.0, 1.0),
+    "anisotropy": (0.0, 1.0),
+    "anisotropy_rotation": (-1e3, 1e3),
     "double_sided": (False, True),
     "unlit": (False, True),
 }
@@ -173,6 +175,7 @@ TEXTURES = (
     "specular_color_texture",
     "sheen_color_texture",
     "sheen_roughness_texture",
+    "anisotropy_texture",
 )
 
 
@@ -183,6 +186,7 @@ DATA = (
     "clearcoat_texture",
     "clearcoat_roughness_texture",
     "clearcoat_normal_texture",
+    "anisotropy_texture",
 )
 """Those of TEXTURES whose RGB holds numbers, not colors: kept linear, as glTF has them."""
 
@@ -218,6 +222,11 @@ class Material(Strict):
     specular_texture             A, of one kept linear or not;  specular_color_texture   a color
     sheen_color, sheen_roughness   KHR_materials_sheen: fibers on the surface, not over glass; black: none
     sheen_color_texture          a color;  sheen_roughness_texture   A, of one kept linear or not
+    anisotropy        KHR_materials_anisotropy, not of glass: along the tangent alpha goes from that of the
+                      roughness, which it is across, to 1 with the square of this strength, 0..1; tangents of
+                      a mesh that has none, nor uv0, go around its Y axis
+    anisotropy_rotation   radians, of that direction, counterclockwise from the tangent
+    anisotropy_texture    RG its direction before, from -1 to 1 along tangent and bitangent, B strength
     Raises SceneError for a value out of range, as it is made and, if changed since, as it is rendered; warns
     where data is given as sRGB.
     """
@@ -255,6 +264,9 @@ class Material(Strict):
     sheen_roughness: float = 0.0
     sheen_color_texture: TextureUse | Texture | None = None
     sheen_roughness_texture: TextureUse | Texture | None = None
+    anisotropy: float = 0.0
+    anisotropy_rotation: float = 0.0
+    anisotropy_texture: TextureUse | Texture | None = None
     name: str = field(default="", compare=False)
 
     def __post_init__(self) -> None:
@@ -283,6 +295,8 @@ class Material(Strict):
             raise SceneError(
                 f"{where}: sheen over glass is not supported; set sheen_color or transmission to 0"
             )
+        if self.anisotropy > 0.0 and self.transmission > 0.0:
+            raise SceneError(f"{where}: anisotropy of glass is not supported; set one of the two to 0")
         self.alpha_mode = member_of(f"{where}: alpha_mode", self.alpha_mode, AlphaMode)
         for name in TEXTURES:
             use = getattr(self, name)
@@ -301,7 +315,9 @@ class Material(Strict):
     def casts_caustics(self) -> bool:
         """Whether the surface is a mirror or glass, smooth enough to gather light into patterns."""
         shiny = self.metallic > 0.5 or self.transmission > 0.0
-        return shiny and not self.unlit and self.roughness**2 < 0.05
+        alpha = self.roughness**2
+        widest = alpha + (1.0 - alpha) * self.anisotropy**2
+        return shiny and not self.unlit and widest < 0.05
 
     @property
     def emissive(self) -> bool:

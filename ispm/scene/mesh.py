@@ -66,7 +66,7 @@ class Mesh(Strict):
     positions  (V, 3) float32
     triangles  (T, 3) uint32, counter-clockwise seen from outside
     normals    (V, 3) float32, unit; None: flat, from the triangles (as glTF says)
-    tangents   (V, 4) float32, w = handedness; None: derived from uv0 where a normal map needs them
+    tangents   (V, 4) float32, w = handedness; None: derived from uv0, for normal maps and anisotropy
     uv0, uv1   (V, 2) float32, v downwards as in glTF
     colors     (V, 4) float32, linear RGBA in [0, 1], multiplied into the base colour
     version    counts calls of `touch`

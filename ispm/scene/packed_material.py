@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -85,6 +86,9 @@ def material_record(material: Material, textures: list[Texture]) -> np.ndarray:
     row["clearcoat_normal_scale"] = material.clearcoat_normal_scale
     row["sheen_color"] = material.sheen_color
     row["sheen_roughness"] = material.sheen_roughness
+    row["anisotropy"] = material.anisotropy
+    turn = material.anisotropy_rotation
+    row["anisotropy_direction"] = math.cos(turn), math.sin(turn)
     row["alpha_cutoff"] = material.alpha_cutoff
     row["normal_scale"] = material.normal_scale
     row["flags"] = (
@@ -97,6 +101,7 @@ def material_record(material: Material, textures: list[Texture]) -> np.ndarray:
         | records.MATERIAL_CAUSTIC * material.casts_caustics
         | records.MATERIAL_COATED * (material.clearcoat > 0.0 and not material.unlit)
         | records.MATERIAL_SHEEN * (max(material.sheen_color) > 0.0 and not material.unlit)
+        | records.MATERIAL_ANISOTROPIC * (material.anisotropy > 0.0 and not material.unlit)
         | records.MATERIAL_SPECULAR_MAPPED * _has_specular_maps(material)
     )
     for slot in TEXTURES:

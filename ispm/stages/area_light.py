@@ -17,6 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ispm.accel.intersect import STACK_WORDS, any_distance
+from ispm.accel.layers import without_diffuse
 from ispm.accel.records import Ray, Scratch
 from ispm.accel.surface import SurfaceTable, scene_tables
 from ispm.accel.world import World
@@ -31,7 +32,6 @@ from ispm.lights.nee import (
     greatest,
     shadow_transmittance,
     side_of,
-    without_diffuse,
 )
 from ispm.lights.ratio import ratio_share
 from ispm.optics.bsdf import eval_bsdf, is_lambert, is_narrow, transmits

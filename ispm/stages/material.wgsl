@@ -14,10 +14,16 @@ fn material_transmission(word: u32) -> f32 {
     return f32(word >> 24u) / 255.0;
 }
 
-// The surface in a pixel: the word above, what the G-buffer has in `base` and `specular`, and roughness.
+// The surface in a pixel: the word above, what the G-buffer has in `base` and `specular`, and roughness. Anisotropic
+// facets are left out, which eye paths light; the Lambert lobe gives way to them. Twin: stages/pixels.py's.
 fn seen_bsdf(word: u32, base: vec4f, roughness: f32, specular: vec4f, material: Material) -> Bsdf {
     let maps = SpecularMaps(specular.rgb, specular.a);
-    return surface_bsdf(base.rgb, base.a, roughness, material_transmission(word), material, maps, true);
+    var b = surface_bsdf(base.rgb, base.a, roughness, material_transmission(word), material, maps, true);
+    if ((material.flags & MATERIAL_ANISOTROPIC) != 0u) {
+        b.f0 = vec3f(0.0);
+        b.f90 = 0.0;
+    }
+    return b;
 }
 
 // What the G-buffer has in `specular`, of a material of these flags: 1 without textures.

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ispm.accel.layers import without_facets
 from ispm.accel.lobes import dielectric_at
 from ispm.accel.mesh import MATERIAL_WORDS, MATERIALS, word_of
 from ispm.accel.records import Hit
@@ -17,7 +18,13 @@ from ispm.kernels.simd import ldu, u2f
 from ispm.optics.bsdf import surface_bsdf
 from ispm.optics.coat import NO_COAT
 from ispm.optics.jit import jit
-from ispm.optics.records import MATERIAL, MATERIAL_SPECULAR_MAPPED, MATERIAL_UNLIT, NO_HIT
+from ispm.optics.records import (
+    MATERIAL,
+    MATERIAL_ANISOTROPIC,
+    MATERIAL_SPECULAR_MAPPED,
+    MATERIAL_UNLIT,
+    NO_HIT,
+)
 from ispm.optics.sampling import octahedral_decode
 from ispm.optics.sheen import NO_SHEEN
 from ispm.optics.texture import FROM_BYTE, FROM_SRGB
@@ -116,6 +123,8 @@ def shown_at(tables, pixels, view, i):
     maps = _specular_maps(tables, pixels, i)
     dielectric = dielectric_at(tables.surfaces, _material(word), vec3(maps), maps[3])
     b = surface_bsdf(vec3(base), base[3], pixels.roughness[i], transmission, dielectric, True)
+    if ldu(tables.surfaces[MATERIALS], _material(word) + _FLAGS) & u32(MATERIAL_ANISOTROPIC) != u32(0):
+        b = without_facets(b)  # which eye paths light
     n, ng = _unpacked(pixels.normals[i, 0]), _unpacked(pixels.normals[i, 1])
     to_eye, width = sub(vec3(view.eye), position), view.width
     distance = f32(math.sqrt(dot(to_eye, to_eye)))

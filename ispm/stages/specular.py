@@ -8,7 +8,13 @@ import numpy as np
 from ispm import wgsl
 from ispm.frame import GBuffer, GpuScene
 from ispm.gpu import Counted, Gpu, Kept, Recording, Texture
-from ispm.optics.records import MATERIAL_BLEND, MATERIAL_COATED, MATERIAL_SHEEN, MATERIAL_TRANSMITS
+from ispm.optics.records import (
+    MATERIAL_ANISOTROPIC,
+    MATERIAL_BLEND,
+    MATERIAL_COATED,
+    MATERIAL_SHEEN,
+    MATERIAL_TRANSMITS,
+)
 
 _PATH = "stages/specular.wgsl"
 _SHADER = wgsl.load(_PATH)
@@ -16,6 +22,9 @@ LAYER_BASE, LAYER_COAT, LAYER_SHEEN, LAYER_BEHIND = (
     int(_SHADER.constants[f"LAYER_{name}"]) for name in ("BASE", "COAT", "SHEEN", "BEHIND")
 )
 SEEN, BROUGHT = _SHADER.dtype("Seen"), _SHADER.dtype("Brought")
+_BY_FLAGS = (  # may lead on
+    MATERIAL_TRANSMITS | MATERIAL_COATED | MATERIAL_SHEEN | MATERIAL_BLEND | MATERIAL_ANISOTROPIC
+)
 _THREADS = int(_SHADER.constants["THREADS"])
 _NARROW = 1.01 * _SHADER.constants["NARROW_ALPHA"]  # roughness^2, and what the G-buffer's halves may round
 
@@ -130,7 +139,6 @@ class SpecularStage:
 def _may_lead_on(materials: np.ndarray) -> bool:
     """Whether eye rays may have to go on from any of these."""
     textured = materials["metallic_roughness_texture"]["texture"] >= 0
-    led_on = MATERIAL_TRANSMITS | MATERIAL_COATED | MATERIAL_SHEEN | MATERIAL_BLEND
-    layered = materials["flags"] & led_on != 0
+    layered = materials["flags"] & _BY_FLAGS != 0
     may = layered | (materials["roughness"] ** 2 < _NARROW) | textured
     return bool(may.any())

@@ -55,7 +55,8 @@ fn leads_on(b: Bsdf) -> bool {
 fn may_lead_on(row: u32) -> bool {
     let roughness = materials[row].roughness;
     let textured = materials[row].metallic_roughness_texture.texture >= 0;
-    let layered = (materials[row].flags & (MATERIAL_TRANSMITS | MATERIAL_COATED | MATERIAL_SHEEN)) != 0u;
+    let by_flags = MATERIAL_TRANSMITS | MATERIAL_COATED | MATERIAL_SHEEN | MATERIAL_ANISOTROPIC;
+    let layered = (materials[row].flags & by_flags) != 0u;
     return layered || textured || roughness * roughness < 1.01 * NARROW_ALPHA;
 }
 
@@ -81,7 +82,8 @@ fn find_specular(@builtin(global_invocation_id) thread: vec3u) {
     let b = seen_bsdf(word, textureLoad(base, pixel, 0), roughness, maps, materials[row]);
     let coated = (materials[row].flags & MATERIAL_COATED) != 0u;
     let sheen = select(0u, LAYER_SHEEN, (materials[row].flags & MATERIAL_SHEEN) != 0u);
-    let own = select(0u, LAYER_BASE, leads_on(b)) | select(0u, LAYER_COAT, coated) | sheen;
+    let anisotropic = (materials[row].flags & MATERIAL_ANISOTROPIC) != 0u;
+    let own = select(0u, LAYER_BASE, leads_on(b) || anisotropic) | select(0u, LAYER_COAT, coated) | sheen;
     let layers = behind | select(0u, own, lit);
     if (layers == 0u) {
         return;

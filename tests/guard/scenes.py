@@ -66,6 +66,7 @@ def cases() -> list[Case]:
         *_case("unlit", unlit, _EYE, {name: dict(light=name) for name in ("studio", "sky", "lamp", "none")}),
         Case("coats/default", coats, _EYE),
         Case("velvet/default", velvet, _EYE),
+        Case("brushed/default", brushed, _EYE),
         Case("product/ground", product, _EYE, dict(ground=True, background="transparent")),
         Case("crowd/moving", crowd, _EYE, {}, times=(0.0, 0.6)),
         Case("crowd/photons", crowd, _EYE, dict(gather=0, subsampling=2), times=(0.3, 0.3)),
@@ -363,6 +364,22 @@ def velvet() -> Scene:
         Material(_BLUE, roughness=0.7, sheen_color=(1.0, 1.0, 1.0), sheen_roughness=0.8,
                  sheen_color_texture=colors, sheen_roughness_texture=pattern),
         Material((0.1, 0.1, 0.1), roughness=0.3, specular_texture=pattern, specular_color_texture=colors),
+    ]  # fmt: skip
+    for place, material in enumerate(materials):
+        _put(scene, _ball(0.42), material, (1.1 * place - 1.1, 0.43, 0.5))
+    scene.add(ispm.PointLight(_LAMP, radius=0.15), translation=(0.4, 2.5, 0.8))
+    return scene
+
+
+def brushed() -> Scene:
+    """Anisotropic metal and plastic, even, turned, patterned and under a coat; a soft lamp."""
+    scene = _room("brushed")
+    pattern = Texture(_pattern(1), srgb=False)
+    materials = [
+        Material((0.9, 0.6, 0.3), metallic=1.0, roughness=0.3, anisotropy=0.8),
+        Material((0.8, 0.8, 0.9), metallic=1.0, roughness=0.4, anisotropy=0.7, anisotropy_rotation=0.8,
+                 clearcoat=1.0),
+        Material(_RED, roughness=0.3, anisotropy=0.9, anisotropy_texture=pattern),
     ]  # fmt: skip
     for place, material in enumerate(materials):
         _put(scene, _ball(0.42), material, (1.1 * place - 1.1, 0.43, 0.5))

@@ -5,12 +5,13 @@ import math
 import numpy as np
 import pytest
 from exact_light import blocks, polygon_irradiance, sky_irradiance
+from layered import made
 from transport import Tracer, box_room
 
 from ispm import Camera, Environment, Material, RectLight, Renderer, Scene, Settings, SphereLight
+from ispm.accel.layers import without_diffuse
 from ispm.library.shapes import icosphere, polygons
-from ispm.lights.nee import without_diffuse
-from ispm.optics.bsdf import Bsdf, Dielectric, eval_bsdf, surface_bsdf
+from ispm.optics.bsdf import Dielectric, eval_bsdf, surface_bsdf
 from ispm.optics.jit import jit
 from ispm.optics.vector import dot, scale, sub
 from ispm.scene.camera import look_at_pose
@@ -195,8 +196,7 @@ def directional_albedo(metallic, roughness, cosine, rows=512):
     """The share of light from all around alike that a white surface sends along a cosine, by quadrature."""
     white, factors = (f32(1),) * 3, (f32(metallic), f32(roughness), f32(0))
     dielectric = Dielectric(f32(0.04), white, f32(1), f32(1.5), False)
-    made = surface_bsdf(white, *factors, dielectric, True)
-    b = Bsdf(*(tuple(map(f32, v)) if isinstance(v, tuple) else f32(v) for v in made))
+    b = made(surface_bsdf(white, *factors, dielectric, True))
     wo, total = (f32(math.sqrt(1 - cosine**2)), f32(0), f32(cosine)), 0.0
     for gloss in (False, True):
         out = np.zeros((rows, rows), f32)

@@ -418,6 +418,38 @@ def test_sheen_over_glass_is_left_out_in_one_line(tmp_path: Path) -> None:
     assert line.endswith("sheen over glass is not supported; it is left out")
 
 
+def brushed(**more: Any) -> dict[str, Any]:
+    return {"extensions": {"KHR_materials_anisotropy": {"anisotropyStrength": 0.5, **more}}}
+
+
+def test_anisotropy_is_read(tmp_path: Path) -> None:
+    builder = quad(brushed(anisotropyRotation=0.25, anisotropyTexture={"index": 0}))
+    builder.picture(CHECKS)
+    scene = builder.load(tmp_path)
+    material = only_material(scene)
+    assert scene.warnings == [] and scene.extensions_honoured == scene.extensions_used
+    assert (material.anisotropy, material.anisotropy_rotation) == (0.5, 0.25)
+    assert material.anisotropy_texture is not None and material.anisotropy_texture.texture.srgb is False
+
+
+def test_anisotropy_with_wrong_numbers_is_mended(tmp_path: Path) -> None:
+    scene = quad(brushed(anisotropyStrength=2, anisotropyRotation=-1e9)).load(tmp_path)
+    material = only_material(scene)
+    assert (material.anisotropy, material.anisotropy_rotation) == (1.0, -1000.0)
+    assert [line.partition(": ")[2] for line in scene.warnings] == [
+        "anisotropyStrength 2 is clamped to 0..1", "anisotropyRotation -1e+09 is clamped to -1000..1000",
+    ]  # fmt: skip
+
+
+def test_anisotropy_of_glass_is_left_out_in_one_line(tmp_path: Path) -> None:
+    record = brushed()
+    record["extensions"] |= glass()["extensions"]
+    scene = quad(record).load(tmp_path)
+    assert (only_material(scene).anisotropy, only_material(scene).transmission) == (0.0, 0.75)
+    (line,) = scene.warnings
+    assert line.endswith("anisotropy of glass is not supported; it is left out")
+
+
 def webp(**texture: Any) -> GltfBuilder:
     """A quad with a texture whose WebP is white and whose plain picture is black."""
     builder = quad({"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}})

@@ -4,12 +4,13 @@ import numpy as np
 import pytest
 from numba import types
 
-from ispm.optics import bsdf, density, rng, sampling, sheen, texture
+from ispm.optics import bsdf, density, facets, rng, sampling, sheen, texture
 from ispm.photons.scatter import adjoint_factor
 
 F, U, B = types.float32, types.uint32, types.boolean
 VECTOR = types.UniTuple(F, 3)
-BSDF = types.NamedTuple([VECTOR, VECTOR, F, F, F, F, VECTOR, F, F, F], bsdf.Bsdf)
+ANISOTROPY = types.NamedTuple([F, VECTOR], facets.Anisotropy)
+BSDF = types.NamedTuple([VECTOR, VECTOR, F, F, F, F, VECTOR, F, F, F, ANISOTROPY], bsdf.Bsdf)
 DIELECTRIC = types.NamedTuple([F, VECTOR, F, F, B], bsdf.Dielectric)
 TEXELS, ROWS = types.Array(U, 1, "C"), types.Array(types.int64, 2, "C")
 
@@ -29,6 +30,8 @@ TEXELS, ROWS = types.Array(U, 1, "C"), types.Array(types.int64, 2, "C")
         (bsdf.eval_bsdf, (BSDF, VECTOR, VECTOR, VECTOR, VECTOR)),
         (sheen.eval_sheen, (F, VECTOR, VECTOR, VECTOR, VECTOR)),
         (sheen.sheen_albedo, (F, F)),
+        (facets.visible_pdf, (BSDF, VECTOR, VECTOR, VECTOR)),
+        (facets.visible_facet, (BSDF, VECTOR, VECTOR, F, F)),
         (bsdf.gloss_terms, (F, VECTOR, VECTOR, VECTOR)),
         (bsdf.pdf_bsdf, (BSDF, VECTOR, VECTOR, VECTOR)),
         (bsdf.sample_bsdf, (BSDF, VECTOR, VECTOR, VECTOR, F, F, F, B)),

@@ -4,13 +4,14 @@ import math
 
 import numpy as np
 import pytest
-from layered import scatter_often
+from layered import made, scatter_often
 
 from ispm.accel.layers import sheen_point
 from ispm.accel.records import Hit
 from ispm.accel.surface import SurfacePoint
 from ispm.optics.bsdf import Bsdf, eval_bsdf, pdf_bsdf, sample_bsdf
 from ispm.optics.coat import NO_COAT, covered
+from ispm.optics.facets import NO_ANISOTROPY
 from ispm.optics.jit import jit
 from ispm.optics.sheen import eval_sheen, make_sheen, sheen_albedo
 from ispm.optics.sheen_albedo import ALBEDO
@@ -75,15 +76,11 @@ def vector(v):
     return tuple(f32(c) for c in v)
 
 
-def made(values):
-    """A named tuple of float32; from kernels come Python's floats."""
-    return type(values)(*(vector(v) if isinstance(v, tuple) else f32(v) for v in values))
-
-
 def velvet(roughness, cosine, color=(1.0, 1.0, 1.0), base=1.0):
     """A SurfacePoint with sheen over a Lambert surface, seen at a cosine."""
     sheen = made(make_sheen(vector(color), f32(roughness), f32(cosine), f32(1)))
-    b = Bsdf(vector((base,) * 3), NONE, f32(0), f32(1), f32(0), f32(0), NONE, f32(1), f32(0), f32(0))
+    none = f32(0), f32(1), f32(0), f32(0), NONE, f32(1), f32(0), f32(0), NO_ANISOTROPY
+    b = Bsdf(vector((base,) * 3), NONE, *none)
     b = made(covered(b, sheen.shown))
     hit = Hit(u32(0), u32(0), f32(0), f32(0))
     return SurfacePoint(hit, NONE, UP, UP, b, u32(0), True, NO_COAT, sheen)

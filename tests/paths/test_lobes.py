@@ -9,6 +9,7 @@ from transport import Tracer
 from ispm.library.shapes import polygons
 from ispm.optics.bsdf import Bsdf, eval_bsdf, pdf_bsdf
 from ispm.optics.coat import NO_COAT
+from ispm.optics.facets import NO_ANISOTROPY
 from ispm.optics.jit import jit
 from ispm.optics.sheen import NO_SHEEN
 from ispm.paths.branch import View
@@ -130,7 +131,8 @@ def test_weights_are_the_bsdf_over_the_density_that_is_handed_on():
     from ispm.accel.surface import SurfacePoint
 
     zero, up = (f32(0),) * 3, (f32(0), f32(1), f32(0))
-    b = Bsdf(zero, (f32(0.9),) * 3, f32(1), f32(0.15), f32(0), f32(0), zero, f32(1.5), f32(0), f32(0))
+    rest = f32(1), f32(0.15), f32(0), f32(0), zero, f32(1.5), f32(0), f32(0), NO_ANISOTROPY
+    b = Bsdf(zero, (f32(0.9),) * 3, *rest)
     x = SurfacePoint(Hit(u32(0), u32(0), f32(0), f32(0)), zero, up, up, b, u32(0), True, NO_COAT, NO_SHEEN)
     wo = tuple(f32(c) for c in seen_from(0.3))
     u = np.random.default_rng(5).random((2000, 2)).astype(np.float32)

@@ -32,7 +32,7 @@ def mesh(**others):
     ("name", "value"),
     [
         *[(name, value) for name in ("metallic", "roughness", "specular", "transmission", "clearcoat",
-                                     "clearcoat_roughness", "sheen_roughness")
+                                     "clearcoat_roughness", "sheen_roughness", "anisotropy")
           for value in (-0.1, 1.1, NAN, "a", None, (1.0,))],
         *[("base_color", value)
           for value in ((2, 0, 0), (-1, 0, 0), (1, 1), (1, 1, 1, NAN), 0.5, "red", None)],
@@ -44,7 +44,8 @@ def mesh(**others):
         *[("attenuation_distance", value) for value in (0.0, -1.0, NAN)],
         *[("thickness", value) for value in (-1.0, NAN, INF)],
         *[("alpha_cutoff", value) for value in (-1.0, NAN)],
-        *[(name, value) for name in ("normal_scale", "clearcoat_normal_scale") for value in (NAN, 1e30)],
+        *[(name, value) for name in ("normal_scale", "clearcoat_normal_scale", "anisotropy_rotation")
+          for value in (NAN, 1e30)],
         *[("alpha_mode", value) for value in ("MASK", 7, None)],
         *[("double_sided", value) for value in ("yes", None)],
         *[(f"{slot}_texture", value) for slot in ("base_color", "normal") for value in ("a.png", PIXELS)],
@@ -76,6 +77,7 @@ def test_materials_at_the_ends_of_their_ranges_are_taken():
         (lambda: Texture(np.zeros((2, 2), object)), "not of object"),
         (lambda: Material(normal_texture="a.png"), r"not a str; write Texture\('a.png'\)"),
         (lambda: Material(clearcoat=1.0, transmission=0.5), "a clear coat over glass is not supported"),
+        (lambda: Material(anisotropy=1.0, transmission=0.5), "anisotropy of glass is not supported"),
         (lambda: Material(normal_texture=PIXELS), r"not a ndarray; write Texture\(...\)"),
         (lambda: Texture(PIXELS, wrap_u="REPEAT"), "wrap_u must be one of Wrap.REPEAT"),
         (lambda: TextureUse(PIXELS), "takes a Texture, not a ndarray"),

@@ -4,9 +4,11 @@ import math
 
 import numpy as np
 import pytest
+from layered import made
 from scipy import stats
 
 from ispm.optics import bsdf, rng
+from ispm.optics.facets import NO_ANISOTROPY
 from ispm.optics.jit import jit
 
 f32 = np.float32
@@ -14,11 +16,6 @@ N = f32(0), f32(0), f32(1)
 ROUGHNESS = (0.25, 0.5, 1.0)
 COSINES = (0.15, 0.6, 0.98)
 CASES = [(r, c) for r in ROUGHNESS for c in COSINES]
-
-
-def singles(values):
-    """A Bsdf of float32; from kernels come Python's floats."""
-    return bsdf.Bsdf(*(tuple(map(f32, v)) if isinstance(v, tuple) else f32(v) for v in values))
 
 
 def surface(
@@ -29,13 +26,13 @@ def surface(
     dielectric = bsdf.Dielectric(f32(f0), white, f32(specular), f32(ior), thin)
     factors = f32(metallic), f32(roughness), f32(transmission)
     values = bsdf.surface_bsdf(color, *factors, dielectric, entering)
-    return singles(values)
+    return made(values)
 
 
 def mirror_gloss(roughness):
     """The glossy lobe alone, all of whose facets reflect everything."""
     none, all_ = (0, 0, 0), (1, 1, 1)
-    return singles((none, all_, 1, roughness**2, 0, 0, none, 1.5, 0, 0))
+    return made(bsdf.Bsdf(none, all_, 1, roughness**2, 0, 0, none, 1.5, 0, 0, NO_ANISOTROPY))
 
 
 def towards(cosine):

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from layered import assert_as_bright_as_paths, scatter_often
+from layered import assert_as_bright_as_paths, made, scatter_often
 from transport import Tracer, box_room, lit, render, trace
 
 from ispm.accel.records import Hit
@@ -47,11 +47,6 @@ def coat_albedo(alpha, cosine, steps=400):
     a2 = alpha * alpha
     lambda_v, lambda_l = (0.5 * (np.sqrt(1.0 + a2 * (1.0 / (c * c) - 1.0)) - 1.0) for c in (cosine, nl))
     return (fresnel(vh) * vh / (cosine * nh * (1.0 + lambda_v + lambda_l))).sum() / steps**2
-
-
-def made(values):
-    """A named tuple of float32; from kernels come Python's floats."""
-    return type(values)(*(tuple(map(f32, v)) if isinstance(v, tuple) else f32(v) for v in values))
 
 
 def coated(base, roughness, cosine, weight=1.0):

@@ -4,10 +4,10 @@ import math
 
 import numpy as np
 import pytest
-from layered import assert_as_bright_as_paths
+from layered import assert_as_bright_as_paths, floor, places_seen, unit
 from transport import render
 
-from ispm.library.shapes import icosphere, polygons
+from ispm.library.shapes import icosphere
 from ispm.optics.jit import jit
 from ispm.optics.sheen import eval_sheen, sheen_albedo
 from ispm.scene.camera import Camera
@@ -18,35 +18,6 @@ from ispm.scene.scene import Scene
 
 f32 = np.float32
 UP = f32(0), f32(1), f32(0)
-
-
-def floor(material, uv=None):
-    """A square of 20 m at y = 0."""
-    scene = Scene()
-    mesh = polygons([np.array([(-10, 0, -10), (-10, 0, 10), (10, 0, 10), (10, 0, -10)], float)], "floor")
-    if uv is not None:
-        mesh.uv0 = np.full((len(mesh.positions), 2), uv, f32)
-    scene.add(mesh, material=material, name="floor")
-    return scene
-
-
-def unit(v):
-    return v / np.linalg.norm(v, axis=-1, keepdims=True)
-
-
-def places_seen(eye, size, yfov):
-    """Points of the floor that pixels show, (n, 3)."""
-    width, height = size
-    x, y = np.meshgrid((np.arange(width) + 0.5) / width * 2 - 1, 1 - (np.arange(height) + 0.5) / height * 2)
-    tangent, back = math.tan(yfov / 2), unit(np.array(eye))
-    right = np.array([1.0, 0.0, 0.0])
-    d = (
-        (x * width / height * tangent)[..., None] * right
-        + (y * tangent)[..., None] * np.cross(back, right)
-        - back
-    )
-    d = d.reshape(-1, 3)
-    return np.array(eye) - d * (eye[1] / d[:, 1:2])
 
 
 @jit
