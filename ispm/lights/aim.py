@@ -1,4 +1,5 @@
-"""Maps that aim photons: narrow views, from a light, of what casts caustics and of what the eye sees."""
+"""Where photons are aimed: narrow views, from a light, of what casts caustics and of what the eye sees, and
+boxes about that."""
 
 from __future__ import annotations
 
@@ -8,6 +9,7 @@ import numpy as np
 
 from ispm.lights.lightmap import LightMap, cropped, square_map, view_of
 
+SEEN = 0.5  # of the photons that are not aimed at caustics, for what the eye sees
 _WIDEST = math.tan(0.6)  # of half a view's angle: wider ones gain little
 _LARGEST = 1.0 / 3.0  # of what the light's own map takes, likewise
 _GAIN = 0.9  # of the size of a group, below which the sum of its two parts must be for a split
@@ -53,6 +55,22 @@ def seen_maps(base: LightMap, seen: np.ndarray) -> list[LightMap]:
             if map.measure < _LARGEST * (maps[-1] if maps else base).measure:
                 maps.append(map)
     return maps
+
+
+def seen_boxes(bounds: np.ndarray, seen: np.ndarray) -> list[np.ndarray]:
+    """Return boxes, (2, 3) corners in m, about what the eye sees of a scene, as `seen_maps` are: each shows at
+    most a third of the area of the one before, the first of the scene's own.
+
+    bounds  (2, 3) m, of the scene
+    """
+    boxes: list[np.ndarray] = []
+    for share in _SEEN_SHARES if len(seen) else ():
+        low, high = np.quantile(seen, (0.5 - share / 2.0, 0.5 + share / 2.0), axis=0)
+        room = _AROUND * (high - low)
+        box = np.stack([np.maximum(low - room, bounds[0]), np.minimum(high + room, bounds[1])])
+        if 0.0 < _size(*box) < _LARGEST * _size(*(boxes[-1] if boxes else bounds)):
+            boxes.append(box)
+    return boxes
 
 
 def aims_at_seen(base: LightMap) -> bool:
