@@ -325,16 +325,39 @@ def closest_surface(tables, origin, d, u, scratch):
         edge = (edge and t == before) or min(hit.u, min(hit.v, f32(1) - hit.u - hit.v)) <= f32(0)
         if edge and t == before:  # two triangles of one surface, met at the edge they share
             continue
-        opacity = _opacity(tables, hit)
-        if u < opacity:
+        share = opacity(tables, hit)
+        if u < share:
             return True, hit
-        u = (u - opacity) / (f32(1) - opacity)  # uniform again, whatever lies behind
+        u = (u - share) / (f32(1) - share)  # uniform again, whatever lies behind
     return False, Hit(u32(0), u32(0), f32(0), f32(0))
 
 
 @jit
-def _opacity(tables, hit):
-    """Opacity at a Hit as a probability, 0 to 1; cheap where the material is opaque."""
+def closest_behind(tables, origin, d, veil, scratch):
+    """Return (found, Hit) of the nearest surface from `origin`, m, along d that has any opacity, but for the
+    Hit `veil`: of others that lie in the same place, as decals on walls, too."""
+    t, edge = f32(0), False
+    ray, words = Ray(origin, d, f32(np.inf)), scratch.found
+    stu(words, HIT_INSTANCE, u32(NO_HIT))
+    stu(words, HIT_PRIMITIVE, u32(NO_HIT))
+    for _ in range(_HOLES_MAX):
+        before = t
+        t = closest_after(tables.trees, ray, before, scratch)
+        hit = read_hit(words)
+        if t == f32(np.inf):
+            break
+        own = hit.instance == veil.instance
+        edge = own and ((edge and t == before) or min(hit.u, min(hit.v, f32(1) - hit.u - hit.v)) <= f32(0))
+        if own and (hit.primitive == veil.primitive or (edge and t == before)):
+            continue
+        if opacity(tables, hit) > f32(0):
+            return True, hit
+    return False, Hit(u32(0), u32(0), f32(0), f32(0))
+
+
+@jit
+def opacity(tables, hit):
+    """Return the opacity at a Hit, 0 to 1; cheap where the material is opaque."""
     table = tables.surfaces
     instance, material, corners = triangle_at(table, hit)
     flags = ldu(table[MATERIALS], material + _FLAGS)
@@ -345,3 +368,17 @@ def _opacity(tables, hit):
         cutoff = ldf(table[MATERIALS], material + _CUTOFF)
         return f32(1) if alpha >= cutoff else f32(0)
     return alpha
+
+
+@jit
+def opacity_seen(tables, hit):
+    """Return the opacity, 0 to 1, of a surface that is met at a Hit, in the mean over the SurfaceTable's
+    footprint: 1 but for blended ones."""
+    table = tables.surfaces
+    instance, material, corners = triangle_at(table, hit)
+    if ldu(table[MATERIALS], material + _FLAGS) & u32(MATERIAL_BLEND) == u32(0):
+        return f32(1)
+    _, e1, e2 = edges_at(table, corners)
+    area = uv_footprint(table, instance, corners, e1, e2)
+    _, alpha = base_color(tables, TextureContext(instance, material, corners, hit.u, hit.v, area))
+    return min(max(alpha, f32(0)), f32(1))

@@ -16,6 +16,7 @@ from ispm.gpu.buffer import Buffer
 from ispm.gpu.texture import Texture
 
 _ROW = 256  # bytes; rows of a texture copy start at multiples of this
+_STAGING_MOST = 96 << 20  # bytes read at a time, if more than one array is
 
 
 @dataclass
@@ -55,6 +56,9 @@ class _Room:
 
     _SMALL = 1 << 20  # bytes, below which pieces are not pooled
     _KEPT = 24  # pieces at most
+    _LOOSE = (
+        2  # times as much as is asked for, that a piece is at most: lists are of another length each frame
+    )
 
     def __init__(self) -> None:
         self._pieces: list[np.ndarray] = []
@@ -65,10 +69,11 @@ class _Room:
             return np.empty(nbytes, np.uint8)
         for index in range(len(self._pieces)):
             # 2 references, the list's and getrefcount's own: arrays that view a piece refer to it, too
-            if self._pieces[index].nbytes == nbytes and sys.getrefcount(self._pieces[index]) <= 2:
-                return self._pieces[index]
+            fits = nbytes <= self._pieces[index].nbytes <= self._LOOSE * nbytes
+            if fits and sys.getrefcount(self._pieces[index]) <= 2:
+                return self._pieces[index][:nbytes]
         self._pieces = [*self._pieces[-self._KEPT + 1 :], np.empty(nbytes, np.uint8)]
-        return self._pieces[-1]
+        return self._pieces[-1][:]
 
 
 class Readback:
@@ -90,7 +95,7 @@ class Readback:
             plan = _plan_texture if isinstance(source, Texture) else _plan_buffer
             planned.append(plan(-(-end // _ROW) * _ROW, source, *about))
             end = planned[-1].offset + -(-planned[-1].nbytes // 4) * 4
-        if end > self._most and len(wanted) > 1:
+        if end > min(self._most, _STAGING_MOST) and len(wanted) > 1:
             half = len(wanted) // 2
             return self.read(wanted[:half]) + self.read(wanted[half:])
         if end > self._staging.size:

@@ -40,7 +40,7 @@ _REFLECTED_EACH = 4  # of the paths of rough glass so many reflect once
 
 class View(NamedTuple):
     """What holds for all rays: width, spread, near and past are `EyeRays.width` and `slack`;
-    columns, most, widening, shows_environment and of_coats those of EyeRays."""
+    columns, most, widening, shows_environment, of_coats and behind those of EyeRays."""
 
     width: np.float32
     spread: np.float32
@@ -53,6 +53,7 @@ class View(NamedTuple):
     widening: np.float32
     shows_environment: bool
     of_coats: bool
+    behind: bool
 
 
 class Branch(NamedTuple):

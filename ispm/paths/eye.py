@@ -11,7 +11,6 @@ added here.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
@@ -22,9 +21,12 @@ from ispm.accel.records import Hit, Scratch
 from ispm.accel.surface import (
     SurfaceTable,
     Tables,
+    closest_behind,
     closest_surface,
     glow,
     hit_position,
+    leave_surface,
+    opacity_seen,
     scene_tables,
     surface,
 )
@@ -63,7 +65,7 @@ from ispm.paths.branch import (
     pixel_width,
 )
 from ispm.paths.coat import coat_light, draw_coat, sample_coat
-from ispm.paths.eye_paths import EyePaths, EyeRays, RayArrays, ray_arrays
+from ispm.paths.eye_paths import Done, EyeOut, EyePaths, EyeRays, EyeThread, RayArrays, ray_arrays
 from ispm.paths.facet import (
     ROUGH_SAMPLES,
     facet_numbers,
@@ -80,6 +82,7 @@ from ispm.paths.vertices import (
     PATH_END,
     PATH_END_AND_POINT,
     add_light,
+    store_clear,
     store_coat,
     store_end,
     store_first,
@@ -101,7 +104,7 @@ _DIMENSION = 7 << 20  # of the random numbers that draw lights
 _OF_COAT = 255  # likewise of the light of a coat
 _LAMP_SAMPLES = 4  # points of lamps with a surface that an end is lit by, where a pixel has one path
 _CHUNK = 64  # pixels a thread takes at a time; results do not depend on it or on the threads
-_BATCH = 1 << 15  # pixels whose ends lie in memory at their full number
+_BATCH = 1 << 13  # pixels whose ends lie in memory at their full number
 
 _WHITE = f32(1), f32(1), f32(1)
 
@@ -115,12 +118,12 @@ def trace_eye(
     """
     count = len(rays.origins)
     firsts = np.zeros(count, FIRST_VERTEX)
-    direct, emission, through = np.zeros((3, count, 3), np.float32)
+    direct, indirect, emission, through = np.zeros((4, count, 3), np.float32)
     arrays = ray_arrays(rays)
     tables = scene_tables(packed, world, surfaces)
     (width, spread), (near, past) = rays.width, rays.slack
     numbers = u32(pass_index), u32(seed), u32(rays.columns), i64(rays.most), f32(rays.widening)
-    told = rays.shows_environment, rays.of_coats
+    told = rays.shows_environment, rays.of_coats, rays.behind
     view = View(f32(width), f32(spread), f32(near), f32(past), *numbers, *told)
     capacity = _CHUNK * _PATHS_MAX * _ENDS_MAX * samples_most(packed)
     words, cut = PATH_END_AND_POINT.itemsize // 4, PATH_END.itemsize // 4
@@ -130,7 +133,7 @@ def trace_eye(
         chunks = -(-(part.stop - first) // _CHUNK)
         room = world.scratch(chunks * capacity, PATH_END_AND_POINT)
         counts = np.zeros((chunks, 2), np.int64)
-        out = _Out(direct[part], emission[part], through[part], firsts[part], room, counts)
+        out = EyeOut(direct[part], emission[part], through[part], firsts[part], room, counts)
         batch = RayArrays(*(each[part] for each in arrays))
         _follow_batch(tables, surfaces, view, batch, first, out, world.threads)
         raw = room.view(np.uint32).reshape(-1, words)  # records are copied field by field, which is slow
@@ -139,11 +142,11 @@ def trace_eye(
         points.append(np.concatenate([part[:, cut:] for part in met]))
         traced += int(counts[:, 1].sum())
     stored = np.concatenate(ends).view(PATH_END)[:, 0], np.concatenate(points).view(RECEIVER)[:, 0]
-    return EyePaths(direct, emission, through, *stored, firsts, traced)
+    return EyePaths(direct, indirect, emission, through, *stored, firsts, traced)
 
 
 def _follow_batch(
-    tables: Tables, surfaces: SurfaceTable, view: View, rays: RayArrays, first: int, out: _Out, threads: int
+    tables: Tables, surfaces: SurfaceTable, view: View, rays: RayArrays, first: int, out: EyeOut, threads: int
 ) -> None:
     """Follow the paths of some rays, the first of which is row `first` of all."""
 
@@ -155,48 +158,17 @@ def _follow_batch(
     run_shared(work, threads)
 
 
-class _Out(NamedTuple):
-    """What kernels write: arrays of EyePaths, and by chunks
-
-    ends    (m,) PATH_END_AND_POINT, of which each chunk has an equal part
-    counts  (chunks, 2) int64, ends and rays
-    """
-
-    direct: np.ndarray
-    emission: np.ndarray
-    through: np.ndarray
-    firsts: np.ndarray
-    ends: np.ndarray
-    counts: np.ndarray
-
-
-class _Thread(NamedTuple):
-    """What one thread works with: Scratch, the (1,) float32 that is its surfaces' footprint, see
-    `SurfaceTable.own_footprint`, and a number for each light, see `light_of_few`."""
-
-    scratch: Scratch
-    footprint: np.ndarray
-    values: np.ndarray
-
-
-class _Done(NamedTuple):
-    """How far a chunk is: the next free row of the ends, and the number of rays traced."""
-
-    row: np.int64
-    traced: np.int64
-
-
 @jit
 def _follow_chunks(tables, view, footprint, values, rays, first, counter, out):
-    """Follow the paths of as many chunks of RayArrays as a thread gets, filling an _Out.
+    """Follow the paths of as many chunks of RayArrays as a thread gets, filling an EyeOut.
 
-    footprint, values  of the thread's _Thread;  first  row of the first ray among all
+    footprint, values  of the thread's EyeThread;  first  row of the first ray among all
     """
     counts = out.counts
     capacity = i64(len(out.ends) // len(counts))
-    thread = _Thread(Scratch(alloca(STACK_WORDS), alloca(2)), footprint, values)
+    thread = EyeThread(Scratch(alloca(STACK_WORDS), alloca(2)), footprint, values)
     for chunk in shared_rows(counter, 1, len(counts)):
-        done = _Done(chunk * capacity, i64(0))
+        done = Done(chunk * capacity, i64(0))
         for i in range(chunk * i64(_CHUNK), min((chunk + 1) * i64(_CHUNK), len(rays.origins))):
             done = _follow_pixel(tables, view, thread, rays, i, first + i, out, done)
         counts[chunk, 0] = done.row - chunk * capacity
@@ -205,8 +177,8 @@ def _follow_chunks(tables, view, footprint, values, rays, first, counter, out):
 
 @jit
 def _follow_pixel(tables, view, thread, rays, i, slot, out, done):
-    """Follow all paths of row `i` of RayArrays, whose ends have `slot`, int64; write an _Out, return the
-    _Done."""
+    """Follow all paths of row `i` of RayArrays, whose ends have `slot`, int64; write an EyeOut, return the
+    Done."""
     start, d, key = vec3(rays.origins[i]), vec3(rays.directions[i]), rays.keys[i]
     near, past = f32(0), False
     shown, length = rays.hits[i], rays.distances[i]
@@ -220,7 +192,7 @@ def _follow_pixel(tables, view, thread, rays, i, slot, out, done):
                 add_light(out.emission, i, environment_radiance(tables.environment, d), _WHITE)
             else:
                 add_light(out.through, i, _WHITE, _WHITE)
-            return _Done(done.row, done.traced + i64(1))
+            return Done(done.row, done.traced + i64(1))
         length = near + _distance(tables, hit, start)
         past = length > rays.distances[i] * (f32(1) + view.past)  # the edge of what the rasteriser drew
     thread.footprint[:] = pixel_width(view, length)
@@ -231,7 +203,9 @@ def _follow_pixel(tables, view, thread, rays, i, slot, out, done):
         own, more, shadows = coat_light(tables, x, wo, u, thread.scratch, f32(0), _LAMP_SAMPLES)
         store_coat(out.firsts[i], x, own)
         add_light(out.direct, i, more, _WHITE)
-        x, done = coat_point(x), _Done(done.row, done.traced + shadows)
+        x, done = coat_point(x), Done(done.row, done.traced + shadows)
+    if view.behind and not past:
+        return _follow_behind(tables, view, thread, x, d, key, length, i, slot, out, done)
     blurred, near_by, followed = f32(0), f32(0), f32(0)
     count = i64(1) if past else branches(view, x, wo, key)
     for k in range(count):
@@ -241,7 +215,7 @@ def _follow_pixel(tables, view, thread, rays, i, slot, out, done):
         if not past:
             path = first_path(tables, view, x, wo, key, k, length)
         if greatest(path.weight) > _MIN_WEIGHT * f32(1.0 / ROUGH_SAMPLES):
-            done, end = _follow_often(tables, view, thread, path, i, slot, out, done)
+            done, end = _follow_often(tables, view, thread, path, no_medium(), i, slot, out, done)
             blurred += (end - length) / end if k < ROUGH_SAMPLES else f32(0)
             near_by, followed = near_by + end / max(end - length, _CONTACT * end), followed + f32(1)
     angle = length / pixel_width(view, length)
@@ -255,20 +229,35 @@ def _follow_pixel(tables, view, thread, rays, i, slot, out, done):
 
 
 @jit
-def _follow_often(tables, view, thread, path, i, slot, out, done):
+def _follow_behind(tables, view, thread, x, d, key, length, i, slot, out, done):
+    """Follow the path of ray `i` behind a blended SurfacePoint, `length` m away along d; return the Done."""
+    clear = f32(1) - opacity_seen(tables, x.hit)
+    store_clear(out.firsts[i], x, clear)
+    if clear < _MIN_WEIGHT:
+        return done
+    before = length * view.near
+    place = sub(x.position, scale(before, d)), d, (clear, clear, clear), f32(0), d, d, no_medium(), f32(1)
+    path = Path(key, u32(0), i64(TRANSMITTED), *place, length - before, True)
+    done, _ = _follow_often(tables, view, thread, path, x.hit, i, slot, out, done)
+    return done
+
+
+@jit
+def _follow_often(tables, view, thread, path, veil, i, slot, out, done):
     """Follow a path of ray `i`, and the second one if it parts. Where it is its pixel's first to meet rough
     glass, it becomes one of ROUGH_SAMPLES, whose mean counts.
 
-    -> the _Done, and the length of the last path, m
+    veil  as of `_follow`
+    -> the Done, and the length of the last path, m
     """
     first = done.row
     key, dimension, lane, start, d, weight, pdf, side, origin, inside, focus, length, sees_background = path
     direct, emission, through = vec3(out.direct[i]), vec3(out.emission[i]), vec3(out.through[i])
     share, k, count, rough = f32(1), 0, 1, False
-    end = length
+    end, skipped = length, veil
     while k < count:
-        done, met, end, parted, path = _follow(tables, view, thread, path, i, slot, out, done)
-        rough = rough or met
+        done, met, end, parted, path = _follow(tables, view, thread, path, skipped, i, slot, out, done)
+        rough, skipped = rough or met, no_medium() if parted else veil
         if parted:
             continue
         if rough and k == 0 and lane != SCATTERED and pdf == f32(0):
@@ -287,22 +276,28 @@ def _follow_often(tables, view, thread, path, i, slot, out, done):
 
 
 @jit
-def _follow(tables, view, thread, path, i, slot, out, done):
+def _follow(tables, view, thread, path, veil, i, slot, out, done):
     """Follow one path of ray `i` to its end or ends.
 
-    -> the _Done, whether it met rough glass or a strong lobe, its length in m, of one that a lobe began to
+    veil  Hit on the blended surface that the path starts behind, instance NO_HIT: on none. Others behind it
+          end it by as much as they are opaque, as long as there is room for two ends more; then by chance
+    -> the Done, whether it met rough glass or a strong lobe, its length in m, of one that a lobe began to
        where it first ends or meets a lobe, whether it parted, and if so the other path
     """
     row, traced = done.row, done.traced
     key, dimension, lane, start, d, weight, pdf, side, origin, inside, focus, length, sees_background = path
     stored, rough, parted, other = 0, False, False, path
     from_lobe, far, sharp = pdf > f32(0), f32(1e30), True
+    behind = veil.instance != u32(NO_HIT)
     for event in range(EVENTS_MAX + 1):
         u1, u2, u0 = facet_numbers(key, dimension, view.pass_index, view.seed)
         traced += i64(1)
-        found, hit = closest_surface(tables, start, d, u0, thread.scratch)
+        if behind and event == 0:
+            found, hit = closest_behind(tables, start, d, veil, thread.scratch)
+        else:
+            found, hit = closest_surface(tables, start, d, f32(0) if behind else u0, thread.scratch)
         if not found:
-            if has_environment(tables.environment):
+            if has_environment(tables.environment) and (view.shows_environment or not behind):
                 share = surround_weight(tables, pdf, d)
                 light = scale(share, environment_radiance(tables.environment, d))
                 add_light(out.emission, i, light, scale(focus, weight))
@@ -318,7 +313,13 @@ def _follow(tables, view, thread, path, i, slot, out, done):
         inside = medium(inside, x)
         if inside.instance != u32(NO_HIT):
             weight = attenuated(tables, inside, start, x.position, weight)
-        seen = scale(focus, weight)
+        shown = f32(1)
+        if behind:
+            shown = opacity_seen(tables, hit)
+            if stored == _ENDS_MAX - 1:
+                shown = f32(1) if u0 < shown else f32(0)
+            behind = shown < f32(1)
+        seen = scale(focus * shown, weight)
         share = lamp_weight(tables, origin, side, pdf, hit, d)
         add_light(out.emission, i, scale(share, glow(tables, hit, d)), seen)
         unlit = x.flags & u32(MATERIAL_UNLIT) != u32(0)
@@ -330,7 +331,7 @@ def _follow(tables, view, thread, path, i, slot, out, done):
         has_diffuse = end.diffuse[0] + end.diffuse[1] + end.diffuse[2] > f32(0)
         ends = stored + (1 if has_diffuse else 0)
         mean = greatest(times(weight, mean_reflectance(x, wo)))
-        goes_on = is_narrow(b) and not unlit and event < EVENTS_MAX and ends < _ENDS_MAX
+        goes_on = is_narrow(b) and not (unlit or behind) and event < EVENTS_MAX and ends < _ENDS_MAX
         goes_on = goes_on and mean >= (_MIN_WEIGHT_AFTER_END if ends > 0 else _MIN_WEIGHT)
         if not unlit and (has_finite(b) or not is_smooth(b)):
             lit, goes_on_by = widened(x, widest), BY_FACETS if goes_on else BY_NOTHING
@@ -359,6 +360,11 @@ def _follow(tables, view, thread, path, i, slot, out, done):
             store_end(out.ends[row].end, slot, lane, seen, end, hit.instance)
             store_point(out.ends[row].point, x, wo, end, width, widest if goes_on else NARROW_ALPHA)
             row, stored, lane = row + i64(1), stored + 1, i64(SCATTERED)
+        if behind:
+            start, weight = leave_surface(tables, hit, scale(f32(-1), x.ng)), scale(f32(1) - shown, weight)
+            if greatest(weight) < _MIN_WEIGHT:
+                break
+            continue
         if unlit:
             break
         rough = rough or (transmits(b) and not is_smooth(b)) or (goes_on and mean >= STRONG)
@@ -390,7 +396,7 @@ def _follow(tables, view, thread, path, i, slot, out, done):
         sides = (side, origin) if passed else (left.side, left.origin)
         key, dimension, lane, start, d, weight, pdf, _, _, inside, focus, length, sees_background = left
         side, origin = sides
-    return _Done(row, traced), rough, far if from_lobe else length, parted, other
+    return Done(row, traced), rough, far if from_lobe else length, parted, other
 
 
 @jit

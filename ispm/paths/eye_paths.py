@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ispm.accel.rays import HIT
+from ispm.accel.records import Scratch
 from ispm.optics.records import NO_HIT
 
 
@@ -28,6 +29,7 @@ class EyeRays:
                to others beside them; 0: all are looked at
     most       paths from a strong lobe; 0: as few as from a weak one
     of_coats   whether paths start from the clear coat of what a pixel shows, else from what is under it
+    behind     whether they go straight on behind a blended surface that a pixel shows
     widening   at ends, direct light counts lobes as at least this times as wide as the lobe that led there:
                few paths find a light's image in a second narrow lobe
     """
@@ -44,6 +46,7 @@ class EyeRays:
     most: int = 4
     widening: float = 1.0
     of_coats: bool = False
+    behind: bool = False
 
 
 @dataclass(frozen=True)
@@ -51,6 +54,7 @@ class EyePaths:
     """What the paths found.
 
     direct, emission  (n, 3) float32 radiance that they bring to each ray; the latter of the environment too
+    indirect  (n, 3) float32 likewise, of ends that have been lit and are no longer among these; zeros
     through  (n, 3) float32 share of the background that each sees through glass; mirrors show none of it, and
              where there is an environment, glass shows that
     ends    (m,) PATH_END in the order of the rays; lane: REFLECTED or TRANSMITTED by a smooth surface;
@@ -61,6 +65,7 @@ class EyePaths:
     """
 
     direct: np.ndarray
+    indirect: np.ndarray
     emission: np.ndarray
     through: np.ndarray
     ends: np.ndarray
@@ -71,15 +76,15 @@ class EyePaths:
 
 def join_paths(parts: Sequence[EyePaths]) -> EyePaths:
     """Return what several calls found as if the rays of each had come after those of the ones before."""
-    names = ("direct", "emission", "through", "ends", "points", "firsts")
-    direct, emission, through, ends, points, firsts = (
-        np.concatenate([getattr(part, name) for part in parts]) for name in names
-    )
+    if len(parts) == 1:
+        return parts[0]
+    names = ("direct", "indirect", "emission", "through", "ends", "points", "firsts")
+    joined = {name: np.concatenate([getattr(part, name) for part in parts]) for name in names}
     first, row = 0, 0
     for part in parts:
-        ends["slot"][row : row + len(part.ends)] += np.uint32(first)
+        joined["ends"]["slot"][row : row + len(part.ends)] += np.uint32(first)
         first, row = first + len(part.direct), row + len(part.ends)
-    return EyePaths(direct, emission, through, ends, points, firsts, sum(part.rays for part in parts))
+    return EyePaths(**joined, rays=sum(part.rays for part in parts))
 
 
 class RayArrays(NamedTuple):
@@ -101,3 +106,34 @@ def ray_arrays(rays: EyeRays) -> RayArrays:
     # parts of arrays in another order would be of another type, and kernels for it be compiled
     origins, directions = np.ascontiguousarray(rays.origins), np.ascontiguousarray(rays.directions)
     return RayArrays(origins, directions, rays.distances, rays.keys, hits)
+
+
+class EyeOut(NamedTuple):
+    """What kernels write: arrays of EyePaths, and by chunks
+
+    ends    (m,) PATH_END_AND_POINT, of which each chunk has an equal part
+    counts  (chunks, 2) int64, ends and rays
+    """
+
+    direct: np.ndarray
+    emission: np.ndarray
+    through: np.ndarray
+    firsts: np.ndarray
+    ends: np.ndarray
+    counts: np.ndarray
+
+
+class EyeThread(NamedTuple):
+    """What one thread works with: Scratch, the (1,) float32 that is its surfaces' footprint, see
+    `SurfaceTable.own_footprint`, and a number for each light, see `light_of_few`."""
+
+    scratch: Scratch
+    footprint: np.ndarray
+    values: np.ndarray
+
+
+class Done(NamedTuple):
+    """How far a chunk is: the next free row of the ends, and the number of rays traced."""
+
+    row: np.int64
+    traced: np.int64

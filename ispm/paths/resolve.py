@@ -127,12 +127,13 @@ def _lanes(count: int) -> np.ndarray:
 def _averaged(
     picture: _Picture, values: np.ndarray, blur: np.ndarray, bent: np.float32, threads: int
 ) -> np.ndarray:
-    """Return values, (n, _LANES), averaged to a variance, (n,) pixels^2, as far as passes go."""
-    spent = np.zeros_like(blur)
+    """Return values, (n, _LANES), averaged to a variance, (n,) pixels^2, as far as passes go; overwrites
+    them."""
+    spent, after = np.zeros_like(blur), _lanes(len(values))
     for stride in _STRIDES:
-        after = _lanes(len(values))
+        after[:] = 0.0
         run_shared(_one_pass(picture, stride, bent, blur, spent, values, after), threads)
-        values = after
+        values, after = after, values
     return values
 
 

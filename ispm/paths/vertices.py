@@ -31,7 +31,8 @@ PATH_END = np.dtype([
 
 # The mirror, glass or narrow lobe that a pixel shows; blur: pixels over which its light may be averaged, 0:
 # it is smooth; reflectance: of a lobe, 0: it is none; samples: paths that went out from the lobe. Of a clear
-# coat: own, light of points that it reflects itself; hidden, its share of what is under it.
+# coat: own, light of points that it reflects itself; hidden, its share of what is under it. Of a blended
+# surface hidden is the share of what lies behind.
 FIRST_VERTEX = np.dtype([
     ("n", "<f4", 3), ("alpha", "<f4"), ("ng", "<f4", 3), ("tint", "<f4"), ("blur", "<f4"),
     ("instance", "<u4"), ("reflectance", "<f4", 3), ("samples", "<u4"), ("own", "<f4", 3),
@@ -122,3 +123,13 @@ def store_coat(first, x, own):
     first.hidden = f32(1) - x.coat.shown
     for k in literal_unroll((0, 1, 2)):
         first.own[k] = own[k]
+
+
+@jit
+def store_clear(first, x, clear):
+    """Write a FIRST_VERTEX of a blended SurfacePoint; clear: the share of what lies behind that it shows."""
+    for k in literal_unroll((0, 1, 2)):
+        first.n[k] = x.n[k]
+        first.ng[k] = x.ng[k]
+    first.instance = x.hit.instance
+    first.hidden = clear

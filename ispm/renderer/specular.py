@@ -19,16 +19,17 @@ from ispm.paths.edges import edge_rows
 from ispm.paths.ends import denoise_rough_transmission, image_of_ends, reflect_light, spread_light
 from ispm.paths.eye import trace_eye
 from ispm.paths.eye_paths import EyePaths, EyeRays, join_paths
-from ispm.paths.resolve import lonely_rows, resolve_lobes, shown
+from ispm.paths.resolve import Shown, lonely_rows, resolve_lobes, shown
 from ispm.paths.sheen import filtered_light, sheen_light
 from ispm.renderer.backdrop import background_color, shows_environment
 from ispm.renderer.gather import PhotonLight
 from ispm.renderer.one_pass import Pass
 from ispm.stages.camera import CameraView
 from ispm.stages.filter import filter_estimate, filter_points
-from ispm.stages.specular import LAYER_BASE, LAYER_COAT, LAYER_SHEEN
+from ispm.stages.specular import LAYER_BASE, LAYER_BEHIND, LAYER_COAT, LAYER_SHEEN
 
 _MISSED_SHARE = 1 / 64  # receivers of missed pixels to those of the picture, while blocks can grow; measured
+_BAND = 1 << 18  # rays whose ends lie in memory at a time
 _GAP = 4  # unused rows between used ones of an image, at most: those on its sides never mix by interpolation
 _FINER = 2  # blocks of ends are this much smaller than the picture's: curved mirrors show much in few pixels
 SAMPLES = np.array([(-1, -3), (3, -1), (-3, 1), (1, 3)]) / 8.0  # pixels from the centre, as antialiasing's
@@ -40,18 +41,20 @@ _FINE_SLACK = 5e-3, 2e-2
 
 def specular_light(this: Pass, seen: np.ndarray, light: PhotonLight) -> np.ndarray:
     """Return direct light, indirect light and emission that such paths bring to SEEN pixels, (n,), the share
-    that these show of a colored background, the share of irradiance, over pi, that sheen reflects, and that
-    which a clear coat and sheen hide of the light of what is under them: (n, 16) float32.
+    that these show of a colored background, the share of irradiance, over pi, that sheen reflects, that which
+    is hidden of emission, as much as a blended surface is clear, and that of the direct and indirect light of
+    what is under a clear coat or sheen, or blended: (n, 17) float32.
 
-    A coat, sheen and what is under them are surfaces whose light adds.
+    A coat, sheen and what is under them are surfaces whose light adds; what lies behind a blended surface
+    adds by as much as that is clear.
     """
-    found = np.zeros((len(seen), 16), np.float32)
+    found = np.zeros((len(seen), 17), np.float32)
     for layer in (LAYER_BASE, LAYER_COAT):
         rows = np.flatnonzero(seen["layers"] & layer)
         if len(rows) == len(seen) > 0:
-            found += _light_of_layer(this, seen, light, layer == LAYER_COAT)
+            found += _light_of_layer(this, seen, light, layer)
         elif len(rows):
-            found[rows] += _light_of_layer(this, take(seen, rows), light, layer == LAYER_COAT)
+            found[rows] += _light_of_layer(this, take(seen, rows), light, layer)
     rows = np.flatnonzero(seen["layers"] & LAYER_SHEEN)
     if len(rows):
         rays = eye_rays(take(seen, rows), this.surfaces, this.view, this.threads)
@@ -59,50 +62,62 @@ def specular_light(this: Pass, seen: np.ndarray, light: PhotonLight) -> np.ndarr
         across, smoothing = this.view.size[0], this.settings.smoothing
         found[rows, :3] += filtered_light(sheen, rays.keys, across, smoothing, this.threads)
         found[rows, 12:15] = sheen.albedo
-        found[rows, 15] = 1.0 - (1.0 - found[rows, 15]) * (1.0 - sheen.hidden)
+        found[rows, 16] = 1.0 - (1.0 - found[rows, 16]) * (1.0 - sheen.hidden)
+    rows = np.flatnonzero(seen["layers"] & LAYER_BEHIND)
+    if len(rows):
+        behind = _light_of_layer(this, take(seen, rows), light, LAYER_BEHIND)
+        opacity = 1.0 - behind[:, 16:]
+        found[rows, :15] = opacity * found[rows, :15] + behind[:, :15]
+        found[rows, 15:] = 1.0 - opacity * (1.0 - found[rows, 15:])
     return found
 
 
-def _light_of_layer(this: Pass, seen: np.ndarray, light: PhotonLight, of_coats: bool) -> np.ndarray:
-    """`specular_light` of SEEN pixels by their coats alone, or by what is under these.
+def _light_of_layer(this: Pass, seen: np.ndarray, light: PhotonLight, layer: int) -> np.ndarray:
+    """`specular_light` of SEEN pixels by their coats alone, by what is under these, or by what lies behind.
 
     Pixels on edges of what is seen in a mirror or glass are sampled four times; where these are many, as on
     waves, twice.
     """
     settings, view, count = this.settings, this.view, len(seen)
-
-    def trace(rays: EyeRays) -> EyePaths:
-        return trace_eye(this.packed, this.world, this.surfaces, rays, settings.seed, this.index)
-
     rays = eye_rays(seen, this.surfaces, view, this.threads, settings.smoothing)
-    rays = replace(rays, shows_environment=shows_environment(this), of_coats=of_coats)
-    paths, pixels = trace(rays), rays.keys
-    edges = edge_rows(paths, pixels, view.size[0]) if settings.antialias else np.zeros(0, np.int64)
+    of = {"of_coats": layer == LAYER_COAT, "behind": layer == LAYER_BEHIND}
+    rays = replace(rays, shows_environment=shows_environment(this), **of)
+    paths, given, lonely, edges = _paths_of(this, rays, light)
+    total = count + len(lonely)
+    samples = max((len(paths.direct) - total) // max(len(edges), 1), 1)
+    pixels = np.concatenate([rays.keys, rays.keys[lonely], np.repeat(rays.keys[edges], samples)])
+    found, firsts = light_ends(this, paths, pixels, light), given.firsts
+    through = paths.through if background_color(settings) is not None else np.zeros_like(paths.through)
+    del paths  # their ends take more memory than the picture
+    for brought in (found, through):
+        brought[lonely] = brought[count:total]
+        brought[edges] = brought[total:].reshape(len(edges), samples, brought.shape[1]).mean(axis=1)
+        denoise_rough_transmission(brought[:count], rays.keys, view.size[0], firsts, this.threads)
+    resolve_lobes(found[:count], given, settings.smoothing, this.threads)
+    found[:count, :3] += firsts["own"]
+    none, hidden = np.zeros((count, 4), np.float32), firsts["hidden"][:, None]
+    return np.concatenate([found[:count], through[:count], none, hidden], axis=1)
+
+
+def _paths_of(
+    this: Pass, rays: EyeRays, light: PhotonLight
+) -> tuple[EyePaths, Shown, np.ndarray, np.ndarray]:
+    """Return the eye paths of n rays and, behind them, of the rows that no path serves, and of samples of the
+    rows on edges; what the n rays show; and both of these rows, sorted."""
+    view = this.view
+    paths = follow(this, rays, light)
+    edges = edge_rows(paths, rays.keys, view.size[0]) if this.settings.antialias else np.zeros(0, np.int64)
     places = rays.origins + rays.distances[:, None] * rays.directions
-    given = shown(pixels, view.size[0], paths.firsts, places, view.pixel_widths(places))
+    given = shown(rays.keys, view.size[0], paths.firsts, places, view.pixel_widths(places))
     lonely = lonely_rows(given)
     parts = [paths]
     if len(lonely):
-        parts.append(trace(rows_of(rays, lonely)))
+        parts.append(follow(this, rows_of(rays, lonely), light))
         paths.firsts[lonely] = parts[-1].firsts
     samples = SAMPLES if len(edges) <= _EDGES_FEW * view.size[0] * view.size[1] else _PAIR
     if len(edges):
-        parts.append(trace(fine_rays(rays, paths, edges, view, samples)))
-    if len(parts) > 1:
-        paths = join_paths(parts)
-    total = count + len(lonely)
-    pixels = np.concatenate([pixels, pixels[lonely], np.repeat(pixels[edges], len(samples))])
-    found = light_ends(this, paths, pixels, light)
-    through = paths.through if background_color(settings) is not None else np.zeros_like(paths.through)
-    for brought in (found, through):
-        brought[lonely] = brought[count:total]
-        fine = brought[total:].reshape(-1, len(samples), brought.shape[1])
-        brought[edges] = fine.mean(axis=1)
-        denoise_rough_transmission(brought[:count], rays.keys, view.size[0], paths.firsts, this.threads)
-    resolve_lobes(found[:count], given._replace(firsts=paths.firsts), settings.smoothing, this.threads)
-    found[:count, :3] += paths.firsts["own"][:count]
-    no_sheen, hidden = np.zeros((count, 3), np.float32), paths.firsts["hidden"][:count, None]
-    return np.concatenate([found[:count], through[:count], no_sheen, hidden], axis=1)
+        parts.append(follow(this, fine_rays(rays, paths, edges, view, samples), light))
+    return join_paths(parts), given, lonely, edges
 
 
 def eye_rays(
@@ -132,6 +147,13 @@ def eye_rays(
         most=most,
         widening=widening,
     )
+
+
+def stretch_of(rays: EyeRays, rows: slice) -> EyeRays:
+    """Return the rays of some rows."""
+    names = ("origins", "directions", "distances", "keys")
+    hits = None if rays.hits is None else rays.hits[rows]
+    return replace(rays, **{name: getattr(rays, name)[rows] for name in names}, hits=hits)
 
 
 def rows_of(rays: EyeRays, rows: np.ndarray) -> EyeRays:
@@ -173,6 +195,32 @@ def fine_rays(
     )
 
 
+def follow(this: Pass, rays: EyeRays, light: PhotonLight) -> EyePaths:
+    """Follow eye paths to their ends; those of paths that scattered are lit as they are found and dropped."""
+    parts = []
+    for first in range(0, max(len(rays.keys), 1), _BAND):
+        band = stretch_of(rays, slice(first, first + _BAND))
+        paths = trace_eye(this.packed, this.world, this.surfaces, band, this.settings.seed, this.index)
+        scattered = paths.ends["lane"] == SCATTERED
+        ends, points = (take(each, np.flatnonzero(scattered)) for each in (paths.ends, paths.points))
+        paths.indirect[:] = light_each(ends, points, light, len(band.keys), this.threads)
+        rows = np.flatnonzero(~scattered)
+        parts.append(replace(paths, ends=take(paths.ends, rows), points=take(paths.points, rows)))
+    return join_paths(parts)
+
+
+def light_each(
+    ends: np.ndarray, points: np.ndarray, light: PhotonLight, count: int, threads: int
+) -> np.ndarray:
+    """Return the radiance, (n, 3), that photons bring to `count` rays by each of their (m,) PATH_END, at (m,)
+    RECEIVER points."""
+    if not len(ends):
+        return np.zeros((count, 3), np.float32)
+    found = light.photons.estimate(points, threads)
+    found += light.focused.estimate(points, threads)
+    return reflect_light(ends, found, count)
+
+
 def light_ends(this: Pass, paths: EyePaths, pixels: np.ndarray, light: PhotonLight) -> np.ndarray:
     """Return direct light, indirect light and emission of the rays, (n, 9) float32.
 
@@ -187,11 +235,8 @@ def light_ends(this: Pass, paths: EyePaths, pixels: np.ndarray, light: PhotonLig
             rows = np.flatnonzero(lanes == lane)
             shown = pixels[slots[rows]]
             found[rows] = light_by_image(this, take(points, rows), shown, finer, light.at)
-        rows = np.flatnonzero(lanes == SCATTERED)
-        if len(rows):
-            found[rows] = light.photons.estimate(take(points, rows), this.threads)
         found += light.focused.estimate(points, this.threads)
-    indirect = reflect_light(paths.ends, found, len(pixels))
+    indirect = paths.indirect + reflect_light(paths.ends, found, len(pixels))
     return np.concatenate([paths.direct, indirect, paths.emission], axis=1)
 
 

@@ -39,8 +39,7 @@ fn vs_masked(v: MaskedVertex, @builtin(instance_index) instance: u32) -> MaskedC
 
 @fragment
 fn fs_masked(c: MaskedCorner) -> @location(0) u32 {
-    let key = vec4u(vec2u(c.clip.xy), c.instance, camera.pass_index);
-    if (is_hole(base_color_at(c.uv, c.color).a, key)) {
+    if (is_clear(base_color_at(c.uv, c.color).a)) {
         discard;
     }
     return short_id(c.instance);

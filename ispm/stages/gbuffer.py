@@ -21,7 +21,7 @@ class GBufferStage:
 
     In   scene, view
     Out  GBuffer of the view's size
-    Opacity below the cutoff (MASK), or below a hash of pixel, instance and pass (BLEND), is a hole.
+    Opacity below the cutoff (MASK), or next to none (BLEND), is a hole.
     The rasteriser decides which triangle a pixel shows. What it interpolates is off by as much as it snaps
     corners to its grid, so points, depth and normals come from the triangles in a second pass.
     """

@@ -73,11 +73,8 @@ fn fs(c: Corner) -> Pixel {
         transmission *= textureSample(transmission_map, transmission_sampler, texture_uv(material.transmission_texture, c.uv)).r;
         bump = bump_of(textureSample(normal_map, normal_sampler, texture_uv(material.normal_texture, c.uv)).xyz);
     }
-    if (MASKED) {
-        let key = vec4u(vec2u(c.clip.xy), c.ids.x, camera.pass_index);
-        if (is_hole(base.a, key)) {
-            discard;
-        }
+    if (MASKED && is_clear(base.a)) {
+        discard;
     }
     if ((material.flags & MATERIAL_UNLIT) != 0u) {
         emission = base.rgb;

@@ -48,7 +48,16 @@ fn base_color_at(uv: vec4f, color: vec4f) -> vec4f {
     return material.base_color * color * texel;
 }
 
-// Whether light and eye pass the material where it has this opacity. `key` makes BLEND's chance: a place
+const LEAST_OPACITY = 1.0 / 512.0;  // of a blended surface that the eye sees
+
+// Whether the eye sees nothing of the material where it has this opacity. What lies behind blended surfaces eye
+// paths find.
+fn is_clear(opacity: f32) -> bool {
+    let masked = (material.flags & MATERIAL_MASK) != 0u;
+    return opacity < select(LEAST_OPACITY, material.alpha_cutoff, masked);
+}
+
+// Whether light passes the material where it has this opacity. `key` makes BLEND's chance: a place
 // and an instance, so that surfaces one behind the other are independent.
 fn is_hole(opacity: f32, key: vec4u) -> bool {
     if ((material.flags & MATERIAL_MASK) != 0u) {

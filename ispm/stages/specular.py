@@ -1,4 +1,5 @@
-"""The pixels that show mirrors, glass and narrow lobes, and the light that eye paths bring to them."""
+"""The pixels that show mirrors, glass, narrow lobes and blended surfaces, and the light that eye paths bring
+to them."""
 
 from __future__ import annotations
 
@@ -7,12 +8,12 @@ import numpy as np
 from ispm import wgsl
 from ispm.frame import GBuffer, GpuScene
 from ispm.gpu import Counted, Gpu, Kept, Recording, Texture
-from ispm.optics.records import MATERIAL_COATED, MATERIAL_SHEEN, MATERIAL_TRANSMITS
+from ispm.optics.records import MATERIAL_BLEND, MATERIAL_COATED, MATERIAL_SHEEN, MATERIAL_TRANSMITS
 
 _PATH = "stages/specular.wgsl"
 _SHADER = wgsl.load(_PATH)
-LAYER_BASE, LAYER_COAT, LAYER_SHEEN = (
-    int(_SHADER.constants[name]) for name in ("LAYER_BASE", "LAYER_COAT", "LAYER_SHEEN")
+LAYER_BASE, LAYER_COAT, LAYER_SHEEN, LAYER_BEHIND = (
+    int(_SHADER.constants[f"LAYER_{name}"]) for name in ("BASE", "COAT", "SHEEN", "BEHIND")
 )
 SEEN, BROUGHT = _SHADER.dtype("Seen"), _SHADER.dtype("Brought")
 _THREADS = int(_SHADER.constants["THREADS"])
@@ -24,7 +25,7 @@ class SpecularStage:
 
     In   gbuffer (W, H)
     Out  (n,) SEEN: pixel number y W + x and the triangle there, sorted by number
-    Where no material is a mirror, transmits or has a narrow lobe nothing is looked for.
+    Where no material is a mirror, transmits, is blended or has a narrow lobe nothing is looked for.
     """
 
     def __init__(self, gpu: Gpu) -> None:
@@ -86,9 +87,9 @@ class SpecularStage:
     ) -> Texture:
         """Add light, direct, indirect and emission RGB, to the numbered pixels of three textures.
 
-        light  (n, 16): behind these nine numbers the share of a background that a pixel shows, RGB; the share
-               of irradiance, over pi, that its sheen reflects, RGB; and the share of the direct and indirect
-               light there that a coat and sheen hide
+        light  (n, 17): behind these nine numbers the share of a background that a pixel shows, RGB; the share
+               of irradiance, over pi, that its sheen reflects, RGB; the share of emission there that
+               transparency hides; and that of direct and indirect light, which a coat and sheen hide too
         irradiance  of photons at the pixels, lx
         ->     an image of that share, W x H; where there is none, of one black texel
         """
@@ -103,7 +104,7 @@ class SpecularStage:
         brought["pixel"] = pixels
         for k, name in enumerate(("direct", "indirect", "emission", "through", "albedo")):
             brought[name] = light[:, 3 * k : 3 * k + 3]
-        brought["hidden"] = light[:, 15]
+        brought["clear"], brought["hidden"] = light[:, 15], light[:, 16]
         threads = min(len(pixels), _THREADS)
         self._add(
             frame,
@@ -129,6 +130,7 @@ class SpecularStage:
 def _may_lead_on(materials: np.ndarray) -> bool:
     """Whether eye rays may have to go on from any of these."""
     textured = materials["metallic_roughness_texture"]["texture"] >= 0
-    layered = materials["flags"] & (MATERIAL_TRANSMITS | MATERIAL_COATED | MATERIAL_SHEEN) != 0
+    led_on = MATERIAL_TRANSMITS | MATERIAL_COATED | MATERIAL_SHEEN | MATERIAL_BLEND
+    layered = materials["flags"] & led_on != 0
     may = layered | (materials["roughness"] ** 2 < _NARROW) | textured
     return bool(may.any())

@@ -1,4 +1,5 @@
-// Pixels that show mirrors, glass or narrow lobes: which they are, and the light that specular paths bring to them.
+// Pixels that show mirrors, glass, narrow lobes or blended surfaces: which they are, and the light that eye paths
+// bring to them.
 // include stages/material.wgsl
 
 @group(0) @binding(0) var<storage, read> materials: array<Material>;
@@ -29,14 +30,15 @@ struct Seen {              // a pixel that shows a mirror, glass or a narrow lob
 const LAYER_BASE = 1u;     // what is under a coat, or all
 const LAYER_COAT = 2u;
 const LAYER_SHEEN = 4u;    // none goes on, but it is lit
+const LAYER_BEHIND = 8u;   // what a blended surface lets through
 
 struct Brought {           // the light that specular paths bring to a pixel
     direct: vec3f,
     pixel: u32,
     indirect: vec3f,
-    hidden: f32,           // share that a coat and sheen hide of what is shown already
+    hidden: f32,           // share that a coat, sheen and transparency hide of the light that is shown already
     emission: vec3f,
-    spare1: u32,
+    clear: f32,            // share that transparency hides of emission
     through: vec3f,        // share of the background that it shows
     spare2: u32,
     albedo: vec3f,         // of sheen: share of light from all around that it reflects to the eye
@@ -66,7 +68,12 @@ fn find_specular(@builtin(global_invocation_id) thread: vec3u) {
     }
     let word = textureLoad(points, pixel, 0).w;
     let row = material_row(word);
-    if (word == 0u || (materials[row].flags & MATERIAL_UNLIT) != 0u || !may_lead_on(row)) {
+    if (word == 0u) {
+        return;
+    }
+    let behind = select(0u, LAYER_BEHIND, (materials[row].flags & MATERIAL_BLEND) != 0u);
+    let lit = (materials[row].flags & MATERIAL_UNLIT) == 0u && may_lead_on(row);
+    if (behind == 0u && !lit) {
         return;
     }
     let roughness = textureLoad(glow, pixel, 0).a;
@@ -74,7 +81,8 @@ fn find_specular(@builtin(global_invocation_id) thread: vec3u) {
     let b = seen_bsdf(word, textureLoad(base, pixel, 0), roughness, maps, materials[row]);
     let coated = (materials[row].flags & MATERIAL_COATED) != 0u;
     let sheen = select(0u, LAYER_SHEEN, (materials[row].flags & MATERIAL_SHEEN) != 0u);
-    let layers = select(0u, LAYER_BASE, leads_on(b)) | select(0u, LAYER_COAT, coated) | sheen;
+    let own = select(0u, LAYER_BASE, leads_on(b)) | select(0u, LAYER_COAT, coated) | sheen;
+    let layers = behind | select(0u, own, lit);
     if (layers == 0u) {
         return;
     }
@@ -101,7 +109,7 @@ fn add_pixels(@builtin(global_invocation_id) thread: vec3u) {
         brought[i].direct += shown * textureLoad(direct_in, pixel, 0).rgb;
         let matte = brought[i].albedo / PI * textureLoad(irradiance_in, pixel, 0).rgb;
         brought[i].indirect += shown * textureLoad(indirect_in, pixel, 0).rgb + matte;
-        brought[i].emission += textureLoad(emission_in, pixel, 0).rgb;
+        brought[i].emission += (1.0 - brought[i].clear) * textureLoad(emission_in, pixel, 0).rgb;
     }
 }
 

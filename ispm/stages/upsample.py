@@ -17,6 +17,7 @@ _PATH = "stages/upsample.wgsl"
 _SHADER = wgsl.load(_PATH)
 MISSED = _SHADER.dtype("Missed")
 _FINISHING = 64 * int(_SHADER.constants["FINISHING"])  # threads
+_LISTED = 16  # pixels for each of which there is room among the missed at first
 _MUCH_GLOSS = 0.125  # of the receivers, above which all pixels look for gloss at once
 UNUSED = np.float32(-1e30)  # density of light that is not to be spread
 
@@ -42,6 +43,8 @@ class Upsample:
         self._patch = gpu.compute(_PATH, "patch_missed", BLOCK=subsampling)
         self._light = gpu.buffer("incident light")
         self._count, self._counted = gpu.buffer("missed count"), Counted(gpu)
+        self._room, self._most = 0, gpu.max_binding // RECEIVER.itemsize
+        self._look: dict[str, Any] = {}  # what the pixels that are left were last looked at with
         self._missed = gpu.buffer("missed pixels")
         self._left_count, self._left = gpu.buffer("left count"), gpu.buffer("left pixels")
         self._places, self._lights = (
@@ -66,10 +69,7 @@ class Upsample:
         light: np.ndarray,
         caustic: tuple[Texture, Texture] | None = None,
     ) -> tuple[Texture, Texture, Texture]:
-        capacity = min(view.size[0] * view.size[1], self._gpu.max_binding // RECEIVER.itemsize)
-        self._missed.sized(capacity * MISSED.itemsize)
-        self._missed_receivers.sized(capacity * RECEIVER.itemsize)
-        self._count.write(np.zeros(4, np.uint32))
+        self._room = min(max(self._room, 1 + view.size[0] * view.size[1] // _LISTED), self._most)
         self._left.sized(min(4 * view.size[0] * view.size[1], self._gpu.max_binding))
         self._left_count.write(np.zeros(4, np.uint32))
         low = -(-view.size[0] // self._block), -(-view.size[1] // self._block)
@@ -98,15 +98,8 @@ class Upsample:
         with frame.draw_into(*self._targets(view).values()) as canvas:
             canvas.use(main, group)
             canvas.draw(3)
-        self._finish(
-            frame,
-            over=_FINISHING,
-            **shared,
-            missed_count=self._count,
-            missed=self._missed,
-            missed_receivers=self._missed_receivers,
-            **self._targets(view),
-        )
+        self._look = shared | self._targets(view)
+        self._find_left(frame)
         with frame.draw_into(self.emission.sized(view.size)) as canvas:
             if scene.packed.glows:
                 canvas.use(self._glow, self._glow.bind(0, emission=gbuffer.emission, points=gbuffer.points))
@@ -122,11 +115,30 @@ class Upsample:
             self._main[gloss] = self._gpu.raster(_PATH, formats, FLAT, BLOCK=self._block, GLOSS=gloss)
         return self._main[gloss]
 
+    def _find_left(self, frame: Recording) -> None:
+        """Record the search for the light of pixels that are left, which lists those that find none."""
+        self._count.write(np.zeros(4, np.uint32))
+        self._finish(
+            frame,
+            over=_FINISHING,
+            **self._look,
+            missed_count=self._count,
+            missed=self._missed.sized(self._room * MISSED.itemsize),
+            missed_receivers=self._missed_receivers.sized(self._room * RECEIVER.itemsize),
+        )
+
     def missed(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return (M,) MISSED and (M,) RECEIVER: the pixels that found no neighbour; waits for them."""
-        most = self._missed.nbytes // MISSED.itemsize
+        """Return (M,) MISSED and (M,) RECEIVER: the pixels that found no neighbour; waits for them.
+
+        Where there was no room for all it looks again, with more.
+        """
         lists = (self._missed, MISSED), (self._missed_receivers, RECEIVER)
-        _, (pixels, receivers) = self._counted.read(self._count, most, *lists)
+        count, (pixels, receivers) = self._counted.read(self._count, self._room, *lists)
+        if count > self._room < self._most:
+            self._room = min(count * 5 // 4, self._most)
+            with self._gpu.frame() as frame:
+                self._find_left(frame)
+            _, (pixels, receivers) = self._counted.read(self._count, self._room, *lists)
         return pixels, receivers
 
     def patch(

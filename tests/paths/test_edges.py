@@ -26,7 +26,7 @@ def mirror(shown):
     ends["instance"] = np.array(shown)[slots]
     points["ng"] = (0.0, 1.0, 0.0)
     dark = np.zeros((count, 3), np.float32)
-    return EyePaths(dark, dark, dark, ends, points, firsts, 0)
+    return EyePaths(dark, dark, dark, dark, ends, points, firsts, 0)
 
 
 @pytest.mark.parametrize(

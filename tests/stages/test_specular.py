@@ -83,7 +83,7 @@ def test_light_is_added_to_the_listed_pixels_alone(gpu):
         textures.append(texture.write(values))
         before.append(values.reshape(-1, 4))
     pixels = np.sort(random.permutation(37 * 21)[:300])
-    light = random.random((300, 16), np.float32)
+    light = random.random((300, 17), np.float32)
     with gpu.frame() as frame:
         through = chains.patch(frame, pixels, light, *textures)
     *after, seen = gpu.read_many([(texture, np.float32, 4) for texture in (*textures[:3], through)])
@@ -91,14 +91,14 @@ def test_light_is_added_to_the_listed_pixels_alone(gpu):
     expected[pixels] = light[:, 9:12]
     assert (seen[..., :3].reshape(-1, 3) == expected).all()
     before[1][pixels, :3] += (
-        light[:, 12:15] / np.float32(np.pi) * before[3][pixels, :3] / (1.0 - light[:, 15:])
+        light[:, 12:15] / np.float32(np.pi) * before[3][pixels, :3] / (1.0 - light[:, 16:])
     )
     for k, (old, new) in enumerate(zip(before[:3], after, strict=True)):
-        kept = 1.0 - light[:, 15:] if k < 2 else np.float32(1.0)  # a coat and sheen do not hide emission
+        kept = 1.0 - (light[:, 16:] if k < 2 else light[:, 15:16])
         old[pixels, :3] = kept * old[pixels, :3] + light[:, 3 * k : 3 * k + 3]
         assert new.reshape(-1, 4) == pytest.approx(old, rel=1e-6)
     for shown in (1.0, 0.0):  # a later picture keeps nothing of this one
-        light = random.random((10, 16), np.float32) * np.repeat([1, shown, 1], [9, 3, 4])
+        light = random.random((10, 17), np.float32) * np.repeat([1, shown, 1], [9, 3, 5])
         with gpu.frame() as frame:
             through = chains.patch(frame, pixels[:10], light, *textures)
         (seen,) = gpu.read_many([(through, np.float32, 4)])

@@ -121,6 +121,19 @@ def test_unused_light_is_not_spread(gpu):
     assert irradiance[seen > 0] == pytest.approx(2.0, rel=1e-5)
 
 
+def test_missed_pixels_all_find_room(gpu):
+    """Where no receiver's light is to be spread each pixel that is seen gets light of its own."""
+
+    def none(receivers):
+        out = even(9.0)(receivers)
+        out[:, DENSITY] = UNUSED
+        return out
+
+    irradiance, seen, _, missed = upsampled(gpu, mixed_scene(), view_of((61, 43)), 4, none, even(2.0))
+    assert missed == np.count_nonzero(seen)
+    assert irradiance[seen > 0] == pytest.approx(2.0, rel=1e-5)
+
+
 def two_floors():
     """Two floors one above the other; a camera that sees the edge of the upper one."""
     scene = Scene()
