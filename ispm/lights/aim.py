@@ -58,8 +58,8 @@ def seen_maps(base: LightMap, seen: np.ndarray) -> list[LightMap]:
 
 
 def seen_boxes(bounds: np.ndarray, seen: np.ndarray) -> list[np.ndarray]:
-    """Return boxes, (2, 3) corners in m, about what the eye sees of a scene, as `seen_maps` are: each shows at
-    most a third of the area of the one before, the first of the scene's own.
+    """Return boxes, (2, 3) corners in m, about what the eye sees of a scene, chosen as `seen_maps` are: each
+    shows at most a third of the area of the one before, the first of the scene's own.
 
     bounds  (2, 3) m, of the scene
     """

@@ -97,7 +97,9 @@ def plan_emission(this: Pass, software: bool) -> EmissionPlan:
     by = emission_of(maps, packed, settings, software)
     surfaces, surround = map(int, counts[-2:])
     if settings.emission == "map":
-        return EmissionPlan(maps, by, plan_lamp_maps(packed, this.surfaces, surfaces, *told), 0, surround, seen)
+        return EmissionPlan(
+            maps, by, plan_lamp_maps(packed, this.surfaces, surfaces, *told), 0, surround, seen
+        )
     return EmissionPlan(maps, by, None, surfaces, surround, seen)
 
 

@@ -121,9 +121,7 @@ def filter_once(
     return _run(_spread, words, words, estimate, size, diagonal, smoothing, threads)
 
 
-def radius_of(
-    estimate: np.ndarray, receivers: np.ndarray, diagonal: float, smoothing: float
-) -> np.ndarray:
+def radius_of(estimate: np.ndarray, receivers: np.ndarray, diagonal: float, smoothing: float) -> np.ndarray:
     """Return the filter's radius at each receiver, (n,) float32 m, as its density and bounds have it."""
     wanted = smoothing * np.sqrt(_PHOTONS / math.pi / np.maximum(estimate[:, DENSITY], f32(1e-12)))
     foot = receivers["footprint"]

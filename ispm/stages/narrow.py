@@ -1,10 +1,10 @@
 """The filter's radius where the light of photons changes faster than the filter expects.
 
 Its radius follows from how dense photons lie, or how far gather rays go, and neither tells where a metal
-shade gathers light or a lamp stands close to a wall. So the light is filtered with the whole radius h and with
-a quarter of it. Where they differ by more than noise explains, their difference is the bias b of the wide one.
-That of a radius x h is b x^2, its variance s^2 / x^2 for s^2 that of h, and the sum of squared bias and
-variance is least at x^6 = s^2 / (2 b^2) (a plug-in bandwidth: Silverman, Density Estimation, 1986, section 3.4).
+shade gathers light or a lamp stands close to a wall. So the light is filtered with the whole radius h and
+with a quarter of it. Where they differ by more than noise explains, their difference is the bias b of the
+wide one. That of a radius x h is b x^2, its variance s^2 / x^2 for s^2 that of h, and the sum of squared bias
+and variance is least at x^6 = s^2 / (2 b^2) (a plug-in bandwidth: Silverman, Density Estimation, 1986, 3.4).
 """
 
 from __future__ import annotations

@@ -165,8 +165,8 @@ def test_environments_photons_aimed_at_glass_carry_the_same_flux_everywhere(rota
 
 
 def test_environments_photons_aimed_at_what_is_seen_carry_the_same_flux_everywhere():
-    """A block on ground fifty times as wide, and beside it a glass ball: the same on each as not aimed, by ten
-    times as many photons on the block."""
+    """A block on ground fifty times as wide, and beside it a glass ball: the same on each as not aimed, by
+    ten times as many photons on the block."""
     scene = Scene(environment=Environment(IMAGE))
     ground = np.array([(-50, 0, -50), (-50, 0, 50), (50, 0, 50), (50, 0, -50)], float)
     scene.add(polygons([ground]), material=lambert((0.5,) * 3))
