@@ -47,9 +47,10 @@ SPLIT_COUNT = (
 )
 
 SHEETS_MAX = 8  # of glass that a shadow ray passes, or a gather ray
-_PAIRS = 2  # of directions that one of the environment is drawn from
+PAIRS = 2  # of directions that one of the environment is drawn from
 _NONE = f32(0), f32(0), f32(0)
 _GOLDEN = 0.6180339887498949  # steps of which lie evenly in a line
+SILVER = 0.41421356237309503  # likewise, and not with those
 _WHOLE = f32(1), f32(1)
 BY_NOTHING, BY_FACETS, BY_COAT, BY_BSDF = range(4)  # how a path goes on from where lights are drawn for
 BEFORE = f32(1e-4)  # of the distance that a shadow ray ends before a light, which may hang on a wall
@@ -80,10 +81,11 @@ def punctual_light(tables, x, wo, u, scratch, limit):
 
 
 @jit
-def area_light(tables, x, wo, u, scratch, limit, goes_on, count=1):
+def area_light(tables, x, wo, u, scratch, limit, goes_on, count=1, surround=True):
     """Return what of `direct_light` comes from lamps with a surface and from the environment: by so many
     points, and directions, of each.
 
+    surround  whether the environment's is wanted
     goes_on  BY_NOTHING; BY_FACETS, BY_COAT or BY_BSDF: a path goes on by the narrow lobe of an opaque
              surface's facets, by a coat's lobe of any width, or by `sample_bsdf`, and may meet the lamps too:
              their light in these lobes is weighed by the balance heuristic (Veach 1997, section 9.2.2), see
@@ -94,25 +96,30 @@ def area_light(tables, x, wo, u, scratch, limit, goes_on, count=1):
         return total, traced
     first = area_numbers(x.hit, u)
     for k in range(count):
-        numbers = _next_numbers(first, k)
+        numbers, holes = next_numbers(first, k), along(u, k, SILVER)
         if len(tables.emitters.triangles) > 0:
             arriving = _unshadowed_lamp(tables, x, wo, numbers, limit, goes_on)
-            light, rays = shadowed(tables, x, arriving, u, scratch)
+            light, rays = shadowed(tables, x, arriving, holes, scratch)
             total, traced = add(total, scale(share, light)), traced + rays
-        if has_environment(tables.environment):
+        if has_environment(tables.environment) and surround:
             arriving = _unshadowed_surround(tables, x, wo, numbers, goes_on)
-            light, rays = shadowed(tables, x, arriving, u, scratch)
+            light, rays = shadowed(tables, x, arriving, holes, scratch)
             total, traced = add(total, scale(share, light)), traced + rays
     return total, traced
 
 
 @jit
-def _next_numbers(numbers, k):
-    """Four random numbers of [0, 1), k steps along a lattice (Roberts 2018) from others."""
-    a, b, c, d = numbers
-    rate_b, rate_c = LATTICE
-    a, b, c = a + f32(k) * f32(_GOLDEN), b + f32(k) * f32(rate_b), c + f32(k) * f32(rate_c)
-    return a - f32(math.floor(a)), b - f32(math.floor(b)), c - f32(math.floor(c)), d
+def next_numbers(numbers, k):
+    """Return four random numbers of [0, 1), k steps along a lattice (Roberts 2018) from others."""
+    (a, b, c, d), (rate_b, rate_c) = numbers, LATTICE
+    return along(a, k, _GOLDEN), along(b, k, rate_b), along(c, k, rate_c), d
+
+
+@jit
+def along(number, k, rate):
+    """Return the number of [0, 1) that is k steps of a rate along from another one."""
+    moved = number + f32(k) * f32(rate)
+    return moved - f32(math.floor(moved))
 
 
 @jit
@@ -218,7 +225,7 @@ def _unshadowed_surround(tables, x, wo, numbers, goes_on):
     _, u1, u2, pick = numbers
     seen = left_to_draws(x, goes_on)
     by_lobes = goes_on == BY_NOTHING and draws_by_lobes(seen.bsdf)
-    drawn, _ = resample_surround(tables, seen, wo, u1, u2, pick, _PAIRS, f32(np.inf), by_lobes)
+    drawn, _ = resample_surround(tables, seen, wo, u1, u2, pick, PAIRS, f32(np.inf), by_lobes)
     share = drawn_share(x, wo, drawn.wi, drawn.pdf, goes_on)
     light = _reflected(seen, wo, drawn.radiance, _NONE, drawn.wi, f32(np.inf), share)
     return Arriving(light, FAR, drawn.wi)

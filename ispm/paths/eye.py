@@ -34,6 +34,7 @@ from ispm.accel.world import World
 from ispm.kernels.share import run_shared, shared_rows
 from ispm.kernels.simd import alloca
 from ispm.lights.few import light_of_few
+from ispm.lights.first_pass import first_area_light
 from ispm.lights.nee import (
     BY_FACETS,
     BY_NOTHING,
@@ -103,6 +104,7 @@ _EVENTS_APART = 32  # numbers of the events of two paths that part
 _DIMENSION = 7 << 20  # of the random numbers that draw lights
 _OF_COAT = 255  # likewise of the light of a coat
 _LAMP_SAMPLES = 4  # points of lamps with a surface that an end is lit by, where a pixel has one path
+_SAMPLES_BEHIND = 16  # likewise behind what is blended: as many as what stands beside it has by its filter
 _CHUNK = 64  # pixels a thread takes at a time; results do not depend on it or on the threads
 _BATCH = 1 << 13  # pixels whose ends lie in memory at their full number
 
@@ -341,7 +343,11 @@ def _follow(tables, view, thread, path, veil, i, slot, out, done):
             else:
                 light, shadows = punctual_light(tables, lit, wo, u0, thread.scratch, f32(np.inf))
             count = 1 if from_lobe or rough else _LAMP_SAMPLES
-            more, others = area_light(tables, x, wo, u0, thread.scratch, f32(np.inf), goes_on_by, count)
+            count = _SAMPLES_BEHIND if view.behind and sees_background else count
+            if view.pass_index == u32(0):
+                more, others = first_area_light(tables, x, wo, u0, thread.scratch, goes_on_by, count)
+            else:
+                more, others = area_light(tables, x, wo, u0, thread.scratch, f32(np.inf), goes_on_by, count)
             add_light(out.direct, i, add(light, more), seen)
             shadows += others
             traced += shadows

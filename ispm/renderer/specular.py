@@ -80,8 +80,8 @@ def _light_of_layer(this: Pass, seen: np.ndarray, light: PhotonLight, layer: int
     """
     settings, view, count = this.settings, this.view, len(seen)
     rays = eye_rays(seen, this.surfaces, view, this.threads, settings.smoothing)
-    of = {"of_coats": layer == LAYER_COAT, "behind": layer == LAYER_BEHIND}
-    rays = replace(rays, shows_environment=shows_environment(this), **of)
+    of_coats, behind = layer == LAYER_COAT, layer == LAYER_BEHIND
+    rays = replace(rays, shows_environment=shows_environment(this), of_coats=of_coats, behind=behind)
     paths, given, lonely, edges = _paths_of(this, rays, light)
     total = count + len(lonely)
     samples = max((len(paths.direct) - total) // max(len(edges), 1), 1)

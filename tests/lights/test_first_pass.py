@@ -1,0 +1,79 @@
+"""The environment's light by a ratio of means: known without shadows, near to the truth with them."""
+
+import math
+
+import numpy as np
+import pytest
+from transport import Tracer
+
+import ispm
+from ispm.accel.intersect import STACK_WORDS
+from ispm.accel.records import Scratch
+from ispm.accel.surface import closest_surface, scene_tables, surface
+from ispm.kernels.simd import alloca
+from ispm.library.common import lambert
+from ispm.library.shapes import polygons
+from ispm.lights.first_pass import first_area_light
+from ispm.lights.nee import BY_NOTHING, area_light
+from ispm.optics.environment import environment_irradiance
+from ispm.optics.jit import jit
+from ispm.optics.vector import scale
+from ispm.scene.material import Material
+from ispm.scene.scene import Scene
+
+f32, i64 = np.float32, np.int64
+ALBEDO = (0.6, 0.5, 0.4)
+FLOOR = polygons([np.array([(-50, 0, -50), (-50, 0, 50), (50, 0, 50), (50, 0, -50)], float)])
+WALL = polygons([np.array([(-0.5, 0, -50), (-0.5, 9, -50), (-0.5, 9, 50), (-0.5, 0, 50)], float)])
+
+
+@jit
+def look(tables, numbers, count, by_ratio, known, out):
+    """Light at the floor's middle, a row for each random number; known: irradiance without shadows."""
+    scratch = Scratch(alloca(STACK_WORDS), alloca(2))
+    d = (f32(0), f32(-1), f32(0))
+    _, hit = closest_surface(tables, (f32(0.01), f32(0.2), f32(0.02)), d, f32(0.5), scratch)
+    x = surface(tables, hit, d)
+    wo = scale(f32(-1), d)
+    for c in range(3):
+        known[c] = environment_irradiance(tables.environment, x.n)[c]
+    for i in range(len(numbers)):
+        if by_ratio:
+            light, _ = first_area_light(tables, x, wo, numbers[i], scratch, BY_NOTHING, count)
+        else:
+            light, _ = area_light(tables, x, wo, numbers[i], scratch, f32(np.inf), BY_NOTHING, count)
+        for c in range(3):
+            out[i, c] = light[c]
+
+
+def light_of(material, wall, count, by_ratio, draws=20_000):
+    scene = Scene()
+    scene.add(FLOOR, material=material)
+    if wall:
+        scene.add(WALL, material=lambert((0.0,) * 3))
+    random = np.random.default_rng(3)
+    scene.environment = ispm.Environment(random.random((16, 32, 3)) ** 3)
+    tracer = Tracer(scene)
+    tables = scene_tables(tracer.packed, tracer.world, tracer.surfaces)
+    known, out = np.zeros(3, f32), np.zeros((draws, 3), f32)
+    look(tables, random.random(draws).astype(f32), i64(count), by_ratio, known, out)
+    return known.astype(float), out.astype(float)
+
+
+def test_without_shadows_a_matte_floor_has_what_is_known():
+    """Any one ray says so, to the rounding of some twenty products."""
+    known, found = light_of(lambert(ALBEDO), False, 1, True)
+    expected = np.array(ALBEDO) / math.pi * known
+    assert found == pytest.approx(np.broadcast_to(expected, found.shape), rel=20 * 2.0**-24)
+
+
+@pytest.mark.parametrize("material", [lambert(ALBEDO), Material(ALBEDO, roughness=0.6)])
+def test_in_shadow_the_mean_is_near_that_of_rays(material):
+    """A wall hides near half of the sky. What is known is within 1 %; a ratio of 16 draws errs by a 16th of
+    the variance of one; 5 standard errors of both means."""
+    _, ratio = light_of(material, True, 16, True)
+    _, rays = light_of(material, True, 16, False)
+    error = 5 * np.hypot(ratio.std(axis=0), rays.std(axis=0)) / math.sqrt(len(rays))
+    bias = 0.01 + (rays.std(axis=0) / rays.mean(axis=0)) ** 2
+    assert (abs(ratio.mean(axis=0) - rays.mean(axis=0)) < error + bias * rays.mean(axis=0)).all()
+    assert (ratio.std(axis=0) < 1.2 * rays.std(axis=0)).all()
