@@ -30,12 +30,12 @@ from ispm.photons.coverage import Draws, keep_light
 from ispm.photons.density import Pixels, measure_radii
 from ispm.photons.grid import PhotonGrid
 from ispm.renderer.caustics import PhotonClasses, sample_width
+from ispm.renderer.narrow import mean_flux, narrow_radius
 from ispm.renderer.one_pass import Pass
 from ispm.scene.packed import Packed
 from ispm.settings import Settings
 from ispm.stages.filter import filter_estimate, set_reach
 from ispm.stages.mean import mean_around
-from ispm.stages.narrow import mean_flux, narrow_radius
 from ispm.stages.upsample import UNUSED
 
 # To the mean irradiance: brighter first bounces are left to photons; 4.5 and 18 have 10 % more error.

@@ -6,8 +6,8 @@ from test_filter import floor
 
 from ispm.optics.incident import channels, no_light
 from ispm.optics.records import PHOTON
+from ispm.renderer.narrow import mean_flux, narrow_radius
 from ispm.stages.filter import filter_estimate, radius_of, set_radius
-from ispm.stages.narrow import mean_flux, narrow_radius
 
 SIZE, PIXEL, DIAGONAL = (96, 72), 0.1, 40.0
 FLUX = 2e-5  # lm
