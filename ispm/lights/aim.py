@@ -1,4 +1,5 @@
-"""Maps that aim photons: narrow views, from a light, of what casts caustics and of what the eye sees."""
+"""Where photons are aimed: narrow views, from a light, of what casts caustics and of what the eye sees, and
+boxes about that."""
 
 from __future__ import annotations
 
@@ -8,11 +9,13 @@ import numpy as np
 
 from ispm.lights.lightmap import LightMap, cropped, square_map, view_of
 
+SEEN = 0.5  # of the photons that are not aimed at caustics, for what the eye sees
 _WIDEST = math.tan(0.6)  # of half a view's angle: wider ones gain little
 _LARGEST = 1.0 / 3.0  # of what the light's own map takes, likewise
 _GAIN = 0.9  # of the size of a group, below which the sum of its two parts must be for a split
 _SEEN_SHARES = 0.98, 0.75, 0.5  # of the points that the eye sees, along each of a map's axes
 _AROUND = 0.25  # of what holds them, on each side: what lies there lights what the eye sees
+_WIDER = 3.0  # times as wide, from there outwards: what is farther away lights it less
 _MARGIN = 0.02  # of a crop's half width, for sub-texel shifts
 
 
@@ -37,22 +40,48 @@ def seen_maps(base: LightMap, seen: np.ndarray) -> list[LightMap]:
     """Return maps of a directional light of what the eye sees, the widest first; other lights have none.
 
     seen  (n, 3) m, points in the picture, each for as much of it as another
-    The widest holds nearly all points, narrower ones the middle of them: a picture that reaches the horizon
-    is near the eye in most of its pixels. Each is at most a third of the one before, the first of `base`.
+    One holds nearly all points, narrower ones the middle of them: a picture that reaches the horizon is near
+    the eye in most of its pixels. Wider ones let photons thin out with the distance, or the few from beyond
+    would carry a hundred times the light of the others. Each is at most a third of the one before, the first
+    of `base`.
     """
     if not aims_at_seen(base) or not len(seen):
         return []
     points = (seen - base.origin) @ base.axes[0, :2].T
     maps: list[LightMap] = []
-    for share in _SEEN_SHARES:
-        low, high = np.quantile(points, (0.5 - share / 2.0, 0.5 + share / 2.0), axis=0)
-        room = np.maximum(_AROUND * (high - low), 1e-6)
-        low, high = np.maximum(low - room, -1.0), np.minimum(high + room, 1.0)
+    for low, high in _windows(points, np.array([[-1.0] * 2, [1.0] * 2])):
         if (low < high).all():
             map = cropped(base, low, high)
             if map.measure < _LARGEST * (maps[-1] if maps else base).measure:
                 maps.append(map)
     return maps
+
+
+def seen_boxes(bounds: np.ndarray, seen: np.ndarray) -> list[np.ndarray]:
+    """Return boxes, (2, 3) corners in m, about what the eye sees of a scene, chosen as `seen_maps` are: each
+    shows at most a third of the area of the one before, the first of the scene's own.
+
+    bounds  (2, 3) m, of the scene
+    """
+    boxes: list[np.ndarray] = []
+    for box in _windows(seen, bounds) if len(seen) else ():
+        if 0.0 < _size(*box) < _LARGEST * _size(*(boxes[-1] if boxes else bounds)):
+            boxes.append(box)
+    return boxes
+
+
+def _windows(points: np.ndarray, bounds: np.ndarray) -> list[np.ndarray]:
+    """Boxes, (2, k) corners, about most of (n, k) points, the widest first, within `bounds`, (2, k)."""
+    boxes = []
+    for share in _SEEN_SHARES:
+        low, high = np.quantile(points, (0.5 - share / 2.0, 0.5 + share / 2.0), axis=0)
+        room = np.maximum(_AROUND * (high - low), 1e-6 * (bounds[1] - bounds[0]))
+        boxes.append(np.stack([low - room, high + room]))
+    middle, half = boxes[0].mean(axis=0), np.ptp(boxes[0], axis=0) / 2.0
+    while (half < (bounds[1] - bounds[0]) / _WIDER).any():
+        half = _WIDER * half
+        boxes.insert(0, np.stack([middle - half, middle + half]))
+    return [np.clip(box, *bounds) for box in boxes]
 
 
 def aims_at_seen(base: LightMap) -> bool:

@@ -2,8 +2,8 @@
 
 They are drawn evenly in five dimensions: a direction by the environment's image, and where the ray crosses a
 plane across it: within the shadow that the box about the scene casts there, or, a share of them, that of a
-sphere about a mirror or glass that casts caustics, with the densities of both added (the balance heuristic of
-Veach 1997, section 9.2.2).
+smaller box about what the eye sees, or of a sphere about a mirror or glass that casts caustics, with the
+densities of all added (the balance heuristic of Veach 1997, section 9.2.2).
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from ispm.accel.surface import SurfaceTable, closest_surface, scene_tables
 from ispm.accel.world import World
 from ispm.kernels.share import run_shared, shared_rows
 from ispm.kernels.simd import alloca
+from ispm.lights.aim import SEEN, seen_boxes
 from ispm.lights.surface_emission import caustic_spheres, lattice5, lattice_shifts
 from ispm.optics.environment import environment_power, sample_environment
 from ispm.optics.jit import jit
@@ -37,15 +38,16 @@ _CHUNK = 1024  # rays a thread takes at a time
 class _Targets(NamedTuple):
     """Where rays are sent.
 
-    low, high  (3,) float32 corners of the box about the scene, m
+    boxes      (n, 2, 3) float32 corners, m, of the box about the scene and of those about what is seen
+    chances    (n,) float32, of the photons that are not aimed at spheres, those sent through each
     spheres    (k, 4) float32, middle and radius, m, of what casts caustics
     share      of the photons that are aimed at these
     away       m, from a place within the scene to one outside
     shifts     (5,) float64, of the lattice
     """
 
-    low: np.ndarray
-    high: np.ndarray
+    boxes: np.ndarray
+    chances: np.ndarray
     spheres: np.ndarray
     share: np.float32
     away: np.float32
@@ -68,17 +70,23 @@ def emit_from_environment(
     seed: int,
     pass_index: int,
     first_key: int,
+    seen: np.ndarray | None = None,
 ) -> np.ndarray:
     """Return the photons that come from the environment, at their first hits, (n,) EMITTED, but for
-    those that bring nothing. Arguments as of `emit_from_surfaces`."""
+    those that bring nothing. Arguments as of `emit_from_surfaces`.
+
+    seen  (n, 3) m, points in the picture: half of the photons that are not aimed at caustics are aimed at
+          them, if the scene is much larger; None: unknown
+    """
     if count == 0 or environment_flux(packed) == 0.0:
         return np.zeros(0, EMITTED)
     tables = scene_tables(packed, world, surfaces)
     spheres = caustic_spheres(packed)
-    low, high = packed.bounds.astype(np.float32)
+    near = [] if seen is None else seen_boxes(packed.bounds, seen)
+    chances = [1.0 - SEEN, *[SEEN / len(near)] * len(near)] if near else [1.0]
     targets = _Targets(
-        low,
-        high,
+        np.stack([packed.bounds, *near]).astype(np.float32),
+        np.array(chances, np.float32),
         spheres,
         f32(caustic_share if len(spheres) else 0.0),
         f32(2.0 * packed.diagonal),
@@ -126,7 +134,7 @@ def _emit(tables, targets, pass_index, seed, counter, rows):
 def _start(targets, wi, u, v, w):
     """Return where a ray from wi starts, m, outside the scene, drawn by u, v, w of [0, 1), and the density of
     that, 1/m2 across the ray."""
-    low, high, share, spheres = targets.low, targets.high, targets.share, targets.spheres
+    boxes, chances, share, spheres = targets.boxes, targets.chances, targets.share, targets.spheres
     if w < share:
         drawn = min(i64(w / share * f32(len(spheres))), i64(len(spheres) - 1))
         radius, phi = spheres[drawn, 3] * f32(math.sqrt(u)), f32(2 * math.pi) * v
@@ -135,10 +143,16 @@ def _start(targets, wi, u, v, w):
         point = add((spheres[drawn, 0], spheres[drawn, 1], spheres[drawn, 2]), across)
     else:
         w = (w - share) / (f32(1) - share)
-        point = _on_box(low, high, wi, u, v, w)
+        k = 0
+        while k + 1 < len(chances) and w >= chances[k]:
+            w -= chances[k]
+            k += 1
+        point = _on_box(boxes[k, 0], boxes[k, 1], wi, u, v, min(w / chances[k], f32(1)))
     density = f32(0)
-    if _meets_box(low, high, point, wi):
-        density = (f32(1) - share) / max(_shadow(low, high, wi), f32(1e-30))
+    for k in range(len(boxes)):
+        low, high = boxes[k, 0], boxes[k, 1]
+        if _meets_box(low, high, point, wi):
+            density += (f32(1) - share) * chances[k] / max(_shadow(low, high, wi), f32(1e-30))
     if share > f32(0):
         aimed = f32(0)
         for k in range(len(spheres)):

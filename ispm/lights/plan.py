@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ispm.lights.aim import aimed_maps, seen_maps
+from ispm.lights.aim import SEEN, aimed_maps, seen_maps
 from ispm.lights.lightmap import LightMap, light_maps
 from ispm.optics.records import LIGHT_SPOT
 from ispm.optics.rng import random4
@@ -20,7 +20,6 @@ _FLOOR = 0.1  # of an equal share: what a light gets however weak it is
 _LEAST_BASE = 0.05  # of a light's photons, which its own map keeps
 _AIMED_MOST = 8  # maps of a light
 _AIMED_LEAST = 128  # photons that a map which is aimed is worth drawing for, on average
-_SEEN = 0.5  # of the photons that are not aimed at caustics, for what the eye sees
 _SPOT_WIDTH = 8  # texels that see a cone's fade well enough
 _SPARE = 2.0  # texels of an edge that could emit a photon for each that does
 _FINEST = 2.0  # texels of an edge over the root of the photons; a texel may emit several
@@ -145,6 +144,6 @@ def _share(
     shares = [(map, round(wanted * map.measure / total)) for map in aimed]
     rest = count - sum(photons for _, photons in shares)
     near = seen_maps(base, seen) if seen is not None and rest >= _AIMED_LEAST else []
-    shares += [(map, round(_SEEN * rest / len(near))) for map in near]
+    shares += [(map, round(SEEN * rest / len(near))) for map in near]
     shares = [(map, photons) for map, photons in shares if photons]
     return [(base, count - sum(photons for _, photons in shares)), *shares]

@@ -30,6 +30,7 @@ from ispm.photons.coverage import Draws, keep_light
 from ispm.photons.density import Pixels, measure_radii
 from ispm.photons.grid import PhotonGrid
 from ispm.renderer.caustics import PhotonClasses, sample_width
+from ispm.renderer.narrow import mean_flux, narrow_radius
 from ispm.renderer.one_pass import Pass
 from ispm.scene.packed import Packed
 from ispm.settings import Settings
@@ -46,6 +47,7 @@ _REACH = 0.4  # of the harmonic mean of rays' lengths: the filter's radius, as l
 _NARROWER = -0.25  # exponent of the number of passes in that radius, beside that of all kernels; measured
 _RAYS_USUAL = 4  # of a receiver, to which the radius belongs
 _RAYS_WITHIN = 800.0  # least rays within the filter's radius, over all passes: fewer leave specks in corners
+_RAYS_NOISE = 2.0 / _RAYS_WITHIN  # relative variance of their filtered light, about
 _NEAREST = 0.01  # of the scene's diagonal, for which shorter rays count there
 _BATCH = 1 << 17  # rays whose ends lie in memory at once
 _SERIES = 8  # of photons that alone light receivers; for gloss and at rays' ends more gain nothing
@@ -142,11 +144,18 @@ class PhotonLight:
 
         if not len(self.parts.smooth):
             return no_light(len(points))
-        if not this.settings.gather_rays:
-            return summed(self.photons)
-        return self._gathered(
-            receivers, lambda: summed(self.photons), summed(self._not_gathered), self.at_ends
-        )
+        rays = this.settings.gather_rays
+        photons = self._not_gathered if rays else self.photons
+        light = of_photons = summed(photons)
+        if rays:
+            light = self._gathered(receivers, lambda: summed(self.photons), of_photons, self.at_ends)
+        if estimator is not None and not this.settings.is_plain:
+            narrow_radius(
+                light, of_photons, mean_flux(photons.photons), points, receivers.size, this.packed.diagonal,
+                this.settings.smoothing, this.threads, others=_RAYS_NOISE if rays else 0.0,
+                passes=1 + this.index,
+            )  # fmt: skip
+        return light
 
     def at_missed(self, receivers: Receivers) -> np.ndarray:
         """Return likewise the light at points of the picture that its receivers miss."""

@@ -33,6 +33,7 @@ class EmissionPlan:
     lamps     maps of points of emissive surfaces, which are drawn; None: photons leave these as rays
     surfaces  how many leave emissive surfaces as rays, and
     surround  how many come from the environment, always as rays
+    seen      (n, 3) m, places that the picture shows, at which some of these are aimed; None: unknown
     """
 
     maps: list[PlannedMap]
@@ -40,6 +41,7 @@ class EmissionPlan:
     lamps: LampMaps | None = None
     surfaces: int = 0
     surround: int = 0
+    seen: np.ndarray | None = None
 
     @property
     def mostly(self) -> str:
@@ -90,17 +92,20 @@ def plan_emission(this: Pass, software: bool) -> EmissionPlan:
         [emissive_flux(packed, this.surfaces), environment_flux(packed)],
     )
     told = settings.caustic_photons, settings.seed, this.index
-    maps = plan_maps(packed, counts, *told, _seen_places(this))
+    seen = _seen_places(this)
+    maps = plan_maps(packed, counts, *told, seen)
     by = emission_of(maps, packed, settings, software)
     surfaces, surround = map(int, counts[-2:])
     if settings.emission == "map":
-        return EmissionPlan(maps, by, plan_lamp_maps(packed, this.surfaces, surfaces, *told), 0, surround)
-    return EmissionPlan(maps, by, None, surfaces, surround)
+        return EmissionPlan(
+            maps, by, plan_lamp_maps(packed, this.surfaces, surfaces, *told), 0, surround, seen
+        )
+    return EmissionPlan(maps, by, None, surfaces, surround, seen)
 
 
 def aims_by_view(packed: Packed) -> bool:
     """Whether some light sends its photons to where the picture needs them."""
-    return any(map(aims_at_seen, light_maps(packed)))
+    return environment_flux(packed) > 0.0 or any(map(aims_at_seen, light_maps(packed)))
 
 
 def _seen_places(this: Pass) -> np.ndarray | None:
@@ -152,10 +157,13 @@ def emit_photons(this: Pass, plan: EmissionPlan, texels: Sequence[np.ndarray]) -
         first_key = int(emitted["key"].max(initial=0)) + 1
         emitted = np.concatenate([emitted, emit_from_lamp_maps(plan.lamps, this.surfaces, seen, first_key)])
     told = settings.caustic_photons, settings.seed, this.index
-    for emit, count in ((emit_from_surfaces, plan.surfaces), (emit_from_environment, plan.surround)):
-        if count:
-            first_key = int(emitted["key"].max(initial=0)) + 1
-            emitted = np.concatenate([emitted, emit(*scene, count, *told, first_key)])
+    if plan.surfaces:
+        first_key = int(emitted["key"].max(initial=0)) + 1
+        emitted = np.concatenate([emitted, emit_from_surfaces(*scene, plan.surfaces, *told, first_key)])
+    if plan.surround:
+        first_key = int(emitted["key"].max(initial=0)) + 1
+        found = emit_from_environment(*scene, plan.surround, *told, first_key, plan.seen)
+        emitted = np.concatenate([emitted, found])
     return emitted
 
 

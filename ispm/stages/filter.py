@@ -27,7 +27,7 @@ REACH = 0.075  # of the scene's diagonal: the filter's radius where photons are 
 _PHOTONS = 1600.0  # within the radius elsewhere: 3 % noise in their mean
 _TAPS = 8  # on each side, as many as (2 * 8 + 1)^2 in all; wider reaches are strided
 _SMOOTH_TAPS = 4  # on each side, in the second pass
-_MAX_PIXELS = 96.0  # reach on the screen, low-resolution pixels
+_LEAST_PIXELS, _MAX_PIXELS = f32(1.5), 96.0  # reach on the screen, low-resolution pixels
 _FLATNESS = 0.26  # half thickness of the filter, b, over its radius
 _NARROWEST = 0.02  # of a reach on the screen, across its length: of surfaces seen aslant
 _MIN_TURNED_WEIGHT = 0.01  # least weight of receivers of another orientation where photons are few
@@ -106,6 +106,33 @@ def filter_estimate(
     light = _run(_finish, words, words, smooth, size, diagonal, smoothing, threads)
     light[:, MET] = spread[:, MET]
     return light
+
+
+def filter_once(
+    receivers: np.ndarray,
+    estimate: np.ndarray,
+    size: tuple[int, int],
+    diagonal: float,
+    smoothing: float,
+    threads: int,
+) -> np.ndarray:
+    """Return the estimate after the first pass alone, which reaches all that the three do."""
+    words = _words(receivers)
+    return _run(_spread, words, words, estimate, size, diagonal, smoothing, threads)
+
+
+def radius_of(estimate: np.ndarray, receivers: np.ndarray, diagonal: float, smoothing: float) -> np.ndarray:
+    """Return the filter's radius at each receiver, (n,) float32 m, as its density and bounds have it."""
+    wanted = smoothing * np.sqrt(_PHOTONS / math.pi / np.maximum(estimate[:, DENSITY], f32(1e-12)))
+    foot = receivers["footprint"]
+    most = np.minimum(f32(diagonal * REACH * smoothing), f32(_MAX_PIXELS) * foot)
+    return np.asarray(np.maximum(np.minimum(wanted, most), _LEAST_PIXELS * foot), np.float32)
+
+
+def set_radius(estimate: np.ndarray, radius: np.ndarray, smoothing: float) -> None:
+    """Let `radius_of` be (n,) m, as far as its bounds allow; in place."""
+    wanted = np.maximum(radius / smoothing, 1e-12)
+    estimate[:, DENSITY] = _PHOTONS / math.pi / (wanted * wanted)
 
 
 def set_reach(estimate: np.ndarray, receivers: np.ndarray, reach: np.ndarray, diagonal: float) -> None:
@@ -261,7 +288,7 @@ def _reach(foot, density, limits):
     """Return the filter's radius, m, where a pixel is `foot` m wide and photons are so dense, per m2."""
     wanted = limits.smoothing * f32(math.sqrt(f32(_PHOTONS / math.pi) / max(density, f32(1e-12))))
     pixels = min(min(limits.widest, wanted) / foot, f32(_MAX_PIXELS))
-    return foot * max(pixels, f32(1.5))
+    return foot * max(pixels, _LEAST_PIXELS)
 
 
 @jit

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from ispm.library.shapes import box, icosphere
-from ispm.lights.aim import aimed_maps, seen_maps
+from ispm.lights.aim import aimed_maps, seen_boxes, seen_maps
 from ispm.lights.lightmap import LightMap, light_maps
 from ispm.scene.extent import corners_of
 from ispm.scene.light import DirectionalLight, Light, PointLight, SpotLight
@@ -130,9 +130,33 @@ def test_the_sun_looks_at_what_the_eye_sees(side):
     maps, packed, seen = plain_seen(side, DirectionalLight())
     sizes = [light_maps(packed)[0].measure, *(map.measure for map in maps)]
     assert len(maps) >= 1 and all(small < large / 3.0 for large, small in pairwise(sizes))
-    assert sizes[1] < 200.0  # m2: places lie within some 6 m, and a quarter of that about them
+    close = [map for map in maps if map.measure < 200.0]  # m2: places within some 6 m, a quarter about them
     points = np.stack([seen - 0.01, seen + 0.01], axis=1)
-    assert sees(maps[0], points).mean() > 0.98
+    assert sees(close[0], points).mean() > 0.98
+
+
+@pytest.mark.parametrize("side", [100.0, 1e4])
+def test_photons_of_a_sun_thin_out_with_the_distance(side):
+    """Each map is at most three times as wide as the next, up to all of the plain: were there one step from
+    all to what is seen, the few photons from beyond would carry a thousand times the light of others."""
+    maps, packed, _ = plain_seen(side, DirectionalLight())
+    outer = [light_maps(packed)[0].measure, *(map.measure for map in maps if map.measure > 200.0)]
+    inner = [map.measure for map in maps]
+    # the plain's own map stands askew to them: up to twice its area
+    assert all(large < 2.0 * 9.0 * small for large, small in zip(outer, inner, strict=False))
+
+
+def test_boxes_about_what_is_seen_lie_in_each_other():
+    bounds = np.array([(-500.0, -1.0, -500.0), (500.0, 30.0, 500.0)])
+    seen = np.random.default_rng(0).normal((2.0, 0.0, 3.0), (1.0, 0.0, 1.0), (1000, 3))
+    boxes = [bounds, *seen_boxes(bounds, seen)]
+    for large, small in pairwise(boxes):
+        assert (large[0] <= small[0]).all() and (small[1] <= large[1]).all()
+        assert np.ptp(small, axis=0)[0] >= np.ptp(large, axis=0)[0] / 9.0
+    inside = ((seen >= boxes[-1][0]) & (seen <= boxes[-1][1])).all(axis=1)
+    assert inside.mean() > 0.25 and np.ptp(boxes[-1], axis=0).max() < 4.0
+    assert seen_boxes(bounds, np.zeros((0, 3))) == []
+    assert seen_boxes(bounds, np.random.default_rng(1).uniform(*bounds, (1000, 3))) == []
 
 
 def test_the_sun_looks_closer_where_places_are_close():

@@ -164,6 +164,27 @@ def test_environments_photons_aimed_at_glass_carry_the_same_flux_everywhere(rota
     assert counts[1] > 2 * counts[0]  # on the two balls
 
 
+def test_environments_photons_aimed_at_what_is_seen_carry_the_same_flux_everywhere():
+    """A block on ground fifty times as wide, and beside it a glass ball: the same on each as not aimed, by
+    ten times as many photons on the block."""
+    scene = Scene(environment=Environment(IMAGE))
+    ground = np.array([(-50, 0, -50), (-50, 0, 50), (50, 0, 50), (50, 0, -50)], float)
+    scene.add(polygons([ground]), material=lambert((0.5,) * 3))
+    scene.add(box((-1.0, 0.0, -1.0), (1.0, 2.0, 1.0)), material=lambert((0.5,) * 3))
+    scene.add(icosphere(0.5, 8), material=GLASS, translation=(2.5, 0.6, 0.0))
+    tracer = Tracer(scene)
+    seen = np.random.default_rng(2).uniform((-2, 0, -2), (2, 2, 2), (500, 3))
+
+    def aimed(tracer, count, share, seed=0):
+        scene = tracer.packed, tracer.world, tracer.surfaces
+        return emit_from_environment(*scene, count, share, seed, 0, 1, seen)
+
+    for share in (0.0, 0.5):
+        assert are_alike(*(runs(emit, tracer, 20_000, share) for emit in (of_environment, aimed)))[:-1].all()
+    counts = [(emit(tracer, 20_000, 0.0)["instance"] == 1).sum() for emit in (of_environment, aimed)]
+    assert counts[1] > 10 * counts[0]
+
+
 NORMALS = np.array([(-1, 0, 0), (1, 0, 0), (0, -1, 0), (0, 1, 0), (0, 0, -1), (0, 0, 1)], float)
 
 

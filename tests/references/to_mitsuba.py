@@ -53,7 +53,7 @@ def to_mitsuba(
         material, bsdf = materials[instance["material"]], bsdfs[instance["material"]]
         parts = (
             _charts(world_triangles(packed, instance))
-            if material.emissive
+            if material.emission_texture is not None
             else [world_triangles(packed, instance)]
         )
         for part, triangles in enumerate(parts):

@@ -1,0 +1,78 @@
+"""The filter's radius where the light of photons changes faster than the filter expects.
+
+Its radius follows from how dense photons lie, or how far gather rays go, and neither tells where a metal
+shade gathers light or a lamp stands close to a wall. So the light is filtered with the whole radius h and
+with a quarter of it. Where they differ by more than noise explains, their difference is the bias b of the
+wide one. That of a radius x h is b x^2, its variance s^2 / x^2 for s^2 that of h, and the sum of squared bias
+and variance is least at x^6 = s^2 / (2 b^2) (a plug-in bandwidth: Silverman, Density Estimation, 1986, 3.4).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ispm.optics.incident import channels
+from ispm.optics.vector import LUMINANCE
+from ispm.stages.filter import filter_once, radius_of, set_radius
+
+_NARROW = 0.25  # of the radius: to compare with, and the least that is left
+_SIGNIFICANT = 3.0  # standard deviations that are taken for noise
+_SPREAD = 1.8  # of the filter's weights: the variance of its mean over that of an even one over its disc
+
+
+def narrow_radius(
+    light: np.ndarray,
+    of_photons: np.ndarray,
+    flux: float,
+    receivers: np.ndarray,
+    size: tuple[int, int],
+    diagonal: float,
+    smoothing: float,
+    threads: int,
+    *,
+    others: float = 0.0,
+    passes: int = 1,
+) -> None:
+    """Shrink the filter's radius, kept in `light`, where the light of photons asks for it; in place.
+
+    light       (h w, 16) float32 at receivers, before it is filtered
+    of_photons  (h w, 16) the part of its irradiance that photons bring
+    flux        lm, of one of these photons: the mean, weighted by flux
+    receivers, size, diagonal, smoothing, threads   as of `filter_estimate`
+    others      relative variance of the rest of the light, once it is filtered
+    passes      of whose mean this is one: noise is less there, and bias is not
+    """
+    used = np.flatnonzero(receivers["valid"])
+    if not channels(of_photons)["irradiance"].any() or not len(used):
+        return
+    told = receivers, diagonal, smoothing
+    radius = radius_of(light, *told)
+    pilot = of_photons.copy()
+    channels(pilot)["fresnel"] = channels(light)["irradiance"]  # filtered alike
+
+    def filtered(share: float) -> tuple[np.ndarray, np.ndarray]:
+        """Light of photons and of all, lx, where receivers are, by a share of the radius."""
+        set_radius(pilot, share * radius, smoothing)
+        found = channels(filter_once(receivers, pilot, size, diagonal, smoothing, threads))[used]
+        photons, whole = (found[name].astype(np.float64) @ LUMINANCE for name in ("irradiance", "fresnel"))
+        return photons, np.maximum(whole, 1e-30)
+
+    wide, whole = filtered(1.0)
+    close, _ = filtered(_NARROW)
+    known = (radius_of(pilot, *told)[used] / radius[used]).astype(np.float64)  # the share that it came to
+    # Photons of one flux are a Poisson count: its variance, relative to all light, by the whole radius.
+    most = np.maximum(wide, close)
+    variance = _SPREAD * flux * most / (np.pi * (radius[used] * whole).astype(np.float64) ** 2)
+    bias = ((wide - close) / whole) ** 2 - _SIGNIFICANT**2 * variance / known**2
+    noise = (variance + others) / passes
+    share = np.clip((noise / np.maximum(2.0 * bias, 1e-30)) ** (1.0 / 6.0), _NARROW, 1.0)
+    changed = (bias > 0.0) & (share < 1.0)
+    set_radius(pilot, radius, smoothing)
+    density, rows = channels(pilot)["density"], used[changed]
+    channels(light)["density"][rows] = density[rows] / share[changed] ** 2
+
+
+def mean_flux(photons: np.ndarray) -> float:
+    """Return the luminous flux of (n,) PHOTON, lm: the mean, weighted by flux; of none 0."""
+    flux = photons["flux"].astype(np.float64) @ LUMINANCE
+    return float((flux**2).sum() / flux.sum()) if flux.any() else 0.0
