@@ -81,6 +81,8 @@ def filter_estimate(
     diagonal: float,
     smoothing: float,
     threads: int,
+    *,
+    once: bool = False,
 ) -> np.ndarray:
     """Return the filtered estimate at each receiver, (h w, 16) float32.
 
@@ -89,6 +91,7 @@ def filter_estimate(
     size       (w, h)
     diagonal   of the scene, metres
     smoothing  factor on the filter's radius
+    once       leave it at the first pass, which reaches all that the three do
     Three passes: the first reaches h, with strided taps where that is many pixels; the others, each as
     wide as the stride before, remove the comb that strided taps leave. The disc of that reach is an ellipse
     on the screen, as wide as what its box holds: a ceiling seen aslant has long strides along its rows, and
@@ -102,23 +105,12 @@ def filter_estimate(
     """
     words = _words(receivers)
     spread = _run(_spread, words, words, estimate, size, diagonal, smoothing, threads)
+    if once:
+        return spread
     smooth = _run(_smooth, words, words, spread, size, diagonal, smoothing, threads)
     light = _run(_finish, words, words, smooth, size, diagonal, smoothing, threads)
     light[:, MET] = spread[:, MET]
     return light
-
-
-def filter_once(
-    receivers: np.ndarray,
-    estimate: np.ndarray,
-    size: tuple[int, int],
-    diagonal: float,
-    smoothing: float,
-    threads: int,
-) -> np.ndarray:
-    """Return the estimate after the first pass alone, which reaches all that the three do."""
-    words = _words(receivers)
-    return _run(_spread, words, words, estimate, size, diagonal, smoothing, threads)
 
 
 def radius_of(estimate: np.ndarray, receivers: np.ndarray, diagonal: float, smoothing: float) -> np.ndarray:

@@ -23,8 +23,10 @@ import numpy.ma
 import PIL.Image
 from ispm.errors import SceneError
 from ispm.io.load import load
+from ispm.io.weld import weld
 
 PIL.Image.init()  # its modules are files, too, like those that numpy imports when it needs them
+weld(numpy.zeros((3, 3), numpy.float32))  # and the kernel of this
 
 def peak_kib():
     # Linux hands the peak of the process that starts another on in ru_maxrss; VmHWM is of this program.

@@ -1,4 +1,4 @@
-"""Meshes that are larger than an adapter binds at once: here 64 vertices and 1,024 indices."""
+"""Meshes that are larger than an adapter binds at once: here 96 vertices and 1,536 indices."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ from ispm.stages.bounce import BounceStage
 from ispm.stages.gbuffer import GBufferStage
 from ispm.stages.upload import Upload
 
-LIMIT = 64 * VERTEX.itemsize
+LIMIT = 96 * VERTEX.itemsize
 
 
 @pytest.fixture
 def small(monkeypatch: pytest.MonkeyPatch, gpu: Gpu) -> None:
-    monkeypatch.setattr(packed_vertices, "MOST_VERTICES", 60)
+    monkeypatch.setattr(packed_vertices, "MOST_VERTICES", 92)
     monkeypatch.setattr(gpu, "max_binding", LIMIT)
 
 
