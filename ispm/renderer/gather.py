@@ -30,7 +30,7 @@ from ispm.photons.coverage import Draws, keep_light
 from ispm.photons.density import Pixels, measure_radii
 from ispm.photons.grid import PhotonGrid
 from ispm.renderer.caustics import PhotonClasses, sample_width
-from ispm.renderer.narrow import mean_flux, narrow_radius
+from ispm.renderer.narrow import LEAST_PHOTONS, mean_flux, narrow_radius
 from ispm.renderer.one_pass import Pass
 from ispm.scene.packed import Packed
 from ispm.settings import Settings
@@ -149,7 +149,8 @@ class PhotonLight:
         light = of_photons = summed(photons)
         if rays:
             light = self._gathered(receivers, lambda: summed(self.photons), of_photons, self.at_ends)
-        if estimator is not None and not this.settings.is_plain:
+        enough = len(photons.photons) >= LEAST_PHOTONS
+        if enough and estimator is not None and not this.settings.is_plain:
             narrow_radius(
                 light, of_photons, mean_flux(photons.photons), points, receivers.size, this.packed.diagonal,
                 this.settings.smoothing, this.threads, others=_RAYS_NOISE if rays else 0.0,

@@ -18,6 +18,8 @@ from ispm.stages.filter import filter_estimate, radius_of, set_radius
 _NARROW = 0.25  # of the radius: to compare with, and the least that is left
 _SIGNIFICANT = 3.0  # standard deviations that are taken for noise
 _SPREAD = 1.8  # of the filter's weights: the variance of its mean over that of an even one over its disc
+# Of fewer within the whole radius not even a difference of all of their light is more than noise.
+LEAST_PHOTONS = _SPREAD * (_SIGNIFICANT / _NARROW) ** 2
 
 
 def narrow_radius(
