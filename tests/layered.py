@@ -12,7 +12,7 @@ from ispm.optics.rng import random4
 from ispm.photons.scatter import scatter
 from ispm.reference.paths import path_light
 from ispm.scene.camera import Camera
-from ispm.scene.light import RectLight
+from ispm.scene.light import PointLight, RectLight
 from ispm.scene.scene import Scene
 from ispm.stages.camera import CameraView
 
@@ -67,6 +67,19 @@ def places_seen(eye, size, yfov):
     )
     d = d.reshape(-1, 3)
     return np.array(eye) - d * (eye[1] / d[:, 1:2])
+
+
+def lit_floor(gpu, scene, place):
+    """A picture of a floor that a point of 50 cd at `place`, m, lights; of its pixels the places, m, wo and
+    wi there, and the irradiance, lx."""
+    eye = (0.0, 1.0, 3.0)
+    scene.add(PointLight((50.0,) * 3), translation=place)
+    camera = Camera.look_at(eye, (0, 0, 0), yfov=0.6)
+    frame, _ = render(gpu, scene, camera, size=(64, 36), antialias=False)
+    places = places_seen(eye, (64, 36), 0.6)
+    to_light = np.array(place) - places
+    wo, wi = unit(np.array(eye) - places), unit(to_light)
+    return frame, places, wo, wi, wi[:, 1] * 50.0 / (to_light**2).sum(axis=1)
 
 
 def boxed_ball(material):

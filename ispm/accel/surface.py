@@ -316,6 +316,19 @@ def closest_surface(tables, origin, d, u, scratch):
 
     u  random in [0, 1): a blended surface is met where u is below its opacity;  scratch  a Scratch
     """
+    return _closest(tables, origin, d, u, Hit(u32(NO_HIT), u32(0), f32(0), f32(0)), scratch)
+
+
+@jit
+def closest_behind(tables, origin, d, veil, scratch):
+    """Return (found, Hit) of the nearest surface from `origin`, m, along d that has any opacity, but for the
+    Hit `veil`: of others that lie in the same place, as decals on walls, too."""
+    return _closest(tables, origin, d, f32(0), veil, scratch)
+
+
+@jit
+def _closest(tables, origin, d, u, veil, scratch):
+    """`closest_surface` of all triangles but that of the Hit `veil`, instance NO_HIT: of all."""
     t, edge = f32(0), False
     ray, words = Ray(origin, d, f32(np.inf)), scratch.found
     stu(words, HIT_INSTANCE, u32(NO_HIT))
@@ -329,33 +342,12 @@ def closest_surface(tables, origin, d, u, scratch):
         edge = (edge and t == before) or min(hit.u, min(hit.v, f32(1) - hit.u - hit.v)) <= f32(0)
         if edge and t == before:  # two triangles of one surface, met at the edge they share
             continue
+        if hit.instance == veil.instance and hit.primitive == veil.primitive:
+            continue
         share = opacity(tables, hit)
         if u < share:
             return True, hit
         u = (u - share) / (f32(1) - share)  # uniform again, whatever lies behind
-    return False, Hit(u32(0), u32(0), f32(0), f32(0))
-
-
-@jit
-def closest_behind(tables, origin, d, veil, scratch):
-    """Return (found, Hit) of the nearest surface from `origin`, m, along d that has any opacity, but for the
-    Hit `veil`: of others that lie in the same place, as decals on walls, too."""
-    t, edge = f32(0), False
-    ray, words = Ray(origin, d, f32(np.inf)), scratch.found
-    stu(words, HIT_INSTANCE, u32(NO_HIT))
-    stu(words, HIT_PRIMITIVE, u32(NO_HIT))
-    for _ in range(_HOLES_MAX):
-        before = t
-        t = closest_after(tables.trees, ray, before, scratch)
-        hit = read_hit(words)
-        if t == f32(np.inf):
-            break
-        own = hit.instance == veil.instance
-        edge = own and ((edge and t == before) or min(hit.u, min(hit.v, f32(1) - hit.u - hit.v)) <= f32(0))
-        if own and (hit.primitive == veil.primitive or (edge and t == before)):
-            continue
-        if opacity(tables, hit) > f32(0):
-            return True, hit
     return False, Hit(u32(0), u32(0), f32(0), f32(0))
 
 

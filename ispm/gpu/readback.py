@@ -56,9 +56,7 @@ class _Room:
 
     _SMALL = 1 << 20  # bytes, below which pieces are not pooled
     _KEPT = 24  # pieces at most
-    _LOOSE = (
-        2  # times as much as is asked for, that a piece is at most: lists are of another length each frame
-    )
+    _LOOSE = 2  # times what is asked for, that a piece holds at most: lists change their length each frame
 
     def __init__(self) -> None:
         self._pieces: list[np.ndarray] = []

@@ -41,8 +41,8 @@ _HALVED = f32(8)  # passes after which one takes half of it
 def ratio_share(pass_index):
     """Return the share, float32, with which a pass takes the ratio of means; it takes the mean for the rest.
 
-    A pass's noise grows as its bias falls, and that of all passes together stays low: with the mean from the
-    second pass on, four passes have four times the noise of one where little is shaded.
+    A pass's noise grows as its bias falls: with the mean from the second pass on, a few passes would be
+    noisier than one where little is shaded.
     """
     return _HALVED / (_HALVED + f32(pass_index))
 

@@ -4,12 +4,11 @@ import math
 
 import numpy as np
 import pytest
-from layered import assert_as_bright_as_paths, floor, places_seen, unit
+from layered import assert_as_bright_as_paths, floor, lit_floor, unit
 from transport import render
 
 from ispm.scene.camera import Camera
 from ispm.scene.environment import Environment
-from ispm.scene.light import PointLight
 from ispm.scene.material import Material, Texture
 
 f32 = np.float32
@@ -49,14 +48,7 @@ def test_a_picture_of_a_brushed_floor_is_the_formula(gpu, angle, mapped):
         texel = Texture(np.full((1, 1, 3), (128, 255, 179), np.uint8), srgb=False)
         look = dict(anisotropy=1.0, anisotropy_rotation=angle - math.pi / 2, anisotropy_texture=texel)
     scene = floor(Material(tuple(color), metallic=1.0, roughness=roughness, **look), CORNERS)
-    eye, place = (0.0, 1.0, 3.0), (0.5, 1.0, -0.5)
-    scene.add(PointLight((50.0,) * 3), translation=place)
-    camera = Camera.look_at(eye, (0, 0, 0), yfov=0.6)
-    frame, _ = render(gpu, scene, camera, size=(64, 36), antialias=False)
-    places = places_seen(eye, (64, 36), 0.6)
-    to_light = np.array(place) - places
-    wo, wi = unit(np.array(eye) - places), unit(to_light)
-    irradiance = wi[:, 1] * 50.0 / (to_light**2).sum(axis=1)
+    frame, places, wo, wi, irradiance = lit_floor(gpu, scene, (0.5, 1.0, -0.5))
     fc = (1.0 - (wo * unit(wo + wi)).sum(axis=1)) ** 5
     reflectance = color + (1.0 - color) * fc[:, None]
     f = lobe(widths, in_frame(wo, angle), in_frame(wi, angle))

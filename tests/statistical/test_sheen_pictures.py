@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from layered import assert_as_bright_as_paths, floor, places_seen, unit
+from layered import assert_as_bright_as_paths, floor, lit_floor
 from transport import render
 
 from ispm.library.shapes import icosphere
@@ -12,7 +12,6 @@ from ispm.optics.jit import jit
 from ispm.optics.sheen import eval_sheen, sheen_albedo
 from ispm.scene.camera import Camera
 from ispm.scene.environment import Environment
-from ispm.scene.light import PointLight
 from ispm.scene.material import Material, Texture
 from ispm.scene.scene import Scene
 
@@ -41,14 +40,7 @@ def test_a_picture_of_a_floor_with_sheen_is_the_formula(gpu, mapped):
         look = dict(sheen_color=(1.0, 0.7, 0.2), sheen_roughness=0.9)
         look |= dict(sheen_color_texture=picture, sheen_roughness_texture=picture)
     scene = floor(Material((0.4,) * 3, specular=0.0, **look), uv=0.5)
-    eye, place = (0.0, 1.0, 3.0), (0.5, 2.0, -0.5)
-    scene.add(PointLight((50.0,) * 3), translation=place)
-    camera = Camera.look_at(eye, (0, 0, 0), yfov=0.6)
-    frame, _ = render(gpu, scene, camera, size=(64, 36), antialias=False)
-    places = places_seen(eye, (64, 36), 0.6)
-    to_light = np.array(place) - places
-    wo, wi = unit(np.array(eye) - places), unit(to_light)
-    irradiance = wi[:, 1] * 50.0 / (to_light**2).sum(axis=1)
+    frame, places, wo, wi, irradiance = lit_floor(gpu, scene, (0.5, 2.0, -0.5))
     f, albedo = np.zeros((2, len(places)), f32)
     lobes(f32(roughness), wo.astype(f32), wi.astype(f32), f, albedo)
     base = (1.0 - color.max() * albedo) * 0.4 / math.pi
