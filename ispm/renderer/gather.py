@@ -50,6 +50,9 @@ _RAYS_WITHIN = 800.0  # least rays within the filter's radius, over all passes: 
 _RAYS_NOISE = 2.0 / _RAYS_WITHIN  # relative variance of their filtered light, about
 _NEAREST = 0.01  # of the scene's diagonal, for which shorter rays count there
 _BATCH = 1 << 17  # rays whose ends lie in memory at once
+_GRAZING_ALPHA = 0.5  # least of lobes that grazing eyes see of photons, in the first pass
+_SHARPER = -1 / 6  # exponent of the number of passes in it
+_GRAZING, _STEEP = 0.2, 0.4  # cosines at the eye's side between which it comes in
 _SERIES = 8  # of photons that alone light receivers; for gloss and at rays' ends more gain nothing
 _DIMENSION = 1 << 21  # of the random numbers that shift whole pictures of rays
 
@@ -139,8 +142,13 @@ class PhotonLight:
 
         def summed(photons: PhotonGrid) -> np.ndarray:
             if estimator is None:
-                return photons.estimate(points, this.threads)
-            return estimator(points, photons.photons, this.view.clip_from_world, receivers.size)
+                return self.sum_at(points, photons)
+            return estimator(
+                with_grazing_lobes(points, this.index),
+                photons.photons,
+                this.view.clip_from_world,
+                receivers.size,
+            )
 
         if not len(self.parts.smooth):
             return no_light(len(points))
@@ -157,6 +165,10 @@ class PhotonLight:
                 passes=1 + this.index,
             )  # fmt: skip
         return light
+
+    def sum_at(self, points: np.ndarray, photons: PhotonGrid) -> np.ndarray:
+        """Return the light that photons bring to (n,) RECEIVER points, (n, 16)."""
+        return photons.estimate(with_grazing_lobes(points, self._this.index), self._this.threads)
 
     def at_missed(self, receivers: Receivers) -> np.ndarray:
         """Return likewise the light at points of the picture that its receivers miss."""
@@ -282,6 +294,26 @@ class PhotonLight:
     def at_ends(self, points: np.ndarray) -> np.ndarray:
         """Return the light of scattered photons where gather rays end, (n, 16); points: (n,) RECEIVER."""
         return self._scattered.estimate(points, self._this.threads)
+
+
+def with_grazing_lobes(points: np.ndarray, pass_index: int) -> np.ndarray:
+    """Return (n,) RECEIVER as photons' gloss is summed at, in pass `pass_index`: where the eye's rays graze,
+    lobes that photons find.
+
+    There a lobe is high and narrow, and reflects most: the few photons in it are specks a hundred times as
+    bright as what is around. The lobes shrink to their own width with the passes (Kaplanyan and Dachsbacher,
+    Path Space Regularization for Holistic and Robust Light Transport, EG 2013).
+    """
+    alpha = points["alpha"]
+    least = _GRAZING_ALPHA * (1 + pass_index) ** _SHARPER
+    cosines = np.einsum("nk,nk->n", points["n"], points["wo"])
+    share = np.clip((_STEEP - cosines) / (_STEEP - _GRAZING), 0.0, 1.0)
+    wider = (alpha >= NARROW_ALPHA) & (alpha < least) & (share > 0.0)
+    if not wider.any():
+        return points
+    points = points.copy()
+    points["alpha"][wider] += share[wider] * (least - alpha[wider])
+    return points
 
 
 def series_of(settings: Settings) -> int:

@@ -200,15 +200,13 @@ class LiveLight(PhotonLight):
         return self._cached(receivers) if estimator is None else self._accumulated(receivers)
 
     def at_missed(self, receivers: Receivers) -> np.ndarray:
-        points, threads = receivers.points, self._this.threads
+        points = receivers.points
         if not len(self.parts.smooth):
             return no_light(len(points))
         if not self._this.settings.gather_rays:
-            return self.photons.estimate(points, threads)
-        others = self._not_gathered.estimate(points, threads)
-        return self._gathered(
-            receivers, lambda: self.photons.estimate(points, threads), others, self._at_ends
-        )
+            return self.sum_at(points, self.photons)
+        others = self.sum_at(points, self._not_gathered)
+        return self._gathered(receivers, lambda: self.sum_at(points, self.photons), others, self._at_ends)
 
     def _accumulated(self, image: Receivers) -> np.ndarray:
         """Light at the picture's receivers, (n, 16)."""
@@ -241,14 +239,14 @@ class LiveLight(PhotonLight):
 
         new   those of the m that get `more` times as many rays
         """
-        points, threads = take(image.points, rows), self._this.threads
+        points = take(image.points, rows)
         if not len(self.parts.smooth):
             return no_light(len(rows)), np.zeros(len(rows), np.float32)
         if not self._this.settings.gather_rays:
-            return self.photons.estimate(points, threads), np.zeros(len(rows), np.float32)
+            return self.sum_at(points, self.photons), np.zeros(len(rows), np.float32)
         glossy = (points["alpha"] >= NARROW_ALPHA).any()
-        light = self.photons.estimate(points, threads) if glossy else no_light(len(rows))
-        others = self._not_gathered.estimate(points, threads)
+        light = self.sum_at(points, self.photons) if glossy else no_light(len(rows))
+        others = self.sum_at(points, self._not_gathered)
         nearness, rays = np.zeros(len(rows), np.float32), self._this.settings.gather_rays
         is_old = np.ones(len(rows), bool)
         is_old[new] = False
@@ -265,8 +263,8 @@ class LiveLight(PhotonLight):
 
     def _cached(self, image: Receivers) -> np.ndarray:
         """Light at points that mirrors and glass show, (n, 16)."""
-        points, threads = image.points, self._this.threads
-        light = self._ask(self._whole, points, lambda some: self.photons.estimate(some, threads))
+        points = image.points
+        light = self._ask(self._whole, points, lambda some: self.sum_at(some, self.photons))
         reach = np.full(len(points), _END_CELLS * self._whole.width, np.float32)
         set_reach(light, points, reach, self._this.packed.diagonal)
         return light

@@ -216,7 +216,7 @@ def light_each(
     RECEIVER points."""
     if not len(ends):
         return np.zeros((count, 3), np.float32)
-    found = light.photons.estimate(points, threads)
+    found = light.sum_at(points, light.photons)
     found += light.focused.estimate(points, threads)
     return reflect_light(ends, found, count)
 
