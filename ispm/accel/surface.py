@@ -79,7 +79,7 @@ _EMISSION = word_of(MATERIAL, "emission")
 _MAPPED = MATERIAL_COATED | MATERIAL_SHEEN | MATERIAL_SPECULAR_MAPPED | MATERIAL_ANISOTROPIC
 _GLOW_SIDE = 8  # points along a side of a triangle, for the mean of its texture
 _GLOW_FLOOR = 0.02  # of a texture's greatest radiance, that triangles are drawn by at least
-_HOLES_MAX = 64  # layers of a masked material that one ray passes
+LAYERS_MAX = 64  # surfaces with holes, or blended ones, that one ray passes
 
 
 class SurfaceTable:
@@ -333,13 +333,13 @@ def _closest(tables, origin, d, u, veil, scratch):
     ray, words = Ray(origin, d, f32(np.inf)), scratch.found
     stu(words, HIT_INSTANCE, u32(NO_HIT))
     stu(words, HIT_PRIMITIVE, u32(NO_HIT))
-    for _ in range(_HOLES_MAX):
+    for _ in range(LAYERS_MAX):
         before = t
         t = closest_after(tables.trees, ray, before, scratch)
         hit = read_hit(words)
         if t == f32(np.inf):
             return False, hit
-        edge = (edge and t == before) or min(hit.u, min(hit.v, f32(1) - hit.u - hit.v)) <= f32(0)
+        edge = (edge and t == before) or is_on_edge(hit)
         if edge and t == before:  # two triangles of one surface, met at the edge they share
             continue
         if hit.instance == veil.instance and hit.primitive == veil.primitive:
@@ -349,6 +349,12 @@ def _closest(tables, origin, d, u, veil, scratch):
             return True, hit
         u = (u - share) / (f32(1) - share)  # uniform again, whatever lies behind
     return False, Hit(u32(0), u32(0), f32(0), f32(0))
+
+
+@jit
+def is_on_edge(hit):
+    """Return whether a Hit lies on an edge of its triangle, a bool."""
+    return min(hit.u, min(hit.v, f32(1) - hit.u - hit.v)) <= f32(0)
 
 
 @jit

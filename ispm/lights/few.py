@@ -63,11 +63,11 @@ def choose(values, pick):
 
 
 @jit
-def light_of_few(tables, x, wo, u, pick, scratch, values):
+def light_of_few(tables, x, wo, pick, scratch, values):
     """Return what `punctual_light` does, in the mean over `pick`, by three rays at most.
 
-    u, pick  random in [0, 1), for holes that shadow rays meet, and to draw a light by
-    values   (n,) float32 of any content, overwritten: a number for each of the lights
+    pick    random in [0, 1), to draw a light by
+    values  (n,) float32 of any content, overwritten: a number for each of the lights
     """
     lights = tables.lights
     for k in range(len(lights)):
@@ -77,7 +77,7 @@ def light_of_few(tables, x, wo, u, pick, scratch, values):
     total, traced = (f32(0), f32(0), f32(0)), i64(0)
     for row in (few.best, few.second, few.drawn):
         if row >= i64(0):
-            light, rays = shadowed(tables, x, unshadowed(lights[row], x, wo, f32(np.inf)), u, scratch)
+            light, rays = shadowed(tables, x, unshadowed(lights[row], x, wo, f32(np.inf)), scratch)
             weight = few.weight if row == few.drawn else f32(1)
             total, traced = add(total, scale(weight, light)), traced + rays
     return total, traced

@@ -9,10 +9,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ispm.accel.intersect import any_hit
 from ispm.accel.layers import with_matte_sheen, without_diffuse
-from ispm.accel.records import Hit, Ray
-from ispm.accel.surface import SurfacePoint, closest_surface, hit_position, leave_surface, surface
+from ispm.accel.records import Hit
+from ispm.accel.surface import SurfacePoint, hit_position, leave_surface, surface
+from ispm.accel.transmittance import shadow_transmittance
 from ispm.lights.area import (
     area_numbers,
     lamp_irradiance,
@@ -29,7 +29,6 @@ from ispm.optics.bsdf import (
     is_narrow,
     is_smooth,
     pdf_bsdf,
-    smooth_split,
     transmits,
 )
 from ispm.optics.environment import environment_pdf, has_environment
@@ -46,36 +45,33 @@ SPLIT_COUNT = (
     4  # photons that a bright first bounce sends out for each that arrives, a quarter of its flux each
 )
 
-SHEETS_MAX = 8  # of glass that a shadow ray passes, or a gather ray
 PAIRS = 2  # of directions that one of the environment is drawn from
 _NONE = f32(0), f32(0), f32(0)
 _GOLDEN = 0.6180339887498949  # steps of which lie evenly in a line
-SILVER = 0.41421356237309503  # likewise, of the numbers for holes
 _WHOLE = f32(1), f32(1)
 BY_NOTHING, BY_FACETS, BY_COAT, BY_BSDF = range(4)  # how a path goes on from where lights are drawn for
-BEFORE = f32(1e-4)  # of the distance that a shadow ray ends before a light, which may hang on a wall
 
 
 @jit
 def direct_light(tables, x, wo, u, scratch, limit, goes_on=BY_NOTHING):
     """Return the radiance along wo, (3,) cd/m2, of the finite lobes at a SurfacePoint, and the rays traced.
 
-    u        random in [0, 1), for holes that shadow rays meet, and for points of lamps with a surface
+    u        random in [0, 1), for points of lamps with a surface and directions of the environment
     limit    lights whose first bounce here is bright are left out, see `is_bright`; infinite: none
     goes_on  see `area_light`
     """
-    total, traced = punctual_light(tables, x, wo, u, scratch, limit)
+    total, traced = punctual_light(tables, x, wo, scratch, limit)
     light, rays = area_light(tables, x, wo, u, scratch, limit, goes_on)
     return add(total, light), traced + rays
 
 
 @jit
-def punctual_light(tables, x, wo, u, scratch, limit):
+def punctual_light(tables, x, wo, scratch, limit):
     """Return what of `direct_light` comes from points and along directions."""
     total, traced = (f32(0), f32(0), f32(0)), i64(0)
     for k in range(len(tables.lights)):
         arriving = unshadowed(tables.lights[k], x, wo, limit)
-        light, rays = shadowed(tables, x, arriving, u, scratch)
+        light, rays = shadowed(tables, x, arriving, scratch)
         total, traced = add(total, light), traced + rays
     return total, traced
 
@@ -96,14 +92,14 @@ def area_light(tables, x, wo, u, scratch, limit, goes_on, count=1, surround=True
         return total, traced
     first = area_numbers(x.hit, u)
     for k in range(count):
-        numbers, holes = next_numbers(first, k), along(u, k, SILVER)
+        numbers = next_numbers(first, k)
         if len(tables.emitters.triangles) > 0:
             arriving = _unshadowed_lamp(tables, x, wo, numbers, limit, goes_on)
-            light, rays = shadowed(tables, x, arriving, holes, scratch)
+            light, rays = shadowed(tables, x, arriving, scratch)
             total, traced = add(total, scale(share, light)), traced + rays
         if has_environment(tables.environment) and surround:
             arriving = _unshadowed_surround(tables, x, wo, numbers, goes_on)
-            light, rays = shadowed(tables, x, arriving, holes, scratch)
+            light, rays = shadowed(tables, x, arriving, scratch)
             total, traced = add(total, scale(share, light)), traced + rays
     return total, traced
 
@@ -160,7 +156,7 @@ def light_from_one(tables, x, wo, u, pick, scratch, limit):
         drawn, weight, total, pick = _draw(drawn, weight, total, arriving, pick)
     if total <= f32(0):
         return none
-    light, _ = shadowed(tables, x, drawn, u, scratch)
+    light, _ = shadowed(tables, x, drawn, scratch)
     return scale(total / weight, light)
 
 
@@ -187,12 +183,12 @@ def _draw(drawn, weight, total, arriving, pick):
 
 
 @jit
-def shadowed(tables, x, arriving, u, scratch):
-    """Return what of an Arriving comes to a SurfacePoint, cd/m2 RGB, and the rays traced; u: for holes."""
+def shadowed(tables, x, arriving, scratch):
+    """Return what of an Arriving comes to a SurfacePoint, cd/m2 RGB, and the rays traced."""
     if greatest(arriving.radiance) <= f32(0):
         return (f32(0), f32(0), f32(0)), i64(0)
     start = leave_surface(tables, x.hit, side_of(x.ng, arriving.wi))
-    passed = shadow_transmittance(tables, start, arriving.wi, arriving.distance, u, scratch)
+    passed = shadow_transmittance(tables, start, arriving.wi, arriving.distance, scratch)
     return times(arriving.radiance, passed), i64(1)
 
 
@@ -329,37 +325,6 @@ def split_count(tables, photon, limit):
 def is_gathered(b):
     """Return whether gather rays end at a surface, by its Bsdf: it is opaque, and scatters."""
     return has_finite(b) and not transmits(b)
-
-
-@jit
-def shadow_transmittance(tables, start, d, distance, u, scratch):
-    """Return the share of light, RGB, that comes to `start` from a light that is `distance` m away along d.
-
-    u  random in [0, 1), for holes that the ray meets
-    Thin smooth sheets let it through by their transmittance, holes wholly; all else blocks.
-    """
-    none, share = (f32(0), f32(0), f32(0)), (f32(1), f32(1), f32(1))
-    limit = distance * (f32(1) - BEFORE)
-    if not any_hit(tables.trees, Ray(start, d, limit), scratch.stack):
-        return share
-    if not tables.porous:
-        return none
-    for _ in range(SHEETS_MAX):
-        found, hit = closest_surface(tables, start, d, u, scratch)
-        if not found:
-            return share
-        segment = sub(hit_position(tables.surfaces, hit), start)
-        limit -= math.sqrt(dot(segment, segment))
-        if limit <= f32(0):
-            return share
-        x = surface(tables, hit, d)
-        b = x.bsdf
-        if b.thin == f32(0) or b.alpha > f32(0) or not transmits(b):
-            return none
-        _, transmittance, _, _, _ = smooth_split(b, x.n, x.ng, scale(f32(-1), d))
-        share = times(share, transmittance)
-        start = leave_surface(tables, hit, scale(f32(-1), x.ng))
-    return none
 
 
 @jit

@@ -16,9 +16,7 @@ from ispm.lights.area import area_numbers, resample_surround
 from ispm.lights.nee import (
     BY_NOTHING,
     PAIRS,
-    SILVER,
     Arriving,
-    along,
     area_light,
     drawn_share,
     draws_by_lobes,
@@ -77,7 +75,7 @@ def _surround(tables, x, wo, u, scratch, goes_on, count, by_ratio):
         others = eval_bsdf(without_diffuse(b), x.n, x.ng, wo, one.wi)
         lambert = sub(eval_bsdf(b, x.n, x.ng, wo, one.wi), others)
         _, share = drawn_share(x, wo, one.wi, one.pdf, goes_on)
-        passed, rays = shadowed(tables, x, Arriving(light, FAR, one.wi), along(u, k, SILVER), scratch)
+        passed, rays = shadowed(tables, x, Arriving(light, FAR, one.wi), scratch)
         matte, gloss = add(matte, times(passed, lambert)), add(gloss, scale(share, times(passed, others)))
         traced += rays
     known, each = environment_irradiance(tables.environment, x.n), f32(1) / f32(count)

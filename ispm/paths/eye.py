@@ -334,9 +334,9 @@ def _follow(tables, view, thread, path, veil, i, slot, out, done):
             lit, goes_on_by = widened(x, widest), BY_FACETS if goes_on else BY_NOTHING
             if from_lobe:
                 pick, _, _, _ = random4(key, dimension + u32(_DIMENSION), view.pass_index, view.seed)
-                light, shadows = light_of_few(tables, lit, wo, u0, pick, thread.scratch, thread.values)
+                light, shadows = light_of_few(tables, lit, wo, pick, thread.scratch, thread.values)
             else:
-                light, shadows = punctual_light(tables, lit, wo, u0, thread.scratch, f32(np.inf))
+                light, shadows = punctual_light(tables, lit, wo, thread.scratch, f32(np.inf))
             count = 1 if from_lobe or rough else _LAMP_SAMPLES
             count = _SAMPLES_BEHIND if view.behind and sees_background else count
             told = goes_on_by, count, view.pass_index

@@ -28,7 +28,7 @@ from ispm.accel.surface import SurfaceTable, closest_surface, leave_surface, sce
 from ispm.accel.world import World
 from ispm.kernels.share import run_shared, shared_rows
 from ispm.kernels.simd import alloca
-from ispm.lights.nee import SHEETS_MAX, is_gathered, light_from_one, times
+from ispm.lights.nee import is_gathered, light_from_one, times
 from ispm.optics.bsdf import NARROW_ALPHA, gloss_terms, is_smooth, smooth_split, transmits
 from ispm.optics.jit import jit
 from ispm.optics.records import MATERIAL_UNLIT, RECEIVER
@@ -42,6 +42,7 @@ from ispm.scene.packed import Packed
 f32, i64, u32 = np.float32, np.int64, np.uint32
 
 _DIMENSION = 1 << 22  # of the first random numbers; photons and maps take those below
+_SHEETS_MAX = 8  # of glass that a gather ray passes
 _CHUNK = 64  # receivers a thread takes at a time; results do not depend on it or on the threads
 
 
@@ -126,7 +127,7 @@ class _GatherRay(NamedTuple):
     """A ray, and the row for what it finds.
 
     share         its weight: 1 over the density of rays in its direction, whose mean is 1
-    u, u_shadow   random, for holes that it meets, and for those that light meets
+    u, u_light    random, for holes that it meets, and for the points of lamps that light its end
     key, dimension   of its further random numbers
     """
 
@@ -135,7 +136,7 @@ class _GatherRay(NamedTuple):
     d: Vector
     share: np.float32
     u: np.float32
-    u_shadow: np.float32
+    u_light: np.float32
     key: np.uint32
     dimension: np.uint32
 
@@ -173,9 +174,9 @@ def _gather_one(tables, receiver, plan, course, r, k, scratch, out):
 @jit
 def _look(tables, ray, course, scratch, out):
     """Trace a _GatherRay to its end, a PATH_END and RECEIVER, and write its row of a Gathered."""
-    start, d, share, u, u_shadow = ray.start, ray.d, ray.share, ray.u, ray.u_shadow
+    start, d, share, u, u_light = ray.start, ray.d, ray.share, ray.u, ray.u_light
     weight, wo, row = (share, share, share), scale(f32(-1), d), ray.row
-    for sheet in range(SHEETS_MAX):
+    for sheet in range(_SHEETS_MAX):
         found, hit = closest_surface(tables, start, d, u, scratch)
         if not found:
             return
@@ -189,13 +190,13 @@ def _look(tables, ray, course, scratch, out):
         _, transmittance, _, _, _ = smooth_split(b, x.n, x.ng, wo)
         weight = times(weight, transmittance)
         start = leave_surface(tables, hit, scale(f32(-1), x.ng))
-        u, u_shadow, _, _ = random4(ray.key, ray.dimension + u32(1 + sheet), course.pass_index, course.seed)
+        u, u_light, _, _ = random4(ray.key, ray.dimension + u32(1 + sheet), course.pass_index, course.seed)
     if x.flags & u32(MATERIAL_UNLIT) != u32(0) or not is_gathered(b):
         return
-    pick, _, _, _ = random4(ray.key, ray.dimension + u32(SHEETS_MAX + 1), course.pass_index, course.seed)
+    pick, _, _, _ = random4(ray.key, ray.dimension + u32(_SHEETS_MAX + 1), course.pass_index, course.seed)
     x = with_rough_coat(x)
     b = x.bsdf
-    light = times(weight, light_from_one(tables, x, wo, u_shadow, pick, scratch, course.limit))
+    light = times(weight, light_from_one(tables, x, wo, u_light, pick, scratch, course.limit))
     for c in range(3):
         out.radiance[row, c] = light[c]
     store_end(out.ends[row], u32(row), u32(0), weight, b, hit.instance)

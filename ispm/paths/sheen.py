@@ -109,7 +109,7 @@ def _light(tables, rays: RayArrays, numbers, counter, out):
         x = surface(tables, Hit(shown.instance, shown.primitive, shown.u, shown.v), d)
         wo, layer = scale(f32(-1), d), sheen_point(x)
         u, _, _, _ = random4(rays.keys[i], u32(_DIMENSION), numbers.pass_index, numbers.seed)
-        points, _ = punctual_light(tables, layer, wo, u, scratch, f32(np.inf))
+        points, _ = punctual_light(tables, layer, wo, scratch, f32(np.inf))
         areas, _ = area_light(tables, layer, wo, u, scratch, f32(np.inf), BY_NOTHING, _SAMPLES)
         first = out.firsts[i]
         for c in literal_unroll((0, 1, 2)):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ispm.lights.passed import RayNumbers, passed_light
+from ispm.lights.passed import passed_light
 from ispm.renderer.gather import clearance
 from ispm.renderer.one_pass import Pass
 from ispm.renderer.specular import SAMPLES
@@ -28,7 +28,7 @@ class ShadowRays:
         if not len(doubts):
             return np.zeros(0, np.uint32), np.zeros((0, 3), np.float32)
         starts = self._raised(doubts["position"], doubts["ng"])
-        seen = self._seen(doubts, starts, 0)
+        seen = self._seen(doubts, starts)
         if self._this.settings.antialias:
             edges = np.flatnonzero(_on_edges(doubts, seen, self._view))
             seen[edges] = self._sampled(doubts[edges], starts[edges], seen[edges])
@@ -41,11 +41,10 @@ class ShadowRays:
         """Where rays start that leave points, (n, 3) float32."""
         return np.asarray(points + clearance(points, self._view.eye)[:, None] * ng)
 
-    def _seen(self, doubts: np.ndarray, starts: np.ndarray, sample: int) -> np.ndarray:
+    def _seen(self, doubts: np.ndarray, starts: np.ndarray) -> np.ndarray:
         """(n, 3) float32 share of light that comes from each doubt's light to where a ray starts."""
         this = self._this
-        numbers = RayNumbers(doubts["pixel"], sample, this.index, this.settings.seed)
-        return passed_light(this.packed, this.world, this.surfaces, starts, doubts["light"], numbers)
+        return passed_light(this.packed, this.world, this.surfaces, starts, doubts["light"])
 
     def _sampled(self, doubts: np.ndarray, starts: np.ndarray, seen: np.ndarray) -> np.ndarray:
         """(n, 3) float32 mean of the share over four places of each pixel, on the plane of its surface.
@@ -58,12 +57,12 @@ class ShadowRays:
         near = np.square(_ASIDE * self._view.pixel_widths(doubts["position"]))
         total = np.zeros_like(seen)
         spread = np.float32(1.0 / np.sqrt(1.0 + self._this.index))
-        for sample, (x, y) in enumerate(spread * SAMPLES.astype(np.float32)):
+        for x, y in spread * SAMPLES.astype(np.float32):
             aside = x * right + y * down
             same = (_dot(aside, aside) < near) & ~self._this.world.occluded(starts, aside, 1.0)
             rows = np.flatnonzero(same)
             total += seen
-            total[rows] += self._seen(doubts[rows], starts[rows] + aside[rows], 1 + sample) - seen[rows]
+            total[rows] += self._seen(doubts[rows], starts[rows] + aside[rows]) - seen[rows]
         return np.asarray(total / np.float32(len(SAMPLES)))
 
     def _across(self, doubts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

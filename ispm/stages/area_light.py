@@ -6,12 +6,15 @@ drawn from, and its neighbors from the others, so that any 4 x 4 pixels together
 the mean over such a square (Keller and Heidrich, Interleaved Sampling, EGWR 2001; the discontinuity buffer of
 Wald et al., Interactive Global Illumination using Fast Ray Tracing, EGWR 2002). It takes in pixels of the
 same plane alone, and no farther than a fraction of the penumbra's width, by the distance to what casts the
-shadow: at contacts its edge stays sharp.
+shadow: at contacts its edge stays sharp. Where penumbrae are much wider than the square, what it lets through
+is filtered again, from squares that lie farther and farther apart (Dammertz et al., Edge-Avoiding A-Trous
+Wavelet Transform for fast Global Illumination Filtering, HPG 2010).
 """
 
 from __future__ import annotations
 
 import math
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -20,17 +23,16 @@ from ispm.accel.intersect import STACK_WORDS, any_distance
 from ispm.accel.layers import without_diffuse
 from ispm.accel.records import Ray, Scratch
 from ispm.accel.surface import SurfaceTable, scene_tables
+from ispm.accel.transmittance import BEFORE, shadow_transmittance
 from ispm.accel.world import World
 from ispm.kernels.share import run_shared, shared_rows
 from ispm.kernels.simd import alloca
 from ispm.lights.area import resample_surround, sample_lamps
 from ispm.lights.nee import (
-    BEFORE,
     BY_FACETS,
     drawn_share,
     draws_by_lobes,
     greatest,
-    shadow_transmittance,
     side_of,
 )
 from ispm.lights.ratio import ratio_share
@@ -50,8 +52,10 @@ _SIDE = 4  # pixels of a square that draws from each part once
 _PAIRS = 1  # of directions that one of the environment is drawn from
 _REACH = 2  # pixels to each side that the filter takes in
 _LEAST_REACH = f32(2)  # in the first pass, for single rays are specks
+_UNSHADED = f32(1e9)  # pixels, where nothing shades, but the filter is wanted
 _CHUNK = 64  # pixels a thread takes at a time
 _BLUR = f32(0.25)  # of a penumbra's width, that the filter blurs it over to each side at most
+_STRIDES = 4, 12  # pixels between squares that lie side by side: each of 3 x 3 of those before
 
 
 class _Samples(NamedTuple):
@@ -68,6 +72,15 @@ class _Samples(NamedTuple):
     gloss: np.ndarray
     drawn: np.ndarray
     unshadowed: np.ndarray
+    reach: np.ndarray
+
+
+class _Means(NamedTuple):
+    """Filtered `diffuse` and `drawn` of _Samples, whose ratio is the share of light that is not shaded, and
+    the least `reach` of those that are in them."""
+
+    diffuse: np.ndarray
+    drawn: np.ndarray
     reach: np.ndarray
 
 
@@ -88,11 +101,16 @@ def area_light(
     tables = scene_tables(packed, world, surfaces)
     diffuse, gloss, drawn, unshadowed = np.zeros((4, count, 3), np.float32)
     samples = _Samples(diffuse, gloss, drawn, unshadowed, np.zeros(count, np.float32))
-    out = np.zeros((count, 4), np.float32)
     run_shared(lambda counter: _sample_pixels(tables, pixels, view, counter, samples), world.threads)
-    run_shared(
-        lambda counter: _filter(tables, pixels, view, f32(smoothing), samples, counter, out), world.threads
-    )
+    passed, summed, unshaded = np.zeros((3, count, 3), np.float32)
+    means, out = _Means(passed, summed, np.zeros(count, np.float32)), np.zeros((count, 4), np.float32)
+    told = pixels, view, f32(smoothing)
+    run_shared(lambda counter: _filter(tables, *told, samples, counter, means, unshaded, out), world.threads)
+    wider = _Means(samples.diffuse, samples.drawn, samples.reach)  # whose own values are used up
+    for stride in _STRIDES:
+        job = partial(_widen, *told, i64(stride), means, wider, unshaded, out)
+        run_shared(job, world.threads)
+        means, wider = wider, means
     return out
 
 
@@ -111,10 +129,10 @@ def _sample_pixels(tables, pixels, view, counter, samples):
         if not is_lambert(shown.x.bsdf):
             # what reflection leaves to the Lambert lobe depends on the draw, whose ratio alone is biased; and
             # what is reflected is known by draws alone, of which each pixel of a square has another part
-            samples.reach[i] = f32(_REACH)
+            samples.reach[i] = _UNSHADED
         column = (i % view.columns + step) % _SIDE
         row = (i // view.columns + step // _SIDE) % _SIDE
-        r0, r1, r2, holes = random4(u32(i), u32(_DIMENSION), view.pass_index, view.seed)
+        r0, r1, r2, _ = random4(u32(i), u32(_DIMENSION), view.pass_index, view.seed)
         # Shifted at random from square to square: a triangle is not to be drawn with the same parts of it.
         square = u32((i // view.columns // _SIDE) * view.columns + i % view.columns // _SIDE)
         shift, _, _, _ = random4(square, u32(_DIMENSION + 2), view.pass_index, view.seed)
@@ -124,7 +142,7 @@ def _sample_pixels(tables, pixels, view, counter, samples):
         radiance, distance, wi, pdf, _, _ = sample_lamps(tables, shown.x, u0, u1, u2)
         if pdf > f32(0):
             arriving = _Arriving(scale(f32(1) / pdf, radiance), distance, wi, pdf)
-            _add_light(tables, shown, arriving, holes, i, scratch, samples)
+            _add_light(tables, shown, arriving, i, scratch, samples)
             for c in range(3):
                 samples.unshadowed[i, c] = samples.drawn[i, c]
         if has_environment(tables.environment):
@@ -134,7 +152,7 @@ def _sample_pixels(tables, pixels, view, counter, samples):
             both = resample_surround(tables, x, wo, u1, u2, pick, _PAIRS, brightest, by_lobes)
             for drawn in both:
                 arriving = _Arriving(drawn.radiance, FAR, drawn.wi, drawn.pdf)
-                _add_light(tables, shown, arriving, holes, i, scratch, samples)
+                _add_light(tables, shown, arriving, i, scratch, samples)
             irradiance = environment_irradiance(tables.environment, x.n)
             for c in range(3):
                 samples.unshadowed[i, c] += irradiance[c] * f32(1 / math.pi)
@@ -151,8 +169,8 @@ class _Arriving(NamedTuple):
 
 
 @jit
-def _add_light(tables, shown, arriving, holes, i, scratch, samples):
-    """Add what row i makes of an _Arriving to the _Samples; holes: random in [0, 1), for those it meets."""
+def _add_light(tables, shown, arriving, i, scratch, samples):
+    """Add what row i makes of an _Arriving to the _Samples."""
     x, wo, wi = shown.x, shown.wo, arriving.wi
     b, along = x.bsdf, abs(dot(x.n, wi))
     none = f32(0), f32(0), f32(0)
@@ -189,7 +207,7 @@ def _add_light(tables, shown, arriving, holes, i, scratch, samples):
         samples.reach[i] = min(samples.reach[i], _BLUR * width / shown.width)
         if not tables.porous:
             return
-        passed = shadow_transmittance(tables, start, toward, distance, holes, scratch)
+        passed = shadow_transmittance(tables, start, toward, distance, scratch)
     for c in range(3):
         light = along * arriving.irradiance[c] * passed[c]
         if b.diffuse[c] > f32(0):
@@ -198,8 +216,9 @@ def _add_light(tables, shown, arriving, holes, i, scratch, samples):
 
 
 @jit
-def _filter(tables, pixels, view, smoothing, samples, counter, out):
-    """Write the light of as many of the Pixels as a thread gets to (n, 4) float32.
+def _filter(tables, pixels, view, smoothing, samples, counter, means, unshaded, out):
+    """Write the light of as many of the Pixels as a thread gets to (n, 4) float32, the _Means that it is made
+    of, and what of it would come from the Lambert lobe without shadows, (n, 3) cd/m2.
 
     The share of light that is not shaded multiplies what is known of it without shadows, as far as
     `ratio_share` says: the first pass takes no other.
@@ -210,7 +229,7 @@ def _filter(tables, pixels, view, smoothing, samples, counter, out):
     columns, rows = view.columns, i64(len(pixels.points)) // view.columns
     for i in shared_rows(counter, _CHUNK, len(pixels.points)):
         row, column = i // columns, i % columns
-        out[i, 3] = f32(1)
+        out[i, 3], means.reach[i] = f32(1), f32(np.inf)
         if not is_lit(tables, pixels, i):
             continue
         top, bottom = max(row - _REACH, 0), min(row + _REACH, rows - 1)
@@ -221,12 +240,13 @@ def _filter(tables, pixels, view, smoothing, samples, counter, out):
                 reach = min(reach, samples.reach[y * columns + x])
         base = pixels.base[i]
         opaque = (f32(1) - base[3]) * (f32(1) - f32(pixels.points[i, 3] >> u32(24)) * f32(1 / 255))
+        means.reach[i] = reach
         if first and exact and reach == f32(np.inf):  # nothing shades, and all is known
             for c in range(3):
-                light = (
-                    samples.diffuse[i, c] / max(samples.drawn[i, c], f32(1e-30)) * samples.unshadowed[i, c]
-                )
-                out[i, c] = light * opaque * base[c] + samples.gloss[i, c]
+                means.diffuse[i, c], means.drawn[i, c] = samples.diffuse[i, c], samples.drawn[i, c]
+                unshaded[i, c] = samples.unshadowed[i, c] * opaque * base[c]
+                light = samples.diffuse[i, c] / max(samples.drawn[i, c], f32(1e-30)) * unshaded[i, c]
+                out[i, c] = light + samples.gloss[i, c]
             continue
         reach = min(max(reach, least), f32(_REACH)) * smoothing
         plane = plane_at(pixels, view, i)
@@ -246,10 +266,47 @@ def _filter(tables, pixels, view, smoothing, samples, counter, out):
                     drawn = add(drawn, scale(weight, vec3(samples.drawn[k])))
                     unshadowed = add(unshadowed, scale(weight, vec3(samples.unshadowed[k])))
         for c in range(3):
-            light = diffuse[c]
-            if drawn[c] > f32(0):
-                light *= f32(1) + by_ratio * (unshadowed[c] / drawn[c] - f32(1))
-            out[i, c] = (light * opaque * base[c] + gloss[c]) / total
+            means.diffuse[i, c], means.drawn[i, c] = diffuse[c] / total, drawn[c] / total
+            known = drawn[c] + by_ratio * (unshadowed[c] - drawn[c])
+            unshaded[i, c] = known * opaque * base[c] / total
+            light = diffuse[c] / max(drawn[c], f32(1e-30)) * unshaded[i, c]
+            out[i, c] = light + gloss[c] / total
+
+
+@jit
+def _widen(pixels, view, smoothing, stride, means, wider, unshaded, out, counter):
+    """Filter the _Means of as many of the Pixels as a thread gets with those of the 8 that lie `stride`
+    pixels aside, and change the light accordingly, where penumbrae are wide enough for it.
+
+    wider  _Means to write, not normalized;  unshaded, out  as of `_filter`
+    """
+    columns, rows = view.columns, i64(len(pixels.points)) // view.columns
+    for i in shared_rows(counter, _CHUNK, len(pixels.points)):
+        row, column = i // columns, i % columns
+        top, bottom = max(row - stride, row % stride), min(row + stride, rows - 1)
+        left, right = max(column - stride, column % stride), min(column + stride, columns - 1)
+        reach = f32(np.inf)
+        for y in range(top, bottom + 1, stride):
+            for x in range(left, right + 1, stride):
+                reach = min(reach, means.reach[y * columns + x])
+        # Squares side by side reach as far as one and a half of them.
+        aside = min(max(reach * smoothing / (f32(1.5) * f32(stride)) - f32(1), f32(0)), f32(1))
+        diffuse, drawn = vec3(means.diffuse[i]), vec3(means.drawn[i])
+        if aside > f32(0) and reach < _UNSHADED:
+            plane = plane_at(pixels, view, i)
+            for y in range(top, bottom + 1, stride):
+                for x in range(left, right + 1, stride):
+                    k = y * columns + x
+                    if k != i and is_alike(pixels, plane, i, k):
+                        diffuse = add(diffuse, scale(aside, vec3(means.diffuse[k])))
+                        drawn = add(drawn, scale(aside, vec3(means.drawn[k])))
+        wider.reach[i] = reach
+        for c in range(3):
+            wider.diffuse[i, c], wider.drawn[i, c] = diffuse[c], drawn[c]
+            if unshaded[i, c] > f32(0):
+                before = means.diffuse[i, c] / max(means.drawn[i, c], f32(1e-30))
+                after = diffuse[c] / max(drawn[c], f32(1e-30))
+                out[i, c] += (after - before) * unshaded[i, c]
 
 
 @jit

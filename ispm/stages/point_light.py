@@ -17,11 +17,12 @@ import numpy as np
 from ispm.accel.intersect import STACK_WORDS
 from ispm.accel.records import Scratch
 from ispm.accel.surface import SurfaceTable, scene_tables
+from ispm.accel.transmittance import shadow_transmittance
 from ispm.accel.world import World
 from ispm.kernels.share import run_shared, shared_rows
 from ispm.kernels.simd import alloca
 from ispm.lights.few import choose
-from ispm.lights.nee import greatest, shadow_transmittance, side_of, times
+from ispm.lights.nee import greatest, side_of, times
 from ispm.optics.bsdf import eval_bsdf
 from ispm.optics.jit import jit
 from ispm.optics.light import FAR, light_arriving
@@ -97,20 +98,20 @@ def _sample_pixels(tables, pixels, view, values, counter, samples):
         if not is_lit(tables, pixels, i):
             continue
         shown = shown_at(tables, pixels, view, i)
-        r0, holes, _, _ = random4(u32(i), u32(_DIMENSION), view.pass_index, view.seed)
+        r0, _, _, _ = random4(u32(i), u32(_DIMENSION), view.pass_index, view.seed)
         shift, _, _, _ = random4(u32(0), u32(_DIMENSION + 1), view.pass_index, view.seed)
         column, row = i % view.columns % _SIDE, i // view.columns % _SIDE
         pick = (f32((row * _SIDE + column) * 7 % (_SIDE * _SIDE)) + r0) * f32(1 / (_SIDE * _SIDE)) + shift
         pick -= f32(math.floor(pick))
-        _sample(tables, shown, pick, holes, view.pass_index == u32(0), scratch, values, samples, i)
+        _sample(tables, shown, pick, view.pass_index == u32(0), scratch, values, samples, i)
 
 
 @jit
-def _sample(tables, shown, pick, holes, first, scratch, values, samples, i):
+def _sample(tables, shown, pick, first, scratch, values, samples, i):
     """Write row i of the _Samples.
 
-    pick, holes  random in [0, 1): draws a light; for holes that rays meet
-    first        whether the others' shadows are left to the filter
+    pick   random in [0, 1): draws a light
+    first  whether the others' shadows are left to the filter
     """
     lights, x, wo, away = tables.lights, shown.x, shown.wo, lift(shown)
     unshadowed = _NONE
@@ -122,12 +123,12 @@ def _sample(tables, shown, pick, holes, first, scratch, values, samples, i):
         if row >= i64(0):
             brought = _brought(lights[row], x, wo)
             unshadowed = sub(unshadowed, brought)
-            passed = _passed(tables, lights[row], x, away, holes, scratch)
+            passed = _passed(tables, lights[row], x, away, scratch)
             for c in range(3):
                 samples.sure[i, c] += brought[c] * passed[c]
     if few.drawn < i64(0):
         return
-    passed = _passed(tables, lights[few.drawn], x, away, holes, scratch)
+    passed = _passed(tables, lights[few.drawn], x, away, scratch)
     light = scale(few.weight, times(passed, _brought(lights[few.drawn], x, wo)))
     if first and few.weight > f32(1):  # of one there is no doubt which to draw
         light = max(unshadowed[0], f32(0)), max(unshadowed[1], f32(0)), max(unshadowed[2], f32(0))
@@ -150,7 +151,7 @@ def _brought(light, x, wo):
 
 
 @jit
-def _passed(tables, light, x, away, holes, scratch):
+def _passed(tables, light, x, away, scratch):
     """The share of a LIGHT that passes what is between it and a SurfacePoint, RGB.
 
     away  m, that the ray starts above the surface
@@ -161,7 +162,7 @@ def _passed(tables, light, x, away, holes, scratch):
         segment = sub(add(x.position, scale(distance, wi)), start)
         distance = f32(math.sqrt(dot(segment, segment)))
         toward = scale(f32(1) / max(distance, f32(1e-30)), segment)
-    return shadow_transmittance(tables, start, toward, distance, holes, scratch)
+    return shadow_transmittance(tables, start, toward, distance, scratch)
 
 
 @jit

@@ -29,8 +29,8 @@ def both_ways(tables, start, d, picks, values, every, few, rays):
     x = surface(tables, hit, d)
     wo = scale(f32(-1), d)
     for i in range(len(picks)):
-        light, _ = punctual_light(tables, x, wo, f32(0.5), scratch, f32(np.inf))
-        drawn, traced = light_of_few(tables, x, wo, f32(0.5), picks[i], scratch, values)
+        light, _ = punctual_light(tables, x, wo, scratch, f32(np.inf))
+        drawn, traced = light_of_few(tables, x, wo, picks[i], scratch, values)
         rays[i] = traced
         for c in range(3):
             every[i, c], few[i, c] = light[c], drawn[c]

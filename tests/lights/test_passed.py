@@ -5,7 +5,7 @@ from transport import Tracer
 
 from ispm.library.common import lambert
 from ispm.library.shapes import polygons
-from ispm.lights.passed import RayNumbers, passed_light
+from ispm.lights.passed import passed_light
 from ispm.scene.light import DirectionalLight, PointLight
 from ispm.scene.scene import Scene
 
@@ -20,7 +20,6 @@ def test_each_point_asks_for_its_own_light():
     tracer = Tracer(scene)
     points = {(0, 0, -1): [0, 0], (1.2, 0, -0.4): [0, 1], (3, 0, -1): [1, 1], (0.9, 0, 0.5): [1, 1]}
     starts, lights = np.repeat(np.float32(list(points)), 2, axis=0), np.tile(np.uint32((0, 1)), len(points))
-    numbers = RayNumbers(np.arange(len(starts), dtype=np.uint32), 0, 0, 0)
-    share = passed_light(tracer.packed, tracer.world, tracer.surfaces, starts, lights, numbers)
+    share = passed_light(tracer.packed, tracer.world, tracer.surfaces, starts, lights)
     assert share[:, 0].reshape(-1, 2).tolist() == list(points.values())
     assert (share == share[:, :1]).all()

@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 from exact_light import polygon_irradiance
+from scipy import ndimage
 
 from ispm import Camera, DirectionalLight, Environment, Material, RectLight, Renderer, Scene, Settings, shapes
 from ispm.accel.emitters import EMITTER
@@ -99,6 +100,8 @@ def test_an_environment_is_seen_unchanged_where_nothing_shades_it(gpu, passes):
     assert np.abs(ratio[away > 2.5].mean() - 1.0) < 0.03 and (away > 2.5).sum() > 50
     assert ratio[away < 0.3].mean() < 0.6
     beyond = with_ground.instance < 0
+    if passes > 1:  # later ones see the ground in pixels beside those where the first does
+        beyond = ~ndimage.binary_dilation(~beyond, np.ones((3, 3)))
     np.testing.assert_allclose(with_ground.radiance[beyond], without.radiance[beyond], rtol=ROUNDED)
     if passes == 1:  # the light of later ones is the mean of draws, which may bring more than all
         assert ratio.max() < 1.0 + HALF

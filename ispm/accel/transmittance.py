@@ -1,0 +1,71 @@
+"""How much light passes what lies on a shadow ray: holes, blended surfaces, thin sheets."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ispm.accel.intersect import HIT_INSTANCE, HIT_PRIMITIVE, any_hit, closest_after, read_hit
+from ispm.accel.records import Ray
+from ispm.accel.surface import LAYERS_MAX, is_on_edge, material_flags, opacity, surface
+from ispm.kernels.simd import stu
+from ispm.optics.bsdf import smooth_split, transmits
+from ispm.optics.jit import jit
+from ispm.optics.records import MATERIAL_THIN, NO_HIT
+from ispm.optics.vector import scale
+
+f32, u32 = np.float32, np.uint32
+
+BEFORE = f32(1e-4)  # of the distance that a shadow ray ends before a light, which may hang on a wall
+
+
+@jit
+def shadow_transmittance(tables, start, d, distance, scratch):
+    """Return the share of light, RGB, that comes to `start` from a light that is `distance` m away along d.
+
+    scratch  a Scratch
+    Masked surfaces let light through their holes, blended ones the share that they do not cover, thin smooth
+    sheets their transmittance; all else blocks. It is their product, without chance.
+    """
+    ray = Ray(start, d, distance * (f32(1) - BEFORE))
+    if not any_hit(tables.trees, ray, scratch.stack):
+        return f32(1), f32(1), f32(1)
+    if not tables.porous:
+        return f32(0), f32(0), f32(0)
+    return _through_layers(tables, ray, scratch)
+
+
+@jit
+def _through_layers(tables, ray, scratch):
+    """The product of what all surfaces on a Ray let through, RGB."""
+    share, t, edge = (f32(1), f32(1), f32(1)), f32(0), False
+    stu(scratch.found, HIT_INSTANCE, u32(NO_HIT))
+    stu(scratch.found, HIT_PRIMITIVE, u32(NO_HIT))
+    for _ in range(LAYERS_MAX):
+        before = t
+        t = closest_after(tables.trees, ray, before, scratch)
+        if t >= ray.t_max:
+            return share
+        hit = read_hit(scratch.found)
+        edge = (edge and t == before) or is_on_edge(hit)
+        if edge and t == before:  # two triangles of one surface, met at the edge they share
+            continue
+        passed = _passed(tables, hit, ray.direction)
+        share = share[0] * passed[0], share[1] * passed[1], share[2] * passed[2]
+        if max(share[0], max(share[1], share[2])) <= f32(0):
+            return share
+    return f32(0), f32(0), f32(0)
+
+
+@jit
+def _passed(tables, hit, d):
+    """The share of light, RGB, that the surface at a Hit of a ray along d, unit, lets through."""
+    covered = min(max(opacity(tables, hit), f32(0)), f32(1))
+    open_share = f32(1) - covered
+    share = open_share, open_share, open_share
+    if covered <= f32(0) or material_flags(tables.surfaces, hit) & u32(MATERIAL_THIN) == u32(0):
+        return share
+    x = surface(tables, hit, d)
+    if x.bsdf.alpha > f32(0) or not transmits(x.bsdf):
+        return share
+    _, sheet, _, _, _ = smooth_split(x.bsdf, x.n, x.ng, scale(f32(-1), d))
+    return share[0] + covered * sheet[0], share[1] + covered * sheet[1], share[2] + covered * sheet[2]
