@@ -1,9 +1,10 @@
 """The light of narrow lobes, which few paths from each pixel find, averaged over pixels nearby.
 
 Passes of 3 x 3 pixels, 1 to 16 apart, each as strong as brings the sum of their variances to what a
-pixel's own lobe allows: its width, and how far what it reflects lies, tell how little is seen of it. Light is
-divided by what the surface reflects before, so that textures stay sharp. What stands out far, as a lamp's
-image in a second lobe does that one path found, is spread as far as passes go, and so no light is lost.
+pixel's own lobe allows: its width, and how far what it reflects lies, tell how little is seen of it. Two
+pixels give each other the same share, the less of what either wants, so that no light is gained or lost.
+Light is divided by what the surface reflects before, so that textures stay sharp. What stands out far, as a
+lamp's image in a second lobe does that one path found, is spread as far as passes go.
 Source: edge-avoiding a-trous wavelets, Dammertz et al., HPG 2010.
 """
 
@@ -30,7 +31,6 @@ _ALIKE = f32(4)  # likewise that of two alphas, over the larger one
 _OFF_PLANE = f32(2)  # pixels, and as many as the stride, off the plane of a surface at which another begins
 _OUTLIER = 4.0  # times the mean about a pixel, above which its light goes farther: in the first pass
 _KERNEL = f32(0.5)  # variance of a whole pass, squares of its stride
-_CENTER = f32(0.25)  # weight of the middle pixel in it
 
 
 _LANES = 16  # floats of a pixel's light: a line of cache, whose last is the number of paths
@@ -129,10 +129,11 @@ def _averaged(
 ) -> np.ndarray:
     """Return values, (n, _LANES), averaged to a variance, (n,) pixels^2, as far as passes go; overwrites
     them."""
-    spent, after = np.zeros_like(blur), _lanes(len(values))
+    after, spent = _lanes(len(values)), 0.0
     for stride in _STRIDES:
         after[:] = 0.0
         run_shared(_one_pass(picture, stride, bent, blur, spent, values, after), threads)
+        spent += float(_KERNEL) * stride**2
         values, after = after, values
     return values
 
@@ -142,13 +143,13 @@ def _one_pass(
     stride: int,
     bent: np.float32,
     blur: np.ndarray,
-    spent: np.ndarray,
+    spent: float,
     before: np.ndarray,
     after: np.ndarray,
 ) -> Callable[[np.uint64], None]:
     """Return what threads call to make one pass."""
     places = address(before), address(after)
-    return lambda counter: _average(picture, i64(stride), bent, blur, spent, counter, *places)
+    return lambda counter: _average(picture, i64(stride), bent, blur, f32(spent), counter, *places)
 
 
 def _has_lobes(given: Shown) -> bool:
@@ -181,7 +182,7 @@ def _beside(picture, i, k, stride):
 
 @jit
 def _likeness(picture, i, j, stride, bent):
-    """Weight, float32 in [0, 1], of row `j` to row `i`, `stride` pixels apart: 1 for one flat surface.
+    """Weight, float32 in [0, 1], of two rows to each other, `stride` pixels apart: 1 on a flat surface.
 
     bent  by what a bend is weighed
     """
@@ -193,8 +194,9 @@ def _likeness(picture, i, j, stride, bent):
         bend += (a.n[k] - b.n[k]) * (a.n[k] - b.n[k])
     wider = max(a.alpha, b.alpha)
     apart = (a.alpha - b.alpha) / wider
-    off = dot(sub(vec3(b.position), vec3(a.position)), vec3(a.ng))
-    off /= (_OFF_PLANE + f32(stride)) * a.width
+    way = sub(vec3(b.position), vec3(a.position))
+    off = max(abs(dot(way, vec3(a.ng))) / a.width, abs(dot(way, vec3(b.ng))) / b.width)
+    off /= _OFF_PLANE + f32(stride)
     straight = max(f32(1) - bent * bend / (wider * wider), f32(0))
     return straight * max(f32(1) - _ALIKE * apart * apart, f32(0)) * max(f32(1) - off * off, f32(0))
 
@@ -259,30 +261,31 @@ def _sum(values, i):
 def _average(picture, stride, bent, blur, spent, counter, before, after):
     """Write one pass over the values at the address `before` to those, zeros, at `after`.
 
-    bent         as of `_likeness`
-    blur, spent  (n,) variance that is wanted, and that passes before have brought
+    bent   as of `_likeness`
+    blur   (n,) variance that is wanted;  spent  what passes before have brought where it was wanted
+    The middle keeps what it does not give away. A pixel without paths takes all that neighbors have.
     """
     whole = _KERNEL * f32(stride * stride)
     for i in shared_rows(counter, _CHUNK, len(picture.pixels)):
         if picture.lobes[i].instance == u32(NO_HIT):
             continue
-        wanted = min(max(blur[i] - spent[i], f32(0)), whole)
-        if ldf(before, i * _LANES + _PATHS) == f32(0) and stride == i64(1):
-            wanted = whole
-        spent[i] += wanted
-        around = _CENTER * wanted / (whole - (f32(1) - _CENTER) * wanted)
-        total, paths, low, high = f32(0), f32(0), splat8(f32(0)), splat8(f32(0))
-        for k in range(9):
-            j = _beside(picture, i, k, stride) if k == 4 or around > f32(0) else i64(-1)
+        empty = ldf(before, i * _LANES + _PATHS) == f32(0)
+        wanted = whole if empty else min(max(blur[i] - spent, f32(0)), whole)
+        rest, paths, low, high = f32(1), f32(0), splat8(f32(0)), splat8(f32(0))
+        for step in range(9):
+            k = (step + 5) % 9  # the middle last
+            j = _beside(picture, i, k, stride) if k == 4 or wanted > f32(0) else i64(-1)
             if j < i64(0):
                 continue
-            w = f32((2 - abs(k % 3 - 1)) * (2 - abs(k // 3 - 1))) * f32(0.0625)
+            w = rest
             if k != 4:
-                w *= around * _likeness(picture, i, j, stride, bent)
+                both = wanted if empty else min(max(blur[j] - spent, f32(0)), wanted)
+                w = f32((2 - abs(k % 3 - 1)) * (2 - abs(k // 3 - 1))) * f32(0.0625) * both / whole
+                w *= _likeness(picture, i, j, stride, bent)
+                rest -= w
+            w *= ldf(before, j * _LANES + _PATHS)
             if w <= f32(0):
                 continue
-            total += w
-            w *= ldf(before, j * _LANES + _PATHS)
             paths += w
             low = vfma(vload8(before, j * _LANES), splat8(w), low)
             high = vfma(vload8(before, j * _LANES + 8), splat8(w), high)
@@ -290,7 +293,7 @@ def _average(picture, stride, bent, blur, spent, counter, before, after):
             share = splat8(f32(1) / paths)
             vstore8(after, i * _LANES, vmul(low, share))
             vstore8(after, i * _LANES + 8, vmul(high, share))
-            stf(after, i * _LANES + _PATHS, paths / total)
+            stf(after, i * _LANES + _PATHS, f32(1))
 
 
 @jit

@@ -64,6 +64,23 @@ def test_what_stands_out_is_spread_and_not_lost():
     assert out.max() < 10.0
 
 
+def test_light_is_neither_gained_nor_lost_where_neighbors_want_different_blurs():
+    """Beside a contact pixels want less and less; each then takes of others what it gives them."""
+    random = np.random.default_rng(4)
+    given = flat()
+    x = given.positions[:, 0]
+    given.firsts["blur"] = random.uniform(0.2, 1.0, len(x)) * np.abs(x - WIDE // 2) / 8
+    given.firsts["alpha"] = random.uniform(0.08, 0.12, len(x))
+    normals = random.normal((0, 0, 1), 0.01, (len(x), 3))
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    given.firsts["n"] = given.firsts["ng"] = normals
+    given.firsts["reflectance"] = 1.0
+    light = np.exp(random.normal(0.0, 1.0, (len(x), 3))) + 50.0 * (np.abs(x - WIDE // 2) < 2)[:, None]
+    out = resolved(light, given)
+    assert not np.allclose(out, light, rtol=0.1)
+    assert out.sum(axis=0, dtype=float) == pytest.approx(light.sum(axis=0), rel=1e-4)
+
+
 def test_other_surfaces_are_left_out():
     given = flat()
     left = np.arange(WIDE * HIGH) % WIDE < WIDE // 2
