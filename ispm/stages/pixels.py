@@ -187,5 +187,10 @@ def is_alike(pixels, plane, i, k):
     off = dot(plane.ng, sub((u2f(point[0]), u2f(point[1]), u2f(point[2])), plane.position))
     if abs(off) > plane.off:
         return False
-    word = pixels.normals[k, 0]
-    return word == pixels.normals[i, 0] or dot(_unpacked(word), plane.n) > _TURNED
+    return pixels.normals[k, 0] == pixels.normals[i, 0] or is_turned_alike(pixels, plane, k, _TURNED)
+
+
+@jit
+def is_turned_alike(pixels, plane, k, cosine):
+    """Return whether row k of Pixels is turned from a PixelPlane by less than the angle of this cosine."""
+    return dot(_unpacked(pixels.normals[k, 0]), plane.n) > cosine
