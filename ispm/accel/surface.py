@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ispm.accel.edges import is_on_edge, is_same_surface
 from ispm.accel.emitters import EMITTER, NO_EMITTERS, Emitters, make_emitters
 from ispm.accel.intersect import HIT_INSTANCE, HIT_PRIMITIVE, closest_after, instance_scale, read_hit
 from ispm.accel.leave import leave_triangle
@@ -329,19 +330,19 @@ def closest_behind(tables, origin, d, veil, scratch):
 @jit
 def _closest(tables, origin, d, u, veil, scratch):
     """`closest_surface` of all triangles but that of the Hit `veil`, instance NO_HIT: of all."""
-    t, edge = f32(0), False
+    t, last = f32(0), Hit(u32(NO_HIT), u32(0), f32(0), f32(0))
     ray, words = Ray(origin, d, f32(np.inf)), scratch.found
     stu(words, HIT_INSTANCE, u32(NO_HIT))
     stu(words, HIT_PRIMITIVE, u32(NO_HIT))
     for _ in range(LAYERS_MAX):
-        before = t
-        t = closest_after(tables.trees, ray, before, scratch)
+        t = closest_after(tables.trees, ray, t, scratch)
         hit = read_hit(words)
         if t == f32(np.inf):
             return False, hit
-        edge = (edge and t == before) or is_on_edge(hit)
-        if edge and t == before:  # two triangles of one surface, met at the edge they share
+        joins = hit.instance == last.instance and is_on_edge(hit)
+        if joins and is_same_surface(tables, d, last, hit):
             continue
+        last = hit
         if hit.instance == veil.instance and hit.primitive == veil.primitive:
             continue
         share = opacity(tables, hit)
@@ -349,12 +350,6 @@ def _closest(tables, origin, d, u, veil, scratch):
             return True, hit
         u = (u - share) / (f32(1) - share)  # uniform again, whatever lies behind
     return False, Hit(u32(0), u32(0), f32(0), f32(0))
-
-
-@jit
-def is_on_edge(hit):
-    """Return whether a Hit lies on an edge of its triangle, a bool."""
-    return min(hit.u, min(hit.v, f32(1) - hit.u - hit.v)) <= f32(0)
 
 
 @jit

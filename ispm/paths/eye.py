@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ispm.accel.edges import clear_of_edges
 from ispm.accel.intersect import STACK_WORDS
 from ispm.accel.layers import coat_point, end_bsdf, has_sheen, is_coated, sheen_point, with_matte_sheen
 from ispm.accel.medium import attenuated, medium, no_medium, passed_sheet
@@ -21,6 +22,7 @@ from ispm.accel.surface import (
     closest_behind,
     closest_surface,
     glow,
+    hit_position,
     leave_surface,
     opacity_seen,
     scene_tables,
@@ -232,9 +234,10 @@ def _follow_behind(tables, view, thread, x, d, key, length, i, slot, out, done):
     store_clear(out.firsts[i], x, clear)
     if clear < _MIN_WEIGHT:
         return done
-    before = length * view.near
-    place = sub(x.position, scale(before, d)), d, (clear, clear, clear), f32(0), d, d, no_medium(), f32(1)
-    path = Path(key, u32(0), i64(TRANSMITTED), *place, length - before, True)
+    before, within = length * view.near, clear_of_edges(tables, x.hit, d)
+    start, place = sub(hit_position(tables.surfaces, within), scale(before, d)), (d, d, no_medium(), f32(1))
+    weight = clear, clear, clear
+    path = Path(key, u32(0), i64(TRANSMITTED), start, d, weight, f32(0), *place, length - before, True)
     done, _ = _follow_often(tables, view, thread, path, x.hit, i, slot, out, done)
     return done
 
