@@ -15,7 +15,15 @@ from ispm.accel.edges import is_on_edge, is_same_surface
 from ispm.accel.emitters import EMITTER, NO_EMITTERS, Emitters, make_emitters
 from ispm.accel.intersect import HIT_INSTANCE, HIT_PRIMITIVE, closest_after, instance_scale, read_hit
 from ispm.accel.leave import leave_triangle
-from ispm.accel.lobes import NORMAL_SCALE, anisotropic, bsdf_at, coat_at, mapped_normal, sheen_at
+from ispm.accel.lobes import (
+    NORMAL_SCALE,
+    anisotropic,
+    bsdf_at,
+    coat_at,
+    mapped_normal,
+    sheen_at,
+    translucence_at,
+)
 from ispm.accel.mesh import (
     FOOTPRINT,
     INSTANCES,
@@ -48,7 +56,7 @@ from ispm.accel.texturing import (
 from ispm.accel.world import World
 from ispm.kernels.simd import address, ldf, ldu, stu
 from ispm.optics.bsdf import Bsdf
-from ispm.optics.coat import NO_COAT, Coat, covered
+from ispm.optics.coat import NO_COAT, Coat, covered, with_diffuse
 from ispm.optics.environment import EnvironmentTable
 from ispm.optics.jit import jit
 from ispm.optics.records import (
@@ -62,6 +70,7 @@ from ispm.optics.records import (
     MATERIAL_SHEEN,
     MATERIAL_SPECULAR_MAPPED,
     MATERIAL_THIN,
+    MATERIAL_TRANSLUCENT,
     MATERIAL_UNLIT,
     NO_HIT,
 )
@@ -78,6 +87,7 @@ _EMISSION = word_of(MATERIAL, "emission")
 
 # may have textures of their own
 _MAPPED = MATERIAL_COATED | MATERIAL_SHEEN | MATERIAL_SPECULAR_MAPPED | MATERIAL_ANISOTROPIC
+_MAPPED |= MATERIAL_TRANSLUCENT
 _GLOW_SIDE = 8  # points along a side of a triangle, for the mean of its texture
 _GLOW_FLOOR = 0.02  # of a texture's greatest radiance, that triangles are drawn by at least
 LAYERS_MAX = 64  # surfaces with holes, or blended ones, that one ray passes
@@ -189,6 +199,9 @@ def _average_glow(tables, emitters):
             row.radiance[c] = max(mean, f32(_GLOW_FLOOR) * row.radiance[c])
 
 
+NO_LIGHT = f32(0), f32(0), f32(0)
+
+
 class SurfacePoint(NamedTuple):
     """A surface where a ray meets it; world space.
 
@@ -198,6 +211,8 @@ class SurfacePoint(NamedTuple):
     entering  whether the ray met the front, the outside of a solid
     bsdf      of what is under the coat and sheen, if there are any, as much as they show of that
     coat, sheen   whose light adds to it, see `accel.layers`
+    translucence  albedo, RGB, of the Lambert lobe by which light from the other side leaves on this, as much
+                  as coat and sheen show of it
     """
 
     hit: Hit
@@ -209,6 +224,7 @@ class SurfacePoint(NamedTuple):
     entering: bool
     coat: Coat
     sheen: Sheen
+    translucence: Vector
 
 
 @jit
@@ -236,16 +252,19 @@ def surface(tables, hit, d):
     if texture_row(table, material, NORMAL_MAP) >= i64(0):
         n = mapped_normal(tables, context, own, NORMAL_MAP, NORMAL_SCALE)
     n = bend(bend(scale(side, n), ng), wo)
-    b, coat, sheen = bsdf_at(tables, context, flags, entering), NO_COAT, NO_SHEEN
+    b, coat, sheen, through = bsdf_at(tables, context, flags, entering), NO_COAT, NO_SHEEN, NO_LIGHT
+    if flags & u32(MATERIAL_TRANSLUCENT):
+        share, through = translucence_at(tables, context)
+        b = with_diffuse(b, scale(f32(1) - share, b.diffuse))
     if flags & u32(MATERIAL_ANISOTROPIC):
         b = anisotropic(tables, context, own, b)
     if coated:
         coat = coat_at(tables, context, own, side, ng, wo)
-        b = covered(b, coat.shown)
+        b, through = covered(b, coat.shown), scale(coat.shown, through)
     if flags & u32(MATERIAL_SHEEN):
         sheen = sheen_at(tables, context, dot(n, wo), coat.shown)
-        b = covered(b, sheen.shown)
-    return SurfacePoint(hit, position, ng, n, b, flags, entering, coat, sheen)
+        b, through = covered(b, sheen.shown), scale(sheen.shown, through)
+    return SurfacePoint(hit, position, ng, n, b, flags, entering, coat, sheen, through)
 
 
 @jit

@@ -43,7 +43,16 @@ from ispm.optics.light import FAR
 from ispm.optics.rng import random4
 from ispm.optics.vector import Vector, add, dot, scale, sub, vec3
 from ispm.scene.packed import Packed
-from ispm.stages.pixels import Pixels, PixelView, is_alike, is_lit, lift, plane_at, shown_at
+from ispm.stages.pixels import (
+    Pixels,
+    PixelView,
+    is_alike,
+    is_lit,
+    lift,
+    plane_at,
+    shown_at,
+    transmitted_shares,
+)
 
 f32, i64, u32 = np.float32, np.int64, np.uint32
 
@@ -239,7 +248,8 @@ def _filter(tables, pixels, view, smoothing, samples, counter, means, unshaded, 
             for x in range(left, right + 1):
                 reach = min(reach, samples.reach[y * columns + x])
         base = pixels.base[i]
-        opaque = (f32(1) - base[3]) * (f32(1) - f32(pixels.points[i, 3] >> u32(24)) * f32(1 / 255))
+        passed, through = transmitted_shares(tables, pixels.points[i, 3])
+        opaque = (f32(1) - base[3]) * (f32(1) - passed) * (f32(1) - through)
         means.reach[i] = reach
         if first and exact and reach == f32(np.inf):  # nothing shades, and all is known
             for c in range(3):
