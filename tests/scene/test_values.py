@@ -80,6 +80,7 @@ def test_materials_at_the_ends_of_their_ranges_are_taken():
         (lambda: Material(normal_texture="a.png"), r"not a str; write Texture\('a.png'\)"),
         (lambda: Material(clearcoat=1.0, transmission=0.5), "a clear coat over glass is not supported"),
         (lambda: Material(anisotropy=1.0, transmission=0.5), "anisotropy of glass is not supported"),
+        (lambda: Material(diffuse_transmission=1.0, transmission=0.5), "diffuse transmission of glass"),
         (lambda: Material(normal_texture=PIXELS), r"not a ndarray; write Texture\(...\)"),
         (lambda: Texture(PIXELS, wrap_u="REPEAT"), "wrap_u must be one of Wrap.REPEAT"),
         (lambda: TextureUse(PIXELS), "takes a Texture, not a ndarray"),
