@@ -52,6 +52,7 @@ def everything() -> ispm.Scene:
         ispm.Material(base_color=(0.8, 0.5, 0.3)),
         ispm.Material(base_color_texture=use, metallic=0.5, roughness=0.4),
         ispm.Material(metallic=1.0, roughness=0.0),
+        ispm.Material(diffuse_transmission=0.5, double_sided=True),
         ispm.Material(transmission=1.0, roughness=0.0, ior=1.5, thickness=0.1),
         ispm.Material(transmission=1.0, roughness=0.4, ior=1.5, thickness=0.1),
         ispm.Material(base_color=(0.8, 0.5, 0.3, 0.5), alpha_mode=AlphaMode.BLEND),
@@ -66,7 +67,7 @@ def everything() -> ispm.Scene:
     scene = ispm.Scene(name="everything")
     scene.add(box((-4, -1, -4), (4, 0, 4)), material=materials[0])
     for place, material in enumerate(materials):
-        scene.add(icosphere(0.6, 2), material=material, translation=(1.4 * place - 2.8, 0.7, 0.0))
+        scene.add(icosphere(0.6, 2), material=material, translation=(1.2 * place - 2.8, 0.7, 0.0))
     scene.add(ispm.PointLight((50.0, 40.0, 30.0)), translation=(0, 3, 2))
     scene.add(ispm.SpotLight((50.0, 40.0, 30.0), outer_angle=0.6), translation=(2, 4, 1))
     scene.add(ispm.DirectionalLight((2.0, 2.0, 1.0)), rotation=(-math.sqrt(0.5), 0, 0, math.sqrt(0.5)))

@@ -1,4 +1,5 @@
-"""A surface of layers as several at one place: the clear coat, the sheen under it, and what is under both.
+"""A surface of layers as several at one place: the clear coat, the sheen under it, what is under both, and
+the other side of a translucent sheet.
 
 Light of all adds. Each is a SurfacePoint, so that what is known of surfaces holds for either alone.
 """
@@ -8,12 +9,13 @@ from __future__ import annotations
 import numpy as np
 
 from ispm.accel.surface import SurfacePoint
-from ispm.optics.bsdf import Bsdf
-from ispm.optics.coat import NO_COAT, coat_bsdf
+from ispm.optics.bsdf import Bsdf, facet_reflectance
+from ispm.optics.coat import NO_COAT, coat_bsdf, with_diffuse
 from ispm.optics.facets import NO_ANISOTROPY, is_anisotropic
 from ispm.optics.jit import jit
+from ispm.optics.microfacet import schlick
 from ispm.optics.sheen import MIN_ROUGHNESS, NO_SHEEN
-from ispm.optics.vector import add, scale
+from ispm.optics.vector import add, dot, luminance, scale, sub
 
 f32 = np.float32
 
@@ -35,13 +37,6 @@ def without_facets(b):
 
 
 @jit
-def with_diffuse(b, diffuse):
-    """Return a Bsdf with another albedo of its Lambert lobe, RGB."""
-    kept = b.dielectric_f0, b.dielectric_f90, b.tint, b.eta, b.thin, b.sheen, b.anisotropy
-    return Bsdf(diffuse, b.f0, b.f90, b.alpha, *kept)
-
-
-@jit
 def end_bsdf(b, goes_on):
     """Return the Bsdf by which photons light the end of a path that may go on by the surface's lobe: without
     it where that is anisotropic."""
@@ -52,7 +47,7 @@ def end_bsdf(b, goes_on):
 def facet_point(x):
     """Return what the facets of an opaque SurfacePoint reflect as a surface of its own."""
     b = without_diffuse(x.bsdf)
-    return SurfacePoint(x.hit, x.position, x.ng, x.n, b, x.flags, x.entering, NO_COAT, NO_SHEEN)
+    return SurfacePoint(x.hit, x.position, x.ng, x.n, b, x.flags, x.entering, NO_COAT, NO_SHEEN, _NONE)
 
 
 @jit
@@ -65,7 +60,7 @@ def is_coated(x):
 def coat_point(x):
     """Return the coat of a SurfacePoint as a surface of its own: facets alone, smooth or rough."""
     return SurfacePoint(
-        x.hit, x.position, x.ng, x.coat.n, coat_bsdf(x.coat), x.flags, x.entering, NO_COAT, NO_SHEEN
+        x.hit, x.position, x.ng, x.coat.n, coat_bsdf(x.coat), x.flags, x.entering, NO_COAT, NO_SHEEN, _NONE
     )
 
 
@@ -81,7 +76,7 @@ def sheen_point(x):
     roughness = max(x.sheen.roughness, MIN_ROUGHNESS)
     fibers = f32(0), f32(1), f32(0), f32(0), _NONE, f32(1), f32(1), roughness, NO_ANISOTROPY
     b = Bsdf(_NONE, x.sheen.color, *fibers)
-    return SurfacePoint(x.hit, x.position, x.ng, x.n, b, x.flags, x.entering, NO_COAT, NO_SHEEN)
+    return SurfacePoint(x.hit, x.position, x.ng, x.n, b, x.flags, x.entering, NO_COAT, NO_SHEEN, _NONE)
 
 
 @jit
@@ -93,26 +88,66 @@ def with_matte_sheen(x):
     b = x.bsdf
     diffuse = add(b.diffuse, scale(x.sheen.albedo, x.sheen.color))
     b = with_diffuse(b, diffuse)
-    return SurfacePoint(x.hit, x.position, x.ng, x.n, b, x.flags, x.entering, x.coat, x.sheen)
+    return SurfacePoint(x.hit, x.position, x.ng, x.n, b, x.flags, x.entering, x.coat, x.sheen, x.translucence)
 
 
 @jit
-def drawn_layer(x, u):
-    """Draw the coat of a SurfacePoint, its sheen or what is under both, by what these reflect.
+def is_translucent(x):
+    """Return whether light from the other side of a SurfacePoint leaves it on this side."""
+    return x.translucence[0] + x.translucence[1] + x.translucence[2] > f32(0)
+
+
+@jit
+def far_side(x, wo):
+    """Return the other side of a translucent SurfacePoint as a surface of its own, a Lambert one, and the
+    direction, unit, from which it shows what x shows of its light along wo: mirrored at the sheet, so that
+    reflection takes as much of light that goes through as of light that comes back."""
+    b = x.bsdf
+    gives_way = b.dielectric_f0, b.dielectric_f90, _NONE, f32(1), f32(1), f32(0), NO_ANISOTROPY
+    lambert = Bsdf(x.translucence, _NONE, f32(0), f32(0), *gives_way)
+    ng, n = scale(f32(-1), x.ng), scale(f32(-1), x.n)
+    y = SurfacePoint(x.hit, x.position, ng, n, lambert, x.flags, x.entering, NO_COAT, NO_SHEEN, _NONE)
+    return y, sub(wo, scale(f32(2) * dot(x.n, wo), x.n))
+
+
+@jit
+def drawn_side(x, wo, u):
+    """Draw one side of a SurfacePoint, whose light it sends along wo, by what it sends of even light.
 
     u   random in [0, 1)
-    ->  the layer, a SurfacePoint; u, uniform again; the chance, float32, with which it was drawn
+    ->  the side, a SurfacePoint; wo as it takes it, see `far_side`; u, uniform again; the chance, float32
+    """
+    if not is_translucent(x):
+        return x, wo, u, f32(1)
+    b = x.bsdf
+    far = luminance(x.translucence) * (f32(1) - b.dielectric_f0)
+    near = luminance(b.diffuse) * (f32(1) - b.dielectric_f0)
+    near += luminance(facet_reflectance(b, schlick(dot(x.n, wo))))
+    share = far / (far + near)
+    if u < share:
+        y, wo = far_side(x, wo)
+        return y, wo, u / share, share
+    return x, wo, min((u - share) / (f32(1) - share), _BELOW_ONE), f32(1) - share
+
+
+@jit
+def drawn_layer(x, wo, u):
+    """Draw the coat of a SurfacePoint, its sheen or a side of what is under both, by what these reflect.
+
+    u   random in [0, 1)
+    ->  as of `drawn_side`
     """
     hidden = f32(1) - x.coat.shown
     if u < hidden:
-        return coat_point(x), u / hidden, hidden
+        return coat_point(x), wo, u / hidden, hidden
     u, chance = min((u - hidden) / x.coat.shown, _BELOW_ONE), x.coat.shown
     if has_sheen(x):
         hidden = f32(1) - x.sheen.shown
         if u < hidden:
-            return sheen_point(x), u / hidden, chance * hidden
+            return sheen_point(x), wo, u / hidden, chance * hidden
         u, chance = min((u - hidden) / x.sheen.shown, _BELOW_ONE), chance * x.sheen.shown
-    return x, u, chance
+    side, wo, u, share = drawn_side(x, wo, u)
+    return side, wo, u, chance * share
 
 
 @jit
@@ -124,4 +159,4 @@ def with_rough_coat(x):
     b, hidden = x.bsdf, f32(1) - x.coat.shown
     diffuse = add(b.diffuse, (hidden, hidden, hidden))
     b = with_diffuse(b, diffuse)
-    return SurfacePoint(x.hit, x.position, x.ng, x.n, b, x.flags, x.entering, x.coat, x.sheen)
+    return SurfacePoint(x.hit, x.position, x.ng, x.n, b, x.flags, x.entering, x.coat, x.sheen, x.translucence)

@@ -38,7 +38,7 @@ def leave_triangle(corner, e1, e2, u, v, n, scale):
     longest = max(dot(e1, e1), max(dot(e2, e2), dot(e3, e3)))
     least = min(u, min(v, f32(1) - u - v))
     if least * least * dot(area, area) < f32(16) * h * h * longest:  # may be nearer than 4 h to an edge
-        u, v = _inwards(e1, e2, e3, u, v, f32(4) * h)
+        u, v = inwards(e1, e2, e3, u, v, inside_margin(scale))
     return (
         corner[0] + (u * e1[0] + v * e2[0]) + h * n[0],
         corner[1] + (u * e1[1] + v * e2[1]) + h * n[1],
@@ -47,7 +47,13 @@ def leave_triangle(corner, e1, e2, u, v, n, scale):
 
 
 @jit
-def _inwards(e1, e2, e3, u, v, margin):
+def inside_margin(scale):
+    """Return how far from the edges of its triangle, m, a ray's start lies, at an `instance_scale`, m."""
+    return f32(4) * _OFFSET * scale
+
+
+@jit
+def inwards(e1, e2, e3, u, v, margin):
     """Return the barycentrics of a point moved towards the center of the triangle's incircle until it is
     `margin`, m, from all edges, or half of the circle's radius.
 

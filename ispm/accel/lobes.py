@@ -29,6 +29,7 @@ from ispm.accel.texturing import (
     SHEEN_ROUGHNESS_MAP,
     SPECULAR_COLOR_MAP,
     SPECULAR_MAP,
+    THROUGH_COLOR_MAP,
     TRANSMISSION_MAP,
     base_color,
     sample_slot,
@@ -65,6 +66,7 @@ _COAT, _COAT_ROUGHNESS = word_of(MATERIAL, "clearcoat"), word_of(MATERIAL, "clea
 _COAT_NORMAL_SCALE = word_of(MATERIAL, "clearcoat_normal_scale")
 _SHEEN_COLOR, _SHEEN_ROUGHNESS = word_of(MATERIAL, "sheen_color"), word_of(MATERIAL, "sheen_roughness")
 _ANISOTROPY, _DIRECTION = word_of(MATERIAL, "anisotropy"), word_of(MATERIAL, "anisotropy_direction")
+_THROUGH_COLOR = word_of(MATERIAL, "diffuse_transmission_color")
 _ALONG_AXIS = f32(1e-6)  # sine^2 of the angle between normal and axis, below which nothing goes around
 _NO_DIRECTION = f32(1 / 255)  # of a texel from the middle value
 _WHITE, _Y = (f32(1), f32(1), f32(1)), (f32(0), f32(1), f32(0))
@@ -187,6 +189,26 @@ def anisotropic(tables, context, n, b):
     widest = alpha + (f32(1) - alpha) * strength * strength
     kept = b.dielectric_f0, b.dielectric_f90, b.tint, b.eta, b.thin, b.sheen
     return Bsdf(b.diffuse, b.f0, b.f90, alpha, *kept, Anisotropy(widest, tangent))
+
+
+@jit
+def translucence_at(tables, context):
+    """Return the share of diffuse light, float32, that a MATERIAL_TRANSLUCENT sends out on its other side
+    at a TextureContext, and the albedo of the lobe there, RGB."""
+    table, material = tables.surfaces, context.material
+    share = ldf(table[MATERIALS], material + _TRANSMISSION)
+    if texture_row(table, material, TRANSMISSION_MAP) >= i64(0):
+        _, _, _, a = sample_slot(tables, context, TRANSMISSION_MAP)
+        share *= a
+    color = vector_at(table[MATERIALS], material + _THROUGH_COLOR)
+    if texture_row(table, material, THROUGH_COLOR_MAP) >= i64(0):
+        r, g, b, _ = sample_slot(tables, context, THROUGH_COLOR_MAP)
+        color = color[0] * r, color[1] * g, color[2] * b
+    metallic = ldf(table[MATERIALS], material + _METALLIC)
+    if texture_row(table, material, ROUGHNESS_MAP) >= i64(0):
+        _, _, b, _ = sample_slot(tables, context, ROUGHNESS_MAP)
+        metallic *= b
+    return share, scale(share * (f32(1) - metallic), color)
 
 
 @jit

@@ -13,7 +13,7 @@ from ispm.accel.mesh import MATERIALS, triangle_at, vector_at, word_of
 from ispm.accel.records import Hit
 from ispm.accel.surface import leave_surface
 from ispm.optics.jit import jit
-from ispm.optics.records import MATERIAL, MATERIAL_THIN, MATERIAL_TRANSMITS, NO_HIT
+from ispm.optics.records import MATERIAL, MATERIAL_THIN, MATERIAL_TRANSLUCENT, MATERIAL_TRANSMITS, NO_HIT
 from ispm.optics.vector import dot, scale, sub
 
 f32, u32 = np.float32, np.uint32
@@ -41,7 +41,7 @@ def spawn_ray(tables, x, inside, d):
     that it is in; inside: that of the flight to x."""
     side = f32(1) if dot(d, x.ng) > f32(0) else f32(-1)
     start = leave_surface(tables, x.hit, scale(side, x.ng))
-    if side > f32(0) or x.flags & u32(MATERIAL_THIN):
+    if side > f32(0) or x.flags & u32(MATERIAL_THIN | MATERIAL_TRANSLUCENT):
         return start, inside
     return start, x.hit if x.entering else no_medium()
 

@@ -11,10 +11,19 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ispm.accel.edges import is_on_edge, is_same_surface
 from ispm.accel.emitters import EMITTER, NO_EMITTERS, Emitters, make_emitters
 from ispm.accel.intersect import HIT_INSTANCE, HIT_PRIMITIVE, closest_after, instance_scale, read_hit
 from ispm.accel.leave import leave_triangle
-from ispm.accel.lobes import NORMAL_SCALE, anisotropic, bsdf_at, coat_at, mapped_normal, sheen_at
+from ispm.accel.lobes import (
+    NORMAL_SCALE,
+    anisotropic,
+    bsdf_at,
+    coat_at,
+    mapped_normal,
+    sheen_at,
+    translucence_at,
+)
 from ispm.accel.mesh import (
     FOOTPRINT,
     INSTANCES,
@@ -47,7 +56,7 @@ from ispm.accel.texturing import (
 from ispm.accel.world import World
 from ispm.kernels.simd import address, ldf, ldu, stu
 from ispm.optics.bsdf import Bsdf
-from ispm.optics.coat import NO_COAT, Coat, covered
+from ispm.optics.coat import NO_COAT, Coat, covered, with_diffuse
 from ispm.optics.environment import EnvironmentTable
 from ispm.optics.jit import jit
 from ispm.optics.records import (
@@ -61,6 +70,7 @@ from ispm.optics.records import (
     MATERIAL_SHEEN,
     MATERIAL_SPECULAR_MAPPED,
     MATERIAL_THIN,
+    MATERIAL_TRANSLUCENT,
     MATERIAL_UNLIT,
     NO_HIT,
 )
@@ -77,6 +87,7 @@ _EMISSION = word_of(MATERIAL, "emission")
 
 # may have textures of their own
 _MAPPED = MATERIAL_COATED | MATERIAL_SHEEN | MATERIAL_SPECULAR_MAPPED | MATERIAL_ANISOTROPIC
+_MAPPED |= MATERIAL_TRANSLUCENT
 _GLOW_SIDE = 8  # points along a side of a triangle, for the mean of its texture
 _GLOW_FLOOR = 0.02  # of a texture's greatest radiance, that triangles are drawn by at least
 LAYERS_MAX = 64  # surfaces with holes, or blended ones, that one ray passes
@@ -188,6 +199,9 @@ def _average_glow(tables, emitters):
             row.radiance[c] = max(mean, f32(_GLOW_FLOOR) * row.radiance[c])
 
 
+NO_LIGHT = f32(0), f32(0), f32(0)
+
+
 class SurfacePoint(NamedTuple):
     """A surface where a ray meets it; world space.
 
@@ -197,6 +211,8 @@ class SurfacePoint(NamedTuple):
     entering  whether the ray met the front, the outside of a solid
     bsdf      of what is under the coat and sheen, if there are any, as much as they show of that
     coat, sheen   whose light adds to it, see `accel.layers`
+    translucence  albedo, RGB, of the Lambert lobe by which light from the other side leaves on this, as much
+                  as coat and sheen show of it
     """
 
     hit: Hit
@@ -208,6 +224,7 @@ class SurfacePoint(NamedTuple):
     entering: bool
     coat: Coat
     sheen: Sheen
+    translucence: Vector
 
 
 @jit
@@ -235,16 +252,19 @@ def surface(tables, hit, d):
     if texture_row(table, material, NORMAL_MAP) >= i64(0):
         n = mapped_normal(tables, context, own, NORMAL_MAP, NORMAL_SCALE)
     n = bend(bend(scale(side, n), ng), wo)
-    b, coat, sheen = bsdf_at(tables, context, flags, entering), NO_COAT, NO_SHEEN
+    b, coat, sheen, through = bsdf_at(tables, context, flags, entering), NO_COAT, NO_SHEEN, NO_LIGHT
+    if flags & u32(MATERIAL_TRANSLUCENT):
+        share, through = translucence_at(tables, context)
+        b = with_diffuse(b, scale(f32(1) - share, b.diffuse))
     if flags & u32(MATERIAL_ANISOTROPIC):
         b = anisotropic(tables, context, own, b)
     if coated:
         coat = coat_at(tables, context, own, side, ng, wo)
-        b = covered(b, coat.shown)
+        b, through = covered(b, coat.shown), scale(coat.shown, through)
     if flags & u32(MATERIAL_SHEEN):
         sheen = sheen_at(tables, context, dot(n, wo), coat.shown)
-        b = covered(b, sheen.shown)
-    return SurfacePoint(hit, position, ng, n, b, flags, entering, coat, sheen)
+        b, through = covered(b, sheen.shown), scale(sheen.shown, through)
+    return SurfacePoint(hit, position, ng, n, b, flags, entering, coat, sheen, through)
 
 
 @jit
@@ -329,19 +349,19 @@ def closest_behind(tables, origin, d, veil, scratch):
 @jit
 def _closest(tables, origin, d, u, veil, scratch):
     """`closest_surface` of all triangles but that of the Hit `veil`, instance NO_HIT: of all."""
-    t, edge = f32(0), False
+    t, last = f32(0), Hit(u32(NO_HIT), u32(0), f32(0), f32(0))
     ray, words = Ray(origin, d, f32(np.inf)), scratch.found
     stu(words, HIT_INSTANCE, u32(NO_HIT))
     stu(words, HIT_PRIMITIVE, u32(NO_HIT))
     for _ in range(LAYERS_MAX):
-        before = t
-        t = closest_after(tables.trees, ray, before, scratch)
+        t = closest_after(tables.trees, ray, t, scratch)
         hit = read_hit(words)
         if t == f32(np.inf):
             return False, hit
-        edge = (edge and t == before) or is_on_edge(hit)
-        if edge and t == before:  # two triangles of one surface, met at the edge they share
+        joins = hit.instance == last.instance and is_on_edge(hit)
+        if joins and is_same_surface(tables, d, last, hit):
             continue
+        last = hit
         if hit.instance == veil.instance and hit.primitive == veil.primitive:
             continue
         share = opacity(tables, hit)
@@ -349,12 +369,6 @@ def _closest(tables, origin, d, u, veil, scratch):
             return True, hit
         u = (u - share) / (f32(1) - share)  # uniform again, whatever lies behind
     return False, Hit(u32(0), u32(0), f32(0), f32(0))
-
-
-@jit
-def is_on_edge(hit):
-    """Return whether a Hit lies on an edge of its triangle, a bool."""
-    return min(hit.u, min(hit.v, f32(1) - hit.u - hit.v)) <= f32(0)
 
 
 @jit

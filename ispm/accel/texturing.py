@@ -43,6 +43,7 @@ SHEEN_COLOR_MAP = word_of(MATERIAL, "sheen_color_texture")
 SHEEN_ROUGHNESS_MAP = word_of(MATERIAL, "sheen_roughness_texture")
 ANISOTROPY_MAP = word_of(MATERIAL, "anisotropy_texture")
 SPECULAR_MAP = word_of(MATERIAL, "specular_texture")
+THROUGH_COLOR_MAP = word_of(MATERIAL, "diffuse_transmission_color_texture")
 SPECULAR_COLOR_MAP = word_of(MATERIAL, "specular_color_texture")
 _TEXTURE, _UV_SET, _ROW1 = (word_of(TEXTURE_USE, n) for n in ("texture", "uv_set", "row1"))
 
@@ -68,7 +69,7 @@ def texture_row(table, material, use):
 @jit
 def has_texture(table, material):
     """Return whether the MATERIAL has any texture but one for emission, or for a coat, sheen, specular
-    reflection or anisotropy, of which its flags tell."""
+    reflection, anisotropy or the color of diffuse transmission, of which its flags tell."""
     base, rough = texture_row(table, material, BASE_MAP), texture_row(table, material, ROUGHNESS_MAP)
     normal, clear = texture_row(table, material, NORMAL_MAP), texture_row(table, material, TRANSMISSION_MAP)
     return max(max(base, rough), max(normal, clear)) >= i64(0)

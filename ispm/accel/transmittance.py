@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from ispm.accel.edges import is_on_edge, is_same_surface
 from ispm.accel.intersect import HIT_INSTANCE, HIT_PRIMITIVE, any_hit, closest_after, read_hit
-from ispm.accel.records import Ray
-from ispm.accel.surface import LAYERS_MAX, is_on_edge, material_flags, opacity, surface
+from ispm.accel.records import Hit, Ray
+from ispm.accel.surface import LAYERS_MAX, material_flags, opacity, surface
 from ispm.kernels.simd import stu
 from ispm.optics.bsdf import smooth_split, transmits
 from ispm.optics.jit import jit
@@ -37,18 +38,19 @@ def shadow_transmittance(tables, start, d, distance, scratch):
 @jit
 def _through_layers(tables, ray, scratch):
     """The product of what all surfaces on a Ray let through, RGB."""
-    share, t, edge = (f32(1), f32(1), f32(1)), f32(0), False
+    share, t = (f32(1), f32(1), f32(1)), f32(0)
+    last = Hit(u32(NO_HIT), u32(0), f32(0), f32(0))
     stu(scratch.found, HIT_INSTANCE, u32(NO_HIT))
     stu(scratch.found, HIT_PRIMITIVE, u32(NO_HIT))
     for _ in range(LAYERS_MAX):
-        before = t
-        t = closest_after(tables.trees, ray, before, scratch)
+        t = closest_after(tables.trees, ray, t, scratch)
         if t >= ray.t_max:
             return share
         hit = read_hit(scratch.found)
-        edge = (edge and t == before) or is_on_edge(hit)
-        if edge and t == before:  # two triangles of one surface, met at the edge they share
+        joins = hit.instance == last.instance and is_on_edge(hit)
+        if joins and is_same_surface(tables, ray.direction, last, hit):
             continue
+        last = hit
         passed = _passed(tables, hit, ray.direction)
         share = share[0] * passed[0], share[1] * passed[1], share[2] * passed[2]
         if max(share[0], max(share[1], share[2])) <= f32(0):

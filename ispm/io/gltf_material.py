@@ -57,6 +57,7 @@ class Materials:
             **self._coat(record.extensions, where),
             **self._sheen(record.extensions, where),
             **self._anisotropy(record.extensions, where),
+            **self._translucence(record.extensions, where),
             **self._opacity(record, where),
             normal_scale=self._normal_scale(record.normal_texture, f"{where}: normal scale"),
             normal_texture=self._textures.use(record.normal_texture, srgb=False, where=where),
@@ -112,6 +113,12 @@ class Materials:
             self._file.notes.add(f"{where}: an attenuationDistance of {distance:g} counts as infinite")
             distance = math.inf
         thickness = self._within([volume.thickness_factor], 0.0, 1e9, f"{where}: thicknessFactor")[0]
+        sheet = extensions.diffuse_transmission.diffuse_transmission_factor > 0.0
+        if thickness > 0.0 and sheet and share == 0.0:
+            self._file.notes.add(
+                f"{where}: a volume within diffuse transmission is not supported; it is shown as a thin sheet"
+            )
+            thickness = 0.0
         return dict(
             transmission=share,
             transmission_texture=self._textures.use(glass.transmission_texture, srgb=False, where=where),
@@ -168,6 +175,25 @@ class Materials:
             anisotropy=strength,
             anisotropy_rotation=rotation,
             anisotropy_texture=self._textures.use(facets.anisotropy_texture, srgb=False, where=where),
+        )
+
+    def _translucence(self, extensions: schema.MaterialExtensions, where: str) -> dict[str, Any]:
+        """The light that leaves a thin sheet on its other side; what transmits has none here."""
+        sheet = extensions.diffuse_transmission
+        share = sheet.diffuse_transmission_factor
+        share = self._within([share], 0.0, 1.0, f"{where}: diffuseTransmissionFactor")[0]
+        if share > 0.0 and extensions.transmission.transmission_factor > 0.0:
+            self._file.notes.add(f"{where}: diffuse transmission of glass is not supported; it is left out")
+            share = 0.0
+        color = sheet.diffuse_transmission_color_factor
+        use = partial(self._textures.use, srgb=True, where=where)
+        return dict(
+            diffuse_transmission=share,
+            diffuse_transmission_color=self._within(
+                color, 0.0, 1.0, f"{where}: diffuseTransmissionColorFactor"
+            ),
+            diffuse_transmission_texture=use(sheet.diffuse_transmission_texture),  # alpha
+            diffuse_transmission_color_texture=use(sheet.diffuse_transmission_color_texture),
         )
 
     def _opacity(self, record: schema.Material, where: str) -> dict[str, Any]:

@@ -145,6 +145,15 @@ class Anisotropy(Record, frozen=True):
     anisotropy_texture: TextureSlot | None = None
 
 
+class DiffuseTransmission(Record, frozen=True):
+    """KHR_materials_diffuse_transmission."""
+
+    diffuse_transmission_factor: float = 0.0
+    diffuse_transmission_color_factor: Vec3 = (1.0, 1.0, 1.0)
+    diffuse_transmission_texture: TextureSlot | None = None
+    diffuse_transmission_color_texture: TextureSlot | None = None
+
+
 class MaterialExtensions(Record, frozen=True):
     """Extensions of a material."""
 
@@ -158,6 +167,9 @@ class MaterialExtensions(Record, frozen=True):
     clearcoat: Clearcoat = field(name="KHR_materials_clearcoat", default=Clearcoat())
     sheen: Sheen = field(name="KHR_materials_sheen", default=Sheen())
     anisotropy: Anisotropy = field(name="KHR_materials_anisotropy", default=Anisotropy())
+    diffuse_transmission: DiffuseTransmission = field(
+        name="KHR_materials_diffuse_transmission", default=DiffuseTransmission()
+    )
     unlit: dict[str, Any] | None = field(name="KHR_materials_unlit", default=None)
 
 

@@ -102,6 +102,7 @@ class MaterialWriter:
         parts = {
             "anisotropy": self._anisotropy(m),
             "clearcoat": self._coat(m),
+            "diffuse_transmission": self._translucence(m),
             "emissive_strength": given({"emissiveStrength": strength}, {"emissiveStrength": 1.0}),
             "ior": given({"ior": float(m.ior)}, {"ior": 1.5}),
             "sheen": self._sheen(m),
@@ -139,6 +140,19 @@ class MaterialWriter:
                 "anisotropyTexture": self._slot(m.anisotropy_texture, srgb=False),
             },
             {"anisotropyStrength": 0.0, "anisotropyRotation": 0.0},
+        )
+
+    def _translucence(self, m: Material) -> dict[str, Any]:
+        return given(
+            {
+                "diffuseTransmissionFactor": float(m.diffuse_transmission),
+                "diffuseTransmissionColorFactor": numbers(m.diffuse_transmission_color),
+                "diffuseTransmissionTexture": self._slot(m.diffuse_transmission_texture, srgb=None),
+                "diffuseTransmissionColorTexture": self._slot(
+                    m.diffuse_transmission_color_texture, srgb=True
+                ),
+            },
+            {"diffuseTransmissionFactor": 0.0, "diffuseTransmissionColorFactor": [1.0] * 3},
         )
 
     def _specular(self, m: Material) -> dict[str, Any]:

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ispm.accel.layers import with_matte_sheen, without_diffuse
+from ispm.accel.layers import far_side, is_translucent, with_matte_sheen, without_diffuse
 from ispm.accel.records import Hit
 from ispm.accel.surface import SurfacePoint, hit_position, leave_surface, surface
 from ispm.accel.transmittance import shadow_transmittance
@@ -242,7 +242,7 @@ def left_to_draws(x, goes_on):
         return x
     kept = b.dielectric_f0, b.dielectric_f90, _NONE, b.eta, b.thin, b.sheen, b.anisotropy
     b = Bsdf(b.diffuse, _NONE, f32(0), f32(0), *kept)
-    return SurfacePoint(x.hit, x.position, x.ng, x.n, b, x.flags, x.entering, x.coat, x.sheen)
+    return SurfacePoint(x.hit, x.position, x.ng, x.n, b, x.flags, x.entering, x.coat, x.sheen, x.translucence)
 
 
 @jit
@@ -300,8 +300,11 @@ def is_bright_first_bounce(tables, photon, x, wo, limit):
     """Return whether the first bounce of an EMITTED photon, at a SurfacePoint, is bright, seen along wo;
     limit: lx, see `is_bright`."""
     irradiance, wi = first_irradiance(tables, photon, x.position)
-    x = with_matte_sheen(x)  # as at the ends of gather rays
-    return is_bright(x.bsdf, x.ng, wo, irradiance, wi, limit * x.coat.shown)
+    b = with_matte_sheen(x).bsdf  # as at the ends of gather rays
+    if is_translucent(x) and dot(x.ng, wo) < f32(0):  # for those, this is the far side
+        far, wo = far_side(x, wo)
+        b = far.bsdf
+    return is_bright(b, x.ng, wo, irradiance, wi, limit * x.coat.shown)
 
 
 @jit

@@ -70,6 +70,13 @@ def coat_bsdf(coat):
 
 
 @jit
+def with_diffuse(b, diffuse):
+    """Return a Bsdf with another albedo of its Lambert lobe, RGB."""
+    kept = b.dielectric_f0, b.dielectric_f90, b.tint, b.eta, b.thin, b.sheen, b.anisotropy
+    return Bsdf(diffuse, b.f0, b.f90, b.alpha, *kept)
+
+
+@jit
 def covered(b, shown):
     """Return the Bsdf of an opaque surface of which a coat shows this share, float32."""
     kept = b.dielectric_f0, b.dielectric_f90, b.tint, b.eta, b.thin, b.sheen, b.anisotropy

@@ -55,7 +55,8 @@ struct Material {
     alpha_cutoff: f32,
     normal_scale: f32,
     flags: u32,                    // MATERIAL_*
-    transmission: f32,             // share of the light below the reflection that goes through, tinted
+    transmission: f32,             // share of the light below the reflection that goes through: tinted, straight or
+                                   // refracted, or of a MATERIAL_TRANSLUCENT diffusely
     ior: f32,                      // index of refraction
     clearcoat: f32,                // share of the surface that a clear coat covers
     attenuation: vec3f,            // 1/m per channel, of light inside: exp(-attenuation distance)
@@ -64,7 +65,7 @@ struct Material {
     metallic_roughness_texture: TextureUse,
     normal_texture: TextureUse,
     emission_texture: TextureUse,
-    transmission_texture: TextureUse,
+    transmission_texture: TextureUse,      // R; of a MATERIAL_TRANSLUCENT A
     clearcoat_texture: TextureUse,
     clearcoat_roughness_texture: TextureUse,
     clearcoat_normal_texture: TextureUse,
@@ -73,11 +74,14 @@ struct Material {
     sheen_color_texture: TextureUse,
     sheen_roughness_texture: TextureUse,
     anisotropy_texture: TextureUse,
+    diffuse_transmission_color_texture: TextureUse,
     sheen_color: vec3f,            // of KHR_materials_sheen; black: none
     sheen_roughness: f32,
     clearcoat_normal_scale: f32,
     anisotropy: f32,               // strength of KHR_materials_anisotropy; 0: none
     anisotropy_direction: vec2f,   // in the plane of tangent and bitangent, unit; a texture's is turned by it
+    diffuse_transmission_color: vec3f,     // of KHR_materials_diffuse_transmission
+    spare: f32,
 }
 const MATERIAL_MASK = 1u;          // opacity below alpha_cutoff is a hole
 const MATERIAL_BLEND = 2u;         // opacity is a probability
@@ -90,6 +94,7 @@ const MATERIAL_COATED = 128u;      // under a clear coat
 const MATERIAL_SPECULAR_MAPPED = 256u;   // textures multiply `specular` or `specular_color`
 const MATERIAL_SHEEN = 512u;       // under sheen
 const MATERIAL_ANISOTROPIC = 1024u;  // facets are wider in one direction: their lobe is left to eye paths
+const MATERIAL_TRANSLUCENT = 2048u;  // a thin sheet that lets light through diffusely
 
 struct Light {
     position: vec3f,

@@ -11,8 +11,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from ispm.accel.edges import clear_of_edges
 from ispm.accel.intersect import STACK_WORDS
-from ispm.accel.layers import coat_point, end_bsdf, has_sheen, is_coated, sheen_point, with_matte_sheen
+from ispm.accel.layers import coat_point, end_bsdf, has_sheen, is_coated, is_translucent, with_matte_sheen
 from ispm.accel.medium import attenuated, medium, no_medium, passed_sheet
 from ispm.accel.records import Hit, Scratch
 from ispm.accel.surface import (
@@ -21,6 +22,7 @@ from ispm.accel.surface import (
     closest_behind,
     closest_surface,
     glow,
+    hit_position,
     leave_surface,
     opacity_seen,
     scene_tables,
@@ -33,7 +35,6 @@ from ispm.lights.few import light_of_few
 from ispm.lights.nee import (
     BY_FACETS,
     BY_NOTHING,
-    direct_light,
     greatest,
     lamp_weight,
     punctual_light,
@@ -74,6 +75,7 @@ from ispm.paths.facet import (
     samples_most,
     widened,
 )
+from ispm.paths.far import layers_light, sides_most, store_far
 from ispm.paths.vertices import (
     BLACK,
     FIRST_VERTEX,
@@ -123,7 +125,7 @@ def trace_eye(
     numbers = u32(pass_index), u32(seed), u32(rays.columns), i64(rays.most), f32(rays.widening)
     told = rays.shows_environment, rays.of_coats, rays.behind
     view = View(f32(width), f32(spread), f32(near), f32(past), *numbers, *told)
-    capacity = _CHUNK * _PATHS_MAX * _ENDS_MAX * samples_most(packed)
+    capacity = _CHUNK * _PATHS_MAX * _ENDS_MAX * samples_most(packed) * sides_most(packed)
     words, cut = PATH_END_AND_POINT.itemsize // 4, PATH_END.itemsize // 4
     ends, points, traced = [np.zeros((0, cut), np.uint32)], [np.zeros((0, words - cut), np.uint32)], 0
     for first in range(0, count, _BATCH):
@@ -232,8 +234,9 @@ def _follow_behind(tables, view, thread, x, d, key, length, i, slot, out, done):
     store_clear(out.firsts[i], x, clear)
     if clear < _MIN_WEIGHT:
         return done
-    before = length * view.near
-    place = sub(x.position, scale(before, d)), d, (clear, clear, clear), f32(0), d, d, no_medium(), f32(1)
+    before, within = length * view.near, clear_of_edges(tables, x.hit, d)
+    start, weight = sub(hit_position(tables.surfaces, within), scale(before, d)), (clear, clear, clear)
+    place = start, d, weight, f32(0), d, d, no_medium(), f32(1)
     path = Path(key, u32(0), i64(TRANSMITTED), *place, length - before, True)
     done, _ = _follow_often(tables, view, thread, path, x.hit, i, slot, out, done)
     return done
@@ -330,6 +333,8 @@ def _follow(tables, view, thread, path, veil, i, slot, out, done):
         mean = greatest(times(weight, mean_reflectance(x, wo)))
         goes_on = is_narrow(b) and not (unlit or behind) and event < EVENTS_MAX and ends < _ENDS_MAX
         goes_on = goes_on and mean >= (_MIN_WEIGHT_AFTER_END if ends > 0 else _MIN_WEIGHT)
+        count = 1 if from_lobe or rough else _LAMP_SAMPLES
+        count = _SAMPLES_BEHIND if view.behind and sees_background else count
         if not unlit and (has_finite(b) or not is_smooth(b)):
             lit, goes_on_by = widened(x, widest), BY_FACETS if goes_on else BY_NOTHING
             if from_lobe:
@@ -337,15 +342,12 @@ def _follow(tables, view, thread, path, veil, i, slot, out, done):
                 light, shadows = light_of_few(tables, lit, wo, pick, thread.scratch, thread.values)
             else:
                 light, shadows = punctual_light(tables, lit, wo, thread.scratch, f32(np.inf))
-            count = 1 if from_lobe or rough else _LAMP_SAMPLES
-            count = _SAMPLES_BEHIND if view.behind and sees_background else count
             told = goes_on_by, count, view.pass_index
             more, others = area_light_by_ratio(tables, x, wo, u0, thread.scratch, *told)
             add_light(out.direct, i, add(light, more), seen)
-            shadows += others
-            traced += shadows
-        if has_sheen(x):
-            light, shadows = direct_light(tables, sheen_point(x), wo, u0, thread.scratch, f32(np.inf))
+            traced += shadows + others
+        if has_sheen(x) or is_translucent(x):
+            light, shadows = layers_light(tables, x, wo, u0, thread.scratch, count, view.pass_index)
             add_light(out.direct, i, light, seen)
             traced += shadows
         by_coat = is_coated(x) and not unlit and event < EVENTS_MAX and ends < _ENDS_MAX
@@ -353,6 +355,7 @@ def _follow(tables, view, thread, path, veil, i, slot, out, done):
             light, more, shadows = facet_light(tables, coat_point(x), wo, u0, thread.scratch, widest, 1)
             add_light(out.direct, i, add(light, more), seen)
             traced += shadows
+        row = store_far(out.ends, row, slot, lane, seen, x, wo, width)
         if unlit or has_diffuse or (has_finite(b) and not goes_on):
             end = BLACK if unlit else end_bsdf(end, goes_on)
             store_end(out.ends[row].end, slot, lane, seen, end, hit.instance)

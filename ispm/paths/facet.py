@@ -21,7 +21,7 @@ from ispm.optics.bsdf import (
 from ispm.optics.facets import Anisotropy, is_anisotropic, unshadowed, visible_facet, visible_pdf
 from ispm.optics.jit import jit
 from ispm.optics.microfacet import schlick
-from ispm.optics.records import MATERIAL_ANISOTROPIC
+from ispm.optics.records import MATERIAL_ANISOTROPIC, MATERIAL_TRANSMITS
 from ispm.optics.rng import random4
 from ispm.optics.sampling import LATTICE
 from ispm.optics.vector import add, dot, luminance, normalize, scale, sub
@@ -89,7 +89,7 @@ def widened(x, alpha):
         anisotropy = Anisotropy(max(anisotropy.alpha, wide), anisotropy.tangent)
     kept = b.dielectric_f0, b.dielectric_f90, b.tint, b.eta, b.thin, b.sheen, anisotropy
     b = Bsdf(b.diffuse, b.f0, b.f90, wide, *kept)
-    return SurfacePoint(x.hit, x.position, x.ng, x.n, b, x.flags, x.entering, x.coat, x.sheen)
+    return SurfacePoint(x.hit, x.position, x.ng, x.n, b, x.flags, x.entering, x.coat, x.sheen, x.translucence)
 
 
 @jit
@@ -124,7 +124,9 @@ def samples_most(packed: Packed) -> int:
     materials = packed.materials
     textured = materials["metallic_roughness_texture"]["texture"] >= 0
     rough = (materials["roughness"] > 0.0) & (
-        (materials["transmission"] > 0.0) | (materials["roughness"] ** 2 < NARROW_ALPHA) | textured
+        (materials["flags"] & MATERIAL_TRANSMITS != 0)
+        | (materials["roughness"] ** 2 < NARROW_ALPHA)
+        | textured
     )
     rough |= materials["flags"] & MATERIAL_ANISOTROPIC != 0
     return ROUGH_SAMPLES if rough.any() else 1

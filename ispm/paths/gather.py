@@ -11,6 +11,7 @@ each path from a light to x counts in one of them alone:
 
 Lobes too narrow for photons count as wider at rays' ends: what they bring has one bounce more to go; rough
 clear coats and sheen count as matte there.
+Where a ray ends on a translucent sheet, it brings the light of one side, drawn by what that sends here.
 So rays end without light at mirrors and glass, but pass thin clear sheets, as shadow rays do. Emission where
 they end is left out, and so is the environment: it is direct light of the receiver.
 """
@@ -22,7 +23,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ispm.accel.intersect import STACK_WORDS
-from ispm.accel.layers import with_matte_sheen, with_rough_coat
+from ispm.accel.layers import drawn_side, is_translucent, with_matte_sheen, with_rough_coat
 from ispm.accel.records import Scratch
 from ispm.accel.surface import SurfaceTable, closest_surface, leave_surface, scene_tables, surface
 from ispm.accel.world import World
@@ -183,7 +184,7 @@ def _look(tables, ray, course, scratch, out):
         x = with_matte_sheen(surface(tables, hit, d))
         b = x.bsdf
         out.nearness[row] = share / max(dot(sub(x.position, ray.start), d), f32(1e-30))
-        if is_gathered(b):
+        if is_gathered(b) or is_translucent(x):
             break
         if b.thin == f32(0) or not is_smooth(b) or not transmits(b):
             return
@@ -191,10 +192,13 @@ def _look(tables, ray, course, scratch, out):
         weight = times(weight, transmittance)
         start = leave_surface(tables, hit, scale(f32(-1), x.ng))
         u, u_light, _, _ = random4(ray.key, ray.dimension + u32(1 + sheet), course.pass_index, course.seed)
-    if x.flags & u32(MATERIAL_UNLIT) != u32(0) or not is_gathered(b):
+    if x.flags & u32(MATERIAL_UNLIT) != u32(0) or not (is_gathered(b) or is_translucent(x)):
         return
-    pick, _, _, _ = random4(ray.key, ray.dimension + u32(_SHEETS_MAX + 1), course.pass_index, course.seed)
+    pick, u, _, _ = random4(ray.key, ray.dimension + u32(_SHEETS_MAX + 1), course.pass_index, course.seed)
     x = with_rough_coat(x)
+    if is_translucent(x):
+        x, wo, _, chance = drawn_side(x, wo, u)
+        weight = scale(f32(1) / chance, weight)
     b = x.bsdf
     light = times(weight, light_from_one(tables, x, wo, u_light, pick, scratch, course.limit))
     for c in range(3):

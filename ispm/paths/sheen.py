@@ -20,6 +20,7 @@ from ispm.optics.rng import random4
 from ispm.optics.vector import scale, vec3
 from ispm.paths.ends import denoise_rough_transmission
 from ispm.paths.eye_paths import EyeRays, RayArrays, ray_arrays
+from ispm.paths.far import FarSide
 from ispm.paths.vertices import FIRST_VERTEX
 from ispm.scene.packed import Packed
 
@@ -75,10 +76,10 @@ def sheen_light(
 
 
 def filtered_light(
-    sheen: PixelSheen, pixels: np.ndarray, columns: int, smoothing: float, threads: int
+    sheen: PixelSheen | FarSide, pixels: np.ndarray, columns: int, smoothing: float, threads: int
 ) -> np.ndarray:
-    """Return the direct light of sheen, (n, 3) cd/m2: that of lamps and of the environment averaged over
-    neighbors.
+    """Return the direct light of sheen, or of far sides, (n, 3) cd/m2: that of lamps and of the environment
+    averaged over neighbors.
 
     pixels     (n,) numbers y columns + x, sorted
     smoothing  factor on how far they reach

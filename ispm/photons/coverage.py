@@ -28,7 +28,7 @@ from ispm.kernels.share import run_shared, shared_rows
 from ispm.kernels.simd import alloca
 from ispm.optics.density import SAME_SURFACE
 from ispm.optics.jit import jit
-from ispm.optics.records import MATERIAL_DOUBLE_SIDED
+from ispm.optics.records import MATERIAL_DOUBLE_SIDED, MATERIAL_TRANSLUCENT
 from ispm.optics.rng import random4
 from ispm.optics.sampling import orthonormal_basis
 from ispm.optics.vector import Vector, add, cross, dot, scale, sub, vec3
@@ -223,7 +223,7 @@ def _lit_share(scene, kernel, middle, thickness, scratch):
 def _is_inside(scene, kernel, point, front, scratch):
     """Whether a point lies within a solid: between it and the kernel's photon stands the back of a surface.
 
-    Those of double-sided materials may be sheets, and are none.
+    Those of double-sided or translucent materials may be sheets, and are none.
     point, front  (3,) float32, its position and its surface's normal
     """
     center = kernel.position
@@ -237,4 +237,5 @@ def _is_inside(scene, kernel, point, front, scratch):
         return False
     hit = read_hit(scratch.found)
     _, front = hit_plane(scene.surfaces, hit)
-    return dot(front, d) > f32(0) and not material_flags(scene.surfaces, hit) & u32(MATERIAL_DOUBLE_SIDED)
+    may_be_sheet = material_flags(scene.surfaces, hit) & u32(MATERIAL_DOUBLE_SIDED | MATERIAL_TRANSLUCENT)
+    return dot(front, d) > f32(0) and not may_be_sheet

@@ -72,8 +72,8 @@ def scatter(x, d, flux, u0, u1, u2):
     wo = scale(f32(-1), d)
     if x.flags & u32(MATERIAL_UNLIT):
         return False, wo, flux, False
-    layer, u2, chance = drawn_layer(x, u2)
-    n, ng = layer.n, x.ng
+    layer, wo, u2, chance = drawn_layer(x, wo, u2)
+    n, ng = layer.n, layer.ng
     alive, wi, weight, specular = sample_bsdf(layer.bsdf, n, ng, wo, u0, u1, u2, False)
     if not alive:
         return False, wo, flux, False

@@ -10,7 +10,7 @@ import numpy as np
 from numba import literal_unroll
 
 from ispm.accel.intersect import STACK_WORDS
-from ispm.accel.layers import has_sheen
+from ispm.accel.layers import has_sheen, is_translucent
 from ispm.accel.medium import attenuated, medium, no_medium, passed_sheet, spawn_ray
 from ispm.accel.records import Hit, Scratch
 from ispm.accel.surface import SurfaceTable, Tables, closest_surface, scene_tables, surface
@@ -285,7 +285,7 @@ def _walk_one(tables, photon, split, course, scratch, found, room, steps):
         length = f32(math.sqrt(dot(segment, segment)))
         if scatters == i64(0):
             beam = beam_at(beam, length, d, x.ng)
-        if not direct and (has_finite(x.bsdf) or has_sheen(x)):
+        if not direct and (has_finite(x.bsdf) or has_sheen(x) or is_translucent(x)):
             if row < room.end:
                 _store(hits.photons[row], x, flux, d, abs(dot(segment, plane)), length, scatters)
                 hits.focused[row], hits.not_gathered[row] = focused, focused or hidden
@@ -314,7 +314,7 @@ def _walk_one(tables, photon, split, course, scratch, found, room, steps):
         if steps is not None:
             write_event(steps, x, wi, specular)
         if not specular:
-            hidden = not (is_gathered(x.bsdf) or has_sheen(x))
+            hidden = not (is_gathered(x.bsdf) or has_sheen(x) or is_translucent(x))
             if scatters == i64(0):
                 hidden = hidden or not direct or is_bright_first_bounce(tables, photon, x, wi, course.limit)
         elif scatters == i64(0):

@@ -11,8 +11,10 @@ from ispm.accel.intersect import STACK_WORDS
 from ispm.accel.layers import (
     coat_point,
     drawn_layer,
+    far_side,
     has_sheen,
     is_coated,
+    is_translucent,
     sheen_point,
     with_matte_sheen,
     without_diffuse,
@@ -199,8 +201,14 @@ def _path(tables, view, i, scratch, light, ends, row):
             if has_finite(b) or has_sheen(x):
                 _write(ends[row], i, with_matte_sheen(x), wo, scale(focus, weight))
                 row += 1
-        x, u3, chance = drawn_layer(x, u3)
-        alive, wi, factor = _draw(x.bsdf, x.n, ng, wo, u1, u2, u3)
+            if is_translucent(x):
+                far, through = far_side(x, wo)
+                lit, _ = direct_light(tables, far, through, u4, scratch, f32(np.inf))
+                _add(light, i, lit, weight, focus)
+                _write(ends[row], i, far, through, scale(focus, weight))
+                row += 1
+        x, wo, u3, chance = drawn_layer(x, wo, u3)
+        alive, wi, factor = _draw(x.bsdf, x.n, x.ng, wo, u1, u2, u3)
         if not alive:
             return row
         weight = times(weight, scale(f32(1) / chance, factor))

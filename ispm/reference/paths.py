@@ -12,7 +12,15 @@ from typing import NamedTuple
 import numpy as np
 
 from ispm.accel.intersect import STACK_WORDS
-from ispm.accel.layers import coat_point, drawn_layer, has_sheen, is_coated, sheen_point
+from ispm.accel.layers import (
+    coat_point,
+    drawn_layer,
+    far_side,
+    has_sheen,
+    is_coated,
+    is_translucent,
+    sheen_point,
+)
 from ispm.accel.medium import attenuated, medium, no_medium, passed_sheet, spawn_ray
 from ispm.accel.records import Scratch
 from ispm.accel.surface import Tables, closest_surface, glow, surface
@@ -124,7 +132,11 @@ def _path(tables, task, start, d, key, sample, scratch):
             if has_sheen(x):
                 lit, _ = direct_light(tables, sheen_point(x), wo, u4, scratch, f32(np.inf), BY_BSDF)
                 total = add(total, times(weight, lit))
-        x, u3, chance = drawn_layer(x, u3)
+            if is_translucent(x):
+                far, through = far_side(x, wo)
+                lit, _ = direct_light(tables, far, through, u4, scratch, f32(np.inf), BY_BSDF)
+                total = add(total, times(weight, lit))
+        x, wo, u3, chance = drawn_layer(x, wo, u3)
         alive, wi, factor, specular = sample_bsdf(x.bsdf, x.n, x.ng, wo, u1, u2, u3, True)
         passed = specular and passed_sheet(x, wi)  # as shadow rays do: what is drawn from stays the same
         scatters += i64(not specular)

@@ -14,11 +14,12 @@ from ispm.accel.surface import SurfaceTable
 from ispm.frame import Receivers
 from ispm.optics.incident import channels, no_light
 from ispm.optics.records import take
-from ispm.paths.branch import GLOSS_SAMPLES, REFLECTED, SCATTERED, TRANSMITTED
+from ispm.paths.branch import GLOSS_SAMPLES, SCATTERED
 from ispm.paths.edges import edge_rows
 from ispm.paths.ends import denoise_rough_transmission, image_of_ends, reflect_light, spread_light
 from ispm.paths.eye import trace_eye
 from ispm.paths.eye_paths import EyePaths, EyeRays, join_paths
+from ispm.paths.far import LANES, light_far_sides
 from ispm.paths.resolve import Shown, lonely_rows, resolve_lobes, shown
 from ispm.paths.sheen import filtered_light, sheen_light
 from ispm.renderer.backdrop import background_color, shows_environment
@@ -26,7 +27,7 @@ from ispm.renderer.gather import PhotonLight
 from ispm.renderer.one_pass import Pass
 from ispm.stages.camera import CameraView
 from ispm.stages.filter import filter_estimate, filter_points
-from ispm.stages.specular import LAYER_BASE, LAYER_BEHIND, LAYER_COAT, LAYER_SHEEN
+from ispm.stages.specular import LAYER_BASE, LAYER_BEHIND, LAYER_COAT, LAYER_FAR, LAYER_SHEEN
 
 _MISSED_SHARE = 1 / 64  # receivers of missed pixels to those of the picture, while blocks can grow; measured
 _BAND = 1 << 18  # rays whose ends lie in memory at a time
@@ -63,6 +64,9 @@ def specular_light(this: Pass, seen: np.ndarray, light: PhotonLight) -> np.ndarr
         found[rows, :3] += filtered_light(sheen, rays.keys, across, smoothing, this.threads)
         found[rows, 12:15] = sheen.albedo
         found[rows, 16] = 1.0 - (1.0 - found[rows, 16]) * (1.0 - sheen.hidden)
+    rows = np.flatnonzero(seen["layers"] & LAYER_FAR)
+    if len(rows):
+        found[rows, :6] += _light_of_far_sides(this, take(seen, rows), light)
     rows = np.flatnonzero(seen["layers"] & LAYER_BEHIND)
     if len(rows):
         behind = _light_of_layer(this, take(seen, rows), light, LAYER_BEHIND)
@@ -70,6 +74,17 @@ def specular_light(this: Pass, seen: np.ndarray, light: PhotonLight) -> np.ndarr
         found[rows, :15] = opacity * found[rows, :15] + behind[:, :15]
         found[rows, 15:] = 1.0 - opacity * (1.0 - found[rows, 15:])
     return found
+
+
+def _light_of_far_sides(this: Pass, seen: np.ndarray, light: PhotonLight) -> np.ndarray:
+    """Return direct and indirect light, (n, 6), from the far sides of the sheets that SEEN pixels show."""
+    settings = this.settings
+    rays = eye_rays(seen, this.surfaces, this.view, this.threads)
+    far = light_far_sides(this.packed, this.world, this.surfaces, rays, settings.seed, this.index)
+    direct = filtered_light(far, rays.keys, this.view.size[0], settings.smoothing, this.threads)
+    found = light_by_image(this, far.points, rays.keys, settings.subsampling, light.at)
+    found += light.focused.estimate(far.points, this.threads)
+    return np.concatenate([direct, reflect_light(far.ends, found, len(seen))], axis=1)
 
 
 def _light_of_layer(this: Pass, seen: np.ndarray, light: PhotonLight, layer: int) -> np.ndarray:
@@ -231,7 +246,7 @@ def light_ends(this: Pass, paths: EyePaths, pixels: np.ndarray, light: PhotonLig
     points, lanes, slots = paths.points, paths.ends["lane"], paths.ends["slot"]
     found, finer = no_light(len(points)), max(this.settings.subsampling // _FINER, 1)
     if len(points):
-        for lane in (REFLECTED, TRANSMITTED):
+        for lane in LANES:
             rows = np.flatnonzero(lanes == lane)
             shown = pixels[slots[rows]]
             found[rows] = light_by_image(this, take(points, rows), shown, finer, light.at)

@@ -159,6 +159,8 @@ RANGES: dict[str, tuple[float, float, *tuple[int, ...]]] = {
     "sheen_roughness": (0.0, 1.0),
     "anisotropy": (0.0, 1.0),
     "anisotropy_rotation": (-1e3, 1e3),
+    "diffuse_transmission": (0.0, 1.0),
+    "diffuse_transmission_color": (0.0, 1.0, 3),
     "double_sided": (False, True),
     "unlit": (False, True),
 }
@@ -176,6 +178,8 @@ TEXTURES = (
     "sheen_color_texture",
     "sheen_roughness_texture",
     "anisotropy_texture",
+    "diffuse_transmission_texture",
+    "diffuse_transmission_color_texture",
 )
 
 
@@ -227,6 +231,10 @@ class Material(Strict):
                       a mesh that has none, nor uv0, go around its Y axis
     anisotropy_rotation   radians, of that direction, counterclockwise from the tangent
     anisotropy_texture    RG its direction before, from -1 to 1 along tangent and bitangent, B strength
+    diffuse_transmission, diffuse_transmission_color   KHR_materials_diffuse_transmission: share of
+                      diffuse light that leaves a thin sheet, as a leaf or paper, on the other side, where
+                      this color takes the place of the base color; not of glass, and with no inside
+    diffuse_transmission_texture   A, of one kept linear or not;  diffuse_transmission_color_texture   a color
     Raises SceneError for a value out of range, as it is made and, if changed since, as it is rendered; warns
     where data is given as sRGB.
     """
@@ -267,6 +275,10 @@ class Material(Strict):
     anisotropy: float = 0.0
     anisotropy_rotation: float = 0.0
     anisotropy_texture: TextureUse | Texture | None = None
+    diffuse_transmission: float = 0.0
+    diffuse_transmission_color: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    diffuse_transmission_texture: TextureUse | Texture | None = None
+    diffuse_transmission_color_texture: TextureUse | Texture | None = None
     name: str = field(default="", compare=False)
 
     def __post_init__(self) -> None:
@@ -297,6 +309,10 @@ class Material(Strict):
             )
         if self.anisotropy > 0.0 and self.transmission > 0.0:
             raise SceneError(f"{where}: anisotropy of glass is not supported; set one of the two to 0")
+        if self.diffuse_transmission > 0.0 and self.transmission > 0.0:
+            raise SceneError(
+                f"{where}: diffuse transmission of glass is not supported; set one of the two to 0"
+            )
         self.alpha_mode = member_of(f"{where}: alpha_mode", self.alpha_mode, AlphaMode)
         for name in TEXTURES:
             use = getattr(self, name)
@@ -318,6 +334,11 @@ class Material(Strict):
         alpha = self.roughness**2
         widest = alpha + (1.0 - alpha) * self.anisotropy**2
         return shiny and not self.unlit and widest < 0.05
+
+    @property
+    def translucent(self) -> bool:
+        """Whether the surface is a thin sheet that lets light through diffusely."""
+        return self.diffuse_transmission > 0.0
 
     @property
     def emissive(self) -> bool:

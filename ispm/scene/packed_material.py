@@ -79,7 +79,9 @@ def material_record(material: Material, textures: list[Texture]) -> np.ndarray:
     row["roughness"] = material.roughness
     row["f0"] = ((material.ior - 1.0) / (material.ior + 1.0)) ** 2 if material.ior > 0.0 else 1.0
     row["ior"] = material.ior if material.ior > 0.0 else 1.5
-    row["transmission"] = material.transmission
+    translucent = material.translucent and not material.unlit
+    row["transmission"] = material.diffuse_transmission if translucent else material.transmission
+    row["diffuse_transmission_color"] = material.diffuse_transmission_color
     row["attenuation"] = _attenuation(material)
     row["clearcoat"] = material.clearcoat
     row["clearcoat_roughness"] = material.clearcoat_roughness
@@ -102,10 +104,14 @@ def material_record(material: Material, textures: list[Texture]) -> np.ndarray:
         | records.MATERIAL_COATED * (material.clearcoat > 0.0 and not material.unlit)
         | records.MATERIAL_SHEEN * (max(material.sheen_color) > 0.0 and not material.unlit)
         | records.MATERIAL_ANISOTROPIC * (material.anisotropy > 0.0 and not material.unlit)
+        | records.MATERIAL_TRANSLUCENT * translucent
         | records.MATERIAL_SPECULAR_MAPPED * _has_specular_maps(material)
     )
     for slot in TEXTURES:
-        row[slot] = _texture_use(getattr(material, slot), textures)
+        if slot != "diffuse_transmission_texture":
+            row[slot] = _texture_use(getattr(material, slot), textures)
+    if translucent:
+        row["transmission_texture"] = _texture_use(material.diffuse_transmission_texture, textures)
     return row
 
 

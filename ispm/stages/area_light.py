@@ -44,7 +44,17 @@ from ispm.optics.light import FAR
 from ispm.optics.rng import random4
 from ispm.optics.vector import Vector, add, dot, scale, sub, vec3
 from ispm.scene.packed import Packed
-from ispm.stages.pixels import Pixels, PixelView, is_alike, is_lit, is_turned_alike, lift, plane_at, shown_at
+from ispm.stages.pixels import (
+    Pixels,
+    PixelView,
+    is_alike,
+    is_lit,
+    is_turned_alike,
+    lift,
+    plane_at,
+    shown_at,
+    transmitted_shares,
+)
 
 f32, i64, u32 = np.float32, np.int64, np.uint32
 
@@ -260,10 +270,16 @@ def _filter(tables, pixels, view, smoothing, samples, counter, means, lit):
                 near = min(near, samples.near[y * columns + x])
                 reach = min(reach, samples.reach[y * columns + x])
         base = pixels.base[i]
+<<<<<<< HEAD
         opaque = (f32(1) - base[3]) * (f32(1) - f32(pixels.points[i, 3] >> u32(24)) * f32(1 / 255))
         means.near[i], means.reach[i] = near, reach
         for c in range(3):
             lit.albedo[i, c] = opaque * base[c]
+=======
+        passed, through = transmitted_shares(tables, pixels.points[i, 3])
+        opaque = (f32(1) - base[3]) * (f32(1) - passed) * (f32(1) - through)
+        means.reach[i] = reach
+>>>>>>> difftrans
         if first and exact and reach == f32(np.inf):  # nothing shades, and all is known
             for c in range(3):
                 means.diffuse[i, c], means.drawn[i, c] = samples.diffuse[i, c], samples.drawn[i, c]

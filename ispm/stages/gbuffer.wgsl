@@ -70,7 +70,8 @@ fn fs(c: Corner) -> Pixel {
         base = base_color_at(c.uv, c.color);
         metallic_roughness *= textureSample(metallic_roughness_map, metallic_roughness_sampler, texture_uv(material.metallic_roughness_texture, c.uv)).bg;
         emission *= textureSample(emission_map, emission_sampler, texture_uv(material.emission_texture, c.uv)).rgb;
-        transmission *= textureSample(transmission_map, transmission_sampler, texture_uv(material.transmission_texture, c.uv)).r;
+        let texel = textureSample(transmission_map, transmission_sampler, texture_uv(material.transmission_texture, c.uv));
+        transmission *= select(texel.r, texel.a, (material.flags & MATERIAL_TRANSLUCENT) != 0u);
         bump = bump_of(textureSample(normal_map, normal_sampler, texture_uv(material.normal_texture, c.uv)).xyz);
     }
     if (MASKED && is_clear(base.a)) {

@@ -1,5 +1,5 @@
 // The material of a pixel as the G-buffer keeps it: in one word, 0 where nothing is, the row of its Material and
-// the share of light that it transmits, with the texture's part in it.
+// the share of light that it transmits, diffusely or not, with the texture's part in it.
 // include optics/bsdf.wgsl
 
 fn pack_material(row: u32, transmission: f32) -> u32 {
@@ -15,10 +15,16 @@ fn material_transmission(word: u32) -> f32 {
 }
 
 // The surface in a pixel: the word above, what the G-buffer has in `base` and `specular`, and roughness. Anisotropic
-// facets are left out, which eye paths light; the Lambert lobe gives way to them. Twin: stages/pixels.py's.
+// facets are left out, which eye paths light; the Lambert lobe gives way to them. So is the light that a translucent
+// sheet lets through, paths/far.py. Twin: stages/pixels.py's.
 fn seen_bsdf(word: u32, base: vec4f, roughness: f32, specular: vec4f, material: Material) -> Bsdf {
     let maps = SpecularMaps(specular.rgb, specular.a);
-    var b = surface_bsdf(base.rgb, base.a, roughness, material_transmission(word), material, maps, true);
+    let share = material_transmission(word);
+    let translucent = (material.flags & MATERIAL_TRANSLUCENT) != 0u;
+    var b = surface_bsdf(base.rgb, base.a, roughness, select(share, 0.0, translucent), material, maps, true);
+    if (translucent) {
+        b.diffuse *= 1.0 - select(material.transmission, share, material.transmission_texture.texture >= 0);
+    }
     if ((material.flags & MATERIAL_ANISOTROPIC) != 0u) {
         b.f0 = vec3f(0.0);
         b.f90 = 0.0;

@@ -11,17 +11,19 @@ from ispm.accel.layers import without_facets
 from ispm.accel.lobes import dielectric_at
 from ispm.accel.mesh import MATERIAL_WORDS, MATERIALS, word_of
 from ispm.accel.records import Hit
-from ispm.accel.surface import SurfacePoint
+from ispm.accel.surface import NO_LIGHT, SurfacePoint
+from ispm.accel.texturing import TRANSMISSION_MAP, texture_row
 from ispm.frame import GBuffer
 from ispm.gpu import Gpu
-from ispm.kernels.simd import ldu, u2f
+from ispm.kernels.simd import ldf, ldu, u2f
 from ispm.optics.bsdf import surface_bsdf
-from ispm.optics.coat import NO_COAT
+from ispm.optics.coat import NO_COAT, with_diffuse
 from ispm.optics.jit import jit
 from ispm.optics.records import (
     MATERIAL,
     MATERIAL_ANISOTROPIC,
     MATERIAL_SPECULAR_MAPPED,
+    MATERIAL_TRANSLUCENT,
     MATERIAL_UNLIT,
     NO_HIT,
 )
@@ -33,7 +35,7 @@ from ispm.stages.camera import CameraView
 
 f32, i64, u32 = np.float32, np.int64, np.uint32
 
-_FLAGS = word_of(MATERIAL, "flags")
+_FLAGS, _TRANSMISSION = word_of(MATERIAL, "flags"), word_of(MATERIAL, "transmission")
 _CLEAR, _ROUNDED = f32(2e-5), f32(1e-6)  # a ray's start above its surface: of the distance, of coordinates
 _OFF_PLANE = f32(1.5)  # pixels' widths that neighbors lie off a pixel's plane at most
 _TURNED = f32(0.9)  # cosine of the angle between their normals at least
@@ -115,14 +117,28 @@ def _material(word):
 
 
 @jit
+def transmitted_shares(tables, word):
+    """Return the share of light that passes what a pixel of this material `word` shows as by glass, and the
+    share of its diffuse light that leaves on the other side, float32."""
+    share, row = f32(word >> u32(24)) * f32(1 / 255), _material(word)
+    materials = tables.surfaces[MATERIALS]
+    if ldu(materials, row + _FLAGS) & u32(MATERIAL_TRANSLUCENT) == u32(0):
+        return share, f32(0)
+    if texture_row(tables.surfaces, row, TRANSMISSION_MAP) < i64(0):
+        share = ldf(materials, row + _TRANSMISSION)
+    return f32(0), share
+
+
+@jit
 def shown_at(tables, pixels, view, i):
     """Return the Shown of row i of Pixels."""
     point, word, base = pixels.points[i], pixels.points[i, 3], pixels.base[i]
     position = u2f(point[0]), u2f(point[1]), u2f(point[2])
-    transmission = f32(word >> u32(24)) * f32(1 / 255)
+    transmission, share = transmitted_shares(tables, word)
     maps = _specular_maps(tables, pixels, i)
     dielectric = dielectric_at(tables.surfaces, _material(word), vec3(maps), maps[3])
     b = surface_bsdf(vec3(base), base[3], pixels.roughness[i], transmission, dielectric, True)
+    b = with_diffuse(b, scale(f32(1) - share, b.diffuse))
     if ldu(tables.surfaces[MATERIALS], _material(word) + _FLAGS) & u32(MATERIAL_ANISOTROPIC) != u32(0):
         b = without_facets(b)  # which eye paths light
     n, ng = _unpacked(pixels.normals[i, 0]), _unpacked(pixels.normals[i, 1])
@@ -131,7 +147,9 @@ def shown_at(tables, pixels, view, i):
     wo = vec3(view.back) if view.parallel else scale(f32(1) / distance, to_eye)
     side = max(dot(vec3(width), position) + width[3], f32(1e-30))
     hit = Hit(u32(NO_HIT), u32(0), f32(0), f32(0))
-    return Shown(SurfacePoint(hit, position, ng, n, b, u32(0), True, NO_COAT, NO_SHEEN), wo, distance, side)
+    return Shown(
+        SurfacePoint(hit, position, ng, n, b, u32(0), True, NO_COAT, NO_SHEEN, NO_LIGHT), wo, distance, side
+    )
 
 
 @jit

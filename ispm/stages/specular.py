@@ -13,17 +13,23 @@ from ispm.optics.records import (
     MATERIAL_BLEND,
     MATERIAL_COATED,
     MATERIAL_SHEEN,
+    MATERIAL_TRANSLUCENT,
     MATERIAL_TRANSMITS,
 )
 
 _PATH = "stages/specular.wgsl"
 _SHADER = wgsl.load(_PATH)
-LAYER_BASE, LAYER_COAT, LAYER_SHEEN, LAYER_BEHIND = (
-    int(_SHADER.constants[f"LAYER_{name}"]) for name in ("BASE", "COAT", "SHEEN", "BEHIND")
+LAYER_BASE, LAYER_COAT, LAYER_SHEEN, LAYER_BEHIND, LAYER_FAR = (
+    int(_SHADER.constants[f"LAYER_{name}"]) for name in ("BASE", "COAT", "SHEEN", "BEHIND", "FAR")
 )
 SEEN, BROUGHT = _SHADER.dtype("Seen"), _SHADER.dtype("Brought")
 _BY_FLAGS = (  # may lead on
-    MATERIAL_TRANSMITS | MATERIAL_COATED | MATERIAL_SHEEN | MATERIAL_BLEND | MATERIAL_ANISOTROPIC
+    MATERIAL_TRANSMITS
+    | MATERIAL_COATED
+    | MATERIAL_SHEEN
+    | MATERIAL_BLEND
+    | MATERIAL_ANISOTROPIC
+    | MATERIAL_TRANSLUCENT
 )
 _THREADS = int(_SHADER.constants["THREADS"])
 _NARROW = 1.01 * _SHADER.constants["NARROW_ALPHA"]  # roughness^2, and what the G-buffer's halves may round

@@ -31,6 +31,7 @@ const LAYER_BASE = 1u;     // what is under a coat, or all
 const LAYER_COAT = 2u;
 const LAYER_SHEEN = 4u;    // none goes on, but it is lit
 const LAYER_BEHIND = 8u;   // what a blended surface lets through
+const LAYER_FAR = 16u;     // none goes on, but the other side of a sheet is lit
 
 struct Brought {           // the light that specular paths bring to a pixel
     direct: vec3f,
@@ -55,7 +56,7 @@ fn leads_on(b: Bsdf) -> bool {
 fn may_lead_on(row: u32) -> bool {
     let roughness = materials[row].roughness;
     let textured = materials[row].metallic_roughness_texture.texture >= 0;
-    let by_flags = MATERIAL_TRANSMITS | MATERIAL_COATED | MATERIAL_SHEEN | MATERIAL_ANISOTROPIC;
+    let by_flags = MATERIAL_TRANSMITS | MATERIAL_COATED | MATERIAL_SHEEN | MATERIAL_ANISOTROPIC | MATERIAL_TRANSLUCENT;
     let layered = (materials[row].flags & by_flags) != 0u;
     return layered || textured || roughness * roughness < 1.01 * NARROW_ALPHA;
 }
@@ -83,7 +84,8 @@ fn find_specular(@builtin(global_invocation_id) thread: vec3u) {
     let coated = (materials[row].flags & MATERIAL_COATED) != 0u;
     let sheen = select(0u, LAYER_SHEEN, (materials[row].flags & MATERIAL_SHEEN) != 0u);
     let anisotropic = (materials[row].flags & MATERIAL_ANISOTROPIC) != 0u;
-    let own = select(0u, LAYER_BASE, leads_on(b) || anisotropic) | select(0u, LAYER_COAT, coated) | sheen;
+    let far = select(0u, LAYER_FAR, (materials[row].flags & MATERIAL_TRANSLUCENT) != 0u);
+    let own = select(0u, LAYER_BASE, leads_on(b) || anisotropic) | select(0u, LAYER_COAT, coated) | sheen | far;
     let layers = behind | select(0u, own, lit);
     if (layers == 0u) {
         return;

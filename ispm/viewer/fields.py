@@ -37,7 +37,7 @@ MOST = {"photons": 1_000_000, "gather": 64, "shadow_resolution": 4096}
 """What a viewer grants of settings at most, so that no one asks it for hours."""
 
 _ANGLES = ("inner_angle", "outer_angle")
-_COLORS = ("base_color", "specular_color", "attenuation_color", "sheen_color")
+_COLORS = ("base_color", "specular_color", "attenuation_color", "sheen_color", "diffuse_transmission_color")
 
 
 def settings_fields(settings: Settings) -> list[Field]:

@@ -11,8 +11,10 @@ from ispm.accel.records import Scratch
 from ispm.accel.transmittance import shadow_transmittance
 from ispm.kernels.simd import alloca
 from ispm.optics.jit import jit
+from ispm.optics.vector import vec3
 from ispm.scene.material import AlphaMode, Material
 from ispm.scene.mesh import Mesh
+from ispm.scene.rotation import axis_angle
 from ispm.scene.scene import Scene
 
 f32 = np.float32
@@ -26,11 +28,11 @@ DIAGONAL = np.array([(0.5, 0.5), (-0.25, -0.25)])  # where two triangles of a sq
 
 
 @jit
-def _shares(tables, starts, distance, out):
+def _shares(tables, starts, directions, distance, out):
     scratch = Scratch(alloca(STACK_WORDS), alloca(2))
     for i in range(len(starts)):
-        start = starts[i, 0], starts[i, 1], starts[i, 2]
-        share = shadow_transmittance(tables, start, (f32(0), f32(0), f32(1)), distance, scratch)
+        start, d = vec3(starts[i]), vec3(directions[i])
+        share = shadow_transmittance(tables, start, d, distance, scratch)
         for c in range(3):
             out[i, c] = share[c]
 
@@ -39,8 +41,8 @@ def shares(scene, distance=9.0, places=PLACES):
     """RGB of rays along +Z from z = -3, a row for each place."""
     tracer = Tracer(scene)  # whose arrays the tables are addresses of
     starts = np.column_stack([places, np.full(len(places), -3.0)]).astype(f32)
-    out = np.zeros((len(places), 3), f32)
-    _shares(tracer.tables, starts, f32(distance), out)
+    out, ahead = np.zeros((len(places), 3), f32), np.tile(f32((0, 0, 1)), (len(places), 1))
+    _shares(tracer.tables, starts, ahead, f32(distance), out)
     return out
 
 
@@ -73,6 +75,32 @@ def test_blended_layers_let_through_the_product(alphas, gap):
 def test_an_edge_within_a_layer_counts_once(alphas):
     found = shares(stacked(map(blended, alphas)), places=DIAGONAL)
     np.testing.assert_allclose(found, np.prod(1.0 - np.array(alphas)), rtol=1e-5)
+
+
+@pytest.mark.parametrize("layers", [1, 2])
+@pytest.mark.parametrize("place", [0.0, 2.3])
+def test_rays_to_points_of_an_edge_pass_each_layer_once(layers, place):
+    """In any direction, by squares turned anyhow, whose two triangles round distances differently; layers of
+    one mesh at one place are met one by one on their edges, too, and with the corner at which four meet."""
+    random, count = np.random.default_rng(4), 4000
+    fan = np.array([(4, 0, 1), (4, 1, 2), (4, 2, 3), (4, 3, 0)])
+    for k, triangles in enumerate([HALVES, np.roll(HALVES, 1, axis=1), fan, fan[::-1]]):
+        scene = Scene()
+        corners = np.concatenate([SQUARE, np.zeros((1, 3))])
+        mesh = Mesh(np.tile(corners, (layers, 1)), np.concatenate([triangles + 5 * k for k in range(layers)]))
+        turn = axis_angle((1.0, k - 1.0, 0.5), 0.7 * k)
+        scene.add(mesh, translation=(place, -place, 0.4 * place), rotation=turn, material=blended(0.5))
+        tracer = Tracer(scene)
+        rows = tracer.packed.instances[0]
+        matrix = np.array([rows["world0"], rows["world1"], rows["world2"]], float)
+        along = random.uniform(-0.9, 0.9, count)
+        along[: count // 4] = 0.0
+        places = np.stack([along, along, 0.0 * along, 1.0 + 0.0 * along], axis=1) @ matrix.T
+        ways = random.normal(size=(count, 3))
+        ways /= np.linalg.norm(ways, axis=1, keepdims=True)
+        out = np.zeros((count, 3), f32)
+        _shares(tracer.tables, f32(places - 3.0 * ways), f32(ways), f32(9.0), out)
+        np.testing.assert_allclose(out, 0.5**layers, rtol=1e-6)
 
 
 def test_layers_of_one_mesh_count_one_by_one():

@@ -30,6 +30,7 @@ def arrays(case: Case, renderer: ispm.Renderer, *, scale: int = 1) -> dict[str, 
         warnings.simplefilter("ignore", ispm.SceneWarning)
         renderer.settings = ispm.Settings(**{"size": size, "photons": PHOTONS * scale**2, **case.settings})
         renderer.camera = case.camera
+        renderer.reset()  # live frames would go on from those of a case before
         for time in case.times:
             renderer.scene = scene if time is None else scene.at(time)
             frame = renderer.render()

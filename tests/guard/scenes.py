@@ -67,6 +67,8 @@ def cases() -> list[Case]:
         Case("coats/default", coats, _EYE),
         Case("velvet/default", velvet, _EYE),
         Case("brushed/default", brushed, _EYE),
+        *_case("lantern", lantern, _EYE, {"default": {}, "photons": dict(gather=0)}),
+        Case("lantern/live", lantern, _EYE, dict(preset="live")),
         Case("product/ground", product, _EYE, dict(ground=True, background="transparent")),
         Case("crowd/moving", crowd, _EYE, {}, times=(0.0, 0.6)),
         Case("crowd/photons", crowd, _EYE, dict(gather=0, subsampling=2), times=(0.3, 0.3)),
@@ -384,6 +386,29 @@ def brushed() -> Scene:
     for place, material in enumerate(materials):
         _put(scene, _ball(0.42), material, (1.1 * place - 1.1, 0.43, 0.5))
     scene.add(ispm.PointLight(_LAMP, radius=0.15), translation=(0.4, 2.5, 0.8))
+    return scene
+
+
+def lantern() -> Scene:
+    """Paper before lamps and a mirror: even, patterned, blended, glossy, under sheen; a lamp in a shade."""
+    scene = _room("lantern")
+    pattern, colors = Texture(_holes()), Texture(_pattern(2))
+    leaf = dict(double_sided=True, diffuse_transmission_color=(0.8, 0.9, 0.3))
+    sheets = [
+        Material(_WHITE, diffuse_transmission=0.6, **leaf),
+        Material(_BLUE, roughness=0.4, diffuse_transmission=0.9, diffuse_transmission_texture=pattern,
+                 diffuse_transmission_color_texture=colors, **leaf),
+        Material((*_RED, 0.6), diffuse_transmission=0.5, alpha_mode=AlphaMode.BLEND,
+                 sheen_color=(0.4, 0.3, 0.3), sheen_roughness=0.5, **leaf),
+    ]  # fmt: skip
+    for place, material in enumerate(sheets):
+        _put(scene, shapes.plane(0.9, 1.0), material, (1.1 * place - 1.1, 0.7, 0.9), lift=True)
+    shade = Material((0.8, 0.75, 0.6), diffuse_transmission=0.5, double_sided=True)
+    _put(scene, shapes.cylinder(0.3, 0.5, segments=24), shade, (-0.6, 1.9, -0.4))
+    _put(scene, shapes.plane(1.2, 1.2), _MIRROR, (1.0, 1.4, -1.9), lift=True)
+    scene.add(ispm.PointLight((9.0, 8.0, 6.0)), translation=(-0.6, 1.9, -0.4))
+    lamp = ispm.RectLight((20.0, 20.0, 20.0), width=0.6, height=0.4)
+    scene.add(lamp, translation=(0.8, 2.8, -0.6)).look_at((0.3, 0.3, 0.5))
     return scene
 
 

@@ -53,6 +53,21 @@ def test_a_layer_and_what_is_behind_add_by_its_opacity(opacity, unlit):
     assert both == pytest.approx(opacity * panel + (1 - opacity) * wall, rel=2e-3)
 
 
+@pytest.mark.parametrize("size", ["48x48", "47x47"])
+@pytest.mark.parametrize("turn", [0.0, 0.25, 0.5, 0.75, 1.0, 1.25, 1.5, 1.75])
+def test_pixels_on_the_edge_of_two_triangles_show_one_layer(turn, size):
+    """Of squares whose diagonal, turned by multiples of pi / 4, runs through the pixels' centers."""
+    mesh, found = layers(1), []
+    for triangles in (mesh.triangles, mesh.triangles[::-1], np.roll(mesh.triangles, 1, axis=1)):
+        scene = scene_of(wall=Material((1.0, 1.0, 1.0), unlit=True))
+        panel = ispm.Mesh(mesh.positions, triangles)
+        rotation = ispm.axis_angle((0.0, 0.0, 1.0), turn * np.pi)
+        scene.add(panel, material=blended(0.25, unlit=True), translation=(0, 0, 1.3), rotation=rotation)
+        found.append(ispm.render(scene, size=size, bounces=0, antialias=False).radiance[18:30, 18:30])
+    expected = 0.75 + 0.25 * np.array(PANEL)
+    assert np.stack(found) == pytest.approx(np.broadcast_to(expected, (3, 12, 12, 3)), rel=2e-3)
+
+
 @pytest.mark.parametrize("count", [2, 3])
 @pytest.mark.parametrize("as_nodes", [False, True])
 def test_layers_one_behind_the_other_let_their_product_through(count, as_nodes):

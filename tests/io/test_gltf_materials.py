@@ -383,6 +383,55 @@ def test_a_clear_coat_over_glass_is_left_out_in_one_line(tmp_path: Path) -> None
     assert line.endswith("a clear coat over glass is not supported; it is left out")
 
 
+def translucent(**more: Any) -> dict[str, Any]:
+    record = {"diffuseTransmissionFactor": 0.5, **more}
+    return {"extensions": {"KHR_materials_diffuse_transmission": record}}
+
+
+def test_diffuse_transmission_is_read(tmp_path: Path) -> None:
+    slots = {f"diffuseTransmission{name}Texture": {"index": 0} for name in ("", "Color")}
+    builder = quad(translucent(diffuseTransmissionColorFactor=[0.5, 0.25, 1.0], **slots))
+    builder.picture(CHECKS)
+    scene = builder.load(tmp_path)
+    material = only_material(scene)
+    assert scene.warnings == [] and scene.extensions_honoured == scene.extensions_used
+    assert (material.diffuse_transmission, material.diffuse_transmission_color) == (0.5, (0.5, 0.25, 1.0))
+    share, color = material.diffuse_transmission_texture, material.diffuse_transmission_color_texture
+    assert share is not None and color is not None
+    assert color.texture.srgb is True and share.texture is color.texture
+
+
+def test_diffuse_transmission_with_wrong_numbers_is_mended(tmp_path: Path) -> None:
+    record = translucent(diffuseTransmissionFactor=3, diffuseTransmissionColorFactor=[2, 0, 0])
+    scene = quad(record).load(tmp_path)
+    material = only_material(scene)
+    assert (material.diffuse_transmission, material.diffuse_transmission_color) == (1.0, (1.0, 0.0, 0.0))
+    assert [line.partition(": ")[2] for line in scene.warnings] == [
+        "diffuseTransmissionFactor 3 is clamped to 0..1",
+        "diffuseTransmissionColorFactor 2, 0, 0 is clamped to 0..1",
+    ]
+
+
+def test_diffuse_transmission_of_glass_is_left_out_in_one_line(tmp_path: Path) -> None:
+    record = translucent()
+    record["extensions"] |= glass()["extensions"]
+    scene = quad(record).load(tmp_path)
+    material = only_material(scene)
+    assert (material.diffuse_transmission, material.transmission) == (0.0, 0.75)
+    (line,) = scene.warnings
+    assert line.endswith("diffuse transmission of glass is not supported; it is left out")
+
+
+def test_a_volume_in_diffuse_transmission_is_a_thin_sheet_in_one_line(tmp_path: Path) -> None:
+    record = translucent()
+    record["extensions"] |= {"KHR_materials_volume": {"thicknessFactor": 0.1, "attenuationDistance": 1.0}}
+    scene = quad(record).load(tmp_path)
+    material = only_material(scene)
+    assert (material.diffuse_transmission, material.thickness) == (0.5, 0.0)
+    (line,) = scene.warnings
+    assert line.endswith("a volume within diffuse transmission is not supported; it is shown as a thin sheet")
+
+
 def sheen(**more: Any) -> dict[str, Any]:
     return {"extensions": {"KHR_materials_sheen": {"sheenColorFactor": [0.5, 0.25, 1.0], **more}}}
 

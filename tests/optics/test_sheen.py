@@ -83,7 +83,7 @@ def velvet(roughness, cosine, color=(1.0, 1.0, 1.0), base=1.0):
     b = Bsdf(vector((base,) * 3), NONE, *none)
     b = made(covered(b, sheen.shown))
     hit = Hit(u32(0), u32(0), f32(0), f32(0))
-    return SurfacePoint(hit, NONE, UP, UP, b, u32(0), True, NO_COAT, sheen)
+    return SurfacePoint(hit, NONE, UP, UP, b, u32(0), True, NO_COAT, sheen, NONE)
 
 
 def fibers(roughness):

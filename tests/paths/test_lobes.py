@@ -133,7 +133,9 @@ def test_weights_are_the_bsdf_over_the_density_that_is_handed_on():
     zero, up = (f32(0),) * 3, (f32(0), f32(1), f32(0))
     rest = f32(1), f32(0.15), f32(0), f32(0), zero, f32(1.5), f32(0), f32(0), NO_ANISOTROPY
     b = Bsdf(zero, (f32(0.9),) * 3, *rest)
-    x = SurfacePoint(Hit(u32(0), u32(0), f32(0), f32(0)), zero, up, up, b, u32(0), True, NO_COAT, NO_SHEEN)
+    x = SurfacePoint(
+        Hit(u32(0), u32(0), f32(0), f32(0)), zero, up, up, b, u32(0), True, NO_COAT, NO_SHEEN, zero
+    )
     wo = tuple(f32(c) for c in seen_from(0.3))
     u = np.random.default_rng(5).random((2000, 2)).astype(np.float32)
     out = np.zeros((len(u), 5), np.float32)

@@ -193,6 +193,7 @@ CHANGES = {
     "node added": lambda renderer: renderer.scene.add(shapes.box(0.3), translation=(0.0, 1.2, 0.0)),
     "color": _material("floor", "base_color", (0.2, 0.9, 0.2)),
     "roughness": _material("ball", "roughness", 0.9),
+    "diffuse transmission": _material("ball", "diffuse_transmission", 0.5),
     "holes filled": _material("leaf", "alpha_mode", AlphaMode.OPAQUE),
     "holes cut otherwise": _material("leaf", "alpha_cutoff", 0.2),
     "leaf blended": _material("leaf", "alpha_mode", AlphaMode.BLEND),

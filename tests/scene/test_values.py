@@ -32,7 +32,8 @@ def mesh(**others):
     ("name", "value"),
     [
         *[(name, value) for name in ("metallic", "roughness", "specular", "transmission", "clearcoat",
-                                     "clearcoat_roughness", "sheen_roughness", "anisotropy")
+                                     "clearcoat_roughness", "sheen_roughness", "anisotropy",
+                                     "diffuse_transmission")
           for value in (-0.1, 1.1, NAN, "a", None, (1.0,))],
         *[("base_color", value)
           for value in ((2, 0, 0), (-1, 0, 0), (1, 1), (1, 1, 1, NAN), 0.5, "red", None)],
@@ -40,7 +41,8 @@ def mesh(**others):
         *[("ior", value) for value in (NAN, -1.0, 0.5, 1e9, "glass")],
         *[("specular_color", value) for value in ((-1, 1, 1), (1e5, 1, 1), 1.0)],
         *[(name, value)
-          for name in ("attenuation_color", "sheen_color") for value in ((3, 1, 1), (NAN, 1, 1))],
+          for name in ("attenuation_color", "sheen_color", "diffuse_transmission_color")
+          for value in ((3, 1, 1), (NAN, 1, 1))],
         *[("attenuation_distance", value) for value in (0.0, -1.0, NAN)],
         *[("thickness", value) for value in (-1.0, NAN, INF)],
         *[("alpha_cutoff", value) for value in (-1.0, NAN)],
@@ -78,6 +80,7 @@ def test_materials_at_the_ends_of_their_ranges_are_taken():
         (lambda: Material(normal_texture="a.png"), r"not a str; write Texture\('a.png'\)"),
         (lambda: Material(clearcoat=1.0, transmission=0.5), "a clear coat over glass is not supported"),
         (lambda: Material(anisotropy=1.0, transmission=0.5), "anisotropy of glass is not supported"),
+        (lambda: Material(diffuse_transmission=1.0, transmission=0.5), "diffuse transmission of glass"),
         (lambda: Material(normal_texture=PIXELS), r"not a ndarray; write Texture\(...\)"),
         (lambda: Texture(PIXELS, wrap_u="REPEAT"), "wrap_u must be one of Wrap.REPEAT"),
         (lambda: TextureUse(PIXELS), "takes a Texture, not a ndarray"),

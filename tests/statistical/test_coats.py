@@ -56,7 +56,7 @@ def coated(base, roughness, cosine, weight=1.0):
     wo = f32(math.sqrt(1.0 - cosine * cosine)), f32(0), f32(cosine)
     b = made(covered(base, coat.shown))
     return SurfacePoint(
-        Hit(u32(0), u32(0), f32(0), f32(0)), none, UP, UP, b, u32(0), True, coat, NO_SHEEN
+        Hit(u32(0), u32(0), f32(0), f32(0)), none, UP, UP, b, u32(0), True, coat, NO_SHEEN, none
     ), wo
 
 
