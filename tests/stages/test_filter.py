@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from ispm.optics.records import RECEIVER
-from ispm.stages.filter import DENSITY, MET, _lattice, filter_estimate, filter_points
+from ispm.stages.filter import MET, filter_estimate, filter_points
+from ispm.stages.lattice import DENSITY, lattice_of
 
 SIZE = (40, 30)
 CHANNELS = [c for c in range(16) if c != MET]
@@ -29,7 +30,7 @@ def estimates(count, seed=0):
 
 
 def filtered(receivers, estimate, size=SIZE, diagonal=10.0, smoothing=1.0, threads=2):
-    return filter_estimate(receivers, estimate, size, diagonal, smoothing, threads)
+    return filter_estimate(receivers, estimate, size, diagonal, smoothing, threads).light
 
 
 @pytest.mark.parametrize("density", [0.0, 1.0, 1e3, 1e9])
@@ -193,7 +194,7 @@ def test_a_line_of_receivers_is_enough_from_twelve_on(reach, enough):
 def test_the_lattice_covers_the_reach_with_no_more_taps_than_it_may():
     for wide in (1.5, 3.0, 8.0, 20.0, 96.0):
         for high in (0.1, 1.5, 7.9, 30.0, 96.0):
-            strides, taps = _lattice(np.float32(wide), np.float32(high))
+            strides, taps = lattice_of(np.float32(wide), np.float32(high))
             assert (2 * taps[0] + 1) * (2 * taps[1] + 1) <= 17 * 17
             for extent, stride, count in zip((wide, high), strides, taps, strict=True):
                 assert extent - stride <= stride * count <= max(extent, 1.0)

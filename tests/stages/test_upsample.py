@@ -8,6 +8,7 @@ from exact import mixed_scene, quad, view_of
 
 from ispm.library.common import lambert
 from ispm.library.shapes import polygons
+from ispm.optics.incident import FilteredLight
 from ispm.paths.ends import spread_light
 from ispm.scene.camera import look_at_pose
 from ispm.scene.material import Texture
@@ -15,8 +16,9 @@ from ispm.scene.packed import pack
 from ispm.scene.scene import Scene
 from ispm.stages.camera import CameraView
 from ispm.stages.downsample import Downsample
-from ispm.stages.filter import DENSITY, MET
+from ispm.stages.filter import MET
 from ispm.stages.gbuffer import GBufferStage
+from ispm.stages.lattice import DENSITY
 from ispm.stages.upload import Upload
 from ispm.stages.upsample import UNUSED, Upsample
 
@@ -34,7 +36,7 @@ def upsampled(gpu, scene, view, block, make_light, patch=None):
         buffer = downsample(frame, packed, drawn, view)
     receivers = downsample.read(gpu, view)
     with gpu.frame() as frame:
-        upsample(frame, packed, drawn, view, buffer, make_light(receivers))
+        upsample(frame, packed, drawn, view, buffer, FilteredLight(make_light(receivers), None))
     missed, points = upsample.missed()
     if patch and len(missed):
         with gpu.frame() as frame:
@@ -240,7 +242,7 @@ def test_ends_of_eye_paths_are_interpolated_as_pixels_are(gpu, block):
     y, x = np.divmod(np.arange(61 * 43), 61)
     places = ((np.stack([x, y], axis=1) + 0.5) / block - 0.5).astype(np.float32)
     size = -(-61 // block), -(-43 // block)
-    spread, found = spread_light(pixels, places, image, light(image), size, block, 1)
+    spread, found = spread_light(pixels, places, image, FilteredLight(light(image), None), size, block, 1)
     on = (seen.ravel() > 0) & found
     assert abs(np.count_nonzero(seen.ravel() > 0) - on.sum() - missed) <= 3
     error = abs(spread[on, :3] / irradiance.reshape(-1, 3)[on] - 1.0).max(axis=1)
