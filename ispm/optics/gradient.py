@@ -20,7 +20,8 @@ WORDS = 12
 
 # Relative variance of one receiver's irradiance over the square of the slope that is expected (1: light from
 # one side): the ridge of a ridge regression (Hoerl and Kennard 1970) times the number of receivers.
-_VARIANCE = 1.0
+_VARIANCE = 0.1
+_PHOTONS = 4.0
 _MOST_TURNED = 0.5  # sine of the angle between normals up to which the fit is followed
 
 
@@ -49,7 +50,7 @@ class Fit(NamedTuple):
 
 
 @jit
-def fit_of(moments):
+def fit_of(moments, noise):
     """Return the Fit of Moments whose weight is not 0.
 
     The ridge is _VARIANCE over the effective number of receivers (sum w)^2 / sum w^2: where normals agree or
@@ -57,7 +58,7 @@ def fit_of(moments):
     """
     inverse = f32(1) / moments.w
     u, v = inverse * moments.u, inverse * moments.v
-    ridge = f32(_VARIANCE) * moments.w2 * inverse * inverse
+    ridge = f32(_VARIANCE) * moments.w2 * inverse * inverse + f32(_PHOTONS) * noise
     uu = max(inverse * moments.uu - u * u, f32(0)) + ridge
     vv = max(inverse * moments.vv - v * v, f32(0)) + ridge
     uv = inverse * moments.uv - u * v
