@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ispm import wgsl
 from ispm.optics.jit import jit
 from ispm.optics.vector import dot
 
@@ -18,16 +19,19 @@ f32 = np.float32
 WORDS = 12
 """Floats of a gradient: for each axis of the world the derivatives of three channels, and one to spare."""
 
-# Relative variance of one receiver's irradiance over the square of the slope that is expected (1: light from
-# one side): the ridge of a ridge regression (Hoerl and Kennard 1970) times the number of receivers.
+# A ridge regression (Hoerl and Kennard 1970). Over the number of receivers: the variance of one's irradiance
+# over that of slopes to be expected, both relative. A bumpy wall's error is least at .2 where receivers have
+# 4 x 4 pixels, at .05 with one for each; at 1 two thirds of the lost contrast stay lost.
 _VARIANCE = 0.1
-_PHOTONS = 4.0
-_MOST_TURNED = 0.5  # sine of the angle between normals up to which the fit is followed
+# Share of the spread of geometric normals: where the surface itself turns, light changes with the place too,
+# and slopes are less certain. Columns under photons alone have 5 % more error at 0, 1 % at 4.
+_BENT = 4.0
+_MOST_TURNED = wgsl.load("optics/gradient.wgsl").constants["MOST_TURNED"]
 
 
 class Moments(NamedTuple):
     """Weighted sums over receivers, whose normals are (u, v) off in the tangent plane: of w, w^2, w u, w v,
-    w u^2, w u v and w v^2."""
+    w u^2, w u v, w v^2 and, their geometric normals off by g, of w |g|^2."""
 
     w: Any
     w2: Any
@@ -36,6 +40,7 @@ class Moments(NamedTuple):
     uu: Any
     uv: Any
     vv: Any
+    bent: Any
 
 
 class Fit(NamedTuple):
@@ -50,15 +55,15 @@ class Fit(NamedTuple):
 
 
 @jit
-def fit_of(moments, noise):
+def fit_of(moments):
     """Return the Fit of Moments whose weight is not 0.
 
-    The ridge is _VARIANCE over the effective number of receivers (sum w)^2 / sum w^2: where normals agree or
-    receivers are few it outweighs what they tell, and the slope is small.
+    The ridge is _VARIANCE over the effective number of receivers, (sum w)^2 / sum w^2, and the geometry's
+    part: where normals agree or receivers are few it outweighs what they tell, and the slope is small.
     """
     inverse = f32(1) / moments.w
     u, v = inverse * moments.u, inverse * moments.v
-    ridge = f32(_VARIANCE) * moments.w2 * inverse * inverse + f32(_PHOTONS) * noise
+    ridge = f32(_VARIANCE) * moments.w2 * inverse * inverse + f32(_BENT) * inverse * moments.bent
     uu = max(inverse * moments.uu - u * u, f32(0)) + ridge
     vv = max(inverse * moments.vv - v * v, f32(0)) + ridge
     uv = inverse * moments.uv - u * v

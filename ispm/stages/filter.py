@@ -82,15 +82,6 @@ class _Image(NamedTuple):
     turned: Any
 
 
-class _How(NamedTuple):
-    """What is made of the light around a place: _MEAN, _FIT, with the irradiance at the place's own normal,
-    or _CARRY, at none; whether photons are few there, and weights lenient; one over how many they are."""
-
-    made: Any
-    few: Any
-    noise: Any
-
-
 class _Out(NamedTuple):
     """What is written: light (n, 16), and its gradient (n, WORDS), without rows where no normals differ."""
 
@@ -213,8 +204,8 @@ def _spread(counter, points, image, limits, out):
             if words[p, _SLANT] > f32(0):
                 density = image.estimate[p, DENSITY]
                 reach = reach_of(words[p, _FOOTPRINT], density, limits)
-                photons = density * f32(math.pi) * reach * reach
-                _spread_one(Place(points, p, x, y), reach, photons, image, out)
+                few = density * f32(math.pi) * reach * reach < f32(_MIN_PHOTONS)
+                _spread_one(Place(points, p, x, y), reach, few, image, out)
 
 
 @jit
@@ -247,8 +238,8 @@ def _fill_gaps(counter, points, image, limits, out, part, most):
                 across = f32((taps_x + 1) * step_x) * min(f32(1) / wide, f32(3))
                 down = f32((taps_y + 1) * step_y) * min(f32(1) / high, f32(3))
                 lattice = Lattice((step_x, step_y), (taps_x, taps_y))
-                how = _How(i64(_CARRY) if image.turned else i64(_MEAN), False, f32(0))
-                _mean_about(at, foot * max(across, down), lattice, how, image, out)
+                how = i64(_CARRY) if image.turned else i64(_MEAN)
+                _mean_about(at, foot * max(across, down), lattice, how, False, image, out)
                 if part > i64(1) and image.turned:
                     _evaluate(words, p, out)
 
@@ -260,32 +251,29 @@ def _spread_points(counter, points, image, limits, out):
     width, _ = image.size
     for i in shared_rows(counter, 64, len(given)):
         p = pixels[i]
-        density = image.estimate[p, DENSITY]
-        reach = reach_of(given[i, _FOOTPRINT], density, limits)
-        photons = max(density * f32(math.pi) * reach * reach, f32(_MIN_PHOTONS))  # few or not
-        _spread_one(Place(given, i, p % width, p // width), reach, photons, image, out)
+        reach = reach_of(given[i, _FOOTPRINT], image.estimate[p, DENSITY], limits)
+        _spread_one(Place(given, i, p % width, p // width), reach, False, image, out)
 
 
 @jit
-def _spread_one(at, reach, photons, image, out):
+def _spread_one(at, reach, few, image, out):
     """Write the mean over `reach` m about a place, and how many receivers it met over what is enough."""
     wide, high = widths(at, image.words, image.size)
-    few = photons < f32(_MIN_PHOTONS)
-    how = _How(i64(_FIT) if image.turned and not few else i64(_MEAN), few, f32(1) / max(photons, f32(1)))
+    how = i64(_FIT) if image.turned and not few else i64(_MEAN)
     pixels = reach / at.points[at.p, _FOOTPRINT]
     wanted = lattice_of(pixels * wide, pixels * high)
     (stride_x, stride_y), (taps_x, taps_y) = wanted
-    met = _mean_about(at, reach, wanted, how, image, out)
+    met = _mean_about(at, reach, wanted, how, few, image, out)
     if met < i64(_MIN_RECEIVERS) and max(stride_x, stride_y) > i64(1):
         dense_x, dense_y = min(i64(TAPS), stride_x * taps_x), min(i64(TAPS), stride_y * taps_y)
         taps = dense_x, taps_y
-        met = _mean_about(at, reach, Lattice((i64(1), stride_y), taps), how, image, out)
+        met = _mean_about(at, reach, Lattice((i64(1), stride_y), taps), how, few, image, out)
         if met < i64(_MIN_RECEIVERS):
             taps = taps_x, dense_y
-            met = _mean_about(at, reach, Lattice((stride_x, i64(1)), taps), how, image, out)
+            met = _mean_about(at, reach, Lattice((stride_x, i64(1)), taps), how, few, image, out)
         if met < i64(_MIN_RECEIVERS):
             taps = dense_x, dense_y
-            met = _mean_about(at, reach, Lattice((i64(1), i64(1)), taps), how, image, out)
+            met = _mean_about(at, reach, Lattice((i64(1), i64(1)), taps), how, few, image, out)
         taps_x, taps_y = taps
     box = (i64(2) * taps_x + i64(1)) * (i64(2) * taps_y + i64(1))
     enough = min(i64(_MIN_RECEIVERS), box // i64(4))  # a short reach holds few, and light is even over it
@@ -293,12 +281,13 @@ def _spread_one(at, reach, photons, image, out):
 
 
 @jit
-def _mean_about(at, reach, lattice, how, image, out):
+def _mean_about(at, reach, lattice, how, few, image, out):
     """Write the weighted mean of the estimates within `reach` m of a place; return of how many, int64.
 
+    how  _MEAN, _FIT, which has the irradiance at the place's own normal, or _CARRY, at none
+    few  photons are few there, and the weights lenient
     """
     points, p, x, y = at
-    made, few, noise = how
     words, estimate, gradient, size, gloss, _ = image
     (stride_x, stride_y), (taps_x, taps_y) = lattice
     base, slopes = np.uint64(estimate.ctypes.data), np.uint64(gradient.ctypes.data)
@@ -315,7 +304,7 @@ def _mean_about(at, reach, lattice, how, image, out):
     along_u, along_v = splat8(f32(0)), splat8(f32(0))
     of_x, of_y, of_z = splat4(f32(0)), splat4(f32(0)), splat4(f32(0))
     weight, gloss_weight, squares = f32(0), f32(0), f32(0)
-    mean_u, mean_v, uu, uv, vv = f32(0), f32(0), f32(0), f32(0), f32(0)
+    bent, mean_u, mean_v, uu, uv, vv = f32(0), f32(0), f32(0), f32(0), f32(0), f32(0)
     met = i64(0)
     for row in range(y - taps_y * stride_y, y + taps_y * stride_y + 1, stride_y):
         if row < 0 or row >= size[1]:
@@ -348,14 +337,16 @@ def _mean_about(at, reach, lattice, how, image, out):
             met += i64(1)
             light = vload8(base, q * CHANNELS)
             plain = vfma(light, splat8(w), plain)
-            if made == i64(_FIT):
+            if how == i64(_FIT):
+                gx, gy, gz = words[q, _NG] - nx, words[q, _NG + 1] - ny, words[q, _NG + 2] - nz
+                bent += w * (gx * gx + gy * gy + gz * gz)
                 mx, my, mz = mx - sx, my - sy, mz - sz
                 u, v = mx * ux + my * uy + mz * uz, mx * vx + my * vy + mz * vz
                 wu, wv = w * u, w * v
                 mean_u, mean_v, squares = mean_u + wu, mean_v + wv, squares + w * w
                 uu, uv, vv = uu + wu * u, uv + wu * v, vv + wv * v
                 along_u, along_v = vfma(light, splat8(wu), along_u), vfma(light, splat8(wv), along_v)
-            elif made == i64(_CARRY):
+            elif how == i64(_CARRY):
                 of_x = vfma(vload4(slopes, q * WORDS), splat4(w), of_x)
                 of_y = vfma(vload4(slopes, q * WORDS + 4), splat4(w), of_y)
                 of_z = vfma(vload4(slopes, q * WORDS + 8), splat4(w), of_z)
@@ -370,12 +361,12 @@ def _mean_about(at, reach, lattice, how, image, out):
     inverse = _inverse(weight)
     vstore8(place, p * CHANNELS, vmul(plain, splat8(inverse)))
     vstore8(place, p * CHANNELS + _GLOSS, vmul(glossy, splat8(_inverse(gloss_weight))))
-    if made == i64(_CARRY):
+    if how == i64(_CARRY):
         vstore4(slopes, p * WORDS, vmul(of_x, splat4(inverse)))
         vstore4(slopes, p * WORDS + 4, vmul(of_y, splat4(inverse)))
         vstore4(slopes, p * WORDS + 8, vmul(of_z, splat4(inverse)))
-    elif made == i64(_FIT) and weight > f32(0):
-        fit = fit_of(Moments(weight, squares, mean_u, mean_v, uu, uv, vv), noise)
+    elif how == i64(_FIT) and weight > f32(0):
+        fit = fit_of(Moments(weight, squares, mean_u, mean_v, uu, uv, vv, bent))
         for c in range(3):
             mean = inverse * vget(plain, c)
             gu, gv = slope(fit, mean, vget(along_u, c), vget(along_v, c))
