@@ -306,7 +306,7 @@ def test_ends_of_eye_paths_are_interpolated_as_pixels_are(gpu, block):
 
 @pytest.mark.parametrize("block", [1, 3, 4])
 def test_ends_of_eye_paths_follow_normals_as_pixels_do(gpu, block):
-    """`spread_light` against the shader where light has slopes, of at most 3.2: along two axes off by 2^-11 of
+    """`spread_light` against the shader where light has slopes, of at most 3.2: in two axes off by 2^-11 of
     themselves, at offsets of at most a half, 1.6 2^-11 in all; and twice that for the rounding of normals."""
     scene, view = wavy()
     pixels = upsampled(gpu, scene, view, 1, even(1.0))[2]
