@@ -11,7 +11,7 @@ from transport import render
 CASE = cases()["bumps"][0]
 SIZE = 640, 360
 PATHS, GROUPS = 32, 16
-LOST = 0.06  # share of contrast: 3.6 and 5.2 % are lost with receivers of 4 x 4 and 1 pixels, unfitted 22 and more
+LOST = 0.06  # share of contrast: 3.6 and 5.2 % with receivers of 4 x 4 and 1 pixels; unfitted 22 and more
 
 
 @pytest.fixture(scope="module")
