@@ -31,7 +31,7 @@ _MOST_TURNED = wgsl.load("optics/gradient.wgsl").constants["MOST_TURNED"]
 
 class Moments(NamedTuple):
     """Weighted sums over receivers, whose normals are (u, v) off in the tangent plane: of w, w^2, w u, w v,
-    w u^2, w u v, w v^2 and, their geometric normals off by g, of w |g|^2."""
+    w u^2, w u v, w v^2, and of w times the cosine between geometric normals."""
 
     w: Any
     w2: Any
@@ -40,7 +40,7 @@ class Moments(NamedTuple):
     uu: Any
     uv: Any
     vv: Any
-    bent: Any
+    facing: Any
 
 
 class Fit(NamedTuple):
@@ -63,7 +63,8 @@ def fit_of(moments):
     """
     inverse = f32(1) / moments.w
     u, v = inverse * moments.u, inverse * moments.v
-    ridge = f32(_VARIANCE) * moments.w2 * inverse * inverse + f32(_BENT) * inverse * moments.bent
+    bent = max(f32(2) - f32(2) * inverse * moments.facing, f32(0))  # mean square of their differences
+    ridge = f32(_VARIANCE) * moments.w2 * inverse * inverse + f32(_BENT) * bent
     uu = max(inverse * moments.uu - u * u, f32(0)) + ridge
     vv = max(inverse * moments.vv - v * v, f32(0)) + ridge
     uv = inverse * moments.uv - u * v

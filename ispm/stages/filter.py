@@ -62,10 +62,9 @@ _GLOSS = word_of(INCIDENT, "gloss")  # what surfaces of another roughness do not
 # Receivers that a mean is enough of. Of fewer it is noise: dashes along faces one to three pixels wide. Of 12
 # none are seen at 1:1; 16 and 24 ask for half and three times as many pixels that get light of their own.
 _MIN_RECEIVERS = 12
-_SAME, _OTHER = (
-    1.0 - 1e-6,
-    0.5,
-)  # cosines of two normals above which they agree, and below which nothing is shared
+# Cosines of two normals above which they are the same to a fit, whose ridge is some ten times the square of
+# that angle, .01; and below which surfaces share nothing.
+_SAME, _OTHER = 1.0 - 5e-5, 0.5
 _MEAN, _FIT, _CARRY = 0, 1, 2  # what is made of irradiance: its mean, a fit to it, or the mean of fits
 _NO_GRADIENT = aligned(0).reshape(0, WORDS)
 
@@ -158,12 +157,17 @@ def _words(receivers: np.ndarray) -> np.ndarray:
 
 
 def _normals_differ(receivers: np.ndarray, size: tuple[int, int]) -> bool:
-    """Whether shading normals differ among neighbours that share light, so that there is something to fit."""
-    n = np.ascontiguousarray(receivers["n"]).reshape(size[1], size[0], 3)
-    for a, b in ((n[1:], n[:-1]), (n[:, 1:], n[:, :-1])):
-        cosine = np.einsum("ijk,ijk->ij", a, b)
-        if ((cosine > _OTHER) & (cosine < _SAME)).any():
-            return True
+    """Whether shading normals differ among receivers in a plane, so that there is something to fit."""
+    names = "n", "ng", "position"
+    n, ng, place = (np.ascontiguousarray(receivers[name]).reshape(size[1], size[0], 3) for name in names)
+    foot = receivers["footprint"].reshape(size[1], size[0])
+    for lag in (1, TAPS):
+        for here, there in ((np.s_[lag:], np.s_[:-lag]), (np.s_[:, lag:], np.s_[:, :-lag])):
+            cosine = np.einsum("ijk,ijk->ij", n[here], n[there])
+            turned = (cosine > _OTHER) & (cosine < _SAME)
+            apart = place[here][turned] - place[there][turned]
+            if (abs((apart * ng[here][turned]).sum(axis=-1)) < lag * foot[here][turned]).any():
+                return True
     return False
 
 
@@ -304,7 +308,7 @@ def _mean_about(at, reach, lattice, how, few, image, out):
     along_u, along_v = splat8(f32(0)), splat8(f32(0))
     of_x, of_y, of_z = splat4(f32(0)), splat4(f32(0)), splat4(f32(0))
     weight, gloss_weight, squares = f32(0), f32(0), f32(0)
-    bent, mean_u, mean_v, uu, uv, vv = f32(0), f32(0), f32(0), f32(0), f32(0), f32(0)
+    facing, mean_u, mean_v, uu, uv, vv = f32(0), f32(0), f32(0), f32(0), f32(0), f32(0)
     met = i64(0)
     for row in range(y - taps_y * stride_y, y + taps_y * stride_y + 1, stride_y):
         if row < 0 or row >= size[1]:
@@ -338,9 +342,7 @@ def _mean_about(at, reach, lattice, how, few, image, out):
             light = vload8(base, q * CHANNELS)
             plain = vfma(light, splat8(w), plain)
             if how == i64(_FIT):
-                gx, gy, gz = words[q, _NG] - nx, words[q, _NG + 1] - ny, words[q, _NG + 2] - nz
-                bent += w * (gx * gx + gy * gy + gz * gz)
-                mx, my, mz = mx - sx, my - sy, mz - sz
+                facing += w * (nx * words[q, _NG] + ny * words[q, _NG + 1] + nz * words[q, _NG + 2])
                 u, v = mx * ux + my * uy + mz * uz, mx * vx + my * vy + mz * vz
                 wu, wv = w * u, w * v
                 mean_u, mean_v, squares = mean_u + wu, mean_v + wv, squares + w * w
@@ -366,7 +368,7 @@ def _mean_about(at, reach, lattice, how, few, image, out):
         vstore4(slopes, p * WORDS + 4, vmul(of_y, splat4(inverse)))
         vstore4(slopes, p * WORDS + 8, vmul(of_z, splat4(inverse)))
     elif how == i64(_FIT) and weight > f32(0):
-        fit = fit_of(Moments(weight, squares, mean_u, mean_v, uu, uv, vv, bent))
+        fit = fit_of(Moments(weight, squares, mean_u, mean_v, uu, uv, vv, facing))
         for c in range(3):
             mean = inverse * vget(plain, c)
             gu, gv = slope(fit, mean, vget(along_u, c), vget(along_v, c))
