@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 # Phi: a photon's flux; kappa: its density kernel; c: `cosine_ratio`; Fc, D, V: see bsdf.wgsl
@@ -18,6 +20,14 @@ INCIDENT = np.dtype(
     ]
 )
 CHANNELS = INCIDENT.itemsize // 4
+
+
+class FilteredLight(NamedTuple):
+    """Light at points, (n, 16), and how its irradiance changes with the shading normal, (n, WORDS of
+    `optics.gradient`) lx, world space; None: neighbours' normals agree."""
+
+    light: np.ndarray
+    gradient: np.ndarray | None
 
 
 def no_light(count: int) -> np.ndarray:

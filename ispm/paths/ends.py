@@ -15,8 +15,11 @@ from numba import literal_unroll
 
 from ispm.kernels.share import run_shared, shared_rows
 from ispm.optics.bsdf import NARROW_ALPHA
+from ispm.optics.gradient import WORDS, turn, turned_light
+from ispm.optics.incident import FilteredLight
 from ispm.optics.jit import jit
 from ispm.optics.records import RECEIVER, take
+from ispm.optics.vector import vec3
 
 f32, i64, u32 = np.float32, np.int64, np.uint32
 
@@ -32,6 +35,7 @@ _TURNED = f32(0.01)  # least share of its weight that a receiver keeps whose bum
 _FROST_REACH = 5  # pixels on each side over which rough glass is averaged
 _OUTLIER = f32(3)  # times the mean of its neighbourhood, above which a pixel's light is cut
 _CHUNK = 256
+_NO_GRADIENT = np.zeros((0, WORDS), np.float32)
 
 
 def image_of_ends(
@@ -76,7 +80,7 @@ def spread_light(
     points: np.ndarray,
     positions: np.ndarray,
     image: np.ndarray,
-    light: np.ndarray,
+    filtered: FilteredLight,
     size: tuple[int, int],
     block: int,
     threads: int,
@@ -84,22 +88,24 @@ def spread_light(
     """Return light at ends from that of the image's receivers, (m, 16), and (m,) whether any was near.
 
     points  (m,) RECEIVER;  positions  (m, 2) float32 in the image, centres of cells at whole numbers
-    image   (h w,) RECEIVER;  light  (h w, 16) there;  block  pixels to a side of its cells
+    image   (h w,) RECEIVER;  filtered  their light;  block  pixels to a side of its cells
     Joint bilateral, as stages/upsample.wgsl.
     """
     out = np.zeros((len(points), 16), np.float32)
     found = np.zeros(len(points), np.bool_)
-    few = _Image(image, light, *size, f32(0 if block == 1 else _LEAST_NEAR))
+    gradient = _NO_GRADIENT if filtered.gradient is None else filtered.gradient
+    few = _Image(image, filtered.light, gradient, *size, f32(0 if block == 1 else _LEAST_NEAR))
     run_shared(lambda counter: _spread(points, positions, few, counter, out, found), threads)
     return out, found
 
 
 class _Image(NamedTuple):
-    """An image of few ends: (h w,) RECEIVER, their light, (h w, 16) float32, width, height, and what is added
-    to the bilinear weights of its cells."""
+    """An image of few ends: (h w,) RECEIVER, their light, (h w, 16) float32, its gradient, (h w, WORDS) or no
+    rows, width, height, and what is added to the bilinear weights of its cells."""
 
     receivers: np.ndarray
     light: np.ndarray
+    gradient: np.ndarray
     width: int
     height: int
     least: np.float32
@@ -152,8 +158,14 @@ def _add_tap(point, image, x, y, near, out):
     w = near * _likeness(point, receiver)
     if w <= f32(0):
         return f32(0), f32(0), f32(0)
-    for c in range(4):
-        out[c] += w * light[c]
+    if len(image.gradient):
+        off = turn(vec3(receiver.n), vec3(point.n))
+        for c in range(3):
+            out[c] += w * turned_light(light, image.gradient[k], c, off)
+        out[3] += w * light[3]
+    else:
+        for c in range(4):
+            out[c] += w * light[c]
     if not (point.alpha > f32(0) and receiver.alpha > f32(0)):
         return w, f32(0), f32(0)
     fresnel = w * max(f32(1) - f32(4) * abs(point.alpha - receiver.alpha), f32(1e-3))

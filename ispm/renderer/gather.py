@@ -19,7 +19,7 @@ from ispm.lights.lightmap import mean_irradiance
 from ispm.lights.surface_emission import emissive_flux
 from ispm.optics.bsdf import NARROW_ALPHA
 from ispm.optics.environment import environment_power
-from ispm.optics.incident import channels, no_light
+from ispm.optics.incident import FilteredLight, channels, no_light
 from ispm.optics.records import take
 from ispm.optics.rng import random4
 from ispm.optics.sampling import LATTICE
@@ -34,7 +34,8 @@ from ispm.renderer.narrow import LEAST_PHOTONS, mean_flux, narrow_radius
 from ispm.renderer.one_pass import Pass
 from ispm.scene.packed import Packed
 from ispm.settings import Settings
-from ispm.stages.filter import filter_estimate, set_reach
+from ispm.stages.filter import filter_estimate
+from ispm.stages.lattice import set_reach
 from ispm.stages.mean import mean_around
 from ispm.stages.upsample import UNUSED
 
@@ -120,7 +121,7 @@ class PhotonLight:
         if not this.settings.is_plain:
             self._measure(parts.smooth)
 
-    def at_receivers(self, receivers: Receivers, estimator: Estimator) -> tuple[np.ndarray, np.ndarray]:
+    def at_receivers(self, receivers: Receivers, estimator: Estimator) -> tuple[np.ndarray, FilteredLight]:
         """Return the light at the picture's receivers, (h w, 16): as estimated or gathered, and filtered for
         the picture with that of the wide caustics.
 
@@ -129,7 +130,8 @@ class PhotonLight:
         raw = self.at(receivers, estimator)
         filtered = self._filtered(receivers, raw)
         if self.caustics.wide:
-            filtered = filtered + self.wide.estimate(receivers.points, self._this.threads)
+            wide = self.wide.estimate(receivers.points, self._this.threads)
+            filtered = filtered._replace(light=filtered.light + wide)
         return raw, filtered
 
     def at(self, receivers: Receivers, estimator: Estimator | None = None) -> np.ndarray:
@@ -174,15 +176,15 @@ class PhotonLight:
         """Return likewise the light at points of the picture that its receivers miss."""
         return self.at(receivers)
 
-    def _filtered(self, receivers: Receivers, raw: np.ndarray) -> np.ndarray:
+    def _filtered(self, receivers: Receivers, raw: np.ndarray) -> FilteredLight:
         """Such light without its noise; plain kernels are wide enough to have little."""
         this = self._this
         if this.settings.is_plain or not len(self.parts.smooth):
-            return raw
+            return FilteredLight(raw, None)
         filtered = filter_estimate(
             receivers.points, raw, receivers.size, this.packed.diagonal, this.settings.smoothing, this.threads
         )
-        light = channels(filtered)
+        light = channels(filtered.light)
         light["density"][light["met"] < 1.0] = UNUSED
         return filtered
 

@@ -31,7 +31,7 @@ from ispm.renderer.gather import Ends, PhotonLight, rays_reach, rays_worth
 from ispm.renderer.light import EmissionPlan, Traced, aims_by_view, trace_photons
 from ispm.renderer.one_pass import Pass
 from ispm.scene.packed_instance import Placed
-from ispm.stages.filter import DENSITY, set_reach
+from ispm.stages.lattice import DENSITY, set_reach
 
 _PROBES = 3000  # photons that tell where light changes; of 1000 few find a way through a door
 _PROBES_LEAST = 16  # of a light

@@ -13,7 +13,8 @@ import numpy as np
 
 from ispm.optics.incident import channels
 from ispm.optics.vector import LUMINANCE
-from ispm.stages.filter import filter_estimate, radius_of, set_radius
+from ispm.stages.filter import filter_estimate
+from ispm.stages.lattice import radius_of, set_radius
 
 _NARROW = 0.25  # of the radius: to compare with, and the least that is left
 _SIGNIFICANT = 3.0  # standard deviations that are taken for noise
@@ -56,7 +57,7 @@ def narrow_radius(
         """Light of photons and of all, lx, where receivers are, by a share of the radius."""
         set_radius(pilot, share * radius, smoothing)
         mean = filter_estimate(receivers, pilot, size, diagonal, smoothing, threads, once=True)
-        found = channels(mean)[used]
+        found = channels(mean.light)[used]
         photons, whole = (found[name].astype(np.float64) @ LUMINANCE for name in ("irradiance", "fresnel"))
         return photons, np.maximum(whole, 1e-30)
 

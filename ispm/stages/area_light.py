@@ -131,7 +131,8 @@ def area_light(
     samples = _Samples(diffuse, gloss, drawn, unshadowed, lamps, *np.full((2, count), np.inf, np.float32))
     run_shared(lambda counter: _sample_pixels(tables, pixels, view, counter, samples), world.threads)
     means = _Means(*np.zeros((3, count, 3), np.float32), *np.zeros((2, count), np.float32))
-    lit = _Lit(*np.zeros((2, count, 3), np.float32), np.zeros((count, 4), np.float32))
+    unshaded, albedo = np.zeros((2, count, 3), np.float32)
+    lit = _Lit(unshaded, albedo, np.zeros((count, 4), np.float32))
     told = pixels, view, f32(smoothing)
     run_shared(lambda counter: _filter(tables, *told, samples, counter, means, lit), world.threads)
     # the samples' own values are used up
@@ -270,16 +271,11 @@ def _filter(tables, pixels, view, smoothing, samples, counter, means, lit):
                 near = min(near, samples.near[y * columns + x])
                 reach = min(reach, samples.reach[y * columns + x])
         base = pixels.base[i]
-<<<<<<< HEAD
-        opaque = (f32(1) - base[3]) * (f32(1) - f32(pixels.points[i, 3] >> u32(24)) * f32(1 / 255))
+        passed, through = transmitted_shares(tables, pixels.points[i, 3])
+        opaque = (f32(1) - base[3]) * (f32(1) - passed) * (f32(1) - through)
         means.near[i], means.reach[i] = near, reach
         for c in range(3):
             lit.albedo[i, c] = opaque * base[c]
-=======
-        passed, through = transmitted_shares(tables, pixels.points[i, 3])
-        opaque = (f32(1) - base[3]) * (f32(1) - passed) * (f32(1) - through)
-        means.reach[i] = reach
->>>>>>> difftrans
         if first and exact and reach == f32(np.inf):  # nothing shades, and all is known
             for c in range(3):
                 means.diffuse[i, c], means.drawn[i, c] = samples.diffuse[i, c], samples.drawn[i, c]

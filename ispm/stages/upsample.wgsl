@@ -5,6 +5,7 @@
 // include stages/camera.wgsl
 // include stages/fullscreen.wgsl
 // include stages/receivers.wgsl
+// include optics/gradient.wgsl
 // include stages/blocks.wgsl
 
 const PLANE_REACH = 1.3;    // low-resolution pixels: a biweight as wide as a Gaussian of 0.5
@@ -17,6 +18,7 @@ const FINISHING = 64u;     // workgroups of `finish`, each of as many threads
 const LEFT = 1u;           // values of GLOSS: none is looked for, it is left to `finish`, or it is found at once
 const FOUND = 2u;
 override GLOSS: u32 = FOUND;
+override TURNED_LIGHT: bool = false;  // light follows the normal of a pixel
 
 struct Missed {
     pixel: u32,
@@ -36,6 +38,9 @@ struct Missed {
 @group(0) @binding(8) var<storage, read> light: array<vec4f>;          // four for each receiver
 @group(0) @binding(6) var places: texture_2d<u32>;   // of each receiver the position and geometric normal,
 @group(0) @binding(16) var lights: texture_2d<u32>;  // the irradiance and shading normal
+@group(0) @binding(24) var slopes: texture_2d<u32>;  // and how that follows the normal
+@group(0) @binding(25) var<storage, read> gradient: array<vec4f>;      // three for each receiver
+@group(0) @binding(26) var slopes_out: texture_storage_2d<rgba32uint, write>;
 @group(0) @binding(19) var places_out: texture_storage_2d<rgba32uint, write>;
 @group(0) @binding(20) var lights_out: texture_storage_2d<rgba32uint, write>;
 @group(0) @binding(21) var<storage, read_write> left_count: array<atomic<u32>>;
@@ -89,6 +94,7 @@ struct Tap {               // a receiver and its light
     alpha: f32,
     n: vec3f,
     light: Incident,
+    slope: vec3u,
 }
 
 struct Taps {
@@ -111,6 +117,12 @@ fn pack_receivers(@builtin(global_invocation_id) id: vec3u) {
     let ng = select(NO_TAP, pack_normal(r.ng), (r.valid != 0u) && (i.w >= 0.0));
     textureStore(places_out, id.xy, vec4u(bitcast<vec3u>(r.position), ng));
     textureStore(lights_out, id.xy, vec4u(bitcast<vec3u>(i.rgb), pack_normal(r.n)));
+    if (TURNED_LIGHT) {
+        let g = 3u * k;
+        let n = unpack_normal(pack_normal(r.n));  // the frame that load_tap's normal has
+        let slope = pack_slope(i.rgb, gradient[g].rgb, gradient[g + 1u].rgb, gradient[g + 2u].rgb, n);
+        textureStore(slopes_out, id.xy, vec4u(slope, 0u));
+    }
 }
 
 fn low_size() -> vec2i {
@@ -129,6 +141,9 @@ fn load_tap(at: vec2i, low: vec2i) -> Tap {
     tap.ng = unpack_normal(place.w);
     tap.n = unpack_normal(shone.w);
     tap.light.irradiance = bitcast<vec3f>(shone.xyz);
+    if (TURNED_LIGHT) {
+        tap.slope = textureLoad(slopes, at, 0).xyz;
+    }
     if (GLOSS == FOUND) {
         let k = u32(at.y * low.x + at.x);
         tap.alpha = receivers[k].alpha;
@@ -154,7 +169,11 @@ fn add_tap(taps: ptr<function, Taps>, s: Surface, tap: Tap, near: f32) {
     bump *= bump;
     let close = max(1.0 - z * z * s.plane_scale, 0.0);
     let w = near * tap.valid * facing * max(bump, TURNED) * close * close;
-    (*taps).sums.irradiance += w * tap.light.irradiance;
+    if (TURNED_LIGHT) {
+        (*taps).sums.irradiance += w * turned_light(tap.light.irradiance, tap.slope, tap.n, s.n);
+    } else {
+        (*taps).sums.irradiance += w * tap.light.irradiance;
+    }
     (*taps).weight += w;
     if (s.alpha > 0.0 && tap.alpha > 0.0) {
         let g = w * max(1.0 - 4.0 * abs(s.alpha - tap.alpha), 1e-3);

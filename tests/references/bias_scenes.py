@@ -102,7 +102,7 @@ def cases() -> dict[str, list[Case]]:
         ],
         "bumps": [
             Case(
-                f"contrast, subsampling {k}", "shading normals in filter, upsampling", _bumpy_room, _bumpy,
+                f"contrast, subsampling {k}", "fits to shading normals", _bumpy_room, _bumpy,
                 knobs={"subsampling": k}, contrast=True,
             )
             for k in (4, 1)

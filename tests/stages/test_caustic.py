@@ -8,6 +8,7 @@ from exact import mixed_scene, quad, view_of
 
 from ispm.gpu import FLAT, Target
 from ispm.library.common import lambert
+from ispm.optics.incident import FilteredLight
 from ispm.optics.records import CAUSTIC, PHOTON
 from ispm.photons.footprint import OVERLAP, shape_kernels
 from ispm.photons.grid import PhotonGrid
@@ -283,7 +284,7 @@ def test_upsampling_adds_caustics_to_every_pixel(gpu, missing):
         receivers.write(points)
     with gpu.frame() as frame:
         caustic = picture.stage(frame, scene, gbuffer, view, discs(photons))
-        upsample(frame, scene, gbuffer, view, receivers, light, caustic)
+        upsample(frame, scene, gbuffer, view, receivers, FilteredLight(light, None), caustic)
     count = len(upsample.missed()[0])
     assert (count > 500) == missing
     if count:

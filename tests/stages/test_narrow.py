@@ -7,7 +7,8 @@ from test_filter import floor
 from ispm.optics.incident import channels, no_light
 from ispm.optics.records import PHOTON
 from ispm.renderer.narrow import mean_flux, narrow_radius
-from ispm.stages.filter import filter_estimate, radius_of, set_radius
+from ispm.stages.filter import filter_estimate
+from ispm.stages.lattice import radius_of, set_radius
 
 SIZE, PIXEL, DIAGONAL = (96, 72), 0.1, 40.0
 FLUX = 2e-5  # lm
@@ -34,7 +35,7 @@ def narrowed(light, of_photons=None, **others):
 
 
 def error(light, exact):
-    found = filter_estimate(floor(SIZE, PIXEL), light, SIZE, DIAGONAL, 1.0, 2)
+    found = filter_estimate(floor(SIZE, PIXEL), light, SIZE, DIAGONAL, 1.0, 2).light
     return float(((found[:, 0] / exact.ravel() - 1.0) ** 2).mean())
 
 

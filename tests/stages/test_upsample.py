@@ -8,6 +8,7 @@ from exact import mixed_scene, quad, view_of
 
 from ispm.library.common import lambert
 from ispm.library.shapes import polygons
+from ispm.optics.incident import FilteredLight
 from ispm.paths.ends import spread_light
 from ispm.scene.camera import look_at_pose
 from ispm.scene.material import Texture
@@ -15,16 +16,18 @@ from ispm.scene.packed import pack
 from ispm.scene.scene import Scene
 from ispm.stages.camera import CameraView
 from ispm.stages.downsample import Downsample
-from ispm.stages.filter import DENSITY, MET
+from ispm.stages.filter import MET
 from ispm.stages.gbuffer import GBufferStage
+from ispm.stages.lattice import DENSITY
 from ispm.stages.upload import Upload
 from ispm.stages.upsample import UNUSED, Upsample
 
 
-def upsampled(gpu, scene, view, block, make_light, patch=None):
+def upsampled(gpu, scene, view, block, make_light, patch=None, gradient=None):
     """Irradiance (H, W, 3), what is seen (H, W), receivers and how many pixels were missed.
 
     make_light, patch  (n,) RECEIVER -> (n, 16) light, of the receivers and of the missed pixels
+    gradient           likewise how that of the receivers changes with the normal, (n, WORDS)
     """
     upload, gbuffer = Upload(gpu), GBufferStage(gpu)
     downsample, upsample = Downsample(gpu, block), Upsample(gpu, block)
@@ -34,7 +37,14 @@ def upsampled(gpu, scene, view, block, make_light, patch=None):
         buffer = downsample(frame, packed, drawn, view)
     receivers = downsample.read(gpu, view)
     with gpu.frame() as frame:
-        upsample(frame, packed, drawn, view, buffer, make_light(receivers))
+        upsample(
+            frame,
+            packed,
+            drawn,
+            view,
+            buffer,
+            FilteredLight(make_light(receivers), gradient and gradient(receivers)),
+        )
     missed, points = upsample.missed()
     if patch and len(missed):
         with gpu.frame() as frame:
@@ -104,6 +114,53 @@ def test_bumps_take_the_light_of_receivers_turned_alike(gpu):
     inside = abs(x) < 1.9
     assert irradiance[inside & right].mean() == pytest.approx(9.0, abs=0.4)
     assert irradiance[inside & ~right].mean() == pytest.approx(1.0, abs=0.4)
+
+
+def wavy(size=(61, 43)):
+    """A floor seen from above, whose normal map turns it by up to 37 degrees in waves of 8 pixels."""
+    x, y = np.meshgrid(*[2.0 * np.pi * (np.arange(32) + 0.5) / 32] * 2)
+    slope = np.stack([0.5 * np.cos(x), 0.5 * np.cos(y), np.ones_like(x)], axis=-1)
+    slope /= np.linalg.norm(slope, axis=-1, keepdims=True)
+    corners = np.array([(-3, -2, 0), (3, -2, 0), (3, 2, 0), (-3, 2, 0)], float)
+    floor = polygons([corners])
+    floor.uv0 = np.array([(0, 0), (7.6, 0), (7.6, 5), (0, 5)], np.float32)
+    normals = Texture((0.5 + 0.5 * slope).astype(np.float32), srgb=False)
+    scene = Scene()
+    scene.add(floor, material=replace(lambert((0.5,) * 3), normal_texture=normals))
+    pose = look_at_pose(np.array([0.0, 0.0, 4.0]), np.zeros(3))
+    return scene, CameraView(size, pose, ymag=2.0, near=0.01, far=10.0)
+
+
+_SLOPES = np.array([[3.0, 0.0, 1.0, 0.0], [0.0, -2.0, 1.0, 0.0], [0.0, 0.0, 0.0, 0.0]], np.float32)
+
+
+def leaning(receivers):
+    """Light linear in the normal, channels of _SLOPES; and darker where it has none."""
+    out = np.zeros((len(receivers), 16), np.float32)
+    out[:, :3] = (4.0 + receivers["n"] @ _SLOPES[:, :3]) * (receivers["valid"] > 0)[:, None]
+    out[:, MET] = 1.0
+    return out
+
+
+def slopes_of(receivers):
+    """Its gradient, (n, WORDS)."""
+    return np.repeat(_SLOPES.reshape(1, 12), len(receivers), axis=0)
+
+
+def test_pixels_follow_light_to_their_own_normals(gpu):
+    """The four receivers about a pixel face elsewhere: their light is off by a third of its deviations, where
+    that linear in the normal is to be met but for the second order of the tangent plane, and 16 bits."""
+    scene, view = wavy()
+    pixels = upsampled(gpu, scene, view, 1, even(1.0))[2].reshape(43, 61)
+    expected = leaning(pixels.reshape(-1))[:, :3].reshape(43, 61, 3)
+    with_slopes = upsampled(gpu, scene, view, 3, leaning, leaning, slopes_of)[0]
+    without = upsampled(gpu, scene, view, 3, leaning, leaning)[0]
+    inner = np.s_[4:-4, 4:-4]
+    spread = np.std(expected[inner], axis=(0, 1)).max()
+    followed, mixed = (
+        np.sqrt(((each - expected)[inner] ** 2).mean()) / spread for each in (with_slopes, without)
+    )
+    assert followed < 0.05 and mixed > 0.15
 
 
 def test_unused_light_is_not_spread(gpu):
@@ -240,8 +297,24 @@ def test_ends_of_eye_paths_are_interpolated_as_pixels_are(gpu, block):
     y, x = np.divmod(np.arange(61 * 43), 61)
     places = ((np.stack([x, y], axis=1) + 0.5) / block - 0.5).astype(np.float32)
     size = -(-61 // block), -(-43 // block)
-    spread, found = spread_light(pixels, places, image, light(image), size, block, 1)
+    spread, found = spread_light(pixels, places, image, FilteredLight(light(image), None), size, block, 1)
     on = (seen.ravel() > 0) & found
     assert abs(np.count_nonzero(seen.ravel() > 0) - on.sum() - missed) <= 3
     error = abs(spread[on, :3] / irradiance.reshape(-1, 3)[on] - 1.0).max(axis=1)
     assert np.sort(error)[-4] < 200 * 2.0**-24
+
+
+@pytest.mark.parametrize("block", [1, 3, 4])
+def test_ends_of_eye_paths_follow_normals_as_pixels_do(gpu, block):
+    """`spread_light` against the shader where light has slopes, of at most 3.2: in two axes off by 2^-11 of
+    themselves, at offsets of at most a half, 1.6 2^-11 in all; and twice that for the rounding of normals."""
+    scene, view = wavy()
+    pixels = upsampled(gpu, scene, view, 1, even(1.0))[2]
+    irradiance, seen, image, missed = upsampled(gpu, scene, view, block, leaning, leaning, slopes_of)
+    y, x = np.divmod(np.arange(61 * 43), 61)
+    places = ((np.stack([x, y], axis=1) + 0.5) / block - 0.5).astype(np.float32)
+    light = FilteredLight(leaning(image), slopes_of(image))
+    spread, found = spread_light(pixels, places, image, light, (-(-61 // block), -(-43 // block)), block, 1)
+    assert found.all() and not missed and (seen > 0).all()
+    error = abs(spread[:, :3] - irradiance.reshape(-1, 3)).max()
+    assert error < 3.0 * 1.6 * 2.0**-11
