@@ -68,7 +68,7 @@ def cases() -> list[Case]:
         Case("velvet/default", velvet, _EYE),
         Case("brushed/default", brushed, _EYE),
         *_case("lantern", lantern, _EYE, {"default": {}, "photons": dict(gather=0)}),
-        Case("lantern/live", lantern, _EYE, dict(preset="live")),
+        Case("lantern/live", lantern, _EYE, dict(preset="live", exposure="auto")),  # else of a case before
         Case("product/ground", product, _EYE, dict(ground=True, background="transparent")),
         Case("crowd/moving", crowd, _EYE, {}, times=(0.0, 0.6)),
         Case("crowd/photons", crowd, _EYE, dict(gather=0, subsampling=2), times=(0.3, 0.3)),
