@@ -11,6 +11,7 @@ import numpy as np
 from PIL import Image
 
 from ispm.io.load import load
+from ispm.scene.material import Material
 from ispm.scene.scene import Scene
 
 QUAD = np.array([[-1, 0, -1], [1, 0, -1], [1, 0, 1], [-1, 0, 1]], np.float32)
@@ -18,6 +19,8 @@ QUAD_UV = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], np.float32)
 QUAD_INDICES = np.array([0, 2, 1, 0, 3, 2], np.uint16)
 TYPES = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4", 16: "MAT4"}
 COMPONENTS = {"i1": 5120, "u1": 5121, "i2": 5122, "u2": 5123, "u4": 5125, "f4": 5126}
+
+CHECKS = np.array([[[255, 0, 0], [0, 255, 0]], [[0, 0, 255], [255, 255, 255]]], np.uint8)
 
 
 class GltfBuilder:
@@ -104,3 +107,9 @@ def quad(material: dict[str, Any] | None = None, **json: Any) -> GltfBuilder:
     more = {} if material is None else {"material": builder.put("materials", material)}
     builder.node(mesh=builder.mesh(more=more), name="quad")
     return builder
+
+
+def only_material(scene: Scene) -> Material:
+    """Return a scene's one material."""
+    (material,) = scene.materials
+    return material

@@ -14,10 +14,10 @@ from numba import literal_unroll
 
 from ispm.accel.intersect import STACK_WORDS
 from ispm.accel.layers import far_side, has_sheen, is_translucent, sheen_point
-from ispm.accel.records import Hit, Scratch
-from ispm.accel.surface import SurfaceTable, scene_tables, surface
+from ispm.accel.records import Scratch
+from ispm.accel.surface import SurfaceTable
 from ispm.accel.world import World
-from ispm.kernels.share import run_shared, shared_rows
+from ispm.kernels.share import shared_rows
 from ispm.kernels.simd import alloca
 from ispm.lights.nee import BY_NOTHING, direct_light, punctual_light
 from ispm.lights.ratio import area_light_by_ratio
@@ -25,9 +25,10 @@ from ispm.optics.bsdf import NARROW_ALPHA
 from ispm.optics.jit import jit
 from ispm.optics.records import MATERIAL_TRANSLUCENT, RECEIVER
 from ispm.optics.rng import random4
-from ispm.optics.vector import add, scale, vec3
+from ispm.optics.vector import add
 from ispm.paths.branch import REFLECTED, SCATTERED, TRANSMITTED
-from ispm.paths.eye_paths import EyeRays, RayArrays, ray_arrays
+from ispm.paths.eye_paths import EyeRays, RayArrays
+from ispm.paths.pixel_layers import ALIKE, CHUNK, LEAST_ALBEDO, SAMPLES, light_layers, shown_surface
 from ispm.paths.vertices import FIRST_VERTEX, PATH_END, store_end, store_point
 from ispm.scene.packed import Packed
 
@@ -37,11 +38,7 @@ FAR = 4  # added to the lane of a path that has not scattered, of its end on the
 LANES = REFLECTED, TRANSMITTED, REFLECTED + FAR, TRANSMITTED + FAR  # of ends that neighboring pixels share
 
 _DIMENSION = (1 << 23) + 2  # of the random numbers
-_SAMPLES = 4  # points of lamps with a surface, and directions of the environment
-_ALIKE = f32(1)  # as in `paths.sheen`
-_LEAST_ALBEDO = f32(1e-6)
 _WHITE = f32(1), f32(1), f32(1)
-_CHUNK = 64  # pixels a thread takes at a time; results do not depend on it or on the threads
 
 
 def sides_most(packed: Packed) -> int:
@@ -109,55 +106,29 @@ class FarSide(NamedTuple):
 def light_far_sides(
     packed: Packed, world: World, surfaces: SurfaceTable, rays: EyeRays, seed: int, pass_index: int
 ) -> FarSide:
-    """Return the FarSide of what rays show, whose hits are given; the same bytes for any number of threads.
-
-    surfaces  its footprint is not used: textures are averaged over a pixel's width
-    """
-    assert rays.hits is not None
+    """Return the FarSide of what rays show, whose hits are given; the same for any number of threads."""
     count = len(rays.keys)
     direct, areas, albedo = np.zeros((3, count, 3), np.float32)
     records = np.zeros(count, FIRST_VERTEX), np.zeros(count, PATH_END), np.zeros(count, RECEIVER)
     out = FarSide(direct, areas, albedo, *records)
-    tables, arrays = scene_tables(packed, world, surfaces), ray_arrays(rays)
-    width, spread = (f32(each) for each in rays.width)
-
-    def work(counter: np.uint64) -> None:
-        own, footprint = surfaces.own_footprint()
-        numbers = _Numbers(width, spread, footprint, u32(pass_index), u32(seed))
-        _light(tables._replace(surfaces=own), arrays, numbers, counter, out)
-
-    run_shared(work, world.threads)
+    light_layers(_light, packed, world, surfaces, rays, seed, pass_index, out)
     return out
-
-
-class _Numbers(NamedTuple):
-    """A pixel's width at the eye, m, and more for each m; the (1,) float32 that is a thread's footprint; and
-    which random numbers are taken."""
-
-    width: np.float32
-    spread: np.float32
-    footprint: np.ndarray
-    pass_index: np.uint32
-    seed: np.uint32
 
 
 @jit
 def _light(tables, rays: RayArrays, numbers, counter, out):
     """Fill a FarSide for as many of RayArrays as a thread gets."""
     scratch = Scratch(alloca(STACK_WORDS), alloca(2))
-    for i in shared_rows(counter, _CHUNK, len(rays.keys)):
-        shown, d = rays.hits[i], vec3(rays.directions[i])
-        width = numbers.width + numbers.spread * rays.distances[i]
-        numbers.footprint[:] = width
-        x, wo = surface(tables, Hit(shown.instance, shown.primitive, shown.u, shown.v), d), scale(f32(-1), d)
+    for i in shared_rows(counter, CHUNK, len(rays.keys)):
+        x, wo, width = shown_surface(tables, rays, numbers, i)
         u, _, _, _ = random4(rays.keys[i], u32(_DIMENSION), numbers.pass_index, numbers.seed)
-        points, areas, _ = far_light(tables, x, wo, u, scratch, _SAMPLES, numbers.pass_index)
+        points, areas, _ = far_light(tables, x, wo, u, scratch, SAMPLES, numbers.pass_index)
         far, through = far_side(x, wo)
-        store_end(out.ends[i], i, TRANSMITTED, _WHITE, far.bsdf, shown.instance)
+        store_end(out.ends[i], i, TRANSMITTED, _WHITE, far.bsdf, x.hit.instance)
         store_point(out.points[i], far, through, far.bsdf, width, NARROW_ALPHA)
         first = out.firsts[i]
         for c in literal_unroll((0, 1, 2)):
             out.direct[i, c], out.albedo[i, c] = points[c], x.translucence[c]
-            out.areas[i, c] = areas[c] / max(x.translucence[c], _LEAST_ALBEDO)
+            out.areas[i, c] = areas[c] / max(x.translucence[c], LEAST_ALBEDO)
             first.n[c], first.ng[c] = x.n[c], x.ng[c]
-        first.instance, first.alpha = shown.instance, _ALIKE
+        first.instance, first.alpha = x.hit.instance, ALIKE

@@ -20,8 +20,9 @@ from ispm.paths.ends import denoise_rough_transmission, image_of_ends, reflect_l
 from ispm.paths.eye import trace_eye
 from ispm.paths.eye_paths import EyePaths, EyeRays, join_paths
 from ispm.paths.far import LANES, light_far_sides
+from ispm.paths.pixel_layers import filtered_light
 from ispm.paths.resolve import Shown, lonely_rows, resolve_lobes, shown
-from ispm.paths.sheen import filtered_light, sheen_light
+from ispm.paths.sheen import sheen_light
 from ispm.renderer.backdrop import background_color, shows_environment
 from ispm.renderer.gather import PhotonLight
 from ispm.renderer.one_pass import Pass

@@ -39,9 +39,7 @@ class Upsample:
 
     def __init__(self, gpu: Gpu, subsampling: int) -> None:
         self._gpu, self._block = gpu, subsampling
-        self._main: dict[
-            tuple[int, bool], Raster
-        ] = {}  # by how they treat gloss, and whether light has slopes
+        self._main: dict[tuple[int, bool], Raster] = {}  # by how they treat gloss; has light slopes
         self._others: dict[tuple[str, bool], Compute] = {}
         self._glow = gpu.raster(_PATH, ["rgba32float"], replace(FLAT, fragment="fs_glow"))
         self._patch = gpu.compute(_PATH, "patch_missed", BLOCK=subsampling)

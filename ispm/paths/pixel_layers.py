@@ -1,0 +1,94 @@
+"""What the layers of surfaces that pixels show have in common: sheen, and the far sides of sheets.
+
+Both are lit on the CPU by a shadow ray to each light without a surface, and a few to others, whose noise is
+averaged over neighbors.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ispm.accel.records import Hit
+from ispm.accel.surface import SurfaceTable, scene_tables, surface
+from ispm.accel.world import World
+from ispm.kernels.share import run_shared
+from ispm.optics.jit import jit
+from ispm.optics.vector import scale, vec3
+from ispm.paths.ends import denoise_rough_transmission
+from ispm.paths.eye_paths import EyeRays, ray_arrays
+from ispm.scene.packed import Packed
+
+f32, u32 = np.float32, np.uint32
+
+SAMPLES = 4  # points of lamps with a surface, and directions of the environment
+ALIKE = f32(1)  # twice how far apart the ends of normals are whose pixels are not averaged
+LEAST_ALBEDO = f32(1e-6)
+CHUNK = 64  # pixels a thread takes at a time; results do not depend on it or on the threads
+_REACH = 4.0  # pixels to each side over which their light is averaged, in the first pass
+
+
+class Numbers(NamedTuple):
+    """A pixel's width at the eye, m, and more for each m; the (1,) float32 that is a thread's footprint; and
+    which random numbers are taken."""
+
+    width: np.float32
+    spread: np.float32
+    footprint: np.ndarray
+    pass_index: np.uint32
+    seed: np.uint32
+
+
+def light_layers(
+    kernel: Callable[..., None],
+    packed: Packed,
+    world: World,
+    surfaces: SurfaceTable,
+    rays: EyeRays,
+    seed: int,
+    pass_index: int,
+    out: Any,
+) -> None:
+    """Have threads call a kernel for what rays show, whose hits are given, to fill `out`.
+
+    kernel    of Tables, RayArrays, Numbers, the threads' counter and `out`
+    surfaces  its footprint is not used: textures are averaged over a pixel's width
+    """
+    assert rays.hits is not None
+    tables, arrays = scene_tables(packed, world, surfaces), ray_arrays(rays)
+    width, spread = (f32(each) for each in rays.width)
+
+    def work(counter: np.uint64) -> None:
+        own, footprint = surfaces.own_footprint()
+        numbers = Numbers(width, spread, footprint, u32(pass_index), u32(seed))
+        kernel(tables._replace(surfaces=own), arrays, numbers, counter, out)
+
+    run_shared(work, world.threads)
+
+
+@jit
+def shown_surface(tables, rays, numbers, i):
+    """Return what row i of RayArrays shows: a SurfacePoint, wo, and a pixel's width there, m."""
+    shown, d = rays.hits[i], vec3(rays.directions[i])
+    width = numbers.width + numbers.spread * rays.distances[i]
+    numbers.footprint[:] = width
+    hit = Hit(shown.instance, shown.primitive, shown.u, shown.v)
+    return surface(tables, hit, d), scale(f32(-1), d), width
+
+
+def filtered_light(
+    layer: Any, pixels: np.ndarray, columns: int, smoothing: float, threads: int
+) -> np.ndarray:
+    """Return the direct light of layers, (n, 3) cd/m2: that of lamps and of the environment averaged over
+    neighbors.
+
+    layer      has `direct`, (n, 3) float32 cd/m2 of lights without a surface, `areas`, likewise of others
+               over the `albedo`, noisy, and `firsts`, (n,) FIRST_VERTEX
+    pixels     (n,) numbers y columns + x, sorted
+    smoothing  factor on how far they reach
+    """
+    layer.firsts["blur"] = _REACH * smoothing
+    denoise_rough_transmission(layer.areas, pixels, columns, layer.firsts, threads)
+    return np.asarray(layer.direct + layer.albedo * layer.areas)
