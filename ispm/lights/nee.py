@@ -34,7 +34,7 @@ from ispm.optics.bsdf import (
 from ispm.optics.environment import environment_pdf, has_environment
 from ispm.optics.facets import visible_pdf
 from ispm.optics.jit import jit
-from ispm.optics.light import FAR, light_arriving
+from ispm.optics.light import FAR, light_arriving, reaches
 from ispm.optics.records import NO_HIT
 from ispm.optics.sampling import LATTICE
 from ispm.optics.vector import Vector, add, dot, normalize, scale, sub
@@ -196,6 +196,8 @@ def shadowed(tables, x, arriving, scratch):
 def unshadowed(light, x, wo, limit):
     """Return the Arriving of a LIGHT at a SurfacePoint, seen along wo; black where its first bounce is
     bright, see `is_bright`."""
+    if not reaches(light, x.position):
+        return Arriving(_NONE, FAR, x.n)
     irradiance, distance, wi = light_arriving(light, x.position)
     return Arriving(_reflected(x, wo, irradiance, irradiance, wi, limit), distance, wi)
 

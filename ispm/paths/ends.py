@@ -243,8 +243,9 @@ def denoise_rough_transmission(
     frost["blur"][~rough] = 0.0
     rows = np.full((int(pixels[-1]) // width + 1, width), -1, np.int32)
     rows[pixels // width, pixels % width] = np.arange(len(pixels))
-    noisy = _Noisy(light.copy(), frost, rows)
-    run_shared(lambda counter: _denoise(noisy, pixels, counter, light), threads)
+    noisy, found = _Noisy(light.copy(), frost, rows), light.copy()
+    run_shared(lambda counter: _denoise(noisy, pixels, counter, found), threads)
+    light[:] = found
 
 
 class _Noisy(NamedTuple):

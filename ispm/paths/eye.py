@@ -64,7 +64,7 @@ from ispm.paths.branch import (
     pixel_width,
 )
 from ispm.paths.coat import draw_coat, facet_light, own_light, sample_coat
-from ispm.paths.eye_paths import Done, EyeOut, EyePaths, EyeRays, EyeThread, RayArrays, ray_arrays
+from ispm.paths.eye_paths import Done, EyeOut, EyePaths, EyeRays, EyeThread, RayArrays, no_paths, ray_arrays
 from ispm.paths.facet import (
     ROUGH_SAMPLES,
     facet_numbers,
@@ -78,10 +78,14 @@ from ispm.paths.facet import (
 from ispm.paths.far import layers_light, sides_most, store_far
 from ispm.paths.vertices import (
     BLACK,
-    FIRST_VERTEX,
+    DIRECT,
+    EMISSION,
     PATH_END,
     PATH_END_AND_POINT,
+    THROUGH,
     add_light,
+    light_at,
+    scale_since,
     store_clear,
     store_end,
     store_first,
@@ -110,15 +114,22 @@ _WHITE = f32(1), f32(1), f32(1)
 
 
 def trace_eye(
-    packed: Packed, world: World, surfaces: SurfaceTable, rays: EyeRays, seed: int, pass_index: int
+    packed: Packed,
+    world: World,
+    surfaces: SurfaceTable,
+    rays: EyeRays,
+    seed: int,
+    pass_index: int,
+    into: EyePaths | None = None,
 ) -> EyePaths:
     """Follow eye paths to their ends; the same bytes for any number of threads.
 
     surfaces  its footprint is not used: textures are averaged over a pixel's width
+    into      zeros to be filled; None: new ones
     """
     count = len(rays.origins)
-    firsts = np.zeros(count, FIRST_VERTEX)
-    direct, indirect, emission, through = np.zeros((4, count, 3), np.float32)
+    into = into or no_paths(count)
+    light, firsts = into.light, into.firsts
     arrays = ray_arrays(rays)
     tables = scene_tables(packed, world, surfaces)
     (width, spread), (near, past) = rays.width, rays.slack
@@ -133,7 +144,7 @@ def trace_eye(
         chunks = -(-(part.stop - first) // _CHUNK)
         room = world.scratch(chunks * capacity, PATH_END_AND_POINT)
         counts = np.zeros((chunks, 2), np.int64)
-        out = EyeOut(direct[part], emission[part], through[part], firsts[part], room, counts)
+        out = EyeOut(light[part], firsts[part], room, counts)
         batch = RayArrays(*(each[part] for each in arrays))
         _follow_batch(tables, surfaces, view, batch, first, out, world.threads)
         raw = room.view(np.uint32).reshape(-1, words)  # records are copied field by field, which is slow
@@ -142,7 +153,7 @@ def trace_eye(
         points.append(np.concatenate([part[:, cut:] for part in met]))
         traced += int(counts[:, 1].sum())
     stored = np.concatenate(ends).view(PATH_END)[:, 0], np.concatenate(points).view(RECEIVER)[:, 0]
-    return EyePaths(direct, indirect, emission, through, *stored, firsts, traced)
+    return EyePaths(light, firsts, *stored, traced)
 
 
 def _follow_batch(
@@ -189,9 +200,9 @@ def _follow_pixel(tables, view, thread, rays, i, slot, out, done):
         found, hit = closest_surface(tables, start, d, f32(0), thread.scratch)
         if not found:
             if view.shows_environment:
-                add_light(out.emission, i, environment_radiance(tables.environment, d), _WHITE)
+                add_light(out.light, i, EMISSION, environment_radiance(tables.environment, d), _WHITE)
             else:
-                add_light(out.through, i, _WHITE, _WHITE)
+                add_light(out.light, i, THROUGH, _WHITE, _WHITE)
             return Done(done.row, done.traced + i64(1))
         length = near + distance_to(tables, start, hit)
         past = length > rays.distances[i] * (f32(1) + view.past)  # the edge of what the rasteriser drew
@@ -201,7 +212,7 @@ def _follow_pixel(tables, view, thread, rays, i, slot, out, done):
     if view.of_coats or (is_anisotropic(x.bsdf) and not (past or view.behind)):
         own, more, shadows = own_light(tables, x, wo, key, view, thread.scratch, _LAMP_SAMPLES)
         store_own(out.firsts[i], own, f32(1) - x.coat.shown if view.of_coats else f32(0))
-        add_light(out.direct, i, more, _WHITE)
+        add_light(out.light, i, DIRECT, more, _WHITE)
         x, done = coat_point(x) if view.of_coats else x, Done(done.row, done.traced + shadows)
     if view.behind and not past:
         return _follow_behind(tables, view, thread, x, d, key, length, i, slot, out, done)
@@ -252,7 +263,7 @@ def _follow_often(tables, view, thread, path, veil, i, slot, out, done):
     """
     first = done.row
     key, dimension, lane, start, d, weight, pdf, side, origin, inside, focus, length, sees_background = path
-    direct, emission, through = vec3(out.direct[i]), vec3(out.emission[i]), vec3(out.through[i])
+    before = light_at(out.light, i)
     share, k, count, rough = f32(1), 0, 1, False
     end, skipped = length, veil
     while k < count:
@@ -262,11 +273,9 @@ def _follow_often(tables, view, thread, path, veil, i, slot, out, done):
             continue
         if rough and k == 0 and lane != SCATTERED and pdf == f32(0):
             share, count, lane = f32(1.0 / ROUGH_SAMPLES), ROUGH_SAMPLES, i64(SCATTERED)
-            for c in range(3):
-                out.direct[i, c] = direct[c] + share * (out.direct[i, c] - direct[c])
-                out.emission[i, c] = emission[c] + share * (out.emission[i, c] - emission[c])
-                out.through[i, c] = through[c] + share * (out.through[i, c] - through[c])
-                for row in range(first, done.row):
+            scale_since(out.light, i, before, share)
+            for row in range(first, done.row):
+                for c in range(3):
                     out.ends[row].end.weight[c] *= share
         k += 1
         sample, part = u32(dimension + u32(k << 8)), scale(share, weight)
@@ -300,9 +309,9 @@ def _follow(tables, view, thread, path, veil, i, slot, out, done):
             if has_environment(tables.environment) and (view.shows_environment or not behind):
                 share = surround_weight(tables, pdf, d)
                 light = scale(share, environment_radiance(tables.environment, d))
-                add_light(out.emission, i, light, scale(focus, weight))
+                add_light(out.light, i, EMISSION, light, scale(focus, weight))
             elif sees_background:
-                add_light(out.through, i, _WHITE, weight)
+                add_light(out.light, i, THROUGH, _WHITE, weight)
             length = f32(1e30)
             break
         length += distance_to(tables, start, hit)
@@ -321,7 +330,7 @@ def _follow(tables, view, thread, path, veil, i, slot, out, done):
             behind = shown < f32(1)
         seen = scale(focus * shown, weight)
         share = lamp_weight(tables, origin, side, pdf, hit, d)
-        add_light(out.emission, i, scale(share, glow(tables, hit, d)), seen)
+        add_light(out.light, i, EMISSION, scale(share, glow(tables, hit, d)), seen)
         unlit = x.flags & u32(MATERIAL_UNLIT) != u32(0)
         wo = scale(f32(-1), d)
         widest = view.widening * lobe_width(pdf)
@@ -344,16 +353,16 @@ def _follow(tables, view, thread, path, veil, i, slot, out, done):
                 light, shadows = punctual_light(tables, lit, wo, thread.scratch, f32(np.inf))
             told = goes_on_by, count, view.pass_index
             more, others = area_light_by_ratio(tables, x, wo, u0, thread.scratch, *told)
-            add_light(out.direct, i, add(light, more), seen)
+            add_light(out.light, i, DIRECT, add(light, more), seen)
             traced += shadows + others
         if has_sheen(x) or is_translucent(x):
             light, shadows = layers_light(tables, x, wo, u0, thread.scratch, count, view.pass_index)
-            add_light(out.direct, i, light, seen)
+            add_light(out.light, i, DIRECT, light, seen)
             traced += shadows
         by_coat = is_coated(x) and not unlit and event < EVENTS_MAX and ends < _ENDS_MAX
         if by_coat:
             light, more, shadows = facet_light(tables, coat_point(x), wo, u0, thread.scratch, widest, 1)
-            add_light(out.direct, i, add(light, more), seen)
+            add_light(out.light, i, DIRECT, add(light, more), seen)
             traced += shadows
         row = store_far(out.ends, row, slot, lane, seen, x, wo, width)
         if unlit or has_diffuse or (has_finite(b) and not goes_on):

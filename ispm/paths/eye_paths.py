@@ -10,7 +10,8 @@ import numpy as np
 
 from ispm.accel.rays import HIT
 from ispm.accel.records import Scratch
-from ispm.optics.records import NO_HIT
+from ispm.optics.records import NO_HIT, RECEIVER, join
+from ispm.paths.vertices import COLUMNS, DIRECT, EMISSION, FIRST_VERTEX, INDIRECT, PATH_END, THROUGH
 
 
 @dataclass(frozen=True)
@@ -51,40 +52,61 @@ class EyeRays:
 
 @dataclass(frozen=True)
 class EyePaths:
-    """What the paths found.
+    """What the paths of n rays found.
 
-    direct, emission  (n, 3) float32 radiance that they bring to each ray; the latter of the environment too
-    indirect  (n, 3) float32 likewise, of ends that have been lit and are no longer among these; zeros
-    through  (n, 3) float32 share of the background that each sees through glass; mirrors show none of it, and
-             where there is an environment, glass shows that
+    light   (n, COLUMNS) float32, of each RGB: radiance of direct light, of indirect light by ends that have
+            been lit and are no longer among these, and of emission, the environment's too; and the share of
+            the background seen through glass: mirrors show none of it, and where there is an environment,
+            glass shows that
+    firsts  (n,) FIRST_VERTEX, instance NO_HIT where the ray met something else
     ends    (m,) PATH_END in the order of the rays; lane: REFLECTED or TRANSMITTED by a smooth surface;
             SCATTERED: by a rough one, or a path's second end
     points  (m,) RECEIVER, the same; footprint: of a pixel
-    firsts  (n,) FIRST_VERTEX, instance NO_HIT where the ray met something else
     rays    traced
     """
 
-    direct: np.ndarray
-    indirect: np.ndarray
-    emission: np.ndarray
-    through: np.ndarray
+    light: np.ndarray
+    firsts: np.ndarray
     ends: np.ndarray
     points: np.ndarray
-    firsts: np.ndarray
-    rays: int
+    rays: int = 0
+
+    @property
+    def direct(self) -> np.ndarray:
+        """(n, 3) radiance of direct light."""
+        return self.light[:, DIRECT:INDIRECT]
+
+    @property
+    def indirect(self) -> np.ndarray:
+        """(n, 3) radiance of indirect light."""
+        return self.light[:, INDIRECT:EMISSION]
+
+    @property
+    def emission(self) -> np.ndarray:
+        """(n, 3) radiance of emission."""
+        return self.light[:, EMISSION:THROUGH]
+
+    @property
+    def through(self) -> np.ndarray:
+        """(n, 3) share of the background."""
+        return self.light[:, THROUGH:]
 
 
-def join_paths(parts: Sequence[EyePaths]) -> EyePaths:
-    """Return what several calls found as if the rays of each had come after those of the ones before."""
-    if len(parts) == 1:
-        return parts[0]
-    names = ("direct", "indirect", "emission", "through", "ends", "points", "firsts")
-    joined = {name: np.concatenate([getattr(part, name) for part in parts]) for name in names}
+def no_paths(count: int) -> EyePaths:
+    """Return the EyePaths of rays that are still to be followed."""
+    light, firsts = np.zeros((count, COLUMNS), np.float32), np.zeros(count, FIRST_VERTEX)
+    return EyePaths(light, firsts, np.zeros(0, PATH_END), np.zeros(0, RECEIVER))
+
+
+def join_ends(parts: Sequence[EyePaths]) -> tuple[np.ndarray, np.ndarray]:
+    """Return the ends and points of several calls as if the rays of each had come after those of the ones
+    before."""
+    ends, points = join([part.ends for part in parts]), join([part.points for part in parts])
     first, row = 0, 0
     for part in parts:
-        joined["ends"]["slot"][row : row + len(part.ends)] += np.uint32(first)
-        first, row = first + len(part.direct), row + len(part.ends)
-    return EyePaths(**joined, rays=sum(part.rays for part in parts))
+        ends["slot"][row : row + len(part.ends)] += np.uint32(first)
+        first, row = first + len(part.light), row + len(part.ends)
+    return ends, points
 
 
 class RayArrays(NamedTuple):
@@ -109,15 +131,13 @@ def ray_arrays(rays: EyeRays) -> RayArrays:
 
 
 class EyeOut(NamedTuple):
-    """What kernels write: arrays of EyePaths, and by chunks
+    """What kernels write: `light` and `firsts` of EyePaths, and by chunks
 
     ends    (m,) PATH_END_AND_POINT, of which each chunk has an equal part
     counts  (chunks, 2) int64, ends and rays
     """
 
-    direct: np.ndarray
-    emission: np.ndarray
-    through: np.ndarray
+    light: np.ndarray
     firsts: np.ndarray
     ends: np.ndarray
     counts: np.ndarray

@@ -10,7 +10,7 @@ Source: edge-avoiding a-trous wavelets, Dammertz et al., HPG 2010.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -36,10 +36,10 @@ _KERNEL = f32(0.5)  # variance of a whole pass, squares of its stride
 _LANES = 16  # floats of a pixel's light: a line of cache, whose last is the number of paths
 _PATHS = _LANES - 1
 
-# Of the lobe that a pixel shows: normals, alpha, position and a pixel's width there in m, and the instance,
-# NO_HIT without a lobe. Less than a line of cache: each is compared with its neighbours many times.
+# Of the lobe that a pixel shows: normals, alpha, pixels per m there, position in m, and the instance, NO_HIT
+# without a lobe. Less than a line of cache: each is compared with its neighbors many times.
 _LOBE = np.dtype([
-    ("n", "<f4", 3), ("alpha", "<f4"), ("ng", "<f4", 3), ("width", "<f4"), ("position", "<f4", 3),
+    ("n", "<f4", 3), ("alpha", "<f4"), ("ng", "<f4", 3), ("density", "<f4"), ("position", "<f4", 3),
     ("instance", "<u4"),
 ])  # fmt: skip
 
@@ -47,35 +47,44 @@ _LOBE = np.dtype([
 class Shown(NamedTuple):
     """What is shown where light is to be averaged.
 
-    pixels     (n,) int64 numbers y width + x, sorted
-    firsts     (n,) FIRST_VERTEX or more, what they show
-    positions  (n, 3) float32 m
-    widths     (n,) float32 m, of a pixel there
-    rows       (h, w) int32, the row of each pixel of the picture, -1 where it has none
+    pixels  (n,) uint32 numbers y width + x, sorted
+    rows    (h, w) int32, the row of each pixel of the picture, -1 where it has none
+    firsts  (n,) FIRST_VERTEX, what they show
+    lobes   (n,) _LOBE of these
     """
 
     pixels: np.ndarray
-    firsts: np.ndarray
-    positions: np.ndarray
-    widths: np.ndarray
     rows: np.ndarray
+    firsts: np.ndarray
+    lobes: np.ndarray
 
 
 def shown(
-    pixels: np.ndarray, across: int, firsts: np.ndarray, positions: np.ndarray, widths: np.ndarray
+    pixels: np.ndarray,
+    across: int,
+    firsts: np.ndarray,
+    positions: np.ndarray,
+    widths: np.ndarray,
+    threads: int,
 ) -> Shown:
-    """Return what n pixels show; across: pixels in a row of the picture."""
-    pixels = pixels.astype(np.int64)
+    """Return what n pixels show.
+
+    pixels     (n,) numbers y width + x, sorted;  across  pixels in a row of the picture
+    firsts     (n,) FIRST_VERTEX, of which numbers of paths and `blur` may change afterwards
+    positions  (n, 3) float32 m;  widths  (n,) float32 m, of a pixel there
+    """
+    pixels, lobes = pixels.astype(np.uint32), np.empty(len(pixels), _LOBE)
     rows = np.full((int(pixels[-1]) // across + 1 if len(pixels) else 1, across), -1, np.int32)
-    rows[pixels // across, pixels % across] = np.arange(len(pixels))
-    return Shown(pixels, firsts, positions.astype(np.float32), widths.astype(np.float32), rows)
+    rows.reshape(-1)[pixels] = np.arange(len(pixels), dtype=np.int32)
+    run_shared(lambda counter: _describe(firsts, positions, widths, counter, lobes), threads)
+    return Shown(pixels, rows, firsts, lobes)
 
 
 def lonely_rows(given: Shown) -> np.ndarray:
     """Return the rows of pixels from whose lobe no path went out, nor from any beside them, sorted."""
     lonely = np.zeros(len(given.pixels), np.bool_)
     if _has_lobes(given):
-        _find_lonely(_picture(given), np.ascontiguousarray(given.firsts["samples"]), lonely)
+        _find_lonely(given, lonely)
     return np.flatnonzero(lonely)
 
 
@@ -86,36 +95,15 @@ def resolve_lobes(light: np.ndarray, given: Shown, smoothing: float, threads: in
     """
     if not _has_lobes(given):
         return
-    picture, firsts = _picture(given), given.firsts
-    count = len(picture.pixels)
-    blur, values, excess = np.zeros(count, np.float32), _lanes(count), _lanes(count)
-    run_shared(lambda counter: _begin(picture, firsts, f32(smoothing), light, counter, blur, values), threads)
-    limit = f32(_OUTLIER / max(smoothing**6, 1e-9))  # grows with the passes' number
-    excess[:] = values
-    run_shared(lambda counter: _cut(picture, limit, blur, excess, counter, values), threads)
-    excess[:, :_PATHS] -= values[:, :_PATHS]
-    stands_out = excess[:, :_PATHS].any()
-    values = _averaged(picture, values, blur, _BENT, threads)
-    if stands_out:
-        values += _averaged(picture, excess, np.full_like(blur, np.inf), _LENIENT, threads)
-    _finish(picture, firsts, values, light)
-
-
-class _Picture(NamedTuple):
-    """Pixels and rows of a Shown, and (n,) _LOBE."""
-
-    pixels: np.ndarray
-    rows: np.ndarray
-    lobes: np.ndarray
-
-
-def _picture(given: Shown) -> _Picture:
-    lobes, firsts = np.empty(len(given.pixels), _LOBE), given.firsts[: len(given.pixels)]
-    for name in ("n", "ng", "alpha"):
-        lobes[name] = firsts[name]
-    lobes["position"], lobes["width"] = given.positions, given.widths
-    lobes["instance"] = np.where(firsts["reflectance"][:, 0] > 0.0, firsts["instance"], np.uint32(NO_HIT))
-    return _Picture(given.pixels, given.rows, lobes)
+    count, limit = len(given.pixels), f32(_OUTLIER / max(smoothing**6, 1e-9))  # grows with the passes' number
+    blur, kept, values = np.zeros(count, np.float32), np.ones(count, np.float32), _lanes(count)
+    run_shared(lambda counter: _begin(given, f32(smoothing), light, counter, blur, values), threads)
+    run_shared(lambda counter: _cut(given, limit, blur, values, counter, kept), threads)
+    excess = _lanes(count if (kept < 1.0).any() else 0)
+    if len(excess):
+        run_shared(lambda counter: _split(kept, counter, values, excess), threads)
+    values, excess = _averaged(given, values, excess, blur, threads)
+    run_shared(lambda counter: _finish(given, values, excess, counter, light), threads)
 
 
 def _lanes(count: int) -> np.ndarray:
@@ -125,87 +113,94 @@ def _lanes(count: int) -> np.ndarray:
 
 
 def _averaged(
-    picture: _Picture, values: np.ndarray, blur: np.ndarray, bent: np.float32, threads: int
-) -> np.ndarray:
-    """Return values, (n, _LANES), averaged to a variance, (n,) pixels^2, as far as passes go; overwrites
-    them."""
-    after, spent = _lanes(len(values)), 0.0
+    given: Shown, values: np.ndarray, excess: np.ndarray, blur: np.ndarray, threads: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return values, (n, _LANES), averaged to a variance, (n,) pixels^2, and `excess`, likewise or without
+    rows, averaged as far as passes go; overwrites both."""
+    before, after = (values, excess), (_lanes(len(values)), _lanes(len(excess)))
+    spent = 0.0
     for stride in _STRIDES:
-        after[:] = 0.0
-        run_shared(_one_pass(picture, stride, bent, blur, spent, values, after), threads)
+        places = tuple(map(address, (*before, *after)))
+        told = given, i64(stride), blur, f32(spent), len(excess) > 0
+        run_shared(partial(_average, *told, places), threads)
         spent += float(_KERNEL) * stride**2
-        values, after = after, values
-    return values
-
-
-def _one_pass(
-    picture: _Picture,
-    stride: int,
-    bent: np.float32,
-    blur: np.ndarray,
-    spent: float,
-    before: np.ndarray,
-    after: np.ndarray,
-) -> Callable[[np.uint64], None]:
-    """Return what threads call to make one pass."""
-    places = address(before), address(after)
-    return lambda counter: _average(picture, i64(stride), bent, blur, f32(spent), counter, *places)
+        before, after = after, before
+    return before
 
 
 def _has_lobes(given: Shown) -> bool:
-    return bool((given.firsts["reflectance"][: len(given.pixels), 0] > 0.0).any())
+    return bool((given.lobes["instance"] != NO_HIT).any())
 
 
 @jit
-def _find_lonely(picture, samples, lonely):
-    """Mark (n,) bool, as `lonely_rows` says; samples: (n,) uint32 or more, paths from each."""
-    for i in range(len(picture.pixels)):
-        if picture.lobes[i].instance != u32(NO_HIT) and samples[i] == u32(0):
+def _describe(firsts, positions, widths, counter, lobes):
+    """Write (n,) _LOBE of (n,) FIRST_VERTEX; positions, widths: as of `shown`."""
+    for i in shared_rows(counter, _CHUNK, len(lobes)):
+        first, lobe = firsts[i], lobes[i]
+        for c in range(3):
+            lobe.n[c], lobe.ng[c], lobe.position[c] = first.n[c], first.ng[c], positions[i, c]
+        lobe.alpha, lobe.density = first.alpha, f32(1) / widths[i]
+        lobe.instance = first.instance if first.reflectance[0] > f32(0) else u32(NO_HIT)
+
+
+@jit
+def _find_lonely(given, lonely):
+    """Mark (n,) bool, as `lonely_rows` says."""
+    firsts = given.firsts
+    for i in range(len(given.pixels)):
+        if given.lobes[i].instance != u32(NO_HIT) and firsts[i].samples == u32(0):
             weight = f32(0)
             for k in range(9):
-                j = _beside(picture, i, k, i64(1))
-                if j >= i64(0) and samples[j] > u32(0):
-                    weight += f32(samples[j]) * _likeness(picture, i, j, i64(1), _BENT)
+                j = _beside(given, i, k, i64(1))
+                if j >= i64(0) and firsts[j].samples > u32(0):
+                    weight += f32(firsts[j].samples) * _likeness(given, i, j, i64(1))
             lonely[i] = weight <= f32(0)
 
 
 @jit
-def _beside(picture, i, k, stride):
+def _beside(given, i, k, stride):
     """The row, int64, of neighbor `k` of 9 of row `i`, -1: there is none; stride: pixels between them."""
-    height, across = picture.rows.shape
-    x = picture.pixels[i] % across + stride * i64(k % 3 - 1)
-    y = picture.pixels[i] // across + stride * i64(k // 3 - 1)
+    height, across = given.rows.shape
+    pixel = given.pixels[i]
+    x = i64(pixel % u32(across)) + stride * i64(k % 3 - 1)
+    y = i64(pixel // u32(across)) + stride * i64(k // 3 - 1)
     if x < i64(0) or y < i64(0) or x >= across or y >= height:
         return i64(-1)
-    return i64(picture.rows[y, x])
+    return i64(given.rows[y, x])
 
 
 @jit
-def _likeness(picture, i, j, stride, bent):
-    """Weight, float32 in [0, 1], of two rows to each other, `stride` pixels apart: 1 on a flat surface.
+def _likeness(given, i, j, stride):
+    """Weight, float32 in [0, 1], of two rows to each other, `stride` pixels apart: 1 on a flat surface."""
+    alike, bend = _compared(given, i, j, stride)
+    return alike * max(f32(1) - _BENT * bend, f32(0))
 
-    bent  by what a bend is weighed
-    """
-    a, b = picture.lobes[i], picture.lobes[j]
+
+@jit
+def _compared(given, i, j, stride):
+    """The weight of two rows to each other but for how their normals differ, and the square of that over
+    alpha^2, float32."""
+    a, b = given.lobes[i], given.lobes[j]
     if a.instance != b.instance:
-        return f32(0)
+        return f32(0), f32(0)
     bend = f32(0)
     for k in range(3):
         bend += (a.n[k] - b.n[k]) * (a.n[k] - b.n[k])
-    wider = max(a.alpha, b.alpha)
-    apart = (a.alpha - b.alpha) / wider
+    sharp = f32(1) / max(a.alpha, b.alpha)
+    apart = (a.alpha - b.alpha) * sharp
     way = sub(vec3(b.position), vec3(a.position))
-    off = max(abs(dot(way, vec3(a.ng))) / a.width, abs(dot(way, vec3(b.ng))) / b.width)
-    off /= _OFF_PLANE + f32(stride)
-    straight = max(f32(1) - bent * bend / (wider * wider), f32(0))
-    return straight * max(f32(1) - _ALIKE * apart * apart, f32(0)) * max(f32(1) - off * off, f32(0))
+    off = max(abs(dot(way, vec3(a.ng))) * a.density, abs(dot(way, vec3(b.ng))) * b.density)
+    off *= f32(1) / (_OFF_PLANE + f32(stride))
+    alike = max(f32(1) - _ALIKE * apart * apart, f32(0)) * max(f32(1) - off * off, f32(0))
+    return alike, bend * sharp * sharp
 
 
 @jit
-def _begin(picture, firsts, smoothing, light, counter, blur, values):
-    """Write the variance wanted, (n,) pixels^2, and (n, _LANES) values; firsts: (n,) FIRST_VERTEX or more."""
-    for i in shared_rows(counter, _CHUNK, len(picture.pixels)):
-        if picture.lobes[i].instance == u32(NO_HIT):
+def _begin(given, smoothing, light, counter, blur, values):
+    """Write the variance wanted, (n,) pixels^2, and (n, _LANES) values."""
+    firsts = given.firsts
+    for i in shared_rows(counter, _CHUNK, len(given.pixels)):
+        if given.lobes[i].instance == u32(NO_HIT):
             continue
         first = firsts[i]
         values[i, _PATHS] = f32(first.samples)
@@ -214,9 +209,9 @@ def _begin(picture, firsts, smoothing, light, counter, blur, values):
         total, inverse = f32(0), f32(0)
         for stride in range(1, 3):
             for k in range(9):
-                j = _beside(picture, i, k, i64(stride))
+                j = _beside(given, i, k, i64(stride))
                 if j >= i64(0) and firsts[j].blur > f32(0):
-                    w = _likeness(picture, i, j, i64(stride), _BENT)
+                    w = _likeness(given, i, j, i64(stride))
                     total += w
                     inverse += w / firsts[j].blur
         deviation = smoothing * (total / inverse if inverse > f32(0) else max(-first.blur, f32(0)))
@@ -224,28 +219,26 @@ def _begin(picture, firsts, smoothing, light, counter, blur, values):
 
 
 @jit
-def _cut(picture, limit, blur, whole, counter, values):
-    """Lessen values, (n, _LANES), that exceed `limit` times the mean about them: paths that few would find.
+def _cut(given, limit, blur, values, counter, kept):
+    """Write what is kept, (n,) shares, of values, (n, _LANES), that exceed `limit` times the mean about them:
+    paths that few would find.
 
-    whole  (n, _LANES) copy of values
-    Where pixels nearby may differ, as their `blur` is less than a pixel, nothing is cut.
+    Where pixels nearby may differ, as their `blur` is less than a pixel, all is kept.
     """
-    for i in shared_rows(counter, _CHUNK, len(picture.pixels)):
-        own = _sum(whole, i) if whole[i, _PATHS] > f32(0) else f32(0)
+    for i in shared_rows(counter, _CHUNK, len(given.pixels)):
+        own = _sum(values, i) if values[i, _PATHS] > f32(0) else f32(0)
         if own <= f32(0) or blur[i] < f32(1):
             continue
         total, paths = f32(0), f32(0)
         for k in range(18):
             stride = i64(1 + k // 9)
-            j = _beside(picture, i, k % 9, stride)
+            j = _beside(given, i, k % 9, stride)
             if j >= i64(0) and k % 9 != 4:
-                w = whole[j, _PATHS] * _likeness(picture, i, j, stride, _BENT)
+                w = values[j, _PATHS] * _likeness(given, i, j, stride)
                 paths += w
-                total += w * _sum(whole, j)
+                total += w * _sum(values, j)
         if paths > f32(0) and own * paths > limit * total:
-            less = limit * total / (paths * own)
-            for c in range(_PATHS):
-                values[i, c] *= less
+            kept[i] = limit * total / (paths * own)
 
 
 @jit
@@ -258,48 +251,75 @@ def _sum(values, i):
 
 
 @jit
-def _average(picture, stride, bent, blur, spent, counter, before, after):
-    """Write one pass over the values at the address `before` to those, zeros, at `after`.
+def _split(kept, counter, values, excess):
+    """Leave values, (n, _LANES), what is kept, (n,) shares, and write the rest."""
+    for i in shared_rows(counter, _CHUNK, len(kept)):
+        for c in range(_PATHS):
+            excess[i, c] = (f32(1) - kept[i]) * values[i, c]
+            values[i, c] *= kept[i]
+        excess[i, _PATHS] = values[i, _PATHS]
 
-    bent   as of `_likeness`
-    blur   (n,) variance that is wanted;  spent  what passes before have brought where it was wanted
+
+@jit
+def _average(given, stride, blur, spent, stands_out, places, counter):
+    """Write one pass over values and, where there are any, over what stands out.
+
+    blur    (n,) variance that is wanted;  spent  what passes before have brought where it was wanted
+    places  addresses of the values and of what stands out, before and after
     The middle keeps what it does not give away. A pixel without paths takes all that neighbors have.
     """
+    before, outliers, after, outliers_after = places
     whole = _KERNEL * f32(stride * stride)
-    for i in shared_rows(counter, _CHUNK, len(picture.pixels)):
-        if picture.lobes[i].instance == u32(NO_HIT):
+    for i in shared_rows(counter, _CHUNK, len(given.pixels)):
+        if given.lobes[i].instance == u32(NO_HIT):
             continue
         empty = ldf(before, i * _LANES + _PATHS) == f32(0)
         wanted = whole if empty else min(max(blur[i] - spent, f32(0)), whole)
         rest, paths, low, high = f32(1), f32(0), splat8(f32(0)), splat8(f32(0))
+        rest_out, paths_out, low_out, high_out = f32(1), f32(0), splat8(f32(0)), splat8(f32(0))
         for step in range(9):
             k = (step + 5) % 9  # the middle last
-            j = _beside(picture, i, k, stride) if k == 4 or wanted > f32(0) else i64(-1)
+            j = _beside(given, i, k, stride) if k == 4 or wanted > f32(0) or stands_out else i64(-1)
             if j < i64(0):
                 continue
-            w = rest
+            w, w_out = rest, rest_out
             if k != 4:
                 both = wanted if empty else min(max(blur[j] - spent, f32(0)), wanted)
-                w = f32((2 - abs(k % 3 - 1)) * (2 - abs(k // 3 - 1))) * f32(0.0625) * both / whole
-                w *= _likeness(picture, i, j, stride, bent)
-                rest -= w
+                alike, bend = _compared(given, i, j, stride)
+                alike *= f32((2 - abs(k % 3 - 1)) * (2 - abs(k // 3 - 1))) * f32(0.0625)
+                w = alike * max(f32(1) - _BENT * bend, f32(0)) * both / whole
+                w_out = alike * max(f32(1) - _LENIENT * bend, f32(0))
+                rest, rest_out = rest - w, rest_out - w_out
             w *= ldf(before, j * _LANES + _PATHS)
-            if w <= f32(0):
-                continue
-            paths += w
-            low = vfma(vload8(before, j * _LANES), splat8(w), low)
-            high = vfma(vload8(before, j * _LANES + 8), splat8(w), high)
-        if paths > f32(0):
-            share = splat8(f32(1) / paths)
-            vstore8(after, i * _LANES, vmul(low, share))
-            vstore8(after, i * _LANES + 8, vmul(high, share))
-            stf(after, i * _LANES + _PATHS, f32(1))
+            if w > f32(0):
+                paths += w
+                low = vfma(vload8(before, j * _LANES), splat8(w), low)
+                high = vfma(vload8(before, j * _LANES + 8), splat8(w), high)
+            if stands_out:
+                w_out *= ldf(outliers, j * _LANES + _PATHS)
+                if w_out > f32(0):
+                    paths_out += w_out
+                    low_out = vfma(vload8(outliers, j * _LANES), splat8(w_out), low_out)
+                    high_out = vfma(vload8(outliers, j * _LANES + 8), splat8(w_out), high_out)
+        _store(after, i, paths, low, high)
+        if stands_out:
+            _store(outliers_after, i, paths_out, low_out, high_out)
 
 
 @jit
-def _finish(picture, firsts, values, light):
-    """Write the light, (n, c), of pixels with lobes."""
-    for i in range(len(picture.pixels)):
-        if picture.lobes[i].instance != u32(NO_HIT):
+def _store(place, i, paths, low, high):
+    """Write row i at an address: the sum of lines over the weight of their paths, as of one path."""
+    share = splat8(f32(1) / paths if paths > f32(0) else f32(0))
+    vstore8(place, i * _LANES, vmul(low, share))
+    vstore8(place, i * _LANES + 8, vmul(high, share))
+    stf(place, i * _LANES + _PATHS, f32(1) if paths > f32(0) else f32(0))
+
+
+@jit
+def _finish(given, values, excess, counter, light):
+    """Write the light, (n, c), of pixels with lobes: values and, where there is any, what stood out."""
+    for i in shared_rows(counter, _CHUNK, len(given.pixels)):
+        if given.lobes[i].instance != u32(NO_HIT):
             for c in range(light.shape[1]):
-                light[i, c] = values[i, c] * firsts[i].reflectance[c % 3]
+                value = values[i, c] + excess[i, c] if len(excess) > 0 else values[i, c]
+                light[i, c] = value * given.firsts[i].reflectance[c % 3]

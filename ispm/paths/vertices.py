@@ -9,7 +9,7 @@ from ispm.optics.bsdf import MIN_ALPHA, Bsdf, transmits
 from ispm.optics.facets import NO_ANISOTROPY, mean_alpha
 from ispm.optics.jit import jit
 from ispm.optics.records import RECEIVER
-from ispm.optics.vector import dot, luminance
+from ispm.optics.vector import dot, luminance, vec3
 
 f32, u32 = np.float32, np.uint32
 
@@ -22,6 +22,8 @@ _LEAST_REFLECTANCE = f32(1e-4)  # by which light is divided to be averaged
 _NONE = (f32(0), f32(0), f32(0))
 _DARK = _NONE, _NONE, f32(0), f32(0), f32(0), f32(0), _NONE, f32(0), f32(0), f32(0)
 BLACK = Bsdf(*_DARK, NO_ANISOTROPY)  # of what is unlit
+
+DIRECT, INDIRECT, EMISSION, THROUGH, COLUMNS = 0, 3, 6, 9, 12  # columns of EyePaths' light
 
 # A surface that photons may light, or that is unlit, seen in mirrors and glass. slot: the ray's row;
 # lane: what the first surface did to its path; weight: of the radiance that leaves it, in the ray's. f0
@@ -96,11 +98,27 @@ def store_first(first, x, instance, angle):
 
 
 @jit
-def add_light(sums, i, value, weight):
-    """Add value times weight, Vectors, to row `i` of (n, 3) sums."""
-    sums[i, 0] += value[0] * weight[0]
-    sums[i, 1] += value[1] * weight[1]
-    sums[i, 2] += value[2] * weight[2]
+def add_light(light, i, column, value, weight):
+    """Add value times weight, Vectors, to row `i` of EyePaths' light, from a column on."""
+    for c in range(3):
+        light[i, column + c] += value[c] * weight[c]
+
+
+@jit
+def light_at(light, i):
+    """Return direct light, emission and share of the background, Vectors, of row `i` of EyePaths' light."""
+    row = light[i]
+    return vec3(row[DIRECT:]), vec3(row[EMISSION:]), vec3(row[THROUGH:])
+
+
+@jit
+def scale_since(light, i, before, share):
+    """Leave a share of what came to row `i` of EyePaths' light since it was `before`, see `light_at`."""
+    direct, emission, through = before
+    for c in range(3):
+        light[i, DIRECT + c] = direct[c] + share * (light[i, DIRECT + c] - direct[c])
+        light[i, EMISSION + c] = emission[c] + share * (light[i, EMISSION + c] - emission[c])
+        light[i, THROUGH + c] = through[c] + share * (light[i, THROUGH + c] - through[c])
 
 
 @jit

@@ -65,7 +65,7 @@ def narrow_radius(
     close, _ = filtered(_NARROW)
     known = (radius_of(pilot, *told)[used] / radius[used]).astype(np.float64)  # the share that it came to
     # Photons of one flux are a Poisson count: its variance, relative to all light, by the whole radius.
-    most = np.maximum(wide, close)
+    most = np.maximum(np.maximum(wide, close), 0.0)  # a fit over normals may fall below
     variance = _SPREAD * flux * most / (np.pi * (radius[used] * whole).astype(np.float64) ** 2)
     bias = ((wide - close) / whole) ** 2 - _SIGNIFICANT**2 * variance / known**2
     noise = (variance + others) / passes

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -18,11 +18,12 @@ from ispm.paths.branch import GLOSS_SAMPLES, SCATTERED
 from ispm.paths.edges import edge_rows
 from ispm.paths.ends import denoise_rough_transmission, image_of_ends, reflect_light, spread_light
 from ispm.paths.eye import trace_eye
-from ispm.paths.eye_paths import EyePaths, EyeRays, join_paths
+from ispm.paths.eye_paths import EyePaths, EyeRays, join_ends, no_paths
 from ispm.paths.far import LANES, light_far_sides
 from ispm.paths.pixel_layers import filtered_light
 from ispm.paths.resolve import Shown, lonely_rows, resolve_lobes, shown
 from ispm.paths.sheen import sheen_light
+from ispm.paths.vertices import COLUMNS, INDIRECT, THROUGH
 from ispm.renderer.backdrop import background_color, shows_environment
 from ispm.renderer.gather import PhotonLight
 from ispm.renderer.one_pass import Pass
@@ -41,7 +42,7 @@ _PAIR = SAMPLES[[0, 3]]  # in their place where edges are many: opposite, so tha
 _FINE_SLACK = 5e-3, 2e-2
 
 
-def specular_light(this: Pass, seen: np.ndarray, light: PhotonLight) -> np.ndarray:
+def specular_light(this: Pass, seen: np.ndarray, photons: PhotonLight) -> np.ndarray:
     """Return direct light, indirect light and emission that such paths bring to SEEN pixels, (n,), the share
     that these show of a colored background, the share of irradiance, over pi, that sheen reflects, that which
     is hidden of emission, as much as a blended surface is clear, and that of the direct and indirect light of
@@ -53,10 +54,12 @@ def specular_light(this: Pass, seen: np.ndarray, light: PhotonLight) -> np.ndarr
     found = np.zeros((len(seen), 17), np.float32)
     for layer in (LAYER_BASE, LAYER_COAT):
         rows = np.flatnonzero(seen["layers"] & layer)
-        if len(rows) == len(seen) > 0:
-            found += _light_of_layer(this, seen, light, layer)
-        elif len(rows):
-            found[rows] += _light_of_layer(this, take(seen, rows), light, layer)
+        if len(rows):
+            every = len(rows) == len(seen)
+            light, hidden = _light_of_layer(this, seen if every else take(seen, rows), photons, layer)
+            chosen = slice(None) if every else rows
+            found[chosen, :COLUMNS] += light
+            found[chosen, 16] += hidden
     rows = np.flatnonzero(seen["layers"] & LAYER_SHEEN)
     if len(rows):
         rays = eye_rays(take(seen, rows), this.surfaces, this.view, this.threads)
@@ -67,80 +70,86 @@ def specular_light(this: Pass, seen: np.ndarray, light: PhotonLight) -> np.ndarr
         found[rows, 16] = 1.0 - (1.0 - found[rows, 16]) * (1.0 - sheen.hidden)
     rows = np.flatnonzero(seen["layers"] & LAYER_FAR)
     if len(rows):
-        found[rows, :6] += _light_of_far_sides(this, take(seen, rows), light)
+        found[rows, :6] += _light_of_far_sides(this, take(seen, rows), photons)
     rows = np.flatnonzero(seen["layers"] & LAYER_BEHIND)
     if len(rows):
-        behind = _light_of_layer(this, take(seen, rows), light, LAYER_BEHIND)
-        opacity = 1.0 - behind[:, 16:]
-        found[rows, :15] = opacity * found[rows, :15] + behind[:, :15]
+        behind, hidden = _light_of_layer(this, take(seen, rows), photons, LAYER_BEHIND)
+        opacity = 1.0 - hidden[:, None]
+        found[rows, :15] *= opacity
+        found[rows, :COLUMNS] += behind
         found[rows, 15:] = 1.0 - opacity * (1.0 - found[rows, 15:])
     return found
 
 
-def _light_of_far_sides(this: Pass, seen: np.ndarray, light: PhotonLight) -> np.ndarray:
+def _light_of_far_sides(this: Pass, seen: np.ndarray, photons: PhotonLight) -> np.ndarray:
     """Return direct and indirect light, (n, 6), from the far sides of the sheets that SEEN pixels show."""
     settings = this.settings
     rays = eye_rays(seen, this.surfaces, this.view, this.threads)
     far = light_far_sides(this.packed, this.world, this.surfaces, rays, settings.seed, this.index)
     direct = filtered_light(far, rays.keys, this.view.size[0], settings.smoothing, this.threads)
-    found = light_by_image(this, far.points, rays.keys, settings.subsampling, light.at)
-    found += light.focused.estimate(far.points, this.threads)
+    found = light_by_image(this, far.points, rays.keys, settings.subsampling, photons.at)
+    found += photons.focused.estimate(far.points, this.threads)
     return np.concatenate([direct, reflect_light(far.ends, found, len(seen))], axis=1)
 
 
-def _light_of_layer(this: Pass, seen: np.ndarray, light: PhotonLight, layer: int) -> np.ndarray:
-    """`specular_light` of SEEN pixels by their coats alone, by what is under these, or by what lies behind.
+def _light_of_layer(
+    this: Pass, seen: np.ndarray, photons: PhotonLight, layer: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return what is brought to SEEN pixels by their coats alone, by what is under these, or by what lies
+    behind: light as EyePaths have it, and what that hides of emission and of what is under it, (n,).
 
     Pixels on edges of what is seen in a mirror or glass are sampled four times; where these are many, as on
     waves, twice.
     """
-    settings, view, count = this.settings, this.view, len(seen)
+    settings, view = this.settings, this.view
     rays = eye_rays(seen, this.surfaces, view, this.threads, settings.smoothing)
     of_coats, behind = layer == LAYER_COAT, layer == LAYER_BEHIND
     rays = replace(rays, shows_environment=shows_environment(this), of_coats=of_coats, behind=behind)
-    paths, given, lonely, edges = _paths_of(this, rays, light)
-    total = count + len(lonely)
-    samples = max((len(paths.direct) - total) // max(len(edges), 1), 1)
-    pixels = np.concatenate([rays.keys, rays.keys[lonely], np.repeat(rays.keys[edges], samples)])
-    found, firsts = light_ends(this, paths, pixels, light), given.firsts
-    through = paths.through if background_color(settings) is not None else np.zeros_like(paths.through)
-    del paths  # their ends take more memory than the picture
-    for brought in (found, through):
-        brought[lonely] = brought[count:total]
-        brought[edges] = brought[total:].reshape(len(edges), samples, brought.shape[1]).mean(axis=1)
-        denoise_rough_transmission(brought[:count], rays.keys, view.size[0], firsts, this.threads)
-    resolve_lobes(found[:count], given, settings.smoothing, this.threads)
-    found[:count, :3] += firsts["own"]
-    none, hidden = np.zeros((count, 4), np.float32), firsts["hidden"][:, None]
-    return np.concatenate([found[:count], through[:count], none, hidden], axis=1)
+    paths, again, given = _paths_of(this, rays, photons)
+    pixels = [rays.keys]
+    for rows, found in again:
+        pixels.append(np.repeat(rays.keys[rows], len(found.light) // len(rows)))
+    light_ends(this, [paths, *(found for _, found in again)], np.concatenate(pixels), photons)
+    light, firsts = paths.light, given.firsts
+    del paths  # its ends take more memory than the picture
+    for rows, found in again:
+        light[rows] = found.light.reshape(len(rows), -1, COLUMNS).mean(axis=1)
+    if background_color(settings) is None:
+        light[:, THROUGH:] = 0.0
+    for brought in (light[:, :THROUGH], light[:, THROUGH:]):
+        denoise_rough_transmission(brought, rays.keys, view.size[0], firsts, this.threads)
+    resolve_lobes(light, given, settings.smoothing, this.threads)
+    light[:, :INDIRECT] += firsts["own"]
+    return light, firsts["hidden"].copy()
 
 
 def _paths_of(
-    this: Pass, rays: EyeRays, light: PhotonLight
-) -> tuple[EyePaths, Shown, np.ndarray, np.ndarray]:
-    """Return the eye paths of n rays and, behind them, of the rows that no path serves, and of samples of the
-    rows on edges; what the n rays show; and both of these rows, sorted."""
+    this: Pass, rays: EyeRays, photons: PhotonLight
+) -> tuple[EyePaths, list[tuple[np.ndarray, EyePaths]], Shown]:
+    """Return the eye paths of n rays; those that stand in for some of them, with sorted rows, each of which
+    has as many: of rows that no path serves, and through samples of pixels on edges; and what the n rays
+    show."""
     view = this.view
-    paths = follow(this, rays, light)
+    paths = follow(this, rays, photons)
     edges = edge_rows(paths, rays.keys, view.size[0]) if this.settings.antialias else np.zeros(0, np.int64)
     places = rays.origins + rays.distances[:, None] * rays.directions
-    given = shown(rays.keys, view.size[0], paths.firsts, places, view.pixel_widths(places))
-    lonely = lonely_rows(given)
-    parts = [paths]
+    widths = view.pixel_widths(places)
+    given = shown(rays.keys, view.size[0], paths.firsts, places, widths, this.threads)
+    lonely, again = lonely_rows(given), []
     if len(lonely):
-        parts.append(follow(this, rows_of(rays, lonely), light))
-        paths.firsts[lonely] = parts[-1].firsts
-    samples = SAMPLES if len(edges) <= _EDGES_FEW * view.size[0] * view.size[1] else _PAIR
+        again.append((lonely, follow(this, rows_of(rays, lonely), photons)))
+        paths.firsts[lonely] = again[-1][1].firsts
     if len(edges):
-        parts.append(follow(this, fine_rays(rays, paths, edges, view, samples), light))
-    return join_paths(parts), given, lonely, edges
+        samples = SAMPLES if len(edges) <= _EDGES_FEW * view.size[0] * view.size[1] else _PAIR
+        again.append((edges, follow(this, fine_rays(rays, paths, edges, view, samples), photons)))
+    return paths, again, given
 
 
 def eye_rays(
     seen: np.ndarray, surfaces: SurfaceTable, view: CameraView, threads: int, widening: float = 1.0
 ) -> EyeRays:
     """Return the rays through (n,) SEEN pixels, and where they meet the triangles there."""
-    origins, directions = view.pixel_rays(seen["pixel"].astype(np.int64))
+    origins, directions = view.pixel_rays(seen["pixel"])
     parallel = view.ymag is not None
     wide = (view.footprint, 0.0) if parallel else (0.0, view.footprint)
     hits = np.zeros(len(seen), HIT)
@@ -211,49 +220,58 @@ def fine_rays(
     )
 
 
-def follow(this: Pass, rays: EyeRays, light: PhotonLight) -> EyePaths:
+def follow(this: Pass, rays: EyeRays, photons: PhotonLight) -> EyePaths:
     """Follow eye paths to their ends; those of paths that scattered are lit as they are found and dropped."""
-    parts = []
+    whole, parts = no_paths(len(rays.keys)), []
     for first in range(0, max(len(rays.keys), 1), _BAND):
-        band = stretch_of(rays, slice(first, first + _BAND))
-        paths = trace_eye(this.packed, this.world, this.surfaces, band, this.settings.seed, this.index)
+        rows = slice(first, first + _BAND)
+        band, into = (
+            stretch_of(rays, rows),
+            replace(whole, light=whole.light[rows], firsts=whole.firsts[rows]),
+        )
+        paths = trace_eye(this.packed, this.world, this.surfaces, band, this.settings.seed, this.index, into)
         scattered = paths.ends["lane"] == SCATTERED
         ends, points = (take(each, np.flatnonzero(scattered)) for each in (paths.ends, paths.points))
-        paths.indirect[:] = light_each(ends, points, light, len(band.keys), this.threads)
-        rows = np.flatnonzero(~scattered)
-        parts.append(replace(paths, ends=take(paths.ends, rows), points=take(paths.points, rows)))
-    return join_paths(parts)
+        paths.indirect[:] = light_each(ends, points, photons, len(band.keys), this.threads)
+        kept = np.flatnonzero(~scattered)
+        parts.append(replace(paths, ends=take(paths.ends, kept), points=take(paths.points, kept)))
+    ends, points = join_ends(parts)
+    return replace(whole, ends=ends, points=points, rays=sum(part.rays for part in parts))
 
 
 def light_each(
-    ends: np.ndarray, points: np.ndarray, light: PhotonLight, count: int, threads: int
+    ends: np.ndarray, points: np.ndarray, photons: PhotonLight, count: int, threads: int
 ) -> np.ndarray:
     """Return the radiance, (n, 3), that photons bring to `count` rays by each of their (m,) PATH_END, at (m,)
     RECEIVER points."""
     if not len(ends):
         return np.zeros((count, 3), np.float32)
-    found = light.sum_at(points, light.photons)
-    found += light.focused.estimate(points, threads)
+    found = photons.sum_at(points, photons.photons)
+    found += photons.focused.estimate(points, threads)
     return reflect_light(ends, found, count)
 
 
-def light_ends(this: Pass, paths: EyePaths, pixels: np.ndarray, light: PhotonLight) -> np.ndarray:
-    """Return direct light, indirect light and emission of the rays, (n, 9) float32.
+def light_ends(this: Pass, parts: Sequence[EyePaths], pixels: np.ndarray, photons: PhotonLight) -> None:
+    """Add the light of ends to the indirect light of the rays.
 
-    pixels  (n,) numbers of the rays' pixels
+    pixels  (n,) numbers of the pixels of the rays of all parts
     Photons that scattered before light gently: a few ends are lit and filtered. Those of caustics are
     estimated at every end.
     """
-    points, lanes, slots = paths.points, paths.ends["lane"], paths.ends["slot"]
+    ends, points = join_ends(parts)
+    if not len(ends):
+        return
+    lanes, slots = ends["lane"], ends["slot"]
     found, finer = no_light(len(points)), max(this.settings.subsampling // _FINER, 1)
-    if len(points):
-        for lane in LANES:
-            rows = np.flatnonzero(lanes == lane)
-            shown = pixels[slots[rows]]
-            found[rows] = light_by_image(this, take(points, rows), shown, finer, light.at)
-        found += light.focused.estimate(points, this.threads)
-    indirect = paths.indirect + reflect_light(paths.ends, found, len(pixels))
-    return np.concatenate([paths.direct, indirect, paths.emission], axis=1)
+    for lane in LANES:
+        rows = np.flatnonzero(lanes == lane)
+        shown = pixels[slots[rows]]
+        found[rows] = light_by_image(this, take(points, rows), shown, finer, photons.at)
+    found += photons.focused.estimate(points, this.threads)
+    indirect, row = reflect_light(ends, found, len(pixels)), 0
+    for part in parts:
+        part.indirect[:] += indirect[row : row + len(part.light)]
+        row += len(part.light)
 
 
 def light_by_image(

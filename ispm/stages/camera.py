@@ -107,14 +107,14 @@ class CameraView:
         across = (2.0 * x / self.size[0] - 1.0 - shift_x) * wide
         up = (1.0 - 2.0 * y / self.size[1] - shift_y) * high
         pose = np.asarray(self.pose, np.float64)
-        in_plane = across[..., None] * pose[:3, 0] + up[..., None] * pose[:3, 1]
+        ahead = 1.0 if self.ymag is None else self.near
+        places = np.empty((*np.broadcast_shapes(across.shape, up.shape), 3))
+        places[..., 0], places[..., 1], places[..., 2] = across, up, -ahead
+        places = places @ pose[:3, :3].T
         if self.ymag is not None:
-            return self.eye + self.near * self.forward + in_plane, np.broadcast_to(
-                self.forward, in_plane.shape
-            )
-        in_plane += self.forward
-        in_plane /= np.sqrt(np.einsum("...k,...k->...", in_plane, in_plane))[..., None]
-        return np.broadcast_to(self.eye, in_plane.shape), in_plane
+            return self.eye + places, np.broadcast_to(self.forward, places.shape)
+        places /= np.sqrt(np.einsum("...k,...k->...", places, places))[..., None]
+        return np.broadcast_to(self.eye, places.shape), places
 
     def pixel_rays(self, pixels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return origins and unit directions, (n, 3) float64, of (n,) pixels numbered y width + x."""

@@ -25,7 +25,7 @@ from ispm.lights.few import choose
 from ispm.lights.nee import greatest, side_of, times
 from ispm.optics.bsdf import eval_bsdf
 from ispm.optics.jit import jit
-from ispm.optics.light import FAR, light_arriving
+from ispm.optics.light import FAR, light_arriving, reaches
 from ispm.optics.rng import random4
 from ispm.optics.vector import add, dot, scale, sub, vec3
 from ispm.scene.packed import Packed
@@ -41,6 +41,14 @@ _CHUNK = 64  # pixels a thread takes at a time
 _NONE = f32(0), f32(0), f32(0)
 _DRAW_NS = 270.0  # of a processor, that a software adapter takes to draw a triangle for one light
 _TRACE_NS = 900.0  # likewise, about, that the rays of a pixel take
+
+
+class _Lights(NamedTuple):
+    """What a thread writes of each light for a pixel, float32: the radiance along wo that it makes but for
+    shadows, `brought`, (n, 3) cd/m2, where there is any, and the sum of its channels, `values`, (n,)."""
+
+    values: np.ndarray
+    brought: np.ndarray
 
 
 class _Samples(NamedTuple):
@@ -82,8 +90,8 @@ def point_light(
     out = np.ones((count, 4), np.float32)
 
     def sample(counter: np.uint64) -> None:
-        values = np.empty(len(packed.lights), np.float32)  # of each thread
-        _sample_pixels(tables, pixels, view, values, counter, samples)
+        own = _Lights(np.empty(len(packed.lights), np.float32), np.empty((len(packed.lights), 3), np.float32))
+        _sample_pixels(tables, pixels, view, own, counter, samples)
 
     run_shared(sample, world.threads)
     run_shared(lambda counter: _filter(pixels, view, samples, counter, out), world.threads)
@@ -91,8 +99,8 @@ def point_light(
 
 
 @jit
-def _sample_pixels(tables, pixels, view, values, counter, samples):
-    """Trace the rays of as many of the Pixels as a thread gets; values: (n,) float32, see `light_of_few`."""
+def _sample_pixels(tables, pixels, view, own, counter, samples):
+    """Trace the rays of as many of the Pixels as a thread gets, whose _Lights are its own."""
     scratch = Scratch(alloca(STACK_WORDS), alloca(2))
     for i in shared_rows(counter, _CHUNK, len(pixels.points)):
         if not is_lit(tables, pixels, i):
@@ -103,11 +111,11 @@ def _sample_pixels(tables, pixels, view, values, counter, samples):
         column, row = i % view.columns % _SIDE, i // view.columns % _SIDE
         pick = (f32((row * _SIDE + column) * 7 % (_SIDE * _SIDE)) + r0) * f32(1 / (_SIDE * _SIDE)) + shift
         pick -= f32(math.floor(pick))
-        _sample(tables, shown, pick, view.pass_index == u32(0), scratch, values, samples, i)
+        _sample(tables, shown, pick, view.pass_index == u32(0), scratch, own, samples, i)
 
 
 @jit
-def _sample(tables, shown, pick, first, scratch, values, samples, i):
+def _sample(tables, shown, pick, first, scratch, own, samples, i):
     """Write row i of the _Samples.
 
     pick   random in [0, 1): draws a light
@@ -117,11 +125,15 @@ def _sample(tables, shown, pick, first, scratch, values, samples, i):
     unshadowed = _NONE
     for k in range(len(lights)):
         brought = _brought(lights[k], x, wo)
-        values[k], unshadowed = _sum(brought), add(unshadowed, brought)
-    few = choose(values, pick)
+        own.values[k] = _sum(brought)
+        if own.values[k] > f32(0):
+            unshadowed = add(unshadowed, brought)
+            for c in range(3):
+                own.brought[k, c] = brought[c]
+    few = choose(own.values, pick)
     for row in (few.best, few.second):
         if row >= i64(0):
-            brought = _brought(lights[row], x, wo)
+            brought = vec3(own.brought[row])
             unshadowed = sub(unshadowed, brought)
             passed = _passed(tables, lights[row], x, away, scratch)
             for c in range(3):
@@ -129,10 +141,10 @@ def _sample(tables, shown, pick, first, scratch, values, samples, i):
     if few.drawn < i64(0):
         return
     passed = _passed(tables, lights[few.drawn], x, away, scratch)
-    light = scale(few.weight, times(passed, _brought(lights[few.drawn], x, wo)))
+    light = scale(few.weight, times(passed, vec3(own.brought[few.drawn])))
     if first and few.weight > f32(1):  # of one there is no doubt which to draw
         light = max(unshadowed[0], f32(0)), max(unshadowed[1], f32(0)), max(unshadowed[2], f32(0))
-        samples.weight[i] = few.weight * values[few.drawn]
+        samples.weight[i] = few.weight * own.values[few.drawn]
     for c in range(3):
         samples.others[i, c] = light[c]
         samples.passed[i, c] = samples.weight[i] * passed[c]
@@ -142,6 +154,8 @@ def _sample(tables, shown, pick, first, scratch, values, samples, i):
 def _brought(light, x, wo):
     """The radiance along wo that a LIGHT makes at a SurfacePoint but for shadows, cd/m2; black where the
     surface hides it itself."""
+    if not reaches(light, x.position):
+        return _NONE
     irradiance, _, wi = light_arriving(light, x.position)
     along, above = dot(x.n, wi), dot(x.ng, wi) > f32(0)
     lit = (above and along > f32(0)) or (x.bsdf.thin > f32(0) and not above)

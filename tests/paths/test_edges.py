@@ -9,7 +9,7 @@ from ispm.optics.records import RECEIVER
 from ispm.paths.branch import REFLECTED, SCATTERED
 from ispm.paths.edges import edge_rows
 from ispm.paths.eye_paths import EyePaths
-from ispm.paths.vertices import FIRST_VERTEX, PATH_END
+from ispm.paths.vertices import COLUMNS, FIRST_VERTEX, PATH_END
 
 # A mirror of 3 x 2 pixels in a picture 4 wide; the rays, row by row:  0 1 2 / 3 4 5
 PIXELS, WIDTH = np.array([0, 1, 2, 4, 5, 6]), 4
@@ -25,8 +25,7 @@ def mirror(shown):
     ends["slot"], ends["lane"], ends["weight"] = slots, REFLECTED, 0.5
     ends["instance"] = np.array(shown)[slots]
     points["ng"] = (0.0, 1.0, 0.0)
-    dark = np.zeros((count, 3), np.float32)
-    return EyePaths(dark, dark, dark, dark, ends, points, firsts, 0)
+    return EyePaths(np.zeros((count, COLUMNS), np.float32), firsts, ends, points)
 
 
 @pytest.mark.parametrize(

@@ -7,22 +7,25 @@ from ispm.paths.resolve import lonely_rows, resolve_lobes, shown
 from ispm.paths.vertices import FIRST_VERTEX
 
 WIDE, HIGH = 120, 116
+THREADS = 2
 
 
-def flat(blur=5.0, samples=1):
-    """A wall that fills the picture, a pixel a metre."""
+def flat(blur=5.0, samples=1, where=slice(None), **fields):
+    """A wall that fills the picture, a pixel a metre, with other `fields` of FIRST_VERTEX `where` given."""
     y, x = np.divmod(np.arange(WIDE * HIGH), WIDE)
     firsts = np.zeros(len(x), FIRST_VERTEX)
     firsts["n"] = firsts["ng"] = (0, 0, 1)
     firsts["alpha"], firsts["blur"], firsts["samples"] = 0.1, blur, samples
     firsts["reflectance"] = np.random.default_rng(1).uniform(0.1, 1.0, (len(x), 3))
+    for field, value in fields.items():
+        firsts[field][where] = value
     places = np.stack([x, y, np.zeros(len(x))], axis=1)
-    return shown(np.arange(len(x)), WIDE, firsts, places, np.ones(len(x)))
+    return shown(np.arange(len(x)), WIDE, firsts, places, np.ones(len(x)), THREADS)
 
 
 def resolved(light, given, smoothing=1.0):
     out = light.astype(np.float32)
-    resolve_lobes(out, given, smoothing, 2)
+    resolve_lobes(out, given, smoothing, THREADS)
     return out
 
 
@@ -41,12 +44,11 @@ def test_nothing_is_blurred_at_contacts():
 def test_the_blur_is_as_wide_as_asked_and_less_in_later_passes():
     middle = WIDE * (HIGH // 2) + WIDE // 2
     for blur, smoothing in ((1.0, 1.0), (3.0, 1.0), (3.0, 0.5)):
-        given = flat(blur)
-        given.firsts["reflectance"] = 1.0
+        given = flat(blur, reflectance=1.0)
         light = np.ones((WIDE * HIGH, 3))
         light[middle] = 2.0  # not so much that it stands out
         out = resolved(light, given, smoothing)[:, 0].astype(float) - 1.0
-        x, y = given.positions[:, 0] - WIDE // 2, given.positions[:, 1] - HIGH // 2
+        y, x = np.divmod(np.arange(WIDE * HIGH), WIDE) - np.array([[HIGH // 2], [WIDE // 2]])
         near = (np.abs(x) <= 16) & (np.abs(y) <= 16)  # farther off it is float32's rounding
         assert out[near].sum() == pytest.approx(1.0, rel=1e-3)
         variance = (out * x**2)[near].sum()
@@ -54,8 +56,7 @@ def test_the_blur_is_as_wide_as_asked_and_less_in_later_passes():
 
 
 def test_what_stands_out_is_spread_and_not_lost():
-    given = flat(2.0)
-    given.firsts["reflectance"] = 1.0
+    given = flat(2.0, reflectance=1.0)
     light = np.ones((WIDE * HIGH, 3))
     middle = WIDE * (HIGH // 2) + WIDE // 2
     light[middle] = 1000.0
@@ -67,14 +68,12 @@ def test_what_stands_out_is_spread_and_not_lost():
 def test_light_is_neither_gained_nor_lost_where_neighbors_want_different_blurs():
     """Beside a contact pixels want less and less; each then takes of others what it gives them."""
     random = np.random.default_rng(4)
-    given = flat()
-    x = given.positions[:, 0]
-    given.firsts["blur"] = random.uniform(0.2, 1.0, len(x)) * np.abs(x - WIDE // 2) / 8
-    given.firsts["alpha"] = random.uniform(0.08, 0.12, len(x))
+    x = np.arange(WIDE * HIGH) % WIDE
+    blur = random.uniform(0.2, 1.0, len(x)) * np.abs(x - WIDE // 2) / 8
+    alpha = random.uniform(0.08, 0.12, len(x))
     normals = random.normal((0, 0, 1), 0.01, (len(x), 3))
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    given.firsts["n"] = given.firsts["ng"] = normals
-    given.firsts["reflectance"] = 1.0
+    given = flat(blur, alpha=alpha, n=normals, ng=normals, reflectance=1.0)
     light = np.exp(random.normal(0.0, 1.0, (len(x), 3))) + 50.0 * (np.abs(x - WIDE // 2) < 2)[:, None]
     out = resolved(light, given)
     assert not np.allclose(out, light, rtol=0.1)
@@ -86,26 +85,23 @@ def test_other_surfaces_are_left_out():
     left = np.arange(WIDE * HIGH) % WIDE < WIDE // 2
     light = np.where(left, 1.0, 5.0)[:, None] * np.tile(given.firsts["reflectance"], (1, 3))
     for field, value in (("instance", 7), ("n", (0.6, 0.0, 0.8)), ("alpha", 0.2)):
-        given = flat()
-        given.firsts[field][left] = value
+        given = flat(where=left, **{field: value})
         assert resolved(light, given) == pytest.approx(light, rel=1e-5)
 
 
 def test_pixels_without_paths_get_their_neighbors_light_and_lonely_ones_are_found():
-    given = flat()
     y, x = np.divmod(np.arange(WIDE * HIGH), WIDE)
     own = (x % 2 == 1) & (y % 2 == 1)
-    given.firsts["samples"] = own
+    given = flat(samples=own)
     light = 3.0 * np.tile(given.firsts["reflectance"], (1, 3))
     assert resolved(np.where(own[:, None], light, 0.0), given) == pytest.approx(light, rel=1e-5)
     assert not len(lonely_rows(given))
     alone = WIDE * 4 + 6
-    given.firsts["instance"][alone] = 3
+    given = flat(samples=own, where=alone, instance=3)
     assert list(lonely_rows(given)) == [alone]
 
 
 def test_what_is_no_lobe_is_not_touched():
-    given = flat()
-    given.firsts["reflectance"] = 0.0
+    given = flat(reflectance=0.0)
     light = np.random.default_rng(3).random((WIDE * HIGH, 9)).astype(np.float32)
     assert (resolved(light, given) == light).all()
