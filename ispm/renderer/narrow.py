@@ -5,6 +5,7 @@ shade gathers light or a lamp stands close to a wall. So the light is filtered w
 with a quarter of it. Where they differ by more than noise explains, their difference is the bias b of the
 wide one. That of a radius x h is b x^2, its variance s^2 / x^2 for s^2 that of h, and the sum of squared bias
 and variance is least at x^6 = s^2 / (2 b^2) (a plug-in bandwidth: Silverman, Density Estimation, 1986, 3.4).
+What differs is itself a mean over a quarter of the radius, so one receiver in 4 x 4 stands for those nearby.
 """
 
 from __future__ import annotations
@@ -13,11 +14,14 @@ import numpy as np
 
 from ispm.optics.incident import channels
 from ispm.optics.vector import LUMINANCE
-from ispm.stages.filter import filter_estimate
+from ispm.stages.filter import filter_some
 from ispm.stages.lattice import radius_of, set_radius
 
 _NARROW = 0.25  # of the radius: to compare with, and the least that is left
 _SIGNIFICANT = 3.0  # standard deviations that are taken for noise
+_BLOCK = 4  # receivers to a side, of which one is asked
+_CLOSE = _NARROW / 2  # of the radius from it: means over a quarter of the radius differ little there
+_FACING = 0.97  # least cosine of the two normals, where the filter's weight, its 16th power, is .6
 _SPREAD = 1.8  # of the filter's weights: the variance of its mean over that of an even one over its disc
 # Of fewer within the whole radius not even a difference of all of their light is more than noise.
 LEAST_PHOTONS = _SPREAD * (_SIGNIFICANT / _NARROW) ** 2
@@ -45,35 +49,58 @@ def narrow_radius(
     others      relative variance of the rest of the light, once it is filtered
     passes      of whose mean this is one: noise is less there, and bias is not
     """
-    used = np.flatnonzero(receivers["valid"])
-    if not channels(of_photons)["irradiance"].any() or not len(used):
+    if not channels(of_photons)["irradiance"].any() or not receivers["valid"].any():
         return
     told = receivers, diagonal, smoothing
     radius = radius_of(light, *told)
+    used, asked, of = _spokesmen(receivers, size, radius)
     pilot = of_photons.copy()
     channels(pilot)["fresnel"] = channels(light)["irradiance"]  # filtered alike
 
     def filtered(share: float) -> tuple[np.ndarray, np.ndarray]:
-        """Light of photons and of all, lx, where receivers are, by a share of the radius."""
+        """Light of photons and of all, lx, at those who are asked, by a share of the radius."""
         set_radius(pilot, share * radius, smoothing)
-        mean = filter_estimate(receivers, pilot, size, diagonal, smoothing, threads, once=True)
-        found = channels(mean.light)[used]
+        found = channels(filter_some(asked, receivers, pilot, size, diagonal, smoothing, threads))
         photons, whole = (found[name].astype(np.float64) @ LUMINANCE for name in ("irradiance", "fresnel"))
         return photons, np.maximum(whole, 1e-30)
 
     wide, whole = filtered(1.0)
     close, _ = filtered(_NARROW)
-    known = (radius_of(pilot, *told)[used] / radius[used]).astype(np.float64)  # the share that it came to
+    known = (radius_of(pilot, *told)[asked] / radius[asked]).astype(np.float64)  # the share that it came to
     # Photons of one flux are a Poisson count: its variance, relative to all light, by the whole radius.
     most = np.maximum(np.maximum(wide, close), 0.0)  # a fit over normals may fall below
-    variance = _SPREAD * flux * most / (np.pi * (radius[used] * whole).astype(np.float64) ** 2)
+    variance = _SPREAD * flux * most / (np.pi * (radius[asked] * whole).astype(np.float64) ** 2)
     bias = ((wide - close) / whole) ** 2 - _SIGNIFICANT**2 * variance / known**2
     noise = (variance + others) / passes
     share = np.clip((noise / np.maximum(2.0 * bias, 1e-30)) ** (1.0 / 6.0), _NARROW, 1.0)
-    changed = (bias > 0.0) & (share < 1.0)
+    share = np.where(bias > 0.0, share, 1.0)[of]
+    changed = share < 1.0
     set_radius(pilot, radius, smoothing)
     density, rows = channels(pilot)["density"], used[changed]
     channels(light)["density"][rows] = density[rows] / share[changed] ** 2
+
+
+def _spokesmen(
+    receivers: np.ndarray, size: tuple[int, int], radius: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the rows of the receivers that are used, (n,), of those who stand for them, (m,), and which of
+    these each has, (n,): the one in the middle of its block, where that lies close and faces the same way, or
+    itself.
+
+    radius  (h w,) m, of the filter
+    """
+    used = np.flatnonzero(receivers["valid"])
+    y, x = np.divmod(used, size[0])
+    middle = [
+        np.minimum(each // _BLOCK * _BLOCK + _BLOCK // 2, most - 1)
+        for each, most in ((x, size[0]), (y, size[1]))
+    ]
+    other = middle[1] * size[0] + middle[0]
+    position, n = receivers["position"], receivers["n"]
+    apart = np.linalg.norm(position[used] - position[other], axis=1)
+    alike = (apart < _CLOSE * radius[used]) & (np.einsum("ij,ij->i", n[used], n[other]) > _FACING)
+    asked, of = np.unique(np.where(alike & (receivers["valid"][other] > 0), other, used), return_inverse=True)
+    return used, asked, of
 
 
 def mean_flux(photons: np.ndarray) -> float:

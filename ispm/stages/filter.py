@@ -37,6 +37,7 @@ from ispm.optics.records import RECEIVER
 from ispm.optics.sampling import orthonormal_basis
 from ispm.stages.lattice import (
     DENSITY,
+    OTHER_FACING,
     REACH,
     TAPS,
     Lattice,
@@ -44,6 +45,7 @@ from ispm.stages.lattice import (
     Place,
     gap_of,
     lattice_of,
+    normals_differ,
     reach_of,
     widths,
 )
@@ -62,9 +64,6 @@ _GLOSS = word_of(INCIDENT, "gloss")  # what surfaces of another roughness do not
 # Receivers that a mean is enough of. Of fewer it is noise: dashes along faces one to three pixels wide. Of 12
 # none are seen at 1:1; 16 and 24 ask for half and three times as many pixels that get light of their own.
 _MIN_RECEIVERS = 12
-# Cosines of two normals above which they are the same to a fit, whose ridge is some ten times the square of
-# that angle, .01; and below which surfaces share nothing.
-_SAME, _OTHER = 1.0 - 5e-5, 0.5
 _MEAN, _FIT, _CARRY = 0, 1, 2  # what is made of irradiance: its mean, a fit to it, or the mean of fits
 _NO_GRADIENT = aligned(0).reshape(0, WORDS)
 
@@ -95,8 +94,6 @@ def filter_estimate(
     diagonal: float,
     smoothing: float,
     threads: int,
-    *,
-    once: bool = False,
 ) -> FilteredLight:
     """Return the filtered estimate at each receiver, (h w, 16) float32.
 
@@ -105,7 +102,6 @@ def filter_estimate(
     size       (w, h)
     diagonal   of the scene, metres
     smoothing  factor on the filter's radius
-    once       leave it at the first pass, which reaches all that the three do, and at means
     Three passes: the first reaches h, with strided taps where that is many pixels; the others, each as
     wide as the stride before, remove the comb that strided taps leave. The disc of that reach is an ellipse
     on the screen, as wide as what its box holds: a ceiling seen aslant has long strides along its rows, and
@@ -121,9 +117,7 @@ def filter_estimate(
     """
     words, told = _words(receivers), (size, diagonal, smoothing, threads)
     raw = FilteredLight(estimate, None)
-    if once:
-        return _run(_spread, words, words, raw, *told, turned=False)
-    turned = _normals_differ(receivers, size)
+    turned = normals_differ(receivers, size)
     spread = _run(_spread, words, words, raw, *told, turned=turned)
     smooth = _run(_smooth, words, words, spread, *told, turned=turned)
     filtered = _run(_finish, words, words, smooth, *told, turned=turned)
@@ -148,27 +142,28 @@ def filter_points(
     Channel MET tells how many receivers on its surface were near a point, over what is enough.
     """
     given, raw = (_words(points), np.ascontiguousarray(pixels, np.int64)), FilteredLight(estimate, None)
-    told, turned = (size, diagonal, smoothing, threads), _normals_differ(receivers, size)
+    told, turned = (size, diagonal, smoothing, threads), normals_differ(receivers, size)
     return _run(_spread_points, given, _words(receivers), raw, *told, turned=turned).light
+
+
+def filter_some(
+    rows: np.ndarray,
+    receivers: np.ndarray,
+    estimate: np.ndarray,
+    size: tuple[int, int],
+    diagonal: float,
+    smoothing: float,
+    threads: int,
+) -> np.ndarray:
+    """Return the filtered estimate at some receivers, `rows`, (n, 16) float32: by the first pass alone, which
+    reaches all that the three do, and as means; other arguments as of `filter_estimate`."""
+    words, raw = _words(receivers), FilteredLight(estimate, None)
+    given = np.take(words, rows, axis=0), rows.astype(np.int64)
+    return _run(_spread_points, given, words, raw, size, diagonal, smoothing, threads, turned=False).light
 
 
 def _words(receivers: np.ndarray) -> np.ndarray:
     return np.ascontiguousarray(receivers).view(np.float32).reshape(-1, 16)
-
-
-def _normals_differ(receivers: np.ndarray, size: tuple[int, int]) -> bool:
-    """Whether shading normals differ among receivers in a plane, so that there is something to fit."""
-    names = "n", "ng", "position"
-    n, ng, place = (np.ascontiguousarray(receivers[name]).reshape(size[1], size[0], 3) for name in names)
-    foot = receivers["footprint"].reshape(size[1], size[0])
-    for lag in (1, TAPS):
-        for here, there in ((np.s_[lag:], np.s_[:-lag]), (np.s_[:, lag:], np.s_[:, :-lag])):
-            cosine = np.einsum("ijk,ijk->ij", n[here], n[there])
-            turned = (cosine > _OTHER) & (cosine < _SAME)
-            apart = place[here][turned] - place[there][turned]
-            if (abs((apart * ng[here][turned]).sum(axis=-1)) < lag * foot[here][turned]).any():
-                return True
-    return False
 
 
 def _run(
@@ -323,7 +318,9 @@ def _mean_about(at, reach, lattice, how, few, image, out):
             z2 = z * z * inv_thick2
             mx, my, mz = words[q, _N], words[q, _N + 1], words[q, _N + 2]
             alike = sx * mx + sy * my + sz * mz
-            if d2 >= f32(1) or ((z2 >= f32(1) or alike <= f32(_OTHER)) and not (few and alike > f32(0))):
+            if d2 >= f32(1) or (
+                (z2 >= f32(1) or alike <= f32(OTHER_FACING)) and not (few and alike > f32(0))
+            ):
                 continue
             alike *= alike
             alike *= alike

@@ -21,6 +21,10 @@ _LEAST_PIXELS, _MAX_PIXELS = f32(1.5), 96.0  # reach on the screen, low-resoluti
 TAPS = 8  # on each side, as many as (2 * 8 + 1)^2 in all; wider reaches are strided
 _NARROWEST = 0.02  # of a reach on the screen, across its length: of surfaces seen aslant
 
+# Cosines of two normals above which they are the same to a fit, whose ridge is some ten times the square of
+# that angle, .01; and below which surfaces share nothing.
+_SAME, OTHER_FACING = 1.0 - 5e-5, 0.5
+
 _NG, _WO, _SLANT = (word_of(RECEIVER, name) for name in ("ng", "wo", "slant"))
 DENSITY = word_of(INCIDENT, "density")
 
@@ -70,6 +74,21 @@ def set_reach(estimate: np.ndarray, receivers: np.ndarray, reach: np.ndarray, di
     reach = np.minimum(np.minimum(reach, REACH * diagonal), f32(_MAX_PIXELS) * receivers["footprint"])
     reach = np.maximum(reach, f32(1e-12))
     estimate[:, DENSITY] = _PHOTONS / math.pi / (reach * reach)
+
+
+def normals_differ(receivers: np.ndarray, size: tuple[int, int]) -> bool:
+    """Return whether shading normals differ among receivers in a plane, so that there is something to fit."""
+    names = "n", "ng", "position"
+    n, ng, place = (np.ascontiguousarray(receivers[name]).reshape(size[1], size[0], 3) for name in names)
+    foot = receivers["footprint"].reshape(size[1], size[0])
+    for lag in (1, TAPS):
+        for here, there in ((np.s_[lag:], np.s_[:-lag]), (np.s_[:, lag:], np.s_[:, :-lag])):
+            cosine = np.einsum("ijk,ijk->ij", n[here], n[there])
+            turned = (cosine > OTHER_FACING) & (cosine < _SAME)
+            apart = place[here][turned] - place[there][turned]
+            if (abs((apart * ng[here][turned]).sum(axis=-1)) < lag * foot[here][turned]).any():
+                return True
+    return False
 
 
 @jit
