@@ -27,7 +27,7 @@ from ispm.scene.packed import Packed
 from ispm.settings import Settings
 from ispm.stages.camera import CameraView
 
-_SHARP = 3.0  # low-resolution pixels: kernels of a larger radius lose nothing at low resolution
+_SHARP = 3.0  # low-resolution pixels: kernels that are wider to each side lose nothing at low resolution
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,8 +106,6 @@ def classify_photons(this: Pass, path: Walk) -> PhotonClasses:
     caustic = np.concatenate(
         [measured(photons[first], CAUSTIC_NEIGHBORS), measured(photons[later], FOCUSED_NEIGHBORS)]
     )
-    *slope, offset = _SHARP * settings.subsampling * view.footprint * view.clip_from_world[3]
-    is_wide = caustic["radius"] > caustic["position"] @ slope + offset
     is_smooth = ~first
     is_smooth[later] = False
     beams, clear = path.beams, photons["radius"][first]  # until measured, the room before the plane they left
@@ -117,6 +115,8 @@ def classify_photons(this: Pass, path: Walk) -> PhotonClasses:
     # Lobes that leave scattered light to eye paths leave that of lamps to them, too, which such paths meet.
     kernels["bounce"][: np.count_nonzero(first)] = path.of_area[first]
     keys = np.concatenate([path.keys[first], path.keys[later]])
+    *slope, offset = _SHARP * settings.subsampling * view.footprint * view.clip_from_world[3]
+    is_wide = np.linalg.norm(kernels["v"], axis=1) > kernels["position"] @ slope + offset
     end_at_walls(kernels, this.world, this.surfaces)
     keep_light(kernels, Draws(keys, settings.seed, this.index), this.world, this.surfaces)
     kernels = np.concatenate([kernels[is_wide], kernels[~is_wide]])
