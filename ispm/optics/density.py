@@ -41,7 +41,13 @@ def ellipse_kernel(offset, u, v, n, height):
     uu, vv = dot(u, u), dot(v, v)
     x, y, z = dot(offset, u) / uu, dot(offset, v) / vv, dot(offset, n) / height
     m = max(f32(1) - (x * x + y * y + z * z), f32(0))
-    return _NORMALISATION / math.sqrt(uu * vv) * m * m
+    return ellipse_peak(uu, vv) * m * m
+
+
+@jit
+def ellipse_peak(uu, vv):
+    """Return kappa in the middle of an ellipse, 1/m2; uu, vv: squares of its semi-axes, m2."""
+    return _NORMALISATION / math.sqrt(uu * vv)
 
 
 @jit

@@ -133,7 +133,7 @@ def add_to_tile(work, photon, blocks, glossy):
     glossy  whether any receiver has a glossy lobe
     """
     for block in range(blocks):
-        if meets(photon, _boxes(work) + uint64(block * BOX * 4)):
+        if meets(photon, box_of(work, block)):
             if glossy:
                 _add_glossy(photon, work + uint64(block * LANES * 4))
             else:
@@ -145,6 +145,12 @@ def take_out(work, k, out, i):
     """Write the sums of the tile's receiver k to row `i` of (n, 16) float32."""
     for channel in range(CHANNELS):
         stf(out, i * CHANNELS + channel, ldf(work, (_ROW_SUMS + channel) * TILE + k))
+
+
+@jit
+def box_of(work, block):
+    """Return the address of the box of a block: BOX float32."""
+    return _boxes(work) + uint64(block * BOX * 4)
 
 
 @jit
@@ -172,18 +178,33 @@ def _add_glossy(photon, work):
     """Add a PHOTON to the sums of a block."""
     flux, kernel = vector(photon, _FLUX), _kernel(photon)
     _, _, wi, _, _ = kernel
-    least = NARROW_ALPHA if ldu(photon, _BOUNCE) > u32(0) else f32(0)  # as photon_gloss in bsdf.wgsl
+    least = least_gloss(ldu(photon, _BOUNCE))
     for k in range(LANES):
-        light = _add_arriving(work, k, kernel, flux)
-        alpha, n, wo = ldf(work, _ROW_ALPHA * TILE + k), _row(work, _ROW_N, k), _row(work, _ROW_WO, k)
-        # gloss() without its gate: a branch would keep the loop from becoming vectors
-        dv, fc = gloss(alpha, n, wo, wi)
-        visible = (alpha > f32(0)) & (dot(n, wo) > f32(0)) & (dot(n, wi) > f32(0))
-        dv = dv if visible & (alpha >= least) else f32(0)
-        fc = fc if visible else f32(0)
-        _add(work, 4, k, light * fc, flux)
-        _add(work, 8, k, light * dv * (f32(1) - fc), flux)
-        _add(work, 12, k, light * dv * fc, flux)
+        add_gloss(work, k, _add_arriving(work, k, kernel, flux), wi, least, flux)
+
+
+@jit
+def least_gloss(bounce):
+    """Return the least alpha, float32, of lobes that see a photon of so many bounces; as photon_gloss in
+    bsdf.wgsl."""
+    return NARROW_ALPHA if bounce > u32(0) else f32(0)
+
+
+@jit
+def add_gloss(work, k, light, wi, least, flux):
+    """Add what the glossy lobe of receiver k of a block makes of light from wi.
+
+    light  irradiance over flux, 1/m2;  least  alpha of the narrowest lobe that sees it;  flux  (3,) lm
+    """
+    alpha, n, wo = ldf(work, _ROW_ALPHA * TILE + k), _row(work, _ROW_N, k), _row(work, _ROW_WO, k)
+    # gloss() without its gate: a branch would keep the loop from becoming vectors
+    dv, fc = gloss(alpha, n, wo, wi)
+    visible = (alpha > f32(0)) & (dot(n, wo) > f32(0)) & (dot(n, wi) > f32(0))
+    dv = dv if visible & (alpha >= least) else f32(0)
+    fc = fc if visible else f32(0)
+    _add(work, 4, k, light * fc, flux)
+    _add(work, 8, k, light * dv * (f32(1) - fc), flux)
+    _add(work, 12, k, light * dv * fc, flux)
 
 
 @jit
@@ -201,9 +222,25 @@ def _add_arriving(work, k, kernel, flux):
     kernel  as of `_kernel`;  flux  (3,) lm
     """
     position, normal, wi, radius, height = kernel
+    kappa = density_kernel(sub(place(work, k), position), normal, radius, height)
+    return add_arriving(work, k, kappa, normal, wi, flux)
+
+
+@jit
+def place(work, k):
+    """Return the position of receiver k of a block, m."""
+    return _row(work, 0, k)
+
+
+@jit
+def add_arriving(work, k, kappa, normal, wi, flux):
+    """Add the irradiance and density of a photon whose kernel is kappa, 1/m2, at receiver k of a block, and
+    return the former over its flux, 1/m2; both are zero where it does not count.
+
+    normal  unit, of the photon's surface;  flux  (3,) lm
+    """
     ng = _row(work, _ROW_NG, k)
     wi_ng = dot(wi, ng)
-    kappa = density_kernel(sub(_row(work, 0, k), position), normal, radius, height)
     kappa = kappa if photon_counts(wi_ng, dot(normal, ng)) else f32(0)
     ratio = cosine_ratio(dot(wi, _row(work, _ROW_N, k)), wi_ng)
     light = kappa * ratio if kappa > f32(0) else f32(0)

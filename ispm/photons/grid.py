@@ -13,13 +13,13 @@ import numpy as np
 from ispm.accel.normals import unit
 from ispm.kernels.share import run_shared, shared_rows
 from ispm.kernels.simd import address, alloca
-from ispm.optics.bsdf import NARROW_ALPHA, gloss_terms
-from ispm.optics.density import cosine_ratio, density_kernel, ellipse_kernel, photon_counts
+from ispm.optics.density import density_kernel
 from ispm.optics.jit import jit
 from ispm.optics.records import CAUSTIC
 from ispm.optics.vector import cross, dot, sub, vec3
 from ispm.photons.blocks import LANES, TILE, WORDS, WORK, add_to_tile, clear, put, take_out
 from ispm.photons.cells import bounds_of
+from ispm.photons.ellipses import ELLIPSE_BYTES, add_ellipse_to_tile
 
 f32, i64, u32 = np.float32, np.int64, np.uint32
 
@@ -64,8 +64,8 @@ class PhotonGrid:
         kernels: np.ndarray | None = None,
         finish: Callable[[np.ndarray, np.ndarray], None] | None = None,
     ) -> None:
-        self._kernels = np.zeros(0, CAUSTIC) if kernels is None else kernels
-        self.photons = np.ascontiguousarray(photons)  # kernels read by address
+        self._kernels = np.zeros(0, CAUSTIC) if kernels is None else np.ascontiguousarray(kernels)
+        self.photons = np.ascontiguousarray(photons)  # read by address
         self._lists: _Lists | None = None
         self._finish, self._final = finish, np.zeros(len(photons), bool)
 
@@ -120,12 +120,10 @@ class PhotonGrid:
         self, receivers: np.ndarray, order: np.ndarray, lists: _Lists, threads: int, out: np.ndarray
     ) -> None:
         """Write the light at (n,) RECEIVER, ordered as `_find_cells` does, to (n, 16) float32 zeros."""
-        if len(self._kernels):
-            kernels = self._kernels
-            run_shared(lambda count: _gather_kernels(receivers, order, kernels, lists, count, out), threads)
-        else:
-            points, photons, sums = address(receivers), address(self.photons), address(out)
-            run_shared(lambda count: _gather(points, order, photons, lists, count, sums), threads)
+        ellipses = len(self._kernels) > 0
+        photons = address(self._kernels if ellipses else self.photons)
+        points, sums = address(receivers), address(out)
+        run_shared(lambda count: _gather(points, order, photons, ellipses, lists, count, sums), threads)
 
     def each(self, receiver: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the photons that light a point, (m,) rows, and what each brings, (m, 3) float32 lx.
@@ -262,10 +260,11 @@ def _mark(order, lists, near):
 
 
 @jit
-def _gather(receivers, order, photons, lists, counter, out):
+def _gather(receivers, order, photons, ellipses, lists, counter, out):
     """Sum the photons of each cell at the receivers in it, some cells a thread.
 
-    receivers, photons, out  addresses of RECEIVER, PHOTON and 16 float32 a receiver
+    receivers, out  addresses of RECEIVER and of 16 float32 a receiver
+    photons         likewise, PHOTON or, if `ellipses`, CAUSTIC
     """
     work = alloca(WORK)
     for chunk in shared_rows(counter, 1, -(-len(order) // _CHUNK)):
@@ -275,12 +274,12 @@ def _gather(receivers, order, photons, lists, counter, out):
             cell = i64(order[first] >> np.uint64(38))
             if cell != _NOWHERE and lists.starts[cell] < lists.starts[cell + 1]:
                 ids = lists.ids[lists.starts[cell] : lists.starts[cell + 1]]
-                _gather_tile(receivers, order[first:end], photons, ids, work, out)
+                _gather_tile(receivers, order[first:end], photons, ellipses, ids, work, out)
             first = end
 
 
 @jit
-def _gather_tile(receivers, order, photons, ids, work, out):
+def _gather_tile(receivers, order, photons, ellipses, ids, work, out):
     """Sum some photons, (m,) uint32 rows, at up to 64 receivers, (k,) uint64; work: address of WORK words."""
     clear(work)
     glossy = False
@@ -288,19 +287,12 @@ def _gather_tile(receivers, order, photons, ids, work, out):
         glossy |= put(work, k, receivers, i64(u32(order[k])))
     blocks = (len(order) + i64(LANES - 1)) // i64(LANES)
     for m in range(len(ids)):
-        add_to_tile(work, photons + np.uint64(i64(ids[m]) * WORDS * 4), blocks, glossy)
+        if ellipses:
+            add_ellipse_to_tile(work, photons + np.uint64(i64(ids[m]) * ELLIPSE_BYTES), blocks, glossy)
+        else:
+            add_to_tile(work, photons + np.uint64(i64(ids[m]) * WORDS * 4), blocks, glossy)
     for k in range(len(order)):
         take_out(work, k, out, i64(u32(order[k])))
-
-
-@jit
-def _gather_kernels(receivers, order, kernels, lists, counter, out):
-    """Sum the (N,) CAUSTIC of each cell at the (n,) RECEIVER in it, to (n, 16) float32."""
-    for i in shared_rows(counter, _CHUNK, len(order)):
-        cell, r = i64(order[i] >> np.uint64(38)), i64(u32(order[i]))
-        if cell != _NOWHERE:
-            for k in range(lists.starts[cell], lists.starts[cell + 1]):
-                _add_caustic(receivers[r], kernels[lists.ids[k]], out, r)
 
 
 @jit
@@ -327,41 +319,3 @@ def _cell_at(position, grid):
             return i64(-1)
         c = c * grid.shape[axis] + i64(along)
     return c
-
-
-@jit
-def _add_caustic(receiver, photon, out, r):
-    """Add what a CAUSTIC brings to the RECEIVER of row `r` of (n, 16) float32. Twin of caustic.wgsl."""
-    u, v = vec3(photon.u), vec3(photon.v)
-    offset = sub(vec3(receiver.position), vec3(photon.position))
-    x, y = dot(offset, u) / dot(u, u), dot(offset, v) / dot(v, v)
-    if x * x + y * y > _ROUND:  # most of those that are not lit
-        return
-    if dot(offset, vec3(photon.front)) < -photon.reach:
-        return
-    normal = unit(cross(u, v))
-    kappa = ellipse_kernel(offset, u, v, normal, photon.height)
-    if kappa > f32(0):
-        _add_light(receiver, photon, normal, kappa, out, r)
-
-
-@jit
-def _add_light(receiver, photon, normal, kappa, out, r):
-    """Add a photon's light of the density kappa, 1/m2, if it lies on the receiver's surface."""
-    ng, n, wi = vec3(receiver.ng), vec3(receiver.n), vec3(photon.wi)
-    wi_ng = dot(wi, ng)
-    if not photon_counts(wi_ng, dot(normal, ng)):
-        return
-    arriving = kappa * cosine_ratio(dot(wi, n), wi_ng)
-    out[r, 3] += kappa
-    for channel in range(3):
-        out[r, channel] += photon.flux[channel] * arriving
-    if receiver.alpha > f32(0):
-        plain, grazing, fresnel = gloss_terms(receiver.alpha, n, vec3(receiver.wo), wi)
-        if photon.bounce > u32(0) and receiver.alpha < NARROW_ALPHA:  # as photon_gloss in bsdf.wgsl
-            plain, grazing = f32(0), f32(0)
-        for channel in range(3):
-            irradiance = photon.flux[channel] * arriving
-            out[r, 4 + channel] += fresnel * irradiance
-            out[r, 8 + channel] += plain * irradiance
-            out[r, 12 + channel] += grazing * irradiance
