@@ -14,7 +14,7 @@ INCIDENT = np.dtype(
         ("fresnel", np.float32, 3),  # Phi kappa c Fc
         ("met", np.float32),  # of light that was filtered: of how many receivers, over what is enough
         ("gloss", np.float32, 3),  # Phi kappa c D V (1 - Fc)
-        ("spare0", np.float32),
+        ("reach", np.float32),  # of light that was filtered: the filter's radius, m; 0: it was not
         ("grazing", np.float32, 3),  # Phi kappa c D V Fc
         ("spare1", np.float32),
     ]

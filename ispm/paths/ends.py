@@ -89,7 +89,7 @@ def spread_light(
 
     points  (m,) RECEIVER;  positions  (m, 2) float32 in the image, centres of cells at whole numbers
     image   (h w,) RECEIVER;  filtered  their light;  block  pixels to a side of its cells
-    Joint bilateral, as stages/upsample.wgsl.
+    Joint bilateral, as stages/upsample.wgsl, but for what that has no light for: ends aside of all receivers.
     """
     out = np.zeros((len(points), 16), np.float32)
     found = np.zeros(len(points), np.bool_)

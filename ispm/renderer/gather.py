@@ -35,7 +35,7 @@ from ispm.renderer.one_pass import Pass
 from ispm.scene.packed import Packed
 from ispm.settings import Settings
 from ispm.stages.filter import filter_estimate
-from ispm.stages.lattice import set_reach
+from ispm.stages.lattice import radius_of, set_reach
 from ispm.stages.mean import mean_around
 from ispm.stages.upsample import UNUSED
 
@@ -186,6 +186,7 @@ class PhotonLight:
         )
         light = channels(filtered.light)
         light["density"][light["met"] < 1.0] = UNUSED
+        light["reach"] = radius_of(raw, receivers.points, this.packed.diagonal, this.settings.smoothing)
         return filtered
 
     @cached_property

@@ -11,6 +11,9 @@
 const PLANE_REACH = 1.3;    // low-resolution pixels: a biweight as wide as a Gaussian of 0.5
 const FEW = 0.02;          // sum of weights below which farther neighbours are asked too
 const TOO_LITTLE = 1e-3;   // and below which a pixel has found none
+const WHOLE = 0.9;         // and above which receivers lie all around a pixel
+const FAR = 0.5;           // of the filter's radius, beyond which the receivers' middle tells nothing of a pixel
+const LEAST_REACH = 1.5;   // least of that radius, low-resolution pixels: _LEAST_PIXELS of stages/lattice.py
 const SLIGHT = 1e-30;      // below which a sum of weights counts as none: inverses of the least numbers overflow
 const TURNED = 0.01;       // least share of its weight that a receiver keeps whose bump faces elsewhere
 const NO_TAP = 0x80008000u;  // in place of a packed normal, which has no such numbers
@@ -95,11 +98,14 @@ struct Tap {               // a receiver and its light
     n: vec3f,
     light: Incident,
     slope: vec3u,
+    reach: f32,            // radius, m, of the filter that its light has passed; 0: of none
 }
 
 struct Taps {
     sums: Incident,
     weight: f32,
+    away: vec3f,           // to the receivers, m, times their weights
+    reach: f32,            // likewise their filter's radius
     fresnel_weight: f32,
     gloss_weight: f32,     // of lobes that are narrow, or not, as the surface's
 }
@@ -147,6 +153,7 @@ fn load_tap(at: vec2i, low: vec2i) -> Tap {
     if (GLOSS == FOUND) {
         let k = u32(at.y * low.x + at.x);
         tap.alpha = receivers[k].alpha;
+        tap.reach = light[4u * k + 2u].w;
         if (tap.alpha > 0.0) {
             tap.light.fresnel = light[4u * k + 1u].rgb;
             tap.light.gloss = light[4u * k + 2u].rgb;
@@ -158,7 +165,8 @@ fn load_tap(at: vec2i, low: vec2i) -> Tap {
 
 // Add a tap whose place on the screen has the weight `near`.
 fn add_tap(taps: ptr<function, Taps>, s: Surface, tap: Tap, near: f32) {
-    let z = dot(s.ng, tap.position - s.position);
+    let away = tap.position - s.position;
+    let z = dot(s.ng, away);
     var facing = max(dot(s.ng, tap.ng), 0.0);
     facing *= facing;
     facing *= facing;
@@ -175,6 +183,8 @@ fn add_tap(taps: ptr<function, Taps>, s: Surface, tap: Tap, near: f32) {
         (*taps).sums.irradiance += w * tap.light.irradiance;
     }
     (*taps).weight += w;
+    (*taps).away += w * away;
+    (*taps).reach += w * tap.reach;
     if (s.alpha > 0.0 && tap.alpha > 0.0) {
         let g = w * max(1.0 - 4.0 * abs(s.alpha - tap.alpha), 1e-3);
         let alike = select(0.0, g, (s.alpha < NARROW_ALPHA) == (tap.alpha < NARROW_ALPHA));
@@ -184,6 +194,12 @@ fn add_tap(taps: ptr<function, Taps>, s: Surface, tap: Tap, near: f32) {
         (*taps).fresnel_weight += g;
         (*taps).gloss_weight += alike;
     }
+}
+
+// Whether the receivers' middle is farther than a radius, m. Where some of those about a pixel are on other
+// surfaces, the rest may lie all on one side: of a wall seen aslant, by many times what light is even over.
+fn is_aside(taps: Taps, radius: f32) -> bool {
+    return length(taps.away) > radius * taps.weight;
 }
 
 fn mean_of(taps: Taps) -> Incident {
@@ -216,7 +232,8 @@ fn fs(@builtin(position) at: vec4f) -> Lit {
     }
     let s = surface_at(pixel, seen);
     let taps = nearest_taps(pixel, s);
-    if ((taps.weight < FEW) || ((GLOSS == LEFT) && (s.alpha > 0.0))) {
+    let aside = (taps.weight < WHOLE) && is_aside(taps, FAR * LEAST_REACH * s.footprint);
+    if ((taps.weight < FEW) || aside || ((GLOSS == LEFT) && (s.alpha > 0.0))) {
         let slot = atomicAdd(&left_count[0], 1u);
         if (slot < arrayLength(&left)) {
             left[slot] = pixel.y * u32(camera.size.x) + pixel.x;
@@ -263,7 +280,9 @@ fn finish(@builtin(global_invocation_id) id: vec3u) {
         if (taps.weight < FEW) {
             add_ring(&taps, s, pixel);
         }
-        if (taps.weight < TOO_LITTLE) {
+        let reach = taps.reach / max(taps.weight, SLIGHT);
+        let aside = (taps.weight < WHOLE) && (reach > 0.0) && is_aside(taps, FAR * reach);
+        if ((taps.weight < TOO_LITTLE) || aside) {
             list_missed(pixel, s);
         }
         let out = lit(pixel, s.bsdf, mean_of(taps));

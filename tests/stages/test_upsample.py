@@ -8,7 +8,7 @@ from exact import mixed_scene, quad, view_of
 
 from ispm.library.common import lambert
 from ispm.library.shapes import polygons
-from ispm.optics.incident import FilteredLight
+from ispm.optics.incident import FilteredLight, channels
 from ispm.paths.ends import spread_light
 from ispm.scene.camera import look_at_pose
 from ispm.scene.material import Texture
@@ -234,6 +234,45 @@ def test_a_ramp_is_interpolated(gpu, block):
         error = np.abs(irradiance[..., 0] - 10.0 - x)[seen == number]
         pixel = receivers["footprint"].max()
         assert error.max() < 1.5 * pixel and error.mean() < 0.5 * pixel
+
+
+def passage():
+    """A wall seen aslant, 1 m to the left, that ends 12 m away before another that faces the eye."""
+    scene = Scene()
+    for corners in (
+        [(-1, -3, 0), (-1, -3, -12), (-1, 3, -12), (-1, 3, 0)],
+        [(-1, -3, -12), (1, -3, -12), (1, 3, -12), (-1, 3, -12)],
+    ):
+        scene.add(polygons([np.array(corners, float)]), material=lambert((0.5,) * 3))
+    pose = look_at_pose(np.zeros(3), np.array([0.0, 0.0, -1.0]))
+    return scene, CameraView((160, 90), pose, yfov=0.9, near=0.01)
+
+
+@pytest.mark.parametrize("reach", [1.0, 0.0, 100.0])
+def test_light_is_not_carried_far_along_a_wall_seen_aslant(gpu, reach):
+    """A block that shows the wall's end may have its receiver on the other wall. Pixels there lie farther
+    than all receivers of the wall: the middle of any of these is as far off as the last one at least. Where
+    that is more than half of the radius over which light was averaged they want light of their own, and not
+    where it is less, or light was not averaged."""
+
+    def growing(receivers):
+        out = even(0.0)(receivers)
+        out[:, :3] = 1.0 - receivers["position"][:, 2:]
+        channels(out)["reach"] = reach
+        return out
+
+    scene, view = passage()
+    irradiance, seen, receivers, missed = upsampled(gpu, scene, view, 4, growing, growing)
+    _, direction = view.rays()
+    z = direction[..., 2] / -np.minimum(direction[..., 0], -1e-9)  # where its ray meets the plane of x = -1
+    of_wall = receivers["position"][(receivers["valid"] > 0) & (receivers["ng"][:, 0] > 0.5)]
+    beyond = (seen == 1) & (z < of_wall[:, 2].min() - 0.5)
+    assert beyond.sum() > 20
+    carried = abs(irradiance[..., 0] / (1.0 - z) - 1.0)[beyond]
+    if reach == 1.0:
+        assert carried.max() < 1e-4
+    else:
+        assert missed == 0 and np.median(carried) > 0.05
 
 
 @pytest.mark.parametrize("block", [2, 4, 5])
