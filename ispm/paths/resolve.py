@@ -100,8 +100,7 @@ def resolve_lobes(light: np.ndarray, given: Shown, smoothing: float, threads: in
     run_shared(lambda counter: _begin(given, f32(smoothing), light, counter, blur, values), threads)
     run_shared(lambda counter: _cut(given, limit, blur, values, counter, kept), threads)
     excess = _lanes(count if (kept < 1.0).any() else 0)
-    if len(excess):
-        run_shared(lambda counter: _split(kept, counter, values, excess), threads)
+    run_shared(lambda counter: _split(kept, counter, values, excess), threads)
     values, excess = _averaged(given, values, excess, blur, threads)
     run_shared(lambda counter: _finish(given, values, excess, counter, light), threads)
 
@@ -252,8 +251,8 @@ def _sum(values, i):
 
 @jit
 def _split(kept, counter, values, excess):
-    """Leave values, (n, _LANES), what is kept, (n,) shares, and write the rest."""
-    for i in shared_rows(counter, _CHUNK, len(kept)):
+    """Leave values, (n, _LANES), what is kept, (n,) shares, and write the rest, if `excess` has rows."""
+    for i in shared_rows(counter, _CHUNK, len(excess)):
         for c in range(_PATHS):
             excess[i, c] = (f32(1) - kept[i]) * values[i, c]
             values[i, c] *= kept[i]
