@@ -193,11 +193,9 @@ def leave(tables, x, inside, focus, length, branch):
 @jit
 def path_in_band(path, band):
     """Return a Path with the light of a band alone."""
-    key, dimension, lane, start, d, weight, pdf, side, origin, inside, focus, length, sees_background, _ = (
-        path
-    )
+    key, dimension, lane, start, d, weight, pdf, side, origin, inside, focus, length, sees, _ = path
     place = side, origin, inside, focus, length
-    return Path(key, dimension, lane, start, d, of_band(band, weight), pdf, *place, sees_background, band)
+    return Path(key, dimension, lane, start, d, of_band(band, weight), pdf, *place, sees, band)
 
 
 @jit

@@ -250,26 +250,11 @@ def _follow_often(tables, view, thread, path, veil, i, slot, out, done):
     """Follow a path of ray `i`, and the second one if it parts. Where it is its pixel's first to meet rough
     glass, it becomes one of ROUGH_SAMPLES, whose mean counts.
 
-    veil  as of `_follow`
+    veil  as of `follow`
     -> the Done, the length of the last path, m, and whether it ended as its light disperses, see `follow`
     """
     first = done.row
-    (
-        key,
-        dimension,
-        lane,
-        start,
-        d,
-        weight,
-        pdf,
-        side,
-        origin,
-        inside,
-        focus,
-        length,
-        sees_background,
-        band,
-    ) = path
+    key, dimension, lane, start, d, weight, pdf, side, origin, inside, focus, length, sees, band = path
     before = light_at(out.light, i)
     share, k, count, rough = f32(1), 0, 1, False
     end, skipped = length, veil
@@ -290,5 +275,5 @@ def _follow_often(tables, view, thread, path, veil, i, slot, out, done):
         k += 1
         sample, part = u32(dimension + u32(k << 8)), scale(share, weight)
         place = inside, focus, length
-        path = Path(key, sample, lane, start, d, part, pdf, side, origin, *place, sees_background, band)
+        path = Path(key, sample, lane, start, d, part, pdf, side, origin, *place, sees, band)
     return done, end, False

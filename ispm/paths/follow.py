@@ -66,22 +66,7 @@ def follow(tables, view, thread, path, veil, i, slot, out, done):
        bands as it met what disperses them, where it ends
     """
     row, traced = done.row, done.traced
-    (
-        key,
-        dimension,
-        lane,
-        start,
-        d,
-        weight,
-        pdf,
-        side,
-        origin,
-        inside,
-        focus,
-        length,
-        sees_background,
-        band,
-    ) = path
+    key, dimension, lane, start, d, weight, pdf, side, origin, inside, focus, length, sees, band = path
     stored, rough, parted, disperses, other = 0, False, False, False, path
     from_lobe, far, sharp = pdf > f32(0), f32(1e30), True
     behind = veil.instance != u32(NO_HIT)
@@ -97,7 +82,7 @@ def follow(tables, view, thread, path, veil, i, slot, out, done):
                 share = surround_weight(tables, pdf, d)
                 light = scale(share, environment_radiance(tables.environment, d))
                 add_light(out.light, i, EMISSION, light, scale(focus, weight))
-            elif sees_background:
+            elif sees:
                 add_light(out.light, i, THROUGH, _WHITE, weight)
             length = f32(1e30)
             break
@@ -135,7 +120,7 @@ def follow(tables, view, thread, path, veil, i, slot, out, done):
         goes_on = is_narrow(b) and not (unlit or behind) and event < EVENTS_MAX and ends < ENDS_MAX
         goes_on = goes_on and mean >= (_MIN_WEIGHT_AFTER_END if ends > 0 else MIN_WEIGHT)
         count = 1 if from_lobe or rough else LAMP_SAMPLES
-        count = _SAMPLES_BEHIND if view.behind and sees_background else count
+        count = _SAMPLES_BEHIND if view.behind and sees else count
         if not unlit and (has_finite(b) or not is_smooth(b)):
             lit, goes_on_by = widened(x, widest), BY_FACETS if goes_on else BY_NOTHING
             if from_lobe:
@@ -184,7 +169,7 @@ def follow(tables, view, thread, path, veil, i, slot, out, done):
             alive, wi, factor, parts, above, kept = sample_specular_lobe(x, wo, u1, u2, may_part)
             passed = is_smooth(b) and passed_sheet(x, wi)  # as shadow rays do, so that lobes draw beyond
         drawn = pdf if passed else drawn
-        factor, rest = scale(f32(1) / chance, factor), (sees_background, band)
+        factor, rest = scale(f32(1) / chance, factor), (sees, band)
         branch = Branch(key, u32(dimension + u32(1)), lane, wi, times(weight, factor), drawn, *rest)
         if parts:
             apart = u32(dimension + u32(_EVENTS_APART))
@@ -196,6 +181,6 @@ def follow(tables, view, thread, path, veil, i, slot, out, done):
         if not alive or stored == ENDS_MAX or greatest(weight) < least:
             break
         sides = (side, origin) if passed else (left.side, left.origin)
-        key, dimension, lane, start, d, weight, pdf, _, _, inside, focus, length, sees_background, _ = left
+        key, dimension, lane, start, d, weight, pdf, _, _, inside, focus, length, sees, _ = left
         side, origin = sides
     return Done(row, traced), rough, far if from_lobe else length, parted, other, disperses
