@@ -53,7 +53,7 @@ def everything() -> ispm.Scene:
         ispm.Material(base_color_texture=use, metallic=0.5, roughness=0.4),
         ispm.Material(metallic=1.0, roughness=0.0),
         ispm.Material(diffuse_transmission=0.5, double_sided=True),
-        ispm.Material(transmission=1.0, roughness=0.0, ior=1.5, thickness=0.1),
+        ispm.Material(transmission=1.0, roughness=0.0, ior=1.5, thickness=0.1, dispersion=1.0),
         ispm.Material(transmission=1.0, roughness=0.4, ior=1.5, thickness=0.1),
         ispm.Material(base_color=(0.8, 0.5, 0.3, 0.5), alpha_mode=AlphaMode.BLEND),
         ispm.Material(

@@ -119,12 +119,14 @@ class Materials:
                 f"{where}: a volume within diffuse transmission is not supported; it is shown as a thin sheet"
             )
             thickness = 0.0
+        dispersion = extensions.dispersion.dispersion
         return dict(
             transmission=share,
             transmission_texture=self._textures.use(glass.transmission_texture, srgb=False, where=where),
             thickness=thickness,
             attenuation_color=self._within(volume.attenuation_color, 0.0, 1.0, f"{where}: attenuationColor"),
             attenuation_distance=distance,
+            dispersion=self._within([dispersion], 0.0, 20.0, f"{where}: dispersion")[0],
         )
 
     def _coat(self, extensions: schema.MaterialExtensions, where: str) -> dict[str, Any]:

@@ -154,6 +154,12 @@ class DiffuseTransmission(Record, frozen=True):
     diffuse_transmission_color_texture: TextureSlot | None = None
 
 
+class Dispersion(Record, frozen=True):
+    """KHR_materials_dispersion."""
+
+    dispersion: float = 0.0
+
+
 class MaterialExtensions(Record, frozen=True):
     """Extensions of a material."""
 
@@ -170,6 +176,7 @@ class MaterialExtensions(Record, frozen=True):
     diffuse_transmission: DiffuseTransmission = field(
         name="KHR_materials_diffuse_transmission", default=DiffuseTransmission()
     )
+    dispersion: Dispersion = field(name="KHR_materials_dispersion", default=Dispersion())
     unlit: dict[str, Any] | None = field(name="KHR_materials_unlit", default=None)
 
 

@@ -103,6 +103,7 @@ class MaterialWriter:
             "anisotropy": self._anisotropy(m),
             "clearcoat": self._coat(m),
             "diffuse_transmission": self._translucence(m),
+            "dispersion": given({"dispersion": float(m.dispersion)}, {"dispersion": 0.0}),
             "emissive_strength": given({"emissiveStrength": strength}, {"emissiveStrength": 1.0}),
             "ior": given({"ior": float(m.ior)}, {"ior": 1.5}),
             "sheen": self._sheen(m),

@@ -81,7 +81,7 @@ struct Material {
     anisotropy: f32,               // strength of KHR_materials_anisotropy; 0: none
     anisotropy_direction: vec2f,   // in the plane of tangent and bitangent, unit; a texture's is turned by it
     diffuse_transmission_color: vec3f,     // of KHR_materials_diffuse_transmission
-    spare: f32,
+    half_spread: f32,              // of a MATERIAL_DISPERSIVE: what red's index is below `ior`, and blue's above
 }
 const MATERIAL_MASK = 1u;          // opacity below alpha_cutoff is a hole
 const MATERIAL_BLEND = 2u;         // opacity is a probability
@@ -95,6 +95,7 @@ const MATERIAL_SPECULAR_MAPPED = 256u;   // textures multiply `specular` or `spe
 const MATERIAL_SHEEN = 512u;       // under sheen
 const MATERIAL_ANISOTROPIC = 1024u;  // facets are wider in one direction: their lobe is left to eye paths
 const MATERIAL_TRANSLUCENT = 2048u;  // a thin sheet that lets light through diffusely
+const MATERIAL_DISPERSIVE = 4096u;   // a solid whose index depends on the band
 
 struct Light {
     position: vec3f,

@@ -17,6 +17,7 @@ from ispm.accel.records import Hit
 from ispm.accel.surface import hit_position
 from ispm.lights.nee import greatest
 from ispm.optics.bsdf import is_lambert, is_smooth, transmits
+from ispm.optics.dispersion import ALL_BANDS, of_band
 from ispm.optics.jit import jit
 from ispm.optics.vector import Vector, dot, scale, sub
 from ispm.paths.facet import (
@@ -68,6 +69,7 @@ class Branch(NamedTuple):
     weight: Vector
     pdf: np.float32
     sees_background: bool
+    band: np.int64
 
 
 class Path(NamedTuple):
@@ -84,6 +86,7 @@ class Path(NamedTuple):
                     there is multiplied by, 1 / eta^2, outside 1
     length          m from the eye to `start`
     sees_background           whether it went through glass alone, so that it sees the background
+    band            of its light, see `optics.dispersion`: weights of the others are 0
     """
 
     key: np.uint32
@@ -99,6 +102,7 @@ class Path(NamedTuple):
     focus: np.float32
     length: np.float32
     sees_background: bool
+    band: np.int64
 
 
 @jit
@@ -134,9 +138,9 @@ def _is_shared(view, alpha, reflectance):
 
 
 @jit
-def first_path(tables, view, x, wo, key, k, length):
+def first_path(tables, view, x, wo, key, k, length, band):
     """Return Path `k` of `branches`, transmitted or, of the rest, reflected, from a SurfacePoint that is
-    seen along wo from `length` m away."""
+    seen along wo from `length` m away; band: of its light, as the SurfacePoint is to it."""
     if not is_smooth(x.bsdf) and not transmits(x.bsdf):
         return _first_of_lobe(tables, view, x, wo, key, k, length)
     smooth = is_smooth(x.bsdf)
@@ -151,7 +155,7 @@ def first_path(tables, view, x, wo, key, k, length):
         wi, weight, dimension = beyond, transmittance, u32(sample << 8 | 128)
         share = f32(1) if smooth else f32(1.0 / ROUGH_SAMPLES)
         lane = TRANSMITTED if smooth else SCATTERED
-    branch = Branch(key, dimension, i64(lane), wi, scale(share, weight), f32(0), True)
+    branch = Branch(key, dimension, i64(lane), wi, of_band(band, scale(share, weight)), f32(0), True, band)
     return leave(tables, x, no_medium(), f32(1), length, branch)
 
 
@@ -165,7 +169,7 @@ def _first_of_lobe(tables, view, x, wo, key, k, length):
     _, wi, factor, pdf = sample_lobe(x, wo, u1, u2)
     lane = REFLECTED if strong else SCATTERED
     weight = scale(f32(1) / f32(count), factor)
-    branch = Branch(key, u32(k << 8 | 1), i64(lane), wi, weight, pdf, False)
+    branch = Branch(key, u32(k << 8 | 1), i64(lane), wi, weight, pdf, False, ALL_BANDS)
     return leave(tables, x, no_medium(), f32(1), length, branch)
 
 
@@ -175,7 +179,7 @@ def leave(tables, x, inside, focus, length, branch):
 
     inside, focus  as of a Path;  length  m, from the eye
     """
-    key, dimension, lane, d, weight, pdf, sees_background = branch
+    key, dimension, lane, d, weight, pdf, sees_background, band = branch
     start, inside = spawn_ray(tables, x, inside, d)
     passes, solid = dot(d, x.ng) < f32(0), x.bsdf.thin == f32(0)
     if passes and solid:
@@ -183,7 +187,15 @@ def leave(tables, x, inside, focus, length, branch):
     sees_background = sees_background and (passes or (solid and transmits(x.bsdf) and not x.entering))
     side = x.ng if not passes else scale(f32(-1), x.ng)
     place = inside, focus, length
-    return Path(key, dimension, lane, start, d, weight, pdf, side, x.position, *place, sees_background)
+    return Path(key, dimension, lane, start, d, weight, pdf, side, x.position, *place, sees_background, band)
+
+
+@jit
+def path_in_band(path, band):
+    """Return a Path with the light of a band alone."""
+    key, dimension, lane, start, d, weight, pdf, side, origin, inside, focus, length, sees, _ = path
+    place = side, origin, inside, focus, length
+    return Path(key, dimension, lane, start, d, of_band(band, weight), pdf, *place, sees, band)
 
 
 @jit

@@ -11,19 +11,17 @@ from __future__ import annotations
 
 import numpy as np
 
+from ispm.accel.bands import in_band, is_dispersive
 from ispm.accel.edges import clear_of_edges
 from ispm.accel.intersect import STACK_WORDS
-from ispm.accel.layers import coat_point, end_bsdf, has_sheen, is_coated, is_translucent, with_matte_sheen
-from ispm.accel.medium import attenuated, medium, no_medium, passed_sheet
+from ispm.accel.layers import coat_point
+from ispm.accel.medium import no_medium
 from ispm.accel.records import Hit, Scratch
 from ispm.accel.surface import (
     SurfaceTable,
     Tables,
-    closest_behind,
     closest_surface,
-    glow,
     hit_position,
-    leave_surface,
     opacity_seen,
     scene_tables,
     surface,
@@ -31,53 +29,32 @@ from ispm.accel.surface import (
 from ispm.accel.world import World
 from ispm.kernels.share import run_shared, shared_rows
 from ispm.kernels.simd import alloca
-from ispm.lights.few import light_of_few
-from ispm.lights.nee import (
-    BY_FACETS,
-    BY_NOTHING,
-    greatest,
-    lamp_weight,
-    punctual_light,
-    surround_weight,
-    times,
-)
-from ispm.lights.ratio import area_light_by_ratio
-from ispm.optics.bsdf import NARROW_ALPHA, has_finite, is_narrow, is_smooth, transmits
-from ispm.optics.environment import environment_radiance, has_environment
+from ispm.lights.nee import greatest
+from ispm.optics.bsdf import is_smooth, transmits
+from ispm.optics.dispersion import ALL_BANDS, BANDS
+from ispm.optics.environment import environment_radiance
 from ispm.optics.facets import is_anisotropic
 from ispm.optics.jit import jit
-from ispm.optics.records import MATERIAL_UNLIT, NO_HIT, RECEIVER
-from ispm.optics.rng import random4
+from ispm.optics.records import NO_HIT, RECEIVER
 from ispm.optics.vector import add, scale, sub, vec3
 from ispm.paths.branch import (
     GLOSS_SAMPLES,
     SCATTERED,
-    STRONG,
     TRANSMITTED,
-    Branch,
     Path,
     View,
     branches,
     distance_to,
     first_path,
-    leave,
+    path_in_band,
     pixel_width,
 )
-from ispm.paths.coat import draw_coat, facet_light, own_light, sample_coat
+from ispm.paths.coat import own_light
 from ispm.paths.eye_paths import Done, EyeOut, EyePaths, EyeRays, EyeThread, RayArrays, no_paths, ray_arrays
-from ispm.paths.facet import (
-    ROUGH_SAMPLES,
-    facet_numbers,
-    lobe_width,
-    mean_reflectance,
-    sample_lobe,
-    sample_specular_lobe,
-    samples_most,
-    widened,
-)
-from ispm.paths.far import layers_light, sides_most, store_far
+from ispm.paths.facet import ROUGH_SAMPLES, bands_most, mean_reflectance, samples_most
+from ispm.paths.far import sides_most
+from ispm.paths.follow import ENDS_MAX, LAMP_SAMPLES, MIN_WEIGHT, follow
 from ispm.paths.vertices import (
-    BLACK,
     DIRECT,
     EMISSION,
     PATH_END,
@@ -87,26 +64,16 @@ from ispm.paths.vertices import (
     light_at,
     scale_since,
     store_clear,
-    store_end,
     store_first,
     store_gloss,
     store_own,
-    store_point,
 )
 from ispm.scene.packed import Packed
 
 f32, i64, u32 = np.float32, np.int64, np.uint32
 
-EVENTS_MAX = 8  # mirrors and faces of glass that a path meets
 _PATHS_MAX = GLOSS_SAMPLES  # of a pixel that shows no rough glass; of those that do not scatter 3
-_ENDS_MAX = 2  # of one path: behind a varnished floor goes on what it mirrors
-_MIN_WEIGHT = f32(1e-3)  # weight below which a path is not followed
-_MIN_WEIGHT_AFTER_END = f32(0.02)  # and below which not from an end
 _CONTACT = f32(1e-3)  # of a path, the least length of what reflects it to where it ends, for its blur
-_EVENTS_APART = 32  # numbers of the events of two paths that part
-_DIMENSION = 7 << 20  # of the random numbers that draw lights
-_LAMP_SAMPLES = 4  # points of lamps with a surface that an end is lit by, where a pixel has one path
-_SAMPLES_BEHIND = 16  # likewise behind what is blended: as many as what stands beside it has by its filter
 _CHUNK = 64  # pixels a thread takes at a time; results do not depend on it or on the threads
 _BATCH = 1 << 13  # pixels whose ends lie in memory at their full number
 
@@ -136,7 +103,7 @@ def trace_eye(
     numbers = u32(pass_index), u32(seed), u32(rays.columns), i64(rays.most), f32(rays.widening)
     told = rays.shows_environment, rays.of_coats, rays.behind
     view = View(f32(width), f32(spread), f32(near), f32(past), *numbers, *told)
-    capacity = _CHUNK * _PATHS_MAX * _ENDS_MAX * samples_most(packed) * sides_most(packed)
+    capacity = _CHUNK * _PATHS_MAX * ENDS_MAX * samples_most(packed) * sides_most(packed) * bands_most(packed)
     words, cut = PATH_END_AND_POINT.itemsize // 4, PATH_END.itemsize // 4
     ends, points, traced = [np.zeros((0, cut), np.uint32)], [np.zeros((0, words - cut), np.uint32)], 0
     for first in range(0, count, _BATCH):
@@ -210,27 +177,33 @@ def _follow_pixel(tables, view, thread, rays, i, slot, out, done):
     x = surface(tables, hit, d)
     wo = scale(f32(-1), d)
     if view.of_coats or (is_anisotropic(x.bsdf) and not (past or view.behind)):
-        own, more, shadows = own_light(tables, x, wo, key, view, thread.scratch, _LAMP_SAMPLES)
+        own, more, shadows = own_light(tables, x, wo, key, view, thread.scratch, LAMP_SAMPLES)
         store_own(out.firsts[i], own, f32(1) - x.coat.shown if view.of_coats else f32(0))
         add_light(out.light, i, DIRECT, more, _WHITE)
         x, done = coat_point(x) if view.of_coats else x, Done(done.row, done.traced + shadows)
     if view.behind and not past:
         return _follow_behind(tables, view, thread, x, d, key, length, i, slot, out, done)
     blurred, near_by, followed = f32(0), f32(0), f32(0)
+    bands = i64(BANDS) if is_dispersive(x) and not past else i64(1)
     count = i64(1) if past else branches(view, x, wo, key)
-    for k in range(count):
+    for number in range(count * bands):
+        k, band, y = number // bands, ALL_BANDS, x
+        if bands > i64(1):
+            band = number % bands
+            y = in_band(tables, x, band)
         place = f32(0), d, d, no_medium(), f32(1)
-        path = Path(key, u32(0), i64(SCATTERED), start, d, _WHITE, *place, near, True)
+        path = Path(key, u32(0), i64(SCATTERED), start, d, _WHITE, *place, near, True, ALL_BANDS)
         if not past:
-            path = first_path(tables, view, x, wo, key, k, length)
-        if greatest(path.weight) > _MIN_WEIGHT * f32(1.0 / ROUGH_SAMPLES):
-            done, end = _follow_often(tables, view, thread, path, no_medium(), i, slot, out, done)
+            path = first_path(tables, view, y, wo, key, k, length, band)
+        if greatest(path.weight) > MIN_WEIGHT * f32(1.0 / ROUGH_SAMPLES):
+            done, end = _follow_bands(tables, view, thread, path, no_medium(), i, slot, out, done)
             blurred += (end - length) / end if k < ROUGH_SAMPLES else f32(0)
             near_by, followed = near_by + end / max(end - length, _CONTACT * end), followed + f32(1)
     angle = length / pixel_width(view, length)
     instance = u32(NO_HIT) if past else hit.instance
     if past or is_smooth(x.bsdf) or transmits(x.bsdf):
-        store_first(out.firsts[i], x, instance, angle * blurred * f32(1.0 / ROUGH_SAMPLES))
+        blur = angle * blurred * f32(1.0 / ROUGH_SAMPLES) / f32(bands)
+        store_first(out.firsts[i], x, instance, blur)
     else:
         unknown = f32(-1) if is_anisotropic(x.bsdf) else f32(0)  # of which many paths lead below the surface
         near_by = followed / near_by if followed > f32(0) else unknown
@@ -243,14 +216,33 @@ def _follow_behind(tables, view, thread, x, d, key, length, i, slot, out, done):
     """Follow the path of ray `i` behind a blended SurfacePoint, `length` m away along d; return the Done."""
     clear = f32(1) - opacity_seen(tables, x.hit)
     store_clear(out.firsts[i], x, clear)
-    if clear < _MIN_WEIGHT:
+    if clear < MIN_WEIGHT:
         return done
     before, within = length * view.near, clear_of_edges(tables, x.hit, d)
     start, weight = sub(hit_position(tables.surfaces, within), scale(before, d)), (clear, clear, clear)
     place = start, d, weight, f32(0), d, d, no_medium(), f32(1)
-    path = Path(key, u32(0), i64(TRANSMITTED), *place, length - before, True)
-    done, _ = _follow_often(tables, view, thread, path, x.hit, i, slot, out, done)
+    path = Path(key, u32(0), i64(TRANSMITTED), *place, length - before, True, ALL_BANDS)
+    done, _ = _follow_bands(tables, view, thread, path, x.hit, i, slot, out, done)
     return done
+
+
+@jit
+def _follow_bands(tables, view, thread, path, veil, i, slot, out, done):
+    """Follow a path of ray `i` as `_follow_often` does; where it meets what disperses its light, one of each
+    band in its place.
+
+    -> the Done, and the length of the last path, m
+    """
+    before = light_at(out.light, i)
+    followed, end, disperses = _follow_often(tables, view, thread, path, veil, i, slot, out, done)
+    if not disperses:
+        return followed, end
+    scale_since(out.light, i, before, f32(0))
+    done = Done(done.row, followed.traced)
+    for band in range(BANDS):
+        part = path_in_band(path, i64(band))
+        done, end, _ = _follow_often(tables, view, thread, part, veil, i, slot, out, done)
+    return done, end
 
 
 @jit
@@ -258,16 +250,19 @@ def _follow_often(tables, view, thread, path, veil, i, slot, out, done):
     """Follow a path of ray `i`, and the second one if it parts. Where it is its pixel's first to meet rough
     glass, it becomes one of ROUGH_SAMPLES, whose mean counts.
 
-    veil  as of `_follow`
-    -> the Done, and the length of the last path, m
+    veil  as of `follow`
+    -> the Done, the length of the last path, m, and whether it ended as its light disperses, see `follow`
     """
     first = done.row
-    key, dimension, lane, start, d, weight, pdf, side, origin, inside, focus, length, sees_background = path
+    key, dimension, lane, start, d, weight, pdf, side, origin, inside, focus, length, sees, band = path
     before = light_at(out.light, i)
     share, k, count, rough = f32(1), 0, 1, False
     end, skipped = length, veil
     while k < count:
-        done, met, end, parted, path = _follow(tables, view, thread, path, skipped, i, slot, out, done)
+        found = follow(tables, view, thread, path, skipped, i, slot, out, done)
+        done, met, end, parted, path, disperses = found
+        if disperses:
+            return done, end, True
         rough, skipped = rough or met, no_medium() if parted else veil
         if parted:
             continue
@@ -280,130 +275,5 @@ def _follow_often(tables, view, thread, path, veil, i, slot, out, done):
         k += 1
         sample, part = u32(dimension + u32(k << 8)), scale(share, weight)
         place = inside, focus, length
-        path = Path(key, sample, lane, start, d, part, pdf, side, origin, *place, sees_background)
-    return done, end
-
-
-@jit
-def _follow(tables, view, thread, path, veil, i, slot, out, done):
-    """Follow one path of ray `i` to its end or ends.
-
-    veil  Hit on the blended surface that the path starts behind, instance NO_HIT: on none. Others behind it
-          end it by as much as they are opaque, as long as there is room for two ends more; then by chance
-    -> the Done, whether it met rough glass or a strong lobe, its length in m, of one that a lobe began to
-       where it first ends or meets a lobe, whether it parted, and if so the other path
-    """
-    row, traced = done.row, done.traced
-    key, dimension, lane, start, d, weight, pdf, side, origin, inside, focus, length, sees_background = path
-    stored, rough, parted, other = 0, False, False, path
-    from_lobe, far, sharp = pdf > f32(0), f32(1e30), True
-    behind = veil.instance != u32(NO_HIT)
-    for event in range(EVENTS_MAX + 1):
-        u1, u2, u0 = facet_numbers(key, dimension, view.pass_index, view.seed)
-        traced += i64(1)
-        if behind and event == 0:
-            found, hit = closest_behind(tables, start, d, veil, thread.scratch)
-        else:
-            found, hit = closest_surface(tables, start, d, f32(0) if behind else u0, thread.scratch)
-        if not found:
-            if has_environment(tables.environment) and (view.shows_environment or not behind):
-                share = surround_weight(tables, pdf, d)
-                light = scale(share, environment_radiance(tables.environment, d))
-                add_light(out.light, i, EMISSION, light, scale(focus, weight))
-            elif sees_background:
-                add_light(out.light, i, THROUGH, _WHITE, weight)
-            length = f32(1e30)
-            break
-        length += distance_to(tables, start, hit)
-        width = pixel_width(view, length)
-        thread.footprint[:] = width
-        x = surface(tables, hit, d)
-        b = x.bsdf
-        inside = medium(inside, x)
-        if inside.instance != u32(NO_HIT):
-            weight = attenuated(tables, inside, start, x.position, weight)
-        shown = f32(1)
-        if behind:
-            shown = opacity_seen(tables, hit)
-            if stored == _ENDS_MAX - 1:
-                shown = f32(1) if u0 < shown else f32(0)
-            behind = shown < f32(1)
-        seen = scale(focus * shown, weight)
-        share = lamp_weight(tables, origin, side, pdf, hit, d)
-        add_light(out.light, i, EMISSION, scale(share, glow(tables, hit, d)), seen)
-        unlit = x.flags & u32(MATERIAL_UNLIT) != u32(0)
-        wo = scale(f32(-1), d)
-        widest = view.widening * lobe_width(pdf)
-        far = length if sharp else far
-        sharp = sharp and (not from_lobe or (is_smooth(b) and not has_finite(b)))
-        end = with_matte_sheen(x).bsdf
-        has_diffuse = end.diffuse[0] + end.diffuse[1] + end.diffuse[2] > f32(0)
-        ends = stored + (1 if has_diffuse else 0)
-        mean = greatest(times(weight, mean_reflectance(x, wo)))
-        goes_on = is_narrow(b) and not (unlit or behind) and event < EVENTS_MAX and ends < _ENDS_MAX
-        goes_on = goes_on and mean >= (_MIN_WEIGHT_AFTER_END if ends > 0 else _MIN_WEIGHT)
-        count = 1 if from_lobe or rough else _LAMP_SAMPLES
-        count = _SAMPLES_BEHIND if view.behind and sees_background else count
-        if not unlit and (has_finite(b) or not is_smooth(b)):
-            lit, goes_on_by = widened(x, widest), BY_FACETS if goes_on else BY_NOTHING
-            if from_lobe:
-                pick, _, _, _ = random4(key, dimension + u32(_DIMENSION), view.pass_index, view.seed)
-                light, shadows = light_of_few(tables, lit, wo, pick, thread.scratch, thread.values)
-            else:
-                light, shadows = punctual_light(tables, lit, wo, thread.scratch, f32(np.inf))
-            told = goes_on_by, count, view.pass_index
-            more, others = area_light_by_ratio(tables, x, wo, u0, thread.scratch, *told)
-            add_light(out.light, i, DIRECT, add(light, more), seen)
-            traced += shadows + others
-        if has_sheen(x) or is_translucent(x):
-            light, shadows = layers_light(tables, x, wo, u0, thread.scratch, count, view.pass_index)
-            add_light(out.light, i, DIRECT, light, seen)
-            traced += shadows
-        by_coat = is_coated(x) and not unlit and event < EVENTS_MAX and ends < _ENDS_MAX
-        if by_coat:
-            light, more, shadows = facet_light(tables, coat_point(x), wo, u0, thread.scratch, widest, 1)
-            add_light(out.light, i, DIRECT, add(light, more), seen)
-            traced += shadows
-        row = store_far(out.ends, row, slot, lane, seen, x, wo, width)
-        if unlit or has_diffuse or (has_finite(b) and not goes_on):
-            end = BLACK if unlit else end_bsdf(end, goes_on)
-            store_end(out.ends[row].end, slot, lane, seen, end, hit.instance)
-            store_point(out.ends[row].point, x, wo, end, width, widest if goes_on else NARROW_ALPHA)
-            row, stored, lane = row + i64(1), stored + 1, i64(SCATTERED)
-        if behind:
-            start, weight = leave_surface(tables, hit, scale(f32(-1), x.ng)), scale(f32(1) - shown, weight)
-            if greatest(weight) < _MIN_WEIGHT:
-                break
-            continue
-        if unlit:
-            break
-        rough = rough or (transmits(b) and not is_smooth(b)) or (goes_on and mean >= STRONG)
-        may_part = lane == TRANSMITTED and not parted
-        alive, wi, factor, parts, above, kept = False, wo, wo, False, wo, wo
-        drawn, passed = f32(0), False
-        chance = f32(1)
-        if by_coat:
-            by_coat, u1, chance = draw_coat(x, wo, u1, goes_on or is_smooth(b))
-        if by_coat:
-            alive, wi, factor, drawn = sample_coat(x, wo, u1, u2)
-        elif goes_on:
-            alive, wi, factor, drawn = sample_lobe(x, wo, u1, u2)
-        elif is_smooth(b) or transmits(b):
-            alive, wi, factor, parts, above, kept = sample_specular_lobe(x, wo, u1, u2, may_part)
-            passed = is_smooth(b) and passed_sheet(x, wi)  # as shadow rays do, so that lobes draw beyond
-        drawn = pdf if passed else drawn
-        factor = scale(f32(1) / chance, factor)
-        branch = Branch(key, u32(dimension + u32(1)), lane, wi, times(weight, factor), drawn, sees_background)
-        if parts:
-            apart = u32(dimension + u32(_EVENTS_APART))
-            second = Branch(key, apart, i64(SCATTERED), above, times(weight, kept), f32(0), sees_background)
-            parted, other = True, leave(tables, x, inside, focus, length, second)
-        left = leave(tables, x, inside, focus, length, branch)
-        weight = left.weight
-        least = _MIN_WEIGHT_AFTER_END if stored > 0 else _MIN_WEIGHT
-        if not alive or stored == _ENDS_MAX or greatest(weight) < least:
-            break
-        sides = (side, origin) if passed else (left.side, left.origin)
-        key, dimension, lane, start, d, weight, pdf, _, _, inside, focus, length, sees_background = left
-        side, origin = sides
-    return Done(row, traced), rough, far if from_lobe else length, parted, other
+        path = Path(key, sample, lane, start, d, part, pdf, side, origin, *place, sees, band)
+    return done, end, False

@@ -18,10 +18,11 @@ from ispm.optics.bsdf import (
     smooth_split,
     specular_split,
 )
+from ispm.optics.dispersion import BANDS
 from ispm.optics.facets import Anisotropy, is_anisotropic, unshadowed, visible_facet, visible_pdf
 from ispm.optics.jit import jit
 from ispm.optics.microfacet import schlick
-from ispm.optics.records import MATERIAL_ANISOTROPIC, MATERIAL_TRANSMITS
+from ispm.optics.records import MATERIAL_ANISOTROPIC, MATERIAL_DISPERSIVE, MATERIAL_TRANSMITS
 from ispm.optics.rng import random4
 from ispm.optics.sampling import LATTICE
 from ispm.optics.vector import add, dot, luminance, normalize, scale, sub
@@ -117,6 +118,11 @@ def facet_split(x, wo, u1, u2):
     reflected = unshadowed(b, n, wo, above) if shown else f32(0)
     passed = unshadowed(b, n, wo, beyond) if through else f32(0)
     return scale(reflected, reflectance), scale(passed, transmittance), above, beyond, through
+
+
+def bands_most(packed: Packed) -> int:
+    """Return the most bands that paths may part into, see `optics.dispersion`."""
+    return BANDS if (packed.materials["flags"] & MATERIAL_DISPERSIVE != 0).any() else 1
 
 
 def samples_most(packed: Packed) -> int:

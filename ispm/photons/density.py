@@ -14,6 +14,7 @@ import numpy as np
 from ispm.kernels.share import run_shared, shared_rows
 from ispm.kernels.simd import address, alloca, ldf, ldu
 from ispm.kernels.threads import run_threads
+from ispm.optics.dispersion import ALL_BANDS, only_band
 from ispm.optics.jit import jit
 from ispm.optics.vector import dot, scale, sub, vec3
 from ispm.photons.cells import BITS, SMALLEST, bounds_of, sort_by_cell
@@ -228,8 +229,8 @@ def measure_caustic_radii(
                distance to the mirror or glass that the photon comes from, behind which its light would show
     smoothing, widths  as in `measure_radii`
     A photon of more flux than its neighbours spreads over as much more area, so that it stands out as
-    little. Where the surface bends, kernels are high enough to reach down to it. The same bytes for any
-    number of threads.
+    little; one of a single band is compared by what they have in that. Where the surface bends, kernels are
+    high enough to reach down to it. The same bytes for any number of threads.
     """
     if not len(photons):
         return
@@ -267,8 +268,9 @@ def _write_caustic_radii(photons, neighbors, widest, clear, limits, pixels, coun
         i = order[point]
         photon, radius = photons[i], limits.high
         if found == wanted:
-            around = max(_flux_of(photons, order, rows, found), f32(1e-30))
-            brighter = max(f32(wanted) * _flux(photon) / around, f32(1))
+            band = only_band(vec3(photon.flux))
+            around = max(_flux_of(photons, order, rows, found, band), f32(1e-30))
+            brighter = max(f32(wanted) * _flux(photon, band) / around, f32(1))
             radius = f32(math.sqrt(f32(_COVERED) * ldf(squares, wanted - i64(1)) * brighter))
         radius = _limited(radius, limits, widest[i], least_radius(photon, pixels))
         radius = min(radius, max(clear[i], f32(_CLOSE) * radius))
@@ -284,17 +286,19 @@ def least_radius(photon, pixels):
 
 
 @jit
-def _flux(photon):
-    """Sum of a PHOTON's channels, lm."""
+def _flux(photon, band):
+    """Sum of a PHOTON's channels, or what it has in a band alone, lm."""
+    if band != ALL_BANDS:
+        return photon.flux[band]
     return photon.flux[0] + photon.flux[1] + photon.flux[2]
 
 
 @jit
-def _flux_of(photons, order, rows, found):
-    """Sum of the neighbors' channels, lm; rows: address of `found` uint32 of the order."""
+def _flux_of(photons, order, rows, found, band):
+    """Sum of the neighbors' `_flux`, lm; rows: address of `found` uint32 of the order."""
     total = f32(0)
     for k in range(found):
-        total += _flux(photons[order[i64(ldu(rows, i64(k)))]])
+        total += _flux(photons[order[i64(ldu(rows, i64(k)))]], band)
     return total
 
 

@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import literal_unroll
 
+from ispm.accel.bands import in_band, is_dispersed_first, is_dispersive
 from ispm.accel.intersect import STACK_WORDS
 from ispm.accel.layers import has_sheen, is_translucent
 from ispm.accel.medium import attenuated, medium, no_medium, passed_sheet, spawn_ray
@@ -20,6 +21,7 @@ from ispm.kernels.simd import alloca
 from ispm.lights.emitted import emitted_beam, first_segment
 from ispm.lights.nee import is_bright_first_bounce, is_gathered, split_count
 from ispm.optics.bsdf import has_finite, is_smooth
+from ispm.optics.dispersion import ALL_BANDS, BANDS, band_number, draw_band, of_band
 from ispm.optics.jit import jit
 from ispm.optics.records import EMITTED_BY_ENVIRONMENT, MATERIAL_THIN, NO_HIT, PHOTON
 from ispm.optics.rng import random4
@@ -205,11 +207,13 @@ class _Found(NamedTuple):
 
 
 class _Split(NamedTuple):
-    """One part of a photon: which of how many, and which of them is continued where they scatter next."""
+    """One part of a photon: which of how many, which of them is continued where they scatter next, and the
+    band of its light from the start on, see `optics.dispersion`."""
 
-    part: int
+    part: np.int64
     parts: int
     continued: np.int64
+    band: np.int64
 
 
 class _Room(NamedTuple):
@@ -236,8 +240,10 @@ def _walk_chunks(tables, emitted, course, chunks, counter, found, steps):
             if parts > 1:
                 u, _, _, _ = random4(photon.key, u32(_CONTINUED_DIMENSION), course.pass_index, course.seed)
                 continued = i64(u * f32(parts))
-            for part in range(parts):
-                split = _Split(part, parts, continued)
+            bands = i64(BANDS) if is_dispersed_first(tables, photon) else i64(1)
+            for number in range(parts * bands):
+                band = number % bands if bands > i64(1) else ALL_BANDS
+                split = _Split(number // bands, parts, continued, band)
                 place = _Room(row, end, chunk)
                 row, traced = _walk_one(tables, photon, split, course, scratch, found, place, steps)
                 rays += traced
@@ -253,7 +259,7 @@ def _walk_one(tables, photon, split, course, scratch, found, room, steps):
     row, chunk, hits, sums = room.row, room.chunk, found.hits, found.sums
     key = photon.key ^ u32(split.part << i64(PART_BIT))
     whole = vec3(photon.flux)
-    flux = scale(f32(1) / f32(split.parts), whole)
+    flux = of_band(split.band, scale(f32(1) / f32(split.parts), whole))
     _add(sums, chunk, _EMITTED, flux)
     if photon.instance == u32(NO_HIT):
         _add(sums, chunk, _ESCAPED, flux)
@@ -271,6 +277,7 @@ def _walk_one(tables, photon, split, course, scratch, found, room, steps):
     hidden = False  # whether gather rays do not find where it last scattered
     inside, plane = no_medium(), d  # normal of the surface that the photon left; of a light: its direction
     scatters, speculars, rays = i64(0), i64(0), i64(0)
+    band, wider = split.band, f32(1)  # of a band drawn, a photon stands for more of its light
     while True:
         x = surface(tables, hit, d)
         inside = medium(inside, x)
@@ -292,13 +299,20 @@ def _walk_one(tables, photon, split, course, scratch, found, room, steps):
                 hits.of_area[row] = photon.light >= u32(EMITTED_BY_ENVIRONMENT)
                 hits.keys[row] = key + u32(scatters + speculars) * u32(EVENT_STEP)
                 if scatters == i64(0):
-                    _store_beam(hits.beams, row, beam, plane)
+                    _store_beam(hits.beams, row, beam, wider, plane)
             _add(sums, chunk, _STORED, flux)
             row += 1
         last = scatters == course.bounces
         if last and not is_smooth(x.bsdf):
             _add(sums, chunk, _DROPPED, flux)
             break
+        if is_dispersive(x):
+            if band == ALL_BANDS:
+                band, chance = draw_band(flux, x.bsdf, band_number(key, course.pass_index, course.seed))
+                kept = scale(f32(1) / chance, of_band(band, flux))
+                _add_difference(sums, chunk, _ABSORBED, flux, kept)
+                flux, wider = kept, f32(1) / f32(math.sqrt(chance))
+            x = in_band(tables, x, band)
         event = Event(key, scatters, speculars, course.pass_index, course.seed)
         alive, wi, scattered, specular = next_flight(event, x, d, flux)
         if alive and last and not specular:
@@ -353,11 +367,12 @@ def _store(photon, x, flux, d, clear, length, scatters):
 
 
 @jit
-def _store_beam(beams, row, beam, plane):
-    """Write a row of (n, BEAM): a Beam's vectors in m, and the normal of the surface that it comes from."""
+def _store_beam(beams, row, beam, wider, plane):
+    """Write a row of (n, BEAM): a Beam's vectors in m, `wider` times as long, and the normal of the surface
+    that it comes from."""
     for k in literal_unroll((0, 1, 2)):
-        beams[row, k] = beam.dx_u[k]
-        beams[row, k + 3] = beam.dx_v[k]
+        beams[row, k] = wider * beam.dx_u[k]
+        beams[row, k + 3] = wider * beam.dx_v[k]
         beams[row, k + 6] = plane[k]
 
 

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ispm.accel.bands import in_band, is_dispersive
 from ispm.accel.intersect import STACK_WORDS
 from ispm.accel.layers import (
     coat_point,
@@ -26,6 +27,7 @@ from ispm.accel.world import World
 from ispm.kernels.simd import alloca
 from ispm.lights.nee import direct_light, times
 from ispm.optics.bsdf import has_finite, is_smooth, sample_bsdf, smooth_split, transmits
+from ispm.optics.dispersion import ALL_BANDS
 from ispm.optics.environment import environment_radiance, has_environment
 from ispm.optics.facets import mean_alpha
 from ispm.optics.jit import jit
@@ -33,6 +35,7 @@ from ispm.optics.records import MATERIAL_UNLIT, NO_HIT
 from ispm.optics.rng import random4
 from ispm.optics.vector import add, dot, luminance, scale, sub, vec3
 from ispm.paths.eye_paths import EyeRays
+from ispm.reference.paths import one_band
 from ispm.scene.packed import Packed
 
 f32, i64, u32 = np.float32, np.int64, np.uint32
@@ -169,7 +172,7 @@ def _path(tables, view, i, scratch, light, ends, row):
     length = view.distances[i] * (f32(1) - _BEFORE)
     d = vec3(view.directions[i])
     start = add(vec3(view.origins[i]), scale(length, d))
-    weight, inside, focus = (f32(1), f32(1), f32(1)), no_medium(), f32(1)
+    weight, inside, focus, band = (f32(1), f32(1), f32(1)), no_medium(), f32(1), ALL_BANDS
     for event in range(_EVENTS_MAX):
         u1, u2, u3, u4 = random4(u32(i), u32(event), view.sample, view.seed)
         found, hit = closest_surface(tables, start, d, u4, scratch)
@@ -181,6 +184,9 @@ def _path(tables, view, i, scratch, light, ends, row):
         length += f32(math.sqrt(dot(segment, segment)))
         view.footprint.fill(view.spread * length)
         x = surface(tables, hit, d)
+        if is_dispersive(x):
+            band, weight = one_band(band, weight, u32(i), view.sample, view.seed)
+            x = in_band(tables, x, band)
         b, ng = x.bsdf, x.ng
         wo = scale(f32(-1), d)
         if event > 0:

@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ispm.accel.bands import in_band, is_dispersive
 from ispm.accel.intersect import STACK_WORDS
 from ispm.accel.layers import (
     coat_point,
@@ -29,6 +30,7 @@ from ispm.kernels.threads import run_threads
 from ispm.lights.area import lit_side
 from ispm.lights.nee import BY_BSDF, direct_light, lamp_weight, surround_weight, times
 from ispm.optics.bsdf import pdf_bsdf, sample_bsdf
+from ispm.optics.dispersion import ALL_BANDS, BANDS, of_band
 from ispm.optics.environment import environment_radiance, has_environment
 from ispm.optics.jit import jit
 from ispm.optics.records import MATERIAL_THIN, MATERIAL_UNLIT, NO_HIT
@@ -39,6 +41,7 @@ f32, i64, u32 = np.float32, np.int64, np.uint32
 
 _EVENTS_MAX = 256
 _CHUNK = 256  # rays a thread takes at a time
+_BAND_DIMENSION = 1 << 16  # of the random numbers that draw bands
 
 
 class _Task(NamedTuple):
@@ -101,7 +104,7 @@ def _trace(tables, task, origins, directions, counter, light):
 def _path(tables, task, start, d, key, sample, scratch):
     """The radiance, cd/m2 RGB, that one path brings along d to `start`, m; key: the ray's number."""
     total, weight, inside = (f32(0), f32(0), f32(0)), (f32(1), f32(1), f32(1)), no_medium()
-    scatters, pdf, start_of = i64(0), f32(0), (start, start)
+    scatters, pdf, start_of, band = i64(0), f32(0), (start, start), ALL_BANDS
     for event in range(_EVENTS_MAX):
         u1, u2, u3, u4 = random4(key, u32(event), sample, task.seed)
         found, hit = closest_surface(tables, start, d, u4, scratch)
@@ -112,6 +115,9 @@ def _path(tables, task, start, d, key, sample, scratch):
                 return add(total, times(weight, behind))
             return add(total, times(weight, task.background)) if scatters == i64(0) else total
         x = surface(tables, hit, d)
+        if is_dispersive(x):
+            band, weight = one_band(band, weight, key, sample, task.seed)
+            x = in_band(tables, x, band)
         inside = medium(inside, x)
         if inside.instance != u32(NO_HIT):
             weight = attenuated(tables, inside, start, x.position, weight)
@@ -150,3 +156,14 @@ def _path(tables, task, start, d, key, sample, scratch):
         start, inside = spawn_ray(tables, x, inside, wi)
         d = wi
     return total
+
+
+@jit
+def one_band(band, weight, key, sample, seed):
+    """Return the band with which a path goes on from what disperses light, and its weight, RGB: of
+    `ALL_BANDS` one drawn by chance; key, sample, seed: of its random numbers."""
+    if band != ALL_BANDS:
+        return band, weight
+    u, _, _, _ = random4(key, u32(_BAND_DIMENSION), sample, seed)
+    band = min(i64(u * f32(BANDS)), i64(BANDS - 1))
+    return band, scale(f32(BANDS), of_band(band, weight))

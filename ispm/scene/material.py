@@ -161,6 +161,7 @@ RANGES: dict[str, tuple[float, float, *tuple[int, ...]]] = {
     "anisotropy_rotation": (-1e3, 1e3),
     "diffuse_transmission": (0.0, 1.0),
     "diffuse_transmission_color": (0.0, 1.0, 3),
+    "dispersion": (0.0, 20.0),  # at most an Abbe number of 1: at 40 red light would not be bent at all
     "double_sided": (False, True),
     "unlit": (False, True),
 }
@@ -235,6 +236,8 @@ class Material(Strict):
                       diffuse light that leaves a thin sheet, as a leaf or paper, on the other side, where
                       this color takes the place of the base color; not of glass, and with no inside
     diffuse_transmission_texture   A, of one kept linear or not;  diffuse_transmission_color_texture   a color
+    dispersion        KHR_materials_dispersion: 20 over the Abbe number of a solid, by which the index of red
+                      light is lower and of blue light higher than ior; 0: glass bends all alike
     Raises SceneError for a value out of range, as it is made and, if changed since, as it is rendered; warns
     where data is given as sRGB.
     """
@@ -279,6 +282,7 @@ class Material(Strict):
     diffuse_transmission_color: tuple[float, float, float] = (1.0, 1.0, 1.0)
     diffuse_transmission_texture: TextureUse | Texture | None = None
     diffuse_transmission_color_texture: TextureUse | Texture | None = None
+    dispersion: float = 0.0
     name: str = field(default="", compare=False)
 
     def __post_init__(self) -> None:
@@ -339,6 +343,12 @@ class Material(Strict):
     def translucent(self) -> bool:
         """Whether the surface is a thin sheet that lets light through diffusely."""
         return self.diffuse_transmission > 0.0
+
+    @property
+    def dispersive(self) -> bool:
+        """Whether the surface bounds a solid that bends each band of light by another angle."""
+        bends = self.transmission > 0.0 and self.thickness > 0.0 and self.ior > 0.0
+        return bends and self.dispersion > 0.0 and not self.unlit
 
     @property
     def emissive(self) -> bool:

@@ -82,6 +82,7 @@ def material_record(material: Material, textures: list[Texture]) -> np.ndarray:
     translucent = material.translucent and not material.unlit
     row["transmission"] = material.diffuse_transmission if translucent else material.transmission
     row["diffuse_transmission_color"] = material.diffuse_transmission_color
+    row["half_spread"] = _half_spread(material)
     row["attenuation"] = _attenuation(material)
     row["clearcoat"] = material.clearcoat
     row["clearcoat_roughness"] = material.clearcoat_roughness
@@ -105,6 +106,7 @@ def material_record(material: Material, textures: list[Texture]) -> np.ndarray:
         | records.MATERIAL_SHEEN * (max(material.sheen_color) > 0.0 and not material.unlit)
         | records.MATERIAL_ANISOTROPIC * (material.anisotropy > 0.0 and not material.unlit)
         | records.MATERIAL_TRANSLUCENT * translucent
+        | records.MATERIAL_DISPERSIVE * material.dispersive
         | records.MATERIAL_SPECULAR_MAPPED * _has_specular_maps(material)
     )
     for slot in TEXTURES:
@@ -125,6 +127,12 @@ def _attenuation(material: Material) -> np.ndarray:
         return np.zeros(3)
     color = np.clip(np.asarray(material.attenuation_color, np.float64), 1e-6, 1.0)
     return np.asarray(-np.log(color) / material.attenuation_distance)
+
+
+def _half_spread(material: Material) -> float:
+    """What blue light's index is above the material's, and red light's below: half of n_F - n_C, which is
+    (n - 1) / V; KHR_materials_dispersion has V = 20 / dispersion."""
+    return 0.5 * (material.ior - 1.0) * material.dispersion / 20.0 if material.dispersive else 0.0
 
 
 def _texture_use(use: TextureUse | Texture | None, textures: list[Texture]) -> np.ndarray:

@@ -67,6 +67,7 @@ def cases() -> list[Case]:
         Case("coats/default", coats, _EYE),
         Case("velvet/default", velvet, _EYE),
         Case("brushed/default", brushed, _EYE),
+        *_case("prisms", prisms, _EYE, {"default": {}, "photons": dict(gather=0)}),
         *_case("lantern", lantern, _EYE, {"default": {}, "photons": dict(gather=0)}),
         Case("lantern/live", lantern, _EYE, dict(preset="live", exposure="auto")),  # else of a case before
         Case("product/ground", product, _EYE, dict(ground=True, background="transparent")),
@@ -386,6 +387,20 @@ def brushed() -> Scene:
     for place, material in enumerate(materials):
         _put(scene, _ball(0.42), material, (1.1 * place - 1.1, 0.43, 0.5))
     scene.add(ispm.PointLight(_LAMP, radius=0.15), translation=(0.4, 2.5, 0.8))
+    return scene
+
+
+def prisms() -> Scene:
+    """Glass that parts light into colors, smooth, frosted and behind a pane, before a mirror."""
+    scene = _room("prisms")
+    solid = dict(transmission=1.0, ior=1.6, thickness=0.5, dispersion=3.0)
+    _put(scene, _ball(0.38), Material(roughness=0.0, **solid), (-1.1, 0.4, 0.3))
+    _put(scene, shapes.box(0.6), Material(roughness=0.0, **solid), (0.0, 0.5, 0.3), turn=0.6)
+    _put(scene, _ball(0.38), Material((0.6, 0.8, 1.0), roughness=0.4, **solid), (1.1, 0.4, 0.3))
+    _put(scene, shapes.box((0.8, 1.0, 0.04)), Material(roughness=0.0, transmission=1.0), (-1.1, 0.9, 1.2))
+    _put(scene, shapes.plane(2.4, 1.2), _MIRROR, (0.3, 1.0, -1.2), lift=True)
+    spot = scene.add(ispm.SpotLight((90.0, 80.0, 60.0), outer_angle=0.7), translation=(-0.6, 2.9, 1.5))
+    spot.look_at((0.0, 0.3, 0.3))
     return scene
 
 

@@ -7,6 +7,7 @@ from typing import Any
 import pytest
 from gltf_builder import CHECKS, QUAD, QUAD_INDICES, only_material, quad
 
+from ispm.errors import SceneError
 from ispm.scene.material import Material
 
 
@@ -29,6 +30,28 @@ def test_glass_is_read(tmp_path: Path) -> None:
         attenuation_distance=2.0,
     )  # fmt: skip
     assert only_material(scene) == expected
+
+
+def test_dispersion_of_glass_is_read(tmp_path: Path) -> None:
+    record = glass(thicknessFactor=0.5)
+    record["extensions"]["KHR_materials_dispersion"] = {"dispersion": 0.3}
+    scene = quad(record).load(tmp_path)
+    assert scene.warnings == [] and scene.extensions_honoured == scene.extensions_used
+    assert only_material(scene).dispersion == 0.3 and only_material(scene).dispersive
+
+
+@pytest.mark.parametrize(("given", "kept"), [(-1, 0), (1e9, 20)])
+def test_dispersion_out_of_range_is_clamped_in_one_line(tmp_path: Path, given: float, kept: float) -> None:
+    scene = quad({"extensions": {"KHR_materials_dispersion": {"dispersion": given}}}).load(tmp_path)
+    assert only_material(scene).dispersion == kept
+    (line,) = scene.warnings
+    assert line.endswith(f": dispersion {given:g} is clamped to 0..20")
+
+
+def test_dispersion_that_is_no_number_is_refused_in_one_line(tmp_path: Path) -> None:
+    with pytest.raises(SceneError) as refused:
+        quad({"extensions": {"KHR_materials_dispersion": {"dispersion": "much"}}}).load(tmp_path)
+    assert "dispersion" in str(refused.value) and "\n" not in str(refused.value)
 
 
 @pytest.mark.parametrize("volume", [{}, {"thicknessFactor": 0}])

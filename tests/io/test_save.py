@@ -142,6 +142,7 @@ def materials(draw):
         diffuse_transmission_color=draw(colors),
         diffuse_transmission_texture=draw(slot[True]),
         diffuse_transmission_color_texture=draw(slot[True]),
+        dispersion=draw(st.floats(0.0, 20.0)),
         specular_texture=draw(slot[True]),
         specular_color_texture=draw(slot[True]),
         name=draw(names),

@@ -173,7 +173,7 @@ def _bsdf(material: Material, plain_mirrors: bool) -> dict[str, Any]:
     """Lambert, clear glass, a white or plain mirror, or what is rough and has no textures."""
     color, white = tuple(material.base_color[:3]), (1.0, 1.0, 1.0)
     textures = (material.metallic_roughness_texture, material.transmission_texture)
-    if any(textures) or material.alpha_mode or material.unlit or material.translucent:
+    if any(textures) or material.alpha_mode or material.unlit or material.translucent or material.dispersive:
         raise ValueError(f"material '{material.name}' has more than a base color, normals and emission")
     plain = material.base_color_texture is None and material.normal_texture is None
     bare = plain and color == white

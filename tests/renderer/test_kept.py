@@ -95,6 +95,11 @@ def _draw_on_texture(renderer: Renderer) -> None:
     texture.touch()
 
 
+def _disperse(renderer: Renderer) -> None:
+    material = material_of(renderer, "pane")
+    material.thickness, material.dispersion = 0.5, 2.0
+
+
 def _move(name: str, *by: float):
     def change(renderer: Renderer) -> None:
         node = renderer.scene[name]
@@ -194,6 +199,8 @@ CHANGES = {
     "color": _material("floor", "base_color", (0.2, 0.9, 0.2)),
     "roughness": _material("ball", "roughness", 0.9),
     "diffuse transmission": _material("ball", "diffuse_transmission", 0.5),
+    "solid glass": _material("pane", "thickness", 0.5),
+    "dispersion": _disperse,
     "holes filled": _material("leaf", "alpha_mode", AlphaMode.OPAQUE),
     "holes cut otherwise": _material("leaf", "alpha_cutoff", 0.2),
     "leaf blended": _material("leaf", "alpha_mode", AlphaMode.BLEND),

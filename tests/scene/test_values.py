@@ -45,6 +45,7 @@ def mesh(**others):
           for value in ((3, 1, 1), (NAN, 1, 1))],
         *[("attenuation_distance", value) for value in (0.0, -1.0, NAN)],
         *[("thickness", value) for value in (-1.0, NAN, INF)],
+        *[("dispersion", value) for value in (-0.1, 20.1, NAN, INF, "a", None)],
         *[("alpha_cutoff", value) for value in (-1.0, NAN)],
         *[(name, value) for name in ("normal_scale", "clearcoat_normal_scale", "anisotropy_rotation")
           for value in (NAN, 1e30)],

@@ -1,0 +1,186 @@
+"""One eye path, from where it starts to the surfaces that photons may light, and the light that it brings."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ispm.accel.bands import in_band, is_dispersive
+from ispm.accel.layers import coat_point, end_bsdf, has_sheen, is_coated, is_translucent, with_matte_sheen
+from ispm.accel.medium import attenuated, medium, passed_sheet
+from ispm.accel.surface import closest_behind, closest_surface, glow, leave_surface, opacity_seen, surface
+from ispm.lights.few import light_of_few
+from ispm.lights.nee import (
+    BY_FACETS,
+    BY_NOTHING,
+    greatest,
+    lamp_weight,
+    punctual_light,
+    surround_weight,
+    times,
+)
+from ispm.lights.ratio import area_light_by_ratio
+from ispm.optics.bsdf import NARROW_ALPHA, has_finite, is_narrow, is_smooth, transmits
+from ispm.optics.dispersion import ALL_BANDS
+from ispm.optics.environment import environment_radiance, has_environment
+from ispm.optics.jit import jit
+from ispm.optics.records import MATERIAL_UNLIT, NO_HIT
+from ispm.optics.rng import random4
+from ispm.optics.vector import add, scale
+from ispm.paths.branch import SCATTERED, STRONG, TRANSMITTED, Branch, distance_to, leave, pixel_width
+from ispm.paths.coat import draw_coat, facet_light, sample_coat
+from ispm.paths.eye_paths import Done
+from ispm.paths.facet import (
+    facet_numbers,
+    lobe_width,
+    mean_reflectance,
+    sample_lobe,
+    sample_specular_lobe,
+    widened,
+)
+from ispm.paths.far import layers_light, store_far
+from ispm.paths.vertices import BLACK, DIRECT, EMISSION, THROUGH, add_light, store_end, store_point
+
+f32, i64, u32 = np.float32, np.int64, np.uint32
+
+EVENTS_MAX = 8  # mirrors and faces of glass that a path meets
+ENDS_MAX = 2  # of one path: behind a varnished floor goes on what it mirrors
+LAMP_SAMPLES = 4  # points of lamps with a surface that an end is lit by, where a pixel has one path
+MIN_WEIGHT = f32(1e-3)  # weight below which a path is not followed
+_MIN_WEIGHT_AFTER_END = f32(0.02)  # and below which not from an end
+_EVENTS_APART = 32  # numbers of the events of two paths that part
+_DIMENSION = 7 << 20  # of the random numbers that draw lights
+_SAMPLES_BEHIND = (
+    16  # points of lamps behind what is blended: as many as what stands beside it has by its filter
+)
+_WHITE = f32(1), f32(1), f32(1)
+
+
+@jit
+def follow(tables, view, thread, path, veil, i, slot, out, done):
+    """Follow one path of ray `i` to its end or ends, or to what disperses it.
+
+    veil  Hit on the blended surface that the path starts behind, instance NO_HIT: on none. Others behind it
+          end it by as much as they are opaque, as long as there is room for two ends more; then by chance
+    -> the Done, whether it met rough glass or a strong lobe, its length in m, of one that a lobe began to
+       where it first ends or meets a lobe, whether it parted, if so the other path, and whether it had all
+       bands as it met what disperses them, where it ends
+    """
+    row, traced = done.row, done.traced
+    key, dimension, lane, start, d, weight, pdf, side, origin, inside, focus, length, sees, band = path
+    stored, rough, parted, disperses, other = 0, False, False, False, path
+    from_lobe, far, sharp = pdf > f32(0), f32(1e30), True
+    behind = veil.instance != u32(NO_HIT)
+    for event in range(EVENTS_MAX + 1):
+        u1, u2, u0 = facet_numbers(key, dimension, view.pass_index, view.seed)
+        traced += i64(1)
+        if behind and event == 0:
+            found, hit = closest_behind(tables, start, d, veil, thread.scratch)
+        else:
+            found, hit = closest_surface(tables, start, d, f32(0) if behind else u0, thread.scratch)
+        if not found:
+            if has_environment(tables.environment) and (view.shows_environment or not behind):
+                share = surround_weight(tables, pdf, d)
+                light = scale(share, environment_radiance(tables.environment, d))
+                add_light(out.light, i, EMISSION, light, scale(focus, weight))
+            elif sees:
+                add_light(out.light, i, THROUGH, _WHITE, weight)
+            length = f32(1e30)
+            break
+        length += distance_to(tables, start, hit)
+        width = pixel_width(view, length)
+        thread.footprint[:] = width
+        x = surface(tables, hit, d)
+        if is_dispersive(x):
+            if band == ALL_BANDS:
+                disperses = True
+                break
+            x = in_band(tables, x, band)
+        b = x.bsdf
+        inside = medium(inside, x)
+        if inside.instance != u32(NO_HIT):
+            weight = attenuated(tables, inside, start, x.position, weight)
+        shown = f32(1)
+        if behind:
+            shown = opacity_seen(tables, hit)
+            if stored == ENDS_MAX - 1:
+                shown = f32(1) if u0 < shown else f32(0)
+            behind = shown < f32(1)
+        seen = scale(focus * shown, weight)
+        share = lamp_weight(tables, origin, side, pdf, hit, d)
+        add_light(out.light, i, EMISSION, scale(share, glow(tables, hit, d)), seen)
+        unlit = x.flags & u32(MATERIAL_UNLIT) != u32(0)
+        wo = scale(f32(-1), d)
+        widest = view.widening * lobe_width(pdf)
+        far = length if sharp else far
+        sharp = sharp and (not from_lobe or (is_smooth(b) and not has_finite(b)))
+        end = with_matte_sheen(x).bsdf
+        has_diffuse = end.diffuse[0] + end.diffuse[1] + end.diffuse[2] > f32(0)
+        ends = stored + (1 if has_diffuse else 0)
+        mean = greatest(times(weight, mean_reflectance(x, wo)))
+        goes_on = is_narrow(b) and not (unlit or behind) and event < EVENTS_MAX and ends < ENDS_MAX
+        goes_on = goes_on and mean >= (_MIN_WEIGHT_AFTER_END if ends > 0 else MIN_WEIGHT)
+        count = 1 if from_lobe or rough else LAMP_SAMPLES
+        count = _SAMPLES_BEHIND if view.behind and sees else count
+        if not unlit and (has_finite(b) or not is_smooth(b)):
+            lit, goes_on_by = widened(x, widest), BY_FACETS if goes_on else BY_NOTHING
+            if from_lobe:
+                pick, _, _, _ = random4(key, dimension + u32(_DIMENSION), view.pass_index, view.seed)
+                light, shadows = light_of_few(tables, lit, wo, pick, thread.scratch, thread.values)
+            else:
+                light, shadows = punctual_light(tables, lit, wo, thread.scratch, f32(np.inf))
+            told = goes_on_by, count, view.pass_index
+            more, others = area_light_by_ratio(tables, x, wo, u0, thread.scratch, *told)
+            add_light(out.light, i, DIRECT, add(light, more), seen)
+            traced += shadows + others
+        if has_sheen(x) or is_translucent(x):
+            light, shadows = layers_light(tables, x, wo, u0, thread.scratch, count, view.pass_index)
+            add_light(out.light, i, DIRECT, light, seen)
+            traced += shadows
+        by_coat = is_coated(x) and not unlit and event < EVENTS_MAX and ends < ENDS_MAX
+        if by_coat:
+            light, more, shadows = facet_light(tables, coat_point(x), wo, u0, thread.scratch, widest, 1)
+            add_light(out.light, i, DIRECT, add(light, more), seen)
+            traced += shadows
+        row = store_far(out.ends, row, slot, lane, seen, x, wo, width)
+        if unlit or has_diffuse or (has_finite(b) and not goes_on):
+            end = BLACK if unlit else end_bsdf(end, goes_on)
+            store_end(out.ends[row].end, slot, lane, seen, end, hit.instance)
+            store_point(out.ends[row].point, x, wo, end, width, widest if goes_on else NARROW_ALPHA)
+            row, stored, lane = row + i64(1), stored + 1, i64(SCATTERED)
+        if behind:
+            start, weight = leave_surface(tables, hit, scale(f32(-1), x.ng)), scale(f32(1) - shown, weight)
+            if greatest(weight) < MIN_WEIGHT:
+                break
+            continue
+        if unlit:
+            break
+        rough = rough or (transmits(b) and not is_smooth(b)) or (goes_on and mean >= STRONG)
+        may_part = lane == TRANSMITTED and not parted
+        alive, wi, factor, parts, above, kept = False, wo, wo, False, wo, wo
+        drawn, passed = f32(0), False
+        chance = f32(1)
+        if by_coat:
+            by_coat, u1, chance = draw_coat(x, wo, u1, goes_on or is_smooth(b))
+        if by_coat:
+            alive, wi, factor, drawn = sample_coat(x, wo, u1, u2)
+        elif goes_on:
+            alive, wi, factor, drawn = sample_lobe(x, wo, u1, u2)
+        elif is_smooth(b) or transmits(b):
+            alive, wi, factor, parts, above, kept = sample_specular_lobe(x, wo, u1, u2, may_part)
+            passed = is_smooth(b) and passed_sheet(x, wi)  # as shadow rays do, so that lobes draw beyond
+        drawn = pdf if passed else drawn
+        factor, rest = scale(f32(1) / chance, factor), (sees, band)
+        branch = Branch(key, u32(dimension + u32(1)), lane, wi, times(weight, factor), drawn, *rest)
+        if parts:
+            apart = u32(dimension + u32(_EVENTS_APART))
+            second = Branch(key, apart, i64(SCATTERED), above, times(weight, kept), f32(0), *rest)
+            parted, other = True, leave(tables, x, inside, focus, length, second)
+        left = leave(tables, x, inside, focus, length, branch)
+        weight = left.weight
+        least = _MIN_WEIGHT_AFTER_END if stored > 0 else MIN_WEIGHT
+        if not alive or stored == ENDS_MAX or greatest(weight) < least:
+            break
+        sides = (side, origin) if passed else (left.side, left.origin)
+        key, dimension, lane, start, d, weight, pdf, _, _, inside, focus, length, sees, _ = left
+        side, origin = sides
+    return Done(row, traced), rough, far if from_lobe else length, parted, other, disperses
