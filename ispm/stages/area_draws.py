@@ -3,9 +3,9 @@
 It runs on the CPU, where the trees are. A pixel draws from one of the 4 x 4 equal parts of what is to be
 drawn from, and its neighbors from the others, so that any 4 x 4 pixels together draw evenly (Keller and
 Heidrich, Interleaved Sampling, EGWR 2001). In the first pass pixels draw more often where a penumbra is
-narrow, for there the filter of `area_light.py` takes in few of them. What the neighbors have found decides,
-never a pixel's own draw: a mean of draws is off if a draw that misses keeps those that might hit from being
-made.
+narrow, for there the filter of `area_light.py` takes in few of them. Where lamps are close it takes in few as
+well, and what they bring without shadows is known, see `lights/known.py`. What the neighbors have found
+decides, never a pixel's own draw: a mean is off if what is drawn says whether it counts.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ from ispm.accel.transmittance import BEFORE, shadow_transmittance
 from ispm.kernels.share import run_shared, shared_rows
 from ispm.kernels.simd import alloca
 from ispm.lights.area import resample_surround, sample_lamps
+from ispm.lights.known import unshaded_lamps
 from ispm.lights.nee import (
     BY_FACETS,
     drawn_share,
@@ -35,7 +36,7 @@ from ispm.optics.environment import environment_irradiance, has_environment
 from ispm.optics.jit import jit
 from ispm.optics.light import FAR
 from ispm.optics.rng import random4
-from ispm.optics.vector import Vector, add, dot, scale, sub
+from ispm.optics.vector import Vector, add, dot, scale, sub, vec3
 from ispm.stages.pixels import Pixels, PixelView, is_lit, lift, shown_at
 
 f32, i64, u32 = np.float32, np.int64, np.uint32
@@ -49,7 +50,9 @@ _BLUR = f32(0.25)  # of a penumbra's width, that the filter blurs it over to eac
 _NEAR = f32(0.18)  # of a lamp's distance, that its light without shadows is filtered over, likewise
 _DRAWS = 4  # of a pixel in a narrow penumbra, in the first pass
 _NARROW = f32(6)  # pixels that the filter reaches there, less than which its wider squares have no weight
-_AROUND = 2  # pixels to each side that tell of penumbrae
+_CLOSE = f32(36)  # pixels that lamps' light is averaged over, below which wide squares count in part
+_IS_NARROW, _IS_REACHED, _IS_CLOSE = 1, 2, 4  # marks: of what casts a shadow, of light, of what lamps bring
+_AROUND = 2  # pixels to each side that tell of penumbrae and of lamps
 
 
 class Samples(NamedTuple):
@@ -58,7 +61,7 @@ class Samples(NamedTuple):
     diffuse, gloss  (n, 3) light of the Lambert lobe over its albedo, and of the others, cd/m2
     drawn           (n, 3) what `diffuse` would be without shadows and reflection above it
     unshadowed      (n, 3) likewise, exact where that is known
-    lamps           (n, 3) of `drawn` what lamps bring
+    lamps           (n, 3) of `unshadowed` what lamps bring
     near            (n,) pixels over which that may be averaged, infinite where they bring nothing
     reach           (n,) pixels to each side that the filter may take in: of the penumbra's width, infinite
                     where none shades a Lambert surface
@@ -78,16 +81,16 @@ def draw_light(tables: Tables, pixels: Pixels, view: PixelView, threads: int) ->
     count = len(pixels.points)
     diffuse, gloss, drawn, unshadowed, lamps = np.zeros((5, count, 3), np.float32)
     samples = Samples(diffuse, gloss, drawn, unshadowed, lamps, *np.full((2, count), np.inf, np.float32))
-    run_shared(lambda counter: _draw_once(tables, pixels, view, counter, samples), threads)
-    if view.pass_index == 0:
-        found = samples.reach.copy()
-        run_shared(lambda counter: _draw_more(tables, pixels, view, found, counter, samples), threads)
+    marks = np.zeros(count, np.uint8)
+    run_shared(lambda counter: _draw_once(tables, pixels, view, marks, counter, samples), threads)
+    if view.pass_index == 0 or len(tables.emitters.triangles):
+        run_shared(lambda counter: _refine(tables, pixels, view, marks, counter, samples), threads)
     return samples
 
 
 @jit
-def _draw_once(tables, pixels, view, counter, samples):
-    """Trace a shadow ray for as many of the Pixels as a thread gets."""
+def _draw_once(tables, pixels, view, marks, counter, samples):
+    """Trace a shadow ray for as many of the Pixels as a thread gets, and mark what it met."""
     scratch = Scratch(alloca(STACK_WORDS), alloca(2))
     step = _first_part(view)
     for i in shared_rows(counter, CHUNK, len(pixels.points)):
@@ -99,37 +102,47 @@ def _draw_once(tables, pixels, view, counter, samples):
             # what is reflected is known by draws alone, of which each pixel of a square has another part
             samples.reach[i] = UNSHADED
         _draw(tables, shown, view, i, i64(0), step, scratch, samples)
+        is_reached = greatest(vec3(samples.diffuse[i])) > f32(0) or greatest(vec3(samples.gloss[i])) > f32(0)
+        narrow, close = samples.reach[i] < _NARROW, samples.near[i] < _CLOSE
+        marks[i] = _IS_NARROW * narrow + _IS_REACHED * is_reached + _IS_CLOSE * close
 
 
 @jit
-def _draw_more(tables, pixels, view, found, counter, samples):
-    """Draw again for those that lie in narrow penumbrae, by the `reach` that each has `found`, and make the
-    Samples their means."""
+def _refine(tables, pixels, view, marks, counter, samples):
+    """Have pixels in narrow penumbrae draw again in the first pass, so that the Samples are their means, and
+    those close to lamps know what these bring without shadows."""
     scratch = Scratch(alloca(STACK_WORDS), alloca(2))
-    step = _first_part(view)
+    step, partly = _first_part(view), _IS_NARROW | _IS_REACHED
     for i in shared_rows(counter, CHUNK, len(pixels.points)):
-        if not is_lit(tables, pixels, i) or _least_around(found, i, view.columns) >= _NARROW:
+        around = _marks_around(marks, i, view.columns)
+        draws_again = view.pass_index == u32(0) and around & partly == partly
+        if not (draws_again or around & _IS_CLOSE) or not is_lit(tables, pixels, i):
             continue
         shown = shown_at(tables, pixels, view, i)
-        for k in range(1, _DRAWS):
-            _draw(tables, shown, view, i, i64(k), step, scratch, samples)
-        for c in range(3):
-            samples.diffuse[i, c] *= f32(1 / _DRAWS)
-            samples.gloss[i, c] *= f32(1 / _DRAWS)
-            samples.drawn[i, c] *= f32(1 / _DRAWS)
-            samples.unshadowed[i, c] *= f32(1 / _DRAWS)
-            samples.lamps[i, c] *= f32(1 / _DRAWS)
+        if draws_again:
+            for k in range(1, _DRAWS):
+                _draw(tables, shown, view, i, i64(k), step, scratch, samples)
+            for sums in (samples.diffuse, samples.gloss, samples.drawn, samples.unshadowed, samples.lamps):
+                for c in range(3):
+                    sums[i, c] *= f32(1 / _DRAWS)
+        if around & _IS_CLOSE:
+            r0, r1, r2, _ = random4(u32(i), u32(_DIMENSION + 3), view.pass_index, view.seed)
+            known = unshaded_lamps(tables, shown.x, r0, r1, r2)
+            for c in range(3):
+                brought = known[c] * f32(1 / math.pi)
+                samples.unshadowed[i, c] += brought - samples.lamps[i, c]
+                samples.lamps[i, c] = brought
 
 
 @jit
-def _least_around(found, i, columns):
-    """The least of what was found in the pixels about row i, but for i itself."""
-    row, column, rows, least = i // columns, i % columns, i64(len(found)) // columns, f32(np.inf)
+def _marks_around(marks, i, columns):
+    """All that marks tell of the pixels about row i, but for i itself."""
+    row, column, rows, every = i // columns, i % columns, i64(len(marks)) // columns, i64(0)
     for y in range(max(row - _AROUND, 0), min(row + _AROUND, rows - 1) + 1):
         for x in range(max(column - _AROUND, 0), min(column + _AROUND, columns - 1) + 1):
             if y != row or x != column:
-                least = min(least, found[y * columns + x])
-    return least
+                every |= i64(marks[y * columns + x])
+    return every
 
 
 @jit
@@ -205,13 +218,15 @@ def _add_light(tables, shown, arriving, i, scratch, samples):
         else:
             _, share = drawn_share(x, wo, wi, arriving.pdf, BY_FACETS)
             gloss = scale(share, gloss)
-    if greatest(f) <= f32(0) and greatest(gloss) <= f32(0):
-        return none
+    lights = greatest(f) > f32(0) or greatest(gloss) > f32(0)
+    shades_itself = not lights and dot(x.ng, wi) <= f32(0) and greatest(b.diffuse) > f32(0)
     brought = none
-    if dot(x.n, wi) > f32(0):
+    if dot(x.n, wi) > f32(0) and (lights or shades_itself):
         brought = scale(f32(1 / math.pi), scale(along, arriving.irradiance))
         for c in range(3):
             samples.drawn[i, c] += brought[c]
+    if not lights:
+        return brought
     start = add(x.position, scale(lift(shown), side_of(x.ng, wi)))
     toward, distance = wi, arriving.distance
     if distance < FAR:  # anew, for `start` may lie nearer to a lamp by more than rays end before it
