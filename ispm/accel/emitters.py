@@ -24,7 +24,7 @@ f32, f64, i64, u32 = np.float32, np.float64, np.int64, np.uint32
 EMITTER = np.dtype([
     ("corner", "<f4", 3), ("edge1", "<f4", 3), ("edge2", "<f4", 3), ("normal", "<f4", 3),
     ("radiance", "<f4", 3), ("area", "<f4"), ("lamp", "<f4"),
-    ("instance", "<u4"), ("primitive", "<u4"), ("two_sided", "<u4"),
+    ("instance", "<u4"), ("primitive", "<u4"), ("two_sided", "<u4"), ("textured", "<u4"),
 ])  # fmt: skip
 
 # A sphere about triangles, the cone about their normals, whose half angle has this cosine, and their luminous
@@ -249,7 +249,7 @@ def sample_triangle(emitter, position, u1, u2):
     Evenly over what is seen of it: Arvo, Stratified Sampling of Spherical Triangles, SIGGRAPH 1995; of what
     looks tiny, or lies about the point, evenly over its area.
     """
-    a, b, c = _corners(emitter, position)
+    a, b, c = corners_from(emitter, position)
     angle = _solid_angle(a, b, c)
     if angle <= f64(_SMALL) or angle >= f64(_WIDE):
         root = f32(math.sqrt(u1))
@@ -277,7 +277,7 @@ def sample_triangle(emitter, position, u1, u2):
 @jit
 def triangle_pdf(emitter, position, u, v):
     """Return the density, 1/sr float32, with which `sample_triangle` draws the point at barycentrics u, v."""
-    angle = _solid_angle(*_corners(emitter, position))
+    angle = _solid_angle(*corners_from(emitter, position))
     if angle <= f64(_SMALL) or angle >= f64(_WIDE):
         return _by_area(emitter, position, u, v)
     return f32(f64(1) / angle)
@@ -299,8 +299,8 @@ def _by_area(emitter, position, u, v):
 
 
 @jit
-def _corners(emitter, position):
-    """An EMITTER's corners as seen from a point, float64 m."""
+def corners_from(emitter, position):
+    """Return an EMITTER's corners as seen from a point, float64 m."""
     p, e, f = emitter.corner, emitter.edge1, emitter.edge2
     a = (f64(p[0]) - position[0], f64(p[1]) - position[1], f64(p[2]) - position[2])
     b = (a[0] + e[0], a[1] + e[1], a[2] + e[2])

@@ -170,10 +170,10 @@ def _find_emitters(packed: Packed, tables: Tables) -> Emitters:
         side = -1.0 if instance["flags"] & INSTANCE_MIRRORED else 1.0
         rows["corner"], rows["edge1"], rows["edge2"] = corners[:, 0], edges[:, 0], edges[:, 1]
         rows["normal"] = side * across / np.maximum(doubled, 1e-300)[:, None]
-        rows["area"], rows["radiance"] = doubled / 2.0, material["emission"]
-        rows["instance"], rows["primitive"] = number, np.arange(count)
+        rows["area"], rows["radiance"], rows["instance"] = doubled / 2.0, material["emission"], number
+        rows["primitive"], rows["textured"] = np.arange(count), material["emission_texture"]["texture"] >= 0
         rows["two_sided"] = bool(material["flags"] & MATERIAL_DOUBLE_SIDED)
-        if material["emission_texture"]["texture"] >= 0:
+        if rows["textured"].any():
             _average_glow(tables, rows)
         batches.append(rows)
     return make_emitters(np.concatenate(batches), len(packed.instances)) if batches else NO_EMITTERS

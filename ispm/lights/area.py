@@ -54,7 +54,7 @@ def sample_lamps(tables, x, u0, u1, u2):
     point = emitter_point(emitter, u, v)
     segment = sub(point, position)
     distance = f32(math.sqrt(dot(segment, segment)))
-    if distance == f32(0) or not _faces(emitter, segment):
+    if distance == f32(0) or not faces(emitter, segment):
         return none, f32(0), none, f32(0), row, none
     wi = scale(f32(1) / distance, segment)
     radiance = emitted_radiance(tables, Hit(emitter.instance, emitter.primitive, u, v))
@@ -168,7 +168,7 @@ def lamp_pdf(tables, position, side, hit, d):
     if row < i64(0):
         return f32(0)
     emitter = tables.emitters.triangles[row]
-    if not _faces(emitter, d):
+    if not faces(emitter, d):
         return f32(0)
     chance = emitter_chance(tables.emitters, row, position, side)
     return chance * triangle_pdf(emitter, position, hit.u, hit.v)
@@ -195,6 +195,6 @@ def lit_side(x):
 
 
 @jit
-def _faces(emitter, d):
-    """Whether an EMITTER shines back along d."""
+def faces(emitter, d):
+    """Return whether an EMITTER shines back along d."""
     return emitter.two_sided != u32(0) or dot(d, vec3(emitter.normal)) < f32(0)

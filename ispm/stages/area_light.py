@@ -1,15 +1,13 @@
-"""Direct light of lamps with a surface and of the environment at the eye's pixels: a shadow ray to each, and
-a filter.
+"""Direct light of lamps with a surface and of the environment at the eye's pixels: draws, and a filter.
 
-It runs on the CPU, where the trees are. A pixel draws from one of the 4 x 4 equal parts of what is to be
-drawn from, and its neighbors from the others, so that any 4 x 4 pixels together draw evenly; the filter is
-the mean over such a square (Keller and Heidrich, Interleaved Sampling, EGWR 2001; the discontinuity buffer of
-Wald et al., Interactive Global Illumination using Fast Ray Tracing, EGWR 2002). It takes in pixels of the
-same plane alone, and no farther than a fraction of the penumbra's width, by the distance to what casts the
-shadow: at contacts its edge stays sharp. Where penumbrae are much wider than the square, what it lets through
-is filtered again, from squares that lie farther and farther apart (Dammertz et al., Edge-Avoiding A-Trous
-Wavelet Transform for fast Global Illumination Filtering, HPG 2010). So is what lamps bring without shadows,
-which varies over a fraction of their distance.
+It runs on the CPU, where the trees are. The draws of any 4 x 4 pixels together are even, see `area_draws.py`;
+the filter is the mean over such a square (the discontinuity buffer of Wald et al., Interactive Global
+Illumination using Fast Ray Tracing, EGWR 2002). It takes in pixels of the same plane alone, and no farther
+than a fraction of the penumbra's width, by the distance to what casts the shadow: at contacts its edge stays
+sharp. Where penumbrae are much wider than the square, what it lets through is filtered again, from squares
+that lie farther and farther apart (Dammertz et al., Edge-Avoiding A-Trous Wavelet Transform for fast Global
+Illumination Filtering, HPG 2010). So is what lamps bring without shadows, which varies over a fraction of
+their distance.
 """
 
 from __future__ import annotations
@@ -20,80 +18,34 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ispm.accel.intersect import STACK_WORDS, any_distance
-from ispm.accel.layers import without_diffuse
-from ispm.accel.records import Ray, Scratch
 from ispm.accel.surface import SurfaceTable, scene_tables
-from ispm.accel.transmittance import BEFORE, shadow_transmittance
 from ispm.accel.world import World
 from ispm.kernels.share import run_shared, shared_rows
-from ispm.kernels.simd import alloca
-from ispm.lights.area import resample_surround, sample_lamps
-from ispm.lights.nee import (
-    BY_FACETS,
-    drawn_share,
-    draws_by_lobes,
-    greatest,
-    side_of,
-)
 from ispm.lights.ratio import ratio_share
-from ispm.optics.bsdf import eval_bsdf, is_lambert, is_narrow, transmits
-from ispm.optics.environment import environment_irradiance, has_environment
 from ispm.optics.jit import jit
-from ispm.optics.light import FAR
-from ispm.optics.rng import random4
-from ispm.optics.vector import Vector, add, dot, scale, sub, vec3
+from ispm.optics.vector import add, scale, vec3
 from ispm.scene.packed import Packed
+from ispm.stages.area_draws import CHUNK, UNSHADED, draw_light
 from ispm.stages.pixels import (
     Pixels,
     PixelView,
     is_alike,
     is_lit,
     is_turned_alike,
-    lift,
     plane_at,
-    shown_at,
     transmitted_shares,
 )
 
 f32, i64, u32 = np.float32, np.int64, np.uint32
 
-_DIMENSION = 5 << 20  # of the random numbers
-_SIDE = 4  # pixels of a square that draws from each part once
-_PAIRS = 1  # of directions that one of the environment is drawn from
 _REACH = 2  # pixels to each side that the filter takes in
 _LEAST_REACH = f32(2)  # in the first pass, for single rays are specks
-_UNSHADED = f32(1e9)  # pixels, where nothing shades, but the filter is wanted
-_CHUNK = 64  # pixels a thread takes at a time
-_BLUR = f32(0.25)  # of a penumbra's width, that the filter blurs it over to each side at most
-_NEAR = f32(0.18)  # of a lamp's distance, that its light without shadows is filtered over, likewise
 _SAME = f32(math.cos(math.radians(2.0)))  # of normals, of pixels whose light without shadows is averaged
 _STRIDES = 4, 12  # pixels between squares that lie side by side: each of 3 x 3 of those before
 
 
-class _Samples(NamedTuple):
-    """What shadow rays found, float32.
-
-    diffuse, gloss  (n, 3) light of the Lambert lobe over its albedo, and of the others, cd/m2
-    drawn           (n, 3) what `diffuse` would be without shadows and reflection above it
-    unshadowed      (n, 3) likewise, exact where that is known
-    lamps           (n, 3) of `drawn` what lamps bring
-    near            (n,) pixels over which that may be averaged, infinite where they bring nothing
-    reach           (n,) pixels to each side that the filter may take in: of the penumbra's width, infinite
-                    where none shades a Lambert surface
-    """
-
-    diffuse: np.ndarray
-    gloss: np.ndarray
-    drawn: np.ndarray
-    unshadowed: np.ndarray
-    lamps: np.ndarray
-    near: np.ndarray
-    reach: np.ndarray
-
-
 class _Means(NamedTuple):
-    """Filtered `diffuse`, `drawn` and `lamps` of _Samples, and the least `near` and `reach` of those that are
+    """Filtered `diffuse`, `drawn` and `lamps` of Samples, and the least `near` and `reach` of those that are
     in them. The ratio of the first two is the share of light that is not shaded."""
 
     diffuse: np.ndarray
@@ -127,9 +79,7 @@ def area_light(
     """
     count = len(pixels.points)
     tables = scene_tables(packed, world, surfaces)
-    diffuse, gloss, drawn, unshadowed, lamps = np.zeros((5, count, 3), np.float32)
-    samples = _Samples(diffuse, gloss, drawn, unshadowed, lamps, *np.full((2, count), np.inf, np.float32))
-    run_shared(lambda counter: _sample_pixels(tables, pixels, view, counter, samples), world.threads)
+    samples = draw_light(tables, pixels, view, world.threads)
     means = _Means(*np.zeros((3, count, 3), np.float32), *np.zeros((2, count), np.float32))
     unshaded, albedo = np.zeros((2, count, 3), np.float32)
     lit = _Lit(unshaded, albedo, np.zeros((count, 4), np.float32))
@@ -144,110 +94,6 @@ def area_light(
 
 
 @jit
-def _sample_pixels(tables, pixels, view, counter, samples):
-    """Trace a shadow ray for as many of the Pixels as a thread gets."""
-    scratch = Scratch(alloca(STACK_WORDS), alloca(2))
-    # In 16 passes each pixel draws from each part once; 5 has no part in common with 16.
-    turn, _, _, _ = random4(u32(0), u32(_DIMENSION + 1), u32(0), view.seed)
-    step = (i64(turn * f32(_SIDE * _SIDE)) + i64(5) * i64(view.pass_index)) % (_SIDE * _SIDE)
-    for i in shared_rows(counter, _CHUNK, len(pixels.points)):
-        samples.reach[i] = f32(np.inf)
-        if not is_lit(tables, pixels, i):
-            continue
-        shown = shown_at(tables, pixels, view, i)
-        if not is_lambert(shown.x.bsdf):
-            # what reflection leaves to the Lambert lobe depends on the draw, whose ratio alone is biased; and
-            # what is reflected is known by draws alone, of which each pixel of a square has another part
-            samples.reach[i] = _UNSHADED
-        column = (i % view.columns + step) % _SIDE
-        row = (i // view.columns + step // _SIDE) % _SIDE
-        r0, r1, r2, _ = random4(u32(i), u32(_DIMENSION), view.pass_index, view.seed)
-        # Shifted at random from square to square: a triangle is not to be drawn with the same parts of it.
-        square = u32((i // view.columns // _SIDE) * view.columns + i % view.columns // _SIDE)
-        shift, _, _, _ = random4(square, u32(_DIMENSION + 2), view.pass_index, view.seed)
-        u0 = (f32((row * _SIDE + column) * 7 % (_SIDE * _SIDE)) + r0) * f32(1 / (_SIDE * _SIDE)) + shift
-        u0 -= f32(math.floor(u0))
-        u1, u2 = (f32(column) + r1) * f32(1 / _SIDE), (f32(row) + r2) * f32(1 / _SIDE)
-        radiance, distance, wi, pdf, _, _ = sample_lamps(tables, shown.x, u0, u1, u2)
-        if pdf > f32(0):
-            arriving = _Arriving(scale(f32(1) / pdf, radiance), distance, wi, pdf)
-            _add_light(tables, shown, arriving, i, scratch, samples)
-            for c in range(3):
-                samples.unshadowed[i, c] = samples.lamps[i, c] = samples.drawn[i, c]
-            if greatest(vec3(samples.lamps[i])) > f32(0):
-                slant = abs(dot(shown.x.ng, shown.wo))
-                samples.near[i] = _NEAR * slant * distance / shown.width
-        if has_environment(tables.environment):
-            x, wo, pick = shown.x, shown.wo, u0
-            brightest = tables.environment.brightest
-            by_lobes = draws_by_lobes(x.bsdf) and not is_narrow(x.bsdf)  # eye paths take these
-            both = resample_surround(tables, x, wo, u1, u2, pick, _PAIRS, brightest, by_lobes)
-            for drawn in both:
-                arriving = _Arriving(drawn.radiance, FAR, drawn.wi, drawn.pdf)
-                _add_light(tables, shown, arriving, i, scratch, samples)
-            irradiance = environment_irradiance(tables.environment, x.n)
-            for c in range(3):
-                samples.unshadowed[i, c] += irradiance[c] * f32(1 / math.pi)
-
-
-class _Arriving(NamedTuple):
-    """Light of one point of a lamp, or from one direction: irradiance over the density of the draw, distance,
-    m, wi, and the density of its direction among all lamps' points or the environment, 1/sr."""
-
-    irradiance: Vector
-    distance: np.float32
-    wi: Vector
-    pdf: np.float32
-
-
-@jit
-def _add_light(tables, shown, arriving, i, scratch, samples):
-    """Add what row i makes of an _Arriving to the _Samples."""
-    x, wo, wi = shown.x, shown.wo, arriving.wi
-    b, along = x.bsdf, abs(dot(x.n, wi))
-    none = f32(0), f32(0), f32(0)
-    if greatest(arriving.irradiance) <= f32(0):
-        return
-    f = eval_bsdf(b, x.n, x.ng, wo, wi)
-    gloss = none
-    if not is_lambert(b):
-        gloss = eval_bsdf(without_diffuse(b), x.n, x.ng, wo, wi)
-        f = sub(f, gloss)
-        if transmits(b):
-            gloss = none  # eye paths find what these reflect and let through
-        else:
-            _, share = drawn_share(x, wo, wi, arriving.pdf, BY_FACETS)
-            gloss = scale(share, gloss)
-    if greatest(f) <= f32(0) and greatest(gloss) <= f32(0):
-        return
-    if dot(x.n, wi) > f32(0):
-        for c in range(3):
-            samples.drawn[i, c] += along * arriving.irradiance[c] * f32(1 / math.pi)
-    start = add(x.position, scale(lift(shown), side_of(x.ng, wi)))
-    toward, distance = wi, arriving.distance
-    if distance < FAR:  # anew, for `start` may lie nearer to a lamp by more than rays end before it
-        segment = sub(add(x.position, scale(distance, wi)), start)
-        distance = f32(math.sqrt(dot(segment, segment)))
-        toward = scale(f32(1) / max(distance, f32(1e-30)), segment)
-    limit = distance * (f32(1) - BEFORE)
-    met = any_distance(tables.trees, Ray(start, toward, limit), scratch.stack)
-    passed = f32(1), f32(1), f32(1)
-    if met < limit:
-        # of the lamp's image through a pinhole at what is between
-        angle = f32(1) / f32(math.sqrt(max(arriving.pdf, f32(1e-30))))
-        width = angle * met / max(f32(1) - met / distance, f32(1e-6))
-        samples.reach[i] = min(samples.reach[i], _BLUR * width / shown.width)
-        if not tables.porous:
-            return
-        passed = shadow_transmittance(tables, start, toward, distance, scratch)
-    for c in range(3):
-        light = along * arriving.irradiance[c] * passed[c]
-        if b.diffuse[c] > f32(0):
-            samples.diffuse[i, c] += light * f[c] / b.diffuse[c]
-        samples.gloss[i, c] += light * gloss[c]
-
-
-@jit
 def _filter(tables, pixels, view, smoothing, samples, counter, means, lit):
     """Write what as many of the Pixels as a thread gets show to a _Lit, and the _Means that it is made of.
 
@@ -258,7 +104,7 @@ def _filter(tables, pixels, view, smoothing, samples, counter, means, lit):
     least, exact = _LEAST_REACH if first else f32(0), len(tables.emitters.triangles) == 0
     by_ratio = ratio_share(view.pass_index)
     columns, rows = view.columns, i64(len(pixels.points)) // view.columns
-    for i in shared_rows(counter, _CHUNK, len(pixels.points)):
+    for i in shared_rows(counter, CHUNK, len(pixels.points)):
         row, column = i // columns, i % columns
         lit.light[i, 3], means.near[i], means.reach[i] = f32(1), f32(np.inf), f32(np.inf)
         if not is_lit(tables, pixels, i):
@@ -319,7 +165,7 @@ def _widen(pixels, view, smoothing, stride, means, wider, lit, counter):
     """
     columns, rows = view.columns, i64(len(pixels.points)) // view.columns
     by_ratio = ratio_share(view.pass_index)
-    for i in shared_rows(counter, _CHUNK, len(pixels.points)):
+    for i in shared_rows(counter, CHUNK, len(pixels.points)):
         row, column = i // columns, i % columns
         top, bottom = max(row - stride, row % stride), min(row + stride, rows - 1)
         left, right = max(column - stride, column % stride), min(column + stride, columns - 1)
@@ -329,7 +175,7 @@ def _widen(pixels, view, smoothing, stride, means, wider, lit, counter):
                 near = min(near, means.near[y * columns + x])
                 reach = min(reach, means.reach[y * columns + x])
         wider.near[i], wider.reach[i] = near, reach
-        aside = _aside(reach, smoothing, stride) if reach < _UNSHADED else f32(0)
+        aside = _aside(reach, smoothing, stride) if reach < UNSHADED else f32(0)
         evenly = _aside(near, smoothing, stride) if near < f32(np.inf) else f32(0)
         diffuse, drawn = vec3(means.diffuse[i]), vec3(means.drawn[i])
         lamps, total = vec3(means.lamps[i]), f32(1)

@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 from exact_light import polygon_irradiance
+from rgbe import seen_along
 from scipy import ndimage
 
 from ispm import Camera, DirectionalLight, Environment, Material, RectLight, Renderer, Scene, Settings, shapes
@@ -98,7 +99,9 @@ def test_an_environment_is_seen_unchanged_where_nothing_shades_it(gpu, passes):
     # a plate seen edge on hides cos A / (pi d^2) of the light at most: 2.5 m away 1.2 %, of up to 2.5 times
     # the mean radiance
     assert np.abs(ratio[away > 2.5].mean() - 1.0) < 0.03 and (away > 2.5).sum() > 50
-    assert ratio[away < 0.3].mean() < 0.6
+    # .543 in the mean of 200 passes; .597 in the first, whose filter brings light from aside, deviating by
+    # .051 from seed to seed, of which 4 lie below the bound
+    assert ratio[away < 0.3].mean() < 0.8
     beyond = with_ground.instance < 0
     if passes > 1:  # later ones see the ground in pixels beside those where the first does
         beyond = ~ndimage.binary_dilation(~beyond, np.ones((3, 3)))
@@ -106,6 +109,35 @@ def test_an_environment_is_seen_unchanged_where_nothing_shades_it(gpu, passes):
     if passes == 1:  # the light of later ones is the mean of draws, which may bring more than all
         assert ratio.max() < 1.0 + HALF
         assert (ratio.min(axis=1) > 1.0 - fade(places) - LOWER).all() and fade(places).min() < 0.1
+
+
+def hidden(places, d):
+    """(n, m) bool, whether plate or box hides directions (m, 3) from places (n, 2) of the ground."""
+    over = places[:, None] + 0.6 / np.maximum(d[:, 1], 1e-9)[:, None] * d[:, ::2]
+    plate = (np.abs(over) < 0.5).all(axis=-1)
+    from_below = np.insert(places, 1, 0.0, axis=1)[:, None]
+    sides = (np.array([[[-0.05, 0.0, -0.05]], [[0.05, 0.1, 0.05]]])[:, None] - from_below) / d
+    enters, leaves = sides.min(axis=0).max(axis=-1), sides.max(axis=0).min(axis=-1)
+    return plate | (leaves > np.maximum(enters, 0.0))
+
+
+def test_under_a_plate_the_background_keeps_the_share_of_the_sky_that_is_seen(gpu):
+    """64 passes beside sums over 64 x 256 directions: a mean of 200 deviates by .0013 from seed to seed, that
+    of 64 by .0023, and lies within 4.5 of these."""
+    image = np.random.default_rng(3).random((8, 16, 3)) + 0.2
+    scene = model(environment=Environment(image))
+    with_ground = picture(gpu, scene, passes=64, antialias=False)
+    without = picture(gpu, scene, antialias=False, ground=False)
+    at, places = on_ground(with_ground)
+    away = np.linalg.norm(places, axis=1)
+    near = away < 0.3
+    found = with_ground.radiance[at][near] / without.radiance[at][near]
+    theta, phi = (np.arange(64) + 0.5) * math.pi / 128, (np.arange(256) + 0.5) * math.pi / 128
+    t, p = (a.ravel() for a in np.meshgrid(theta, phi, indexing="ij"))
+    d = np.stack([np.sin(t) * np.cos(p), np.cos(t), np.sin(t) * np.sin(p)], axis=1)
+    weight = (np.cos(t) * np.sin(t))[:, None] * seen_along(image, d)
+    exact = (~hidden(places[near], d)).astype(float) @ weight / weight.sum(axis=0)
+    assert found.mean() == pytest.approx(exact.mean(), abs=4.5 * 0.0023)
 
 
 def test_a_transparent_background_gets_the_shadow_as_its_opacity(gpu):
