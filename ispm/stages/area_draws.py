@@ -32,6 +32,7 @@ from ispm.lights.nee import (
     side_of,
 )
 from ispm.optics.bsdf import eval_bsdf, is_lambert, is_narrow, transmits
+from ispm.optics.coat import with_diffuse
 from ispm.optics.environment import environment_irradiance, has_environment
 from ispm.optics.jit import jit
 from ispm.optics.light import FAR
@@ -51,6 +52,7 @@ _NEAR = f32(0.18)  # of a lamp's distance, that its light without shadows is fil
 _DRAWS = 4  # of a pixel in a narrow penumbra, in the first pass
 _NARROW = f32(6)  # pixels that the filter reaches there, less than which its wider squares have no weight
 _CLOSE = f32(36)  # pixels that lamps' light is averaged over, below which wide squares count in part
+_WHITE = f32(1), f32(1), f32(1)
 _IS_NARROW, _IS_REACHED, _IS_CLOSE = 1, 2, 4  # marks: of what casts a shadow, of light, of what lamps bring
 _AROUND = 2  # pixels to each side that tell of penumbrae and of lamps
 
@@ -208,7 +210,8 @@ def _add_light(tables, shown, arriving, i, scratch, samples):
     none = f32(0), f32(0), f32(0)
     if greatest(arriving.irradiance) <= f32(0):
         return none
-    f = eval_bsdf(b, x.n, x.ng, wo, wi)
+    # over its albedo, of which channels may be 0: neighbors ask how much of the light passes in each
+    f = eval_bsdf(with_diffuse(b, _WHITE), x.n, x.ng, wo, wi)
     gloss = none
     if not is_lambert(b):
         gloss = eval_bsdf(without_diffuse(b), x.n, x.ng, wo, wi)
@@ -218,8 +221,10 @@ def _add_light(tables, shown, arriving, i, scratch, samples):
         else:
             _, share = drawn_share(x, wo, wi, arriving.pdf, BY_FACETS)
             gloss = scale(share, gloss)
+    if not (is_lambert(b) or greatest(b.diffuse) > f32(0) or greatest(gloss) > f32(0)):
+        return none
     lights = greatest(f) > f32(0) or greatest(gloss) > f32(0)
-    shades_itself = not lights and dot(x.ng, wi) <= f32(0) and greatest(b.diffuse) > f32(0)
+    shades_itself = not lights and dot(x.ng, wi) <= f32(0)
     brought = none
     if dot(x.n, wi) > f32(0) and (lights or shades_itself):
         brought = scale(f32(1 / math.pi), scale(along, arriving.irradiance))
@@ -246,7 +251,6 @@ def _add_light(tables, shown, arriving, i, scratch, samples):
         passed = shadow_transmittance(tables, start, toward, distance, scratch)
     for c in range(3):
         light = along * arriving.irradiance[c] * passed[c]
-        if b.diffuse[c] > f32(0):
-            samples.diffuse[i, c] += light * f[c] / b.diffuse[c]
+        samples.diffuse[i, c] += light * f[c]
         samples.gloss[i, c] += light * gloss[c]
     return brought
