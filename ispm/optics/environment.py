@@ -113,7 +113,7 @@ def placed_environment(table: EnvironmentTable, rotation: float, intensity: floa
     if intensity == 1.0:
         return table._replace(to_image=to_image)
     radiance, irradiance = (a * np.float32(intensity) for a in (table.radiance, table.irradiance))
-    brightest = table.brightest * np.float32(intensity)
+    brightest = table.brightest * np.float32(intensity) if intensity > 0.0 else np.float32(np.inf)
     return table._replace(radiance=radiance, to_image=to_image, irradiance=irradiance, brightest=brightest)
 
 

@@ -49,9 +49,7 @@ MIN_WEIGHT = f32(1e-3)  # weight below which a path is not followed
 _MIN_WEIGHT_AFTER_END = f32(0.02)  # and below which not from an end
 _EVENTS_APART = 32  # numbers of the events of two paths that part
 _DIMENSION = 7 << 20  # of the random numbers that draw lights
-_SAMPLES_BEHIND = (
-    16  # points of lamps behind what is blended: as many as what stands beside it has by its filter
-)
+_SAMPLES_BEHIND = 16  # likewise behind what is blended: as many as what stands beside it has by its filter
 _WHITE = f32(1), f32(1), f32(1)
 
 

@@ -19,7 +19,7 @@ from ispm.stages.lattice import radius_of, set_radius
 
 _NARROW = 0.25  # of the radius: to compare with, and the least that is left
 _SIGNIFICANT = 3.0  # standard deviations that are taken for noise
-_BLOCK = 4  # receivers to a side, of which one is asked
+_BLOCK = 4  # receivers to a side, of which one is a pilot
 _CLOSE = _NARROW / 2  # of the radius from it: means over a quarter of the radius differ little there
 _FACING = 0.97  # least cosine of the two normals, where the filter's weight, its 16th power, is .6
 _SPREAD = 1.8  # of the filter's weights: the variance of its mean over that of an even one over its disc
@@ -53,23 +53,23 @@ def narrow_radius(
         return
     told = receivers, diagonal, smoothing
     radius = radius_of(light, *told)
-    used, asked, of = _spokesmen(receivers, size, radius)
+    used, pilots, of = _pilots(receivers, size, radius)
     pilot = of_photons.copy()
     channels(pilot)["fresnel"] = channels(light)["irradiance"]  # filtered alike
 
     def filtered(share: float) -> tuple[np.ndarray, np.ndarray]:
-        """Light of photons and of all, lx, at those who are asked, by a share of the radius."""
+        """Light of photons and of all, lx, at the pilots, by a share of the radius."""
         set_radius(pilot, share * radius, smoothing)
-        found = channels(filter_some(asked, receivers, pilot, size, diagonal, smoothing, threads))
+        found = channels(filter_some(pilots, receivers, pilot, size, diagonal, smoothing, threads))
         photons, whole = (found[name].astype(np.float64) @ LUMINANCE for name in ("irradiance", "fresnel"))
         return photons, np.maximum(whole, 1e-30)
 
     wide, whole = filtered(1.0)
     close, _ = filtered(_NARROW)
-    known = (radius_of(pilot, *told)[asked] / radius[asked]).astype(np.float64)  # the share that it came to
+    known = (radius_of(pilot, *told)[pilots] / radius[pilots]).astype(np.float64)  # the share that it came to
     # Photons of one flux are a Poisson count: its variance, relative to all light, by the whole radius.
     most = np.maximum(np.maximum(wide, close), 0.0)  # a fit over normals may fall below
-    variance = _SPREAD * flux * most / (np.pi * (radius[asked] * whole).astype(np.float64) ** 2)
+    variance = _SPREAD * flux * most / (np.pi * (radius[pilots] * whole).astype(np.float64) ** 2)
     bias = ((wide - close) / whole) ** 2 - _SIGNIFICANT**2 * variance / known**2
     noise = (variance + others) / passes
     share = np.clip((noise / np.maximum(2.0 * bias, 1e-30)) ** (1.0 / 6.0), _NARROW, 1.0)
@@ -80,12 +80,12 @@ def narrow_radius(
     channels(light)["density"][rows] = density[rows] / share[changed] ** 2
 
 
-def _spokesmen(
+def _pilots(
     receivers: np.ndarray, size: tuple[int, int], radius: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the rows of the receivers that are used, (n,), of those who stand for them, (m,), and which of
-    these each has, (n,): the one in the middle of its block, where that lies close and faces the same way, or
-    itself.
+    """Return the rows of the receivers that are used, (n,), of the pilots at which light is filtered, (m,),
+    and which of these stands for each, (n,): the one in the middle of its block, where that lies close and
+    faces the same way, or itself.
 
     radius  (h w,) m, of the filter
     """
@@ -99,8 +99,10 @@ def _spokesmen(
     position, n = receivers["position"], receivers["n"]
     apart = np.linalg.norm(position[used] - position[other], axis=1)
     alike = (apart < _CLOSE * radius[used]) & (np.einsum("ij,ij->i", n[used], n[other]) > _FACING)
-    asked, of = np.unique(np.where(alike & (receivers["valid"][other] > 0), other, used), return_inverse=True)
-    return used, asked, of
+    pilots, of = np.unique(
+        np.where(alike & (receivers["valid"][other] > 0), other, used), return_inverse=True
+    )
+    return used, pilots, of
 
 
 def mean_flux(photons: np.ndarray) -> float:

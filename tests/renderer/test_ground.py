@@ -100,8 +100,8 @@ def test_an_environment_is_seen_unchanged_where_nothing_shades_it(gpu, passes):
     # the mean radiance
     assert np.abs(ratio[away > 2.5].mean() - 1.0) < 0.03 and (away > 2.5).sum() > 50
     # .543 in the mean of 200 passes; .597 in the first, whose filter brings light from aside, deviating by
-    # .051 from seed to seed, of which 4 lie below the bound
-    assert ratio[away < 0.3].mean() < 0.8
+    # .051 from seed to seed, of which 4 lie below its bound
+    assert ratio[away < 0.3].mean() < (0.8 if passes == 1 else 0.6)
     beyond = with_ground.instance < 0
     if passes > 1:  # later ones see the ground in pixels beside those where the first does
         beyond = ~ndimage.binary_dilation(~beyond, np.ones((3, 3)))
