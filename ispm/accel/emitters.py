@@ -27,10 +27,11 @@ EMITTER = np.dtype([
     ("instance", "<u4"), ("primitive", "<u4"), ("two_sided", "<u4"), ("textured", "<u4"),
 ])  # fmt: skip
 
-# A sphere about triangles, the cone about their normals, whose half angle has this cosine, and their luminous
-# flux, lm, 0 where there are none.
+# A sphere about triangles, the cone about their normals, whose half angle has this cosine and sine, and their
+# luminous flux, lm, 0 where there are none.
 EMITTER_NODE = np.dtype([
     ("center", "<f4", 3), ("radius", "<f4"), ("axis", "<f4", 3), ("cosine", "<f4"), ("power", "<f4"),
+    ("sine", "<f4"),
 ])  # fmt: skip
 
 _SMALL = 1e-4  # sr: triangles that look smaller are drawn from by area
@@ -125,6 +126,7 @@ def _nodes(emitters: Emitters) -> np.ndarray:
     nodes["center"][used] = (low[used] + high[used]) / 2.0
     nodes["radius"][used] = np.linalg.norm(high[used] - low[used], axis=1) * (0.5 + 1e-6)
     nodes["axis"], nodes["cosine"], nodes["power"] = axis, cosine, power
+    nodes["sine"] = np.sqrt(np.maximum(1.0 - cosine * cosine, 0.0))
     return nodes
 
 
@@ -159,24 +161,33 @@ def draw_emitter(emitters, position, n, u):
 
     position  m;  n  unit, on the side that is lit; zeros: both sides are
     """
+    row, chance, u, _ = draw_interval(emitters, position, n, u)
+    return row, chance, u
+
+
+@jit
+def draw_interval(emitters, position, n, u):
+    """Return what `draw_emitter` does, and the least number, float32, that draws this triangle: from there as
+    many do as its chance says. Where none may light the point, all do as this one."""
     nodes = emitters.nodes
     if len(nodes) == 0 or _importance(nodes[1], position, n) <= f32(0):
-        return i64(-1), f32(0), u
-    k, chance, count = i64(1), f32(1), i64(len(nodes) // 2)
+        return i64(-1), f32(1), u, f32(0)
+    k, chance, least, count = i64(1), f32(1), f32(0), i64(len(nodes) // 2)
     while k < count:
         k *= i64(2)
         left = _importance(nodes[k], position, n)
         total = left + _importance(nodes[k + 1], position, n)
         if total <= f32(0):
-            return i64(-1), f32(0), u
+            return i64(-1), chance, u, least
         share = left / total
         if u < share:
             u, chance = u / share, chance * share
         else:
+            least += chance * share
             u, chance = (u - share) / (f32(1) - share), chance * (f32(1) - share)
             k += i64(1)
         u = min(u, f32(1 - 2.0**-24))
-    return k - count, chance, u
+    return k - count, chance, u, least
 
 
 @jit
@@ -220,8 +231,7 @@ def _importance(node, position, n):
     sine_seen = radius / distance
     cosine_seen = f32(math.sqrt(max(f32(1) - sine_seen * sine_seen, f32(0))))
     facing = dot(vec3(node.axis), segment) / -distance
-    sine_cone = f32(math.sqrt(max(f32(1) - node.cosine * node.cosine, f32(0))))
-    cosine = _less(facing, node.cosine, sine_cone)
+    cosine = _less(facing, node.cosine, node.sine)
     cosine = _less(cosine, cosine_seen, sine_seen)
     if cosine <= f32(0):
         return f32(0)

@@ -39,6 +39,12 @@ def bench(
         bool,
         Parameter(help="the time of a frame against photons, pixels, triangles and so on", negative=""),
     ] = False,
+    lights: Annotated[
+        bool,
+        Parameter(
+            help="what a rectangle, a sky and 1,000 glowing triangles cost beside a point", negative=""
+        ),
+    ] = False,
     frames: Annotated[int | None, Parameter(help="frames that count, of each scene", metavar="N")] = None,
     output: Annotated[
         str | None,
@@ -62,8 +68,9 @@ def bench(
     A stage is slower if its median grew by more than 3 % plus the uncertainty of both medians. --talk: the
     twenty rows of the talk's table instead, with what indirect light adds to a frame here and there.
     --growth: small scenes of ever more of one thing, and the power of it by which a frame's time grows.
+    --lights: processor time of frames with other lights in place of the scene's point.
     """
-    if report is not None and (compare is None or output is not None or quick or rows or growth):
+    if report is not None and (compare is None or output is not None or quick or rows or growth or lights):
         raise SettingsError(
             f"{report}: a report is given to --compare alone: ispm bench NEW.json --compare OLD.json"
         )
@@ -73,10 +80,12 @@ def bench(
         raise SettingsError("--rows: are those of the talk's table; give --talk as well")
     if growth and (talk or compare is not None):
         raise SettingsError("--growth: is measured alone; leave --talk and --compare out")
+    if lights and (talk or growth or compare is not None):
+        raise SettingsError("--lights: is measured alone; leave --talk, --growth and --compare out")
     if output is not None:
         require_writable(output)
-    if growth:
-        return _measure_growth(console, quick, frames, output)
+    if growth or lights:
+        return (_measure_growth if growth else _measure_lights)(console, quick, frames, output)
     from ispm.bench.change import parse_report, read_report
 
     before = None if compare is None else read_report(compare)
@@ -148,6 +157,22 @@ def _measure_growth(console: Console, quick: bool, frames: int | None, output: s
             _write(report, output)
     console.table("growth", growth_table(report.curves))
     if output is not None:
+        console.written(output)
+    console.result(report)
+    return 0
+
+
+def _measure_lights(console: Console, quick: bool, frames: int | None, output: str | None) -> int:
+    """Measure what lights cost; return the exit code."""
+    from ispm.bench.lights import LightsReport, lights_table, measure_lights
+    from ispm.bench.suite import watch_machine
+
+    machine = watch_machine()
+    costs, adapter = measure_lights(quick, frames, console.say)
+    report = LightsReport(machine(adapter), costs)
+    console.table("frames by their light", lights_table(costs))
+    if output is not None:
+        _write(report, output)
         console.written(output)
     console.result(report)
     return 0

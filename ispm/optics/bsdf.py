@@ -221,6 +221,8 @@ def eval_bsdf(b, n, ng, wo, wi):
         return f32(0), f32(0), f32(0)
     if nl < f32(0):
         return _eval_transmission(b, n, wo, wi)
+    if is_lambert(b) and b.sheen == f32(0):  # the same without what follows, which takes longer
+        return scale(_INV_PI, b.diffuse)
     h = normalize(add(wo, wi))
     if b.sheen > f32(0):
         return scale(eval_sheen(b.sheen, n, wo, wi, h), b.f0)

@@ -23,7 +23,7 @@ from ispm.accel.transmittance import BEFORE, shadow_transmittance
 from ispm.kernels.share import run_shared, shared_rows
 from ispm.kernels.simd import alloca
 from ispm.lights.area import resample_surround, sample_lamps
-from ispm.lights.known import unshaded_lamps
+from ispm.lights.known import are_known, unshaded_lamps
 from ispm.lights.nee import (
     BY_FACETS,
     drawn_share,
@@ -37,7 +37,7 @@ from ispm.optics.environment import environment_irradiance, has_environment
 from ispm.optics.jit import jit
 from ispm.optics.light import FAR
 from ispm.optics.rng import random4
-from ispm.optics.vector import Vector, add, dot, scale, sub, vec3
+from ispm.optics.vector import Vector, add, dot, scale, sub
 from ispm.stages.pixels import Pixels, PixelView, is_lit, lift, shown_at
 
 f32, i64, u32 = np.float32, np.int64, np.uint32
@@ -52,19 +52,26 @@ _NEAR = f32(0.18)  # of a lamp's distance, that its light without shadows is fil
 _DRAWS = 4  # of a pixel in a narrow penumbra, in the first pass
 _NARROW = f32(6)  # pixels that the filter reaches there, less than which its wider squares have no weight
 _CLOSE = f32(36)  # pixels that lamps' light is averaged over, below which wide squares count in part
+_BESIDE = f32(12)  # and below which those of the first stride do
+_CLOSE_DRAWS, _FEWER_DRAWS = 16, 8  # of lamps that are known in the mean, beside them and not
 _WHITE = f32(1), f32(1), f32(1)
-_IS_NARROW, _IS_REACHED, _IS_CLOSE = 1, 2, 4  # marks: of what casts a shadow, of light, of what lamps bring
+_IS_NARROW, _IS_REACHED, _IS_CLOSE, _IS_BESIDE = (
+    1,
+    2,
+    4,
+    8,
+)  # marks: of what casts a shadow, of light, of what lamps bring
 _AROUND = 2  # pixels to each side that tell of penumbrae and of lamps
 
 
 class Samples(NamedTuple):
-    """What shadow rays found, float32.
+    """What shadow rays found, float32, a row for each channel.
 
-    diffuse, gloss  (n, 3) light of the Lambert lobe over its albedo, and of the others, cd/m2
-    drawn           (n, 3) what `diffuse` would be without shadows and reflection above it
-    unshadowed      (n, 3) likewise, exact where that is known
-    lamps           (n, 3) of `unshadowed` what lamps bring
-    near            (n,) pixels over which that may be averaged, infinite where they bring nothing
+    diffuse, gloss  (3, n) light of the Lambert lobe over its albedo, and of the others, cd/m2
+    drawn           (3, n) what `diffuse` would be without shadows and reflection above it
+    known           (3, n) likewise, exact: the environment's, and that of lamps where `are_known`
+    lamps           (3, n) likewise, of other lamps, in the mean; (3, 0) where there are none
+    near            (n,) or (0,) pixels over which that may be averaged, infinite where they bring nothing
     reach           (n,) pixels to each side that the filter may take in: of the penumbra's width, infinite
                     where none shades a Lambert surface
     """
@@ -72,7 +79,7 @@ class Samples(NamedTuple):
     diffuse: np.ndarray
     gloss: np.ndarray
     drawn: np.ndarray
-    unshadowed: np.ndarray
+    known: np.ndarray
     lamps: np.ndarray
     near: np.ndarray
     reach: np.ndarray
@@ -81,11 +88,13 @@ class Samples(NamedTuple):
 def draw_light(tables: Tables, pixels: Pixels, view: PixelView, threads: int) -> Samples:
     """Return the Samples of n pixels."""
     count = len(pixels.points)
-    diffuse, gloss, drawn, unshadowed, lamps = np.zeros((5, count, 3), np.float32)
-    samples = Samples(diffuse, gloss, drawn, unshadowed, lamps, *np.full((2, count), np.inf, np.float32))
+    by_draws = 0 if are_known(tables.emitters) else count
+    lamps, near = np.zeros((3, by_draws), np.float32), np.full(by_draws, np.inf, np.float32)
+    diffuse, gloss, drawn, known = np.zeros((4, 3, count), np.float32)
+    samples = Samples(diffuse, gloss, drawn, known, lamps, near, np.full(count, np.inf, np.float32))
     marks = np.zeros(count, np.uint8)
     run_shared(lambda counter: _draw_once(tables, pixels, view, marks, counter, samples), threads)
-    if view.pass_index == 0 or len(tables.emitters.triangles):
+    if view.pass_index == 0 or by_draws:
         run_shared(lambda counter: _refine(tables, pixels, view, marks, counter, samples), threads)
     return samples
 
@@ -94,7 +103,7 @@ def draw_light(tables: Tables, pixels: Pixels, view: PixelView, threads: int) ->
 def _draw_once(tables, pixels, view, marks, counter, samples):
     """Trace a shadow ray for as many of the Pixels as a thread gets, and mark what it met."""
     scratch = Scratch(alloca(STACK_WORDS), alloca(2))
-    step = _first_part(view)
+    step, by_draws = _first_part(view), len(samples.near) > 0
     for i in shared_rows(counter, CHUNK, len(pixels.points)):
         if not is_lit(tables, pixels, i):
             continue
@@ -104,9 +113,19 @@ def _draw_once(tables, pixels, view, marks, counter, samples):
             # what is reflected is known by draws alone, of which each pixel of a square has another part
             samples.reach[i] = UNSHADED
         _draw(tables, shown, view, i, i64(0), step, scratch, samples)
-        is_reached = greatest(vec3(samples.diffuse[i])) > f32(0) or greatest(vec3(samples.gloss[i])) > f32(0)
-        narrow, close = samples.reach[i] < _NARROW, samples.near[i] < _CLOSE
-        marks[i] = _IS_NARROW * narrow + _IS_REACHED * is_reached + _IS_CLOSE * close
+        known = f32(0), f32(0), f32(0)
+        if has_environment(tables.environment):
+            known = environment_irradiance(tables.environment, shown.x.n)
+        if not by_draws:
+            known = add(known, unshaded_lamps(tables, shown.x, f32(0), f32(0), f32(0), i64(0)))
+        is_reached = False
+        for c in range(3):
+            samples.known[c, i] = known[c] * f32(1 / math.pi)
+            is_reached = is_reached or samples.diffuse[c, i] > f32(0) or samples.gloss[c, i] > f32(0)
+        mark = _IS_NARROW * (samples.reach[i] < _NARROW) + _IS_REACHED * is_reached
+        if by_draws:
+            mark += _IS_CLOSE * (samples.near[i] < _CLOSE) + _IS_BESIDE * (samples.near[i] < _BESIDE)
+        marks[i] = mark
 
 
 @jit
@@ -124,16 +143,18 @@ def _refine(tables, pixels, view, marks, counter, samples):
         if draws_again:
             for k in range(1, _DRAWS):
                 _draw(tables, shown, view, i, i64(k), step, scratch, samples)
-            for sums in (samples.diffuse, samples.gloss, samples.drawn, samples.unshadowed, samples.lamps):
+            for sums in (samples.diffuse, samples.gloss, samples.drawn):
                 for c in range(3):
-                    sums[i, c] *= f32(1 / _DRAWS)
+                    sums[c, i] *= f32(1 / _DRAWS)
         if around & _IS_CLOSE:
             r0, r1, r2, _ = random4(u32(i), u32(_DIMENSION + 3), view.pass_index, view.seed)
-            known = unshaded_lamps(tables, shown.x, r0, r1, r2)
+            draws = _CLOSE_DRAWS if around & _IS_BESIDE else _FEWER_DRAWS
+            light = unshaded_lamps(tables, shown.x, r0, r1, r2, i64(draws))
             for c in range(3):
-                brought = known[c] * f32(1 / math.pi)
-                samples.unshadowed[i, c] += brought - samples.lamps[i, c]
-                samples.lamps[i, c] = brought
+                samples.lamps[c, i] = light[c] * f32(1 / math.pi)
+        elif draws_again and len(samples.near) > 0:
+            for c in range(3):
+                samples.lamps[c, i] *= f32(1 / _DRAWS)
 
 
 @jit
@@ -173,10 +194,9 @@ def _draw(tables, shown, view, i, k, step, scratch, samples):
     if pdf > f32(0):
         arriving = _Arriving(scale(f32(1) / pdf, radiance), distance, wi, pdf)
         brought = _add_light(tables, shown, arriving, i, scratch, samples)
-        for c in range(3):
-            samples.unshadowed[i, c] += brought[c]
-            samples.lamps[i, c] += brought[c]
-        if greatest(brought) > f32(0):
+        if len(samples.near) > 0 and greatest(brought) > f32(0):
+            for c in range(3):
+                samples.lamps[c, i] += brought[c]
             slant = abs(dot(shown.x.ng, shown.wo))
             samples.near[i] = min(samples.near[i], _NEAR * slant * distance / shown.width)
     if has_environment(tables.environment):
@@ -187,9 +207,6 @@ def _draw(tables, shown, view, i, k, step, scratch, samples):
         for drawn in both:
             arriving = _Arriving(drawn.radiance, FAR, drawn.wi, drawn.pdf)
             _add_light(tables, shown, arriving, i, scratch, samples)
-        irradiance = environment_irradiance(tables.environment, x.n)
-        for c in range(3):
-            samples.unshadowed[i, c] += irradiance[c] * f32(1 / math.pi)
 
 
 class _Arriving(NamedTuple):
@@ -229,7 +246,7 @@ def _add_light(tables, shown, arriving, i, scratch, samples):
     if dot(x.n, wi) > f32(0) and (lights or shades_itself):
         brought = scale(f32(1 / math.pi), scale(along, arriving.irradiance))
         for c in range(3):
-            samples.drawn[i, c] += brought[c]
+            samples.drawn[c, i] += brought[c]
     if not lights:
         return brought
     start = add(x.position, scale(lift(shown), side_of(x.ng, wi)))
@@ -251,6 +268,6 @@ def _add_light(tables, shown, arriving, i, scratch, samples):
         passed = shadow_transmittance(tables, start, toward, distance, scratch)
     for c in range(3):
         light = along * arriving.irradiance[c] * passed[c]
-        samples.diffuse[i, c] += light * f[c]
-        samples.gloss[i, c] += light * gloss[c]
+        samples.diffuse[c, i] += light * f[c]
+        samples.gloss[c, i] += light * gloss[c]
     return brought

@@ -38,7 +38,7 @@ f32, i64, u32 = np.float32, np.int64, np.uint32
 _FLAGS, _TRANSMISSION = word_of(MATERIAL, "flags"), word_of(MATERIAL, "transmission")
 _CLEAR, _ROUNDED = f32(2e-5), f32(1e-6)  # a ray's start above its surface: of the distance, of coordinates
 _OFF_PLANE = f32(1.5)  # pixels' widths that neighbors lie off a pixel's plane at most
-_TURNED = f32(0.9)  # cosine of the angle between their normals at least
+TURNED = f32(0.9)  # cosine of the angle between their normals at least
 
 
 class Pixels(NamedTuple):
@@ -205,7 +205,7 @@ def is_alike(pixels, plane, i, k):
     off = dot(plane.ng, sub((u2f(point[0]), u2f(point[1]), u2f(point[2])), plane.position))
     if abs(off) > plane.off:
         return False
-    return pixels.normals[k, 0] == pixels.normals[i, 0] or is_turned_alike(pixels, plane, k, _TURNED)
+    return pixels.normals[k, 0] == pixels.normals[i, 0] or is_turned_alike(pixels, plane, k, TURNED)
 
 
 @jit

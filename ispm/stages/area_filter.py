@@ -1,0 +1,325 @@
+"""The filter of direct light of lamps with a surface and of the environment: means over pixels of one plane.
+
+It works on runs of pixels of a row, and on one quantity after the other, so that a compiler makes it work on
+several pixels at a time. In kernels `i` and `k` are the first pixel of a run, or of a part of it, and the
+first of those that lie aside of it alike; arrays of the `work` hold one number for each pixel of a run.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from ispm.kernels.share import shared_rows
+from ispm.lights.ratio import ratio_share
+from ispm.optics.jit import jit
+from ispm.stages.area_draws import UNSHADED
+from ispm.stages.pixels import TURNED, plane_at
+
+f32, i64, u32 = np.float32, np.int64, np.uint32
+
+RUN = 128  # pixels, whose numbers and those of the rows about them fit in a cache of the first level
+WORK = 24, RUN  # shape of the float32 array that a thread works in
+_REACH = 2  # pixels to each side that the filter takes in
+_LEAST_REACH = f32(2)  # in the first pass, for single rays are specks
+_SAME = f32(math.cos(math.radians(2.0)))  # of normals, of pixels whose light without shadows is averaged
+_CHUNK = 64  # pixels a thread takes at a time
+
+
+class Shapes(NamedTuple):
+    """What n pixels show, a row for each coordinate, float32 but for the first.
+
+    word          (n,) uint32, of the material
+    point         (3, n) m
+    normal, flat  (3, n) shading and geometric normal, unit
+    off           (n,) m, that neighbors lie off the pixel's plane at most
+    """
+
+    word: np.ndarray
+    point: np.ndarray
+    normal: np.ndarray
+    flat: np.ndarray
+    off: np.ndarray
+
+
+class Means(NamedTuple):
+    """Filtered Samples, and the least `near` and `reach` of those that are in them, float32.
+
+    diffuse, drawn  (3, n), whose ratio is the share of light that is not shaded: both by the same factor
+    lamps           (3, n) of light without shadows what lamps bring, cd/m2; (3, 0) where it is known
+    near, reach     (n,) pixels
+    """
+
+    diffuse: np.ndarray
+    drawn: np.ndarray
+    lamps: np.ndarray
+    near: np.ndarray
+    reach: np.ndarray
+
+
+class Unshaded(NamedTuple):
+    """(3, n) float32, cd/m2: light of the Lambert lobe over its albedo without shadows, and of the others."""
+
+    diffuse: np.ndarray
+    gloss: np.ndarray
+
+
+@jit
+def lay_out(pixels, view, counter, shapes):
+    """Write the Shapes of as many of the Pixels as a thread gets."""
+    for i in shared_rows(counter, _CHUNK, len(pixels.points)):
+        plane = plane_at(pixels, view, i)
+        shapes.word[i], shapes.off[i] = pixels.points[i, 3], plane.off
+        for c in range(3):
+            shapes.point[c, i], shapes.normal[c, i] = plane.position[c], plane.n[c]
+            shapes.flat[c, i] = plane.ng[c]
+
+
+@jit
+def filter_samples(shapes, view, smoothing, samples, counter, work, means, unshaded):
+    """Write the Means and what is Unshaded of as many runs as a thread gets, from the Samples about them.
+
+    The share of light that is not shaded multiplies what is known of it without shadows, as far as
+    `ratio_share` says: the first pass takes no other.
+    """
+    least = _LEAST_REACH if view.pass_index == u32(0) else f32(0)
+    by_ratio, by_draws = ratio_share(view.pass_index), samples.lamps.shape[1] > 0
+    columns, count = view.columns, i64(len(shapes.word))
+    for run in shared_rows(counter, 1, count // columns * _runs(columns)):
+        i, first, size = _run(run, columns)
+        end = i + size
+        reach, weight, total, sums = work[0, :size], work[1, :size], work[2, :size], work[5:17]
+        if by_draws:
+            _take_least(samples.near, i, first, columns, i64(1), _REACH, means.near[i:end])
+        _take_least(samples.reach, i, first, columns, i64(1), _REACH, means.reach[i:end])
+        for x in range(size):
+            reach[x] = min(max(means.reach[i + x], least), f32(_REACH)) * smoothing
+        shines = _any_about(samples.gloss, i, first, columns, total)
+        total[:] = f32(0)
+        sums[:] = f32(0)
+        for tap in range((2 * _REACH + 1) ** 2):
+            down, right = tap // (2 * _REACH + 1) - _REACH, tap % (2 * _REACH + 1) - _REACH
+            low, high, k = _part(i, first, size, down, right, columns, count)
+            if high <= low:
+                continue
+            taps, size_of, until = weight[low:high], high - low, k + high - low
+            _weigh(reach[low:high], down, right, taps)
+            if tap != (2 * _REACH + 1) ** 2 // 2:
+                _keep_alike(shapes, i + low, k, work[3, :size_of], work[4, :size_of], taps)
+            for x in range(size_of):
+                total[low + x] += taps[x]
+            for c in range(3):
+                _add(taps, samples.diffuse[c, k:until], sums[c, low:high])
+                _add(taps, samples.drawn[c, k:until], sums[3 + c, low:high])
+                if shines:
+                    _add(taps, samples.gloss[c, k:until], sums[6 + c, low:high])
+                if by_draws:
+                    _add(taps, samples.lamps[c, k:until], sums[9 + c, low:high])
+        for c in range(3):
+            _divide(sums[c, :size], total, means.diffuse[c, i:end])
+            _divide(sums[3 + c, :size], total, means.drawn[c, i:end])
+            _divide(sums[6 + c, :size], total, unshaded.gloss[c, i:end])
+            known, drawn = samples.known[c, i:end], means.drawn[c, i:end]
+            shown, lamps = unshaded.diffuse[c, i:end], sums[9 + c, :size]
+            if by_draws:
+                _divide(lamps, total, means.lamps[c, i:end])
+                lamps = means.lamps[c, i:end]
+            for x in range(size):
+                shown[x] = drawn[x] + by_ratio * (known[x] + lamps[x] - drawn[x])
+
+
+@jit
+def widen(shapes, view, smoothing, stride, means, counter, work, wider, unshaded):
+    """Filter the Means of as many runs as a thread gets with those of the 8 pixels that lie `stride` pixels
+    aside, where penumbrae are wide enough for it; and what lamps bring without shadows, where these are far
+    enough, from which what is Unshaded changes.
+
+    wider  Means to write, of which `diffuse` and `drawn` are not normalized
+    """
+    by_ratio, by_draws = ratio_share(view.pass_index), means.lamps.shape[1] > 0
+    columns, count = view.columns, i64(len(shapes.word))
+    for run in shared_rows(counter, 1, count // columns * _runs(columns)):
+        i, first, size = _run(run, columns)
+        end = i + size
+        aside, evenly, taps, total = work[0, :size], work[1, :size], work[2, :size], work[3, :size]
+        _take_least(means.reach, i, first, columns, stride, 1, wider.reach[i:end])
+        most = _weigh_aside(wider.reach[i:end], UNSHADED, smoothing, stride, aside)
+        if by_draws:
+            _take_least(means.near, i, first, columns, stride, 1, wider.near[i:end])
+            most = max(most, _weigh_aside(wider.near[i:end], f32(np.inf), smoothing, stride, evenly))
+        for c in range(3):
+            _copy(means.diffuse[c, i:end], wider.diffuse[c, i:end])
+            _copy(means.drawn[c, i:end], wider.drawn[c, i:end])
+            if by_draws:
+                _copy(means.lamps[c, i:end], wider.lamps[c, i:end])
+        if most <= f32(0):
+            continue
+        alike, same = work[6:15], work[15:24]  # with the pixel aside; and turned alike, too
+        alike[:] = f32(0)
+        for tap in range(9):
+            low, high, k = _part(
+                i, first, size, stride * (tap // 3 - 1), stride * (tap % 3 - 1), columns, count
+            )
+            if high <= low or tap == 4:
+                continue
+            until, turn = k + high - low, work[4, low:high]
+            alike[tap, low:high] = f32(1)
+            _keep_alike(shapes, i + low, k, work[5, low:high], turn, alike[tap, low:high])
+            for x in range(low, high):
+                taps[x] = aside[x] * alike[tap, x]
+                same[tap, x] = alike[tap, x] if turn[x - low] > _SAME else f32(0)
+            for c in range(3):
+                _add(taps[low:high], means.diffuse[c, k:until], wider.diffuse[c, i + low : i + high])
+                _add(taps[low:high], means.drawn[c, k:until], wider.drawn[c, i + low : i + high])
+        if not by_draws:
+            continue
+        total[:] = f32(1)
+        for tap in range(9):
+            low, high, k = _part(
+                i, first, size, stride * (tap // 3 - 1), stride * (tap % 3 - 1), columns, count
+            )
+            if high <= low or tap == 4:
+                continue
+            # with the one opposite alone, or a slope of light would be a bias
+            for x in range(low, high):
+                taps[x] = evenly[x] * same[tap, x] * alike[8 - tap, x]
+                total[x] += taps[x]
+            for c in range(3):
+                _add(taps[low:high], means.lamps[c, k : k + high - low], wider.lamps[c, i + low : i + high])
+        for c in range(3):
+            before, after = means.lamps[c, i:end], wider.lamps[c, i:end]
+            _divide(after, total, after)
+            shown = unshaded.diffuse[c, i:end]
+            for x in range(size):
+                shown[x] = max(shown[x] + by_ratio * (after[x] - before[x]), f32(0))
+
+
+@jit
+def _runs(columns):
+    """How many runs a row has."""
+    return (columns + RUN - 1) // RUN
+
+
+@jit
+def _run(run, columns):
+    """(first pixel, its column, size) of a run."""
+    row, first = run // _runs(columns), run % _runs(columns) * RUN
+    return row * columns + first, first, min(i64(RUN), columns - first)
+
+
+@jit
+def _part(i, first, size, down, right, columns, count):
+    """(low, high, k): of which part of a run that begins at pixel i, in the column `first`, the pixels that
+    lie `down` and `right` of it are in the picture; and the first of these. Nothing: high <= low."""
+    low, high = max(i64(0), -(first + right)), min(size, columns - first - right)
+    k = i + down * columns + right + low
+    return (low, high, k) if 0 <= i + down * columns < count else (low, low, k)
+
+
+@jit
+def _take_least(values, i, first, columns, stride, reach, out):
+    """Write the least of the values about each pixel of a run, as many strides to each side."""
+    out[:] = f32(np.inf)
+    for down in range(-reach, reach + 1):
+        for right in range(-reach, reach + 1):
+            low, high, k = _part(
+                i, first, i64(len(out)), stride * down, stride * right, columns, i64(len(values))
+            )
+            if high > low:
+                least, other = out[low:high], values[k : k + high - low]
+                for x in range(high - low):
+                    least[x] = min(least[x], other[x])
+
+
+@jit
+def _any_about(values, i, first, columns, work):
+    """Return whether any of the values, (3, n) and not below 0, is above it in the rows about a run."""
+    count, size, found = i64(values.shape[1]), i64(len(work)), False
+    work[:] = f32(0)
+    for down in range(-_REACH, _REACH + 1):
+        for right in (-_REACH, _REACH):
+            low, high, k = _part(i, first, size, i64(down), i64(right), columns, count)
+            for c in range(3 if high > low else 0):
+                row, sums = values[c, k : k + high - low], work[low:high]
+                for x in range(high - low):
+                    sums[x] += row[x]
+    for x in range(size):
+        found = found or work[x] > f32(0)
+    return found
+
+
+@jit
+def _weigh(reach, down, right, out):
+    """Write the weights of pixels so many rows and columns aside in squares that reach so far."""
+    for x in range(len(out)):
+        out[x] = _near(down, reach[x]) * _near(right, reach[x])
+
+
+@jit
+def _keep_alike(shapes, i, k, height, turn, weights):
+    """Set the weights to 0 where pixels from k on are not of the material of those from i on, in their
+    planes, and turned alike; `height` above these, m, and cosine between normals, `turn`, are written."""
+    size = len(weights)
+    for c in range(3):
+        flat, there, here = (
+            shapes.flat[c, i : i + size],
+            shapes.point[c, k : k + size],
+            shapes.point[c, i : i + size],
+        )
+        one, other = shapes.normal[c, i : i + size], shapes.normal[c, k : k + size]
+        if c == 0:
+            for x in range(size):
+                height[x] = flat[x] * (there[x] - here[x])
+            for x in range(size):
+                turn[x] = one[x] * other[x]
+        else:
+            for x in range(size):
+                height[x] += flat[x] * (there[x] - here[x])
+            for x in range(size):
+                turn[x] += one[x] * other[x]
+    word, others, off = shapes.word[i : i + size], shapes.word[k : k + size], shapes.off[i : i + size]
+    for x in range(size):
+        weights[x] = weights[x] if word[x] == others[x] else f32(0)
+    for x in range(size):
+        weights[x] = weights[x] if abs(height[x]) <= off[x] and turn[x] > TURNED else f32(0)
+
+
+@jit
+def _copy(values, out):
+    """Write values."""
+    for x in range(len(out)):
+        out[x] = values[x]
+
+
+@jit
+def _add(weights, values, sums):
+    """Add weighted values to sums."""
+    for x in range(len(sums)):
+        sums[x] += weights[x] * values[x]
+
+
+@jit
+def _divide(values, by, out):
+    """Write the ratios of values."""
+    for x in range(len(out)):
+        out[x] = values[x] / by[x]
+
+
+@jit
+def _weigh_aside(reach, limit, smoothing, stride, out):
+    """Write the weights of squares `stride` pixels aside in filters that reach so far, and return the
+    greatest: side by side they reach as far as one and a half of them; none from the limit on."""
+    most = f32(0)
+    for x in range(len(out)):
+        weight = min(max(reach[x] * smoothing / (f32(1.5) * f32(stride)) - f32(1), f32(0)), f32(1))
+        out[x] = weight if reach[x] < limit else f32(0)
+        most = max(most, out[x])
+    return most
+
+
+@jit
+def _near(away, reach):
+    """Weight of a pixel `away` rows or columns from the middle of a square that reaches so far."""
+    return min(max(reach + f32(0.5) - abs(f32(away)), f32(0)), f32(1)) if away != 0 else f32(1)
