@@ -54,8 +54,8 @@ class PhotonGrid:
     They are made when first needed; few points are lit without them.
     photons  (N,) PHOTON with radius and height set
     kernels  (N,) CAUSTIC, the same photons with kernels of their own; None: they have none
-    finish   of kernels that are not final: called with them, PHOTON or CAUSTIC, and (m,) uint32 rows, which it
-             changes in place, but grows none; once for each that has a point in one of its cells
+    finish   of kernels that are not final: called with them, PHOTON or CAUSTIC, and (m,) uint32 rows, which
+             it changes in place, but grows none; once for each that has a point in one of its cells
     """
 
     def __init__(

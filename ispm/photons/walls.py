@@ -1,7 +1,7 @@
 """Kernels end at walls, which short rays along their axes find.
 
-Light falls on one side of a wall that stands on a floor; a kernel at its foot would also light the other, and a
-dark room beside a bright one would be lit through the wall.
+Light falls on one side of a wall that stands on a floor; a kernel at its foot would also light the other, and
+a dark room beside a bright one would be lit through the wall.
 """
 
 from __future__ import annotations

@@ -24,8 +24,8 @@ def test_a_room_behind_a_wall_without_thickness_is_dark(gpu, preset, seed):
 
 
 def _rooms(turned):
-    """A closed house of two white rooms, 4 m wide; the wall between, 10 cm thick, turned by so many degrees. A
-    lamp is in the far room."""
+    """A closed house of two white rooms, 4 m wide; the wall between, 10 cm thick, turned by so many degrees.
+    A lamp is in the far room."""
     scene, white = Scene(), lambert((0.7,) * 3)
     for low, high in (
         ((-0.2, -0.2, -0.2), (4.2, 0, 8.2)),
