@@ -48,7 +48,7 @@ def shape_kernels(
 
 
 def disc_kernels(photons: np.ndarray) -> np.ndarray:
-    """Return (N,) CAUSTIC: photons with the discs that are their kernels, as ellipses that a plane can cut."""
+    """Return (N,) CAUSTIC: photons with discs for kernels, as ellipses that a plane can cut."""
     out = np.zeros(len(photons), CAUSTIC)
     for name in ("position", "height", "flux", "wi", "bounce"):
         out[name] = photons[name]
