@@ -181,7 +181,7 @@ class PhotonLight:
     def not_gathered_at(self, points: np.ndarray) -> np.ndarray:
         """Return the light of photons that gather rays leave out at (n,) RECEIVER points, (n, 16)."""
         whole, ended = self._not_gathered
-        return self.sum_at(points, whole) + self.sum_at(points, ended)
+        return np.asarray(self.sum_at(points, whole) + self.sum_at(points, ended))
 
     def at_missed(self, receivers: Receivers) -> np.ndarray:
         """Return likewise the light at points of the picture that its receivers miss."""
