@@ -35,7 +35,6 @@ from ispm.optics.vector import cross, dot, scale
 f32, i64, u32 = np.float32, np.int64, np.uint32
 
 _FLAGS, _EMISSION, _BEAM = (word_of(MATERIAL, name) for name in ("flags", "emission", "beam"))
-ALL_AROUND = -2.0  # in place of the cosine of a cone's half angle: there is no cone
 
 
 @jit
@@ -103,14 +102,14 @@ def beam(table, hit, d):
 
 
 def beam_cone(given: np.ndarray, back: np.ndarray) -> tuple[np.ndarray, float, float]:
-    """Return the axis, unit, the cosine of half the angle of the cone that a lamp shines in, ALL_AROUND where
-    there is none, and the mean of its `beam` over all directions.
+    """Return the axis, unit, of the cone that a lamp shines in, what the cosine of half its angle lacks of 1,
+    which is 0 without a cone, and the mean of its `beam` over all directions.
 
     given  (2,) a MATERIAL's `beam`;  back  (3,) its instance's +Z
     """
     axis = -back / max(float(np.linalg.norm(back)), 1e-30)
     slope, offset = (float(value) for value in given)
     if slope == 0.0:
-        return axis, ALL_AROUND, 1.0
+        return axis, 0.0, 1.0
     outer, inner = -offset / slope, min((1.0 - offset) / slope, 1.0)
-    return axis, max(outer, -1.0), 0.5 * (1.0 - inner) + (inner - outer) / 6.0
+    return axis, 1.0 - outer, 0.5 * (1.0 - inner) + (inner - outer) / 6.0

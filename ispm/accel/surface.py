@@ -172,7 +172,7 @@ def _find_emitters(packed: Packed, tables: Tables) -> Emitters:
         rows["two_sided"] = bool(material["flags"] & MATERIAL_DOUBLE_SIDED)
         if rows["textured"].any():
             _average_glow(tables, rows)
-        rows["axis"], rows["outer"], mean = beam_cone(material["beam"], matrix[:, 2])
+        rows["axis"], rows["cone"], mean = beam_cone(material["beam"], matrix[:, 2])
         rows["radiance"] *= np.float32(mean)
         batches.append(rows)
     return make_emitters(np.concatenate(batches), len(packed.instances)) if batches else NO_EMITTERS

@@ -15,7 +15,7 @@ import math
 import numpy as np
 
 from ispm.accel.emitters import corners_from, draw_emitter, emitter_point, sample_triangle
-from ispm.accel.glow import ALL_AROUND, emitted_radiance
+from ispm.accel.glow import emitted_radiance
 from ispm.accel.records import Hit
 from ispm.lights.area import faces, lit_side
 from ispm.optics.jit import jit
@@ -56,7 +56,7 @@ def _of_triangle(tables, emitter, x, u1, u2, k):
     none, side = (f32(0), f32(0), f32(0)), lit_side(x)
     if not faces(emitter, sub(vec3(emitter.corner), x.position)):
         return none
-    if emitter.textured != u32(0) or emitter.outer > f32(ALL_AROUND):
+    if emitter.textured != u32(0) or emitter.cone > f32(0):
         return _of_point(tables, emitter, x, u1 + f32(k) * f32(LATTICE[0]), u2 + f32(k) * f32(LATTICE[1]))
     a, b, c = corners_from(emitter, x.position)
     if max(dot(side, a), max(dot(side, b), dot(side, c))) < f64(0):  # never drawn, as `drawn` is without it

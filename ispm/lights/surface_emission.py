@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ispm.accel.emitters import emitter_flux, emitter_point
-from ispm.accel.glow import ALL_AROUND, emitted_radiance
+from ispm.accel.glow import emitted_radiance
 from ispm.accel.intersect import STACK_WORDS
 from ispm.accel.records import Hit, Scratch
 from ispm.accel.surface import SurfaceTable, closest_surface, leave_surface, scene_tables
@@ -219,7 +219,7 @@ def _direction(lamps, emitter, point, n, u, v):
     By the cosine, or of a spot with a radius evenly in its cone.
     """
     share, spheres = lamps.share, lamps.spheres
-    in_cone = emitter.outer > f32(ALL_AROUND)
+    in_cone = emitter.cone > f32(0)
     if u < share:
         count = f32(len(spheres))
         u *= count / share
@@ -227,13 +227,13 @@ def _direction(lamps, emitter, point, n, u, v):
         toward, cosine = _cone(spheres[drawn], point)
         d = _in_cone(toward, cosine, u - f32(drawn), v)
     elif in_cone:
-        d = _in_cone(vec3(emitter.axis), emitter.outer, (u - share) / (f32(1) - share), v)
+        d = _in_cone(vec3(emitter.axis), f32(1) - emitter.cone, (u - share) / (f32(1) - share), v)
     else:
         d = to_world(cosine_hemisphere((u - share) / (f32(1) - share), v), n)
     density = (f32(1) - share) * max(dot(n, d), f32(0)) * f32(1 / math.pi)
     if in_cone:
-        within = dot(vec3(emitter.axis), d) >= emitter.outer
-        density = (f32(1) - share) / (f32(2 * math.pi) * (f32(1) - emitter.outer)) if within else f32(0)
+        within = dot(vec3(emitter.axis), d) >= f32(1) - emitter.cone
+        density = (f32(1) - share) / (f32(2 * math.pi) * emitter.cone) if within else f32(0)
     if share > f32(0):
         aimed = f32(0)
         for k in range(len(spheres)):
