@@ -8,8 +8,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from ispm.accel.meet import Rays, meet_many
-from ispm.accel.rays import HIT
 from ispm.accel.surface import SurfaceTable
 from ispm.frame import Receivers
 from ispm.optics.incident import channels, no_light
@@ -21,6 +19,7 @@ from ispm.paths.eye import trace_eye
 from ispm.paths.eye_paths import EyePaths, EyeRays, join_ends, no_paths
 from ispm.paths.far import LANES, light_far_sides
 from ispm.paths.pixel_layers import filtered_light
+from ispm.paths.pixel_rays import rays_to_seen
 from ispm.paths.resolve import Shown, lonely_rows, resolve_lobes, shown
 from ispm.paths.sheen import sheen_light
 from ispm.paths.vertices import COLUMNS, INDIRECT, THROUGH
@@ -131,11 +130,12 @@ def _paths_of(
     show."""
     view = this.view
     paths = follow(this, rays, photons)
-    edges = edge_rows(paths, rays.keys, view.size[0]) if this.settings.antialias else np.zeros(0, np.int64)
     places = rays.origins + rays.distances[:, None] * rays.directions
     widths = view.pixel_widths(places)
     given = shown(rays.keys, view.size[0], paths.firsts, places, widths, this.threads)
-    lonely, again = lonely_rows(given), []
+    lonely, again, edges = lonely_rows(given), [], np.zeros(0, np.int64)
+    if this.settings.antialias:
+        edges = edge_rows(paths, lonely, rays.keys, view.size[0])
     if len(lonely):
         again.append((lonely, follow(this, rows_of(rays, lonely), photons)))
         paths.firsts[lonely] = again[-1][1].firsts
@@ -149,25 +149,18 @@ def eye_rays(
     seen: np.ndarray, surfaces: SurfaceTable, view: CameraView, threads: int, widening: float = 1.0
 ) -> EyeRays:
     """Return the rays through (n,) SEEN pixels, and where they meet the triangles there."""
-    origins, directions = view.pixel_rays(seen["pixel"])
     parallel = view.ymag is not None
     wide = (view.footprint, 0.0) if parallel else (0.0, view.footprint)
-    hits = np.zeros(len(seen), HIT)
-    hits["instance"], hits["primitive"] = seen["instance"], seen["primitive"]
-    rays = Rays(origins, directions, parallel)
-    barycentrics, hits["t"] = meet_many(surfaces, seen["instance"], seen["primitive"], rays, threads)
-    hits["u"], hits["v"] = barycentrics.T
-    f4 = np.float32
-    keys, distances = seen["pixel"].astype(np.uint32), hits["t"].copy()
     across, high = view.size
     most = min(across * high // (2 * max(len(seen), 1)), GLOSS_SAMPLES)
+    rays, keys = rays_to_seen(seen, view.screen(), surfaces, threads), seen["pixel"].astype(np.uint32)
     return EyeRays(
-        origins.astype(f4),
-        directions.astype(f4),
-        distances,
+        rays.origins,
+        rays.directions,
+        rays.distances,
         keys,
         wide,
-        hits=hits,
+        hits=rays.hits,
         columns=across,
         most=most,
         widening=widening,
