@@ -105,18 +105,19 @@ def _light_of_layer(
     of_coats, behind = layer == LAYER_COAT, layer == LAYER_BEHIND
     rays = replace(rays, shows_environment=shows_environment(this), of_coats=of_coats, behind=behind)
     paths, again, given = _paths_of(this, rays, photons)
-    pixels = [rays.keys]
+    pixels = [keys := rays.keys]
+    del rays  # which take more memory than the picture
     for rows, found in again:
-        pixels.append(np.repeat(rays.keys[rows], len(found.light) // len(rows)))
+        pixels.append(np.repeat(keys[rows], len(found.light) // len(rows)))
     light_ends(this, [paths, *(found for _, found in again)], np.concatenate(pixels), photons)
     light, firsts = paths.light, given.firsts
-    del paths  # its ends take more memory than the picture
+    del paths, pixels  # ends take as much
     for rows, found in again:
         light[rows] = found.light.reshape(len(rows), -1, COLUMNS).mean(axis=1)
     if background_color(settings) is None:
         light[:, THROUGH:] = 0.0
     for brought in (light[:, :THROUGH], light[:, THROUGH:]):
-        denoise_rough_transmission(brought, rays.keys, view.size[0], firsts, this.threads)
+        denoise_rough_transmission(brought, keys, view.size[0], firsts, this.threads)
     resolve_lobes(light, given, settings.smoothing, this.threads)
     light[:, :INDIRECT] += firsts["own"]
     return light, firsts["hidden"].copy()
