@@ -13,7 +13,6 @@ import numpy as np
 from ispm.accel.mesh import INSTANCES, MATERIALS, TO_WORLD, edges_at, triangle_at, word_of
 from ispm.accel.records import Hit
 from ispm.accel.surface import SurfaceTable
-from ispm.kernels.share import run_shared, shared_rows
 from ispm.kernels.simd import ldf, ldu
 from ispm.optics.jit import jit
 from ispm.optics.records import MATERIAL, MATERIAL_BLEND, MATERIAL_MASK, NO_HIT
@@ -24,7 +23,6 @@ f32, f64, i64, u32 = np.float32, np.float64, np.int64, np.uint32
 _INSET = 4e-6  # as in the shader
 _SAME = 1e-9  # share of the distance by which one triangle is not nearer than another
 _FLAGS = word_of(MATERIAL, "flags")
-_CHUNK = 256  # rays a thread takes at a time
 
 
 class _Triangle(NamedTuple):
@@ -53,42 +51,15 @@ class Rays(NamedTuple):
     parallel: bool
 
 
-def meet_many(
-    surfaces: SurfaceTable, instance: np.ndarray, primitive: np.ndarray, rays: Rays, threads: int
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return barycentrics, (n, 2) float32, of the points of (n,) triangles that rays see, and how many of
-    their directions' lengths away these are, (n,) float64.
-
-    instance, primitive  (n,) uint32
-    """
-    barycentrics, distances = np.empty((len(instance), 2), np.float32), np.empty(len(instance))
-    triangles = np.ascontiguousarray(instance), np.ascontiguousarray(primitive)
-    given = _contiguous(rays)
-    run_shared(
-        lambda counter: _meet_many(surfaces.addresses, *triangles, given, counter, barycentrics, distances),
-        threads,
-    )
-    return barycentrics, distances
-
-
 def _contiguous(rays: Rays) -> Rays:
     return Rays(np.ascontiguousarray(rays.origins), np.ascontiguousarray(rays.directions), rays.parallel)
-
-
-@jit
-def _meet_many(table, instance, primitive, rays, counter, barycentrics, distances):
-    """Write what `meet_many` returns, for as many rays as a thread gets."""
-    for i in shared_rows(counter, _CHUNK, len(distances)):
-        origin, direction = vec3(rays.origins[i]), vec3(rays.directions[i])
-        u, v, t = meet(table, instance[i], primitive[i], origin, direction, rays.parallel)
-        barycentrics[i, 0], barycentrics[i, 1], distances[i] = u, v, t
 
 
 def meet_texels(
     surfaces: SurfaceTable, content: np.ndarray, texels: np.ndarray, rays: Rays
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return what rays through (n,) texels meet: triangles, (n, 2) uint32 instance and primitive, and
-    barycentrics and distances as `meet_many`.
+    barycentrics, (n, 2) float32, and how many of their directions' lengths away these are, (n,) float64.
 
     content  (F, W, W, 2) uint32 instance, NO_HIT where nothing is, and primitive
     texels   (n,) int64, rows of `content` without its last axis, flat

@@ -55,7 +55,8 @@ class _Room:
     """
 
     _SMALL = 1 << 20  # bytes, below which pieces are not pooled
-    _KEPT = 24  # pieces at most
+    _KEPT = 24  # pieces at most, and
+    _MOST = 96 << 20  # bytes, which a frame of 1280 x 720 takes: idle, those of larger ones would be missed
     _LOOSE = 2  # times what is asked for, that a piece holds at most: lists change their length each frame
 
     def __init__(self) -> None:
@@ -70,8 +71,10 @@ class _Room:
             fits = nbytes <= self._pieces[index].nbytes <= self._LOOSE * nbytes
             if fits and sys.getrefcount(self._pieces[index]) <= 2:
                 return self._pieces[index][:nbytes]
-        self._pieces = [*self._pieces[-self._KEPT + 1 :], np.empty(nbytes, np.uint8)]
-        return self._pieces[-1][:]
+        new = np.empty(nbytes, np.uint8)
+        if nbytes + sum(piece.nbytes for piece in self._pieces) <= self._MOST:
+            self._pieces = [*self._pieces[-self._KEPT + 1 :], new]
+        return new[:]
 
 
 class Readback:

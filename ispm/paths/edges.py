@@ -16,16 +16,21 @@ _SAME_SURFACE = f32(0.9)  # cosine of two normals
 _FAINT = f32(0.05)  # weight of what is seen, below which its edges do not matter
 
 
-def edge_rows(paths: EyePaths, pixels: np.ndarray, width: int) -> np.ndarray:
+def edge_rows(paths: EyePaths, lonely: np.ndarray, pixels: np.ndarray, width: int) -> np.ndarray:
     """Return the rows of the rays beside which a path ends on another surface, sorted.
 
+    lonely  rows from which no path went out, nor from any beside them
     pixels  (n,) numbers y width + x of the rays' pixels, sorted
-    Compared are pixels side by side that show the same mirror or glass; where it is rough nothing has edges.
+    Compared are pixels side by side that show the same mirror or glass; where it is rough nothing has edges,
+    nor where a pixel has the light of paths beside it.
     """
     marked = np.zeros(len(pixels), np.bool_)
     for lane in (REFLECTED, TRANSMITTED):
         _mark(paths.firsts, paths.ends, paths.points, u32(lane), pixels.astype(np.int64), i64(width), marked)
-    return np.flatnonzero(marked & (paths.firsts["blur"] == 0.0))
+    firsts = paths.firsts
+    given = (firsts["samples"] == 0) & (firsts["reflectance"][:, 0] > 0.0)
+    given[lonely] = False
+    return np.flatnonzero(marked & (firsts["blur"] == 0.0) & ~given)
 
 
 @jit(allocates=True)

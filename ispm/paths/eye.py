@@ -75,7 +75,7 @@ f32, i64, u32 = np.float32, np.int64, np.uint32
 _PATHS_MAX = GLOSS_SAMPLES  # of a pixel that shows no rough glass; of those that do not scatter 3
 _CONTACT = f32(1e-3)  # of a path, the least length of what reflects it to where it ends, for its blur
 _CHUNK = 64  # pixels a thread takes at a time; results do not depend on it or on the threads
-_BATCH = 1 << 13  # pixels whose ends lie in memory at their full number
+_BATCH = 1 << 12  # pixels whose ends lie in memory at their full number
 
 _WHITE = f32(1), f32(1), f32(1)
 

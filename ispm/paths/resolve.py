@@ -10,6 +10,7 @@ Source: edge-avoiding a-trous wavelets, Dammertz et al., HPG 2010.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from functools import partial
 from typing import NamedTuple
 
@@ -24,6 +25,8 @@ from ispm.optics.vector import dot, sub, vec3
 f32, i64, u32 = np.float32, np.int64, np.uint32
 
 _STRIDES = (1, 2, 4, 8, 16)  # pixels
+_HALO = sum(_STRIDES) + 2  # pixels above and below that tell in what becomes of one: passes', and `_cut`'s
+_BAND = 1 << 18  # pixels that are averaged at a time, about
 _CHUNK = 256
 _BENT = f32(4)  # over alpha^2: what the square of the difference of normals is weighed by
 _LENIENT = f32(0.25)  # likewise for what stands out
@@ -74,10 +77,8 @@ def shown(
     positions  (n, 3) float32 m;  widths  (n,) float32 m, of a pixel there
     """
     pixels, lobes = pixels.astype(np.uint32), np.empty(len(pixels), _LOBE)
-    rows = np.full((int(pixels[-1]) // across + 1 if len(pixels) else 1, across), -1, np.int32)
-    rows.reshape(-1)[pixels] = np.arange(len(pixels), dtype=np.int32)
     run_shared(lambda counter: _describe(firsts, positions, widths, counter, lobes), threads)
-    return Shown(pixels, rows, firsts, lobes)
+    return Shown(pixels, _rows_of(pixels, across), firsts, lobes)
 
 
 def lonely_rows(given: Shown) -> np.ndarray:
@@ -92,9 +93,53 @@ def resolve_lobes(light: np.ndarray, given: Shown, smoothing: float, threads: in
     """Average the light of pixels that show narrow lobes, (n, c) float32, c in threes up to 15, in place.
 
     smoothing  factor on the deviation
+    Large pictures are averaged in bands, which takes less memory.
     """
     if not _has_lobes(given):
         return
+    if len(given.pixels) <= _BAND:
+        _resolve(light, given, smoothing, threads)
+        return
+    before = light[:0]
+    for first, last in _bands(given):
+        inner, outer = _rows_between(given, first, last), _rows_between(given, first - _HALO, last + _HALO)
+        band = np.concatenate([before, light[inner.start : outer.stop]])
+        _resolve(band, _between(given, max(first - _HALO, 0), outer), smoothing, threads)
+        before = light[_rows_between(given, last - _HALO, last)].copy()  # as the next band wants it
+        light[inner] = band[inner.start - outer.start :][: inner.stop - inner.start]
+
+
+def _bands(given: Shown) -> Iterator[tuple[int, int]]:
+    """Yield the first row of pixels of each band, and the last and one."""
+    high = given.rows.shape[0]
+    each = max(-(-high * _BAND // len(given.pixels)), _HALO)
+    for first in range(0, high, each):
+        yield first, min(first + each, high)
+
+
+def _rows_between(given: Shown, first: int, last: int) -> slice:
+    """The rows of what is shown from one row of pixels to before another."""
+    ends = np.array([first, last]) * given.rows.shape[1]
+    start, stop = np.searchsorted(given.pixels, np.maximum(ends, 0).astype(given.pixels.dtype))
+    return slice(int(start), int(stop))
+
+
+def _between(given: Shown, first: int, part: slice) -> Shown:
+    """Some rows of what is shown, as if the picture began at the row of pixels `first`."""
+    across = given.rows.shape[1]
+    pixels = given.pixels[part] - np.uint32(first * across)
+    return Shown(pixels, _rows_of(pixels, across), given.firsts[part], given.lobes[part])
+
+
+def _rows_of(pixels: np.ndarray, across: int) -> np.ndarray:
+    """`rows` of a Shown."""
+    rows = np.full((int(pixels[-1]) // across + 1 if len(pixels) else 1, across), -1, np.int32)
+    rows.reshape(-1)[pixels] = np.arange(len(pixels), dtype=np.int32)
+    return rows
+
+
+def _resolve(light: np.ndarray, given: Shown, smoothing: float, threads: int) -> None:
+    """`resolve_lobes` of all at once."""
     count, limit = len(given.pixels), f32(_OUTLIER / max(smoothing**6, 1e-9))  # grows with the passes' number
     blur, kept, values = np.zeros(count, np.float32), np.ones(count, np.float32), _lanes(count)
     run_shared(lambda counter: _begin(given, f32(smoothing), light, counter, blur, values), threads)

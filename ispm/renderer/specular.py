@@ -8,8 +8,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from ispm.accel.meet import Rays, meet_many
-from ispm.accel.rays import HIT
 from ispm.accel.surface import SurfaceTable
 from ispm.frame import Receivers
 from ispm.optics.incident import channels, no_light
@@ -21,6 +19,7 @@ from ispm.paths.eye import trace_eye
 from ispm.paths.eye_paths import EyePaths, EyeRays, join_ends, no_paths
 from ispm.paths.far import LANES, light_far_sides
 from ispm.paths.pixel_layers import filtered_light
+from ispm.paths.pixel_rays import rays_to_seen
 from ispm.paths.resolve import Shown, lonely_rows, resolve_lobes, shown
 from ispm.paths.sheen import sheen_light
 from ispm.paths.vertices import COLUMNS, INDIRECT, THROUGH
@@ -106,18 +105,19 @@ def _light_of_layer(
     of_coats, behind = layer == LAYER_COAT, layer == LAYER_BEHIND
     rays = replace(rays, shows_environment=shows_environment(this), of_coats=of_coats, behind=behind)
     paths, again, given = _paths_of(this, rays, photons)
-    pixels = [rays.keys]
+    pixels = [keys := rays.keys]
+    del rays  # which take more memory than the picture
     for rows, found in again:
-        pixels.append(np.repeat(rays.keys[rows], len(found.light) // len(rows)))
+        pixels.append(np.repeat(keys[rows], len(found.light) // len(rows)))
     light_ends(this, [paths, *(found for _, found in again)], np.concatenate(pixels), photons)
     light, firsts = paths.light, given.firsts
-    del paths  # its ends take more memory than the picture
+    del paths, pixels  # ends take as much
     for rows, found in again:
         light[rows] = found.light.reshape(len(rows), -1, COLUMNS).mean(axis=1)
     if background_color(settings) is None:
         light[:, THROUGH:] = 0.0
     for brought in (light[:, :THROUGH], light[:, THROUGH:]):
-        denoise_rough_transmission(brought, rays.keys, view.size[0], firsts, this.threads)
+        denoise_rough_transmission(brought, keys, view.size[0], firsts, this.threads)
     resolve_lobes(light, given, settings.smoothing, this.threads)
     light[:, :INDIRECT] += firsts["own"]
     return light, firsts["hidden"].copy()
@@ -131,11 +131,12 @@ def _paths_of(
     show."""
     view = this.view
     paths = follow(this, rays, photons)
-    edges = edge_rows(paths, rays.keys, view.size[0]) if this.settings.antialias else np.zeros(0, np.int64)
     places = rays.origins + rays.distances[:, None] * rays.directions
     widths = view.pixel_widths(places)
     given = shown(rays.keys, view.size[0], paths.firsts, places, widths, this.threads)
-    lonely, again = lonely_rows(given), []
+    lonely, again, edges = lonely_rows(given), [], np.zeros(0, np.int64)
+    if this.settings.antialias:
+        edges = edge_rows(paths, lonely, rays.keys, view.size[0])
     if len(lonely):
         again.append((lonely, follow(this, rows_of(rays, lonely), photons)))
         paths.firsts[lonely] = again[-1][1].firsts
@@ -149,25 +150,18 @@ def eye_rays(
     seen: np.ndarray, surfaces: SurfaceTable, view: CameraView, threads: int, widening: float = 1.0
 ) -> EyeRays:
     """Return the rays through (n,) SEEN pixels, and where they meet the triangles there."""
-    origins, directions = view.pixel_rays(seen["pixel"])
     parallel = view.ymag is not None
     wide = (view.footprint, 0.0) if parallel else (0.0, view.footprint)
-    hits = np.zeros(len(seen), HIT)
-    hits["instance"], hits["primitive"] = seen["instance"], seen["primitive"]
-    rays = Rays(origins, directions, parallel)
-    barycentrics, hits["t"] = meet_many(surfaces, seen["instance"], seen["primitive"], rays, threads)
-    hits["u"], hits["v"] = barycentrics.T
-    f4 = np.float32
-    keys, distances = seen["pixel"].astype(np.uint32), hits["t"].copy()
     across, high = view.size
     most = min(across * high // (2 * max(len(seen), 1)), GLOSS_SAMPLES)
+    rays, keys = rays_to_seen(seen, view.screen(), surfaces, threads), seen["pixel"].astype(np.uint32)
     return EyeRays(
-        origins.astype(f4),
-        directions.astype(f4),
-        distances,
+        rays.origins,
+        rays.directions,
+        rays.distances,
         keys,
         wide,
-        hits=hits,
+        hits=rays.hits,
         columns=across,
         most=most,
         widening=widening,

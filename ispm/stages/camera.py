@@ -8,7 +8,10 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ispm import wgsl
+from ispm.paths.pixel_rays import Screen
 from ispm.scene.extent import corners_of
+
+i64 = np.int64
 
 CAMERA = wgsl.load("stages/camera.wgsl").dtype("Camera")
 
@@ -115,6 +118,19 @@ class CameraView:
             return self.eye + places, np.broadcast_to(self.forward, places.shape)
         places /= np.sqrt(np.einsum("...k,...k->...", places, places))[..., None]
         return np.broadcast_to(self.eye, places.shape), places
+
+    def screen(self) -> Screen:
+        """Return where the samples of pixels lie that `rays` go through."""
+        (wide, high), (shift_x, shift_y) = self._extents(), self._shift()
+        width, height = self.size
+        ahead = 1.0 if self.ymag is None else self.near
+        corner = (1.0 / width - 1.0 - shift_x) * wide, (1.0 - 1.0 / height - shift_y) * high, -ahead
+        turn = np.asarray(self.pose, np.float64)[:3, :3]
+        steps = turn @ corner, turn[:, 0] * (2.0 * wide / width), turn[:, 1] * (-2.0 * high / height)
+        eye, corner, right, down, forward = (
+            (float(a[0]), float(a[1]), float(a[2])) for a in (self.eye, *steps, self.forward)
+        )
+        return Screen(eye, corner, right, down, forward, i64(width), self.ymag is not None)
 
     def pixel_rays(self, pixels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return origins and unit directions, (n, 3) float64, of (n,) pixels numbered y width + x."""

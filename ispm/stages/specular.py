@@ -31,6 +31,7 @@ _BY_FLAGS = (  # may lead on
     | MATERIAL_ANISOTROPIC
     | MATERIAL_TRANSLUCENT
 )
+_BAND = 1 << 18  # pixels whose light lies in memory at a time, on either side
 _THREADS = int(_SHADER.constants["THREADS"])
 _NARROW = 1.01 * _SHADER.constants["NARROW_ALPHA"]  # roughness^2, and what the G-buffer's halves may round
 
@@ -115,6 +116,25 @@ class SpecularStage:
                 pass  # clears it
         if not len(pixels):
             return through
+        textures = direct, indirect, emission, irradiance, through
+        for first in range(0, len(pixels), _BAND):
+            if first:
+                frame.submit()  # the band before, whose buffer is written anew
+            rows = slice(first, first + _BAND)
+            self._patch_band(frame, pixels[rows], light[rows], *textures)
+        return through
+
+    def _patch_band(
+        self,
+        frame: Recording,
+        pixels: np.ndarray,
+        light: np.ndarray,
+        direct: Texture,
+        indirect: Texture,
+        emission: Texture,
+        irradiance: Texture,
+        through: Texture,
+    ) -> None:
         brought = np.zeros(len(pixels), BROUGHT)
         brought["pixel"] = pixels
         for k, name in enumerate(("direct", "indirect", "emission", "through", "albedo")):
@@ -139,7 +159,6 @@ class SpecularStage:
             emission_out=emission,
             through_out=through,
         )
-        return through
 
 
 def _may_lead_on(materials: np.ndarray) -> bool:

@@ -5,7 +5,7 @@ import pytest
 
 from ispm import wgsl
 from ispm.errors import AdapterError, IspmError
-from ispm.gpu import FLAT, Gpu, Target, list_adapters, open_gpu
+from ispm.gpu import FLAT, Gpu, Target, list_adapters, open_gpu, readback
 
 SHADER = """
 struct Params {
@@ -183,3 +183,11 @@ def test_open_gpu_heeds_the_environment(monkeypatch: pytest.MonkeyPatch) -> None
     monkeypatch.setenv("ISPM_ADAPTER", "nonesuch")
     with pytest.raises(AdapterError, match="nonesuch"):
         open_gpu()
+
+
+def test_pieces_of_read_memory_are_used_again_up_to_a_limit(monkeypatch):
+    monkeypatch.setattr(readback._Room, "_MOST", 5 << 20)
+    room = readback._Room()
+    places = [[each.ctypes.data for each in [room.take(2 << 20) for _ in range(3)]] for _ in range(2)]
+    assert places[1][:2] == places[0][:2]
+    assert sum(piece.nbytes for piece in room._pieces) == 4 << 20

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from ispm.paths import resolve
 from ispm.paths.resolve import lonely_rows, resolve_lobes, shown
 from ispm.paths.vertices import FIRST_VERTEX
 
@@ -105,3 +106,18 @@ def test_what_is_no_lobe_is_not_touched():
     given = flat(reflectance=0.0)
     light = np.random.default_rng(3).random((WIDE * HIGH, 9)).astype(np.float32)
     assert (resolved(light, given) == light).all()
+
+
+@pytest.mark.parametrize("pixels", [1, 5000, 9000])
+def test_bands_change_no_bit(monkeypatch, pixels):
+    """Nor at gaps of the picture, rows without lobes, or lights that stand out beside a band's end."""
+    random = np.random.default_rng(7)
+    whole = flat(random.uniform(0.0, 9.0, WIDE * HIGH), where=slice(None))
+    kept = np.flatnonzero((random.random(WIDE * HIGH) < 0.8) & (whole.pixels // WIDE != 40))
+    given = shown(
+        kept, WIDE, whole.firsts[kept], whole.lobes["position"][kept], np.ones(len(kept), np.float32), THREADS
+    )
+    light = random.random((len(kept), 9)) * np.where(random.random(len(kept)) < 0.01, 500.0, 1.0)[:, None]
+    expected = resolved(light, given)
+    monkeypatch.setattr(resolve, "_BAND", pixels)
+    assert resolved(light, given).tobytes() == expected.tobytes()

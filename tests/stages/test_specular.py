@@ -7,6 +7,7 @@ from exact import quad, view_of
 from ispm.scene.material import Material, Texture
 from ispm.scene.packed import pack
 from ispm.scene.scene import Scene
+from ispm.stages import specular
 from ispm.stages.gbuffer import GBufferStage
 from ispm.stages.specular import SpecularStage
 from ispm.stages.upload import Upload
@@ -72,7 +73,9 @@ def test_the_g_buffer_keeps_row_and_transmission_apart(gpu):
         assert (word >> 24) / 255 == pytest.approx(expected, abs=0.5 / 255 + 1e-6)
 
 
-def test_light_is_added_to_the_listed_pixels_alone(gpu):
+@pytest.mark.parametrize("band", [1 << 18, 128])
+def test_light_is_added_to_the_listed_pixels_alone(gpu, monkeypatch, band):
+    monkeypatch.setattr(specular, "_BAND", band)
     size, random = (37, 21), np.random.default_rng(1)
     chains = SpecularStage(gpu)
     textures, before = [], []
