@@ -111,7 +111,7 @@ def resample_surround(tables, x, wo, u1, u2, pick, pairs, brightest, by_lobes):
             radiance, own = environment_light(tables.environment, wi)
         else:
             wi, radiance, own = sample_environment(tables.environment, a, b)
-        pdf = f32(0.5) * (own + _surface_pdf(x, wo, wi, by_lobes))
+        pdf = candidate_pdf(tables, x, wo, wi, own, by_lobes)
         f = eval_bsdf(x.bsdf, x.n, x.ng, wo, wi)
         light = abs(dot(x.n, wi)) * (f[0] * radiance[0] + f[1] * radiance[1] + f[2] * radiance[2])
         if pdf <= f32(0) or light <= _LEAST_LIGHT:
@@ -121,6 +121,16 @@ def resample_surround(tables, x, wo, u1, u2, pick, pairs, brightest, by_lobes):
         else:
             dark = _offered(dark, radiance, wi, own, light, pdf)
     return _mean(dark, pairs), _mean(bright, pairs)
+
+
+@jit
+def candidate_pdf(tables, x, wo, wi, own, by_lobes):
+    """Return the density, 1/sr, of a direction among the darker candidates of `resample_surround`.
+
+    own  density of the environment's own draw, 1/sr
+    """
+    by_surface = _surface_pdf(x, wo, wi, by_lobes)
+    return by_surface if tables.environment.brightest == f32(np.inf) else f32(0.5) * (own + by_surface)
 
 
 @jit

@@ -15,30 +15,37 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ispm.accel.intersect import STACK_WORDS, any_distance
-from ispm.accel.layers import without_diffuse
-from ispm.accel.records import Ray, Scratch
+from ispm.accel.intersect import STACK_WORDS
+from ispm.accel.records import Scratch
 from ispm.accel.surface import Tables
-from ispm.accel.transmittance import BEFORE, shadow_transmittance
 from ispm.kernels.share import run_shared, shared_rows
 from ispm.kernels.simd import alloca
-from ispm.lights.area import resample_surround, sample_lamps
+from ispm.lights.area import candidate_pdf, resample_surround, sample_lamps
 from ispm.lights.known import are_known, unshaded_lamps
 from ispm.lights.nee import (
-    BY_FACETS,
-    drawn_share,
     draws_by_lobes,
     greatest,
-    side_of,
 )
-from ispm.optics.bsdf import eval_bsdf, is_lambert, is_narrow, transmits
-from ispm.optics.coat import with_diffuse
-from ispm.optics.environment import environment_irradiance, has_environment
+from ispm.optics.bsdf import is_lambert, is_narrow
+from ispm.optics.environment import environment_irradiance, environment_light, has_environment
 from ispm.optics.jit import jit
 from ispm.optics.light import FAR
 from ispm.optics.rng import random4
-from ispm.optics.vector import Vector, add, dot, scale, sub
-from ispm.stages.pixels import Pixels, PixelView, is_lit, lift, shown_at
+from ispm.optics.vector import add, dot, luminance, scale
+from ispm.stages.area_samples import UNKNOWN, Arriving, Samples, add_light
+from ispm.stages.openings import (
+    DREW,
+    PASSED,
+    Around,
+    Openings,
+    closed,
+    draw_opening,
+    find_openings,
+    no_openings,
+    opening_pdf,
+    openings_around,
+)
+from ispm.stages.pixels import Pixels, PixelView, is_lit, shown_at
 
 f32, i64, u32 = np.float32, np.int64, np.uint32
 
@@ -47,14 +54,12 @@ CHUNK = 64  # pixels a thread takes at a time
 _DIMENSION = 5 << 20  # of the random numbers
 _SIDE = 4  # pixels of a square that draws from each part once
 _PAIRS = 1  # of directions that one of the environment is drawn from
-_BLUR = f32(0.25)  # of a penumbra's width, that the filter blurs it over to each side at most
 _NEAR = f32(0.18)  # of a lamp's distance, that its light without shadows is filtered over, likewise
 _DRAWS = 4  # of a pixel in a narrow penumbra, in the first pass
 _NARROW = f32(6)  # pixels that the filter reaches there, less than which its wider squares have no weight
 _CLOSE = f32(36)  # pixels that lamps' light is averaged over, below which wide squares count in part
 _BESIDE = f32(12)  # and below which those of the first stride do
 _CLOSE_DRAWS, _FEWER_DRAWS = 16, 8  # of lamps that are known in the mean, beside them and not
-_WHITE = f32(1), f32(1), f32(1)
 _IS_NARROW, _IS_REACHED, _IS_CLOSE, _IS_BESIDE = (
     1,
     2,
@@ -64,27 +69,6 @@ _IS_NARROW, _IS_REACHED, _IS_CLOSE, _IS_BESIDE = (
 _AROUND = 2  # pixels to each side that tell of penumbrae and of lamps
 
 
-class Samples(NamedTuple):
-    """What shadow rays found, float32, a row for each channel.
-
-    diffuse, gloss  (3, n) light of the Lambert lobe over its albedo, and of the others, cd/m2
-    drawn           (3, n) what `diffuse` would be without shadows and reflection above it
-    known           (3, n) likewise, exact: the environment's, and that of lamps where `are_known`
-    lamps           (3, n) likewise, of other lamps, in the mean; (3, 0) where there are none
-    near            (n,) or (0,) pixels over which that may be averaged, infinite where they bring nothing
-    reach           (n,) pixels to each side that the filter may take in: of the penumbra's width, infinite
-                    where none shades a Lambert surface
-    """
-
-    diffuse: np.ndarray
-    gloss: np.ndarray
-    drawn: np.ndarray
-    known: np.ndarray
-    lamps: np.ndarray
-    near: np.ndarray
-    reach: np.ndarray
-
-
 def draw_light(tables: Tables, pixels: Pixels, view: PixelView, threads: int) -> Samples:
     """Return the Samples of n pixels."""
     count = len(pixels.points)
@@ -92,18 +76,26 @@ def draw_light(tables: Tables, pixels: Pixels, view: PixelView, threads: int) ->
     lamps, near = np.zeros((3, by_draws), np.float32), np.full(by_draws, np.inf, np.float32)
     diffuse, gloss, drawn, known = np.zeros((4, 3, count), np.float32)
     samples = Samples(diffuse, gloss, drawn, known, lamps, near, np.full(count, np.inf, np.float32))
-    marks = np.zeros(count, np.uint8)
-    run_shared(lambda counter: _draw_once(tables, pixels, view, marks, counter, samples), threads)
-    if view.pass_index == 0 or by_draws:
-        run_shared(lambda counter: _refine(tables, pixels, view, marks, counter, samples), threads)
+    marks, surrounded = np.zeros(count, np.uint8), len(tables.environment.columns) > 0
+    found = np.empty((count if surrounded else 0, 3), np.float32)
+    openings = closed()
+    run_shared(
+        lambda counter: _draw_once(tables, pixels, view, marks, openings, found, counter, samples), threads
+    )
+    if view.pass_index == 0 or by_draws or surrounded:
+        openings = find_openings(marks, found, int(view.columns), threads)
+        told = marks, openings
+        run_shared(lambda counter: _refine(tables, pixels, view, told, counter, samples), threads)
     return samples
 
 
 @jit
-def _draw_once(tables, pixels, view, marks, counter, samples):
-    """Trace a shadow ray for as many of the Pixels as a thread gets, and mark what it met."""
+def _draw_once(tables, pixels, view, marks, openings, found, counter, samples):
+    """Trace a shadow ray for as many of the Pixels as a thread gets, and mark what it met; write where the
+    environment was `found`, (n, 3)."""
     scratch = Scratch(alloca(STACK_WORDS), alloca(2))
-    step, by_draws = _first_part(view), len(samples.near) > 0
+    step, by_draws, surrounded = _first_part(view), len(samples.near) > 0, len(found) > 0
+    guide = _Guide(openings, no_openings(), i64(1))
     for i in shared_rows(counter, CHUNK, len(pixels.points)):
         if not is_lit(tables, pixels, i):
             continue
@@ -112,9 +104,16 @@ def _draw_once(tables, pixels, view, marks, counter, samples):
             # what reflection leaves to the Lambert lobe depends on the draw, whose ratio alone is biased; and
             # what is reflected is known by draws alone, of which each pixel of a square has another part
             samples.reach[i] = UNSHADED
-        _draw(tables, shown, view, i, i64(0), step, scratch, samples)
+        numbers = _numbers(view, i, i64(0), step)
+        _draw_lamp(tables, shown, numbers, i, scratch, samples)
+        mark = i64(0)
+        if surrounded:
+            wi, passed = _draw_surround(tables, shown, numbers, guide, i, scratch, samples)
+            mark = DREW + PASSED * passed
+            for c in range(3):
+                found[i, c] = wi[c]
         known = f32(0), f32(0), f32(0)
-        if has_environment(tables.environment):
+        if surrounded:
             known = environment_irradiance(tables.environment, shown.x.n)
         if not by_draws:
             known = add(known, unshaded_lamps(tables, shown.x, f32(0), f32(0), f32(0), i64(0)))
@@ -122,37 +121,54 @@ def _draw_once(tables, pixels, view, marks, counter, samples):
         for c in range(3):
             samples.known[c, i] = known[c] * f32(1 / math.pi)
             is_reached = is_reached or samples.diffuse[c, i] > f32(0) or samples.gloss[c, i] > f32(0)
-        mark = _IS_NARROW * (samples.reach[i] < _NARROW) + _IS_REACHED * is_reached
+        mark += _IS_NARROW * (samples.reach[i] < _NARROW) + _IS_REACHED * is_reached
         if by_draws:
             mark += _IS_CLOSE * (samples.near[i] < _CLOSE) + _IS_BESIDE * (samples.near[i] < _BESIDE)
         marks[i] = mark
 
 
 @jit
-def _refine(tables, pixels, view, marks, counter, samples):
+def _refine(tables, pixels, view, told, counter, samples):
     """Have pixels in narrow penumbrae draw again in the first pass, so that the Samples are their means, and
-    those close to lamps know what these bring without shadows."""
+    those that see little of the environment where it is open; have those close to lamps know what these bring
+    without shadows. told: the marks of all, and where the environment is open."""
     scratch = Scratch(alloca(STACK_WORDS), alloca(2))
+    marks, openings = told
     step, partly = _first_part(view), _IS_NARROW | _IS_REACHED
     for i in shared_rows(counter, CHUNK, len(pixels.points)):
-        around = _marks_around(marks, i, view.columns)
+        around, open_around = _marks_around(marks, i, view.columns), no_openings()
         draws_again = view.pass_index == u32(0) and around & partly == partly
-        if not (draws_again or around & _IS_CLOSE) or not is_lit(tables, pixels, i):
+        if marks[i] & DREW != 0:
+            open_around = openings_around(openings, marks, i, view.columns)
+        is_guided = open_around.draws > 0
+        if not (draws_again or is_guided or around & _IS_CLOSE) or not is_lit(tables, pixels, i):
             continue
-        shown = shown_at(tables, pixels, view, i)
-        if draws_again:
-            for k in range(1, _DRAWS):
-                _draw(tables, shown, view, i, i64(k), step, scratch, samples)
+        shown, draws = shown_at(tables, pixels, view, i), i64(_DRAWS if draws_again else 1)
+        guide = _Guide(openings, open_around, draws)
+        if is_guided:
+            # the first draw counts less; its ray is traced anew through porous surfaces alone
+            known = UNKNOWN if tables.porous else i64(marks[i] & PASSED != 0)
+            dark, _ = _surround(tables, shown, _numbers(view, i, i64(0), step))
+            _draw_dark(tables, shown, dark, guide, f32(1), known, i, scratch, samples)
+        for k in range(1, draws):
+            numbers = _numbers(view, i, i64(k), step)
+            _draw_lamp(tables, shown, numbers, i, scratch, samples)
+            if marks[i] & DREW != 0:
+                _draw_surround(tables, shown, numbers, guide, i, scratch, samples)
+        for k in range(open_around.draws):
+            numbers = _numbers(view, i, i64(k), step)
+            _draw_guided(tables, shown, numbers, guide, i, scratch, samples)
+        if draws > 1:
             for sums in (samples.diffuse, samples.gloss, samples.drawn):
                 for c in range(3):
                     sums[c, i] *= f32(1 / _DRAWS)
         if around & _IS_CLOSE:
             r0, r1, r2, _ = random4(u32(i), u32(_DIMENSION + 3), view.pass_index, view.seed)
-            draws = _CLOSE_DRAWS if around & _IS_BESIDE else _FEWER_DRAWS
-            light = unshaded_lamps(tables, shown.x, r0, r1, r2, i64(draws))
+            parts = _CLOSE_DRAWS if around & _IS_BESIDE else _FEWER_DRAWS
+            light = unshaded_lamps(tables, shown.x, r0, r1, r2, i64(parts))
             for c in range(3):
                 samples.lamps[c, i] = light[c] * f32(1 / math.pi)
-        elif draws_again and len(samples.near) > 0:
+        elif draws > 1 and len(samples.near) > 0:
             for c in range(3):
                 samples.lamps[c, i] *= f32(1 / _DRAWS)
 
@@ -177,9 +193,9 @@ def _first_part(view):
 
 
 @jit
-def _draw(tables, shown, view, i, k, step, scratch, samples):
-    """Add to row i of the Samples its draw k: of the part that lies half of the parts aside along either
-    axis, by the bits of k."""
+def _numbers(view, i, k, step):
+    """Three float32 random numbers of [0, 1) for draw k of row i: of the part that lies half of the parts
+    aside along either axis, by the bits of k."""
     half, side = i64(_SIDE // 2), i64(_SIDE)
     column = (i % view.columns + step + half * (k % 2)) % side
     row = (i // view.columns + step // side + half * (k // 2)) % side
@@ -189,85 +205,93 @@ def _draw(tables, shown, view, i, k, step, scratch, samples):
     shift, _, _, _ = random4(square, u32(_DIMENSION + 2), view.pass_index, view.seed)
     u0 = (f32((row * _SIDE + column) * 7 % (_SIDE * _SIDE)) + r0) * f32(1 / (_SIDE * _SIDE)) + shift
     u0 -= f32(math.floor(u0))
-    u1, u2 = (f32(column) + r1) * f32(1 / _SIDE), (f32(row) + r2) * f32(1 / _SIDE)
-    radiance, distance, wi, pdf, _, _ = sample_lamps(tables, shown.x, u0, u1, u2)
+    return u0, (f32(column) + r1) * f32(1 / _SIDE), (f32(row) + r2) * f32(1 / _SIDE)
+
+
+@jit
+def _draw_lamp(tables, shown, numbers, i, scratch, samples):
+    """Add to row i of the Samples a draw from lamps, by three random numbers."""
+    radiance, distance, wi, pdf, _, _ = sample_lamps(tables, shown.x, *numbers)
     if pdf > f32(0):
-        arriving = _Arriving(scale(f32(1) / pdf, radiance), distance, wi, pdf)
-        brought = _add_light(tables, shown, arriving, i, scratch, samples)
+        arriving = Arriving(scale(f32(1) / pdf, radiance), distance, wi, pdf)
+        brought, _ = add_light(tables, shown, arriving, f32(1), UNKNOWN, i, scratch, samples)
         if len(samples.near) > 0 and greatest(brought) > f32(0):
             for c in range(3):
                 samples.lamps[c, i] += brought[c]
             slant = abs(dot(shown.x.ng, shown.wo))
             samples.near[i] = min(samples.near[i], _NEAR * slant * distance / shown.width)
-    if has_environment(tables.environment):
-        x, wo, pick = shown.x, shown.wo, u0
-        brightest = tables.environment.brightest
-        by_lobes = draws_by_lobes(x.bsdf) and not is_narrow(x.bsdf)  # eye paths take these
-        both = resample_surround(tables, x, wo, u1, u2, pick, _PAIRS, brightest, by_lobes)
-        for drawn in both:
-            arriving = _Arriving(drawn.radiance, FAR, drawn.wi, drawn.pdf)
-            _add_light(tables, shown, arriving, i, scratch, samples)
 
 
-class _Arriving(NamedTuple):
-    """Light of one point of a lamp, or from one direction: irradiance over the density of the draw, distance,
-    m, wi, and the density of its direction among all lamps' points or the environment, 1/sr."""
+class _Guide(NamedTuple):
+    """Where the environment is open, of all pixels and about one, and how many draws that has besides."""
 
-    irradiance: Vector
-    distance: np.float32
-    wi: Vector
-    pdf: np.float32
+    openings: Openings
+    around: Around
+    draws: np.int64
 
 
 @jit
-def _add_light(tables, shown, arriving, i, scratch, samples):
-    """Add what row i makes of an _Arriving to the Samples, and return what of that is `drawn`."""
-    x, wo, wi = shown.x, shown.wo, arriving.wi
-    b, along = x.bsdf, abs(dot(x.n, wi))
-    none = f32(0), f32(0), f32(0)
-    if greatest(arriving.irradiance) <= f32(0):
-        return none
-    # over its albedo, of which channels may be 0: neighbors ask how much of the light passes in each
-    f = eval_bsdf(with_diffuse(b, _WHITE), x.n, x.ng, wo, wi)
-    gloss = none
-    if not is_lambert(b):
-        gloss = eval_bsdf(without_diffuse(b), x.n, x.ng, wo, wi)
-        f = sub(f, gloss)
-        if transmits(b):
-            gloss = none  # eye paths find what these reflect and let through
-        else:
-            _, share = drawn_share(x, wo, wi, arriving.pdf, BY_FACETS)
-            gloss = scale(share, gloss)
-    if not (is_lambert(b) or greatest(b.diffuse) > f32(0) or greatest(gloss) > f32(0)):
-        return none
-    lights = greatest(f) > f32(0) or greatest(gloss) > f32(0)
-    shades_itself = not lights and dot(x.ng, wi) <= f32(0)
-    brought = none
-    if dot(x.n, wi) > f32(0) and (lights or shades_itself):
-        brought = scale(f32(1 / math.pi), scale(along, arriving.irradiance))
-        for c in range(3):
-            samples.drawn[c, i] += brought[c]
-    if not lights:
-        return brought
-    start = add(x.position, scale(lift(shown), side_of(x.ng, wi)))
-    toward, distance = wi, arriving.distance
-    if distance < FAR:  # anew, for `start` may lie nearer to a lamp by more than rays end before it
-        segment = sub(add(x.position, scale(distance, wi)), start)
-        distance = f32(math.sqrt(dot(segment, segment)))
-        toward = scale(f32(1) / max(distance, f32(1e-30)), segment)
-    limit = distance * (f32(1) - BEFORE)
-    met = any_distance(tables.trees, Ray(start, toward, limit), scratch.stack)
-    passed = f32(1), f32(1), f32(1)
-    if met < limit:
-        # of the lamp's image through a pinhole at what is between
-        angle = f32(1) / f32(math.sqrt(max(arriving.pdf, f32(1e-30))))
-        width = angle * met / max(f32(1) - met / distance, f32(1e-6))
-        samples.reach[i] = min(samples.reach[i], _BLUR * width / shown.width)
-        if not tables.porous:
-            return brought
-        passed = shadow_transmittance(tables, start, toward, distance, scratch)
-    for c in range(3):
-        light = along * arriving.irradiance[c] * passed[c]
-        samples.diffuse[c, i] += light * f[c]
-        samples.gloss[c, i] += light * gloss[c]
-    return brought
+def _draw_surround(tables, shown, numbers, guide, i, scratch, samples):
+    """Add to row i of the Samples a draw from the environment, by three random numbers.
+
+    ->  (its direction among those no brighter than suns, whether light comes from there)
+    """
+    dark, bright = _surround(tables, shown, numbers)
+    passed = _draw_dark(tables, shown, dark, guide, f32(0), UNKNOWN, i, scratch, samples)
+    arriving = Arriving(bright.radiance, FAR, bright.wi, bright.pdf)
+    add_light(tables, shown, arriving, f32(1), UNKNOWN, i, scratch, samples)
+    return dark.wi, passed
+
+
+@jit
+def _draw_dark(tables, shown, dark, guide, less, known, i, scratch, samples):
+    """Add the Surround of directions no brighter than suns, by the weight that guided draws leave to it, less
+    a number; return whether light comes from there. known: see `add_light`.
+
+    The balance heuristic (Veach 1997, section 9.2.2), but for candidates' densities in place of the draw's.
+    """
+    own, guided = _densities(tables, shown, guide, dark.wi, dark.pdf)
+    weight = own / (own + guided) if own > f32(0) else f32(1)
+    arriving = Arriving(dark.radiance, FAR, dark.wi, dark.pdf)
+    _, passed = add_light(tables, shown, arriving, weight - less, known, i, scratch, samples)
+    return passed
+
+
+@jit
+def _draw_guided(tables, shown, numbers, guide, i, scratch, samples):
+    """Add likewise a draw of where the environment is open, by the weight that it has beside those of
+    `_draw_dark`."""
+    wi = draw_opening(guide.openings, guide.around, *numbers)
+    radiance, pdf = environment_light(tables.environment, wi)
+    if luminance(radiance) > tables.environment.brightest:
+        return
+    own, guided = _densities(tables, shown, guide, wi, pdf)
+    if own <= f32(0):  # what the pixel's own draw leaves to others
+        return
+    arriving = Arriving(scale(f32(guide.draws) / (own + guided), radiance), FAR, wi, pdf)
+    add_light(tables, shown, arriving, f32(1), UNKNOWN, i, scratch, samples)
+
+
+@jit
+def _surround(tables, shown, numbers):
+    """The two Surrounds that three random numbers draw."""
+    pick, u1, u2 = numbers
+    brightest, by_lobes = tables.environment.brightest, _draws_by_lobes(shown.x)
+    return resample_surround(tables, shown.x, shown.wo, u1, u2, pick, _PAIRS, brightest, by_lobes)
+
+
+@jit
+def _densities(tables, shown, guide, wi, pdf):
+    """How many draws, and how many guided ones, a pixel has for each steradian about a direction.
+
+    pdf  of the environment's own draw, 1/sr
+    """
+    own = candidate_pdf(tables, shown.x, shown.wo, wi, pdf, _draws_by_lobes(shown.x))
+    guided = f32(guide.around.draws) * opening_pdf(guide.openings, guide.around, wi)
+    return f32(guide.draws) * own, guided
+
+
+@jit
+def _draws_by_lobes(x):
+    """Whether a SurfacePoint draws directions of the environment by its lobes: eye paths take narrow ones."""
+    return draws_by_lobes(x.bsdf) and not is_narrow(x.bsdf)

@@ -1,0 +1,127 @@
+"""Samples of the direct light of lamps with a surface and of the environment: what a draw adds to a pixel."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from ispm.accel.intersect import any_distance
+from ispm.accel.layers import without_diffuse
+from ispm.accel.records import Ray
+from ispm.accel.transmittance import BEFORE, shadow_transmittance
+from ispm.lights.nee import BY_FACETS, drawn_share, greatest, side_of
+from ispm.optics.bsdf import eval_bsdf, is_lambert, transmits
+from ispm.optics.coat import with_diffuse
+from ispm.optics.jit import jit
+from ispm.optics.light import FAR
+from ispm.optics.vector import Vector, add, dot, scale, sub
+from ispm.stages.pixels import lift
+
+f32, i64 = np.float32, np.int64
+
+UNKNOWN = i64(-1)  # whether a draw passes what is between
+_BLUR = f32(0.25)  # of a penumbra's width, that the filter blurs it over to each side at most
+_WHITE = f32(1), f32(1), f32(1)
+
+
+class Samples(NamedTuple):
+    """What shadow rays found, float32, a row for each channel.
+
+    diffuse, gloss  (3, n) light of the Lambert lobe over its albedo, and of the others, cd/m2
+    drawn           (3, n) what `diffuse` would be without shadows and reflection above it
+    known           (3, n) likewise, exact: the environment's, and that of lamps where `are_known`
+    lamps           (3, n) likewise, of other lamps, in the mean; (3, 0) where there are none
+    near            (n,) or (0,) pixels over which that may be averaged, infinite where they bring nothing
+    reach           (n,) pixels to each side that the filter may take in: of the penumbra's width, infinite
+                    where none shades a Lambert surface
+    """
+
+    diffuse: np.ndarray
+    gloss: np.ndarray
+    drawn: np.ndarray
+    known: np.ndarray
+    lamps: np.ndarray
+    near: np.ndarray
+    reach: np.ndarray
+
+
+class Arriving(NamedTuple):
+    """Light of one point of a lamp, or from one direction: irradiance over the density of the draw, distance,
+    m, wi, and the density of its direction among all lamps' points or the environment, 1/sr."""
+
+    irradiance: Vector
+    distance: np.float32
+    wi: Vector
+    pdf: np.float32
+
+
+@jit
+def add_light(tables, shown, arriving, weight, known, i, scratch, samples):
+    """Add what row i makes of an Arriving to the Samples, times a weight.
+
+    known  whether it passes what is between, 0 or 1, or UNKNOWN: a ray tells
+    ->     (what of it is `drawn`, but for the weight; whether some of it passes)
+    """
+    x, wo, wi = shown.x, shown.wo, arriving.wi
+    b, along = x.bsdf, abs(dot(x.n, wi))
+    none = f32(0), f32(0), f32(0)
+    if greatest(arriving.irradiance) <= f32(0):
+        return none, False
+    # over its albedo, of which channels may be 0: neighbors ask how much of the light passes in each
+    f = eval_bsdf(with_diffuse(b, _WHITE), x.n, x.ng, wo, wi)
+    gloss = none
+    if not is_lambert(b):
+        gloss = eval_bsdf(without_diffuse(b), x.n, x.ng, wo, wi)
+        f = sub(f, gloss)
+        if transmits(b):
+            gloss = none  # eye paths find what these reflect and let through
+        else:
+            _, share = drawn_share(x, wo, wi, arriving.pdf, BY_FACETS)
+            gloss = scale(share, gloss)
+    if not (is_lambert(b) or greatest(b.diffuse) > f32(0) or greatest(gloss) > f32(0)):
+        return none, False
+    lights = greatest(f) > f32(0) or greatest(gloss) > f32(0)
+    shades_itself = not lights and dot(x.ng, wi) <= f32(0)
+    brought = none
+    if dot(x.n, wi) > f32(0) and (lights or shades_itself):
+        brought = scale(f32(1 / math.pi), scale(along, arriving.irradiance))
+        for c in range(3):
+            samples.drawn[c, i] += weight * brought[c]
+    if not lights:
+        return brought, False
+    passed = f32(1), f32(1), f32(1)
+    if known != UNKNOWN:
+        passed = scale(f32(known), passed)
+    else:
+        passed = _passed(tables, shown, arriving, i, scratch, samples)
+    for c in range(3):
+        light = weight * along * arriving.irradiance[c] * passed[c]
+        samples.diffuse[c, i] += light * f[c]
+        samples.gloss[c, i] += light * gloss[c]
+    return brought, greatest(passed) > f32(0)
+
+
+@jit
+def _passed(tables, shown, arriving, i, scratch, samples):
+    """What share of an Arriving, RGB, passes what is between; the penumbra's width tells how far row i of the
+    Samples reaches."""
+    x, wi = shown.x, arriving.wi
+    start = add(x.position, scale(lift(shown), side_of(x.ng, wi)))
+    toward, distance = wi, arriving.distance
+    if distance < FAR:  # anew, for `start` may lie nearer to a lamp by more than rays end before it
+        segment = sub(add(x.position, scale(distance, wi)), start)
+        distance = f32(math.sqrt(dot(segment, segment)))
+        toward = scale(f32(1) / max(distance, f32(1e-30)), segment)
+    limit = distance * (f32(1) - BEFORE)
+    met = any_distance(tables.trees, Ray(start, toward, limit), scratch.stack)
+    if met < limit:
+        # of the lamp's image through a pinhole at what is between
+        angle = f32(1) / f32(math.sqrt(max(arriving.pdf, f32(1e-30))))
+        width = angle * met / max(f32(1) - met / distance, f32(1e-6))
+        samples.reach[i] = min(samples.reach[i], _BLUR * width / shown.width)
+        if not tables.porous:
+            return f32(0), f32(0), f32(0)
+        return shadow_transmittance(tables, start, toward, distance, scratch)
+    return f32(1), f32(1), f32(1)
