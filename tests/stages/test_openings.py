@@ -119,9 +119,9 @@ def lit_by_a_hole() -> Scene:
 
 def test_light_through_a_hole_is_exact_and_has_little_noise(gpu):
     """One cosine draw in 230 passes. By these alone, a mean over squares of 45 x 45 pixels is off by a third
-    (.41 was measured). Of draws in caps about the hole, which is seen some 8 degrees wide, one in six passes at
-    least: four to a pixel, and 25 pixels to the smallest square, err by sqrt(5 / 100) = .22 at most. The mean of
-    48 pictures is exact to four of its standard errors, by Lambert's formula for polygons."""
+    (.41 was measured). Of draws in caps about the hole, which is seen some 8 degrees wide, one in six passes
+    at least: four to a pixel, and 25 pixels to the smallest square, err by sqrt(5 / 100) = .22 at most. The
+    mean of 48 pictures is exact to four of its standard errors, by Lambert's formula for polygons."""
     camera = Camera.look_at((0.0, 2.5, 0.0), (0.0, 0.0, -1e-3), yfov=0.6)
     settings = Settings(size=(96, 64), bounces=0, antialias=False)
     scene, means = lit_by_a_hole(), []
