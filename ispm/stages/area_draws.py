@@ -27,7 +27,7 @@ from ispm.lights.nee import (
     greatest,
 )
 from ispm.optics.bsdf import is_lambert, is_narrow
-from ispm.optics.environment import environment_irradiance, environment_light, has_environment
+from ispm.optics.environment import environment_irradiance, environment_light
 from ispm.optics.jit import jit
 from ispm.optics.light import FAR
 from ispm.optics.rng import random4
