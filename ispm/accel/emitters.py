@@ -1,11 +1,4 @@
-"""Triangles that emit light, and a tree by which they are drawn for a point that they may light.
-
-The tree is binary, complete and lies in one array, node k above 2 k and 2 k + 1, its leaves in the order of
-a curve through space. A node knows how much light its triangles send out, where they are and where they face;
-from that an importance for a point is made, and a triangle is drawn by going down, at each node to either
-side with a chance in proportion to it.
-Source: Conty Estevez and Kulla, Importance Sampling of Many Lights with Adaptive Tree Splitting, HPG 2018.
-"""
+"""Triangles that emit light, in the order of the leaves of a tree, and points that are drawn on them."""
 
 from __future__ import annotations
 
@@ -14,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ispm.accel.emitter_tree import FLOATS, WIDTH, emitter_tree
 from ispm.optics.jit import jit
 from ispm.optics.vector import LUMINANCE, add, cross, dot, scale, sub, vec3
 
@@ -28,13 +22,6 @@ EMITTER = np.dtype([
     ("instance", "<u4"), ("primitive", "<u4"), ("two_sided", "<u4"), ("textured", "<u4"),
 ])  # fmt: skip
 
-# A sphere about triangles, the cone about their normals, whose half angle has this cosine and sine, and their
-# luminous flux, lm, 0 where there are none.
-EMITTER_NODE = np.dtype([
-    ("center", "<f4", 3), ("radius", "<f4"), ("axis", "<f4", 3), ("cosine", "<f4"), ("power", "<f4"),
-    ("sine", "<f4"),
-])  # fmt: skip
-
 _SMALL = 1e-4  # sr: triangles that look smaller are drawn from by area
 _WIDE = 6.0  # sr: and those that look wider, from next to them
 _CURVE_BITS = 20  # of a Morton code along each axis
@@ -44,8 +31,7 @@ class Emitters(NamedTuple):
     """The emissive triangles of a scene as kernels read them; of one without any all arrays are empty.
 
     triangles  (n,) EMITTER
-    nodes      (2 w,) EMITTER_NODE, w the least power of two from n on; node 1 is the root, w + k the leaf of
-               triangle k
+    nodes      (m, 10, 8) float32, the tree, see `emitter_tree`
     first      (I,) int32 of each instance, where its triangles begin in `rows`; -1: it does not emit
     rows       (m,) int32 of each triangle of such an instance, its row in `triangles`, -1: it has no area
     """
@@ -57,7 +43,10 @@ class Emitters(NamedTuple):
 
 
 NO_EMITTERS = Emitters(
-    np.zeros(0, EMITTER), np.zeros(0, EMITTER_NODE), np.zeros(0, np.int32), np.zeros(0, np.int32)
+    np.zeros(0, EMITTER),
+    np.zeros((0, FLOATS, WIDTH), np.float32),
+    np.zeros(0, np.int32),
+    np.zeros(0, np.int32),
 )
 
 
@@ -83,7 +72,7 @@ def make_emitters(triangles: np.ndarray, instance_count: int) -> Emitters:
     rows = np.full(len(triangles), -1, np.int32)
     rows[order] = np.arange(len(order))
     kept = np.ascontiguousarray(triangles[order])
-    return Emitters(kept, _nodes(Emitters(kept, NO_EMITTERS.nodes, first, rows)), first, rows)
+    return Emitters(kept, _tree(Emitters(kept, NO_EMITTERS.nodes, first, rows)), first, rows)
 
 
 def _along_curve(triangles: np.ndarray) -> np.ndarray:
@@ -99,111 +88,15 @@ def _along_curve(triangles: np.ndarray) -> np.ndarray:
     return places
 
 
-def _nodes(emitters: Emitters) -> np.ndarray:
-    """(2 w,) EMITTER_NODE of triangles in the order of the leaves."""
+def _tree(emitters: Emitters) -> np.ndarray:
+    """The `nodes` of triangles in the order of the leaves."""
     triangles = emitters.triangles
-    count = len(triangles)
-    width = 1 << max(count - 1, 0).bit_length()
-    nodes = np.zeros(2 * width, EMITTER_NODE)
-    low, high = np.full((2 * width, 3), np.inf), np.full((2 * width, 3), -np.inf)
     corners = triangles["corner"][:, None] + np.stack(
         [np.zeros_like(triangles["edge1"]), triangles["edge1"], triangles["edge2"]], axis=1
     )
-    leaves = slice(width, width + count)
-    low[leaves], high[leaves] = corners.min(axis=1), corners.max(axis=1)
-    power, axis = np.zeros(2 * width), np.zeros((2 * width, 3))
-    cosine = np.ones(2 * width)
-    power[leaves], axis[leaves] = emitter_flux(emitters), triangles["normal"]
-    cosine[leaves] = np.where(triangles["two_sided"] > 0, -1.0, 1.0)
-    begin = width
-    while begin > 1:
-        left, right = np.arange(begin, 2 * begin, 2), np.arange(begin + 1, 2 * begin, 2)
-        above = left // 2
-        low[above], high[above] = np.minimum(low[left], low[right]), np.maximum(high[left], high[right])
-        power[above] = power[left] + power[right]
-        axis[above], cosine[above] = _cones(axis, cosine, power, left, right)
-        begin //= 2
-    used = power > 0.0
-    nodes["center"][used] = (low[used] + high[used]) / 2.0
-    nodes["radius"][used] = np.linalg.norm(high[used] - low[used], axis=1) * (0.5 + 1e-6)
-    nodes["axis"], nodes["cosine"], nodes["power"] = axis, cosine, power
-    nodes["sine"] = np.sqrt(np.maximum(1.0 - cosine * cosine, 0.0))
-    return nodes
-
-
-def _cones(
-    axis: np.ndarray, cosine: np.ndarray, power: np.ndarray, left: np.ndarray, right: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Axes and cosines of cones about those of pairs of nodes; of an empty node the other's.
-    Conty Estevez and Kulla, algorithm 1."""
-    wide = np.where(cosine[left] <= cosine[right], left, right)
-    other = left + right - wide
-    alone = (power[left] == 0.0) | (power[right] == 0.0)
-    held = np.where(power[left] > 0.0, left, right)
-    half_wide, half_other = (np.arccos(np.clip(cosine[k], -1.0, 1.0)) for k in (wide, other))
-    between = np.arccos(np.clip(np.einsum("nk,nk->n", axis[wide], axis[other]), -1.0, 1.0))
-    half = (half_wide + between + half_other) / 2.0
-    within = np.minimum(between + half_other, math.pi) <= half_wide
-    turn = half - half_wide
-    across = axis[other] - np.cos(between)[:, None] * axis[wide]
-    across /= np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-30)
-    turned = np.cos(turn)[:, None] * axis[wide] + np.sin(turn)[:, None] * across
-    # Opposite axes have no plane to turn in.
-    all_around = (half >= math.pi) | (between > math.pi - 1e-6)
-    new_axis = np.where((within | all_around)[:, None], axis[wide], turned)
-    new_cosine = np.where(within, cosine[wide], np.where(all_around, -1.0, np.cos(half)))
-    return np.where(alone[:, None], axis[held], new_axis), np.where(alone, cosine[held], new_cosine)
-
-
-@jit
-def draw_emitter(emitters, position, n, u):
-    """Return (row, chance, u) of a triangle that may light a point, drawn by u of [0, 1): its row in
-    `triangles`, int64, -1: none may; the chance of that, float32; and u, uniform again.
-
-    position  m;  n  unit, on the side that is lit; zeros: both sides are
-    """
-    row, chance, u, _ = draw_interval(emitters, position, n, u)
-    return row, chance, u
-
-
-@jit
-def draw_interval(emitters, position, n, u):
-    """Return what `draw_emitter` does, and the least number, float32, that draws this triangle: from there as
-    many do as its chance says. Where none may light the point, all do as this one."""
-    nodes = emitters.nodes
-    if len(nodes) == 0 or _importance(nodes[1], position, n) <= f32(0):
-        return i64(-1), f32(1), u, f32(0)
-    k, chance, least, count = i64(1), f32(1), f32(0), i64(len(nodes) // 2)
-    while k < count:
-        k *= i64(2)
-        left = _importance(nodes[k], position, n)
-        total = left + _importance(nodes[k + 1], position, n)
-        if total <= f32(0):
-            return i64(-1), chance, u, least
-        share = left / total
-        if u < share:
-            u, chance = u / share, chance * share
-        else:
-            least += chance * share
-            u, chance = (u - share) / (f32(1) - share), chance * (f32(1) - share)
-            k += i64(1)
-        u = min(u, f32(1 - 2.0**-24))
-    return k - count, chance, u, least
-
-
-@jit
-def emitter_chance(emitters, row, position, n):
-    """Return the chance, float32, that `draw_emitter` draws a row for a point."""
-    nodes = emitters.nodes
-    k, chance = i64(len(nodes) // 2) + row, f32(1)
-    while k > i64(1):
-        own = _importance(nodes[k], position, n)
-        total = own + _importance(nodes[k ^ i64(1)], position, n)
-        if total <= f32(0):
-            return f32(0)
-        chance *= own / total
-        k >>= i64(1)
-    return chance if _importance(nodes[1], position, n) > f32(0) else f32(0)
+    cosine = np.where(triangles["two_sided"] > 0, -1.0, 1.0)
+    bounds = corners.min(axis=1), corners.max(axis=1)
+    return emitter_tree(*bounds, triangles["normal"], cosine, emitter_flux(emitters))
 
 
 @jit
@@ -213,42 +106,6 @@ def emitter_row(emitters, instance, primitive):
         return i64(-1)
     first = i64(emitters.first[instance])
     return i64(-1) if first < i64(0) else i64(emitters.rows[first + i64(primitive)])
-
-
-@jit
-def _importance(node, position, n):
-    """About what an EMITTER_NODE brings to a point, up to a factor; 0 only where it brings nothing.
-
-    Of the bounds on its triangles' cosines there and at the point, over the squared distance.
-    Conty Estevez and Kulla, section 4.
-    """
-    if node.power <= f32(0):
-        return f32(0)
-    segment = sub(vec3(node.center), position)
-    square, radius = dot(segment, segment), node.radius
-    if square <= radius * radius:
-        return node.power / max(radius * radius, f32(1e-30))
-    distance = f32(math.sqrt(square))
-    sine_seen = radius / distance
-    cosine_seen = f32(math.sqrt(max(f32(1) - sine_seen * sine_seen, f32(0))))
-    facing = dot(vec3(node.axis), segment) / -distance
-    cosine = _less(facing, node.cosine, node.sine)
-    cosine = _less(cosine, cosine_seen, sine_seen)
-    if cosine <= f32(0):
-        return f32(0)
-    lit = f32(1)
-    if n[0] != f32(0) or n[1] != f32(0) or n[2] != f32(0):
-        lit = _less(dot(n, segment) / distance, cosine_seen, sine_seen)
-    return max(lit, f32(0)) * cosine * node.power / square
-
-
-@jit
-def _less(cosine, by_cosine, by_sine):
-    """Cosine of an angle made smaller by another, not below 0; float32."""
-    if cosine >= by_cosine:
-        return f32(1)
-    sine = f32(math.sqrt(max(f32(1) - cosine * cosine, f32(0))))
-    return cosine * by_cosine + sine * by_sine
 
 
 @jit

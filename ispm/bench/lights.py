@@ -19,7 +19,7 @@ from ispm.gpu import open_gpu
 from ispm.kernels.jit import seconds_compiling
 from ispm.library.builtin import builtin
 from ispm.library.shapes import icosphere
-from ispm.renderer import Renderer
+from ispm.renderer import Renderer, Stats
 from ispm.scene.light import PointLight, RectLight
 from ispm.scene.material import Material
 from ispm.scene.scene import Scene
@@ -40,6 +40,7 @@ class LightCost:
     seconds  of processors, all cores together
     ratio    of that to the same moment with the point
     limit    that the ratio's median should not exceed; infinite: none
+    stored   photons of the last frame: each is found again where pixels gather light, whatever lamp sent it
     """
 
     light: str
@@ -47,6 +48,7 @@ class LightCost:
     seconds: Spread
     ratio: Spread
     limit: float
+    stored: int
 
 
 @dataclass
@@ -81,38 +83,54 @@ def measure_lights(
             scene = make()
             renderer = stack.enter_context(Renderer(scene, settings, gpu=gpu))
             drawn.append((name, renderer, moments(scene, count + _WARM_UP)))
+        stats: dict[str, Stats] = {}
         for k in range(count + _WARM_UP):
             tell(f"moment {k + 1} of {count + _WARM_UP} ...")
             for name, renderer, each in drawn:
                 renderer.scene = next(each)
-                seconds[name].append(_processor_seconds(renderer))
-        adapter = renderer.render().stats.adapter
-    return [_cost(name, seconds, limit) for name, (_, limit) in LIGHTS.items()], adapter
+                taken, stats[name] = _rendered(renderer)
+                seconds[name].append(taken)
+    costs = [_cost(name, seconds, limit, stats[name].stored_photons) for name, (_, limit) in LIGHTS.items()]
+    return costs, stats[POINT].adapter
 
 
-def _processor_seconds(renderer: Renderer) -> float:
-    """What a frame takes but for the compilation of kernels."""
+def _rendered(renderer: Renderer) -> tuple[float, Stats]:
+    """Processor seconds of a frame but for the compilation of kernels, and its statistics."""
     before, started = seconds_compiling(), time.process_time()
-    renderer.render()
-    return time.process_time() - started - (seconds_compiling() - before)
+    stats = renderer.render().stats
+    return time.process_time() - started - (seconds_compiling() - before), stats
 
 
-def _cost(name: str, seconds: dict[str, list[float]], limit: float) -> LightCost:
+def _cost(name: str, seconds: dict[str, list[float]], limit: float, stored: int) -> LightCost:
     taken, by_point = (np.array(seconds[each][_WARM_UP:]) for each in (name, POINT))
-    return LightCost(name, len(taken), spread(taken.tolist()), spread((taken / by_point).tolist()), limit)
+    ratio = spread((taken / by_point).tolist())
+    return LightCost(name, len(taken), spread(taken.tolist()), ratio, limit, stored)
 
 
 def lights_table(costs: list[LightCost]) -> list[tuple[object, ...]]:
     """Return a table with a row of headings."""
     rows: list[tuple[object, ...]] = [
-        ("light", "processor ms", "5 %", "95 %", "times the point's", "5 %", "95 %", "limit", "")
+        (
+            "light",
+            "processor ms",
+            "5 %",
+            "95 %",
+            "times the point's",
+            "5 %",
+            "95 %",
+            "limit",
+            "",
+            "photons stored",
+        )
     ]
     for each in costs:
         taken, ratio = each.seconds, each.ratio
         within = "" if ratio.median <= each.limit else "more"
         limit: object = "" if math.isinf(each.limit) else each.limit
         milliseconds = (1e3 * value for value in (taken.median, taken.low, taken.high))
-        rows.append((each.light, *milliseconds, ratio.median, ratio.low, ratio.high, limit, within))
+        rows.append(
+            (each.light, *milliseconds, ratio.median, ratio.low, ratio.high, limit, within, each.stored)
+        )
     return rows
 
 

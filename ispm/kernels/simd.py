@@ -162,6 +162,18 @@ def vfma(typingctx, a, b, c):
 
 
 @intrinsic
+def vsqrt(typingctx, a):
+    """The square roots of a vector of float32."""
+
+    def code(context, builder, signature, args):
+        name, kind, module = f"llvm.sqrt.v{a.lanes}f32", _vector(a.lanes), builder.module
+        known = module.globals.get(name)
+        return builder.call(known or ir.Function(module, ir.FunctionType(kind, [kind]), name), args)
+
+    return a(a), code
+
+
+@intrinsic
 def vget(typingctx, a, lane):
     """One lane of a vector, a float32."""
 
@@ -209,6 +221,17 @@ def vkeep(typingctx, signs, a):
         return builder.select(kept, vector, ir.Constant(_vector(a.lanes), [0.0] * a.lanes))
 
     return a(signs, a), code
+
+
+@intrinsic
+def vwhere(typingctx, a, b, yes, no):
+    """The lanes of `yes` where a <= b, else those of `no`, also for NaN; vectors of float32."""
+
+    def code(context, builder, signature, args):
+        one, other, chosen, left = args
+        return builder.select(builder.fcmp_ordered("<=", one, other, flags=_EXACT), chosen, left)
+
+    return a(a, b, yes, no), code
 
 
 def _mask(compare: str) -> Any:

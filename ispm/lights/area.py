@@ -7,9 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ispm.accel.emitter_tree import draw_emitter, emitter_chance
 from ispm.accel.emitters import (
-    draw_emitter,
-    emitter_chance,
     emitter_point,
     emitter_row,
     sample_triangle,

@@ -14,9 +14,11 @@ import math
 
 import numpy as np
 
-from ispm.accel.emitters import Emitters, corners_from, draw_interval, emitter_point, sample_triangle
+from ispm.accel.emitter_tree import PATH_WORDS, draw_next
+from ispm.accel.emitters import Emitters, corners_from, emitter_point, sample_triangle
 from ispm.accel.glow import emitted_radiance
 from ispm.accel.records import Hit
+from ispm.kernels.simd import alloca
 from ispm.lights.area import faces, lit_side
 from ispm.optics.jit import jit
 from ispm.optics.sampling import LATTICE
@@ -53,8 +55,11 @@ def unshaded_lamps(tables, x, u0, u1, u2, draws):
             total = add(total, _of_triangle(tables, triangles[row], x, u1, u2, row))
         return total
     side, share, k = lit_side(x), f32(1) / f32(draws), i64(0)
+    path, node, level = alloca(PATH_WORDS), i64(0), i64(-1)
     while k < draws:
-        row, chance, _, least = draw_interval(tables.emitters, x.position, side, (f32(k) + u0) * share)
+        row, chance, least, node, level = draw_next(
+            tables.emitters, x.position, side, (f32(k) + u0) * share, node, level, path
+        )
         first, until = k, least + chance
         k += i64(1)
         while k < draws and (f32(k) + u0) * share < until:

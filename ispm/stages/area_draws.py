@@ -57,15 +57,11 @@ _PAIRS = 1  # of directions that one of the environment is drawn from
 _NEAR = f32(0.18)  # of a lamp's distance, that its light without shadows is filtered over, likewise
 _DRAWS = 4  # of a pixel in a narrow penumbra, in the first pass
 _NARROW = f32(6)  # pixels that the filter reaches there, less than which its wider squares have no weight
-_CLOSE = f32(36)  # pixels that lamps' light is averaged over, below which wide squares count in part
-_BESIDE = f32(12)  # and below which those of the first stride do
-_CLOSE_DRAWS, _FEWER_DRAWS = 16, 8  # of lamps that are known in the mean, beside them and not
-_IS_NARROW, _IS_REACHED, _IS_CLOSE, _IS_BESIDE = (
-    1,
-    2,
-    4,
-    8,
-)  # marks: of what casts a shadow, of light, of what lamps bring
+# Pixels that lamps' light is averaged over: below the first the filter's widest squares count in part, below
+# 12 those of its first stride. 2, 4, 8 and 16 draws make some 1,800 of what is averaged, from 9 pixels on.
+_CLOSE = f32(36), f32(25), f32(20), f32(9)
+_IS_NARROW, _IS_REACHED = 1, 2  # marks: of what casts a shadow, of light
+_CLOSE_BIT, _CLOSE_BITS = 2, 15  # and from this bit on: of what lamps bring, which of _CLOSE it is below
 _AROUND = 2  # pixels to each side that tell of penumbrae and of lamps
 
 
@@ -123,7 +119,8 @@ def _draw_once(tables, pixels, view, marks, openings, found, counter, samples):
             is_reached = is_reached or samples.diffuse[c, i] > f32(0) or samples.gloss[c, i] > f32(0)
         mark += _IS_NARROW * (samples.reach[i] < _NARROW) + _IS_REACHED * is_reached
         if by_draws:
-            mark += _IS_CLOSE * (samples.near[i] < _CLOSE) + _IS_BESIDE * (samples.near[i] < _BESIDE)
+            for level in range(len(_CLOSE)):
+                mark += (1 << (_CLOSE_BIT + level)) * (samples.near[i] < _CLOSE[level])
         marks[i] = mark
 
 
@@ -138,10 +135,13 @@ def _refine(tables, pixels, view, told, counter, samples):
     for i in shared_rows(counter, CHUNK, len(pixels.points)):
         around, open_around = _marks_around(marks, i, view.columns), no_openings()
         draws_again = view.pass_index == u32(0) and around & partly == partly
+        close = (
+            around >> _CLOSE_BIT & _CLOSE_BITS
+        )  # 0, 1, 3, 7 or 15: below one of _CLOSE is below those before
         if marks[i] & DREW != 0:
             open_around = openings_around(openings, marks, i, view.columns)
         is_guided = open_around.draws > 0
-        if not (draws_again or is_guided or around & _IS_CLOSE) or not is_lit(tables, pixels, i):
+        if not (draws_again or is_guided or close) or not is_lit(tables, pixels, i):
             continue
         shown, draws = shown_at(tables, pixels, view, i), i64(_DRAWS if draws_again else 1)
         guide = _Guide(openings, open_around, draws)
@@ -162,10 +162,9 @@ def _refine(tables, pixels, view, told, counter, samples):
             for sums in (samples.diffuse, samples.gloss, samples.drawn):
                 for c in range(3):
                     sums[c, i] *= f32(1 / _DRAWS)
-        if around & _IS_CLOSE:
+        if close:
             r0, r1, r2, _ = random4(u32(i), u32(_DIMENSION + 3), view.pass_index, view.seed)
-            parts = _CLOSE_DRAWS if around & _IS_BESIDE else _FEWER_DRAWS
-            light = unshaded_lamps(tables, shown.x, r0, r1, r2, i64(parts))
+            light = unshaded_lamps(tables, shown.x, r0, r1, r2, close + i64(1))
             for c in range(3):
                 samples.lamps[c, i] = light[c] * f32(1 / math.pi)
         elif draws > 1 and len(samples.near) > 0:

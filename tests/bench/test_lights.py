@@ -14,7 +14,7 @@ from ispm.settings import Settings
 
 
 def made(name, ratios, limit):
-    return LightCost(name, len(ratios), spread([2.0 * r for r in ratios]), spread(ratios), limit)
+    return LightCost(name, len(ratios), spread([2.0 * r for r in ratios]), spread(ratios), limit, 7)
 
 
 def test_each_scene_has_the_light_that_it_is_named_after():
@@ -28,7 +28,7 @@ def test_the_table_tells_which_light_costs_too_much():
     costs = [made(POINT, [1.0, 1.0], math.inf), made("a", [1.2, 1.4], 1.2), made("b", [1.2, 1.4], 1.3)]
     heading, *rows = lights_table(costs)
     assert {len(row) for row in rows} == {len(heading)}
-    assert [row[-1] for row in rows] == ["", "more", ""]
+    assert [row[-2] for row in rows] == ["", "more", ""]
     assert rows[1][1] == pytest.approx(2600.0) and rows[1][4] == pytest.approx(1.3)
 
 
@@ -40,7 +40,9 @@ def test_lights_are_measured_beside_the_point(monkeypatch, tmp_path):
     report = json.loads(path.read_text())
     point, rectangle = report["lights"]
     assert report["kind"] == "lights" and point["ratio"]["median"] == 1.0
-    assert rectangle["seconds"]["median"] > 0.0 and rectangle["light"] == "rectangle"
+    assert (
+        rectangle["stored"] > 0 and rectangle["seconds"]["median"] > 0.0 and rectangle["light"] == "rectangle"
+    )
 
 
 def test_lights_are_measured_alone(capsys):
