@@ -81,7 +81,7 @@ class BounceStage:
             canvas.viewport(x, y, map.width, map.width)
             face = frame.uniform(uniform)
             for window, shared in windows:
-                draws = scene.draws_in(window, visible)
+                draws = scene.draws_in(window, compress(scene.draws, visible))
                 for draw in scene.each(frame, canvas, draws, pipeline, {"face": face, **shared}):
                     scene.draw_corners(canvas, draw, window)
 
