@@ -20,10 +20,11 @@ from ispm.optics.vector import LUMINANCE, add, cross, dot, scale, sub, vec3
 f32, f64, i64, u32 = np.float32, np.float64, np.int64, np.uint32
 
 # corner, edges: world space, m; normal: of the front, unit; radiance: mean of the face, cd/m2 RGB; lamp: m2
-# of all emissive triangles of the instance.
+# of all emissive triangles of the instance; axis, cone: of what it shines in, see `beam_cone`.
 EMITTER = np.dtype([
     ("corner", "<f4", 3), ("edge1", "<f4", 3), ("edge2", "<f4", 3), ("normal", "<f4", 3),
     ("radiance", "<f4", 3), ("area", "<f4"), ("lamp", "<f4"),
+    ("axis", "<f4", 3), ("cone", "<f4"),
     ("instance", "<u4"), ("primitive", "<u4"), ("two_sided", "<u4"), ("textured", "<u4"),
 ])  # fmt: skip
 

@@ -13,6 +13,7 @@ import numpy as np
 
 from ispm.accel.edges import is_on_edge, is_same_surface
 from ispm.accel.emitters import EMITTER, NO_EMITTERS, Emitters, make_emitters
+from ispm.accel.glow import beam_cone, face_radiance
 from ispm.accel.intersect import HIT_INSTANCE, HIT_PRIMITIVE, closest_after, instance_scale, read_hit
 from ispm.accel.leave import leave_triangle
 from ispm.accel.lobes import (
@@ -36,7 +37,6 @@ from ispm.accel.mesh import (
     is_flat,
     rows_times,
     triangle_at,
-    vector_at,
     word_of,
     world_normal,
     world_point,
@@ -44,12 +44,10 @@ from ispm.accel.mesh import (
 from ispm.accel.normals import bend
 from ispm.accel.records import NO_TREES, Hit, Ray, Trees
 from ispm.accel.texturing import (
-    EMISSION_MAP,
     NORMAL_MAP,
     TextureContext,
     base_color,
     has_texture,
-    sample_slot,
     texture_row,
     uv_footprint,
 )
@@ -83,7 +81,6 @@ f32, i64, u32 = np.float32, np.int64, np.uint32
 
 
 _CUTOFF, _FLAGS = word_of(MATERIAL, "alpha_cutoff"), word_of(MATERIAL, "flags")
-_EMISSION = word_of(MATERIAL, "emission")
 
 # may have textures of their own
 _MAPPED = MATERIAL_COATED | MATERIAL_SHEEN | MATERIAL_SPECULAR_MAPPED | MATERIAL_ANISOTROPIC
@@ -175,6 +172,8 @@ def _find_emitters(packed: Packed, tables: Tables) -> Emitters:
         rows["two_sided"] = bool(material["flags"] & MATERIAL_DOUBLE_SIDED)
         if rows["textured"].any():
             _average_glow(tables, rows)
+        rows["axis"], rows["cone"], mean = beam_cone(material["beam"], matrix[:, 2])
+        rows["radiance"] *= np.float32(mean)
         batches.append(rows)
     return make_emitters(np.concatenate(batches), len(packed.instances)) if batches else NO_EMITTERS
 
@@ -193,7 +192,7 @@ def _average_glow(tables, emitters):
                 b = (f32(j) + f32(1 / 3)) / f32(_GLOW_SIDE)
                 if flip:
                     a, b = f32(1) - a, f32(1) - b
-                total = add(total, emitted_radiance(tables, Hit(row.instance, row.primitive, a, b)))
+                total = add(total, face_radiance(tables, Hit(row.instance, row.primitive, a, b)))
         for c in range(3):
             mean = total[c] / f32(_GLOW_SIDE * _GLOW_SIDE)
             row.radiance[c] = max(mean, f32(_GLOW_FLOOR) * row.radiance[c])
@@ -265,43 +264,6 @@ def surface(tables, hit, d):
         sheen = sheen_at(tables, context, dot(n, wo), coat.shown)
         b, through = covered(b, sheen.shown), scale(sheen.shown, through)
     return SurfacePoint(hit, position, ng, n, b, flags, entering, coat, sheen, through)
-
-
-@jit
-def glow(tables, hit, d):
-    """Return the radiance, cd/m2 RGB, that a Hit sends against d, unit: emission, of materials that are not
-    double-sided from the front alone, or the base color of unlit materials, from both faces."""
-    table = tables.surfaces
-    instance, material, corners = triangle_at(table, hit)
-    flags = ldu(table[MATERIALS], material + _FLAGS)
-    if flags & u32(MATERIAL_UNLIT) != u32(0):
-        _, e1, e2 = edges_at(table, corners)
-        area = uv_footprint(table, instance, corners, e1, e2)
-        color, _ = base_color(tables, TextureContext(instance, material, corners, hit.u, hit.v, area))
-        return color
-    emission = vector_at(table[MATERIALS], material + _EMISSION)
-    if emission[0] + emission[1] + emission[2] == f32(0):
-        return emission
-    if flags & u32(MATERIAL_DOUBLE_SIDED) == u32(0):
-        _, e1, e2 = edges_at(table, corners)
-        if dot(world_normal(table[INSTANCES], instance, cross(e1, e2)), d) > f32(0):
-            return f32(0), f32(0), f32(0)
-    return emitted_radiance(tables, hit)
-
-
-@jit
-def emitted_radiance(tables, hit):
-    """Return the radiance, cd/m2 RGB, that a Hit's material emits from the faces that do."""
-    table = tables.surfaces
-    instance, material, corners = triangle_at(table, hit)
-    emission = vector_at(table[MATERIALS], material + _EMISSION)
-    if texture_row(table, material, EMISSION_MAP) < i64(0):
-        return emission
-    _, e1, e2 = edges_at(table, corners)
-    area = uv_footprint(table, instance, corners, e1, e2)
-    context = TextureContext(instance, material, corners, hit.u, hit.v, area)
-    r, g, b, _ = sample_slot(tables, context, EMISSION_MAP)
-    return emission[0] * r, emission[1] * g, emission[2] * b
 
 
 @jit

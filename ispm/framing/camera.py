@@ -102,9 +102,13 @@ def camera_of(scene: Scene, size: tuple[int, int]) -> Camera:
 
 
 def require_visible(scene: Scene, packed: Packed) -> None:
-    """Raise SceneError for a scene without a surface, or one of a size that float32 cannot serve."""
+    """Raise SceneError for a scene of nothing to see, or one of a size that float32 cannot serve."""
     if not packed.triangle_count:
-        raise SceneError(f"{scene.name or 'the scene'}: has no surface to render")
+        if scene.environment is not None:
+            return
+        raise SceneError(
+            f"{scene.name or 'the scene'}: has no surface to render; add a mesh, or an environment to see"
+        )
     if not _SMALLEST < packed.diagonal < _LARGEST:
         raise SceneError(
             f"{scene.name or 'the scene'}: is {packed.diagonal:.3g} m across; scale it to between "
@@ -202,6 +206,8 @@ def default_camera(
     aspect  width over height of the picture
     passed  (n, 3) m, points that moving things pass
     """
+    if not packed.triangle_count:  # what surrounds it is seen, towards its middle
+        return Camera(yfov=_ROOM_YFOV), np.eye(4)
     viewpoint = interior_viewpoint(packed, world)
     if viewpoint is not None:
         return _camera_of_room(packed, world, viewpoint, aspect)

@@ -15,6 +15,7 @@ from ispm.io.apart import has
 from ispm.io.gltf_animation import read_animations
 from ispm.io.gltf_camera import with_extras
 from ispm.io.gltf_draco import missing
+from ispm.io.gltf_environment import read_environment
 from ispm.io.gltf_file import GltfFile, item, label
 from ispm.io.gltf_instances import read_instances
 from ispm.io.gltf_lamp import read_lamp
@@ -28,6 +29,7 @@ from ispm.scene.values import FARTHEST
 from ispm.settings import LoadLimits
 
 SUPPORTED = (
+    "EXT_lights_image_based",
     "EXT_mesh_gpu_instancing",
     "EXT_meshopt_compression",
     "EXT_texture_webp",
@@ -48,11 +50,7 @@ SUPPORTED = (
     "KHR_texture_transform",
 )
 NARROWEST = 1e-4  # rad, and m for parallel rays: the least a camera may see
-INSTEAD = {
-    "EXT_lights_image_based": "few programs write it, and how its colors are encoded is not said; "
-    "give the environment as a file of its own",
-    "KHR_animation_pointer": "its channels are left out",
-}
+INSTEAD = {"KHR_animation_pointer": "its channels are left out"}
 DECODED = {"KHR_draco_mesh_compression": "draco", "KHR_texture_basisu": "ktx2"}  # by decoders of `apart`
 
 
@@ -72,6 +70,8 @@ def _read(file: GltfFile) -> Scene:
     nodes, roots = build_tree(file, chosen)
     scene = Scene(roots, name=chosen.name)
     scene.variants = _furnish(file, nodes, reached(nodes, roots))
+    if chosen.extensions.image_based is not None:
+        scene.environment = read_environment(file, chosen.extensions.image_based.light)
     scene.animations = read_animations(file, nodes)
     scene.extensions_used = list(dict.fromkeys(file.gltf.extensions_used))
     scene.extensions_honoured = [name for name in scene.extensions_used if _supported(name)]

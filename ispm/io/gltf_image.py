@@ -101,19 +101,25 @@ class Textures:
         image = item(self._file.gltf.images, index, "image")
         if (index, srgb) not in self._pixels:
             try:
-                self._pixels[index, srgb] = self._pictures.decode(self._bytes(image), srgb=srgb)
+                self._pixels[index, srgb] = self._pictures.decode(image_bytes(self._file, image), srgb=srgb)
             except (SceneError, OSError) as error:
-                what = label("picture", index, image.name or _short(image.uri))
-                self._file.notes.add(f"{what} is left out: {error}")
+                self._file.notes.add(f"{image_called(image, index)} is left out: {error}")
                 self._pixels[index, srgb] = None
         return self._pixels[index, srgb]
 
-    def _bytes(self, image: schema.Image) -> memoryview:
-        if image.uri is not None:
-            return self._file.uri(image.uri)
-        if image.buffer_view is None:
-            raise SceneError("it has neither a file nor a buffer view")
-        return self._file.view(image.buffer_view)
+
+def image_bytes(file: GltfFile, image: schema.Image) -> memoryview:
+    """Return a picture as it is stored. Raises SceneError where it is nowhere."""
+    if image.uri is not None:
+        return file.uri(image.uri)
+    if image.buffer_view is None:
+        raise SceneError("it has neither a file nor a buffer view")
+    return file.view(image.buffer_view)
+
+
+def image_called(image: schema.Image, index: int) -> str:
+    """Return what to call a picture in a message."""
+    return label("picture", index, image.name or _short(image.uri))
 
 
 def uv_rows(transform: schema.TextureTransform) -> Rows:

@@ -28,14 +28,13 @@ def read_light(file: GltfFile, index: int, node: str) -> Light | None:
     intensity = _intensity(file, record, where)
     if record.type == "directional":
         return DirectionalLight(intensity, record.name)
-    reach = _range(file, record, where)
+    reach, radius = _range(file, record, where), _radius(file, record, intensity, where)
+    if radius > 0.0 and not math.isinf(reach):
+        file.notes.add(f"{where}: its range is passed over, as it has a radius")
+        reach = math.inf
     if record.type == "point":
-        radius = _radius(file, record, intensity, where)
-        if radius > 0.0 and not math.isinf(reach):
-            file.notes.add(f"{where}: its range is passed over, as it has a radius")
-            reach = math.inf
         return PointLight(intensity, reach, record.name, radius=radius)
-    return SpotLight(intensity, reach, *_cones(file, record.spot, where), record.name)
+    return SpotLight(intensity, reach, *_cones(file, record.spot, where), record.name, radius=radius)
 
 
 def _intensity(file: GltfFile, record: schema.Light, where: str) -> tuple[float, float, float]:
@@ -55,7 +54,7 @@ def _range(file: GltfFile, record: schema.Light, where: str) -> float:
 
 
 def _radius(file: GltfFile, record: schema.Light, intensity: tuple[float, float, float], where: str) -> float:
-    """A point light's `radius` in its extras, m; 0 where it has none, or, with a note, none that can be."""
+    """A light's `radius` in its extras, m; 0 where it has none, or, with a note, none that can be."""
     given = record.extras.get(RADIUS, 0.0) if isinstance(record.extras, dict) else 0.0
     try:
         return PointLight(intensity, radius=given).radius

@@ -228,11 +228,18 @@ class Skin(Record, frozen=True):
     name: str = ""
 
 
+class SceneExtensions(Record, frozen=True):
+    """Extensions of a scene."""
+
+    image_based: LightUse | None = field(name="EXT_lights_image_based", default=None)
+
+
 class Scene(Record, frozen=True):
     """The nodes that stand at the top."""
 
     nodes: list[Index] = []
     name: str = ""
+    extensions: SceneExtensions = SceneExtensions()
 
 
 class ChannelTarget(Record, frozen=True):
@@ -271,6 +278,23 @@ class Lights(Record, frozen=True):
     lights: list[Light] = []
 
 
+class ImageBasedLight(Record, frozen=True):
+    """EXT_lights_image_based: a cube map of radiance, its pictures by mip and face."""
+
+    rotation: Vec4 = (0.0, 0.0, 0.0, 1.0)
+    intensity: float = 1.0
+    irradiance_coefficients: list[Vec3] = []
+    specular_images: list[list[Index]] = []
+    specular_image_size: float | None = None
+    name: str = ""
+
+
+class ImageBasedLights(Record, frozen=True):
+    """All image-based lights of the file."""
+
+    lights: list[ImageBasedLight] = []
+
+
 class Variant(Record, frozen=True):
     """The name of a variant."""
 
@@ -286,6 +310,7 @@ class Variants(Record, frozen=True):
 class FileExtensions(Record, frozen=True):
     """Extensions of the whole file."""
 
+    image_based: ImageBasedLights = field(name="EXT_lights_image_based", default=ImageBasedLights())
     lights: Lights = field(name="KHR_lights_punctual", default=Lights())
     variants: Variants = field(name="KHR_materials_variants", default=Variants())
 

@@ -232,7 +232,7 @@ class _Writer:
             record["type"] = "spot" if isinstance(light, SpotLight) else "point"
             if not math.isinf(light.range):
                 record["range"] = float(light.range)
-        if isinstance(light, PointLight) and light.radius > 0.0:
+        if isinstance(light, PointLight | SpotLight) and light.radius > 0.0:
             record["extras"] = {RADIUS: float(light.radius)}
         if isinstance(light, SpotLight):
             record["spot"] = {

@@ -15,8 +15,8 @@ from ispm.accel.emitters import (
     sample_triangle,
     triangle_pdf,
 )
+from ispm.accel.glow import emitted_radiance
 from ispm.accel.records import Hit
-from ispm.accel.surface import emitted_radiance
 from ispm.optics.bsdf import eval_bsdf, pdf_bsdf, sample_bsdf, transmits
 from ispm.optics.environment import environment_light, sample_environment
 from ispm.optics.jit import jit
@@ -57,7 +57,7 @@ def sample_lamps(tables, x, u0, u1, u2):
     if distance == f32(0) or not faces(emitter, segment):
         return none, f32(0), none, f32(0), row, none
     wi = scale(f32(1) / distance, segment)
-    radiance = emitted_radiance(tables, Hit(emitter.instance, emitter.primitive, u, v))
+    radiance = emitted_radiance(tables, Hit(emitter.instance, emitter.primitive, u, v), wi)
     return radiance, distance, wi, chance * pdf, row, point
 
 

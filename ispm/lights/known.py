@@ -15,8 +15,8 @@ import math
 import numpy as np
 
 from ispm.accel.emitters import corners_from, draw_emitter, emitter_point, sample_triangle
+from ispm.accel.glow import emitted_radiance
 from ispm.accel.records import Hit
-from ispm.accel.surface import emitted_radiance
 from ispm.lights.area import faces, lit_side
 from ispm.optics.jit import jit
 from ispm.optics.sampling import LATTICE
@@ -52,11 +52,11 @@ def unshaded_lamps(tables, x, u0, u1, u2):
 @jit
 def _of_triangle(tables, emitter, x, u1, u2, k):
     """The irradiance, lx RGB, of a SurfacePoint by an EMITTER; where a texture says how it shines by a point,
-    drawn by two random numbers, k steps on."""
+    drawn by two random numbers, k steps on; likewise where it shines in a cone."""
     none, side = (f32(0), f32(0), f32(0)), lit_side(x)
     if not faces(emitter, sub(vec3(emitter.corner), x.position)):
         return none
-    if emitter.textured != u32(0):
+    if emitter.textured != u32(0) or emitter.cone > f32(0):
         return _of_point(tables, emitter, x, u1 + f32(k) * f32(LATTICE[0]), u2 + f32(k) * f32(LATTICE[1]))
     a, b, c = corners_from(emitter, x.position)
     if max(dot(side, a), max(dot(side, b), dot(side, c))) < f64(0):  # never drawn, as `drawn` is without it
@@ -72,8 +72,10 @@ def _of_point(tables, emitter, x, u1, u2):
     square = dot(segment, segment)
     if pdf <= f32(0) or square == f32(0):
         return f32(0), f32(0), f32(0)
-    cosine = max(dot(x.n, segment), f32(0)) / f32(math.sqrt(square))
-    return scale(cosine / pdf, emitted_radiance(tables, Hit(emitter.instance, emitter.primitive, u, v)))
+    distance = f32(math.sqrt(square))
+    hit, wi = Hit(emitter.instance, emitter.primitive, u, v), scale(f32(1) / distance, segment)
+    cosine = max(dot(x.n, segment), f32(0)) / distance
+    return scale(cosine / pdf, emitted_radiance(tables, hit, wi))
 
 
 @jit

@@ -7,19 +7,23 @@ intensity falls with the cosine, so that its maps, their plan and their photons 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from ispm.accel.emitters import emitter_flux
-from ispm.accel.surface import SurfaceTable, emitted_radiance, hit_position, scene_tables
+from ispm.accel.glow import beam, face_radiance
+from ispm.accel.records import Hit
+from ispm.accel.surface import SurfaceTable, hit_position, scene_tables
 from ispm.lights.emission import emit_texels
 from ispm.lights.lightmap import LIGHT_LAMBERT, light_map
 from ispm.lights.plan import PlannedMap, plan_views
 from ispm.lights.surface_emission import cumulative_shares, draw_lamp_point, lattice_shifts
 from ispm.optics.jit import jit
 from ispm.optics.records import EMITTED_BY_SURFACE, LIGHT, take
+from ispm.optics.vector import dot, scale, sub, vec3
 from ispm.scene.packed import Packed
 
 f32, u32 = np.float32, np.uint32
@@ -96,7 +100,21 @@ def emit_from_lamp_maps(
     rows["spread"] = lamps.widths[point]
     rows["turn"] = np.sqrt(extent) / rows["spread"]
     rows["light"] = EMITTED_BY_SURFACE
-    return rows
+    assert surfaces.emitters is not None  # of which the points were drawn
+    _dim(surfaces.addresses, surfaces.emitters.triangles, rows)
+    return rows[rows["flux"].any(axis=1)]
+
+
+@jit
+def _dim(table, triangles, rows):
+    """Take what spots with a radius do not send out of (n,) EMITTED; triangles: (m,) EMITTER."""
+    for i in range(len(rows)):
+        row, lamp = rows[i], triangles[rows[i].emitter]
+        to_lamp = sub(vec3(row.origin), hit_position(table, Hit(row.instance, row.primitive, row.u, row.v)))
+        d = scale(f32(1) / f32(math.sqrt(max(dot(to_lamp, to_lamp), f32(1e-30)))), to_lamp)
+        share = beam(table, Hit(lamp.instance, lamp.primitive, f32(0), f32(0)), d)
+        for c in range(3):
+            row.flux[c] *= share
 
 
 @jit
@@ -108,7 +126,7 @@ def _draw_points(tables, cumulative, numbers, lights, emitters, extents):
     """
     for i in range(len(lights)):
         drawn = draw_lamp_point(tables, cumulative, numbers[i, 0], numbers[i, 1], numbers[i, 2])
-        place, radiance = hit_position(tables.surfaces, drawn.hit), emitted_radiance(tables, drawn.hit)
+        place, radiance = hit_position(tables.surfaces, drawn.hit), face_radiance(tables, drawn.hit)
         for c in range(3):
             lights[i].position[c] = place[c]
             lights[i].direction[c] = drawn.n[c]

@@ -14,9 +14,10 @@ from typing import NamedTuple
 import numpy as np
 
 from ispm.accel.emitters import emitter_flux, emitter_point
+from ispm.accel.glow import emitted_radiance
 from ispm.accel.intersect import STACK_WORDS
 from ispm.accel.records import Hit, Scratch
-from ispm.accel.surface import SurfaceTable, closest_surface, emitted_radiance, leave_surface, scene_tables
+from ispm.accel.surface import SurfaceTable, closest_surface, leave_surface, scene_tables
 from ispm.accel.world import World
 from ispm.kernels.share import run_shared, shared_rows
 from ispm.kernels.simd import alloca
@@ -135,13 +136,13 @@ def _emit(tables, lamps, pass_index, seed, counter, rows):
         u0, u1, u2, u3, u4 = lattice5(lamps.shifts, i)
         drawn = draw_lamp_point(tables, lamps.cumulative, u0, u1, u2)
         point, n, emitter = drawn.point, drawn.n, tables.emitters.triangles[drawn.row]
-        d, density = _direction(lamps, point, n, u3, u4)
+        d, density = _direction(lamps, emitter, point, n, u3, u4)
         cosine = dot(n, d)
         if cosine <= f32(0) or density <= f32(0):
             continue
         # m2 sr of the lamp's light that are the photon's own
         extent = drawn.extent * cosine / (count * density)
-        radiance = emitted_radiance(tables, drawn.hit)
+        radiance = emitted_radiance(tables, drawn.hit, scale(f32(-1), d))
         row = rows[i]
         row.spread = f32(math.sqrt(emitter.lamp)) * (extent / (f32(math.pi) * emitter.lamp)) ** f32(0.25)
         row.turn = f32(math.sqrt(extent)) / row.spread
@@ -211,21 +212,28 @@ def _draw_triangle(cumulative, u):
 
 
 @jit
-def _direction(lamps, point, n, u, v):
-    """Return (d, pdf): a direction drawn by u, v of [0, 1) for a photon that leaves a point on the side of n,
-    and its density, 1/sr. d may lie below the surface."""
+def _direction(lamps, emitter, point, n, u, v):
+    """Return (d, pdf): a direction drawn by u, v of [0, 1) for a photon that leaves a point of an EMITTER on
+    the side of n, and its density, 1/sr. d may lie below the surface.
+
+    By the cosine, or of a spot with a radius evenly in its cone.
+    """
     share, spheres = lamps.share, lamps.spheres
+    in_cone = emitter.cone > f32(0)
     if u < share:
         count = f32(len(spheres))
         u *= count / share
         drawn = min(i64(u), i64(len(spheres) - 1))
         toward, cosine = _cone(spheres[drawn], point)
-        z = f32(1) - (u - f32(drawn)) * (f32(1) - cosine)
-        radius, phi = f32(math.sqrt(max(f32(1) - z * z, f32(0)))), f32(2 * math.pi) * v
-        d = to_world((radius * f32(math.cos(phi)), radius * f32(math.sin(phi)), z), toward)
+        d = _in_cone(toward, cosine, u - f32(drawn), v)
+    elif in_cone:
+        d = _in_cone(vec3(emitter.axis), f32(1) - emitter.cone, (u - share) / (f32(1) - share), v)
     else:
         d = to_world(cosine_hemisphere((u - share) / (f32(1) - share), v), n)
     density = (f32(1) - share) * max(dot(n, d), f32(0)) * f32(1 / math.pi)
+    if in_cone:
+        within = dot(vec3(emitter.axis), d) >= f32(1) - emitter.cone
+        density = (f32(1) - share) / (f32(2 * math.pi) * emitter.cone) if within else f32(0)
     if share > f32(0):
         aimed = f32(0)
         for k in range(len(spheres)):
@@ -234,6 +242,14 @@ def _direction(lamps, point, n, u, v):
                 aimed += f32(1 / (2 * math.pi)) / (f32(1) - cosine)
         density += share * aimed / f32(len(spheres))
     return d, density
+
+
+@jit
+def _in_cone(axis, cosine, u, v):
+    """A direction, unit, drawn evenly by u, v of [0, 1) in a cone; cosine: of half its angle."""
+    z = f32(1) - u * (f32(1) - cosine)
+    radius, phi = f32(math.sqrt(max(f32(1) - z * z, f32(0)))), f32(2 * math.pi) * v
+    return to_world((radius * f32(math.cos(phi)), radius * f32(math.sin(phi)), z), axis)
 
 
 @jit

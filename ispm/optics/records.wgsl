@@ -82,6 +82,7 @@ struct Material {
     anisotropy_direction: vec2f,   // in the plane of tangent and bitangent, unit; a texture's is turned by it
     diffuse_transmission_color: vec3f,     // of KHR_materials_diffuse_transmission
     half_spread: f32,              // of a MATERIAL_DISPERSIVE: what red's index is below `ior`, and blue's above
+    beam: vec2f,                   // of a lamp: scale and offset of the cosine to its -Z, see SpotLight.falloff
 }
 const MATERIAL_MASK = 1u;          // opacity below alpha_cutoff is a hole
 const MATERIAL_BLEND = 2u;         // opacity is a probability

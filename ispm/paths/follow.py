@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from ispm.accel.bands import in_band, is_dispersive
+from ispm.accel.glow import glow
 from ispm.accel.layers import coat_point, end_bsdf, has_sheen, is_coated, is_translucent, with_matte_sheen
 from ispm.accel.medium import attenuated, medium, passed_sheet
-from ispm.accel.surface import closest_behind, closest_surface, glow, leave_surface, opacity_seen, surface
+from ispm.accel.surface import closest_behind, closest_surface, leave_surface, opacity_seen, surface
 from ispm.lights.few import light_of_few
 from ispm.lights.nee import (
     BY_FACETS,

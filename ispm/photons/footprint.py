@@ -47,6 +47,24 @@ def shape_kernels(
     return out
 
 
+def disc_kernels(photons: np.ndarray) -> np.ndarray:
+    """Return (N,) CAUSTIC: photons with discs for kernels, as ellipses that a plane can cut."""
+    out = np.zeros(len(photons), CAUSTIC)
+    for name in ("position", "height", "flux", "wi", "bounce"):
+        out[name] = photons[name]
+    _write_discs(photons, out)
+    return out
+
+
+@jit
+def _write_discs(photons, out):
+    """Write the axes of (N,) CAUSTIC: those of the discs of (N,) PHOTON."""
+    for i in range(len(photons)):
+        t, b = orthonormal_basis(vec3(photons[i].normal))
+        for k in range(3):
+            out[i].u[k], out[i].v[k] = photons[i].radius * t[k], photons[i].radius * b[k]
+
+
 @jit
 def _shape(photons, beams, clear, diagonal, smoothing, pixels, out):
     """Write axes, height and front of (N,) CAUSTIC; the rest as of `shape_kernels`."""

@@ -54,8 +54,8 @@ class PhotonGrid:
     They are made when first needed; few points are lit without them.
     photons  (N,) PHOTON with radius and height set
     kernels  (N,) CAUSTIC, the same photons with kernels of their own; None: they have none
-    finish   of photons whose flux is not final: called with them and (m,) uint32 rows, whose flux it changes
-             in place; once for each that has a point in one of its cells
+    finish   of kernels that are not final: called with them, PHOTON or CAUSTIC, and (m,) uint32 rows, which
+             it changes in place, but grows none; once for each that has a point in one of its cells
     """
 
     def __init__(
@@ -68,6 +68,11 @@ class PhotonGrid:
         self.photons = np.ascontiguousarray(photons)  # read by address
         self._lists: _Lists | None = None
         self._finish, self._final = finish, np.zeros(len(photons), bool)
+
+    @property
+    def _drawn(self) -> np.ndarray:
+        """What is summed: (N,) CAUSTIC where photons have kernels of their own, else PHOTON."""
+        return self._kernels if len(self._kernels) else self.photons
 
     def _listed(self) -> _Lists:
         """Return the lists, made where they are not yet."""
@@ -111,7 +116,7 @@ class PhotonGrid:
             near = np.zeros(len(self.photons), bool)
             _mark(order, lists, near)
             near &= ~self._final
-            self._finish(self.photons, np.flatnonzero(near).astype(np.uint32))
+            self._finish(self._drawn, np.flatnonzero(near).astype(np.uint32))
             self._final |= near
         self._gather(receivers, order, lists, threads, out)
         return out
@@ -121,7 +126,7 @@ class PhotonGrid:
     ) -> None:
         """Write the light at (n,) RECEIVER, ordered as `_find_cells` does, to (n, 16) float32 zeros."""
         ellipses = len(self._kernels) > 0
-        photons = address(self._kernels if ellipses else self.photons)
+        photons = address(self._drawn)
         points, sums = address(receivers), address(out)
         run_shared(lambda count: _gather(points, order, photons, ellipses, lists, count, sums), threads)
 
@@ -139,7 +144,7 @@ class PhotonGrid:
         near = np.flatnonzero((offsets * offsets).sum(axis=1) <= _ROUND * reach2)
         if self._finish is not None:
             rows = near[~self._final[near]]
-            self._finish(self.photons, rows.astype(np.uint32))
+            self._finish(self._drawn, rows.astype(np.uint32))
             self._final[rows] = True
         # The point many times over, in cells of one photon each.
         points, count = np.repeat(receiver, len(near)), len(near)

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ispm.accel.bands import in_band, is_dispersive
+from ispm.accel.glow import glow
 from ispm.accel.intersect import STACK_WORDS
 from ispm.accel.layers import (
     coat_point,
@@ -22,7 +23,7 @@ from ispm.accel.layers import (
 )
 from ispm.accel.medium import attenuated, medium, no_medium, spawn_ray
 from ispm.accel.records import Scratch
-from ispm.accel.surface import SurfaceTable, closest_surface, glow, hit_position, scene_tables, surface
+from ispm.accel.surface import SurfaceTable, closest_surface, hit_position, scene_tables, surface
 from ispm.accel.world import World
 from ispm.kernels.simd import alloca
 from ispm.lights.nee import direct_light, times

@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ispm.accel.bands import in_band, is_dispersive
+from ispm.accel.glow import glow
 from ispm.accel.intersect import STACK_WORDS
 from ispm.accel.layers import (
     coat_point,
@@ -24,7 +25,7 @@ from ispm.accel.layers import (
 )
 from ispm.accel.medium import attenuated, medium, no_medium, passed_sheet, spawn_ray
 from ispm.accel.records import Scratch
-from ispm.accel.surface import Tables, closest_surface, glow, surface
+from ispm.accel.surface import Tables, closest_surface, surface
 from ispm.kernels.simd import address, alloca, atomic_add
 from ispm.kernels.threads import run_threads
 from ispm.lights.area import lit_side

@@ -28,7 +28,9 @@ from ispm.paths.gather import RayPlan, gather_rays
 from ispm.paths.guide import Guide, square_blocks
 from ispm.photons.coverage import Draws, keep_light
 from ispm.photons.density import Pixels, measure_radii
+from ispm.photons.footprint import disc_kernels
 from ispm.photons.grid import PhotonGrid
+from ispm.photons.walls import end_at_walls
 from ispm.renderer.caustics import PhotonClasses, sample_width
 from ispm.renderer.narrow import LEAST_PHOTONS, mean_flux, narrow_radius
 from ispm.renderer.one_pass import Pass
@@ -155,14 +157,18 @@ class PhotonLight:
         if not len(self.parts.smooth):
             return no_light(len(points))
         rays = this.settings.gather_rays
-        photons = self._not_gathered if rays else self.photons
-        light = of_photons = summed(photons)
         if rays:
+            whole, ended = self._not_gathered
+            flux = np.concatenate([whole.photons["flux"], ended.photons["flux"]])
+            of_photons = summed(whole) + self.sum_at(points, ended)
             light = self._gathered(receivers, lambda: summed(self.photons), of_photons, self.at_ends)
-        enough = len(photons.photons) >= LEAST_PHOTONS
+        else:
+            flux, light = self.photons.photons["flux"], summed(self.photons)
+            of_photons = light
+        enough = len(flux) >= LEAST_PHOTONS
         if enough and estimator is not None and not this.settings.is_plain:
             narrow_radius(
-                light, of_photons, mean_flux(photons.photons), points, receivers.size, this.packed.diagonal,
+                light, of_photons, mean_flux(flux), points, receivers.size, this.packed.diagonal,
                 this.settings.smoothing, this.threads, others=_RAYS_NOISE if rays else 0.0,
                 passes=1 + this.index,
             )  # fmt: skip
@@ -171,6 +177,11 @@ class PhotonLight:
     def sum_at(self, points: np.ndarray, photons: PhotonGrid) -> np.ndarray:
         """Return the light that photons bring to (n,) RECEIVER points, (n, 16)."""
         return photons.estimate(with_grazing_lobes(points, self._this.index), self._this.threads)
+
+    def not_gathered_at(self, points: np.ndarray) -> np.ndarray:
+        """Return the light of photons that gather rays leave out at (n,) RECEIVER points, (n, 16)."""
+        whole, ended = self._not_gathered
+        return np.asarray(self.sum_at(points, whole) + self.sum_at(points, ended))
 
     def at_missed(self, receivers: Receivers) -> np.ndarray:
         """Return likewise the light at points of the picture that its receivers miss."""
@@ -214,16 +225,23 @@ class PhotonLight:
         scattered, keys = self.parts.scattered(self._this.settings.bounces)
         scattered["radius"] *= _END_KERNEL_SCALE
         scattered["height"] *= _END_KERNEL_SCALE
-        return PhotonGrid(scattered, finish=partial(keep_all_light, self._this, keys, solids=True))
+        return PhotonGrid(scattered, disc_kernels(scattered), partial(finish_at_ends, self._this, keys))
 
     @cached_property
-    def _not_gathered(self) -> PhotonGrid:
-        """Photons whose light gather rays leave out, their kernels measured among them alone."""
-        rows = np.flatnonzero(self.parts.not_gathered)
-        not_gathered = take(self.parts.smooth, rows)
-        self._measure(not_gathered)
-        keep_all_light(self._this, self.parts.keys[rows], not_gathered, series=_SERIES)
-        return PhotonGrid(not_gathered)
+    def _not_gathered(self) -> tuple[PhotonGrid, PhotonGrid]:
+        """Photons whose light gather rays leave out, their kernels measured among them alone: those whose
+        kernels are whole, and those whose kernels end at walls."""
+        this, rows = self._this, np.flatnonzero(self.parts.not_gathered)
+        photons, keys = take(self.parts.smooth, rows), self.parts.keys[rows]
+        self._measure(photons)
+        kernels = disc_kernels(photons)
+        end_at_walls(kernels, this.world, this.surfaces)
+        at_wall = kernels["front"].any(axis=1)
+        whole, ended = (take(photons, np.flatnonzero(some)) for some in (~at_wall, at_wall))
+        kernels = kernels[at_wall]
+        keep_all_light(this, keys[~at_wall], whole, series=_SERIES)
+        keep_all_light(this, keys[at_wall], kernels, series=_SERIES)
+        return PhotonGrid(whole), PhotonGrid(ended, kernels)
 
     def _measure(self, photons: np.ndarray) -> None:
         """Give kernels of the low resolution their size."""
@@ -317,6 +335,16 @@ def with_grazing_lobes(points: np.ndarray, pass_index: int) -> np.ndarray:
     points = points.copy()
     points["alpha"][wider] += share[wider] * (least - alpha[wider])
     return points
+
+
+def finish_at_ends(this: Pass, keys: np.ndarray, kernels: np.ndarray, rows: np.ndarray) -> None:
+    """End kernels of photons that light rays' ends at walls, and give them back what they lose past edges.
+
+    keys     (N,) uint32, of the photons' random numbers
+    kernels  (N,) CAUSTIC, those at (n,) uint32 `rows` changed in place
+    """
+    end_at_walls(kernels, this.world, this.surfaces, rows)
+    keep_all_light(this, keys, kernels, rows, solids=True)
 
 
 def series_of(settings: Settings) -> int:

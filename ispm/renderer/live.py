@@ -205,7 +205,7 @@ class LiveLight(PhotonLight):
             return no_light(len(points))
         if not self._this.settings.gather_rays:
             return self.sum_at(points, self.photons)
-        others = self.sum_at(points, self._not_gathered)
+        others = self.not_gathered_at(points)
         return self._gathered(receivers, lambda: self.sum_at(points, self.photons), others, self._at_ends)
 
     def _accumulated(self, image: Receivers) -> np.ndarray:
@@ -246,7 +246,7 @@ class LiveLight(PhotonLight):
             return self.sum_at(points, self.photons), np.zeros(len(rows), np.float32)
         glossy = (points["alpha"] >= NARROW_ALPHA).any()
         light = self.sum_at(points, self.photons) if glossy else no_light(len(rows))
-        others = self.sum_at(points, self._not_gathered)
+        others = self.not_gathered_at(points)
         nearness, rays = np.zeros(len(rows), np.float32), self._this.settings.gather_rays
         is_old = np.ones(len(rows), bool)
         is_old[new] = False

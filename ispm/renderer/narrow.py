@@ -105,7 +105,7 @@ def _pilots(
     return used, pilots, of
 
 
-def mean_flux(photons: np.ndarray) -> float:
-    """Return the luminous flux of (n,) PHOTON, lm: the mean, weighted by flux; of none 0."""
-    flux = photons["flux"].astype(np.float64) @ LUMINANCE
-    return float((flux**2).sum() / flux.sum()) if flux.any() else 0.0
+def mean_flux(flux: np.ndarray) -> float:
+    """Return the luminous flux of photons, (n, 3) lm: the mean, weighted by flux; of none 0."""
+    luminous = flux.astype(np.float64) @ LUMINANCE
+    return float((luminous**2).sum() / luminous.sum()) if luminous.any() else 0.0

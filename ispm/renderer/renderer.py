@@ -36,6 +36,7 @@ from ispm.renderer.statistics import collect
 from ispm.renderer.watch import Watch
 from ispm.scene.camera import Camera
 from ispm.scene.names import Names
+from ispm.scene.packed import Packed
 from ispm.scene.packed_instance import Placed
 from ispm.scene.scene import Scene
 from ispm.settings import Settings
@@ -221,6 +222,12 @@ class Renderer:
         width, height = self.settings.size
         return within_memory(f"a picture of {width}x{height} pixels and {self.settings.photons:,} photons")
 
+    def _say_nothing_is_seen(self, packed: Packed) -> None:
+        if not packed.surround.background:
+            self._say("the camera sees nothing, so the picture is empty; turn it, or move it")
+        elif packed.triangle_count:
+            self._say("the camera sees nothing but the environment; turn it, or move it")
+
     def _draw(self, this: Pass, history: History | None = None) -> Frame:
         watch = Watch()
         self._last = None  # so that its memory can be used again
@@ -230,7 +237,7 @@ class Renderer:
         with watch("readback"):
             frame = compose(self._gpu, this, drawn.lit)
             if not drawn.sight.receivers.points["valid"].any() and frame.instance.max() < 0:
-                self._say("the camera sees nothing, so the picture is empty; turn it, or move it")
+                self._say_nothing_is_seen(this.packed)
             frame.scene = self.scene.name
             self.chosen.expose(frame)
         total = watch.stop()

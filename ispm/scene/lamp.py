@@ -3,18 +3,31 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from functools import cache, lru_cache
 
 import numpy as np
 
 from ispm.scene.geodesic import geodesic
-from ispm.scene.light import DiskLight, Light, PointLight, RectLight, as_lamp
+from ispm.scene.light import DiskLight, Light, PointLight, RectLight, SpotLight, as_lamp
 from ispm.scene.material import Material
 from ispm.scene.mesh import Mesh
+from ispm.scene.rotation import facing
 
 _CORNERS = 64  # of the polygon that stands for a disk
 _CUTS = 8  # of each edge of the icosahedron that stands for a sphere
 _MADE = 4096  # materials that are kept
+
+
+@dataclass
+class Glow(Material):
+    """What a lamp's surface looks like: black, without reflections, it emits alone.
+
+    beam  scale and offset of the cosine between a direction and the lamp's -Z, see `SpotLight.falloff`;
+          without a cone all directions have 1
+    """
+
+    beam: tuple[float, float] = (0.0, 1.0)
 
 
 def lamp_mesh(lamp: Light) -> Mesh:
@@ -35,20 +48,26 @@ def lamp_material(lamp: Light, called: str = "") -> Material:
     """
     shown = as_lamp(lamp, called)
     r, g, b = (float(v) for v in shown.intensity)
-    return _glowing((r, g, b), shown.shines_both_ways)
+    beam = lamp.falloff if isinstance(lamp, SpotLight) else Glow.beam
+    return _glowing((r, g, b), shown.shines_both_ways, beam)
 
 
 def lamp_place(lamp: Light, world: np.ndarray) -> np.ndarray:
     """Return the (4, 4) matrix from the space of a lamp's mesh to the world; world: its node's, (4, 4)."""
-    if isinstance(lamp, PointLight):  # which its node's scale leaves as it is
-        world = np.block([[np.eye(3), world[:3, 3:]], [np.array([0.0, 0.0, 0.0, 1.0])]])
+    if isinstance(lamp, PointLight | SpotLight):  # which their nodes' scale leaves as they are
+        turn = _turned(world[:3, 2]) if isinstance(lamp, SpotLight) else np.eye(3)
+        world = np.block([[turn, world[:3, 3:]], [np.array([0.0, 0.0, 0.0, 1.0])]])
     return np.asarray(world @ np.diag([*as_lamp(lamp).stretch, 1.0]))
 
 
+def _turned(back: np.ndarray) -> np.ndarray:
+    """(3, 3) a rotation whose +Z lies along `back`."""
+    return facing(back, np.array((0.0, 1.0, 0.0))) if back.any() else np.eye(3)
+
+
 @lru_cache(_MADE)
-def _glowing(emission: tuple[float, float, float], both: bool) -> Material:
-    """A surface that emits alone: black, without reflections."""
-    return Material((0.0, 0.0, 0.0), specular=0.0, emission=emission, double_sided=both)
+def _glowing(emission: tuple[float, float, float], both: bool, beam: tuple[float, float]) -> Glow:
+    return Glow((0.0, 0.0, 0.0), specular=0.0, emission=emission, double_sided=both, beam=beam)
 
 
 @cache

@@ -10,6 +10,7 @@ from ispm.errors import SceneError
 from ispm.scene.values import BRIGHTEST, FARTHEST, LEAST, Strict, as_code, require
 
 _FLAT = math.pi / 2.0 + 1e-6  # files round it
+_SHARPEST = 1e-6  # difference of the cosines of a spot's cones, in float32
 
 
 class _Shining(Strict):
@@ -31,21 +32,11 @@ class _Shining(Strict):
         require(f"{called}: range", getattr(self, "range", math.inf), LEAST, math.inf)
 
 
-@dataclass(repr=False)
-class PointLight(_Shining):
-    """Shines alike in all directions from its node's origin.
+class _Soft(_Shining):
+    """What lights share that shine from a point, or with a radius from a sphere."""
 
-    intensity  (3,) cd per channel, linear
-    range      m, beyond which nothing is lit; infinite by default
-    radius     m, of the sphere that shines, for soft shadows, to be given by name; 0, the default, is a
-               point. It is a `SphereLight` that gives as much light: the camera and mirrors see it. The scale
-               of its node leaves it as it is, and its `range` must be infinite.
-    """
-
-    intensity: tuple[float, float, float] = (1.0, 1.0, 1.0)
-    range: float = math.inf
-    radius: float = field(default=0.0, kw_only=True)
-    name: str = field(default="", compare=False)
+    range: float
+    radius: float
 
     def check(self, called: str = "") -> None:
         """Raise SceneError for a value out of range; `called` names this light in the message."""
@@ -68,20 +59,50 @@ class PointLight(_Shining):
 
 
 @dataclass(repr=False)
-class SpotLight(_Shining):
+class PointLight(_Soft):
+    """Shines alike in all directions from its node's origin.
+
+    intensity  (3,) cd per channel, linear
+    range      m, beyond which nothing is lit; infinite by default
+    radius     m, of the sphere that shines, for soft shadows, to be given by name; 0, the default, is a
+               point. It is a `SphereLight` that gives as much light: the camera and mirrors see it. The scale
+               of its node leaves it as it is, and its `range` must be infinite.
+    """
+
+    intensity: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    range: float = math.inf
+    radius: float = field(default=0.0, kw_only=True)
+    name: str = field(default="", compare=False)
+
+
+@dataclass(repr=False)
+class SpotLight(_Soft):
     """Shines from its node's origin along its -Z, full within one cone, fading to nothing at another.
 
     intensity     (3,) cd per channel within the inner cone, linear
     range         m, beyond which nothing is lit; infinite by default
     inner_angle   radians from the axis to the inner cone's edge
     outer_angle   radians from the axis to where the light ends, above `inner_angle`, at most pi / 2
+    radius        m, of the sphere that shines, for soft shadows, to be given by name; 0, the default, is a
+                  point. From each direction the sphere is as bright as the cones say: dark beside them. The
+                  camera and mirrors see it. The scale of its node leaves it as it is, and its `range` must be
+                  infinite.
     """
 
     intensity: tuple[float, float, float] = (1.0, 1.0, 1.0)
     range: float = math.inf
     inner_angle: float = 0.0
     outer_angle: float = math.pi / 4.0
+    radius: float = field(default=0.0, kw_only=True)
     name: str = field(default="", compare=False)
+
+    @property
+    def falloff(self) -> tuple[float, float]:
+        """Scale and offset of the cosine to the axis, which make the share of the intensity in a direction:
+        cut to 0 and 1, squared (KHR_lights_punctual, inner and outer cone angles)."""
+        inner, outer = math.cos(self.inner_angle), math.cos(self.outer_angle)
+        scale = 1.0 / max(inner - outer, _SHARPEST)
+        return scale, -outer * scale
 
     def check(self, called: str = "") -> None:
         """Raise SceneError for a value out of range; `called` names this light in the message."""
@@ -251,17 +272,17 @@ Light = PointLight | SpotLight | DirectionalLight | RectLight | DiskLight | Sphe
 
 def has_surface(light: Light | None) -> bool:
     """Return whether a light is a lamp with a surface."""
-    return isinstance(light, SurfaceLight) or (isinstance(light, PointLight) and light.radius != 0.0)
+    return isinstance(light, SurfaceLight) or (isinstance(light, _Soft) and light.radius != 0.0)
 
 
 def as_lamp(light: Light, called: str = "") -> SurfaceLight:
-    """Return the lamp that a light with a surface is: itself, or the sphere of a point light with a radius.
+    """Return the lamp that a light with a surface is: itself, or the sphere of a point or spot with a radius.
 
     called  in messages
     Raises SceneError for a value out of range.
     """
     light.check(called)
-    if isinstance(light, PointLight):
+    if isinstance(light, PointLight | SpotLight):
         return SphereLight(light.radiance, light.radius, name=light.name)
     assert isinstance(light, SurfaceLight)
     return light

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,7 +11,6 @@ from ispm.scene.layout import Layout
 from ispm.scene.light import DirectionalLight, PointLight, PunctualLight, SpotLight, light_called
 from ispm.scene.values import frozen
 
-_SHARPEST = 1e-6  # difference of the cosines of a spot's cones, in float32
 _KINDS = {
     PointLight: records.LIGHT_POINT,
     SpotLight: records.LIGHT_SPOT,
@@ -71,12 +69,5 @@ def light_record(light: PunctualLight, world: np.ndarray, called: str) -> np.nda
         return row
     row["range"] = light.range if np.isfinite(light.range) else 0.0
     if isinstance(light, SpotLight):
-        row["cone_scale"], row["cone_offset"] = _cone(light)
+        row["cone_scale"], row["cone_offset"] = light.falloff
     return row
-
-
-def _cone(light: SpotLight) -> tuple[float, float]:
-    """Scale and offset of a spot's falloff; KHR_lights_punctual, inner and outer cone angles."""
-    inner, outer = light.inner_angle, light.outer_angle
-    scale = 1.0 / max(math.cos(inner) - math.cos(outer), _SHARPEST)
-    return scale, -math.cos(outer) * scale

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ispm.optics import records
+from ispm.scene.lamp import Glow
 from ispm.scene.material import TEXTURES, AlphaMode, Material, Texture, TextureUse
 from ispm.scene.values import frozen, kept_value
 
@@ -83,6 +84,7 @@ def material_record(material: Material, textures: list[Texture]) -> np.ndarray:
     row["transmission"] = material.diffuse_transmission if translucent else material.transmission
     row["diffuse_transmission_color"] = material.diffuse_transmission_color
     row["half_spread"] = _half_spread(material)
+    row["beam"] = material.beam if isinstance(material, Glow) else Glow.beam
     row["attenuation"] = _attenuation(material)
     row["clearcoat"] = material.clearcoat
     row["clearcoat_roughness"] = material.clearcoat_roughness

@@ -52,6 +52,14 @@ fn vs(@builtin(vertex_index) corner: u32, @builtin(instance_index) instance: u32
     );
 }
 
+// The share of its emission that a lamp sends along d, unit: 1 but for spots with a radius.
+fn beam_to(instance: u32, d: vec3f) -> f32 {
+    let back = direction_to_world(instance, vec3f(0.0, 0.0, 1.0));
+    let cosine = -dot(back, d) / max(length(back), 1e-30);
+    let edge = clamp(cosine * material.beam.x + material.beam.y, 0.0, 1.0);
+    return edge * edge;
+}
+
 // The normal that the map shows, in the frame of the surface, octahedral; 0 is the surface's own.
 fn bump_of(texel: vec3f) -> vec2f {
     let m = (2.0 * texel - 1.0) * vec3f(vec2f(material.normal_scale), 1.0);
@@ -64,6 +72,9 @@ fn fs(c: Corner) -> Pixel {
     var base = material.base_color * c.color;
     var metallic_roughness = vec2f(material.metallic, material.roughness);
     var emission = material.emission;
+    if (material.beam.x != 0.0) {
+        emission *= beam_to(c.ids.x - 1u, -normalize(pixel_ray(c.clip.xy).direction));
+    }
     var transmission = material.transmission;
     var bump = vec2f(0.0);
     if (TEXTURED) {

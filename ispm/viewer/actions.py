@@ -130,7 +130,7 @@ def as_kind(node: Node, kind: str, distance: float) -> Edit:
     assert light is not None
     made = LIGHTS[kind]
     kept = {f.name: getattr(light, f.name) for f in fields(made) if hasattr(light, f.name)}
-    if (isinstance(light, PointLight) and light.radius == 0.0) or made is PointLight:
+    if (isinstance(light, PointLight | SpotLight) and light.radius == 0.0) or made in (PointLight, SpotLight):
         kept.pop("radius", None)  # a point has none to give, and becomes none
     new = _sized(made(**kept), kept, distance)
     factor = _illuminance(light, distance) / _illuminance(new, distance)

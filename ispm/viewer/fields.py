@@ -110,7 +110,7 @@ def _sizes(light: Light) -> tuple[str, ...]:
     """The fields that say how large a light is."""
     if isinstance(light, SurfaceLight):
         return light.SIZES
-    return ("radius",) if isinstance(light, PointLight) else ()
+    return ("radius",) if isinstance(light, PointLight | SpotLight) else ()
 
 
 def _field(name: str, kind: str, value: Any, *, label: str = "", **about: Any) -> Field:

@@ -20,9 +20,10 @@ from ispm.accel.emitters import (
     sample_triangle,
     triangle_pdf,
 )
+from ispm.accel.glow import glow
 from ispm.accel.intersect import STACK_WORDS
 from ispm.accel.records import Hit, Scratch
-from ispm.accel.surface import closest_surface, glow, surface
+from ispm.accel.surface import closest_surface, surface
 from ispm.kernels.simd import alloca
 from ispm.library.shapes import icosphere, polygons
 from ispm.lights.nee import BY_NOTHING, area_light

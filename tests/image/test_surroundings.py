@@ -1,6 +1,7 @@
 """Environments in pictures: behind them, in mirrors, in glass, and in the exposure."""
 
 import math
+import warnings
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from ispm.scene.camera import Camera
 from ispm.scene.light import PointLight
 from ispm.scene.material import Material
 from ispm.scene.scene import Scene
+from ispm.scene.sky import Sky
 from ispm.settings import Settings
 from ispm.stages.camera import CameraView
 
@@ -192,13 +194,43 @@ def test_it_is_not_metered_but_where_nothing_else_is(gpu):
     aside = Camera.look_at((0, 0.3, 4), (0, 0.3, 9))
     with (
         Renderer(dark, Settings(size=SIZE, photons=1000), aside, gpu=gpu) as renderer,
-        pytest.warns(match="the camera sees nothing"),
+        pytest.warns(match="the camera sees nothing but the environment"),
     ):
         frame = renderer.render()
     assert (frame.alpha == 0.0).all()
     # middle grey is 0.18, and the mean of the image's pixels about 50
     assert frame.exposure == pytest.approx(math.log2(0.18 / 50.0), abs=0.6)
     assert 40 < frame.image.mean() < 200
+
+
+@pytest.mark.filterwarnings("error::ispm.SceneWarning")
+@pytest.mark.parametrize("light", [Environment(IMAGE), Sky()], ids=["image", "sky"])
+def test_an_environment_alone_is_seen_as_behind_a_scene(gpu, light):
+    """Pixel for pixel as with a surface that the camera does not see."""
+    camera = Camera.look_at((0, 0, 0), (0.3, 0.2, 1.0))
+    alone, behind = Scene(environment=light), Scene(environment=light)
+    settings = Settings(size=SIZE, photons=1000)
+    with Renderer(alone, settings, camera, gpu=gpu) as renderer:
+        found = renderer.render()
+        renderer.camera = None  # of its own choice, for there is nothing to frame
+        assert renderer.render().radiance.min() > 0.0
+    behind.add(box((-1, -1, -9), (1, 1, -8)))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # that the box is not seen
+        with Renderer(behind, settings, camera, gpu=gpu) as renderer:
+            expected = renderer.render()
+    assert np.array_equal(found.radiance, expected.radiance)
+    assert found.radiance.min() > 0.0 and (found.alpha == 0.0).all() and (found.instance == -1).all()
+
+
+def test_a_scene_of_neither_surface_nor_environment_is_refused(gpu):
+    nothing = Scene(name="void")
+    nothing.add(PointLight())
+    with (
+        Renderer(nothing, Settings(size=SIZE), Camera.look_at((0, 0, 0), (0, 0, 1)), gpu=gpu) as renderer,
+        pytest.raises(SceneError, match=r"^void: has no surface to render; add a mesh"),
+    ):
+        renderer.render()
 
 
 def test_a_scene_with_an_environment_gets_no_lamp(gpu, recwarn):

@@ -53,6 +53,28 @@ def test_kernels_that_reach_no_wall_stay_whole(corner):
         assert not kernel["front"].any() and (kernel["flux"] == 1.0).all()
 
 
+def test_only_the_rows_asked_for_end(corner):
+    kernels = np.zeros(3, CAUSTIC)
+    kernels["u"], kernels["v"], kernels["flux"] = (0.1, 0, 0), (0, 0, -0.1), 1.0
+    end_at_walls(kernels, corner.world, corner.surfaces, np.array([2, 0], np.uint32))
+    assert kernels["front"].any(axis=1).tolist() == [True, False, True]
+
+
+@pytest.mark.parametrize("degrees", [0, 30, 55])
+def test_walls_that_lean_end_kernels(degrees):
+    """Away from the kernel, by up to 58 degrees from its surface's normal."""
+    slant = np.radians(degrees)
+    up = np.array([np.sin(slant), np.cos(slant), 0.0])
+    foot = np.array([[WALL, 0, -1], [WALL, 0, 1]])
+    scene = Scene()
+    scene.add(quad((-1, 0, -1), (-1, 0, 1), (1, 0, 1), (1, 0, -1)), material=lambert((1.0,) * 3))
+    scene.add(quad(*foot, *(foot[::-1] + up)), material=lambert((1.0,) * 3))
+    kernel = ended(Tracer(lit(scene, (-1, 2, 0))), (0, 0, 0), (0.1, 0, 0), (0, 0, -0.1))
+    front = -np.cos(slant), np.sin(slant), 0
+    assert kernel["front"] == pytest.approx(front, abs=1e-6)
+    assert kernel["reach"] == pytest.approx(WALL * np.cos(slant), rel=1e-5)
+
+
 @pytest.mark.parametrize("inside", [False, True])
 def test_a_round_surface_is_no_wall_to_its_own_kernels(inside):
     scene = Scene()

@@ -9,8 +9,8 @@ import pytest
 from exact import cast, interior, mixed_scene, packed_mixed, quad, triangles_of, view_of
 from transport import Tracer
 
+from ispm.accel.glow import glow
 from ispm.accel.records import Hit
-from ispm.accel.surface import glow
 from ispm.gpu import Gpu
 from ispm.optics.jit import jit
 from ispm.scene.camera import look_at_pose
