@@ -6,6 +6,7 @@ McGuire and Luebke 2009: the first segment of a photon's path leaves a point, so
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import compress
 
 import numpy as np
 
