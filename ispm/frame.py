@@ -20,6 +20,8 @@ from ispm.scene.windows import Window
 
 SLOTS = ("base_color", "metallic_roughness", "normal", "emission", "transmission")
 SPECULAR_SLOTS = ("specular", "specular_color")
+_SKIPPED = 1024  # triangles that are not drawn, worth a draw more
+_LOOKED_AT = 1 << 16  # instances of a draw at most, which takes as long as to draw some triangles of each
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,9 +66,26 @@ class GpuScene:
         first, count = window.corners[draw.mesh]
         canvas.draw(count, draw.instance_count, first=first, first_instance=draw.first_instance)
 
-    def draws_in(self, window: Window, shown: np.ndarray) -> Iterator[Draw]:
-        """Yield the draws that a window has triangles of; shown: (draws,) bool, which are looked for."""
-        return (draw for draw in compress(self.draws, shown) if draw.mesh in window.corners)
+    def draws_in(self, window: Window, shown: Iterable[Draw]) -> Iterator[Draw]:
+        """Yield those of some draws that a window has triangles of."""
+        return (draw for draw in shown if draw.mesh in window.corners)
+
+    def seen_by(self, sees: Callable[[np.ndarray], np.ndarray]) -> list[Draw]:
+        """Return the draws that may be seen, of those of many instances the runs that may.
+
+        sees  returns (n,) whether each of (n, 2, 3) world-space boxes may be seen
+        """
+        found: list[Draw] = []
+        for draw in compress(self.draws, sees(self.boxes)):
+            each, count = self.packed.geometry.ranges[draw.mesh].triangle_count, draw.instance_count
+            if count > _LOOKED_AT or each * count < 2 * _SKIPPED:
+                found.append(draw)
+                continue
+            first = draw.first_instance
+            for run in _runs(sees(self.packed.boxes[first : first + count]), -(-_SKIPPED // max(each, 1))):
+                begin, end = run
+                found.append(replace(draw, first_instance=first + begin, instance_count=end - begin))
+        return found
 
     def draw_indexed(self, canvas: Canvas, draw: Draw) -> None:
         """Draw through the canvas's vertex and index buffers, so that corners share work."""
@@ -136,6 +155,16 @@ class GpuScene:
                 maps = self.material_maps(draw.material, "base_color")
                 canvas.bind(1, raster.bind(1, material=material, **maps))
             yield draw
+
+
+def _runs(seen: np.ndarray, gap: int) -> Iterator[tuple[int, int]]:
+    """Yield where runs of True begin, and end, in (n,) bool; fewer than `gap` False do not part them."""
+    rows = np.flatnonzero(seen)
+    if not len(rows):
+        return
+    parts = np.flatnonzero(np.diff(rows) > gap)
+    begins, ends = np.append(0, parts + 1), np.append(parts, len(rows) - 1)
+    yield from zip(rows[begins].tolist(), (rows[ends] + 1).tolist(), strict=True)
 
 
 @dataclass(frozen=True, eq=False)

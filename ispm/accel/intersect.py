@@ -266,6 +266,24 @@ def meet_mesh(mesh, ray, any_hit, scratch, bottom, order):
             return t
 
 
+@jit(inline=True)
+def of_instance(m, o, d):
+    """Return a point and a direction, world space, in the object space of the instance whose row is at the
+    address `m`."""
+    (ox, oy, oz), (dx, dy, dz) = o, d
+    origin = (
+        ldf(m, 0) * ox + ldf(m, 1) * oy + ldf(m, 2) * oz + ldf(m, 3),
+        ldf(m, 4) * ox + ldf(m, 5) * oy + ldf(m, 6) * oz + ldf(m, 7),
+        ldf(m, 8) * ox + ldf(m, 9) * oy + ldf(m, 10) * oz + ldf(m, 11),
+    )
+    direction = (
+        ldf(m, 0) * dx + ldf(m, 1) * dy + ldf(m, 2) * dz,
+        ldf(m, 4) * dx + ldf(m, 5) * dy + ldf(m, 6) * dz,
+        ldf(m, 8) * dx + ldf(m, 9) * dy + ldf(m, 10) * dz,
+    )
+    return origin, direction
+
+
 @jit
 def meet_world(trees, ray, first, first_key, any_hit, scratch):
     """Return the distance, float32, of the first hit of a Ray over all instances after the one at the
@@ -298,16 +316,7 @@ def meet_world(trees, ray, first, first_key, any_hit, scratch):
             instance = ref & i64(0x7FFFFFF)
             m = rows + u64(4 * ROW_WORDS) * u64(instance)
             stu(order, ORDER_INSTANCE, u32(instance))
-            origin = (
-                ldf(m, 0) * ox + ldf(m, 1) * oy + ldf(m, 2) * oz + ldf(m, 3),
-                ldf(m, 4) * ox + ldf(m, 5) * oy + ldf(m, 6) * oz + ldf(m, 7),
-                ldf(m, 8) * ox + ldf(m, 9) * oy + ldf(m, 10) * oz + ldf(m, 11),
-            )
-            direction = (
-                ldf(m, 0) * dx + ldf(m, 1) * dy + ldf(m, 2) * dz,
-                ldf(m, 4) * dx + ldf(m, 5) * dy + ldf(m, 6) * dz,
-                ldf(m, 8) * dx + ldf(m, 9) * dy + ldf(m, 10) * dz,
-            )
+            origin, direction = of_instance(m, (ox, oy, oz), (dx, dy, dz))
             mesh = Mesh(mesh_nodes, blocks, ldu(m, ROW_ROOT), ldf(m, ROW_REACH))
             t = meet_mesh(mesh, Ray(origin, direction, t), any_hit, scratch, waiting, order)
             if any_hit and t < t_max:

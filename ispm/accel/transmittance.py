@@ -7,6 +7,7 @@ import numpy as np
 from ispm.accel.edges import is_on_edge, is_same_surface
 from ispm.accel.intersect import HIT_INSTANCE, HIT_PRIMITIVE, any_hit, closest_after, read_hit
 from ispm.accel.records import Hit, Ray
+from ispm.accel.shaft import is_stopped
 from ispm.accel.surface import LAYERS_MAX, material_flags, opacity, surface
 from ispm.kernels.simd import stu
 from ispm.optics.bsdf import smooth_split, transmits
@@ -28,7 +29,21 @@ def shadow_transmittance(tables, start, d, distance, scratch):
     sheets their transmittance; all else blocks. It is their product, without chance.
     """
     ray = Ray(start, d, distance * (f32(1) - BEFORE))
-    if not any_hit(tables.trees, ray, scratch.stack):
+    return _let_through(tables, ray, any_hit(tables.trees, ray, scratch.stack), scratch)
+
+
+@jit
+def listed_transmittance(tables, start, d, distance, refs, count, scratch):
+    """Return likewise the share that comes from a light by which `list_met` has listed `count` subtrees."""
+    ray = Ray(start, d, distance * (f32(1) - BEFORE))
+    stopped = is_stopped(tables.trees, ray, refs, count, scratch.stack)
+    return _let_through(tables, ray, stopped, scratch)
+
+
+@jit
+def _let_through(tables, ray, stopped, scratch):
+    """The share of light, RGB, that passes what lies on a Ray; stopped: whether anything does."""
+    if not stopped:
         return f32(1), f32(1), f32(1)
     if not tables.porous:
         return f32(0), f32(0), f32(0)

@@ -25,6 +25,7 @@ from ispm.paths.sheen import sheen_light
 from ispm.paths.vertices import COLUMNS, INDIRECT, THROUGH
 from ispm.renderer.backdrop import background_color, shows_environment
 from ispm.renderer.gather import PhotonLight
+from ispm.renderer.heap import give_back
 from ispm.renderer.one_pass import Pass
 from ispm.stages.camera import CameraView
 from ispm.stages.filter import filter_estimate, filter_points
@@ -50,6 +51,8 @@ def specular_light(this: Pass, seen: np.ndarray, photons: PhotonLight) -> np.nda
     A coat, sheen and what is under them are surfaces whose light adds; what lies behind a blended surface
     adds by as much as that is clear.
     """
+    if len(seen) > _BAND:
+        give_back()  # now a frame takes most memory
     found = np.zeros((len(seen), 17), np.float32)
     for layer in (LAYER_BASE, LAYER_COAT):
         rows = np.flatnonzero(seen["layers"] & layer)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from functools import partial
-from itertools import compress
 
 import numpy as np
 
@@ -81,8 +80,7 @@ class Antialias:
             canvas.vertices(scene.vertices)
             canvas.indices(scene.indices)
             pipeline = partial(self._pipeline, scene)
-            visible = compress(scene.draws, view.sees(scene.boxes))
-            for draw in scene.each(frame, canvas, visible, pipeline, shared):
+            for draw in scene.each(frame, canvas, scene.seen_by(view.sees), pipeline, shared):
                 scene.draw_indexed(canvas, draw)
 
     def _pipeline(self, scene: GpuScene, draw: Draw) -> Raster:

@@ -6,6 +6,7 @@ McGuire and Luebke 2009: the first segment of a photon's path leaves a point, so
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import compress
 
 import numpy as np
 
@@ -81,7 +82,7 @@ class BounceStage:
             canvas.viewport(x, y, map.width, map.width)
             face = frame.uniform(uniform)
             for window, shared in windows:
-                draws = scene.draws_in(window, visible)
+                draws = scene.draws_in(window, compress(scene.draws, visible))
                 for draw in scene.each(frame, canvas, draws, pipeline, {"face": face, **shared}):
                     scene.draw_corners(canvas, draw, window)
 

@@ -63,7 +63,7 @@ class GBufferStage:
         )
         camera = frame.uniform(view.uniform())
         windows = [(window, {"camera": camera, **scene.corners(frame, window)}) for window in scene.windows]
-        seen = view.sees(scene.boxes)
+        seen = scene.seen_by(view.sees)
         with frame.draw_into(*drawn.values(), depth=self._nearest.sized(view.size)) as canvas:
             for window, shared in windows:
                 groups: dict[Raster, Group] = {}
@@ -81,9 +81,8 @@ class GBufferStage:
                 canvas.use(resolve, resolve.bind(0, **shared, ids=drawn["ids"], bumps=drawn["bump"]))
                 canvas.draw(3)
         flags = scene.packed.materials["flags"]
-        rows = [draw.material for draw in scene.draws]
-        mapped = seen & (flags[rows] & MATERIAL_SPECULAR_MAPPED != 0)
-        if not mapped.any():
+        mapped = [draw for draw in seen if flags[draw.material] & MATERIAL_SPECULAR_MAPPED != 0]
+        if not mapped:
             return self._unmapped
         specular, raster = self._specular.sized(view.size), self._map_specular
         with frame.draw_into(specular, clear=(1.0, 1.0, 1.0, 1.0)) as canvas:
