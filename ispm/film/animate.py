@@ -63,7 +63,7 @@ def animate(
     camera: Camera | CameraPath | Turntable | str | int | None = None,
     animation: str | None = None,
     time: float = 0.0,
-    frames: str = ":",
+    frames: str | int = ":",
     change: Change | None = None,
     saved: Mapping[str, Any] | None = None,
     contact_sheet: str | Path | None = None,
@@ -81,7 +81,7 @@ def animate(
     camera     as of `Renderer`, or one that moves: a CameraPath or a Turntable
     animation  the name of the one to play; None: all
     time       of the scene as the film begins, s
-    frames     "10:20": these alone, as Python slices; those of a video become one of their own
+    frames     "10:20": these alone, as Python slices, or one by its number; those of a video become one of their own
     change     called with the Renderer and the scene's time, s, before each pass; sets, by the time alone,
                what it changes in `renderer.scene`, `camera` and `settings`
     saved      how numbered pictures are written: arguments of `Frame.save` by name; of a video `show` alone

@@ -48,11 +48,12 @@ class Film(Checked):
     )
 
 
-def frame_range(text: str, count: int) -> range:
-    """Return which of `count` frames `text` names: FIRST:END without END, as Python slices, or one number.
+def frame_range(frames: str | int, count: int) -> range:
+    """Return which of `count` frames `frames` names: FIRST:END without END, as Python slices, or one number.
 
     Raises SettingsError where that is none of them.
     """
+    text = str(frames)
     match = re.fullmatch(r"\s*(-?\d+)?\s*(:)?\s*(-?\d+)?\s*", text)
     if not match or not (match[1] or match[2]) or (match[3] and not match[2]):
         raise SettingsError(f"frames: '{text}' is not FIRST:END, as 10:20, which is 10 to 19")
