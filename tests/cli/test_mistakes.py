@@ -32,6 +32,11 @@ from ispm.errors import AdapterError, SceneWarning, SettingsError
         ("render cornell-box --layers deph -o a.exr", "did you mean 'depth'?"),
         ("render cornell-box --float", "--float: is for .exr"),
         ("render cornell-box --threads 0", "--threads: 0 is less than 1"),
+        ("render cornell-box --threads 2.5", "--threads: '2.5' is not a whole number"),
+        ("view cornell-box --web --port 22.5", "--port: '22.5' is not a whole number"),
+        ("bench --frames 2.5", "--frames: '2.5' is not a whole number"),
+        ("render cornell-box --bits 8.5", "--bits: '8.5' is not a whole number"),
+        ("bench --quick -o x.txt", "--output: x.txt would be JSON; name it .json"),
         ("render cornell-box --time nan", "--time: nan"),
         ("render cornell-box --fov 180", "--fov: 180 is not between"),
         ("render cornell-box --look-from 1,2,3", "give both"),
@@ -57,6 +62,8 @@ from ispm.errors import AdapterError, SceneWarning, SettingsError
         ("compare a.npy", "B"),
         ("compare a.npy b.npy", "a.npy: there is no such file"),
         ("compare a.npy b.npy --max-relmse -1", "--max-relmse: -1.0 is not a bound"),
+        ("compare a.npy b.npy --reference-error -5", "--reference-error: -5.0 is not an error; give 0 or more"),
+        ("compare a.npy b.npy --reference-error nan", "--reference-error: nan is not an error"),
     ],
 )
 def test_a_mistake_is_one_line_and_exit_code_2(ispm_command, place, line, says):
