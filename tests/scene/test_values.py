@@ -171,6 +171,10 @@ def test_what_is_no_camera_is_named_before_it_is_looked_through(wanted):
         find_camera(Scene([Node("shelf", camera=5)]), wanted)
 
 
+def test_what_is_no_skin_is_copied_to_be_refused():
+    assert Scene([Node("shelf", skin=5)]).at(0.0)["shelf"].skin == 5
+
+
 @pytest.mark.parametrize("roots", ["abc", 3, [None], [mesh()]])
 def test_a_scene_is_made_of_nodes(roots):
     with pytest.raises(SceneError, match="scene '': roots must be a list of Node"):
