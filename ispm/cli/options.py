@@ -80,7 +80,13 @@ def settings_from(given: Mapping[str, Any], config: str | None, **otherwise: Unp
 
     Raises SettingsError, saying where the value stands.
     """
-    return resolve(*_layers(Settings, given, config), otherwise)
+    try:
+        return resolve(*_layers(Settings, given, config), otherwise)
+    except SettingsError as error:
+        name, colon, fault = str(error).partition(":")
+        if name not in given:
+            raise
+        raise SettingsError(f"--{name.replace('_', '-')}{colon}{fault}") from None
 
 
 def film_from(given: Mapping[str, Any], config: str | None) -> Film:

@@ -199,5 +199,7 @@ def _within(value: object, low: float, high: float) -> bool:
 
 def shown(value: object) -> str:
     """Return a value as messages show it: its repr, or its type where that is long."""
+    if isinstance(value, (tuple, list)) and value and all(isinstance(v, float) for v in value):
+        value = (list if isinstance(value, list) else tuple)(float(f"{v:.6g}") for v in value)
     text = " ".join(repr(value).split())
     return text if len(text) <= _LONGEST else f"a {type(value).__name__}"

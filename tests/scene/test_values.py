@@ -13,7 +13,7 @@ from ispm.io.save import save
 from ispm.scene import placing
 from ispm.scene.animation import Animation, Channel
 from ispm.scene.camera import Camera
-from ispm.scene.light import DirectionalLight, PointLight, SpotLight
+from ispm.scene.light import DirectionalLight, PointLight, RectLight, SpotLight
 from ispm.scene.material import AlphaMode, Material, Texture, TextureUse
 from ispm.scene.mesh import Mesh
 from ispm.scene.packed import pack
@@ -173,6 +173,11 @@ def test_what_is_no_camera_is_named_before_it_is_looked_through(wanted):
 
 def test_what_is_no_skin_is_copied_to_be_refused():
     assert Scene([Node("shelf", skin=5)]).at(0.0)["shelf"].skin == 5
+
+
+def test_numbers_out_of_range_are_shown_however_long_the_others_are():
+    with pytest.raises(SceneError, match=r"3 numbers of 0 to 1e\+12, not \(3.1831e\+39, 0.31831, 0.31831\)$"):
+        RectLight.from_lumens((1e40, 1, 1))
 
 
 @pytest.mark.parametrize("roots", ["abc", 3, [None], [mesh()]])
