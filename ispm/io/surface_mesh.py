@@ -24,7 +24,7 @@ def make_mesh(
     name: str,
     **others: np.ndarray | None,
 ) -> Mesh | None:
-    """Return the mesh of `triangles`, less those with vertices too far or not finite; None where none is left.
+    """Return the mesh of `triangles`, less those with wild vertices; None where none is left.
 
     The time it takes is that of the triangles, whatever the number of points.
 
@@ -39,7 +39,9 @@ def make_mesh(
     far = np.asarray(wild(points[rows]).any(axis=1))
     if far.any():
         lost = far[triangles].any(axis=1)
-        notes.add(f"{name}: triangles with vertices beyond {FARTHEST:g} m or not finite: {lost.sum()} left out")
+        notes.add(
+            f"{name}: triangles with vertices beyond {FARTHEST:g} m or not finite: {lost.sum()} left out"
+        )
         triangles, kept = compact(triangles[~lost])
         rows = rows[kept]
     if not len(triangles):

@@ -98,7 +98,9 @@ def _compile() -> None:
     started = time.perf_counter()
     try:
         with _telling():
-            compile_missing(progress, _begin, lambda: say("waiting for another process that compiles kernels"))
+            compile_missing(
+                progress, _begin, lambda: say("waiting for another process that compiles kernels")
+            )
     except OSError:  # no processes to be had: this one compiles
         return
     if progress.what and not _shows_bar():

@@ -48,7 +48,10 @@ from ispm.errors import AdapterError, SceneWarning, SettingsError
         ("render cornell-box --config none.toml", "none.toml: cannot be read"),
         ("render cornell-box -o /", "/: is a folder; name a file in it"),
         ("render cornell-box --gather 3", "ispm: --gather: 3 is not a square number"),
-        ("compare /dev/null a.png", "/dev/null: pictures are read from .exr, .npy, .npz, .png; the name has no"),
+        (
+            "compare /dev/null a.png",
+            "/dev/null: pictures are read from .exr, .npy, .npz, .png; the name has no",
+        ),
         ("render cornell-box -o a.tif", "use one of .png"),
         ("render cornell-box -o /dev/null/a.png", "/dev/null/a.png: cannot be written"),
         ("render cornell-box -o a.png --stats a.png", "is to hold two results"),
@@ -65,7 +68,10 @@ from ispm.errors import AdapterError, SceneWarning, SettingsError
         ("compare a.npy", "B"),
         ("compare a.npy b.npy", "a.npy: there is no such file"),
         ("compare a.npy b.npy --max-relmse -1", "--max-relmse: -1.0 is not a bound"),
-        ("compare a.npy b.npy --reference-error -5", "--reference-error: -5.0 is not an error; give 0 or more"),
+        (
+            "compare a.npy b.npy --reference-error -5",
+            "--reference-error: -5.0 is not an error; give 0 or more",
+        ),
         ("compare a.npy b.npy --reference-error nan", "--reference-error: nan is not an error"),
     ],
 )

@@ -174,7 +174,7 @@ def test_open_gpu_names_the_adapters_there_are() -> None:
 
 
 def test_what_is_no_name_of_an_adapter_is_refused() -> None:
-    with pytest.raises(SettingsError, match="^adapter: must be part of an adapter's name, or None, not 5$"):
+    with pytest.raises(SettingsError, match=r"^adapter: must be part of an adapter's name, or None, not 5$"):
         open_gpu(5)  # type: ignore[arg-type]
 
 

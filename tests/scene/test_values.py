@@ -167,7 +167,7 @@ def test_a_node_names_the_field_that_cannot_be_placed(tmp_path, fields, says):
 
 @pytest.mark.parametrize("wanted", [None, 0, "eye"])
 def test_what_is_no_camera_is_named_before_it_is_looked_through(wanted):
-    with pytest.raises(SceneError, match="node 'shelf': camera must be an ispm.Camera, or None, not 5"):
+    with pytest.raises(SceneError, match=r"node 'shelf': camera must be an ispm.Camera, or None, not 5"):
         find_camera(Scene([Node("shelf", camera=5)]), wanted)
 
 
