@@ -18,7 +18,7 @@ from ispm.cli.picture import Kind
 from ispm.cli.scene import choose_camera, open_scene, require_not_input, surround
 from ispm.cli.viewpoint import Viewpoint
 from ispm.errors import SettingsError
-from ispm.film.settings import Film
+from ispm.film.settings import Film, frames_named
 from ispm.settings import LOADING, Settings
 
 if TYPE_CHECKING:
@@ -92,22 +92,24 @@ def animate(
     settings = settings_from(given, look.config, exposure="hold")
     if filmed.history:
         settings = settings.replace(live=True)
+    from ispm.film.possible import require_possible
+
     output, saved = _checked(scene, look, filmed, kind)
-    path = _path(look, filmed)
+    path, turn = _path(look, filmed), _turntable(filmed.turntable, look.look_at)
+    frames_named(filmed.frames)
+    require_possible(output, film, settings, saved)
 
     from ispm.film.animate import animate as shoot
-    from ispm.film.animate import require_possible
     from ispm.kernels import background, store
 
-    require_possible(output, film, settings, saved)
     background.say = console.say
     if store.is_empty():
         background.start()  # while the scene is read
     world = open_scene(console, scene, loading)
     surround(world, look)
     camera: Any = path or choose_camera(world, look.camera, look.look_from, look.look_at, look.fov)
-    if filmed.turntable is not None:
-        camera = _turntable(filmed.turntable, camera, look.look_at)
+    if turn is not None:
+        camera = replace(turn, camera=camera)
     background.finish()
     background.bar = False
 
@@ -166,12 +168,14 @@ def _path(look: Viewpoint, filmed: Filmed) -> CameraPath | None:
     return CameraPath.load(filmed.path)
 
 
-def _turntable(text: str, camera: Any, look_at: str | None) -> Turntable:
-    """A camera that goes round."""
+def _turntable(text: str | None, look_at: str | None) -> Turntable | None:
+    """The way of a camera that goes round, without the camera; None: it does not."""
+    if text is None:
+        return None
     from ispm.film.path import Turntable
 
     center = None if look_at is None else vector("--look-at", look_at)
-    return replace(Turntable.parse(text), camera=camera, center=center)
+    return replace(Turntable.parse(text), center=center)
 
 
 class _Told:

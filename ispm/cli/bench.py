@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import asdict
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
 from ispm.cli.console import Console, to_json
-from ispm.cli.options import command
-from ispm.errors import SettingsError
+from ispm.cli.options import WHOLE, command
+from ispm.errors import OutputError, SettingsError
 from ispm.io.atomic import replacing, require_writable
 
 if TYPE_CHECKING:
@@ -45,7 +46,9 @@ def bench(
             help="what a rectangle, a sky and 1,000 glowing triangles cost beside a point", negative=""
         ),
     ] = False,
-    frames: Annotated[int | None, Parameter(help="frames that count, of each scene", metavar="N")] = None,
+    frames: Annotated[
+        int | None, WHOLE, Parameter(help="frames that count, of each scene", metavar="N")
+    ] = None,
     output: Annotated[
         str | None,
         Parameter(
@@ -82,6 +85,8 @@ def bench(
         raise SettingsError("--growth: is measured alone; leave --talk and --compare out")
     if lights and (talk or growth or compare is not None):
         raise SettingsError("--lights: is measured alone; leave --talk, --growth and --compare out")
+    if output is not None and Path(output).suffix.lower() != ".json":
+        raise OutputError(f"--output: {output} would be JSON; name it .json")
     if output is not None:
         require_writable(output)
     if growth or lights:

@@ -8,7 +8,7 @@ import traceback
 import warnings
 from typing import Any
 
-from cyclopts import CycloptsError
+from cyclopts import CycloptsError, UnusedCliTokensError
 
 from ispm import __version__
 from ispm.cli import animate, bench, compare, doctor, info, render, scenes, view
@@ -43,6 +43,9 @@ def run(arguments: list[str]) -> int:
         return interrupted(debug, str(stopped))
     except AdapterError as error:
         return _failed(NO_ADAPTER, str(error), debug)
+    except UnusedCliTokensError as error:
+        extra = " ".join(error.unused_tokens or [])
+        return _failed(BAD_INPUT, f"{extra}: is more than the command takes; see its --help", debug)
     except (IspmError, CycloptsError) as error:
         return _failed(BAD_INPUT, str(error), debug)
     except Exception as error:  # whatever it is, the user gets one line and an exit code

@@ -53,8 +53,8 @@ def compare(
             raise SettingsError(f"{name}: {bound} is not a bound; give 0 or more")
     if diff is not None:
         _require_diff(diff, a, b, mask)
-    if not math.isfinite(reference_error):
-        raise SettingsError(f"--reference-error: {reference_error} is not a number")
+    if not 0.0 <= reference_error < math.inf:
+        raise SettingsError(f"--reference-error: {reference_error} is not an error; give 0 or more")
     from ispm.bench import metrics
     from ispm.io.image import read_array, read_picture, write_png
 

@@ -10,7 +10,7 @@ from dataclasses import Field, asdict, fields, is_dataclass
 from pathlib import Path
 from typing import Annotated, Any, Unpack, get_type_hints
 
-from cyclopts import App, Parameter
+from cyclopts import App, Parameter, Token
 
 from ispm.cli.console import Console
 from ispm.errors import SettingsError
@@ -27,6 +27,7 @@ app = App(
     "2 bad input or usage; 3 no usable graphics adapter; 130 interrupted.",
 )
 
+WHOLE = Parameter(converter=lambda _, tokens: _whole(tokens[0]))  # options that are no knobs; cyclopts rounds
 _KNOWN = [f.name for owner in (Settings, Film, *LOADING) for f in fields(owner)]
 _OTHER_VARIABLES = ("ISPM_ADAPTER", "ISPM_ASSETS", "ISPM_CACHE", "ISPM_DOWNLOADS", "ISPM_REFS")
 _COMMON = {
@@ -79,7 +80,13 @@ def settings_from(given: Mapping[str, Any], config: str | None, **otherwise: Unp
 
     Raises SettingsError, saying where the value stands.
     """
-    return resolve(*_layers(Settings, given, config), otherwise)
+    try:
+        return resolve(*_layers(Settings, given, config), otherwise)
+    except SettingsError as error:
+        name, colon, fault = str(error).partition(":")
+        if name not in given:
+            raise
+        raise SettingsError(f"--{name.replace('_', '-')}{colon}{fault}") from None
 
 
 def film_from(given: Mapping[str, Any], config: str | None) -> Film:
@@ -104,6 +111,14 @@ def vector(option: str, text: str) -> tuple[float, float, float]:
     if not all(abs(value) < 1e12 for value in (x, y, z)):
         raise SettingsError(f"{option}: '{text}' is not a place; give metres")
     return x, y, z
+
+
+def _whole(token: Token) -> int:
+    """The whole number that an option is given. Raises SettingsError."""
+    try:
+        return int(token.value)
+    except ValueError:
+        raise SettingsError(f"{token.keyword}: '{token.value}' is not a whole number") from None
 
 
 def _layers(owner: type, given: Mapping[str, Any], config: str | None) -> list[dict[str, Any]]:

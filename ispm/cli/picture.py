@@ -8,6 +8,7 @@ from typing import Annotated, Any
 
 from cyclopts import Parameter
 
+from ispm.cli.options import WHOLE
 from ispm.errors import SettingsError
 from ispm.settings import LAYERS, RENDERER_VIEWS, nearest
 
@@ -24,7 +25,7 @@ class Kind:
     float: Annotated[
         bool, Parameter(help="32 bits a channel in an EXR, not 16", negative="", show_default=False)
     ] = False
-    bits: Annotated[int, Parameter(help="bits a channel in a PNG: 8 or 16", metavar="N")] = 8
+    bits: Annotated[int, WHOLE, Parameter(help="bits a channel in a PNG: 8 or 16", metavar="N")] = 8
 
     def checked(self, target: Path, show: str) -> dict[str, Any]:
         """Return the arguments of `Frame.save` for a file. Raises SettingsError where it does not hold that.

@@ -11,7 +11,7 @@ from cyclopts import Parameter
 
 from ispm.cli.console import Console
 from ispm.cli.interrupts import interrupts
-from ispm.cli.options import command, loading_from, settings_from
+from ispm.cli.options import WHOLE, command, loading_from, settings_from
 from ispm.cli.scene import choose_camera, open_scene, surround
 from ispm.cli.viewpoint import Viewpoint
 from ispm.errors import IspmError, SettingsError
@@ -35,6 +35,7 @@ class Shown:
     terminal: Annotated[bool, _SWITCH, Parameter(help="in this terminal, two pixels to a character")] = False
     port: Annotated[
         int | None,
+        WHOLE,
         Parameter(
             help="where the page is served; 0: any that is free", metavar="N", show_default=lambda _: 0
         ),

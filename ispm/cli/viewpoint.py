@@ -8,6 +8,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
+from ispm.cli.options import WHOLE
 from ispm.errors import SettingsError
 from ispm.settings import VIEWS, nearest
 
@@ -41,7 +42,9 @@ class Viewpoint:
     adapter: Annotated[
         str | None, Parameter(help="part of a graphics adapter's name; default: the best", metavar="NAME")
     ] = None
-    threads: Annotated[int | None, Parameter(help="CPU threads; default: all cores", metavar="N")] = None
+    threads: Annotated[int | None, WHOLE, Parameter(help="CPU threads; default: all cores", metavar="N")] = (
+        None
+    )
     config: Annotated[str | None, Parameter(help="settings as TOML", metavar="FILE.toml")] = None
 
     def check(self) -> None:

@@ -15,6 +15,7 @@ from ispm.errors import OutputError, SettingsError, warn_caller
 from ispm.film.kept import Kept
 from ispm.film.output import Output
 from ispm.film.path import CameraPath, Turntable
+from ispm.film.possible import require_possible
 from ispm.film.settings import Film, frame_range
 from ispm.film.sheet import contact_sheet as sheet_of
 from ispm.film.stage import Change, Motion, Stage
@@ -28,7 +29,7 @@ from ispm.renderer.picture import Frame
 from ispm.renderer.renderer import Renderer
 from ispm.scene.camera import Camera
 from ispm.scene.scene import Scene
-from ispm.settings import RENDERER_VIEWS, VIEWS, Changes, Settings, nearest
+from ispm.settings import RENDERER_VIEWS, Changes, Settings
 
 BLOCK, WARM_UP = 48, 16  # frames that go on from one another, and those before them that are not shown
 _GOLDEN = 0.6180339887498949  # 1 / phi: its multiples modulo 1 are evenly spread, however many there are
@@ -63,7 +64,7 @@ def animate(
     camera: Camera | CameraPath | Turntable | str | int | None = None,
     animation: str | None = None,
     time: float = 0.0,
-    frames: str = ":",
+    frames: str | int = ":",
     change: Change | None = None,
     saved: Mapping[str, Any] | None = None,
     contact_sheet: str | Path | None = None,
@@ -81,7 +82,8 @@ def animate(
     camera     as of `Renderer`, or one that moves: a CameraPath or a Turntable
     animation  the name of the one to play; None: all
     time       of the scene as the film begins, s
-    frames     "10:20": these alone, as Python slices; those of a video become one of their own
+    frames     "10:20": these alone, as Python slices, or one by its number; those of a video become one of
+               their own
     change     called with the Renderer and the scene's time, s, before each pass; sets, by the time alone,
                what it changes in `renderer.scene`, `camera` and `settings`
     saved      how numbered pictures are written: arguments of `Frame.save` by name; of a video `show` alone
@@ -250,26 +252,3 @@ class _Shooting:
         deep = pixels if self._bits == 8 else picture.view(view, self._bits)
         write_png(path, deep)
         return pixels
-
-
-def require_possible(output: Output, film: Film, settings: Settings, saved: Mapping[str, Any]) -> None:
-    """Raise an IspmError for what cannot become a film, before a scene is read; as `animate`."""
-    if settings.live and settings.most_passes > 1:
-        raise SettingsError(
-            "passes: frames that go on from the ones before have one each; leave out passes, target_error "
-            "and time_limit, or the history"
-        )
-    if settings.live and film.shutter:
-        raise SettingsError(
-            "shutter: frames that go on from the ones before have no motion blur; leave one out"
-        )
-    show = saved.get("show", "full")
-    if show == "bounce-map":
-        raise SettingsError("show: the view 'bounce-map' has a size of its own; a film takes the others")
-    if output.is_film:
-        from ispm.film.video import codec_of, require_pictures
-
-        if show not in VIEWS:
-            raise SettingsError(f"show: '{show}' is not one of {', '.join(VIEWS)}{nearest(show, VIEWS)}")
-        require_pictures(output.path, codec_of(output.path, film), settings)
-    require_writable(output.path if output.is_film else output.picture(0))

@@ -48,21 +48,28 @@ class Film(Checked):
     )
 
 
-def frame_range(text: str, count: int) -> range:
-    """Return which of `count` frames `text` names: FIRST:END without END, as Python slices, or one number.
+def frames_named(frames: str | int) -> slice | int:
+    """Return what `frames` names: FIRST:END without END, as Python slices, or one number.
 
-    Raises SettingsError where that is none of them.
+    Raises SettingsError where that is neither.
     """
-    match = re.fullmatch(r"\s*(-?\d+)?\s*(:)?\s*(-?\d+)?\s*", text)
+    match = re.fullmatch(r"\s*(-?\d+)?\s*(:)?\s*(-?\d+)?\s*", str(frames))
     if not match or not (match[1] or match[2]) or (match[3] and not match[2]):
-        raise SettingsError(f"frames: '{text}' is not FIRST:END, as 10:20, which is 10 to 19")
+        raise SettingsError(f"frames: '{frames}' is not FIRST:END, as 10:20, which is 10 to 19")
     first, colon, end = match.groups()
-    if colon:
-        found = range(count)[slice(int(first) if first else None, int(end) if end else None)]
+    return slice(int(first) if first else None, int(end) if end else None) if colon else int(first)
+
+
+def frame_range(frames: str | int, count: int) -> range:
+    """Return which of `count` frames are named, as `frames_named` says.
+
+    Raises SettingsError where it names none of them.
+    """
+    named = frames_named(frames)
+    if isinstance(named, slice):
+        found = range(count)[named]
     else:
-        found = (
-            range(int(first) % count, int(first) % count + 1) if -count <= int(first) < count else range(0)
-        )
+        found = range(named % count, named % count + 1) if -count <= named < count else range(0)
     if not found:
-        raise SettingsError(f"frames: {text} is none of the film's {count}, which are 0 to {count - 1}")
+        raise SettingsError(f"frames: {frames} is none of the film's {count}, which are 0 to {count - 1}")
     return found

@@ -48,6 +48,8 @@ def find_camera(
     """
     tree = scene.tree() if tree is None else tree
     placed = [(node, tree.world(k)) for k, node in enumerate(tree.nodes) if node.camera is not None]
+    for node, _ in placed:
+        node.check()
     if wanted is None:
         chosen = placed[:1]
     else:

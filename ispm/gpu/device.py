@@ -100,10 +100,13 @@ def open_gpu(adapter: str | None = None) -> Gpu:
     """Return a device on the preferred adapter: discrete before integrated before CPU.
 
     adapter  part of a name, to choose by; default: the environment's ISPM_ADAPTER
-    Raises AdapterError where there is none, none matches, or the driver refuses.
+    Raises AdapterError where there is none, none matches, or the driver refuses; SettingsError for what is
+    no name.
     """
+    if adapter is not None and not isinstance(adapter, str):
+        raise SettingsError(f"adapter: must be part of an adapter's name, or None, not {adapter!r}")
     require_own_process()
-    wanted = str(adapter) if adapter is not None else os.environ.get("ISPM_ADAPTER", "")
+    wanted = adapter if adapter is not None else os.environ.get("ISPM_ADAPTER", "")
     found = _adapters()
     if not found:
         raise AdapterError(f"no graphics adapter with Vulkan, Metal or Direct3D 12 was found; {_CURE}")

@@ -18,6 +18,7 @@ from ispm.scene.compact import compact
 from ispm.scene.material import Material
 from ispm.scene.mesh import Mesh
 from ispm.scene.node import Part
+from ispm.scene.values import FARTHEST
 
 TRIANGLES, STRIP, FAN = 4, 5, 6
 TRIANGLE_BYTES = 12
@@ -87,7 +88,7 @@ class Meshes:
         if far.any():
             lost = far[triangles].any(axis=1)
             self._file.notes.add(
-                f"{where}: triangles with vertices that are not finite: {lost.sum()} left out"
+                f"{where}: triangles with vertices beyond {FARTHEST:g} m or not finite: {lost.sum()} left out"
             )
             triangles, kept = compact(triangles[~lost])
             positions, rows = positions[kept], rows[kept]

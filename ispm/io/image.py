@@ -36,6 +36,8 @@ def require_ending(path: str | Path) -> str:
     """Return the ending of `path` in small letters. Raises OutputError where no picture has such a one."""
     ending = Path(path).suffix.lower()
     if ending not in ENDINGS:
+        if not ending and Path(path).is_dir():
+            raise OutputError(f"{path}: is a folder; name a file in it")
         problem = f"pictures cannot be written as '{ending}'" if ending else "the name has no ending"
         raise OutputError(f"{path}: {problem}; use one of {', '.join(ENDINGS)}")
     return ending
@@ -144,7 +146,8 @@ def read_array(path: str | Path, key: str | None = None) -> np.ndarray:
     }
     reader = readers.get(file.suffix.lower())
     if reader is None:
-        raise OutputError(f"{file}: pictures are read from {', '.join(readers)}, not '{file.suffix}'")
+        other = f", not '{file.suffix}'" if file.suffix else "; the name has no ending"
+        raise OutputError(f"{file}: pictures are read from {', '.join(readers)}{other}")
     if not file.is_file():
         raise OutputError(f"{file}: there is no such file")
     try:

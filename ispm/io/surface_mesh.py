@@ -12,6 +12,7 @@ from ispm.io.budget import MESH, Budget
 from ispm.io.notes import Notes
 from ispm.scene.compact import compact
 from ispm.scene.mesh import Mesh
+from ispm.scene.values import FARTHEST
 from ispm.settings import LoadLimits
 
 
@@ -23,7 +24,7 @@ def make_mesh(
     name: str,
     **others: np.ndarray | None,
 ) -> Mesh | None:
-    """Return the mesh of `triangles`, less those with vertices that are not finite; None where none is left.
+    """Return the mesh of `triangles`, less those with wild vertices; None where none is left.
 
     The time it takes is that of the triangles, whatever the number of points.
 
@@ -38,7 +39,9 @@ def make_mesh(
     far = np.asarray(wild(points[rows]).any(axis=1))
     if far.any():
         lost = far[triangles].any(axis=1)
-        notes.add(f"{name}: triangles with vertices that are not finite: {lost.sum()} left out")
+        notes.add(
+            f"{name}: triangles with vertices beyond {FARTHEST:g} m or not finite: {lost.sum()} left out"
+        )
         triangles, kept = compact(triangles[~lost])
         rows = rows[kept]
     if not len(triangles):

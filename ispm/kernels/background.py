@@ -11,7 +11,8 @@ import os
 import sys
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 
 from ispm.kernels import store
@@ -19,6 +20,7 @@ from ispm.kernels import store
 enabled = True  # False: what is not kept is compiled by this process, without a word
 bar = True  # drawn on terminals by who waits; False: lines there, too
 _POLL = 0.05  # s
+_EVERY = 30.0  # s from a line about what is left to the next, where no bar is drawn
 _LONG = 50_000  # bytes of bytecode of a kernel that takes so long that one should know about it
 
 
@@ -28,13 +30,17 @@ class Progress:
 
     what      in words; empty until it is known that there is anything
     seconds   it will take, about
+    left      kernels that are not compiled yet
     share     of the work that is done
+    begun     when it began, s of time.perf_counter
     failures  a line for each kernel that could not be compiled
     """
 
     what: str = ""
     seconds: float = 0.0
+    left: int = 0
     share: float = 0.0
+    begun: float = 0.0
     failures: list[str] = field(default_factory=list)
 
 
@@ -91,16 +97,46 @@ def _compile() -> None:
 
     started = time.perf_counter()
     try:
-        compile_missing(progress, _begin, lambda: say("waiting for another process that compiles kernels"))
+        with _telling():
+            compile_missing(
+                progress, _begin, lambda: say("waiting for another process that compiles kernels")
+            )
     except OSError:  # no processes to be had: this one compiles
         return
     if progress.what and not _shows_bar():
         say(f"compiled in {time.perf_counter() - started:.0f} s")
 
 
+@contextmanager
+def _telling() -> Iterator[None]:
+    """Say now and then how much is left, while it goes on."""
+    ended = threading.Event()
+
+    def tell_on() -> None:
+        while not ended.wait(_EVERY):
+            if progress.left and not _shows_bar():
+                say(_so_far(time.perf_counter() - progress.begun))
+
+    teller = threading.Thread(target=tell_on, name="ispm kernels told", daemon=True)
+    teller.start()
+    try:
+        yield
+    finally:
+        ended.set()
+        teller.join()
+
+
+def _so_far(seconds: float) -> str:
+    """What is left after `seconds` of work, at the pace so far."""
+    left = f"compiling: {progress.left} kernel{'s' * (progress.left > 1)} left"
+    if not progress.share:
+        return left
+    return f"{left}, about {seconds * (1.0 - progress.share) / progress.share:.0f} s more"
+
+
 def _begin() -> None:
     global _warned
-    _warned = True
+    _warned, progress.begun = True, time.perf_counter()
     if not _shows_bar():
         say(f"{progress.what}: about {progress.seconds:.0f} s")
 

@@ -30,11 +30,13 @@ def compile_missing(progress: Progress, begin: Callable[[], None], wait: Callabl
         count, total = min(_cores(), len(weights), _MOST_PROCESSES), sum(weights.values())
         progress.what = f"compiling {len(weights)} kernel{'s' * (len(weights) > 1)}, once"
         progress.seconds = max(_SECONDS * max(total / count, max(weights.values())), 1.0)
+        progress.left = len(weights)
         begin()
         answers = _work_off(list(weights), count)
         for line, problem in (answers.get() for _ in weights):
             if problem:
                 progress.failures.append(f"{line.partition('(')[0]}: {problem}")
+            progress.left -= 1
             progress.share += weights[line] / total
 
 

@@ -8,13 +8,15 @@ import numpy as np
 
 from ispm.errors import SceneError, SettingsError
 from ispm.gpu import Gpu
-from ispm.optics.records import RECEIVER
+from ispm.optics.records import MATERIAL_DOUBLE_SIDED, NO_HIT, RECEIVER
+from ispm.renderer.one_pass import Pass
 from ispm.scene.mesh import Mesh
 from ispm.scene.packed import Geometry
 from ispm.scene.scene import Scene
 from ispm.settings import Settings
 
 _SOME = 4096  # triangles looked at together
+_LOOKS = 16  # rays across a picture, and down it, that look for what it does not show
 _MIN_WIDTH = 1e-7  # of a triangle's longest side: its width where float32 rounds it from nothing
 
 
@@ -38,6 +40,19 @@ def require_scene(scene: object) -> Scene:
     if isinstance(scene, Scene):
         return scene
     raise SceneError(f"a Renderer takes a Scene, not a {type(scene).__name__}; see ispm.load")
+
+
+def way_to_see(this: Pass) -> str:
+    """Return what to do where a picture shows no surface: its rays may meet the backs of some."""
+    width, height = this.view.size
+    across, down = (np.arange(_LOOKS) + 0.5) / _LOOKS * width, (np.arange(_LOOKS) + 0.5) / _LOOKS * height
+    rays = (a.reshape(-1, 3).astype(np.float32) for a in this.view.rays_through(across, down[:, None]))
+    hits = this.world.trace(*rays)
+    met = hits["instance"][hits["instance"] != NO_HIT]
+    flags = this.packed.materials["flags"][this.packed.instances["material"][met]]
+    if len(met) and not (flags & MATERIAL_DOUBLE_SIDED).any():
+        return "what is before it shows its back, which is not drawn: go round it, or set double_sided"
+    return "turn it, or move it"
 
 
 def without_area(geometry: Geometry, before: Geometry | None = None) -> str:

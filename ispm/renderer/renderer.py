@@ -22,7 +22,7 @@ from ispm.renderer.draw import draw
 from ispm.renderer.last import LastFrame
 from ispm.renderer.light import light_warnings
 from ispm.renderer.light_paths import LightPaths, light_paths
-from ispm.renderer.limits import require_drawable, require_scene
+from ispm.renderer.limits import require_drawable, require_scene, way_to_see
 from ispm.renderer.live import History
 from ispm.renderer.made_of import MadeOf
 from ispm.renderer.motion import moved
@@ -36,7 +36,6 @@ from ispm.renderer.statistics import collect
 from ispm.renderer.watch import Watch
 from ispm.scene.camera import Camera
 from ispm.scene.names import Names
-from ispm.scene.packed import Packed
 from ispm.scene.packed_instance import Placed
 from ispm.scene.scene import Scene
 from ispm.settings import Settings
@@ -222,11 +221,11 @@ class Renderer:
         width, height = self.settings.size
         return within_memory(f"a picture of {width}x{height} pixels and {self.settings.photons:,} photons")
 
-    def _say_nothing_is_seen(self, packed: Packed) -> None:
-        if not packed.surround.background:
-            self._say("the camera sees nothing, so the picture is empty; turn it, or move it")
-        elif packed.triangle_count:
-            self._say("the camera sees nothing but the environment; turn it, or move it")
+    def _say_nothing_is_seen(self, this: Pass) -> None:
+        if not this.packed.surround.background:
+            self._say(f"the camera sees nothing, so the picture is empty; {way_to_see(this)}")
+        elif this.packed.triangle_count:
+            self._say(f"the camera sees nothing but the environment; {way_to_see(this)}")
 
     def _draw(self, this: Pass, history: History | None = None) -> Frame:
         watch = Watch()
@@ -237,7 +236,7 @@ class Renderer:
         with watch("readback"):
             frame = compose(self._gpu, this, drawn.lit)
             if not drawn.sight.receivers.points["valid"].any() and frame.instance.max() < 0:
-                self._say_nothing_is_seen(this.packed)
+                self._say_nothing_is_seen(this)
             frame.scene = self.scene.name
             self.chosen.expose(frame)
         total = watch.stop()

@@ -17,13 +17,17 @@ from ispm.scene.material import Material
 from ispm.scene.mesh import Mesh
 from ispm.scene.rotation import facing, place_matrices, quaternion
 from ispm.scene.skin import Skin
-from ispm.scene.values import FARTHEST, Point, Strict, array_of, matches, require
+from ispm.scene.values import FARTHEST, Point, Strict, array_of, matches, require, shown
 
 if TYPE_CHECKING:
     from ispm.scene.scene import Scene
 
 _Kind = TypeVar("_Kind")
-_LIGHTS, _CAMERAS, _SKINS = Light | None, Camera | None, Skin | None  # what a node may hold
+_HELD: dict[str, tuple[Any, str]] = {
+    "light": (Light, "an ispm.PointLight or another light"),
+    "camera": (Camera, "an ispm.Camera"),
+    "skin": (Skin, "an ispm.Skin"),
+}  # what a node may hold, and what messages call it
 _MOVED = ("translation", "rotation", "scale", "matrix", "weights")
 
 
@@ -157,11 +161,12 @@ class Node(Branch, Strict):
             if not (isinstance(mesh, Mesh) and isinstance(material, Material)):
                 held = f"{type(mesh).__name__} and a {type(material).__name__}"
                 raise SceneError(f"node '{self.name}': a part must be of a Mesh and a Material, not a {held}")
-        _require_kind(self, "light", _LIGHTS)
-        _require_kind(self, "camera", _CAMERAS)
+        for name, (kind, called) in _HELD.items():
+            value = getattr(self, name)
+            if value is not None and not isinstance(value, kind):
+                raise SceneError(f"node '{self.name}': {name} must be {called}, or None, not {shown(value)}")
         if self.instances is not None:
             self.instances = array_of(f"node '{self.name}': instances", self.instances, (None, 4, 4))
-        _require_kind(self, "skin", _SKINS)
         if self.skin is not None:
             self.skin.check()
         self.morph_weights()
@@ -247,12 +252,6 @@ class Node(Branch, Strict):
         for name, count in (("translation", 3), ("rotation", 4), ("scale", 3)):
             require(f"node '{self.name}': {name}", getattr(self, name), -FARTHEST, FARTHEST, count)
         raise SceneError(f"node '{self.name}': rotation must be a quaternion x, y, z, w, not all 0")
-
-
-def _require_kind(owner: Node, name: str, kinds: Any) -> None:
-    value = getattr(owner, name)
-    if not isinstance(value, kinds):
-        raise SceneError(f"node '{owner.name}': {name} must be a {kinds}, not a {type(value).__name__}")
 
 
 def listed(owner: Scene | Node, name: str, kind: type[_Kind]) -> Sequence[_Kind]:

@@ -300,7 +300,7 @@ class Scene(Branch, Varied):
             clone.children = [clones[id(child)] for child in node.children]
         skins: dict[int, Skin] = {}
         for clone in clones.values():
-            if clone.skin is not None:
+            if isinstance(clone.skin, Skin):  # what is none is refused where it is used
                 clone.skin = skins.setdefault(id(clone.skin), clone.skin.of(clones))
         result = copy.copy(self)
         result.roots = [clones[id(node)] for node in self.roots]

@@ -97,7 +97,7 @@ def require(
     """Raise `error` where `value` is no number of low..high; with `counts`, not one of so many of them."""
     if not counts:
         if not _within(value, low, high):
-            raise error(f"{what} must be a number {_of(low, high)}, not {_shown(value)}")
+            raise error(f"{what} must be a number {_of(low, high)}, not {shown(value)}")
         return
     given = value.tolist() if isinstance(value, np.ndarray) else value
     if (
@@ -106,7 +106,7 @@ def require(
         or not all(_within(v, low, high) for v in given)
     ):
         many = " or ".join(map(str, counts))
-        raise error(f"{what} must be {many} numbers {_of(low, high)}, not {_shown(value)}")
+        raise error(f"{what} must be {many} numbers {_of(low, high)}, not {shown(value)}")
 
 
 def array_of(
@@ -129,7 +129,7 @@ def array_of(
     except (TypeError, ValueError):
         array = np.empty(0, object)  # as of rows that differ in length
     if array.dtype.kind not in "iuf":
-        raise error(f"{what} must be numbers of shape {wanted}, not {_shown(values)}")
+        raise error(f"{what} must be numbers of shape {wanted}, not {shown(values)}")
     if array.ndim != len(shape) or any(n not in (None, m) for n, m in zip(shape, array.shape, strict=True)):
         raise error(f"{what} must have shape {wanted}, not {array.shape}")
     if array.size and not (array.min() >= low and array.max() <= high):  # NaN is neither
@@ -156,7 +156,7 @@ def matches(name: str, pattern: str) -> bool:
     Raises SceneError for a pattern that is no text.
     """
     if not isinstance(pattern, str):
-        raise SceneError(f"names are found by a text such as 'ball *', not by {_shown(pattern)}")
+        raise SceneError(f"names are found by a text such as 'ball *', not by {shown(pattern)}")
     return name == pattern or fnmatchcase(name, pattern)
 
 
@@ -183,7 +183,7 @@ def member_of(what: str, value: object, kind: type[_Member]) -> _Member:
         return kind(value)
     except ValueError:
         names = ", ".join(f"{kind.__name__}.{member.name}" for member in kind)
-        raise SceneError(f"{what} must be one of {names}, not {_shown(value)}") from None
+        raise SceneError(f"{what} must be one of {names}, not {shown(value)}") from None
 
 
 def _of(low: float, high: float) -> str:
@@ -197,6 +197,9 @@ def _within(value: object, low: float, high: float) -> bool:
     return isinstance(value, (int, float, np.integer, np.floating, np.bool_)) and bool(low <= value <= high)
 
 
-def _shown(value: object) -> str:
+def shown(value: object) -> str:
+    """Return a value as messages show it: its repr, or its type where that is long."""
+    if isinstance(value, (tuple, list)) and value and all(isinstance(v, float) for v in value):
+        value = (list if isinstance(value, list) else tuple)(float(f"{v:.6g}") for v in value)
     text = " ".join(repr(value).split())
     return text if len(text) <= _LONGEST else f"a {type(value).__name__}"

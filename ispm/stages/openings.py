@@ -21,10 +21,8 @@ from ispm.optics.vector import dot, vec3
 
 f32, i64 = np.float32, np.int64
 
-DREW, PASSED = (
-    64,
-    128,
-)  # marks, beside those of `area_draws.py`, of pixels that drew from the environment, and of those whose draw passed
+# marks, beside those of `area_draws.py`, of pixels that drew from the environment, and of those whose draw passed
+DREW, PASSED = 64, 128
 _SIDE, _LEVELS, _STEP = 16, 3, 4  # pixels of the smallest squares; sizes, each so many times the one before
 _MOST = 32  # directions that a square keeps
 _RARE = 16  # draws to each that passes, from where draws are guided

@@ -51,6 +51,20 @@ def test_without_pyav_a_video_is_one_line_with_the_cure(run, monkeypatch, tmp_pa
     )
 
 
+@pytest.mark.parametrize(
+    ("line", "says"),
+    [
+        ("--turntable 360/0", "turntable: frames must be 1 or more, not 0"),
+        ("--turntable 360/5 --frames x", "frames: 'x' is not FIRST:END"),
+        ("--turntable 360/5 --codec vp9", "a.mp4: a .mp4 does not hold vp9"),
+    ],
+)
+def test_mistakes_are_told_before_what_renders_is_read(run, monkeypatch, line, says):
+    monkeypatch.setitem(sys.modules, "ispm.film.animate", None)
+    code, _, err = run(f"cornell-box -o a.mp4 {line}")
+    assert code == 2 and says in err
+
+
 def test_options_reach_the_film(run, given):
     line = (
         "cornell-box -o f-##.png --turntable 180/9 --look-from 1,2,-3 --look-at 2,2,2 --fps 25 --shutter .25 "

@@ -54,7 +54,13 @@ def test_ranges_are_half_open_as_slices(text):
         assert list(frame_range(text, 6)) == [range(6)[int(text)]]
 
 
-@pytest.mark.parametrize("text", ["", "a", "1:2:3", "1-2", "2:2", "6:", "6", "-7", "5:1", "1.5:3"])
+def test_one_frame_is_named_by_its_number_too():
+    assert list(frame_range(5, 6)) == list(frame_range(-1, 6)) == [5]
+
+
+@pytest.mark.parametrize(
+    "text", [6, 1.5, None, "", "a", "1:2:3", "1-2", "2:2", "6:", "6", "-7", "5:1", "1.5:3"]
+)
 def test_other_ranges_are_refused(text):
     with pytest.raises(SettingsError, match=r"^frames: "):
         frame_range(text, 6)

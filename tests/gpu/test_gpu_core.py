@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from ispm import wgsl
-from ispm.errors import AdapterError, IspmError
+from ispm.errors import AdapterError, IspmError, SettingsError
 from ispm.gpu import FLAT, Gpu, Target, list_adapters, open_gpu, readback
 
 SHADER = """
@@ -171,6 +171,11 @@ def test_open_gpu_names_the_adapters_there_are() -> None:
     with pytest.raises(AdapterError, match="no graphics adapter is called 'nonesuch'") as caught:
         open_gpu("nonesuch")
     assert names[0] in str(caught.value)
+
+
+def test_what_is_no_name_of_an_adapter_is_refused() -> None:
+    with pytest.raises(SettingsError, match=r"^adapter: must be part of an adapter's name, or None, not 5$"):
+        open_gpu(5)  # type: ignore[arg-type]
 
 
 def test_open_gpu_without_adapters_says_the_cure(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -196,6 +196,11 @@ def test_broken_lines_are_refused_by_number(tmp_path: Path, text: str, reason: s
         (QUAD + "f 1/9 2/9 3/9\n", 1, "texture coordinates"),
         (QUAD + "f 1//9 2//9 3//9\n", 1, "normals"),
         (QUAD + "v nan inf 0\nf 1 2 3\nf 1 2 5\n", 1, "not finite: 1 left out"),
+        (
+            QUAD + "v 1e38 0 0\nf 1 2 3\nf 1 2 5\n",
+            1,
+            "with vertices beyond 1e+18 m or not finite: 1 left out",
+        ),
         (QUAD + "usemtl nowhere\nf 1 2 3\n", 1, "'nowhere' is not there"),
         ("mtllib nowhere.mtl\n" + QUAD + "f 1 2 3\n", 1, "materials 'nowhere.mtl' are left out"),
         ("mtllib ../outside.mtl\n" + QUAD + "f 1 2 3\n", 1, "outside the scene's own folder"),

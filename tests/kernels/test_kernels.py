@@ -1,8 +1,10 @@
 """Compiled kernels: by what they are known, that they come back as they were, and that all are listed."""
 
 import os
+import re
 import subprocess
 import sys
+import threading
 from pathlib import Path
 from types import ModuleType
 
@@ -289,6 +291,36 @@ def test_what_is_missing_is_compiled_by_other_processes_and_said_once(kept, monk
     background.start()
     background.finish()
     assert len(said) == 2
+
+
+def test_long_compilation_says_what_is_left_at_the_pace_so_far(kept, monkeypatch):
+    said, told = [], threading.Event()
+
+    def compile_two(progress, begin, wait):
+        progress.what, progress.left = "compiling 2 kernels, once", 2
+        begin()
+        hear(1)
+        progress.left, progress.share, progress.begun = 1, 0.25, progress.begun - 100.0
+        hear(2)
+        progress.left, progress.share = 0, 1.0
+
+    def hear(which):
+        while len(said) <= which and told.wait(10.0):
+            told.clear()
+
+    def say(line):
+        if line not in said:
+            said.append(line)
+            told.set()
+
+    monkeypatch.setattr(workers, "compile_missing", compile_two)
+    monkeypatch.setattr(background, "_EVERY", 0.01)
+    monkeypatch.setattr(background, "say", say)
+    background.start()
+    background.finish()
+    assert said[1] == "compiling: 2 kernels left"
+    seconds = re.fullmatch(r"compiling: 1 kernel left, about (\d+) s more", said[2])
+    assert seconds and 300 <= int(seconds[1]) < 330  # three times the 100 s and at most the wait for a line
 
 
 def test_who_finds_another_process_at_it_waits_and_says_so(kept, monkeypatch):

@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 
 from ispm.errors import OutputError, SceneError, SettingsError
+from ispm.framing.camera import find_camera
 from ispm.io.load import load
 from ispm.io.named import builtin, open_named
 from ispm.io.save import save
 from ispm.scene import placing
 from ispm.scene.animation import Animation, Channel
 from ispm.scene.camera import Camera
-from ispm.scene.light import DirectionalLight, PointLight, SpotLight
+from ispm.scene.light import DirectionalLight, PointLight, RectLight, SpotLight
 from ispm.scene.material import AlphaMode, Material, Texture, TextureUse
 from ispm.scene.mesh import Mesh
 from ispm.scene.packed import pack
@@ -150,8 +151,9 @@ def test_what_cannot_be_used_is_refused_by_name(make, says):
         (dict(instances=np.full((1, 4, 4), NAN)), "instances must be"),
         (dict(parts=[mesh()]), "parts must be a list of Part, not of Mesh"),
         (dict(parts=[Part(mesh(), None)]), "a part must be of a Mesh and a Material"),
-        (dict(light="sun"), "light must be a .*, not a str"),
-        (dict(camera=3), "camera must be a .*Camera"),
+        (dict(light="sun"), "light must be an ispm.PointLight or another light, or None, not 'sun'$"),
+        (dict(camera=3), "camera must be an ispm.Camera, or None, not 3$"),
+        (dict(skin=3), "skin must be an ispm.Skin, or None, not 3$"),
         (dict(children=[mesh()]), "children must be a list of Node"),
         (dict(children=None), "children must be a list of Node"),
     ],
@@ -161,6 +163,21 @@ def test_a_node_names_the_field_that_cannot_be_placed(tmp_path, fields, says):
     for use in (pack, lambda s: save(s, tmp_path / "a.glb")):
         with pytest.raises(SceneError, match=f"node 'shelf': {says}"):
             use(scene)
+
+
+@pytest.mark.parametrize("wanted", [None, 0, "eye"])
+def test_what_is_no_camera_is_named_before_it_is_looked_through(wanted):
+    with pytest.raises(SceneError, match=r"node 'shelf': camera must be an ispm.Camera, or None, not 5"):
+        find_camera(Scene([Node("shelf", camera=5)]), wanted)
+
+
+def test_what_is_no_skin_is_copied_to_be_refused():
+    assert Scene([Node("shelf", skin=5)]).at(0.0)["shelf"].skin == 5
+
+
+def test_numbers_out_of_range_are_shown_however_long_the_others_are():
+    with pytest.raises(SceneError, match=r"3 numbers of 0 to 1e\+12, not \(3.1831e\+39, 0.31831, 0.31831\)$"):
+        RectLight.from_lumens((1e40, 1, 1))
 
 
 @pytest.mark.parametrize("roots", ["abc", 3, [None], [mesh()]])

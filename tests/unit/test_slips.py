@@ -161,6 +161,18 @@ def test_cameras_that_see_nothing_are_told(gpu):
         renderer.render()
 
 
+@pytest.mark.parametrize(("double_sided", "said"), [(False, "shows its back"), (True, "")])
+def test_backs_that_are_not_drawn_are_told(gpu, recwarn, double_sided, said):
+    scene = ispm.Scene()
+    sheet = ispm.Mesh([[-9, -9, 0], [9, -9, 0], [0, 9, 0]], [[0, 1, 2]])
+    scene.add(sheet, material=ispm.Material(double_sided=double_sided))
+    scene.add(ispm.PointLight(), translation=(0, 0, -2))
+    with Renderer(scene, SMALL, ispm.Camera.look_at((0, 0, -5), (0, 0, 0)), gpu=gpu) as renderer:
+        renderer.render()
+    lines = [str(each.message) for each in recwarn if "sees nothing" in str(each.message)]
+    assert len(lines) == (not double_sided) and all(said in line for line in lines)
+
+
 def test_one_triangle_with_an_area_is_enough():
     points = np.array([(0, 0, 0), (1, 1, 1), (2, 2, 2), (0, 1e-5, 0)])
     lines = np.tile([0, 1, 2], (9000, 1))
