@@ -21,7 +21,7 @@ from ispm.optics.vector import dot, vec3
 
 f32, i64 = np.float32, np.int64
 
-# marks, beside those of `area_draws.py`, of pixels that drew from the environment, and of those whose draw passed
+# marks, beside those of `area_draws.py`: pixels that drew from the environment, and those whose draw passed
 DREW, PASSED = 64, 128
 _SIDE, _LEVELS, _STEP = 16, 3, 4  # pixels of the smallest squares; sizes, each so many times the one before
 _MOST = 32  # directions that a square keeps
