@@ -15,12 +15,14 @@ from ispm.accel.surface import SurfacePoint, hit_position, leave_surface, surfac
 from ispm.accel.transmittance import shadow_transmittance
 from ispm.lights.area import (
     area_numbers,
+    candidate_pdf,
     lamp_irradiance,
     lamp_pdf,
     resample_surround,
     sample_lamps,
 )
 from ispm.lights.emitted import first_irradiance
+from ispm.lights.openings import draw_opening, opening_cell, opening_pdf
 from ispm.optics.bsdf import (
     Bsdf,
     eval_bsdf,
@@ -31,7 +33,7 @@ from ispm.optics.bsdf import (
     pdf_bsdf,
     transmits,
 )
-from ispm.optics.environment import environment_pdf, has_environment
+from ispm.optics.environment import environment_light, environment_pdf, has_environment
 from ispm.optics.facets import visible_pdf
 from ispm.optics.jit import jit
 from ispm.optics.light import FAR, light_arriving, reaches
@@ -140,7 +142,7 @@ def surround_weight(tables, pdf, d):
 
 
 @jit
-def light_from_one(tables, x, wo, u, pick, scratch, limit):
+def light_from_one(tables, x, wo, u, pick, scratch, limit, openings):
     """Return an estimate of the radiance of `direct_light` by one ray: to a light that `pick`, of [0, 1),
     draws in proportion to the radiance that each makes without shadows, of emissive surfaces by a point."""
     total, none = f32(0), (f32(0), f32(0), f32(0))
@@ -152,7 +154,7 @@ def light_from_one(tables, x, wo, u, pick, scratch, limit):
         arriving = _unshadowed_lamp(tables, x, wo, area_numbers(x.hit, u), limit, BY_NOTHING)
         drawn, weight, total, pick = _draw(drawn, weight, total, arriving, pick)
     if has_environment(tables.environment):
-        arriving = _unshadowed_surround(tables, x, wo, area_numbers(x.hit, u), BY_NOTHING)
+        arriving = _guided_surround(tables, x, wo, area_numbers(x.hit, u), openings)
         drawn, weight, total, pick = _draw(drawn, weight, total, arriving, pick)
     if total <= f32(0):
         return none
@@ -227,6 +229,35 @@ def _unshadowed_surround(tables, x, wo, numbers, goes_on):
     share = drawn_share(x, wo, drawn.wi, drawn.pdf, goes_on)
     light = _reflected(seen, wo, drawn.radiance, _NONE, drawn.wi, f32(np.inf), share)
     return Arriving(light, FAR, drawn.wi)
+
+
+@jit
+def _guided_surround(tables, x, wo, numbers, openings):
+    """The Arriving of a direction of the environment, where openings are rare mostly one that sees these.
+
+    By the balance heuristic (Veach 1997, section 9.2.2), of candidates' densities in place of draws'.
+    """
+    cell, draws = opening_cell(openings, x)
+    if draws == 0:
+        return _unshadowed_surround(tables, x, wo, numbers, BY_NOTHING)
+    u0, u1, u2, pick = numbers
+    by_lobes, weight = draws_by_lobes(x.bsdf), f32(1)
+    share = f32(draws) / f32(draws + 1)
+    if pick < share:
+        wi = draw_opening(openings, cell, x.position, u0, u1, u2)
+        radiance, own = environment_light(tables.environment, wi)
+        own = candidate_pdf(tables, x, wo, wi, own, by_lobes)
+    else:
+        pick = (pick - share) / (f32(1) - share)
+        drawn, _ = resample_surround(tables, x, wo, u1, u2, pick, PAIRS, f32(np.inf), by_lobes)
+        wi, radiance = drawn.wi, drawn.radiance
+        own = candidate_pdf(tables, x, wo, wi, drawn.pdf, by_lobes)
+        weight = own
+    if own <= f32(0):
+        return Arriving(_NONE, FAR, wi)
+    weight /= (f32(1) - share) * own + share * opening_pdf(openings, cell, x.position, wi)
+    light = _reflected(x, wo, scale(weight, radiance), _NONE, wi, f32(np.inf))
+    return Arriving(light, FAR, wi)
 
 
 @jit

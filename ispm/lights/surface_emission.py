@@ -24,7 +24,7 @@ from ispm.kernels.simd import alloca
 from ispm.optics.jit import jit
 from ispm.optics.records import EMITTED, EMITTED_BY_SURFACE, NO_HIT
 from ispm.optics.rng import random4
-from ispm.optics.sampling import cosine_hemisphere, to_world
+from ispm.optics.sampling import cosine_hemisphere, in_cone, to_world
 from ispm.optics.vector import Vector, dot, scale, sub, vec3
 from ispm.scene.packed import Packed
 
@@ -163,7 +163,7 @@ def _emit(tables, lamps, pass_index, seed, counter, rows):
 def draw_lamp_point(tables, cumulative, u0, u1, u2):
     """Return the LampPoint drawn by u0, u1, u2 of [0, 1), in proportion to flux; cumulative: see
     `cumulative_shares`."""
-    k, chance, u0 = _draw_triangle(cumulative, u0)
+    k, chance, u0 = drawn_row(cumulative, u0)
     emitter = tables.emitters.triangles[k]
     root = f32(math.sqrt(u1))
     u, v = root * (f32(1) - u2), root * u2
@@ -196,7 +196,7 @@ def _part(x):
 
 
 @jit
-def _draw_triangle(cumulative, u):
+def drawn_row(cumulative, u):
     """Return (row, chance, u): of (n + 1,) cumulative chances the row that u, of [0, 1), falls into, its
     chance, and u, uniform again."""
     low, high = i64(0), i64(len(cumulative) - 2)
@@ -219,19 +219,19 @@ def _direction(lamps, emitter, point, n, u, v):
     By the cosine, or of a spot with a radius evenly in its cone.
     """
     share, spheres = lamps.share, lamps.spheres
-    in_cone = emitter.cone > f32(0)
+    within_cone = emitter.cone > f32(0)
     if u < share:
         count = f32(len(spheres))
         u *= count / share
         drawn = min(i64(u), i64(len(spheres) - 1))
         toward, cosine = _cone(spheres[drawn], point)
-        d = _in_cone(toward, cosine, u - f32(drawn), v)
-    elif in_cone:
-        d = _in_cone(vec3(emitter.axis), f32(1) - emitter.cone, (u - share) / (f32(1) - share), v)
+        d = in_cone(toward, cosine, u - f32(drawn), v)
+    elif within_cone:
+        d = in_cone(vec3(emitter.axis), f32(1) - emitter.cone, (u - share) / (f32(1) - share), v)
     else:
         d = to_world(cosine_hemisphere((u - share) / (f32(1) - share), v), n)
     density = (f32(1) - share) * max(dot(n, d), f32(0)) * f32(1 / math.pi)
-    if in_cone:
+    if within_cone:
         within = dot(vec3(emitter.axis), d) >= f32(1) - emitter.cone
         density = (f32(1) - share) / (f32(2 * math.pi) * emitter.cone) if within else f32(0)
     if share > f32(0):
@@ -242,14 +242,6 @@ def _direction(lamps, emitter, point, n, u, v):
                 aimed += f32(1 / (2 * math.pi)) / (f32(1) - cosine)
         density += share * aimed / f32(len(spheres))
     return d, density
-
-
-@jit
-def _in_cone(axis, cosine, u, v):
-    """A direction, unit, drawn evenly by u, v of [0, 1) in a cone; cosine: of half its angle."""
-    z = f32(1) - u * (f32(1) - cosine)
-    radius, phi = f32(math.sqrt(max(f32(1) - z * z, f32(0)))), f32(2 * math.pi) * v
-    return to_world((radius * f32(math.cos(phi)), radius * f32(math.sin(phi)), z), axis)
 
 
 @jit

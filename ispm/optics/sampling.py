@@ -58,6 +58,14 @@ def cosine_hemisphere(u1, u2):
 
 
 @jit
+def in_cone(axis, cosine, u, v):
+    """Return a direction, unit, drawn evenly by u, v of [0, 1) in a cone; cosine: of half its angle."""
+    z = f32(1) - u * (f32(1) - cosine)
+    radius, phi = f32(math.sqrt(max(f32(1) - z * z, f32(0)))), f32(2 * math.pi) * v
+    return to_world((radius * f32(math.cos(phi)), radius * f32(math.sin(phi)), z), axis)
+
+
+@jit
 def octahedral_encode(n):
     """Return the unit vector `n` as a point of [-1, 1]^2.
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from ispm.optics.jit import jit
 
-f32 = np.float32
+f32, u32 = np.float32, np.uint32
 
 Vector = tuple[np.float32, np.float32, np.float32]
 
@@ -66,3 +66,14 @@ def normalize(a):
 def luminance(c):
     """Return the Rec. 709 luminance of a linear RGB triple."""
     return f32(LUMINANCE[0]) * c[0] + f32(LUMINANCE[1]) * c[1] + f32(LUMINANCE[2]) * c[2]
+
+
+@jit
+def facing(normal):
+    """Return which side of a cube a normal points to, uint32 0 to 5."""
+    x, y, z = abs(normal[0]), abs(normal[1]), abs(normal[2])
+    if x >= y and x >= z:
+        return u32(normal[0] <= f32(0))
+    if y >= z:
+        return u32(2) + u32(normal[1] <= f32(0))
+    return u32(4) + u32(normal[2] <= f32(0))

@@ -30,6 +30,7 @@ from ispm.accel.world import World
 from ispm.kernels.share import run_shared, shared_rows
 from ispm.kernels.simd import alloca
 from ispm.lights.nee import is_gathered, light_from_one, times
+from ispm.lights.openings import NO_OPENINGS, Openings
 from ispm.optics.bsdf import NARROW_ALPHA, gloss_terms, is_smooth, smooth_split, transmits
 from ispm.optics.jit import jit
 from ispm.optics.records import MATERIAL_UNLIT, RECEIVER
@@ -99,6 +100,7 @@ def gather_rays(
     limit: float,
     seed: int,
     pass_index: int,
+    openings: Openings = NO_OPENINGS,
 ) -> Gathered:
     """Trace rays from receivers; the same bytes for any number of threads.
 
@@ -111,7 +113,7 @@ def gather_rays(
     fresnel, nearness = np.zeros((2, count), np.float32)
     out = Gathered(radiance, fresnel, nearness, np.zeros(count, PATH_END), np.zeros(count, RECEIVER))
     tables = scene_tables(packed, world, surfaces)
-    course = _Course(f32(limit), u32(pass_index), u32(seed))
+    course = _Course(f32(limit), u32(pass_index), u32(seed), openings)
     run_shared(lambda counter: _gather_chunks(tables, receivers, plan, course, counter, out), world.threads)
     return out
 
@@ -122,6 +124,7 @@ class _Course(NamedTuple):
     limit: np.float32
     pass_index: np.uint32
     seed: np.uint32
+    openings: Openings
 
 
 class _GatherRay(NamedTuple):
@@ -200,7 +203,9 @@ def _look(tables, ray, course, scratch, out):
         x, wo, _, chance = drawn_side(x, wo, u)
         weight = scale(f32(1) / chance, weight)
     b = x.bsdf
-    light = times(weight, light_from_one(tables, x, wo, u_light, pick, scratch, course.limit))
+    light = times(
+        weight, light_from_one(tables, x, wo, u_light, pick, scratch, course.limit, course.openings)
+    )
     for c in range(3):
         out.radiance[row, c] = light[c]
     store_end(out.ends[row], u32(row), u32(0), weight, b, hit.instance)

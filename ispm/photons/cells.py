@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from ispm.optics.jit import jit
+from ispm.optics.vector import facing
 
 f32, i64, u32 = np.float32, np.int64, np.uint32
 
@@ -50,17 +51,6 @@ def cell_key(position, normal, low, per_metre):
         number = min(max((position[axis] - low[axis]) * per_metre, f32(0)), f32((1 << BITS) - 1))
         key |= _spread(u32(number)) << u32(axis)
     return key
-
-
-@jit
-def facing(normal):
-    """Return which side of a cube a normal points to, uint32 0 to 5."""
-    x, y, z = abs(normal[0]), abs(normal[1]), abs(normal[2])
-    if x >= y and x >= z:
-        return u32(normal[0] <= f32(0))
-    if y >= z:
-        return u32(2) + u32(normal[1] <= f32(0))
-    return u32(4) + u32(normal[2] <= f32(0))
 
 
 @jit

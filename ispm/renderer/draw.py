@@ -9,6 +9,7 @@ import numpy as np
 
 from ispm.frame import BounceMaps, GBuffer, GpuScene, LitFrame, Receivers
 from ispm.gpu import Texture
+from ispm.lights.openings import Openings
 from ispm.lights.plan import PlannedMap
 from ispm.lights.surface_emission import emissive_flux
 from ispm.photons.walk import Walk
@@ -75,7 +76,7 @@ def draw(this: Pass, stages: Stages, watch: Watch, history: History | None = Non
         receivers = Receivers(stages.downsample.read(gpu, view), stages.downsample.size(view))
         sight = Sight(scene, gbuffer, receivers, stages.chains.read())
         texels = maps.read(gpu)
-    direct = _light_directly(this, stages, sight, watch)
+    direct = _light_directly(this, stages, sight, plan.openings, watch)
     if not traced:
         with watch("trace"):
             traced = trace_photons(this, plan, texels)
@@ -83,7 +84,7 @@ def draw(this: Pass, stages: Stages, watch: Watch, history: History | None = Non
         if history:
             light: PhotonLight = history.light(this, traced)
         else:
-            light = PhotonLight(this, classify_photons(this, traced.path))
+            light = PhotonLight(this, classify_photons(this, traced.path), plan.openings)
         raw, filtered = light.at_receivers(sight.receivers, stages.estimator)
     with watch.record(gpu) as frame:
         frame.stage("radiance")
@@ -127,7 +128,7 @@ def _draw_first(
     return scene, gbuffer, maps
 
 
-def _light_directly(this: Pass, stages: Stages, sight: Sight, watch: Watch) -> Texture:
+def _light_directly(this: Pass, stages: Stages, sight: Sight, openings: Openings, watch: Watch) -> Texture:
     """The light of lamps at pixels, but where shadow maps leave it in doubt."""
     points, scene = sight.receivers.points, sight.scene
     found: list[np.ndarray] = []
@@ -138,7 +139,7 @@ def _light_directly(this: Pass, stages: Stages, sight: Sight, watch: Watch) -> T
             told = this.packed, this.world, this.surfaces
             pixels, view = read_pixels(stages.gpu, sight.gbuffer, this.view, this.settings.seed)
             if by_area:
-                found.append(area_light(pixels, view, *told, this.settings.smoothing))
+                found.append(area_light(pixels, view, *told, openings, this.settings.smoothing))
             if by_rays:
                 found.append(point_light(pixels, view, *told))
                 scene = scene.without_lights

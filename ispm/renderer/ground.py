@@ -19,6 +19,7 @@ from ispm.accel.surface import Tables, scene_tables
 from ispm.accel.world import World
 from ispm.frame import GBuffer
 from ispm.gpu import Gpu, Texture
+from ispm.lights.openings import NO_OPENINGS
 from ispm.optics.environment import environment_irradiance, has_environment
 from ispm.optics.jit import jit
 from ispm.optics.light import light_arriving
@@ -133,7 +134,8 @@ def _drawn_radiance(
         empty = World(this.threads)
         empty.update(pack(Scene()))
         shown = read_pixels(gpu, gbuffer, this.view, this.settings.seed)
-        light += area_light(*shown, packed, empty, this.surfaces, this.settings.smoothing)[pixels, :3]
+        smoothing = this.settings.smoothing
+        light += area_light(*shown, packed, empty, this.surfaces, NO_OPENINGS, smoothing)[pixels, :3]
     return light
 
 

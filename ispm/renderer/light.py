@@ -12,6 +12,7 @@ from ispm.lights.emission import emit_rays, emit_texels
 from ispm.lights.environment_emission import emit_from_environment, environment_flux
 from ispm.lights.lamp_maps import LampMaps, emit_from_lamp_maps, plan_lamp_maps
 from ispm.lights.lightmap import light_maps
+from ispm.lights.openings import NO_OPENINGS, Openings, find_openings
 from ispm.lights.plan import PlannedMap, plan_maps, share_photons
 from ispm.lights.surface_emission import emissive_flux, emit_from_surfaces
 from ispm.photons.walk import Walk, walk
@@ -34,6 +35,7 @@ class EmissionPlan:
     surfaces  how many leave emissive surfaces as rays, and
     surround  how many come from the environment, always as rays
     seen      (n, 3) m, places that the picture shows, at which some of these are aimed; None: unknown
+    openings  through which the environment lights these
     """
 
     maps: list[PlannedMap]
@@ -42,6 +44,7 @@ class EmissionPlan:
     surfaces: int = 0
     surround: int = 0
     seen: np.ndarray | None = None
+    openings: Openings = NO_OPENINGS
 
     @property
     def mostly(self) -> str:
@@ -92,15 +95,14 @@ def plan_emission(this: Pass, software: bool) -> EmissionPlan:
         [emissive_flux(packed, this.surfaces), environment_flux(packed)],
     )
     told = settings.caustic_photons, settings.seed, this.index
-    seen = _seen_places(this)
+    seen, openings = _survey(this) if aims_by_view(packed) else (None, NO_OPENINGS)
     maps = plan_maps(packed, counts, *told, seen)
     by = emission_of(maps, packed, settings, software)
     surfaces, surround = map(int, counts[-2:])
     if settings.emission == "map":
-        return EmissionPlan(
-            maps, by, plan_lamp_maps(packed, this.surfaces, surfaces, *told), 0, surround, seen
-        )
-    return EmissionPlan(maps, by, None, surfaces, surround, seen)
+        lamps = plan_lamp_maps(packed, this.surfaces, surfaces, *told)
+        return EmissionPlan(maps, by, lamps, 0, surround, seen, openings)
+    return EmissionPlan(maps, by, None, surfaces, surround, seen, openings)
 
 
 def aims_by_view(packed: Packed) -> bool:
@@ -108,17 +110,15 @@ def aims_by_view(packed: Packed) -> bool:
     return environment_flux(packed) > 0.0 or any(map(aims_at_seen, light_maps(packed)))
 
 
-def _seen_places(this: Pass) -> np.ndarray | None:
-    """What a coarse picture shows, (n, 3) m world space; None where no light asks for it."""
-    view = this.view
-    if not aims_by_view(this.packed):
-        return None
-    width, height = view.size
+def _survey(this: Pass) -> tuple[np.ndarray, Openings]:
+    """What a coarse picture shows, (n, 3) m world space, and the Openings that light it."""
+    width, height = this.view.size
     x, y = ((np.arange(n) + 0.5) / n for n in _COARSE)
-    origins, directions = (each.reshape(-1, 3) for each in view.rays_through(width * x, height * y[:, None]))
-    t = this.world.trace(origins.astype(np.float32), directions.astype(np.float32))["t"]
-    met = np.isfinite(t)
-    return np.asarray(origins[met] + t[met, None] * directions[met])
+    origins, directions = (
+        each.reshape(-1, 3) for each in this.view.rays_through(width * x, height * y[:, None])
+    )
+    scene = this.packed, this.world, this.surfaces
+    return find_openings(*scene, (origins, directions), this.settings.seed, this.index)
 
 
 def emission_of(plan: list[PlannedMap], packed: Packed, settings: Settings, software: bool) -> str:
@@ -162,7 +162,7 @@ def emit_photons(this: Pass, plan: EmissionPlan, texels: Sequence[np.ndarray]) -
         emitted = np.concatenate([emitted, emit_from_surfaces(*scene, plan.surfaces, *told, first_key)])
     if plan.surround:
         first_key = int(emitted["key"].max(initial=0)) + 1
-        found = emit_from_environment(*scene, plan.surround, *told, first_key, plan.seen)
+        found = emit_from_environment(*scene, plan.surround, *told, first_key, plan.seen, plan.openings.ways)
         emitted = np.concatenate([emitted, found])
     return emitted
 

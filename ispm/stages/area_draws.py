@@ -11,7 +11,6 @@ decides, never a pixel's own draw: a mean is off if what is drawn says whether i
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
@@ -22,29 +21,15 @@ from ispm.kernels.share import run_shared, shared_rows
 from ispm.kernels.simd import alloca
 from ispm.lights.area import candidate_pdf, resample_surround, sample_lamps
 from ispm.lights.known import are_known, unshaded_lamps
-from ispm.lights.nee import (
-    draws_by_lobes,
-    greatest,
-)
+from ispm.lights.nee import draws_by_lobes, greatest, next_numbers
+from ispm.lights.openings import Openings, draw_opening, opening_cell, opening_pdf
 from ispm.optics.bsdf import is_lambert, is_narrow
-from ispm.optics.environment import environment_irradiance, environment_light
+from ispm.optics.environment import environment_irradiance, environment_light, has_environment
 from ispm.optics.jit import jit
 from ispm.optics.light import FAR
 from ispm.optics.rng import random4
 from ispm.optics.vector import add, dot, luminance, scale
-from ispm.stages.area_samples import UNKNOWN, Arriving, Samples, add_light
-from ispm.stages.openings import (
-    DREW,
-    PASSED,
-    Around,
-    Openings,
-    closed,
-    draw_opening,
-    find_openings,
-    no_openings,
-    opening_pdf,
-    openings_around,
-)
+from ispm.stages.area_samples import Arriving, Samples, add_light
 from ispm.stages.pixels import Pixels, PixelView, is_lit, shown_at
 
 f32, i64, u32 = np.float32, np.int64, np.uint32
@@ -65,33 +50,27 @@ _CLOSE_BIT, _CLOSE_BITS = 2, 15  # and from this bit on: of what lamps bring, wh
 _AROUND = 2  # pixels to each side that tell of penumbrae and of lamps
 
 
-def draw_light(tables: Tables, pixels: Pixels, view: PixelView, threads: int) -> Samples:
-    """Return the Samples of n pixels."""
+def draw_light(tables: Tables, pixels: Pixels, view: PixelView, openings: Openings, threads: int) -> Samples:
+    """Return the Samples of n pixels, whose draws from the environment Openings guide."""
     count = len(pixels.points)
     by_draws = 0 if are_known(tables.emitters) else count
     lamps, near = np.zeros((3, by_draws), np.float32), np.full(by_draws, np.inf, np.float32)
     diffuse, gloss, drawn, known = np.zeros((4, 3, count), np.float32)
     samples = Samples(diffuse, gloss, drawn, known, lamps, near, np.full(count, np.inf, np.float32))
-    marks, surrounded = np.zeros(count, np.uint8), len(tables.environment.columns) > 0
-    found = np.empty((count if surrounded else 0, 3), np.float32)
-    openings = closed()
-    run_shared(
-        lambda counter: _draw_once(tables, pixels, view, marks, openings, found, counter, samples), threads
-    )
-    if view.pass_index == 0 or by_draws or surrounded:
-        openings = find_openings(marks, found, int(view.columns), threads)
-        told = marks, openings
-        run_shared(lambda counter: _refine(tables, pixels, view, told, counter, samples), threads)
+    marks, told = np.zeros(count, np.uint8), (tables, pixels, view, openings)
+    run_shared(lambda counter: _draw_once(*told, marks, counter, samples), threads)
+    if view.pass_index == 0 or by_draws:
+        run_shared(lambda counter: _refine(*told, marks, counter, samples), threads)
     return samples
 
 
 @jit
-def _draw_once(tables, pixels, view, marks, openings, found, counter, samples):
-    """Trace a shadow ray for as many of the Pixels as a thread gets, and mark what it met; write where the
-    environment was `found`, (n, 3)."""
+def _draw_once(tables, pixels, view, openings, marks, counter, samples):
+    """Trace a shadow ray to each lamp and the environment for as many of the Pixels as a thread gets, and
+    mark what they met."""
     scratch = Scratch(alloca(STACK_WORDS), alloca(2))
-    step, by_draws, surrounded = _first_part(view), len(samples.near) > 0, len(found) > 0
-    guide = _Guide(openings, no_openings(), i64(1))
+    surrounded, by_draws = has_environment(tables.environment), len(samples.near) > 0
+    step = _first_part(view)
     for i in shared_rows(counter, CHUNK, len(pixels.points)):
         if not is_lit(tables, pixels, i):
             continue
@@ -100,14 +79,8 @@ def _draw_once(tables, pixels, view, marks, openings, found, counter, samples):
             # what reflection leaves to the Lambert lobe depends on the draw, whose ratio alone is biased; and
             # what is reflected is known by draws alone, of which each pixel of a square has another part
             samples.reach[i] = UNSHADED
-        numbers = _numbers(view, i, i64(0), step)
-        _draw_lamp(tables, shown, numbers, i, scratch, samples)
+        _draw(tables, shown, view, openings, i, i64(0), step, scratch, samples)
         mark = i64(0)
-        if surrounded:
-            wi, passed = _draw_surround(tables, shown, numbers, guide, i, scratch, samples)
-            mark = DREW + PASSED * passed
-            for c in range(3):
-                found[i, c] = wi[c]
         known = f32(0), f32(0), f32(0)
         if surrounded:
             known = environment_irradiance(tables.environment, shown.x.n)
@@ -125,39 +98,22 @@ def _draw_once(tables, pixels, view, marks, openings, found, counter, samples):
 
 
 @jit
-def _refine(tables, pixels, view, told, counter, samples):
+def _refine(tables, pixels, view, openings, marks, counter, samples):
     """Have pixels in narrow penumbrae draw again in the first pass, so that the Samples are their means, and
-    those that see little of the environment where it is open; have those close to lamps know what these bring
-    without shadows. told: the marks of all, and where the environment is open."""
+    those close to lamps know what these bring without shadows."""
     scratch = Scratch(alloca(STACK_WORDS), alloca(2))
-    marks, openings = told
     step, partly = _first_part(view), _IS_NARROW | _IS_REACHED
     for i in shared_rows(counter, CHUNK, len(pixels.points)):
-        around, open_around = _marks_around(marks, i, view.columns), no_openings()
+        around = _marks_around(marks, i, view.columns)
         draws_again = view.pass_index == u32(0) and around & partly == partly
         close = (
             around >> _CLOSE_BIT & _CLOSE_BITS
         )  # 0, 1, 3, 7 or 15: below one of _CLOSE is below those before
-        if marks[i] & DREW != 0:
-            open_around = openings_around(openings, marks, i, view.columns)
-        is_guided = open_around.draws > 0
-        if not (draws_again or is_guided or close) or not is_lit(tables, pixels, i):
+        if not (draws_again or close) or not is_lit(tables, pixels, i):
             continue
         shown, draws = shown_at(tables, pixels, view, i), i64(_DRAWS if draws_again else 1)
-        guide = _Guide(openings, open_around, draws)
-        if is_guided:
-            # the first draw counts less; its ray is traced anew through porous surfaces alone
-            known = UNKNOWN if tables.porous else i64(marks[i] & PASSED != 0)
-            dark, _ = _surround(tables, shown, _numbers(view, i, i64(0), step))
-            _draw_dark(tables, shown, dark, guide, f32(1), known, i, scratch, samples)
         for k in range(1, draws):
-            numbers = _numbers(view, i, i64(k), step)
-            _draw_lamp(tables, shown, numbers, i, scratch, samples)
-            if marks[i] & DREW != 0:
-                _draw_surround(tables, shown, numbers, guide, i, scratch, samples)
-        for k in range(open_around.draws):
-            numbers = _numbers(view, i, i64(k), step)
-            _draw_guided(tables, shown, numbers, guide, i, scratch, samples)
+            _draw(tables, shown, view, openings, i, i64(k), step, scratch, samples)
         if draws > 1:
             for sums in (samples.diffuse, samples.gloss, samples.drawn):
                 for c in range(3):
@@ -208,12 +164,28 @@ def _numbers(view, i, k, step):
 
 
 @jit
+def _draw(tables, shown, view, openings, i, k, step, scratch, samples):
+    """Add draw k of what row i sees, from lamps and from the environment, to the Samples."""
+    numbers = _numbers(view, i, k, step)
+    _draw_lamp(tables, shown, numbers, i, scratch, samples)
+    if has_environment(tables.environment):
+        _draw_surround(tables, shown, numbers, openings, i, scratch, samples)
+
+
+@jit
+def next_three(numbers, k):
+    """Three random numbers of [0, 1), k steps along a lattice from others."""
+    a, b, c, _ = next_numbers((numbers[0], numbers[1], numbers[2], f32(0)), k + 1)
+    return a, b, c
+
+
+@jit
 def _draw_lamp(tables, shown, numbers, i, scratch, samples):
     """Add to row i of the Samples a draw from lamps, by three random numbers."""
     radiance, distance, wi, pdf, _, _ = sample_lamps(tables, shown.x, *numbers)
     if pdf > f32(0):
         arriving = Arriving(scale(f32(1) / pdf, radiance), distance, wi, pdf)
-        brought, _ = add_light(tables, shown, arriving, f32(1), UNKNOWN, i, scratch, samples)
+        brought = add_light(tables, shown, arriving, i, scratch, samples)
         if len(samples.near) > 0 and greatest(brought) > f32(0):
             for c in range(3):
                 samples.lamps[c, i] += brought[c]
@@ -221,54 +193,32 @@ def _draw_lamp(tables, shown, numbers, i, scratch, samples):
             samples.near[i] = min(samples.near[i], _NEAR * slant * distance / shown.width)
 
 
-class _Guide(NamedTuple):
-    """Where the environment is open, of all pixels and about one, and how many draws that has besides."""
-
-    openings: Openings
-    around: Around
-    draws: np.int64
-
-
 @jit
-def _draw_surround(tables, shown, numbers, guide, i, scratch, samples):
-    """Add to row i of the Samples a draw from the environment, by three random numbers.
-
-    ->  (its direction among those no brighter than suns, whether light comes from there)
-    """
+def _draw_surround(tables, shown, numbers, openings, i, scratch, samples):
+    """Add to row i of the Samples a draw from the environment, by three random numbers, and as many as its
+    place wants of where that is open, by the balance heuristic (Veach 1997, section 9.2.2), but for
+    candidates' densities in place of the first draw's."""
     dark, bright = _surround(tables, shown, numbers)
-    passed = _draw_dark(tables, shown, dark, guide, f32(0), UNKNOWN, i, scratch, samples)
     arriving = Arriving(bright.radiance, FAR, bright.wi, bright.pdf)
-    add_light(tables, shown, arriving, f32(1), UNKNOWN, i, scratch, samples)
-    return dark.wi, passed
-
-
-@jit
-def _draw_dark(tables, shown, dark, guide, less, known, i, scratch, samples):
-    """Add the Surround of directions no brighter than suns, by the weight that guided draws leave to it, less
-    a number; return whether light comes from there. known: see `add_light`.
-
-    The balance heuristic (Veach 1997, section 9.2.2), but for candidates' densities in place of the draw's.
-    """
-    own, guided = _densities(tables, shown, guide, dark.wi, dark.pdf)
-    weight = own / (own + guided) if own > f32(0) else f32(1)
-    arriving = Arriving(dark.radiance, FAR, dark.wi, dark.pdf)
-    _, passed = add_light(tables, shown, arriving, weight - less, known, i, scratch, samples)
-    return passed
-
-
-@jit
-def _draw_guided(tables, shown, numbers, guide, i, scratch, samples):
-    """Add likewise a draw of where the environment is open, by the weight that it has beside those of
-    `_draw_dark`."""
-    wi = draw_opening(guide.openings, guide.around, *numbers)
-    radiance, pdf = environment_light(tables.environment, wi)
-    if luminance(radiance) > tables.environment.brightest:
-        return
-    own, guided = _densities(tables, shown, guide, wi, pdf)
-    if own <= f32(0):  # what the pixel's own draw leaves to others
-        return
-    arriving = Arriving(scale(f32(guide.draws) / (own + guided), radiance), FAR, wi, pdf)
-    add_light(tables, shown, arriving, f32(1), UNKNOWN, i, scratch, samples)
+    add_light(tables, shown, arriving, i, scratch, samples)
+    position = shown.x.position
+    cell, draws = opening_cell(openings, shown.x)
+    weight = f32(1)
+    if draws > 0:
+        own = candidate_pdf(tables, shown.x, shown.wo, dark.wi, dark.pdf, _draws_by_lobes(shown.x))
+        if own > f32(0):
+            weight = own / (own + f32(draws) * opening_pdf(openings, cell, position, dark.wi))
+    arriving = Arriving(scale(weight, dark.radiance), FAR, dark.wi, dark.pdf)
+    add_light(tables, shown, arriving, i, scratch, samples)
+    for k in range(draws):
+        wi = draw_opening(openings, cell, position, *next_three(numbers, k))
+        radiance, pdf = environment_light(tables.environment, wi)
+        own = candidate_pdf(tables, shown.x, shown.wo, wi, pdf, _draws_by_lobes(shown.x))
+        # those no brighter than suns, but for what the first draw leaves to others
+        if own > f32(0) and luminance(radiance) <= tables.environment.brightest:
+            weight = f32(1) / (own + f32(draws) * opening_pdf(openings, cell, position, wi))
+            arriving = Arriving(scale(weight, radiance), FAR, wi, pdf)
+            add_light(tables, shown, arriving, i, scratch, samples)
 
 
 @jit
@@ -277,17 +227,6 @@ def _surround(tables, shown, numbers):
     pick, u1, u2 = numbers
     brightest, by_lobes = tables.environment.brightest, _draws_by_lobes(shown.x)
     return resample_surround(tables, shown.x, shown.wo, u1, u2, pick, _PAIRS, brightest, by_lobes)
-
-
-@jit
-def _densities(tables, shown, guide, wi, pdf):
-    """How many draws, and how many guided ones, a pixel has for each steradian about a direction.
-
-    pdf  of the environment's own draw, 1/sr
-    """
-    own = candidate_pdf(tables, shown.x, shown.wo, wi, pdf, _draws_by_lobes(shown.x))
-    guided = f32(guide.around.draws) * opening_pdf(guide.openings, guide.around, wi)
-    return f32(guide.draws) * own, guided
 
 
 @jit

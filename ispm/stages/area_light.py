@@ -20,6 +20,7 @@ import numpy as np
 from ispm.accel.surface import SurfaceTable, scene_tables
 from ispm.accel.world import World
 from ispm.kernels.share import run_shared, shared_rows
+from ispm.lights.openings import Openings
 from ispm.optics.jit import jit
 from ispm.scene.packed import Packed
 from ispm.stages.area_draws import CHUNK, draw_light
@@ -37,11 +38,13 @@ def area_light(
     packed: Packed,
     world: World,
     surfaces: SurfaceTable,
+    openings: Openings,
     smoothing: float,
 ) -> np.ndarray:
     """Return the direct light of lamps with a surface and of the environment, (n, 4) float32 cd/m2 of
     the n pixels; of an opacity of 1.
 
+    openings   through which the environment lights the pixels
     smoothing  factor on the filter's width
     """
     count, threads = len(pixels.points), world.threads
@@ -49,7 +52,7 @@ def area_light(
     point, normal, flat = np.empty((3, 3, count), np.float32)
     shapes = Shapes(np.empty(count, np.uint32), point, normal, flat, np.empty(count, np.float32))
     run_shared(lambda counter: lay_out(pixels, view, counter, shapes), threads)
-    samples = draw_light(tables, pixels, view, threads)
+    samples = draw_light(tables, pixels, view, openings, threads)
 
     def run(kernel: Callable[..., Any], *given: Any) -> None:
         run_shared(

@@ -19,9 +19,8 @@ from ispm.optics.light import FAR
 from ispm.optics.vector import Vector, add, dot, scale, sub
 from ispm.stages.pixels import lift
 
-f32, i64 = np.float32, np.int64
+f32 = np.float32
 
-UNKNOWN = i64(-1)  # whether a draw passes what is between
 _BLUR = f32(0.25)  # of a penumbra's width, that the filter blurs it over to each side at most
 _WHITE = f32(1), f32(1), f32(1)
 
@@ -58,17 +57,13 @@ class Arriving(NamedTuple):
 
 
 @jit
-def add_light(tables, shown, arriving, weight, known, i, scratch, samples):
-    """Add what row i makes of an Arriving to the Samples, times a weight.
-
-    known  whether it passes what is between, 0 or 1, or UNKNOWN: a ray tells
-    ->     (what of it is `drawn`, but for the weight; whether some of it passes)
-    """
+def add_light(tables, shown, arriving, i, scratch, samples):
+    """Add what row i makes of an Arriving to the Samples, and return what of that is `drawn`."""
     x, wo, wi = shown.x, shown.wo, arriving.wi
     b, along = x.bsdf, abs(dot(x.n, wi))
     none = f32(0), f32(0), f32(0)
     if greatest(arriving.irradiance) <= f32(0):
-        return none, False
+        return none
     # over its albedo, of which channels may be 0: neighbors ask how much of the light passes in each
     f = eval_bsdf(with_diffuse(b, _WHITE), x.n, x.ng, wo, wi)
     gloss = none
@@ -81,26 +76,22 @@ def add_light(tables, shown, arriving, weight, known, i, scratch, samples):
             _, share = drawn_share(x, wo, wi, arriving.pdf, BY_FACETS)
             gloss = scale(share, gloss)
     if not (is_lambert(b) or greatest(b.diffuse) > f32(0) or greatest(gloss) > f32(0)):
-        return none, False
+        return none
     lights = greatest(f) > f32(0) or greatest(gloss) > f32(0)
     shades_itself = not lights and dot(x.ng, wi) <= f32(0)
     brought = none
     if dot(x.n, wi) > f32(0) and (lights or shades_itself):
         brought = scale(f32(1 / math.pi), scale(along, arriving.irradiance))
         for c in range(3):
-            samples.drawn[c, i] += weight * brought[c]
+            samples.drawn[c, i] += brought[c]
     if not lights:
-        return brought, False
-    passed = f32(1), f32(1), f32(1)
-    if known != UNKNOWN:
-        passed = scale(f32(known), passed)
-    else:
-        passed = _passed(tables, shown, arriving, i, scratch, samples)
+        return brought
+    passed = _passed(tables, shown, arriving, i, scratch, samples)
     for c in range(3):
-        light = weight * along * arriving.irradiance[c] * passed[c]
+        light = along * arriving.irradiance[c] * passed[c]
         samples.diffuse[c, i] += light * f[c]
         samples.gloss[c, i] += light * gloss[c]
-    return brought, greatest(passed) > f32(0)
+    return brought
 
 
 @jit

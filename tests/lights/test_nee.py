@@ -10,6 +10,7 @@ from ispm.accel.surface import closest_surface, scene_tables, surface
 from ispm.kernels.simd import alloca
 from ispm.library.shapes import box
 from ispm.lights.nee import direct_light, light_from_one
+from ispm.lights.openings import NO_OPENINGS
 from ispm.optics.jit import jit
 from ispm.optics.vector import scale
 from ispm.scene.light import PointLight
@@ -28,7 +29,7 @@ def both_ways(tables, start, d, picks, limit, out):
     for c in range(3):
         out[0, c] = light[c]
     for i in range(len(picks)):
-        light = light_from_one(tables, x, wo, f32(0.5), picks[i], scratch, limit)
+        light = light_from_one(tables, x, wo, f32(0.5), picks[i], scratch, limit, NO_OPENINGS)
         for c in range(3):
             out[i + 1, c] = light[c]
 

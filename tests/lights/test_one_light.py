@@ -13,6 +13,7 @@ from ispm.accel.surface import closest_surface, surface
 from ispm.kernels.simd import alloca
 from ispm.library.shapes import box, icosphere
 from ispm.lights.nee import direct_light, light_from_one
+from ispm.lights.openings import NO_OPENINGS
 from ispm.optics.jit import jit
 from ispm.optics.rng import random4
 from ispm.optics.vector import scale
@@ -31,7 +32,7 @@ def both_ways(tables, start, d, limit, all_of_them, one):
     for i in range(len(one)):
         u, v, pick, _ = random4(u32(i), u32(3), u32(0), u32(1))
         light, _ = direct_light(tables, x, wo, u, scratch, limit)
-        drawn = light_from_one(tables, x, wo, v, pick, scratch, limit)
+        drawn = light_from_one(tables, x, wo, v, pick, scratch, limit, NO_OPENINGS)
         for c in range(3):
             all_of_them[i, c], one[i, c] = light[c], drawn[c]
 

@@ -11,6 +11,7 @@ from ispm.accel.surface import closest_surface, surface
 from ispm.kernels.simd import alloca
 from ispm.library.shapes import icosphere
 from ispm.lights.nee import light_from_one
+from ispm.lights.openings import NO_OPENINGS
 from ispm.optics.jit import jit
 from ispm.optics.vector import scale, vec3
 from ispm.reference.paths import path_light
@@ -30,7 +31,9 @@ def from_one(tables, origins, directions, numbers, out):
         if found:
             x = surface(tables, hit, d)
             wo = scale(f32(-1), d)
-            light = light_from_one(tables, x, wo, numbers[i, 0], numbers[i, 1], scratch, f32(np.inf))
+            light = light_from_one(
+                tables, x, wo, numbers[i, 0], numbers[i, 1], scratch, f32(np.inf), NO_OPENINGS
+            )
             for c in range(3):
                 out[i, c] = light[c]
 
