@@ -116,14 +116,14 @@ def end_kernel(kernel, front, clear):
 
     front  the plane's unit normal, towards the photon;  clear  m, its distance behind the photon
     """
-    x = f32(clear) / max(_extent(kernel, front), f32(1e-30))
+    x = f32(clear) / max(extent(kernel, front), f32(1e-30))
     old = vec3(kernel.front)
     x_old = f32(1)
     if dot(old, old) > f32(0):
-        x_old = kernel.reach / max(_extent(kernel, old), f32(1e-30))
+        x_old = kernel.reach / max(extent(kernel, old), f32(1e-30))
     if x >= x_old:
         return
-    brighter = _part_before(x_old) / _part_before(x)
+    brighter = part_before(x_old) / part_before(x)
     for k in range(3):
         kernel.front[k] = front[k]
         kernel.flux[k] *= brighter
@@ -131,17 +131,17 @@ def end_kernel(kernel, front, clear):
 
 
 @jit
-def _extent(kernel, direction):
-    """How far, in m, a CAUSTIC's ellipse reaches along a unit direction."""
+def extent(kernel, direction):
+    """Return how far, in m, a CAUSTIC's ellipse reaches along a unit direction."""
     x = dot(vec3(kernel.u), direction)
     y = dot(vec3(kernel.v), direction)
     return math.sqrt(x * x + y * y)
 
 
 @jit
-def _part_before(x):
-    """The share of a unit disc's kernel left of x in [0, 1]: the integral of 16 / (5 pi) (1 - x^2)^(5/2),
-    which the biweight 3 / pi (1 - r^2)^2 is along lines across x."""
+def part_before(x):
+    """Return the share of a unit disc's kernel left of x in [0, 1]: the integral of
+    16 / (5 pi) (1 - x^2)^(5/2), which the biweight 3 / pi (1 - r^2)^2 is along lines across x."""
     xx = x * x
     root = math.sqrt(max(f32(1) - xx, f32(0)))
     part = x * root * (f32(33) - f32(26) * xx + f32(8) * xx * xx) / f32(15) + math.asin(x)

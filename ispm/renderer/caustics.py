@@ -20,6 +20,7 @@ from ispm.photons.density import (
 )
 from ispm.photons.footprint import shape_kernels
 from ispm.photons.grid import PhotonGrid
+from ispm.photons.images import with_images
 from ispm.photons.walk import Walk
 from ispm.photons.walls import end_at_walls
 from ispm.renderer.one_pass import Pass
@@ -45,16 +46,35 @@ class Caustics:
 
     @property
     def sharp_kernels(self) -> np.ndarray:
-        """CAUSTIC, of the sharp ones."""
-        return self.kernels[self.wide :]
+        """CAUSTIC, of the sharp ones and of their images."""
+        return with_images(self.kernels[self.wide :])[0]
 
     def grid(self) -> PhotonGrid:
         """Return all of them for points anywhere."""
-        return PhotonGrid(self.photons, self.kernels)
+        return _grid(self.photons, self.kernels)
 
     def wide_grid(self) -> PhotonGrid:
         """Return the wide ones."""
-        return PhotonGrid(self.photons[: self.wide], self.kernels[: self.wide])
+        return _grid(self.photons[: self.wide], self.kernels[: self.wide])
+
+    def each(self, receiver: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return those that light a point, (m,) rows, and what each brings, as of `PhotonGrid.each`."""
+        _, images = with_images(self.kernels)
+        found, brought = self.grid().each(receiver)
+        rows, places = np.unique(
+            np.concatenate([np.arange(len(self.kernels)), images])[found], return_inverse=True
+        )
+        both = np.zeros((len(rows), 3), np.float32)
+        np.add.at(both, places, brought)
+        return rows, both
+
+
+def _grid(photons: np.ndarray, kernels: np.ndarray) -> PhotonGrid:
+    """A grid of (n,) PHOTON with (n,) CAUSTIC, and of their images."""
+    kernels, images = with_images(kernels)
+    photons = np.concatenate([photons, take(photons, images)])
+    photons["position"] = kernels["position"]
+    return PhotonGrid(photons, kernels)
 
 
 @dataclass(frozen=True, eq=False)

@@ -126,7 +126,7 @@ def _photons_at(last: LastFrame, point: np.ndarray) -> tuple[np.ndarray, np.ndar
         else partial(keep_all_light, made, parts.keys, series=series_of(made.settings))
     )
     rows, brought = PhotonGrid(parts.smooth.copy(), finish=finish).each(point)
-    more, others = parts.caustics.grid().each(point)
+    more, others = parts.caustics.each(point)
     return np.concatenate([rows, len(parts.smooth) + more]), np.concatenate([brought, others])
 
 
