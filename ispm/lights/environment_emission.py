@@ -39,7 +39,7 @@ from ispm.scene.packed import Packed
 f32, i64, u32 = np.float32, np.int64, np.uint32
 
 _DIMENSION = (1 << 20) - 3  # of the random numbers of a ray, and of those that shift all of them
-_THROUGH = 0.5  # of the photons that are not aimed at caustics, where there are openings
+_THROUGH = 0.5  # of the photons that are not aimed at caustics, if all that is seen is lit through openings
 _CHUNK = 1024  # rays a thread takes at a time
 
 
@@ -98,7 +98,8 @@ def emit_from_environment(
     spheres = caustic_spheres(packed)
     to_caustics = caustic_share if len(spheres) else 0.0
     kinds = len(ways.spheres) > 0, len(ways.to_sun) > 0
-    along, to_sun = (_THROUGH * (1.0 - to_caustics) / max(sum(kinds), 1) * some for some in kinds)
+    through = _THROUGH * ways.share * (1.0 - to_caustics)
+    along, to_sun = (through / max(sum(kinds), 1) * some for some in kinds)
     near = [] if seen is None else seen_boxes(packed.bounds, seen)
     chances = [1.0 - SEEN, *[SEEN / len(near)] * len(near)] if near else [1.0]
     targets = _Targets(

@@ -64,11 +64,13 @@ class Ways(NamedTuple):
     spheres     (k, 4) float32, middle and radius, m, in openings, from each of which the darker parts of a
                 sky are seen in its direction, unit, of directions  (k, 3) float32
     to_sun      (l, 4) float32 spheres from which its sun is seen
+    share       of the places seen, those where draws are guided
     """
 
     spheres: np.ndarray
     directions: np.ndarray
     to_sun: np.ndarray
+    share: float
 
 
 class Openings(NamedTuple):
@@ -91,7 +93,7 @@ class Openings(NamedTuple):
 
 
 _NO_SPHERES, _NO_CORNER = np.zeros((0, 4), f32), np.zeros(3, f32)
-NO_WAYS = Ways(_NO_SPHERES, np.zeros((0, 3), f32), _NO_SPHERES)
+NO_WAYS = Ways(_NO_SPHERES, np.zeros((0, 3), f32), _NO_SPHERES, 0.0)
 NO_OPENINGS = Openings(
     _NO_SPHERES,
     np.zeros((0, _NEAREST), np.int32),
@@ -202,17 +204,18 @@ def find_openings(
         )
     found = [_open_lines(places, hidden, each.lines[there], each.opened[there]) for each in surveys]
     lines = _narrow(tables, _Lines(*map(np.concatenate, zip(*found, strict=True))), numbers, threads)
-    return seen, _openings(lines, cells, draws, threads)
+    return seen, _openings(lines, cells, draws, float(hidden.mean()), threads)
 
 
-def _openings(lines: _Lines, cells: _Cells, draws: np.ndarray, threads: int) -> Openings:
-    """The Openings of lines, (m,) of which have something beside them; draws: see there."""
+def _openings(lines: _Lines, cells: _Cells, draws: np.ndarray, share: float, threads: int) -> Openings:
+    """The Openings of lines, (m,) of which have something beside them; draws, share: see there."""
     if len(lines.starts) < _NEAREST:
         return NO_OPENINGS
     middles = lines.starts + lines.along[:, None] * lines.directions
     spheres = np.column_stack([middles, _radii(middles)]).astype(f32)
     dark, bright = np.flatnonzero(lines.to_sun == 0), np.flatnonzero(lines.to_sun)
-    ways = Ways(spheres[dark], lines.directions[dark], spheres[bright[:: max(len(bright) // _SENT, 1)]])
+    to_sun = spheres[bright[:: max(len(bright) // _SENT, 1)]]
+    ways = Ways(spheres[dark], lines.directions[dark], to_sun, share)
     nearest = cells.nearest(lines.starts, _NEAREST, threads)
     return Openings(spheres, nearest, draws, cells.low, np.float32(1.0) / cells.step, ways)
 
