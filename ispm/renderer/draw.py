@@ -101,7 +101,8 @@ def draw(this: Pass, stages: Stages, watch: Watch, history: History | None = Non
         _light_missed(this, stages, sight, light, raw, sharp)
     if this.settings.ground:
         with watch("compose"):
-            pixels, added = catch_shadows(this, gpu, gbuffer, (direct, indirect), pixels, added)
+            shown = direct, indirect
+            pixels, added = catch_shadows(this, gpu, gbuffer, plan.openings, shown, pixels, added)
     with watch.record(gpu) as frame:
         frame.stage("compose")
         through = stages.chains.patch(frame, pixels, added, direct, indirect, emission, irradiance)

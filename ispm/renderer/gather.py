@@ -16,7 +16,7 @@ from ispm.accel.surface import SurfaceTable
 from ispm.estimators import Estimator
 from ispm.frame import Receivers
 from ispm.lights.lightmap import mean_irradiance
-from ispm.lights.openings import NO_OPENINGS, Openings
+from ispm.lights.openings import Openings
 from ispm.lights.surface_emission import emissive_flux
 from ispm.optics.bsdf import NARROW_ALPHA
 from ispm.optics.environment import environment_power
@@ -115,7 +115,7 @@ class PhotonLight:
     Measures the kernels of the smooth photons, in place.
     """
 
-    def __init__(self, this: Pass, parts: PhotonClasses, openings: Openings = NO_OPENINGS) -> None:
+    def __init__(self, this: Pass, parts: PhotonClasses, openings: Openings) -> None:
         self._this, self.parts = this, parts
         self._openings = openings
         self.caustics = parts.caustics

@@ -19,7 +19,7 @@ from ispm.accel.surface import Tables, scene_tables
 from ispm.accel.world import World
 from ispm.frame import GBuffer
 from ispm.gpu import Gpu, Texture
-from ispm.lights.openings import NO_OPENINGS
+from ispm.lights.openings import Openings
 from ispm.optics.environment import environment_irradiance, has_environment
 from ispm.optics.jit import jit
 from ispm.optics.light import light_arriving
@@ -49,6 +49,7 @@ def catch_shadows(
     this: Pass,
     gpu: Gpu,
     gbuffer: GBuffer,
+    openings: Openings,
     light: tuple[Texture, Texture],
     pixels: np.ndarray,
     added: np.ndarray,
@@ -56,7 +57,8 @@ def catch_shadows(
     """Return pixels and what to add there, as `patch` of stages/specular.py takes them, with what turns the
     pixels of the ground to what they show.
 
-    light  direct and indirect
+    openings  that guided direct light
+    light     direct and indirect
     """
     disk = _ground(this)
     ids, direct, indirect = gpu.read_many(
@@ -76,7 +78,10 @@ def catch_shadows(
         shares = np.zeros_like(reflected)
     else:
         kept = np.zeros((2, *reflected.shape), np.float32)
-        alone, drawn = open_radiance(this, disk, points), _drawn_radiance(this, gpu, gbuffer, disk, mine)
+        alone, drawn = (
+            open_radiance(this, disk, points),
+            _drawn_radiance(this, gpu, gbuffer, openings, disk, mine),
+        )
         if drawn is not None:
             reflected = reflected + (alone - drawn)
         shares = 1.0 + there * (np.where(alone > 0.0, reflected / np.maximum(alone, 1e-30), 1.0) - 1.0)
@@ -114,7 +119,7 @@ def _fade(away: np.ndarray) -> np.ndarray:
 
 
 def _drawn_radiance(
-    this: Pass, gpu: Gpu, gbuffer: GBuffer, disk: _Disk, pixels: np.ndarray
+    this: Pass, gpu: Gpu, gbuffer: GBuffer, openings: Openings, disk: _Disk, pixels: np.ndarray
 ) -> np.ndarray | None:
     """Return `open_radiance` in (n,) pixels of the ground by the random numbers of direct light, (n, 3): what
     both have too much of cancels, so that the ground is free of noise where nothing shades it.
@@ -135,7 +140,7 @@ def _drawn_radiance(
         empty.update(pack(Scene()))
         shown = read_pixels(gpu, gbuffer, this.view, this.settings.seed)
         smoothing = this.settings.smoothing
-        light += area_light(*shown, packed, empty, this.surfaces, NO_OPENINGS, smoothing)[pixels, :3]
+        light += area_light(*shown, packed, empty, this.surfaces, openings, smoothing)[pixels, :3]
     return light
 
 

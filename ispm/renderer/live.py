@@ -14,6 +14,7 @@ import numpy as np
 
 from ispm.estimators import Estimator
 from ispm.frame import Receivers
+from ispm.lights.openings import Openings
 from ispm.lights.plan import plan_maps
 from ispm.live.blend import HISTORY, blend, effective_frames, light_of, no_history, words
 from ispm.live.cache import CELL, WorldCache
@@ -122,7 +123,8 @@ class History:
         # Kernels of caustics get narrower as those of passes do, since the frames' mean is shown.
         smoothing = this.settings.smoothing * shrunk(len(self._caustics))
         narrow = replace(this, settings=this.settings.replace(smoothing=smoothing))
-        self._light = LiveLight(this, classify_photons(narrow, path), self, *self._caches)
+        parts, openings = classify_photons(narrow, path), traced.plan.openings
+        self._light = LiveLight(this, parts, openings, self, *self._caches)
         return self._light
 
     def caustics(self, new: Caustics) -> Caustics:
@@ -181,9 +183,15 @@ class LiveLight(PhotonLight):
     """
 
     def __init__(
-        self, this: Pass, parts: PhotonClasses, history: History, ends: WorldCache, whole: WorldCache
+        self,
+        this: Pass,
+        parts: PhotonClasses,
+        openings: Openings,
+        history: History,
+        ends: WorldCache,
+        whole: WorldCache,
     ) -> None:
-        super().__init__(this, parts)
+        super().__init__(this, parts, openings)
         self._history, self._ends, self._whole = history, ends, whole
         self._batch = history.number
         self.caustics = history.caustics(parts.caustics)
