@@ -23,7 +23,6 @@ override TEXTURED: bool = false;   // the material has textures
 @group(1) @binding(14) var specular_color_sampler: sampler;
 
 const LARGEST_HALF = 65504.0;
-const STEPS = 256.0;               // into which rasterisers divide a pixel's side
 
 struct Corner {
     @builtin(position) clip: vec4f,
@@ -39,16 +38,6 @@ struct Pixel {
     @location(3) emission: vec4f,
 }
 
-// A corner in clip space, moved to where rasterisers snap it. What a triangle covers follows from that; its depth,
-// in llvmpipe, from where the corner was. So past an outline, by as little as corners move, the back of a closed
-// object would lie before its front, and pixels show its inside.
-fn snapped(clip: vec4f) -> vec4f {
-    let grid = 0.5 * STEPS * camera.size;
-    let place = clip.xy / clip.w * grid;
-    let on_grid = clip.w > 0.0 && all(abs(place) < vec2f(8388608.0));
-    return select(clip, vec4f(round(place) / grid * clip.w, clip.zw), on_grid);
-}
-
 @vertex
 fn vs(@builtin(vertex_index) corner: u32, @builtin(instance_index) instance: u32) -> Corner {
     let row = vertex_row(instance, corner);
@@ -58,7 +47,7 @@ fn vs(@builtin(vertex_index) corner: u32, @builtin(instance_index) instance: u32
         uv = vec4f(vertices[row].uv0, vertices[row].uv1);
     }
     return Corner(
-        snapped(camera.clip_from_world * vec4f(position, 1.0)), unpack4x8unorm(vertices[row].color),
+        camera.clip_from_world * vec4f(position, 1.0), unpack4x8unorm(vertices[row].color),
         vec2u(instance + 1u, corner / 3u), uv,
     );
 }

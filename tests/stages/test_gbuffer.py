@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import numpy as np
@@ -10,12 +9,10 @@ import pytest
 from exact import cast, interior, mixed_scene, packed_mixed, quad, triangles_of, view_of
 from transport import Tracer
 
-from ispm import euler, shapes
 from ispm.accel.glow import glow
 from ispm.accel.records import Hit
 from ispm.gpu import Gpu
 from ispm.optics.jit import jit
-from ispm.renderer.converge import place_in_pixel
 from ispm.scene.camera import look_at_pose
 from ispm.scene.color import linear
 from ispm.scene.material import AlphaMode, Material, Texture, TextureUse, Wrap
@@ -94,52 +91,6 @@ def test_gbuffer_matches_exact_rays(gpu: Gpu, options: dict) -> None:
     expected = shading_normals(packed, triangles, facet, uv.reshape(*shape, 2), ng)
     assert angle(got["n"], expected)[inside].max() < 0.004
     assert ((got["n"] * got["ng"]).sum(-1) > 0.0)[facet >= 0].all()
-
-
-def test_outlines_of_closed_double_sided_things_show_no_inside(gpu: Gpu) -> None:
-    """Past an outline, by as little as rasterisers snap corners, the back lies before the front."""
-    inside = outlines = 0
-    random = np.random.default_rng(1)
-    for mesh in (shapes.box(0.6), shapes.sphere(0.3, segments=12, rings=8), shapes.torus(0.3, 0.1)):
-        scene = Scene()
-        scene.add(mesh, material=Material(double_sided=True), rotation=(0.0, 0.2, 0.1, 0.97))
-        packed, upload, stage = pack(scene), Upload(gpu), GBufferStage(gpu)
-        front = triangles_of(packed).front
-        for index in range(24):
-            eye = random.normal(size=3)
-            pose = look_at_pose(1.6 * eye / np.linalg.norm(eye), np.zeros(3))
-            view = CameraView(
-                (480, 270), pose, 0.8, 0.6 if index % 2 else None, far=10.0, jitter=place_in_pixel(index)
-            )
-            with gpu.frame() as frame:
-                out = stage(frame, upload(packed), view)
-            ids, normals = gpu.read_many([(out.ids, np.uint32, 2), (out.normals, np.int16, 4)])
-            shown = ids[..., 0] > 0
-            ng = decode(normals[shown][:, 2:] / 32767.0)
-            inside += ((ng * front[ids[shown][:, 1]]).sum(-1) < 0.0).sum()
-            outlines += (shown[:, 1:] != shown[:, :-1]).sum()
-    # Corners move by up to 1/512 pixel: 12 pixels showed the inside. Depth is rounded by as much as it
-    # changes over 1e-4 pixel, a twentieth of that: 0.6 may be left, more than 3 in one of 300 such sets.
-    assert outlines > 20_000 and inside <= 3
-
-
-@pytest.mark.parametrize("turned", [0.0, math.pi], ids=["front", "back"])
-def test_the_nearer_of_two_thin_sheets_is_seen(gpu: Gpu, turned: float) -> None:
-    """Snapping moves each by up to .7 / 256 pixel, of 22 mm: .06 mm, and each its own way."""
-    scene, gap = Scene(), 2e-4
-    paper = Material(double_sided=True)
-    scene.add(quad(1.4), material=paper, translation=(0.0, gap, 0.0), rotation=euler(turned, 0.4, 0.0))
-    scene.add(quad(4.0), material=paper)
-    packed = pack(scene)
-    for height in (0.3, 1.0, 3.0):
-        pose = look_at_pose(np.array([0.3, height, 5.0]), np.zeros(3))
-        view = CameraView((480, 270), pose, near=0.01)
-        origins, directions = view.rays()
-        points = origins + directions * ((gap - origins[..., 1:2]) / directions[..., 1:2])
-        ahead = directions[..., 1] < 0.0
-        within = ahead & (np.hypot(points[..., 0], points[..., 2]) < 1.39)
-        shown = draw(gpu, packed, view)["ids"][..., 0][within]
-        assert shown.size > 1000 and (shown == 1).all()
 
 
 def rebuild(view: CameraView, depth: np.ndarray) -> np.ndarray:
