@@ -26,7 +26,6 @@ from ispm.lights.openings import draw_opening, opening_cell, opening_pdf
 from ispm.optics.bsdf import (
     Bsdf,
     eval_bsdf,
-    has_finite,
     is_lambert,
     is_narrow,
     is_smooth,
@@ -355,12 +354,6 @@ def split_count(tables, photon, limit):
         return i64(1)
     x = with_matte_sheen(surface(tables, hit, scale(f32(-1), wi)))
     return i64(SPLIT_COUNT) if is_bright(x.bsdf, x.ng, x.ng, irradiance, wi, limit * x.coat.shown) else i64(1)
-
-
-@jit
-def is_gathered(b):
-    """Return whether gather rays end at a surface, by its Bsdf: it is opaque, and scatters."""
-    return has_finite(b) and not transmits(b)
 
 
 @jit

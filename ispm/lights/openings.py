@@ -30,7 +30,7 @@ from ispm.accel.world import World
 from ispm.kernels.share import run_shared, shared_rows
 from ispm.kernels.simd import alloca
 from ispm.lights.area import resample_surround
-from ispm.optics.bsdf import has_finite, transmits
+from ispm.optics.bsdf import is_gathered
 from ispm.optics.environment import has_environment
 from ispm.optics.jit import jit
 from ispm.optics.light import FAR
@@ -281,10 +281,9 @@ def _look_around(tables, origins, directions, course, counter, out):
             for c in range(3):
                 out.places[i, step, c] = start[c]
             out.sides[i, step], out.tried[i, step] = facing(x.ng), 0
-            if not has_finite(x.bsdf) or transmits(x.bsdf):
+            if not (has_environment(tables.environment) and is_gathered(x.bsdf)):
                 break
-            if has_environment(tables.environment):
-                _try_lines(tables, x, wo, start, key, course, scratch, out, i, step)
+            _try_lines(tables, x, wo, start, key, course, scratch, out, i, step)
             d = to_world(cosine_hemisphere(u1, u2), x.ng)
 
 

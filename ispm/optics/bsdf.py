@@ -140,6 +140,12 @@ def has_finite(b):
 
 
 @jit
+def is_gathered(b):
+    """Return whether gather rays end at a surface, by its Bsdf: it is opaque, and scatters."""
+    return has_finite(b) and not transmits(b)
+
+
+@jit
 def is_narrow(b):
     """Return whether a Bsdf is opaque and its lobe is left to eye paths, a bool: narrow, or anisotropic."""
     narrow = f32(0) < b.alpha < NARROW_ALPHA or is_anisotropic(b)

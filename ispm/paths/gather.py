@@ -7,7 +7,7 @@ each path from a light to x counts in one of them alone:
   and what the photons stored at y bring that have scattered before.
 - By the photon itself, stored at x (`Walk.not_gathered`), where rays would seldom find y or not at all: y
   is a bright first bounce near a light or a highlight (`nee.is_bright`), is lit by a caustic, or lets
-  light through (`nee.is_gathered`); or a mirror or glass lies between y and x.
+  light through (`bsdf.is_gathered`); or a mirror or glass lies between y and x.
 
 Lobes too narrow for photons count as wider at rays' ends: what they bring has one bounce more to go; rough
 clear coats and sheen count as matte there.
@@ -29,9 +29,9 @@ from ispm.accel.surface import SurfaceTable, closest_surface, leave_surface, sce
 from ispm.accel.world import World
 from ispm.kernels.share import run_shared, shared_rows
 from ispm.kernels.simd import alloca
-from ispm.lights.nee import is_gathered, light_from_one, times
+from ispm.lights.nee import light_from_one, times
 from ispm.lights.openings import NO_OPENINGS, Openings
-from ispm.optics.bsdf import NARROW_ALPHA, gloss_terms, is_smooth, smooth_split, transmits
+from ispm.optics.bsdf import NARROW_ALPHA, gloss_terms, is_gathered, is_smooth, smooth_split, transmits
 from ispm.optics.jit import jit
 from ispm.optics.records import MATERIAL_UNLIT, RECEIVER
 from ispm.optics.rng import random4

@@ -19,8 +19,8 @@ from ispm.accel.world import World
 from ispm.kernels.share import run_shared, shared_rows
 from ispm.kernels.simd import alloca
 from ispm.lights.emitted import emitted_beam, first_segment
-from ispm.lights.nee import is_bright_first_bounce, is_gathered, split_count
-from ispm.optics.bsdf import has_finite, is_smooth
+from ispm.lights.nee import is_bright_first_bounce, split_count
+from ispm.optics.bsdf import has_finite, is_gathered, is_smooth
 from ispm.optics.dispersion import ALL_BANDS, BANDS, band_number, draw_band, of_band
 from ispm.optics.jit import jit
 from ispm.optics.records import EMITTED_BY_ENVIRONMENT, MATERIAL_THIN, NO_HIT, PHOTON

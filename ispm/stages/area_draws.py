@@ -173,7 +173,7 @@ def _draw(tables, shown, view, openings, i, k, step, scratch, samples):
 
 
 @jit
-def next_three(numbers, k):
+def _next_three(numbers, k):
     """Three random numbers of [0, 1), k steps along a lattice from others."""
     a, b, c, _ = next_numbers((numbers[0], numbers[1], numbers[2], f32(0)), k + 1)
     return a, b, c
@@ -211,7 +211,7 @@ def _draw_surround(tables, shown, numbers, openings, i, scratch, samples):
     arriving = Arriving(scale(weight, dark.radiance), FAR, dark.wi, dark.pdf)
     add_light(tables, shown, arriving, i, scratch, samples)
     for k in range(draws):
-        wi = draw_opening(openings, cell, position, *next_three(numbers, k))
+        wi = draw_opening(openings, cell, position, *_next_three(numbers, k))
         radiance, pdf = environment_light(tables.environment, wi)
         own = candidate_pdf(tables, shown.x, shown.wo, wi, pdf, _draws_by_lobes(shown.x))
         # those no brighter than suns, but for what the first draw leaves to others
