@@ -36,7 +36,7 @@ from ispm.optics.environment import environment_light, environment_pdf, has_envi
 from ispm.optics.facets import visible_pdf
 from ispm.optics.jit import jit
 from ispm.optics.light import FAR, light_arriving, reaches
-from ispm.optics.records import NO_HIT
+from ispm.optics.records import LIGHT_DIRECTIONAL, NO_HIT
 from ispm.optics.sampling import LATTICE
 from ispm.optics.vector import Vector, add, dot, normalize, scale, sub
 
@@ -142,23 +142,33 @@ def surround_weight(tables, pdf, d):
 
 @jit
 def light_from_one(tables, x, wo, u, pick, scratch, limit, openings):
-    """Return an estimate of the radiance of `direct_light` by one ray: to a light that `pick`, of [0, 1),
-    draws in proportion to the radiance that each makes without shadows, of emissive surfaces by a point."""
-    total, none = f32(0), (f32(0), f32(0), f32(0))
-    drawn, weight = Arriving(none, f32(0), wo), f32(1)
+    """Return an estimate of the radiance of `direct_light` by a ray to one light of each kind: of those along
+    directions and of those from points, `pick`, of [0, 1), draws in proportion to the radiance that each
+    makes without shadows; of emissive surfaces a point, of the environment a direction is drawn.
+
+    Kinds have rays of their own, for a sun that does not shine in would take nearly all draws of a room.
+    """
+    total, nothing = _NONE, Arriving(_NONE, f32(0), wo)
+    suns = points = _Drawn(nothing, f32(1), f32(0), pick)
     for k in range(len(tables.lights)):
         arriving = unshadowed(tables.lights[k], x, wo, limit)
-        drawn, weight, total, pick = _draw(drawn, weight, total, arriving, pick)
+        if tables.lights[k].kind == u32(LIGHT_DIRECTIONAL):
+            suns = _drawn(suns, arriving)
+        else:
+            points = _drawn(points, arriving)
+    for drawn in (suns, points):
+        if drawn.total > f32(0):
+            light, _ = shadowed(tables, x, drawn.arriving, scratch)
+            total = add(total, scale(drawn.total / drawn.value, light))
     if len(tables.emitters.triangles) > 0:
         arriving = _unshadowed_lamp(tables, x, wo, area_numbers(x.hit, u), limit, BY_NOTHING)
-        drawn, weight, total, pick = _draw(drawn, weight, total, arriving, pick)
+        light, _ = shadowed(tables, x, arriving, scratch)
+        total = add(total, light)
     if has_environment(tables.environment):
         arriving = _guided_surround(tables, x, wo, area_numbers(x.hit, u), openings)
-        drawn, weight, total, pick = _draw(drawn, weight, total, arriving, pick)
-    if total <= f32(0):
-        return none
-    light, _ = shadowed(tables, x, drawn, scratch)
-    return scale(total / weight, light)
+        light, _ = shadowed(tables, x, arriving, scratch)
+        total = add(total, light)
+    return total
 
 
 class Arriving(NamedTuple):
@@ -170,17 +180,25 @@ class Arriving(NamedTuple):
     wi: Vector
 
 
+class _Drawn(NamedTuple):
+    """One of several Arriving, its sum of channels, the sum of all, and a random number, uniform again."""
+
+    arriving: Arriving
+    value: np.float32
+    total: np.float32
+    pick: np.float32
+
+
 @jit
-def _draw(drawn, weight, total, arriving, pick):
-    """Draw one of several Arriving as they come, in proportion to their radiance: return the one drawn so
-    far, its sum of channels, the sum of all, and the random number `pick`, uniform again."""
+def _drawn(drawn, arriving):
+    """A _Drawn after another Arriving came, drawn in proportion to its radiance."""
     value = arriving.radiance[0] + arriving.radiance[1] + arriving.radiance[2]
-    if value > f32(0):
-        total += value
-        if pick * total < value:
-            return arriving, value, total, pick * (total / value)
-        pick = (pick * total - value) / (total - value)
-    return drawn, weight, total, pick
+    if value <= f32(0):
+        return drawn
+    total = drawn.total + value
+    if drawn.pick * total < value:
+        return _Drawn(arriving, value, total, drawn.pick * (total / value))
+    return _Drawn(drawn.arriving, drawn.value, total, (drawn.pick * total - value) / (total - value))
 
 
 @jit

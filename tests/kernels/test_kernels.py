@@ -5,6 +5,7 @@ import re
 import subprocess
 import sys
 import threading
+import time
 from pathlib import Path
 from types import ModuleType
 
@@ -360,12 +361,12 @@ def test_without_processes_kernels_are_compiled_here(kept, monkeypatch):
 
 
 def test_compilation_is_not_counted_as_rendering(kept):
-    watch, before = Watch(), seconds_compiling()
+    watch, before, started = Watch(), seconds_compiling(), time.perf_counter()
     with watch("trace"):
         module().outer(1.0)
     spent = seconds_compiling() - before
     assert spent > 0.05  # numba takes longer for any kernel
-    assert watch.milliseconds["trace"] < 1e3 * spent
+    assert watch.milliseconds["trace"] + 1e3 * spent <= 1e3 * (time.perf_counter() - started)
 
 
 FRESH_OR_KEPT = """

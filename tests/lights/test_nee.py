@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from transport import Tracer, box_room
 
+from ispm import euler
 from ispm.accel.intersect import STACK_WORDS
 from ispm.accel.records import Scratch
 from ispm.accel.surface import closest_surface, scene_tables, surface
@@ -13,7 +14,7 @@ from ispm.lights.nee import direct_light, light_from_one
 from ispm.lights.openings import NO_OPENINGS
 from ispm.optics.jit import jit
 from ispm.optics.vector import scale
-from ispm.scene.light import PointLight
+from ispm.scene.light import DirectionalLight, PointLight
 
 f32 = np.float32
 
@@ -51,3 +52,18 @@ def test_one_light_drawn_is_all_lights_in_the_mean(limit):
     assert (exact > 0).all() and len(np.unique(drawn[:, 0].round(4))) >= 3
     # each border between two lights is off by at most one pick
     assert drawn.mean(axis=0) == pytest.approx(exact, abs=5 * drawn.max() / len(picks))
+
+
+def test_a_sun_that_does_not_shine_in_takes_no_draws_from_a_lamp():
+    """Suns have rays of their own, so one lamp in a closed room is known by each draw; float32: 1e-6."""
+    scene = box_room((-2, -2, -2), (2, 2, 2))
+    scene.add(PointLight((4.0, 3.0, 2.0)), translation=(1, 1, 0))
+    scene.add(DirectionalLight((1e5,) * 3), rotation=euler(-90, 0, 0, degrees=True))
+    tracer = Tracer(scene)
+    tables = scene_tables(tracer.packed, tracer.world, tracer.surfaces)
+    picks = ((np.arange(100) + 0.5) / 100).astype(f32)
+    out = np.zeros((len(picks) + 1, 3), f32)
+    start, d = (f32(0.5), f32(0), f32(0.5)), np.array([-0.5, -2, -0.5], f32)
+    both_ways(tables, start, tuple(d / np.linalg.norm(d)), picks, f32(np.inf), out)
+    assert (out[0] > 0).all()
+    assert np.abs(out[1:] / out[0] - 1).max() < 1e-6
