@@ -35,6 +35,6 @@ for size, place, material in (
 scene.add(shapes.sphere(0.13), material=brass, translation=(2.55, 0.555, 1.8))
 scene.add(shapes.torus(0.14, 0.05), material=glazed, translation=(2.15, 0.475, 2.0))
 camera = ispm.Camera.look_at(eye=(0.5, 1.5, 3.7), target=(2.9, 0.95, 1.0), yfov=0.95)
-with ispm.Renderer(scene, ispm.Settings(size=SIZE), camera) as renderer:
+with ispm.Renderer(scene, ispm.Settings(size=SIZE, preset="best"), camera) as renderer:
     for frame in renderer.converge(PASSES):
         frame.save("room_under_the_sky.png")
