@@ -9,12 +9,15 @@ import numpy as np
 
 from ispm.lights.lightmap import LightMap, cropped, square_map, view_of
 
-SEEN = 0.5  # of the photons that are not aimed at caustics, for what the eye sees
+LIT = 0.5  # of a sun's photons that are not aimed at caustics, for where it shines in
+SEEN = 0.5  # of the others, for what the eye sees
 _WIDEST = math.tan(0.6)  # of half a view's angle: wider ones gain little
 _LARGEST = 1.0 / 3.0  # of what the light's own map takes, likewise
 _GAIN = 0.9  # of the size of a group, below which the sum of its two parts must be for a split
 _SEEN_SHARES = 0.98, 0.75, 0.5  # of the points that the eye sees, along each of a map's axes
 _AROUND = 0.25  # of what holds them, on each side: what lies there lights what the eye sees
+_LIT_SHARE, _LIT_AROUND = 0.99, 0.1  # of the places where a sun shines, and around them
+_LIT_LARGEST = 0.5  # of what a map of all that is seen takes, what one of these may
 _WIDER = 3.0  # times as wide, from there outwards: what is farther away lights it less
 _MARGIN = 0.02  # of a crop's half width, for sub-texel shifts
 
@@ -55,6 +58,23 @@ def seen_maps(base: LightMap, seen: np.ndarray) -> list[LightMap]:
             if map.measure < _LARGEST * (maps[-1] if maps else base).measure:
                 maps.append(map)
     return maps
+
+
+def lit_maps(base: LightMap, near: list[LightMap], lit: np.ndarray) -> list[LightMap]:
+    """Return a map of a directional light of where it shines, in a list; none where that is more than a third
+    of what the narrowest of `near` takes.
+
+    near  its maps of what the eye sees;  lit  (n, 3) m, places of that, or that light it, where it shines
+    All of these but outliers: what comes in beside the map is carried by few photons.
+    """
+    if not aims_at_seen(base) or not len(lit):
+        return []
+    points = (lit - base.origin) @ base.axes[0, :2].T
+    low, high = np.quantile(points, (0.5 - _LIT_SHARE / 2.0, 0.5 + _LIT_SHARE / 2.0), axis=0)
+    room = _LIT_AROUND * (high - low)
+    low, high = np.clip((low - room, high + room), -1.0, 1.0)
+    map = cropped(base, low, high) if (low < high).all() else base
+    return [map] if map.measure < _LIT_LARGEST * min(each.measure for each in (base, *near)) else []
 
 
 def seen_boxes(bounds: np.ndarray, seen: np.ndarray) -> list[np.ndarray]:

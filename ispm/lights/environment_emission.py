@@ -40,6 +40,8 @@ f32, i64, u32 = np.float32, np.int64, np.uint32
 
 _DIMENSION = (1 << 20) - 3  # of the random numbers of a ray, and of those that shift all of them
 _THROUGH = 0.5  # of the photons that are not aimed at caustics, if all that is seen is lit through openings
+_FREE = 1.0 / 3.0  # of those, which come from anywhere: where no way leads few carry much
+_MOST = 256  # spheres that those are sent through
 _CHUNK = 1024  # rays a thread takes at a time
 
 
@@ -48,7 +50,7 @@ class _Targets(NamedTuple):
 
     boxes      (n, 2, 3) float32 corners, m, of the box about the scene and of those about what is seen
     chances    (n,) float32, of the photons that are not aimed at spheres, those sent through each
-    spheres    (k, 4) float32, middle and radius, m, of what casts caustics and of openings to a sun
+    spheres    (k, 4) float32, middle and radius, m, of what casts caustics and of openings
     aimed      (k + 1,) float64, of the photons, those aimed at the spheres before each, and at all
     ways       (l, 4) and (l, 3) float32, spheres and directions of ways in; along: of the photons, those sent
                along these
@@ -99,16 +101,17 @@ def emit_from_environment(
     to_caustics = caustic_share if len(spheres) else 0.0
     kinds = len(ways.spheres) > 0, len(ways.to_sun) > 0
     through = _THROUGH * ways.share * (1.0 - to_caustics)
-    along, to_sun = (through / max(sum(kinds), 1) * some for some in kinds)
+    dark, to_sun = (through / max(sum(kinds), 1) * some for some in kinds)
+    openings = ways.spheres[:: max(len(ways.spheres) // _MOST, 1)]
     near = [] if seen is None else seen_boxes(packed.bounds, seen)
     chances = [1.0 - SEEN, *[SEEN / len(near)] * len(near)] if near else [1.0]
     targets = _Targets(
         np.stack([packed.bounds, *near]).astype(np.float32),
         np.array(chances, np.float32),
-        np.concatenate([spheres, ways.to_sun]),
-        _cumulative((len(spheres), to_caustics), (len(ways.to_sun), to_sun)),
+        np.concatenate([spheres, ways.to_sun, openings]),
+        _cumulative((len(spheres), to_caustics), (len(ways.to_sun), to_sun), (len(openings), _FREE * dark)),
         (ways.spheres, ways.directions),
-        f32(along),
+        f32((1.0 - _FREE) * dark),
         f32(2.0 * packed.diagonal),
         lattice_shifts(_DIMENSION, seed, pass_index),
     )

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ispm.lights.aim import SEEN, aimed_maps, seen_maps
+from ispm.lights.aim import LIT, SEEN, aimed_maps, lit_maps, seen_maps
 from ispm.lights.lightmap import LightMap, light_maps
 from ispm.optics.records import LIGHT_SPOT
 from ispm.optics.rng import random4
@@ -23,6 +23,7 @@ _AIMED_LEAST = 128  # photons that a map which is aimed is worth drawing for, on
 _SPOT_WIDTH = 8  # texels that see a cone's fade well enough
 _SPARE = 2.0  # texels of an edge that could emit a photon for each that does
 _FINEST = 2.0  # texels of an edge over the root of the photons; a texel may emit several
+_NOWHERE = np.zeros((0, 3))
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,6 +71,7 @@ def plan_maps(
     seed: int,
     pass_index: int,
     seen: np.ndarray | None = None,
+    sunlit: Sequence[np.ndarray] = (),
 ) -> list[PlannedMap]:
     """Return what the maps of all lights do, light by light, a light's own map first.
 
@@ -77,9 +79,12 @@ def plan_maps(
     caustic_share  of a light's photons are aimed at what casts caustics, where there is any
     seen           (n, 3) m, points in the picture: half of a directional light's other photons are aimed at
                    them, if its own map is much wider; None: unknown
+    sunlit         of each light (n, 3) m, places where it shines: half of a directional light's photons are
+                   aimed at these first, if all that is seen is much wider; empty: unknown
     """
     lights, maps, hulls = packed.lights, light_maps(packed), packed.caustic_hulls
-    return plan_views(lights, maps, hulls, counts[: len(lights)], caustic_share, seed, pass_index, seen=seen)
+    told = hulls, counts[: len(lights)], caustic_share, seed, pass_index
+    return plan_views(lights, maps, *told, seen=seen, sunlit=sunlit)
 
 
 def plan_views(
@@ -92,6 +97,7 @@ def plan_views(
     pass_index: int,
     first: int = 0,
     seen: np.ndarray | None = None,
+    sunlit: Sequence[np.ndarray] = (),
 ) -> list[PlannedMap]:
     """Return what the maps of some lights do, as `plan_maps`.
 
@@ -102,7 +108,8 @@ def plan_views(
     plan: list[PlannedMap] = []
     for index, (light, base, count) in enumerate(zip(lights, maps, counts, strict=True), first):
         if count:
-            shared = _share(base, light, hulls, int(count), caustic_share, seen)
+            places = seen, sunlit[index - first] if sunlit else _NOWHERE
+            shared = _share(base, light, hulls, int(count), caustic_share, *places)
             for k, (map, photons) in enumerate(shared):
                 x, y, z, _ = random4(
                     np.uint32(index), np.uint32(_DIMENSION + k), np.uint32(pass_index), np.uint32(seed)
@@ -135,6 +142,7 @@ def _share(
     count: int,
     caustic_share: float,
     seen: np.ndarray | None,
+    lit: np.ndarray,
 ) -> list[tuple[LightMap, int]]:
     """A light's maps and their photons."""
     wanted = min(caustic_share, 1.0 - _LEAST_BASE) * count
@@ -144,6 +152,9 @@ def _share(
     shares = [(map, round(wanted * map.measure / total)) for map in aimed]
     rest = count - sum(photons for _, photons in shares)
     near = seen_maps(base, seen) if seen is not None and rest >= _AIMED_LEAST else []
+    shone_on = lit_maps(base, near, lit) if rest >= _AIMED_LEAST else []
+    shares += [(map, round(LIT * rest / len(shone_on))) for map in shone_on]
+    rest = count - sum(photons for _, photons in shares)
     shares += [(map, round(SEEN * rest / len(near))) for map in near]
     shares = [(map, photons) for map, photons in shares if photons]
     return [(base, count - sum(photons for _, photons in shares)), *shares]

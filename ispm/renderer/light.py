@@ -14,6 +14,7 @@ from ispm.lights.lamp_maps import LampMaps, emit_from_lamp_maps, plan_lamp_maps
 from ispm.lights.lightmap import light_maps
 from ispm.lights.openings import NO_OPENINGS, Openings, find_openings
 from ispm.lights.plan import PlannedMap, plan_maps, share_photons
+from ispm.lights.sunlit import find_sunlit
 from ispm.lights.surface_emission import emissive_flux, emit_from_surfaces
 from ispm.photons.walk import Walk, walk
 from ispm.renderer.gather import bright_limit
@@ -95,8 +96,12 @@ def plan_emission(this: Pass, software: bool) -> EmissionPlan:
         [emissive_flux(packed, this.surfaces), environment_flux(packed)],
     )
     told = settings.caustic_photons, settings.seed, this.index
-    seen, openings = _survey(this) if aims_by_view(packed) else (None, NO_OPENINGS)
-    maps = plan_maps(packed, counts, *told, seen)
+    seen, openings, sunlit = None, NO_OPENINGS, list[np.ndarray]()
+    if aims_by_view(packed):
+        scene, rays = (packed, this.world, this.surfaces), _coarse_rays(this)
+        seen, openings = find_openings(*scene, rays, settings.seed, this.index)
+        sunlit = find_sunlit(*scene, rays, settings.seed, this.index)
+    maps = plan_maps(packed, counts, *told, seen, sunlit)
     by = emission_of(maps, packed, settings, software)
     surfaces, surround = map(int, counts[-2:])
     if settings.emission == "map":
@@ -110,15 +115,12 @@ def aims_by_view(packed: Packed) -> bool:
     return environment_flux(packed) > 0.0 or any(map(aims_at_seen, light_maps(packed)))
 
 
-def _survey(this: Pass) -> tuple[np.ndarray, Openings]:
-    """What a coarse picture shows, (n, 3) m world space, and the Openings that light it."""
+def _coarse_rays(this: Pass) -> tuple[np.ndarray, np.ndarray]:
+    """Origins, m, and directions, unit, of rays of the eye, (n, 3) each, even over the picture."""
     width, height = this.view.size
     x, y = ((np.arange(n) + 0.5) / n for n in _COARSE)
-    origins, directions = (
-        each.reshape(-1, 3) for each in this.view.rays_through(width * x, height * y[:, None])
-    )
-    scene = this.packed, this.world, this.surfaces
-    return find_openings(*scene, (origins, directions), this.settings.seed, this.index)
+    origins, directions = this.view.rays_through(width * x, height * y[:, None])
+    return origins.reshape(-1, 3), directions.reshape(-1, 3)
 
 
 def emission_of(plan: list[PlannedMap], packed: Packed, settings: Settings, software: bool) -> str:
