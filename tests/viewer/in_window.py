@@ -52,6 +52,7 @@ class Hand:
     def drag(self, x, y, dx, dy):
         self.event("pointer_move", x, y)
         self.event("pointer_down", x, y, 1)
+        self.until("the press is drawn", lambda: self.window._left <= 0)  # or moves merge with it
         for k in range(1, 6):
             self.event("pointer_move", x + dx * k / 5, y + dy * k / 5)
         self.event("pointer_up", x + dx, y + dy, 1)
