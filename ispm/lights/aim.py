@@ -61,11 +61,11 @@ def seen_maps(base: LightMap, seen: np.ndarray) -> list[LightMap]:
 
 
 def lit_maps(base: LightMap, near: list[LightMap], lit: np.ndarray) -> list[LightMap]:
-    """Return a map of a directional light of where it shines, in a list; none where that is more than a third
-    of what the narrowest of `near` takes.
+    """Return a map of a directional light of where it shines, in a list; none where that is more than half of
+    what the narrowest of `near` takes.
 
     near  its maps of what the eye sees;  lit  (n, 3) m, places of that, or that light it, where it shines
-    All of these but outliers: what comes in beside the map is carried by few photons.
+    It holds all of these but outliers, for what comes in beside it is carried by few photons.
     """
     if not aims_at_seen(base) or not len(lit):
         return []
