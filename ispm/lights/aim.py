@@ -60,21 +60,23 @@ def seen_maps(base: LightMap, seen: np.ndarray) -> list[LightMap]:
     return maps
 
 
-def lit_maps(base: LightMap, near: list[LightMap], lit: np.ndarray) -> list[LightMap]:
-    """Return a map of a directional light of where it shines, in a list; none where that is more than half of
-    what the narrowest of `near` takes.
+def lit_map(base: LightMap, near: list[LightMap], lit: np.ndarray) -> LightMap | None:
+    """Return a map of a directional light of where it shines; None where that is more than half of what the
+    narrowest of `near` takes.
 
     near  its maps of what the eye sees;  lit  (n, 3) m, places of that, or that light it, where it shines
     It holds all of these but outliers, for what comes in beside it is carried by few photons.
     """
     if not aims_at_seen(base) or not len(lit):
-        return []
+        return None
     points = (lit - base.origin) @ base.axes[0, :2].T
     low, high = np.quantile(points, (0.5 - _LIT_SHARE / 2.0, 0.5 + _LIT_SHARE / 2.0), axis=0)
     room = _LIT_AROUND * (high - low)
     low, high = np.clip((low - room, high + room), -1.0, 1.0)
-    map = cropped(base, low, high) if (low < high).all() else base
-    return [map] if map.measure < _LIT_LARGEST * min(each.measure for each in (base, *near)) else []
+    if not (low < high).all():
+        return None
+    map = cropped(base, low, high)
+    return map if map.measure < _LIT_LARGEST * min(each.measure for each in (base, *near)) else None
 
 
 def seen_boxes(bounds: np.ndarray, seen: np.ndarray) -> list[np.ndarray]:

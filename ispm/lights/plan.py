@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ispm.lights.aim import LIT, SEEN, aimed_maps, lit_maps, seen_maps
+from ispm.lights.aim import LIT, SEEN, aimed_maps, lit_map, seen_maps
 from ispm.lights.lightmap import LightMap, light_maps
 from ispm.optics.records import LIGHT_SPOT
 from ispm.optics.rng import random4
@@ -23,7 +23,6 @@ _AIMED_LEAST = 128  # photons that a map which is aimed is worth drawing for, on
 _SPOT_WIDTH = 8  # texels that see a cone's fade well enough
 _SPARE = 2.0  # texels of an edge that could emit a photon for each that does
 _FINEST = 2.0  # texels of an edge over the root of the photons; a texel may emit several
-_NOWHERE = np.zeros((0, 3))
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,7 +107,7 @@ def plan_views(
     plan: list[PlannedMap] = []
     for index, (light, base, count) in enumerate(zip(lights, maps, counts, strict=True), first):
         if count:
-            places = seen, sunlit[index - first] if sunlit else _NOWHERE
+            places = seen, sunlit[index - first] if sunlit else None
             shared = _share(base, light, hulls, int(count), caustic_share, *places)
             for k, (map, photons) in enumerate(shared):
                 x, y, z, _ = random4(
@@ -142,7 +141,7 @@ def _share(
     count: int,
     caustic_share: float,
     seen: np.ndarray | None,
-    lit: np.ndarray,
+    lit: np.ndarray | None,
 ) -> list[tuple[LightMap, int]]:
     """A light's maps and their photons."""
     wanted = min(caustic_share, 1.0 - _LEAST_BASE) * count
@@ -152,9 +151,10 @@ def _share(
     shares = [(map, round(wanted * map.measure / total)) for map in aimed]
     rest = count - sum(photons for _, photons in shares)
     near = seen_maps(base, seen) if seen is not None and rest >= _AIMED_LEAST else []
-    shone_on = lit_maps(base, near, lit) if rest >= _AIMED_LEAST else []
-    shares += [(map, round(LIT * rest / len(shone_on))) for map in shone_on]
-    rest = count - sum(photons for _, photons in shares)
+    shone_on = lit_map(base, near, lit) if lit is not None and rest >= _AIMED_LEAST else None
+    if shone_on:
+        shares.append((shone_on, round(LIT * rest)))
+        rest -= shares[-1][1]
     shares += [(map, round(SEEN * rest / len(near))) for map in near]
     shares = [(map, photons) for map, photons in shares if photons]
     return [(base, count - sum(photons for _, photons in shares)), *shares]

@@ -100,7 +100,8 @@ def plan_emission(this: Pass, software: bool) -> EmissionPlan:
     if aims_by_view(packed):
         scene, rays = (packed, this.world, this.surfaces), _coarse_rays(this)
         seen, openings = find_openings(*scene, rays, settings.seed, this.index)
-        sunlit = find_sunlit(*scene, rays, settings.seed, this.index)
+        if counts[: len(packed.lights)].any():
+            sunlit = find_sunlit(*scene, rays, settings.seed, this.index)
     maps = plan_maps(packed, counts, *told, seen, sunlit)
     by = emission_of(maps, packed, settings, software)
     surfaces, surround = map(int, counts[-2:])

@@ -97,11 +97,11 @@ def test_nothing_guides_where_lines_are_mostly_open_or_none_is():
     for scene in (open_field, closed, dark):
         assert found_in(Tracer(scene), rays).draws.size == 0
     nowhere = rays[0], -rays[1]
-    seen, openings = find_openings(*_scene_of(Tracer(open_field)), nowhere, 0, 0)
+    seen, openings = find_openings(*scene_of(Tracer(open_field)), nowhere, 0, 0)
     assert len(seen) == 0 and openings.draws.size == 0
 
 
-def _scene_of(tracer):
+def scene_of(tracer):
     return tracer.packed, tracer.world, tracer.surfaces
 
 
@@ -187,7 +187,7 @@ def test_photons_sent_through_openings_carry_the_same_flux_everywhere():
     assert len(openings.ways.spheres) > 100 and len(openings.ways.to_sun) > 5
 
     def sent(tracer, count, share, seed=0):
-        return emit_from_environment(*_scene_of(tracer), count, share, seed, 0, 1, None, openings.ways)
+        return emit_from_environment(*scene_of(tracer), count, share, seed, 0, 1, None, openings.ways)
 
     assert are_alike(*(runs(emit, tracer, 40_000, 0.0) for emit in (of_environment, sent)))[:-1].all()
     inside = [np.isin(emit(tracer, 40_000, 0.0)["instance"], (0, 5)).sum() for emit in (of_environment, sent)]

@@ -1,7 +1,7 @@
 """Where a sun shines in: found, and photons aimed there."""
 
 import numpy as np
-from test_openings import MATTE, eye_rays, lit_by_a_hole
+from test_openings import MATTE, eye_rays, lit_by_a_hole, scene_of
 from test_photons_of_surfaces import are_alike, runs
 from transport import Tracer
 
@@ -22,10 +22,6 @@ def sun_through_a_hole() -> Tracer:
     turn = euler(-90.0 + _LEAN, 90.0, 0.0, degrees=True)
     scene.add(DirectionalLight((1000.0,) * 3), rotation=turn)
     return Tracer(scene)
-
-
-def scene_of(tracer):
-    return tracer.packed, tracer.world, tracer.surfaces
 
 
 def test_places_where_the_sun_shines_lie_below_the_hole_along_its_light():
