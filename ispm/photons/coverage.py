@@ -28,7 +28,13 @@ from ispm.kernels.share import run_shared, shared_rows
 from ispm.kernels.simd import alloca
 from ispm.optics.density import SAME_SURFACE
 from ispm.optics.jit import jit
-from ispm.optics.records import MATERIAL_DOUBLE_SIDED, MATERIAL_TRANSLUCENT
+from ispm.optics.records import (
+    MATERIAL_BLEND,
+    MATERIAL_DOUBLE_SIDED,
+    MATERIAL_HIDES_PHOTONS,
+    MATERIAL_TRANSLUCENT,
+    MATERIAL_TRANSMITS,
+)
 from ispm.optics.rng import random4
 from ispm.optics.sampling import orthonormal_basis
 from ispm.optics.vector import Vector, add, cross, dot, scale, sub, vec3
@@ -36,7 +42,7 @@ from ispm.optics.vector import Vector, add, cross, dot, scale, sub, vec3
 f32, i64, u32 = np.float32, np.int64, np.uint32
 
 _DRAWS_MAX = 32  # of a kernel: what is brighter by more would be fireflies, where next to nothing is lit
-_LAYERS = 4  # surfaces that are looked at about a point, until one is lit
+_LAYERS = 4  # surfaces that are looked at about a point, until one is lit that hides what is behind it
 _LEAST_TERM = f32(0.25)  # of a series, below which chance ends it: with 1 photons alone err a tenth more
 _PAST = f32(1e-3)  # of a kernel's thickness, by which rays start behind what they met
 _LIFT = f32(0.05)  # of the distance to the photon, by which rays to it run above the surfaces
@@ -195,35 +201,39 @@ def _point_of(kernel, outside, turn):
 def _lit_share(scene, kernel, middle, thickness, scratch):
     """Return the kernel where it meets a surface that its photon lights, over the kernel at a point of its
     middle section, times the area of surface to that of section: 0 without one, at most 1 / SAME_SURFACE.
+    Where one is seen through another, the greater of both.
 
     middle  (3,) float32, the point;  thickness  m, half the kernel's there
     """
-    n = kernel.normal
+    n, share = kernel.normal, f32(0)
     top, down, length = add(middle, scale(thickness, n)), scale(f32(-1), n), f32(2) * thickness
     for _ in range(_LAYERS):
         t = closest(scene.trees, Ray(top, down, length), scratch)
         if not t < length:
             break
         hit = read_hit(scratch.found)
-        _, front = hit_plane(scene.surfaces, hit)
+        flags, (_, front) = material_flags(scene.surfaces, hit), hit_plane(scene.surfaces, hit)
         facing = dot(front, n)
         if facing < f32(0):
             front, facing = scale(f32(-1), front), -facing
         lit = facing >= SAME_SURFACE and dot(kernel.wi, front) > f32(0)
+        lit = lit and flags & u32(MATERIAL_HIDES_PHOTONS) == u32(0)
         if lit and not (scene.solids and _is_inside(scene, kernel, add(top, scale(t, down)), front, scratch)):
             z = (length - t) / thickness - f32(1)
             m = max(f32(1) - z * z, f32(0))
-            return m * m / facing
+            share = max(share, m * m / facing)
+            if flags & u32(MATERIAL_BLEND | MATERIAL_TRANSMITS) == u32(0):
+                break
         t += _PAST * thickness
         top, length = add(top, scale(t, down)), length - t
-    return f32(0)
+    return share
 
 
 @jit
 def _is_inside(scene, kernel, point, front, scratch):
     """Whether a point lies within a solid: between it and the kernel's photon stands the back of a surface.
 
-    Those of double-sided or translucent materials may be sheets, and are none.
+    Those of double-sided or translucent materials may be sheets, and are none; through glass one sees it.
     point, front  (3,) float32, its position and its surface's normal
     """
     center = kernel.position
@@ -237,5 +247,5 @@ def _is_inside(scene, kernel, point, front, scratch):
         return False
     hit = read_hit(scratch.found)
     _, front = hit_plane(scene.surfaces, hit)
-    may_be_sheet = material_flags(scene.surfaces, hit) & u32(MATERIAL_DOUBLE_SIDED | MATERIAL_TRANSLUCENT)
-    return dot(front, d) > f32(0) and not may_be_sheet
+    none = u32(MATERIAL_DOUBLE_SIDED | MATERIAL_TRANSLUCENT | MATERIAL_TRANSMITS)
+    return dot(front, d) > f32(0) and material_flags(scene.surfaces, hit) & none == u32(0)

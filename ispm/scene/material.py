@@ -340,6 +340,15 @@ class Material(Strict):
         return shiny and not self.unlit and widest < 0.05
 
     @property
+    def hides_photons(self) -> bool:
+        """Whether photons that arrive are seen nowhere on the surface: it is a perfect mirror, or glass, or
+        unlit, in all places."""
+        mirror = self.metallic == 1.0 and self.roughness == 0.0 and self.metallic_roughness_texture is None
+        glass = self.transmission == 1.0 and self.metallic == 0.0 and self.transmission_texture is None
+        others = self.translucent or max(self.sheen_color) > 0.0
+        return self.unlit or (not others and (mirror or glass))
+
+    @property
     def translucent(self) -> bool:
         """Whether the surface is a thin sheet that lets light through diffusely."""
         return self.diffuse_transmission > 0.0

@@ -109,6 +109,7 @@ def material_record(material: Material, textures: list[Texture]) -> np.ndarray:
         | records.MATERIAL_ANISOTROPIC * (material.anisotropy > 0.0 and not material.unlit)
         | records.MATERIAL_TRANSLUCENT * translucent
         | records.MATERIAL_DISPERSIVE * material.dispersive
+        | records.MATERIAL_HIDES_PHOTONS * material.hides_photons
         | records.MATERIAL_SPECULAR_MAPPED * _has_specular_maps(material)
     )
     for slot in TEXTURES:

@@ -11,6 +11,7 @@ from ispm.library.shapes import box, polygons
 from ispm.optics.records import CAUSTIC, PHOTON
 from ispm.photons.coverage import Draws, keep_light
 from ispm.photons.footprint import end_kernel
+from ispm.scene.material import AlphaMode, Material
 from ispm.scene.scene import Scene
 
 _COUNT = 40_000
@@ -115,6 +116,33 @@ def test_the_floor_behind_a_wall_counts(thick):
     flux = kept(Tracer(lit(scene, (-0.3, 2.0, 0.2))), photons_at((0.0, 0.0, 0.0)), solids=True)
     lost = part_before((0.05 + thick) / _RADIUS) - part_before(0.05 / _RADIUS)
     assert abs(flux[:, 0].mean() - 1.0 / (1.0 - lost)) < five_sigma(flux)
+
+
+@pytest.mark.parametrize("solids", [False, True])
+@pytest.mark.parametrize("pane", ["glass", "rough glass", "tinted", "blend"])
+def test_what_is_seen_through_takes_no_light_from_what_is_below(pane, solids):
+    """A pane 1 cm above a floor, where the kernels of the floor's photons are .7 of what they are on it."""
+    materials = {
+        "glass": Material(transmission=1.0, roughness=0.0, thickness=0.01),
+        "rough glass": Material(transmission=1.0, roughness=0.5, thickness=0.01),
+        "tinted": Material(transmission=0.8, roughness=0.0, thickness=0.01),
+        "blend": Material((0.5, 0.5, 0.5, 0.4), alpha_mode=AlphaMode.BLEND),
+    }
+    scene = Scene(name="pane")
+    scene.add(polygons([np.array(floor(), float)]), material=lambert((0.5,) * 3))
+    scene.add(box((-1, 0.01, -1), (1, 0.02, 1)), material=materials[pane])
+    tracer = Tracer(lit(scene, (-0.3, 2.0, 0.2)))
+    assert (kept(tracer, photons_at((0.1, 0.0, 0.0)), solids=solids) == 1.0).all()
+
+
+def test_a_mirror_takes_no_light_from_its_frame():
+    """Beside a mirror in a hole of a wall kernels shrink as at the hole's edge: nothing is seen on it."""
+    hole, rows = floor(high_x=0.0), photons_at((-0.05, 0.0, 0.0))
+    scene = Scene(name="mirror")
+    scene.add(polygons([np.array(hole, float)]), material=lambert((0.5,) * 3))
+    scene.add(polygons([np.array(floor(low_x=0.0), float)]), material=Material(metallic=1.0, roughness=0.0))
+    flux = kept(Tracer(lit(scene, (-0.3, 2.0, 0.2))), rows)
+    assert abs(flux[:, 0].mean() - 1.0 / part_before(0.05 / _RADIUS)) < five_sigma(flux)
 
 
 def test_only_the_rows_that_are_asked_for_change():
