@@ -1,4 +1,4 @@
-"""A glass pane that lies close above a floor: the floor below it is as bright as the pane's transmittance says."""
+"""A glass pane close above a floor: the floor below is as bright as the pane's transmittance says."""
 
 import pytest
 
