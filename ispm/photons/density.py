@@ -38,7 +38,7 @@ FOCUSED_NEIGHBORS = 96  # likewise where light from all sides is focused, and ph
 _COVERED = 0.5  # of the disc that holds them: over all of it, the radii's own noise would be larger
 _CROWDED = 4.0  # times as dense as the mean
 _CAUSTIC_RADIUS_MIN, _CAUSTIC_RADIUS_MAX = 1e-5, 0.05  # of the scene's diagonal
-_TURN = 0.1  # of the diagonal: how far a radian between normals counts as away
+TURN = 0.1  # of the diagonal: how far a radian between normals counts as away
 _CLOSE = 0.5  # of a radius: what a wall close by leaves of it, or few photons would outshine the rest
 _SAGITTA = 1.5  # a kernel's height over that of the curved surface it spans
 _PIXEL_RADIUS = f32(math.sqrt(2.0 / 3.0))  # over a pixel: a kernel's variance r^2 / 8 is its 1 / 12 then
@@ -235,7 +235,7 @@ def measure_caustic_radii(
     if not len(photons):
         return
     assert 0 < neighbors <= _NEIGHBORS_MAX
-    points, order = _points_in_order(photons, f32(_TURN * diagonal))
+    points, order = points_in_order(photons, f32(TURN * diagonal))
     tree = NearestTree(points)
     near = _Neighbors(address(tree.nodes), tree.starts, order, i64(neighbors))
     low, high = _CAUSTIC_RADIUS_MIN * diagonal, _CAUSTIC_RADIUS_MAX * diagonal
@@ -245,7 +245,7 @@ def measure_caustic_radii(
     run_shared(lambda count: _write_caustic_radii(photons, near, widest, free, limits, seen, count), threads)
 
 
-def _points_in_order(photons: np.ndarray, turn: np.float32) -> tuple[np.ndarray, np.ndarray]:
+def points_in_order(photons: np.ndarray, turn: np.float32) -> tuple[np.ndarray, np.ndarray]:
     """Return (N, 6) float32 positions and normals times `turn`, along a curve through space, and (N,) uint32,
     the photon of each."""
     position = photons["position"]

@@ -16,6 +16,7 @@ from ispm.optics.records import CAUSTIC
 from ispm.optics.sampling import orthonormal_basis
 from ispm.optics.vector import add, dot, scale, vec3
 from ispm.photons.density import Pixels, for_kernels, least_radius
+from ispm.photons.even import Room, no_room
 
 f32 = np.float32
 
@@ -32,6 +33,7 @@ def shape_kernels(
     diagonal: float,
     smoothing: float,
     pixels: Pixels | None,
+    room: Room | None = None,
 ) -> np.ndarray:
     """Return (N,) CAUSTIC: photons with kernels that are ellipses, and end at the mirror or glass they left.
 
@@ -39,11 +41,13 @@ def shape_kernels(
     beams      (B, 9) as in a Walk, of the first B photons; the others' kernels stay discs
     clear      (B,) m: distance to the plane of the surface that each of these comes from
     diagonal, smoothing, pixels  as in `measure_caustic_radii`
+    room       for kernels to be wider; None: there is none
     """
     out = np.zeros(len(photons), CAUSTIC)
     for name in ("position", "height", "flux", "wi", "bounce"):
         out[name] = photons[name]
-    _shape(photons, beams, clear, f32(diagonal), f32(smoothing), for_kernels(pixels), out)
+    room = no_room(len(beams)) if room is None else room
+    _shape(photons, beams, room, clear, f32(diagonal), f32(smoothing), for_kernels(pixels), out)
     return out
 
 
@@ -66,14 +70,15 @@ def _write_discs(photons, out):
 
 
 @jit
-def _shape(photons, beams, clear, diagonal, smoothing, pixels, out):
+def _shape(photons, beams, room, clear, diagonal, smoothing, pixels, out):
     """Write axes, height and front of (N,) CAUSTIC; the rest as of `shape_kernels`."""
     for i in range(len(photons)):
         photon, kernel = photons[i], out[i]
         t, b = orthonormal_basis(vec3(photon.normal))
         u, v = scale(photon.radius, t), scale(photon.radius, b)
         if i < len(beams):
-            u, v = _ellipse(beams[i], t, b, photon.radius, least_radius(photon, pixels), diagonal, smoothing)
+            least, wider = least_radius(photon, pixels), (room.factor[i], room.within[i])
+            u, v = _ellipse(beams[i], t, b, photon.radius, least, diagonal, smoothing, wider)
             slenderness = photon.height / photon.radius
             kernel.height = slenderness * math.sqrt(dot(u, u))
         for k in range(3):
@@ -84,11 +89,12 @@ def _shape(photons, beams, clear, diagonal, smoothing, pixels, out):
 
 
 @jit
-def _ellipse(beam, t, b, measured, least, diagonal, smoothing):
+def _ellipse(beam, t, b, measured, least, diagonal, smoothing, wider):
     """The kernel's semi-axes in m, the longer one first: those of the ellipse that a beam's two vectors make
     of the unit circle, scaled.
 
     beam  (9,) as in a Walk;  t, b  unit, on the surface;  measured, least  m, radii
+    wider  a factor and m, as in a Room
     """
     du, dv = vec3(beam), vec3(beam[3:])
     tu, tv, bu, bv = dot(du, t), dot(dv, t), dot(du, b), dot(dv, b)
@@ -99,6 +105,8 @@ def _ellipse(beam, t, b, measured, least, diagonal, smoothing):
         return scale(measured, t), scale(measured, b)
     k = smoothing * math.sqrt(OVERLAP / f32(math.pi))
     long, wide = k * math.sqrt(middle + apart), k * math.sqrt(max(middle - apart, f32(0)))
+    factor, within = wider
+    long, wide = max(long, min(factor * long, within)), max(wide, min(factor * wide, within))
     short_of = _MIN_RADIUS_RATIO * measured / max(math.sqrt(long * wide), f32(1e-30))
     if short_of > f32(1):
         long, wide = short_of * long, short_of * wide

@@ -18,6 +18,7 @@ from ispm.photons.density import (
     is_crowded,
     measure_caustic_radii,
 )
+from ispm.photons.even import room_to_widen
 from ispm.photons.footprint import shape_kernels
 from ispm.photons.grid import PhotonGrid
 from ispm.photons.images import with_images
@@ -131,7 +132,9 @@ def classify_photons(this: Pass, path: Walk) -> PhotonClasses:
     beams, clear = path.beams, photons["radius"][first]  # until measured, the room before the plane they left
     if settings.kernel == "measured":
         beams, clear = beams[:0], clear[:0]
-    kernels = shape_kernels(caustic, beams, clear, packed.diagonal, settings.smoothing, pixels)
+    room = room_to_widen(caustic[: len(beams)], beams, packed.diagonal, threads)
+    room.factor[path.of_area[first][: len(beams)]] = 1.0  # these lie at random, and have wide beams
+    kernels = shape_kernels(caustic, beams, clear, packed.diagonal, settings.smoothing, pixels, room)
     # Lobes that leave scattered light to eye paths leave that of lamps to them, too, which such paths meet.
     kernels["bounce"][: np.count_nonzero(first)] = path.of_area[first]
     keys = np.concatenate([path.keys[first], path.keys[later]])
