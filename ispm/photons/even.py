@@ -35,7 +35,7 @@ _CHANGE = f32(0.6)
 # cuts off the outer quarter of the disc's radius, .3 where it cuts off half. All room up to the first of two
 # numbers, none from the second on.
 _ASIDE = f32(0.15), f32(0.35)
-_UNLIKE = f32(1.3), f32(2)  # likewise: how many times as dense as beams tell photons lie, or the inverse
+_UNLIKE = f32(1.15), f32(1.5)  # likewise: how many times as dense as beams tell photons lie, or the inverse
 _CHUNK = 256  # photons a thread takes at a time
 
 
@@ -52,11 +52,14 @@ def no_room(count: int) -> Room:
     return Room(np.ones(count, f32), np.zeros(count, f32))
 
 
-def room_to_widen(photons: np.ndarray, beams: np.ndarray, diagonal: float, threads: int = 1) -> Room:
+def room_to_widen(
+    photons: np.ndarray, beams: np.ndarray, diagonal: float, pass_index: int = 0, threads: int = 1
+) -> Room:
     """Return the Room of the kernels of (N,) PHOTON.
 
     beams     (N, 9) as in a Walk
     diagonal  of the scene, m
+    pass_index  from 0: what is left to add to a kernel's area falls with the root of the number of passes
     It is none where neighbors that came the same way lie on one side, as at a border of light; where they lie
     more or less densely than their beams tell, as behind facets; and where their light differs from the
     photon's own in the mean, as about folds. The same bytes for any number of threads.
@@ -65,13 +68,14 @@ def room_to_widen(photons: np.ndarray, beams: np.ndarray, diagonal: float, threa
     if len(photons) > _NEIGHBORS:
         points, order = points_in_order(photons, f32(TURN * diagonal))
         tree = NearestTree(points)
-        told = photons, beams, address(tree.nodes), tree.starts, order, f32(_REACH * diagonal)
+        fade = f32(1.0 / math.sqrt(1 + pass_index))
+        told = photons, beams, address(tree.nodes), tree.starts, order, f32(_REACH * diagonal), fade
         run_shared(lambda counter: _write_room(*told, counter, out), threads)
     return out
 
 
 @jit
-def _write_room(photons, beams, nodes, starts, order, reach, counter, out):
+def _write_room(photons, beams, nodes, starts, order, reach, fade, counter, out):
     """Write the Room of as many photons as a thread gets."""
     squares, rows, stack = alloca(_NEIGHBORS), alloca(_NEIGHBORS), alloca(STACK_WORDS)
     for point in shared_rows(counter, _CHUNK, len(order)):
@@ -93,7 +97,7 @@ def _write_room(photons, beams, nodes, starts, order, reach, counter, out):
         density = count * area / (f32(math.pi) * farthest)
         room = _CHANGE / max(abs(light / count - f32(1)), f32(1e-30))
         room = min(max(room, f32(1)), WIDEST * WIDEST) - f32(1)
-        room *= _share(aside, _ASIDE) * _share(max(density, f32(1) / density), _UNLIKE)
+        room *= fade * _share(aside, _ASIDE) * _share(max(density, f32(1) / density), _UNLIKE)
         out.factor[i], out.within[i] = f32(math.sqrt(f32(1) + room)), f32(math.sqrt(farthest))
 
 

@@ -95,8 +95,17 @@ def test_wider_kernels_leave_half_of_the_unevenness_and_all_light():
 
 def test_any_number_of_threads_finds_the_same():
     _, photons, beams = even()
-    one, four = (room_to_widen(photons, beams, _DIAGONAL, threads) for threads in (1, 4))
+    one, four = (room_to_widen(photons, beams, _DIAGONAL, 0, threads) for threads in (1, 4))
     assert (one.factor == four.factor).all() and (one.within == four.within).all()
+
+
+def test_passes_take_it_back():
+    """What kernels gain in area falls with the root of the number of passes, here of 16."""
+    points, photons, beams = even()
+    factor = room_to_widen(photons, beams, _DIAGONAL, 15).factor
+    assert np.median(factor[inner(points)]) == pytest.approx(
+        math.sqrt(1.0 + (WIDEST**2 - 1.0) / 4.0), rel=1e-3
+    )
 
 
 def test_few_photons_have_none():
