@@ -35,7 +35,7 @@ def scatter_often(x, wo, weights):
     d = -wo[0], -wo[1], -wo[2]
     for k in range(len(weights)):
         u0, u1, u2, _ = random4(u32(k), u32(0), u32(0), u32(5))
-        alive, _, flux, _ = scatter(x, d, one, u0, u1, u2)
+        alive, _, flux, _, _ = scatter(x, d, one, u0, u1, u2)
         for c in range(3):
             weights[k, c] = flux[c] if alive else f32(0)
 

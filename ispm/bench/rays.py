@@ -56,7 +56,7 @@ def _record(tables, emitted, bounces, seed, rays):
             if scatters == bounces and not is_smooth(x.bsdf):
                 break
             event = Event(photon.key, scatters, speculars, u32(0), seed)
-            alive, wi, scattered, specular = next_flight(event, x, d, flux)
+            alive, wi, scattered, specular, _ = next_flight(event, x, d, flux)
             if not alive or (scatters == bounces and not specular):
                 break
             flux, d, origin = scattered, wi, x.position

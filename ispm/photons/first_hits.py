@@ -44,7 +44,7 @@ def _first_hits(tables, emitted, seed, pass_index, out):
         flux = scale(within, vec3(photon.flux))
         x = surface(tables, hit, d)
         event = Event(photon.key, i64(0), i64(0), pass_index, seed)
-        alive, wi, scattered, _ = next_flight(event, x, d, flux)
+        alive, wi, scattered, _, _ = next_flight(event, x, d, flux)
         for c in range(3):
             out[i, c] = x.position[c]
             out[i, 3 + c] = x.n[c]

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ispm.accel.layers import drawn_layer
-from ispm.optics.bsdf import sample_bsdf
+from ispm.optics.bsdf import sample_bsdf, smooth_chance
 from ispm.optics.jit import jit
 from ispm.optics.records import MATERIAL_UNLIT
 from ispm.optics.rng import random4
@@ -36,12 +36,13 @@ class Event(NamedTuple):
 def next_flight(event, x, d, flux):
     """Sample where a photon of `flux`, lm, that meets the SurfacePoint x along d goes next, with roulette.
 
-    -> whether it lives on, wi, its flux in lm afterwards, and whether the surface was smooth
+    -> whether it lives on, wi, its flux in lm afterwards, whether the surface was smooth, and, if so, the
+    chance of all that
     """
     u0, u1, u2, u3 = random4(
         event.key, u32(2 * (event.scatters + event.speculars)), event.pass_index, event.seed
     )
-    alive, wi, scattered, specular = scatter(x, d, flux, u0, u1, u2)
+    alive, wi, scattered, specular, chance = scatter(x, d, flux, u0, u1, u2)
     survival = f32(1)
     if alive:
         kept = min(f32(1), _sum(scattered) / _sum(flux))
@@ -53,7 +54,7 @@ def next_flight(event, x, d, flux):
     if survival < f32(1):
         alive = u3 < survival
         scattered = scale(f32(1) / survival, scattered)
-    return alive, wi, scattered, specular
+    return alive, wi, scattered, specular, survival * chance
 
 
 @jit
@@ -71,17 +72,20 @@ def scatter(x, d, flux, u0, u1, u2):
     `next_flight`, but without roulette."""
     wo = scale(f32(-1), d)
     if x.flags & u32(MATERIAL_UNLIT):
-        return False, wo, flux, False
+        return False, wo, flux, False, f32(1)
     layer, wo, u2, chance = drawn_layer(x, wo, u2)
     n, ng = layer.n, layer.ng
     alive, wi, weight, specular = sample_bsdf(layer.bsdf, n, ng, wo, u0, u1, u2, False)
     if not alive:
-        return False, wo, flux, False
-    if not specular:  # of the others flux is kept
+        return False, wo, flux, False, f32(1)
+    drawn = chance
+    if specular:
+        drawn *= smooth_chance(layer.bsdf, n, ng, wo, wi)
+    else:  # of the others flux is kept
         weight = scale(adjoint_factor(dot(wo, n), dot(wo, ng), dot(wi, n), dot(wi, ng)), weight)
     weight = scale(f32(1) / chance, weight)
     scattered = (weight[0] * flux[0], weight[1] * flux[1], weight[2] * flux[2])
-    return _sum(scattered) > f32(0), wi, scattered, specular
+    return _sum(scattered) > f32(0), wi, scattered, specular, drawn
 
 
 @jit

@@ -37,6 +37,7 @@ _CONTINUED_DIMENSION = 1 << 23  # of the random number that draws which of the s
 PART_BIT = 28  # first bit of a key that numbers split photons; numbers of texels stay below it
 EVENT_STEP = 0x9E3779B1  # between the keys of two hits of a photon, from 2^32 over the golden ratio
 BEAM = 9  # floats of a beam: two vectors that span what it lights, and the normal of the surface it left
+_LEAST_CHANCE = f32(1e-6)  # of a way: for smaller ones a beam counts as wide as that makes it
 _CHUNK = 256  # photons a thread takes at a time; results do not depend on it or on the threads
 _HITS = 12 * _CHUNK  # that a chunk has room for at first; the few chunks that need more are walked again
 
@@ -277,7 +278,7 @@ def _walk_one(tables, photon, split, course, scratch, found, room, steps):
     hidden = False  # whether gather rays do not find where it last scattered
     inside, plane = no_medium(), d  # normal of the surface that the photon left; of a light: its direction
     scatters, speculars, rays = i64(0), i64(0), i64(0)
-    band, wider = split.band, f32(1)  # of a band drawn, a photon stands for more of its light
+    band, wider = split.band, f32(1)  # where chance decides, a photon stands for more of its light
     while True:
         x = surface(tables, hit, d)
         inside = medium(inside, x)
@@ -314,7 +315,7 @@ def _walk_one(tables, photon, split, course, scratch, found, room, steps):
                 flux, wider = kept, f32(1) / f32(math.sqrt(chance))
             x = in_band(tables, x, band)
         event = Event(key, scatters, speculars, course.pass_index, course.seed)
-        alive, wi, scattered, specular = next_flight(event, x, d, flux)
+        alive, wi, scattered, specular, chance = next_flight(event, x, d, flux)
         if alive and last and not specular:
             _add(sums, chunk, _DROPPED, flux)
             break
@@ -334,6 +335,7 @@ def _walk_one(tables, photon, split, course, scratch, found, room, steps):
         elif scatters == i64(0):
             eta = f32(1) if x.flags & u32(MATERIAL_THIN) else x.bsdf.eta
             beam = redirected_beam(tables.surfaces, hit, beam, d, wi, x.ng, x.n, eta)
+            wider /= f32(math.sqrt(max(chance, _LEAST_CHANCE)))
         flux, d, origin, plane = scattered, wi, x.position, x.ng
         u = flight_number(event)
         speculars += i64(specular)
