@@ -349,7 +349,8 @@ def sample_bsdf(b, n, ng, wo, u1, u2, u3, radiance):
             b.diffuse,
             False,
         )
-    share, ok = _facet_share(b, n, wo), True
+    share = gloss_share(b, n, wo) if b.sheen == f32(0) else f32(0)
+    ok = True
     if u3 >= share:
         wi = to_world(cosine_hemisphere(u1, u2), n)
     elif is_smooth(b):
@@ -366,27 +367,6 @@ def sample_bsdf(b, n, ng, wo, u1, u2, u3, radiance):
 
 
 @jit
-def smooth_chance(b, n, ng, wo, wi):
-    """Return the chance, float32, with which `sample_bsdf` draws wi, a smooth surface's own direction."""
-    reflectance, transmittance, _, _, through = smooth_split(b, n, ng, wo)
-    chance = _reflected_share(reflectance, transmittance) if through else f32(1)
-    return _facet_share(b, n, wo) * (chance if dot(wi, ng) > f32(0) else f32(1) - chance)
-
-
-@jit
-def _facet_share(b, n, wo):
-    """The chance that `sample_bsdf` draws a facet."""
-    return gloss_share(b, n, wo) if b.sheen == f32(0) else f32(0)
-
-
-@jit
-def _reflected_share(reflectance, transmittance):
-    """The chance that a smooth surface reflects a draw, of what it reflects and transmits."""
-    reflected, transmitted = luminance(reflectance), luminance(transmittance)
-    return reflected / (reflected + transmitted) if transmitted > f32(0) else f32(1)
-
-
-@jit
 def _compression(b):
     """What refraction multiplies radiance by, float32: 1 / eta^2; 1 for a sheet."""
     return f32(1) if b.thin > f32(0) else f32(1) / (b.eta * b.eta)
@@ -396,7 +376,8 @@ def _compression(b):
 def _sample_smooth(b, n, ng, wo, u, share, radiance):
     """`sample_bsdf` of a smooth surface's own directions; u: uniform in [0, 1), share: their chance."""
     reflectance, transmittance, above, beyond, through = smooth_split(b, n, ng, wo)
-    chance = _reflected_share(reflectance, transmittance)
+    reflected, transmitted = luminance(reflectance), luminance(transmittance)
+    chance = reflected / (reflected + transmitted) if transmitted > f32(0) else f32(1)
     if u < chance or not through:
         weight, wi = scale(f32(1) / (share * chance), reflectance), above
     else:

@@ -7,11 +7,11 @@ from typing import NamedTuple
 import numpy as np
 
 from ispm.accel.layers import drawn_layer
-from ispm.optics.bsdf import sample_bsdf, smooth_chance
+from ispm.optics.bsdf import sample_bsdf, smooth_split
 from ispm.optics.jit import jit
 from ispm.optics.records import MATERIAL_UNLIT
 from ispm.optics.rng import random4
-from ispm.optics.vector import dot, scale
+from ispm.optics.vector import dot, luminance, scale
 
 f32, u32 = np.float32, np.uint32
 
@@ -79,8 +79,10 @@ def scatter(x, d, flux, u0, u1, u2):
     if not alive:
         return False, wo, flux, False, f32(1)
     drawn = chance
-    if specular:
-        drawn *= smooth_chance(layer.bsdf, n, ng, wo, wi)
+    if specular:  # its weight is what the surface reflects or transmits, over the chance
+        reflectance, transmittance, _, _, _ = smooth_split(layer.bsdf, n, ng, wo)
+        whole = reflectance if dot(wi, ng) > f32(0) else transmittance
+        drawn *= luminance(whole) / luminance(weight)
     else:  # of the others flux is kept
         weight = scale(adjoint_factor(dot(wo, n), dot(wo, ng), dot(wi, n), dot(wi, ng)), weight)
     weight = scale(f32(1) / chance, weight)
