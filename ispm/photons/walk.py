@@ -37,7 +37,7 @@ _CONTINUED_DIMENSION = 1 << 23  # of the random number that draws which of the s
 PART_BIT = 28  # first bit of a key that numbers split photons; numbers of texels stay below it
 EVENT_STEP = 0x9E3779B1  # between the keys of two hits of a photon, from 2^32 over the golden ratio
 BEAM = 9  # floats of a beam: two vectors that span what it lights, and the normal of the surface it left
-_LEAST_CHANCE = f32(1e-6)  # of a way: for smaller ones a beam counts as wide as that makes it
+_LEAST_CHANCE = f32(1e-6)  # of a reflection or refraction, by whose inverse its beam grows
 _CHUNK = 256  # photons a thread takes at a time; results do not depend on it or on the threads
 _HITS = 12 * _CHUNK  # that a chunk has room for at first; the few chunks that need more are walked again
 
@@ -312,7 +312,7 @@ def _walk_one(tables, photon, split, course, scratch, found, room, steps):
                 band, chance = draw_band(flux, x.bsdf, band_number(key, course.pass_index, course.seed))
                 kept = scale(f32(1) / chance, of_band(band, flux))
                 _add_difference(sums, chunk, _ABSORBED, flux, kept)
-                flux, wider = kept, f32(1) / f32(math.sqrt(chance))
+                flux, wider = kept, wider / f32(math.sqrt(chance))
             x = in_band(tables, x, band)
         event = Event(key, scatters, speculars, course.pass_index, course.seed)
         alive, wi, scattered, specular, chance = next_flight(event, x, d, flux)

@@ -57,7 +57,7 @@ def test_light_that_comes_another_way_takes_no_room():
 
 
 def test_slopes_of_light_have_room_and_folds_none():
-    """Light of 1 / (2 x) where x is the square of the even lattice's: infinite at the fold x = 0."""
+    """Photons at x = u^2 of an even u: light of 1 / (2 u), infinite at the fold x = 0."""
     points = lattice(4000)
     u, z = points.T
     photons, beams = landed(np.stack([u * u, z], axis=1), 2.0 * u * 4000**-0.5, 4000**-0.5)
