@@ -25,16 +25,16 @@ from ispm.optics.vector import Vector, dot, luminance, scale, sub, vec3
 
 f32, i64, u32 = np.float32, np.int64, np.uint32
 
-_CODES = f32(2.0**24)  # of a random number, and of a barycentric
+_CODES = f32(2.0**24)  # of a random number
 _LEAST_LIGHT = f32(1e-30)  # cd/m2, whose inverse a float32 still holds
 _FINE = 4096  # parts of a random number's range, each of which has enough numbers of its own
 
 
 @jit
 def area_numbers(hit, u):
-    """Return four float32 random numbers of [0, 1), made of another one and of the Hit that they are for."""
-    place = hit.primitive ^ u32(hit.instance * u32(0x9E3779B1))
-    return random4(u32(u * _CODES), place, u32(hit.u * _CODES), u32(hit.v * _CODES))
+    """Return four float32 random numbers of [0, 1), made of another one, of 24 bits, and of the triangle of a
+    Hit that they are for: not of where that is in it, which machines round otherwise."""
+    return random4(u32(u * _CODES), hit.primitive, hit.instance, u32(0))
 
 
 @jit

@@ -148,7 +148,7 @@ def _share(
     most = min(_AIMED_MOST, int(wanted) // _AIMED_LEAST)
     aimed = aimed_maps(base, light, hulls, most) if most and len(hulls) else []
     total = sum(map.measure for map in aimed)
-    shares = [(map, round(wanted * map.measure / total)) for map in aimed]
+    shares = [(map, round(wanted * (map.measure / total))) for map in aimed]  # of one map, exactly 1
     rest = count - sum(photons for _, photons in shares)
     near = seen_maps(base, seen) if seen is not None and rest >= _AIMED_LEAST else []
     shone_on = lit_map(base, near, lit) if lit is not None and rest >= _AIMED_LEAST else None

@@ -17,9 +17,10 @@ LATTICE = (0.7548776662466927, 0.5698402909980532)
 def orthonormal_basis(n):
     """Return two unit vectors that complete the unit vector `n` to a right-handed frame.
 
-    Source: Duff et al., Building an Orthonormal Basis, Revisited, JCGT 2017.
+    Source: Duff et al., Building an Orthonormal Basis, Revisited, JCGT 2017; but the sign changes aside of 0,
+    where upright walls' normals are: rounding would turn their frames.
     """
-    sign = f32(1) if n[2] >= f32(0) else f32(-1)
+    sign = f32(1) if n[2] >= f32(-0.125) else f32(-1)
     a = f32(-1) / (sign + n[2])
     b = n[0] * n[1] * a
     tangent = (f32(1) + sign * n[0] * n[0] * a, sign * b, -sign * n[0])

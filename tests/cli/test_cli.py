@@ -299,8 +299,9 @@ def test_work_goes_on_where_nobody_reads_what_is_said(place):
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows cannot send a process SIGINT")
 @pytest.mark.parametrize("module", ["cyclopts", "ispm.cli.render", "numpy"])
 def test_an_interrupt_while_modules_are_read_is_one_line(module):
-    code = (
+    code = (  # what is started in the background may have been told to ignore interrupts
         "import os, signal, sys\n"
+        "signal.signal(signal.SIGINT, signal.default_int_handler)\n"
         "class Interrupting:\n"
         "    def find_spec(self, name, *_):\n"
         f"        if name == {module!r}: os.kill(os.getpid(), signal.SIGINT)\n"
