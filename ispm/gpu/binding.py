@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
+from copy import copy
 from typing import Any, Protocol
 
 import numpy as np
@@ -66,8 +67,17 @@ class Shader:
             for group in range(max(self.groups, default=-1) + 1)
         ]
         self.pipeline_layout = device.create_pipeline_layout(bind_group_layouts=self.layouts)
+        self._forget()
+
+    def _forget(self) -> None:
         self._groups: dict[tuple[object, ...], tuple[wgpu.GPUBindGroup, list[Any]]] = {}
-        self._generation = 0  # of the memory that they refer to
+        self._generation = memory.generation()  # what was freed is not to be kept alive
+
+    def shared(self) -> Shader:
+        """Return the same shader with bind groups of its own, which keep nobody else's resources alive."""
+        other = copy(self)
+        other._forget()
+        return other
 
     def explained(self) -> _Explained:
         """Return a context that turns the driver's errors into an IspmError about our files."""
@@ -84,7 +94,7 @@ class Shader:
             raise TypeError(f"{self.label}, group {group}: missing {missing}, unknown {unknown}")
         resources = [self._resource(b, given[name], uploads) for name, b in bindings.items()]
         if self._generation != memory.generation() or len(self._groups) >= _MOST_GROUPS:
-            self._groups, self._generation = {}, memory.generation()  # what was freed is not to be kept alive
+            self._forget()
         key = group, *map(_told, resources)
         if key not in self._groups:
             entries = [

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
+from copy import copy
 from typing import Any
 
 import wgpu
@@ -29,6 +30,12 @@ class Compute:
                 layout=shader.pipeline_layout,
                 compute={"module": shader.module, "entry_point": entry, "constants": dict(constants)},
             )
+
+    def shared(self) -> Compute:
+        """Return the same pipeline with bind groups of its own."""
+        other = copy(self)
+        other._shader = self._shader.shared()
+        return other
 
     def __call__(self, frame: Recording, *, over: int | Sequence[int], **resources: Any) -> None:
         """Record a dispatch of at least `over` threads: a number, or one for each of up to 3 axes.

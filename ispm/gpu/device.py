@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import wgpu
 
+from ispm import wgsl
 from ispm.errors import AdapterError, SettingsError
 from ispm.gpu.buffer import Buffer
 from ispm.gpu.c_types import read_types_alone
@@ -164,6 +165,8 @@ def _info(adapter: wgpu.GPUAdapter) -> AdapterInfo:
 class Gpu:
     """A device and everything made on it. Made by `open_gpu`; `close` frees it.
 
+    It keeps the pipelines, as to compile them takes longer than a small picture.
+
     info         the adapter
     max_texture  texels of the longest side of a texture
     max_buffer   bytes of the largest buffer
@@ -188,6 +191,8 @@ class Gpu:
         self.max_buffer: int = limits["max-buffer-size"]
         self.max_binding: int = min(limits["max-storage-buffer-binding-size"], self.max_buffer)
         self._samplers: dict[tuple[Any, ...], Sampler] = {}
+        self._computes: dict[tuple[str, ...], Compute] = {}
+        self._rasters: dict[tuple[str, ...], Raster] = {}
         self._readback = Readback(self.device)
         self._uniforms = UniformPool(self.device)
         self._timer = Timer(self.device) if self.has("timestamp-query") else None
@@ -208,7 +213,10 @@ class Gpu:
 
     def compute(self, path: str, entry: str = "main", **constants: float) -> Compute:
         """Return the compute shader `entry` of the file `path`; see `Compute`."""
-        return Compute(self.device, path, entry, constants)
+        key = wgsl.load(path).text, path, entry, repr(constants)
+        if key not in self._computes:
+            self._computes[key] = Compute(self.device, path, entry, constants)
+        return self._computes[key].shared()
 
     def raster(
         self,
@@ -221,7 +229,10 @@ class Gpu:
 
         targets  formats of the color attachments, in order
         """
-        return Raster(self.device, path, targets, state, constants)
+        key = wgsl.load(path).text, path, repr(targets), repr(state), repr(constants)
+        if key not in self._rasters:
+            self._rasters[key] = Raster(self.device, path, targets, state, constants)
+        return self._rasters[key].shared()
 
     def texture(self, name: str, format: str, *, usage: Sequence[str] = (), samples: int = 1) -> Texture:
         """Return a texture without size yet; see `Texture`."""

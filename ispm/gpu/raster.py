@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -88,6 +89,12 @@ class Raster:
                 depth_stencil=_depth_state(state.depth, state.depth_write) if state.depth else None,
                 fragment=fragment if state.fragment else None,
             )
+
+    def shared(self) -> Raster:
+        """Return the same pipeline with bind groups of its own."""
+        other = copy(self)
+        other._shader = self._shader.shared()
+        return other
 
     def bind(self, group: int, frame: Recording | None = None, /, **resources: Any) -> Group:
         """Return a bind group for `Canvas.use`; numpy records as uniforms need `frame` and die with it.

@@ -107,7 +107,8 @@ class Renderer:
         if self._owns_gpu:
             self._gpu.close()
         del self._stages, self._ready, self.chosen, self._gpu
-        gc.collect()  # wgpu's device and queue refer to each other, and hold memory that Python does not see
+        if self._owns_gpu:
+            gc.collect()  # wgpu's device and queue refer to each other, and hold memory Python does not see
 
     @property
     def adapter(self) -> str:

@@ -92,3 +92,17 @@ def test_times_of_many_recordings_are_read_at_once(gpu: Gpu, shader: str) -> Non
         if frame.timing != "off":
             times = frame.milliseconds()
             assert len(times) == stages and all(0.0 < each < 1e4 for each in times.values())
+
+
+def test_a_pipeline_is_compiled_once_and_each_user_has_bind_groups_of_its_own(gpu: Gpu, shader: str) -> None:
+    one, two, other = (gpu.raster(shader, [format]) for format in ("rgba32float", "rgba32float", "r8unorm"))
+    assert one.pipeline is two.pipeline and other.pipeline is not one.pipeline
+    texture = gpu.texture("drawn", "rgba32float").sized((4, 4))
+    assert one.bind(0, drawn=texture) is one.bind(0, drawn=texture) is not two.bind(0, drawn=texture)
+
+
+def test_a_file_that_reads_otherwise_is_compiled_anew(gpu: Gpu, shader: str, monkeypatch) -> None:
+    first = gpu.raster(shader, ["rgba32float"])
+    source = wgsl.Source(SHADER + "// more\n", (("x.wgsl", 1),) * (SHADER.count("\n") + 1))
+    monkeypatch.setattr(wgsl, "load", lambda path: source)
+    assert gpu.raster(shader, ["rgba32float"]).pipeline is not first.pipeline
