@@ -53,11 +53,17 @@ def no_room(count: int) -> Room:
 
 
 def room_to_widen(
-    photons: np.ndarray, beams: np.ndarray, diagonal: float, pass_index: int = 0, threads: int = 1
+    photons: np.ndarray,
+    beams: np.ndarray,
+    wanted: np.ndarray,
+    diagonal: float,
+    pass_index: int = 0,
+    threads: int = 1,
 ) -> Room:
     """Return the Room of the kernels of (N,) PHOTON.
 
     beams     (N, 9) as in a Walk
+    wanted    (N,) bool, of which photons; others have none
     diagonal  of the scene, m
     pass_index  from 0: what is left to add to a kernel's area falls with the root of the number of passes
     It is none where neighbors that came the same way lie on one side, as at a border of light; where they lie
@@ -65,22 +71,24 @@ def room_to_widen(
     photon's own in the mean, as about folds. The same bytes for any number of threads.
     """
     out = no_room(len(photons))
-    if len(photons) > _NEIGHBORS:
+    if len(photons) > _NEIGHBORS and wanted.any():
         points, order = points_in_order(photons, f32(TURN * diagonal))
         tree = NearestTree(points)
         fade = f32(1.0 / math.sqrt(1 + pass_index))
-        told = photons, beams, address(tree.nodes), tree.starts, order, f32(_REACH * diagonal), fade
+        told = photons, beams, wanted, address(tree.nodes), tree.starts, order, f32(_REACH * diagonal), fade
         run_shared(lambda counter: _write_room(*told, counter, out), threads)
     return out
 
 
 @jit
-def _write_room(photons, beams, nodes, starts, order, reach, fade, counter, out):
+def _write_room(photons, beams, wanted, nodes, starts, order, reach, fade, counter, out):
     """Write the Room of as many photons as a thread gets."""
     squares, rows, stack = alloca(_NEIGHBORS), alloca(_NEIGHBORS), alloca(STACK_WORDS)
     for point in shared_rows(counter, _CHUNK, len(order)):
-        found = find_nearest(nodes, starts, i64(point), i64(_NEIGHBORS), reach, squares, rows, stack)
         i = order[point]
+        if not wanted[i]:
+            continue
+        found = find_nearest(nodes, starts, i64(point), i64(_NEIGHBORS), reach, squares, rows, stack)
         position, wi, area = vec3(photons[i].position), vec3(photons[i].wi), _area(beams[i])
         count, light, farthest, square = f32(0), f32(0), f32(1e-30), f32(1e-30)
         middle = f32(0), f32(0), f32(0)

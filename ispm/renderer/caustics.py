@@ -132,8 +132,8 @@ def classify_photons(this: Pass, path: Walk) -> PhotonClasses:
     beams, clear = path.beams, photons["radius"][first]  # until measured, the room before the plane they left
     if settings.kernel == "measured":
         beams, clear = beams[:0], clear[:0]
-    room = room_to_widen(caustic[: len(beams)], beams, packed.diagonal, this.index, threads)
-    room.factor[path.of_area[first][: len(beams)]] = 1.0  # these lie at random, and have wide beams
+    lattice = ~path.of_area[first][: len(beams)]  # the others lie at random, and have wide beams
+    room = room_to_widen(caustic[: len(beams)], beams, lattice, packed.diagonal, this.index, threads)
     kernels = shape_kernels(caustic, beams, clear, packed.diagonal, settings.smoothing, pixels, room)
     # Lobes that leave scattered light to eye paths leave that of lamps to them, too, which such paths meet.
     kernels["bounce"][: np.count_nonzero(first)] = path.of_area[first]

@@ -38,9 +38,14 @@ def even(count=2000, wi=(0.0, 1.0, 0.0), seed=0.5):
     return points, *landed(points, count**-0.5, count**-0.5, wi)
 
 
+def room_of(photons, beams, *more):
+    """The Room of all photons."""
+    return room_to_widen(photons, beams, np.ones(len(photons), bool), _DIAGONAL, *more)
+
+
 def test_even_light_has_all_room_and_its_border_none():
     points, photons, beams = even()
-    room = room_to_widen(photons, beams, _DIAGONAL)
+    room = room_of(photons, beams)
     assert (room.factor[inner(points)] > 0.99 * WIDEST).mean() > 0.95
     border = ~inner(points, 0.5 * 2000**-0.5)
     assert border.sum() > 20 and (room.factor[border] == 1.0).mean() > 0.95
@@ -52,7 +57,7 @@ def test_light_that_comes_another_way_takes_no_room():
     points, photons, beams = even()
     _, others, more = even(2000, (0.6, 0.8, 0.0), 0.1)
     both = np.concatenate([photons, others]), np.concatenate([beams, more])
-    factor = room_to_widen(*both, _DIAGONAL).factor[:2000]
+    factor = room_of(*both).factor[:2000]
     assert np.median(factor[inner(points)]) > 0.9 * WIDEST
 
 
@@ -61,7 +66,7 @@ def test_slopes_of_light_have_room_and_folds_none():
     points = lattice(4000)
     u, z = points.T
     photons, beams = landed(np.stack([u * u, z], axis=1), 2.0 * u * 4000**-0.5, 4000**-0.5)
-    factor = room_to_widen(photons, beams, _DIAGONAL).factor
+    factor = room_of(photons, beams).factor
     middle = np.abs(z - 0.5) < 0.4
     assert (factor[middle & (u * u < 2e-3)] < 1.05).all()
     assert np.median(factor[middle & (u * u > 0.3) & (u * u < 0.8)]) > 0.9 * WIDEST
@@ -73,7 +78,7 @@ def test_stripes_have_no_room(width):
     themselves are .04 wide."""
     points, photons, beams = even(4000)
     lit = points[:, 0] % (2.0 * width) < width
-    assert room_to_widen(photons[lit], beams[lit], _DIAGONAL).factor.mean() < 1.1
+    assert room_of(photons[lit], beams[lit]).factor.mean() < 1.1
 
 
 def test_wider_kernels_leave_half_of_the_unevenness_and_all_light():
@@ -87,7 +92,7 @@ def test_wider_kernels_leave_half_of_the_unevenness_and_all_light():
         t2 = ((grid[:, None] - points) ** 2).sum(axis=2) / radius2
         return (np.maximum(1.0 - t2, 0.0) ** 2 * 3.0 / (math.pi * radius2) / len(points)).sum(axis=1)
 
-    plain, wide = light(None), light(room_to_widen(photons, beams, _DIAGONAL))
+    plain, wide = light(None), light(room_of(photons, beams))
     assert plain.mean() == pytest.approx(1.0, abs=0.02)
     assert wide.mean() == pytest.approx(1.0, abs=0.02)
     assert wide.std() < 0.5 * plain.std()
@@ -95,14 +100,14 @@ def test_wider_kernels_leave_half_of_the_unevenness_and_all_light():
 
 def test_any_number_of_threads_finds_the_same():
     _, photons, beams = even()
-    one, four = (room_to_widen(photons, beams, _DIAGONAL, 0, threads) for threads in (1, 4))
+    one, four = (room_of(photons, beams, 0, threads) for threads in (1, 4))
     assert (one.factor == four.factor).all() and (one.within == four.within).all()
 
 
 def test_passes_take_it_back():
     """What kernels gain in area falls with the root of the number of passes, here of 16."""
     points, photons, beams = even()
-    factor = room_to_widen(photons, beams, _DIAGONAL, 15).factor
+    factor = room_of(photons, beams, 15).factor
     assert np.median(factor[inner(points)]) == pytest.approx(
         math.sqrt(1.0 + (WIDEST**2 - 1.0) / 4.0), rel=1e-3
     )
@@ -110,5 +115,13 @@ def test_passes_take_it_back():
 
 def test_few_photons_have_none():
     _, photons, beams = even(20)
-    assert (room_to_widen(photons, beams, _DIAGONAL).factor == 1.0).all()
-    assert len(room_to_widen(photons[:0], beams[:0], _DIAGONAL).factor) == 0
+    assert (room_of(photons, beams).factor == 1.0).all()
+    assert len(room_of(photons[:0], beams[:0]).factor) == 0
+
+
+def test_those_that_are_not_wanted_have_none_and_are_neighbors():
+    _, photons, beams = even()
+    wanted = np.arange(len(photons)) % 3 > 0
+    some, every = room_to_widen(photons, beams, wanted, _DIAGONAL), room_of(photons, beams)
+    assert (some.factor[~wanted] == 1.0).all() and not some.within[~wanted].any()
+    assert all(np.array_equal(one[wanted], other[wanted]) for one, other in zip(some, every, strict=True))

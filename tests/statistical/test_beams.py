@@ -133,6 +133,38 @@ def test_beams_tile_what_a_weak_reflection_lights(material):
     assert sigma < 0.05 * lit_area
 
 
+def test_beams_tile_what_each_band_lights_after_a_mirror():
+    """A spot shines at a mirror, and back from it through the face of a glass: there a photon draws one of
+    three bands, and stands for as many of that band. Indices differ by .0025, and areas by less of
+    themselves; 4 sigma, as above."""
+    areas = {}
+    for dispersion in (0.0, 0.1):
+        scene = Scene()
+        scene.add(rectangle((0, -2, -2), (0, 4, 0), (0, 0, 4)), material=mirror(1.0))
+        face = Material(
+            (1.0,) * 3, transmission=1.0, roughness=0.0, ior=1.5, thickness=1.0, dispersion=dispersion
+        )
+        scene.add(rectangle((2, -9, -9), (0, 0, 18), (0, 18, 0)), material=face)
+        scene.add(rectangle((3, -9, -9), (0, 0, 18), (0, 18, 0)), material=BLACK)
+        turned = (0.0, math.sqrt(0.5), 0.0, math.sqrt(0.5))  # its light along -x
+        scene.add(
+            SpotLight((1.0,) * 3, inner_angle=0.29, outer_angle=0.3), translation=(1, 0, 0), rotation=turned
+        )
+        tracer = Tracer(scene)
+        path = tracer.walk(tracer.emit(40_000), 1)
+        first = path.photons["bounce"] == 0
+        far = path.photons["position"][first][:, 0] > 2.99
+        beams, flux = path.beams[far].astype(float), path.photons["flux"][first][far]
+        area = np.linalg.norm(np.cross(beams[:, :3], beams[:, 3:6]), axis=1)
+        areas[dispersion] = [area[flux[:, c] > 0.0] for c in range(3)]
+    plain, *_ = areas[0.0]
+    assert len(plain) > 5000
+    for band in areas[0.1]:
+        assert 0.25 < len(band) / len(plain) < 0.42
+        sigma = math.sqrt((band**2).sum())
+        assert abs(band.sum() - plain.sum()) < 4.0 * sigma + 0.003 * plain.sum()
+
+
 def test_beams_of_parallel_light_keep_their_width():
     """From a plane mirror at 45 degrees onto a wall; and each photon's area is its share of the light."""
     scene = Scene()
