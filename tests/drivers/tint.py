@@ -40,6 +40,7 @@ class _Script(Gpu):
     def __init__(self) -> None:
         self.device = self
         self.calls: list[list[Any]] = []
+        self._computes, self._rasters = {}, {}
 
     def __getattr__(self, name: str) -> Any:
         def call(**described: Any) -> dict[str, int]:
