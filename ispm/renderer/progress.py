@@ -34,7 +34,7 @@ _CAMERA = ("pose", "clip_from_world")
 _PERSPECTIVE = ("intrinsics",)  # of the camera, unless it is orthographic
 _IDS = ("instance", "material")
 _FLAT = ("alpha", "depth", *_IDS)  # one number a pixel
-_MIN_VALUES = {"moments": 0, "alpha": 0, "albedo": 0, "instance": -1, "material": -1, "depth": -FARTHEST}
+_MIN_VALUES = {"halves": 0, "alpha": 0, "albedo": 0, "instance": -1, "material": -1, "depth": -FARTHEST}
 MOST_PASSES = 1 << 32  # random numbers are numbered by them
 _DARK = 1e-3  # of the square of the picture's mean: below it errors count as in relMSE
 
@@ -45,7 +45,7 @@ class Progress:
 
     sums     new after each pass: direct, indirect, emission, irradiance (h, w, 3), alpha (h, w), float32, and
              of a colored background its share, of an environment that is seen behind likewise
-    moments  (2, h, w) float64: sums of the luminance of indirect light and of its square
+    halves   (2, h, w) float64: sums of the luminance of all light, of the passes of either half, see `_half`
     first    layers and camera of the first pass
     stats    of the last pass
     made_of  scene, camera and settings as passes began
@@ -54,7 +54,7 @@ class Progress:
 
     passes: int
     sums: dict[str, np.ndarray] = field(repr=False)
-    moments: np.ndarray = field(repr=False)
+    halves: np.ndarray = field(repr=False)
     first: Mapping[str, np.ndarray] = field(repr=False)
     camera: dict[str, np.ndarray] = field(repr=False)
     scene: str
@@ -68,36 +68,35 @@ class Progress:
         sums = {
             name: np.zeros_like(frame[name]) for name in (*SUMMED, LAYER, ENVIRONMENT) if name in frame.layers
         }
-        moments = np.zeros((2, *frame["depth"].shape))
-        progress = cls(0, sums, moments, frame.layers, frame.camera, frame.scene, frame.stats, made_of)
+        halves = np.zeros((2, *frame["depth"].shape))
+        progress = cls(0, sums, halves, frame.layers, frame.camera, frame.scene, frame.stats, made_of)
         progress.add(frame)
         return progress
 
     def add(self, frame: Frame) -> None:
         """Add the frame of the next pass."""
         self.sums = {name: total + frame[name] for name, total in self.sums.items()}
-        luminance = _luminance(frame["indirect"])
-        sums, squares = self.moments
-        sums += luminance
-        squares += np.square(luminance, dtype=np.float64)
+        light = _luminance(frame["direct"] + frame["indirect"] + frame["emission"])
+        self.halves[_half(self.passes)] += light
         self.passes += 1
         self.stats = frame.stats
 
     def error(self) -> float:
-        """Return the estimated relative error of the mean that is left: noise, as the passes differ.
+        """Return the estimated relative error of the mean that is left: noise, as its halves differ.
 
-        The root of the mean over the pixels of sigma^2 / (L^2 + 0.001 mean(L)^2), sigma the standard error
-        of indirect light's luminance, L that of all light. What all passes have in common, the bias of their
-        kernels, does not show in it; nor does direct light, which differs as the places in a pixel do, but
-        they are even, not drawn. Not a number after one pass.
+        The root of the mean over the pixels of sigma^2 / (L^2 + 0.001 mean(L)^2), L the luminance of all
+        light, sigma its standard error: the difference of the means of both halves of the passes, times the
+        root of their numbers' product, over the number of all. So what passes draw evenly counts by how
+        evenly halves of them do. What all passes have in common, the bias of their kernels, does not show in
+        it. Not a number after one pass.
         """
         n = self.passes
         if n < 2:
             return math.nan
-        sums, squares = self.moments
-        mean = sums / n
-        variance = np.maximum(squares / n - mean * mean, 0.0) / (n - 1)
-        light = _luminance(self.sums["direct"] + self.sums["indirect"] + self.sums["emission"]) / n
+        odd = n // 2 if n % 2 == 0 or not _half(n - 1) else n // 2 + 1
+        first, second = self.halves
+        variance = np.square(first / (n - odd) - second / odd) * (odd * (n - odd) / n**2)
+        light = (first + second) / n
         floor = max(_DARK * float(light.mean()) ** 2, 1e-300)
         return math.sqrt(float((variance / (light * light + floor)).mean()))
 
@@ -122,7 +121,7 @@ class Progress:
         arrays |= {f"camera.{name}": array for name, array in self.camera.items()}
         about = {"version": _version(), "passes": self.passes, "scene": self.scene, "error": self.error()}
         about |= {"made_of": self.made_of.to_json(), "stats": dataclasses.asdict(self.stats)}
-        arrays["indirect_moments"] = self.moments
+        arrays["halves"] = self.halves
         write_npz(target, arrays, {"ispm:progress": json.dumps(about)}, compressed=False)  # noise stays long
         return target
 
@@ -165,7 +164,7 @@ class Progress:
         progress = cls(
             about.get("passes"),
             sums,
-            arrays["indirect_moments"].copy(),
+            arrays["halves"].copy(),
             first,
             camera,
             about.get("scene"),
@@ -184,10 +183,10 @@ class Progress:
             raise _SpoiledError("the scene has no name")
         size = self.made_of.settings.size[::-1]
         shapes: dict[str, tuple[int, ...]] = dict.fromkeys(_FLAT, size)
-        shapes |= {"moments": (2, *size), "pose": (4, 4), "clip_from_world": (4, 4), "intrinsics": (3, 3)}
-        kinds = dict.fromkeys(("moments", "pose", "clip_from_world", "intrinsics"), "f8")
+        shapes |= {"halves": (2, *size), "pose": (4, 4), "clip_from_world": (4, 4), "intrinsics": (3, 3)}
+        kinds = dict.fromkeys(("halves", "pose", "clip_from_world", "intrinsics"), "f8")
         kinds |= dict.fromkeys(_IDS, "i4")
-        for name, array in {**self.sums, **self.first, **self.camera, "moments": self.moments}.items():
+        for name, array in {**self.sums, **self.first, **self.camera, "halves": self.halves}.items():
             shape, kind = shapes.get(name, (*size, 3)), np.dtype(kinds.get(name, "f4"))
             if array.shape != shape or array.dtype != kind:
                 raise _SpoiledError(f"{name} is {_form(array.dtype, array.shape)}, not {_form(kind, shape)}")
@@ -255,7 +254,7 @@ def _require_names(found: Mapping[str, Any], behind: set[str], may: set[str]) ->
     """Raise _SpoiledError where arrays are missing or too many. `behind`: those of the background; `may`:
     those that may be there."""
     wanted = {f"sum.{name}" for name in SUMMED} | {f"first.{name}" for name in KEPT} | behind
-    wanted |= {f"camera.{name}" for name in _CAMERA} | {"indirect_moments"}
+    wanted |= {f"camera.{name}" for name in _CAMERA} | {"halves"}
     optional = {f"camera.{name}" for name in _PERSPECTIVE} | may
     missing, strange = sorted(wanted - found.keys()), sorted(found.keys() - wanted - optional)
     if missing:
@@ -279,6 +278,12 @@ def _stats(values: Any) -> Stats:
         if not fits or (kind is int and value < 0):
             raise _SpoiledError(f"the number {name} of its statistics makes no sense")
     return Stats(**values)
+
+
+def _half(index: int) -> int:
+    """The half, 0 or 1, that pass `index` counts to: as many of either in each two that follow each other, and
+    none of them ahead of the other in what changes steadily (Thue and Morse)."""
+    return index.bit_count() % 2
 
 
 def _luminance(light: np.ndarray) -> np.ndarray:

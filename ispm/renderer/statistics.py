@@ -27,7 +27,8 @@ class Stats:
 
     total_ms        until its light is there: tone mapping comes when the picture is first asked for
     direct_only_ms  the frame without what indirect light adds
-    passes, error   whose mean the frame is; the relative error that their noise leaves, see Progress.error
+    passes, error   whose mean the frame is; the relative error that their noise leaves, root mean square, as
+                    halves of the passes differ; not a number of one
     overdraw        kernels that cover a pixel of the full picture, in the mean
     """
 

@@ -70,7 +70,7 @@ def _draw_once(tables, pixels, view, openings, marks, counter, samples):
     mark what they met."""
     scratch = Scratch(alloca(STACK_WORDS), alloca(2))
     surrounded, by_draws = has_environment(tables.environment), len(samples.near) > 0
-    step = _first_part(view)
+    turn = _first_turn(view)
     for i in shared_rows(counter, CHUNK, len(pixels.points)):
         if not is_lit(tables, pixels, i):
             continue
@@ -79,7 +79,7 @@ def _draw_once(tables, pixels, view, openings, marks, counter, samples):
             # what reflection leaves to the Lambert lobe depends on the draw, whose ratio alone is biased; and
             # what is reflected is known by draws alone, of which each pixel of a square has another part
             samples.reach[i] = UNSHADED
-        _draw(tables, shown, view, openings, i, i64(0), step, scratch, samples)
+        _draw(tables, shown, view, openings, i, i64(0), turn, scratch, samples)
         mark = i64(0)
         known = f32(0), f32(0), f32(0)
         if surrounded:
@@ -102,7 +102,7 @@ def _refine(tables, pixels, view, openings, marks, counter, samples):
     """Have pixels in narrow penumbrae draw again in the first pass, so that the Samples are their means, and
     those close to lamps know what these bring without shadows."""
     scratch = Scratch(alloca(STACK_WORDS), alloca(2))
-    step, partly = _first_part(view), _IS_NARROW | _IS_REACHED
+    turn, partly = _first_turn(view), _IS_NARROW | _IS_REACHED
     for i in shared_rows(counter, CHUNK, len(pixels.points)):
         around = _marks_around(marks, i, view.columns)
         draws_again = view.pass_index == u32(0) and around & partly == partly
@@ -113,7 +113,7 @@ def _refine(tables, pixels, view, openings, marks, counter, samples):
             continue
         shown, draws = shown_at(tables, pixels, view, i), i64(_DRAWS if draws_again else 1)
         for k in range(1, draws):
-            _draw(tables, shown, view, openings, i, i64(k), step, scratch, samples)
+            _draw(tables, shown, view, openings, i, i64(k), turn, scratch, samples)
         if draws > 1:
             for sums in (samples.diffuse, samples.gloss, samples.drawn):
                 for c in range(3):
@@ -140,23 +140,38 @@ def _marks_around(marks, i, columns):
 
 
 @jit
-def _first_part(view):
-    """Which of the parts the first pixel draws from: in 16 passes each pixel draws from each part once."""
-    turn, _, _, _ = random4(u32(0), u32(_DIMENSION + 1), u32(0), view.seed)
-    # 5 has no part in common with 16
-    return (i64(turn * f32(_SIDE * _SIDE)) + i64(5) * i64(view.pass_index)) % (_SIDE * _SIDE)
+def _first_turn(view):
+    """Which of 16 turns a pass takes, int64, before squares shuffle them."""
+    start, _, _, _ = random4(u32(0), u32(_DIMENSION + 1), u32(0), view.seed)
+    return i64(start * f32(_SIDE * _SIDE)) ^ (i64(view.pass_index) % (_SIDE * _SIDE))
 
 
 @jit
-def _numbers(view, i, k, step):
+def _aside(turn, square, view):
+    """By how many columns and rows a pixel's part lies aside of its own place in the square.
+
+    Pixels draw from each part once in 16 passes, and soon from some far apart: turns are in the order of
+    Bayer's matrix (1973). After the first pass each square has an order of its own, or what its pixels have
+    not drawn from yet would make a pattern; in the first the filter takes in parts of several squares.
+    """
+    if view.pass_index > u32(0):
+        own, _, _, _ = random4(square, u32(_DIMENSION + 1), u32(0), view.seed)
+        turn ^= i64(own * f32(_SIDE * _SIDE))
+    b0, b1, b2, b3 = turn & 1, turn >> 1 & 1, turn >> 2 & 1, turn >> 3 & 1
+    return 2 * b0 + b2, 2 * (b0 ^ b1) + (b2 ^ b3)
+
+
+@jit
+def _numbers(view, i, k, turn):
     """Three float32 random numbers of [0, 1) for draw k of row i: of the part that lies half of the parts
     aside along either axis, by the bits of k."""
     half, side = i64(_SIDE // 2), i64(_SIDE)
-    column = (i % view.columns + step + half * (k % 2)) % side
-    row = (i // view.columns + step // side + half * (k // 2)) % side
+    square = u32((i // view.columns // _SIDE) * view.columns + i % view.columns // _SIDE)
+    right, down = _aside(turn, square, view)
+    column = (i % view.columns + right + half * (k % 2)) % side
+    row = (i // view.columns + down + half * (k // 2)) % side
     r0, r1, r2, _ = random4(u32(i), u32(_DIMENSION) + u32(4 * k), view.pass_index, view.seed)
     # Shifted at random from square to square: a triangle is not to be drawn with the same parts of it.
-    square = u32((i // view.columns // _SIDE) * view.columns + i % view.columns // _SIDE)
     shift, _, _, _ = random4(square, u32(_DIMENSION + 2), view.pass_index, view.seed)
     u0 = (f32((row * _SIDE + column) * 7 % (_SIDE * _SIDE)) + r0) * f32(1 / (_SIDE * _SIDE)) + shift
     u0 -= f32(math.floor(u0))
@@ -164,9 +179,9 @@ def _numbers(view, i, k, step):
 
 
 @jit
-def _draw(tables, shown, view, openings, i, k, step, scratch, samples):
+def _draw(tables, shown, view, openings, i, k, turn, scratch, samples):
     """Add draw k of what row i sees, from lamps and from the environment, to the Samples."""
-    numbers = _numbers(view, i, k, step)
+    numbers = _numbers(view, i, k, turn)
     _draw_lamp(tables, shown, numbers, i, scratch, samples)
     if has_environment(tables.environment):
         _draw_surround(tables, shown, numbers, openings, i, scratch, samples)

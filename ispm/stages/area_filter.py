@@ -21,9 +21,9 @@ from ispm.stages.pixels import TURNED, plane_at
 f32, i64, u32 = np.float32, np.int64, np.uint32
 
 RUN = 128  # pixels, whose numbers and those of the rows about them fit in a cache of the first level
-WORK = 24, RUN  # shape of the float32 array that a thread works in
+WORK = 30, RUN  # shape of the float32 array that a thread works in
 _REACH = 2  # pixels to each side that the filter takes in
-_LEAST_REACH = f32(2)  # in the first pass, for single rays are specks
+_LEAST_REACH = f32(2)  # in the first pass, less and less in others, for single rays are specks
 _SAME = f32(math.cos(math.radians(2.0)))  # of normals, of pixels whose light without shadows is averaged
 _CHUNK = 64  # pixels a thread takes at a time
 
@@ -60,10 +60,16 @@ class Means(NamedTuple):
 
 
 class Unshaded(NamedTuple):
-    """(3, n) float32, cd/m2: light of the Lambert lobe over its albedo without shadows, and of the others."""
+    """Light of n pixels, (3, n) float32, cd/m2.
+
+    diffuse, gloss  of the Lambert lobe over its albedo without shadows, and of the others
+    missed          of the Lambert lobe over its albedo with shadows, what its draws lack of what is known, 0
+                    in the mean over passes; (3, 0) in the first
+    """
 
     diffuse: np.ndarray
     gloss: np.ndarray
+    missed: np.ndarray
 
 
 @jit
@@ -82,15 +88,20 @@ def filter_samples(shapes, view, smoothing, samples, counter, work, means, unsha
     """Write the Means and what is Unshaded of as many runs as a thread gets, from the Samples about them.
 
     The share of light that is not shaded multiplies what is known of it without shadows, as far as
-    `ratio_share` says: the first pass takes no other.
+    `ratio_share` says: the first pass takes no other. For the rest of it light without shadows is a control
+    variate: what draws lack of it, times the share that passes. That share is of whole squares, which have
+    all parts alike: of parts that go with what the pixel drew it were a bias.
+    Source: Glasserman, Monte Carlo Methods in Financial Engineering, 2004, section 4.1.
     """
-    least = _LEAST_REACH if view.pass_index == u32(0) else f32(0)
+    least = _LEAST_REACH / f32(math.sqrt(f32(1) + f32(view.pass_index)))
     by_ratio, by_draws = ratio_share(view.pass_index), samples.lamps.shape[1] > 0
+    corrects = unshaded.missed.shape[1] > 0
     columns, count = view.columns, i64(len(shapes.word))
     for run in shared_rows(counter, 1, count // columns * _runs(columns)):
         i, first, size = _run(run, columns)
         end = i + size
         reach, weight, total, sums = work[0, :size], work[1, :size], work[2, :size], work[5:17]
+        alike, whole = work[17, :size], work[18:24]
         if by_draws:
             _take_least(samples.near, i, first, columns, i64(1), _REACH, means.near[i:end])
         _take_least(samples.reach, i, first, columns, i64(1), _REACH, means.reach[i:end])
@@ -99,17 +110,29 @@ def filter_samples(shapes, view, smoothing, samples, counter, work, means, unsha
         shines = _any_about(samples.gloss, i, first, columns, total)
         total[:] = f32(0)
         sums[:] = f32(0)
+        whole[:] = f32(0)
         for tap in range((2 * _REACH + 1) ** 2):
             down, right = tap // (2 * _REACH + 1) - _REACH, tap % (2 * _REACH + 1) - _REACH
             low, high, k = _part(i, first, size, down, right, columns, count)
             if high <= low:
                 continue
-            taps, size_of, until = weight[low:high], high - low, k + high - low
-            _weigh(reach[low:high], down, right, taps)
+            taps, same, size_of, until = weight[low:high], alike[low:high], high - low, k + high - low
+            same[:] = f32(1)
             if tap != (2 * _REACH + 1) ** 2 // 2:
-                _keep_alike(shapes, i + low, k, work[3, :size_of], work[4, :size_of], taps)
+                _keep_alike(shapes, i + low, k, work[3, :size_of], work[4, :size_of], same)
+            _weigh(reach[low:high], down, right, taps)
             for x in range(size_of):
+                taps[x] *= same[x]
                 total[low + x] += taps[x]
+            if corrects:
+                half = (f32(0.5) if abs(down) == _REACH else f32(1)) * (
+                    f32(0.5) if abs(right) == _REACH else f32(1)
+                )
+                for x in range(size_of):
+                    same[x] *= half
+                for c in range(3):
+                    _add(same, samples.diffuse[c, k:until], whole[c, low:high])
+                    _add(same, samples.drawn[c, k:until], whole[3 + c, low:high])
             for c in range(3):
                 _add(taps, samples.diffuse[c, k:until], sums[c, low:high])
                 _add(taps, samples.drawn[c, k:until], sums[3 + c, low:high])
@@ -128,6 +151,12 @@ def filter_samples(shapes, view, smoothing, samples, counter, work, means, unsha
                 lamps = means.lamps[c, i:end]
             for x in range(size):
                 shown[x] = drawn[x] + by_ratio * (known[x] + lamps[x] - drawn[x])
+            if corrects:
+                missed, lit, sent = unshaded.missed[c, i:end], whole[c, :size], whole[3 + c, :size]
+                for x in range(size):
+                    share = _wide(means.reach[i + x] * smoothing, i64(2 * _REACH)) * (f32(1) - by_ratio)
+                    share *= lit[x] / max(sent[x], f32(1e-30))
+                    missed[x] = share * (known[x] + lamps[x] - drawn[x])
 
 
 @jit
@@ -313,10 +342,15 @@ def _weigh_aside(reach, limit, smoothing, stride, out):
     greatest: side by side they reach as far as one and a half of them; none from the limit on."""
     most = f32(0)
     for x in range(len(out)):
-        weight = min(max(reach[x] * smoothing / (f32(1.5) * f32(stride)) - f32(1), f32(0)), f32(1))
-        out[x] = weight if reach[x] < limit else f32(0)
+        out[x] = _wide(reach[x] * smoothing, stride) if reach[x] < limit else f32(0)
         most = max(most, out[x])
     return most
+
+
+@jit
+def _wide(reach, stride):
+    """How far squares `stride` pixels aside count where a filter reaches so far: from 0 to 1."""
+    return min(max(reach / (f32(1.5) * f32(stride)) - f32(1), f32(0)), f32(1))
 
 
 @jit

@@ -60,7 +60,8 @@ def area_light(
         )
 
     told = shapes, view, f32(smoothing)
-    unshaded = Unshaded(*np.empty((2, 3, count), np.float32))
+    missed = np.empty((3, count if view.pass_index else 0), np.float32)
+    unshaded = Unshaded(*np.empty((2, 3, count), np.float32), missed)
     diffuse, drawn = np.empty((2, 3, count), np.float32)
     others = np.empty_like(samples.lamps), np.empty_like(samples.near), np.empty_like(samples.reach)
     means = Means(diffuse, drawn, *others)
@@ -78,6 +79,7 @@ def area_light(
 @jit
 def _show(tables, pixels, means, unshaded, counter, light):
     """Write what as many of the Pixels as a thread gets show, (n, 4), of Means and what is Unshaded."""
+    corrects = unshaded.missed.shape[1] > 0
     for i in shared_rows(counter, CHUNK, len(pixels.points)):
         lit = is_lit(tables, pixels, i)
         base, opaque = pixels.base[i], f32(0)
@@ -86,6 +88,9 @@ def _show(tables, pixels, means, unshaded, counter, light):
             opaque = (f32(1) - base[3]) * (f32(1) - passed) * (f32(1) - through)
         for c in range(3):
             share = means.diffuse[c, i] / max(means.drawn[c, i], f32(1e-30))
-            shown = share * unshaded.diffuse[c, i] * (opaque * base[c]) + unshaded.gloss[c, i]
+            matte = share * unshaded.diffuse[c, i]
+            if corrects:
+                matte = max(matte + unshaded.missed[c, i], f32(0))
+            shown = matte * (opaque * base[c]) + unshaded.gloss[c, i]
             light[i, c] = shown if lit else f32(0)
         light[i, 3] = f32(1)

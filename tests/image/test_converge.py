@@ -6,10 +6,13 @@ import math
 import numpy as np
 import pytest
 
+from ispm import Camera, Material, RectLight, Scene, Sky, shapes
 from ispm.errors import OutputError, SceneError
 from ispm.io.named import builtin
 from ispm.renderer import Renderer
+from ispm.optics.vector import LUMINANCE
 from ispm.renderer.converge import place_in_pixel, shrunk
+from ispm.renderer.progress import _half
 from ispm.settings import Settings
 
 SETTINGS = Settings(size=(160, 90), photons=4000)
@@ -70,10 +73,40 @@ def test_the_mean_of_passes_nears_the_truth(gpu, scene):
     assert 0.5 < errors[15] / math.sqrt(left[15] / 1.25) < 1.5
 
 
-def test_passes_without_noise_are_as_many_as_were_asked_for(gpu, scene):
-    with renderer(gpu, scene, size=(16, 9), bounces=0) as direct:
-        errors = [frame.stats.error for frame in direct.converge(6)]
+@pytest.mark.parametrize("light", ["sky", "panel"])
+def test_the_error_tells_of_drawn_direct_light_too(gpu, light):
+    """16 passes, whose direct light is most of their noise, against 64 others as above."""
+    scene = builtin("cornell-box")
+    if light == "sky":
+        scene.environment = Sky(sun_elevation=0.5)
+    else:
+        lamp = RectLight((30.0, 30.0, 30.0), width=1.0, height=1.0)
+        scene.add(lamp, translation=(2.8, 4.5, 2.8)).look_at((2.8, 0.0, 2.8))
+    with renderer(gpu, scene) as one:
+        *_, mean = one.converge(16)
+    with renderer(gpu, scene, seed=9) as other:
+        *_, truth = other.converge(64)
+    light, true = (each.radiance @ np.array(LUMINANCE) for each in (mean, truth))
+    left = ((light - true) ** 2 / (true**2 + 1e-3 * true.mean() ** 2)).mean()
+    assert 0.5 < mean.stats.error / math.sqrt(left / 1.25) < 1.5
+
+
+def test_passes_without_noise_are_as_many_as_were_asked_for(gpu):
+    wall = Scene()
+    wall.add(shapes.plane(9.0, 9.0), material=Material((0.0,) * 3, specular=0.0, emission=(1.0, 2.0, 3.0)))
+    camera = Camera.look_at((0.0, 1.0, 0.0), (0.0, 0.0, 0.1))
+    with Renderer(wall, Settings(size=(16, 9), bounces=0), camera, gpu=gpu) as even:
+        errors = [frame.stats.error for frame in even.converge(6)]
     assert errors[1:] == [0.0] * 5
+
+
+def test_halves_of_passes_are_even():
+    """What grows by the same amounts, or by the squares of the passes' numbers, has equal halves of 8."""
+    halves = [[k for k in range(8) if _half(k) == half] for half in (0, 1)]
+    for power in (0, 1, 2):
+        one, other = (sum(k**power for k in half) for half in halves)
+        assert one == other
+    assert all({_half(k), _half(k + 1)} == {0, 1} for k in range(0, 64, 2))
 
 
 def test_passes_repeat_and_continue_to_the_bit(gpu, scene, tmp_path):

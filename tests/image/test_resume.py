@@ -171,7 +171,7 @@ def written(name, data):
     return lambda parts: parts.update({name: data})
 
 
-FLOATS = ("indirect_moments", "sum.direct", "sum.indirect", "sum.emission", "sum.irradiance", "sum.alpha",
+FLOATS = ("halves", "sum.direct", "sum.indirect", "sum.emission", "sum.irradiance", "sum.alpha",
           "first.depth", "first.normal", "first.albedo", "camera.pose", "camera.clip_from_world",
           "camera.intrinsics")  # fmt: skip
 IDS = ("first.instance", "first.material")
@@ -207,7 +207,7 @@ SPOILED = {
     **{f"{n} with -inf": array_with(n, one(-np.inf)) for n in FLOATS},
     **{f"{n} with inf": array_with(n, one(np.inf)) for n in FLOATS if n != "first.depth"},
     **{f"{n} below 0": array_with(n, one(-2)) for n in (
-        "indirect_moments", "sum.alpha", "first.albedo", *IDS)},
+        "halves", "sum.alpha", "first.albedo", *IDS)},
     **{f"a shape of {shape}": header(shape) for shape in (
         (1 << 20, 1 << 20, 3), (1 << 62, 1 << 62, 3), (-9, 16, 3), (9, -16, -3), (0,), (9.5, 16, 3), ("a",))},
     **{f"an array of {dtype!r}": header((9, 16, 3), dtype) for dtype in (
