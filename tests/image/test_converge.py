@@ -9,8 +9,8 @@ import pytest
 from ispm import Camera, Material, RectLight, Scene, Sky, shapes
 from ispm.errors import OutputError, SceneError
 from ispm.io.named import builtin
-from ispm.renderer import Renderer
 from ispm.optics.vector import LUMINANCE
+from ispm.renderer import Renderer
 from ispm.renderer.converge import place_in_pixel, shrunk
 from ispm.renderer.progress import _half
 from ispm.settings import Settings

@@ -1,4 +1,4 @@
-"""Direct light of skies and lamps with a surface: as smooth in the first pass as may be, and smoother in more."""
+"""Direct light of skies and large lamps: as smooth in the first pass as may be, and smoother in more."""
 
 import math
 
