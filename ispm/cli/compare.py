@@ -59,13 +59,19 @@ def compare(
     from ispm.io.image import read_array, read_picture, write_png
 
     picture, reference = read_picture(a), read_picture(b)
+    shown = [name for name in (a, b) if name.lower().endswith(".png")]
+    if len(shown) == 1:
+        console.warn(
+            f"{shown[0]}: a PNG was exposed, tone mapped and clipped, and the other was not; "
+            "compare two alike"
+        )
     chosen = None if mask is None else read_array(mask)
     result = metrics.compare(
         picture,
         reference,
         chosen,
         reference_error=reference_error,
-        displayed=all(name.lower().endswith(".png") for name in (a, b)),
+        displayed=len(shown) == 2,
     )
     values = dataclasses.asdict(result)
     console.table("comparison", list(values.items()))

@@ -46,6 +46,10 @@ def render_passes(
             if kept:
                 kept.now_and_then()
     assert frame is not None
+    if continued is not None and 1 < settings.passes < frame.stats.passes:
+        console.warn(
+            f"{resume} holds {frame.stats.passes} passes already; --passes {settings.passes} adds none"
+        )
     return frame, interrupted, kept.finish() if kept else None
 
 

@@ -96,6 +96,8 @@ def render(
     world = open_scene(console, scene, loading)
     surround(world, look)
     if look.time is not None or look.animation is not None:
+        if not world.animations and look.animation is None:
+            console.warn(f"--time: nothing moves in {scene}, which is the same at all times")
         world = world.at(look.time or 0.0, look.animation)
     camera = choose_camera(world, look.camera, look.look_from, look.look_at, look.fov)
 

@@ -41,11 +41,18 @@ def open_scene(console: Console, name: str, options: Mapping[str, Any]) -> Scene
 
 
 def surround(scene: Scene, look: Viewpoint) -> None:
-    """Give a scene the environment that the options ask for. Raises SceneError where it cannot be used."""
+    """Give a scene the environment that the options ask for.
+
+    Raises SceneError where it cannot be used, SettingsError where it is no file but a kind of light.
+    """
     if look.environment is None:
         return
     from ispm.scene.environment import Environment
 
+    if look.environment in ("sky", "studio"):
+        raise SettingsError(
+            f"--environment: takes a file; --light {look.environment} lights a scene that has no light"
+        )
     intensity = 1.0 if look.environment_intensity is None else look.environment_intensity
     scene.environment = Environment(look.environment, radians(look.environment_rotation or 0.0), intensity)
 

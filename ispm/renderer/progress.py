@@ -281,8 +281,8 @@ def _stats(values: Any) -> Stats:
 
 
 def _half(index: int) -> int:
-    """The half, 0 or 1, that pass `index` counts to: as many of either in each two that follow each other, and
-    none of them ahead of the other in what changes steadily (Thue and Morse)."""
+    """The half, 0 or 1, that pass `index` counts to: of each two one to either, and neither half is ahead of
+    the other in what changes steadily (Thue and Morse)."""
     return index.bit_count() % 2
 
 

@@ -108,7 +108,8 @@ def place_matrices(translations: np.ndarray, rotations: np.ndarray, scales: np.n
     translations, scales  (n, 3);  rotations  (n, 4) quaternions x, y, z, w of any length but 0
     """
     result = np.zeros((len(rotations), 4, 4))
-    result[:, :3, :3] = rotation_matrices(rotations) * scales[:, None]
+    with np.errstate(invalid="ignore"):  # what is not finite is found, and named, by who asked
+        result[:, :3, :3] = rotation_matrices(rotations) * scales[:, None]
     result[:, :3, 3] = translations
     result[:, 3, 3] = 1.0
     return result

@@ -274,8 +274,8 @@ class Scene(Branch, Varied):
         """
         require("time, in seconds,", time)
         if animation is not None and all(a.name != animation for a in self.animations):
-            names = ", ".join(repr(a.name) for a in self.animations) or "none"
-            raise SceneError(f"no animation is called '{animation}'; the scene has {names}")
+            names = ", ".join(repr(a.name) if a.name else "one without a name" for a in self.animations)
+            raise SceneError(f"no animation is called '{animation}'; the scene has {names or 'none'}")
         result = self.at_rest()
         result.playing = animation
         for node, channels in result._moving():

@@ -60,9 +60,8 @@ def area_light(
         )
 
     told = shapes, view, f32(smoothing)
-    missed = np.empty((3, count if view.pass_index else 0), np.float32)
-    unshaded = Unshaded(*np.empty((2, 3, count), np.float32), missed)
-    diffuse, drawn = np.empty((2, 3, count), np.float32)
+    matte, gloss, diffuse, drawn = np.empty((4, 3, count), np.float32)
+    unshaded = Unshaded(matte, gloss, np.empty((3, count if view.pass_index else 0), np.float32))
     others = np.empty_like(samples.lamps), np.empty_like(samples.near), np.empty_like(samples.reach)
     means = Means(diffuse, drawn, *others)
     run(filter_samples, *told, samples, (means, unshaded))
