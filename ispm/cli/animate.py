@@ -55,7 +55,7 @@ class Filmed:
     frames: Annotated[
         str,
         Parameter(
-            help="these alone, from the first up to but not with the last, or one by its number; default: all",
+            help="these alone, from the first up to but not with the last, or one by number; default: all",
             metavar="FIRST:END",
             allow_leading_hyphen=True,
             show_default=False,
