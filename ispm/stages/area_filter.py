@@ -21,7 +21,7 @@ from ispm.stages.pixels import TURNED, plane_at
 f32, i64, u32 = np.float32, np.int64, np.uint32
 
 RUN = 128  # pixels, whose numbers and those of the rows about them fit in a cache of the first level
-WORK = 30, RUN  # shape of the float32 array that a thread works in
+WORK = 24, RUN  # shape of the float32 array that a thread works in
 _REACH = 2  # pixels to each side that the filter takes in
 _LEAST_REACH = f32(2)  # in the first pass, less and less in others, for single rays are specks
 _SAME = f32(math.cos(math.radians(2.0)))  # of normals, of pixels whose light without shadows is averaged
