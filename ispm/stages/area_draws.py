@@ -70,6 +70,7 @@ def _draw_once(tables, pixels, view, openings, marks, counter, samples):
     mark what they met."""
     scratch = Scratch(alloca(STACK_WORDS), alloca(2))
     surrounded, by_draws = has_environment(tables.environment), len(samples.near) > 0
+    first = _first_turn(view)
     for i in shared_rows(counter, CHUNK, len(pixels.points)):
         if not is_lit(tables, pixels, i):
             continue
@@ -78,7 +79,7 @@ def _draw_once(tables, pixels, view, openings, marks, counter, samples):
             # what reflection leaves to the Lambert lobe depends on the draw, whose ratio alone is biased; and
             # what is reflected is known by draws alone, of which each pixel of a square has another part
             samples.reach[i] = UNSHADED
-        _draw(tables, shown, view, openings, i, i64(0), scratch, samples)
+        _draw(tables, shown, view, openings, i, i64(0), first, scratch, samples)
         mark = i64(0)
         known = f32(0), f32(0), f32(0)
         if surrounded:
@@ -101,7 +102,7 @@ def _refine(tables, pixels, view, openings, marks, counter, samples):
     """Have pixels in narrow penumbrae draw again in the first pass, so that the Samples are their means, and
     those close to lamps know what these bring without shadows."""
     scratch = Scratch(alloca(STACK_WORDS), alloca(2))
-    partly = _IS_NARROW | _IS_REACHED
+    first, partly = _first_turn(view), _IS_NARROW | _IS_REACHED
     for i in shared_rows(counter, CHUNK, len(pixels.points)):
         around = _marks_around(marks, i, view.columns)
         draws_again = view.pass_index == u32(0) and around & partly == partly
@@ -112,7 +113,7 @@ def _refine(tables, pixels, view, openings, marks, counter, samples):
             continue
         shown, draws = shown_at(tables, pixels, view, i), i64(_DRAWS if draws_again else 1)
         for k in range(1, draws):
-            _draw(tables, shown, view, openings, i, i64(k), scratch, samples)
+            _draw(tables, shown, view, openings, i, i64(k), first, scratch, samples)
         if draws > 1:
             for sums in (samples.diffuse, samples.gloss, samples.drawn):
                 for c in range(3):
@@ -139,7 +140,14 @@ def _marks_around(marks, i, columns):
 
 
 @jit
-def _aside(square, view):
+def _first_turn(view):
+    """The turn, of 16, that a picture's first pass takes."""
+    start, _, _, _ = random4(u32(0), u32(_DIMENSION + 1), u32(0), view.seed)
+    return i64(start * f32(_SIDE * _SIDE))
+
+
+@jit
+def _aside(first, square, view):
     """By how many columns and rows a pixel's part lies aside of its own place in the square.
 
     In 16 passes pixels draw from each part once, and soon from some far apart: turns are in the order of
@@ -147,25 +155,24 @@ def _aside(square, view):
     would make a pattern; but for the first turn: that pass's filter takes in parts of several squares.
     """
     parts = i64(_SIDE * _SIDE)
-    start, _, _, _ = random4(u32(0), u32(_DIMENSION + 1), u32(0), view.seed)
     turn = i64(view.pass_index) % parts
     if turn > i64(0):
         own, _, _, _ = random4(square, u32(_DIMENSION + 1), u32(1), view.seed)
         swapped = i64(own * f32(parts))
         if turn != swapped:  # which stays, as turn 0 does
             turn ^= swapped
-    turn ^= i64(start * f32(parts))
+    turn ^= first
     b0, b1, b2, b3 = turn & 1, turn >> 1 & 1, turn >> 2 & 1, turn >> 3 & 1
     return 2 * b0 + b2, 2 * (b0 ^ b1) + (b2 ^ b3)
 
 
 @jit
-def _numbers(view, i, k):
+def _numbers(view, i, k, first):
     """Three float32 random numbers of [0, 1) for draw k of row i: of the part that lies half of the parts
     aside along either axis, by the bits of k."""
     half, side = i64(_SIDE // 2), i64(_SIDE)
     square = u32((i // view.columns // _SIDE) * view.columns + i % view.columns // _SIDE)
-    right, down = _aside(square, view)
+    right, down = _aside(first, square, view)
     column = (i % view.columns + right + half * (k % 2)) % side
     row = (i // view.columns + down + half * (k // 2)) % side
     r0, r1, r2, _ = random4(u32(i), u32(_DIMENSION) + u32(4 * k), view.pass_index, view.seed)
@@ -177,9 +184,9 @@ def _numbers(view, i, k):
 
 
 @jit
-def _draw(tables, shown, view, openings, i, k, scratch, samples):
+def _draw(tables, shown, view, openings, i, k, first, scratch, samples):
     """Add draw k of what row i sees, from lamps and from the environment, to the Samples."""
-    numbers = _numbers(view, i, k)
+    numbers = _numbers(view, i, k, first)
     _draw_lamp(tables, shown, numbers, i, scratch, samples)
     if has_environment(tables.environment):
         _draw_surround(tables, shown, numbers, openings, i, scratch, samples)

@@ -13,8 +13,8 @@ numbers  means over some thousand photons, and statistics
 
 Measured (docs/notes.md): Mesa 22.3 and 25.0, vectors of 128 to 512 bits, numpy and BLAS for the smallest
 processors: often 1.2e-4, mean 7e-5, numbers 6e-6. Kernels without fused multiply and add, on processors that
-have none: 4e-2, so that these get fifty times the bounds. Drivers that snap corners to 1/16 pixel are
-further away, and not compared; nor are scenes that are not `steady`.
+have none: 1e-2, so that these get twenty times the bounds (`metals`, 4e-2, are further away there). Drivers
+that snap corners to 1/16 pixel are further away, and not compared; nor are scenes that are not `steady`.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ def summary(arrays: dict[str, np.ndarray]) -> Summary:
 
 def slack() -> float:
     """Return what bounds are multiplied by: above 1 where kernels are compiled for this very processor."""
-    return 1.0 if library.cpu()[0] == library.BASELINE else 50.0
+    return 1.0 if library.cpu()[0] == library.BASELINE else 20.0
 
 
 def differences(kept: Summary, found: Summary, slack: float = 1.0) -> list[str]:
