@@ -17,7 +17,7 @@ from ispm.accel.emitters import (
 from ispm.accel.glow import emitted_radiance
 from ispm.accel.records import Hit
 from ispm.optics.bsdf import eval_bsdf, pdf_bsdf, sample_bsdf, transmits
-from ispm.optics.environment import environment_light, sample_environment
+from ispm.optics.environment import environment_light, sample_environment, sample_suns
 from ispm.optics.jit import jit
 from ispm.optics.rng import random4
 from ispm.optics.sampling import LATTICE, cosine_hemisphere, to_world
@@ -87,7 +87,8 @@ def resample_surround(tables, x, wo, u1, u2, pick, pairs, brightest, by_lobes):
     by_lobes      whether the surface draws by all its lobes; else by the cosine alone
     brightest     luminance, cd/m2, above which directions have a draw of their own, so that the shadow of a
                   sun holds the light of the sky
-    ->  two Surrounds, of the darker directions and of the brighter; both together are the light of all
+    ->  two Surrounds, of the darker directions and of the brighter, which the environment draws by themselves
+        where they bring much; both together are the light of all
     Source: Talbot, Cline and Egbert, Importance Resampling for Global Illumination, EGSR 2005; candidates'
     densities are those of both draws together (Veach 1997, section 9.2.2).
     """
@@ -102,20 +103,29 @@ def resample_surround(tables, x, wo, u1, u2, pick, pairs, brightest, by_lobes):
         light = scale(f32(1) / pdf, radiance)
         return Surround(light, wi, own, f32(1), pick), Surround(none, wi, own, f32(0), pick)
     dark = bright = Surround(none, wo, f32(1), f32(0), pick)
-    for k in range(2 * pairs):
+    sunny = len(tables.environment.sunlight) > 0 and brightest != f32(np.inf)
+    for k in range((3 if sunny else 2) * pairs):
         a, b = u1 + f32(k) * f32(rate_1), u2 + f32(k) * f32(rate_2)
         a, b = a - f32(math.floor(a)), b - f32(math.floor(b))
-        if k & 1:
+        of_suns = k >= 2 * pairs
+        if of_suns:
+            wi, radiance, own = sample_suns(tables.environment, a, b)
+        elif k & 1:
             wi = _drawn_by_surface(x, wo, a, b, by_lobes)
             radiance, own = environment_light(tables.environment, wi)
         else:
             wi, radiance, own = sample_environment(tables.environment, a, b)
-        pdf = candidate_pdf(tables, x, wo, wi, own, by_lobes)
+        is_sun, density = luminance(radiance) > brightest, own
+        if sunny and is_sun != of_suns and (of_suns or not k & 1):
+            continue  # what the other draw finds
+        if sunny and is_sun:
+            density /= tables.environment.sun_share
+        pdf = candidate_pdf(tables, x, wo, wi, density, by_lobes)
         f = eval_bsdf(x.bsdf, x.n, x.ng, wo, wi)
         light = abs(dot(x.n, wi)) * (f[0] * radiance[0] + f[1] * radiance[1] + f[2] * radiance[2])
         if pdf <= f32(0) or light <= _LEAST_LIGHT:
             continue
-        if luminance(radiance) > brightest:
+        if is_sun:
             bright = _offered(bright, radiance, wi, own, light, pdf)
         else:
             dark = _offered(dark, radiance, wi, own, light, pdf)
@@ -124,9 +134,9 @@ def resample_surround(tables, x, wo, u1, u2, pick, pairs, brightest, by_lobes):
 
 @jit
 def candidate_pdf(tables, x, wo, wi, own, by_lobes):
-    """Return the density, 1/sr, of a direction among the darker candidates of `resample_surround`.
+    """Return the density, 1/sr, of a direction among the candidates of `resample_surround` of its kind.
 
-    own  density of the environment's own draw, 1/sr
+    own  density of the environment's own draw of that kind, 1/sr
     """
     by_surface = _surface_pdf(x, wo, wi, by_lobes)
     return by_surface if tables.environment.brightest == f32(np.inf) else f32(0.5) * (own + by_surface)

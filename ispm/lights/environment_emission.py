@@ -23,12 +23,8 @@ from ispm.kernels.simd import alloca
 from ispm.lights.aim import SEEN, seen_boxes
 from ispm.lights.openings import NO_WAYS, WAY, Ways
 from ispm.lights.surface_emission import caustic_spheres, drawn_row, lattice5, lattice_shifts
-from ispm.optics.environment import (
-    environment_light,
-    environment_power,
-    environment_radiance,
-    sample_environment,
-)
+from ispm.optics.environment import environment_light, environment_radiance, sample_environment
+from ispm.optics.environment_table import environment_power
 from ispm.optics.jit import jit
 from ispm.optics.records import EMITTED, EMITTED_BY_ENVIRONMENT, NO_HIT
 from ispm.optics.rng import random4

@@ -78,7 +78,8 @@ def _surround(tables, x, wo, u, scratch, goes_on, count, by_ratio):
         passed, rays = shadowed(tables, x, Arriving(light, FAR, one.wi), scratch)
         matte, gloss = add(matte, times(passed, lambert)), add(gloss, scale(share, times(passed, others)))
         traced += rays
-    known, each = environment_irradiance(tables.environment, x.n), f32(1) / f32(count)
+    sunlight, others = environment_irradiance(tables.environment, x.n)
+    known, each = add(sunlight, others), f32(1) / f32(count)
     red, green = _factor(known[0], drawn[0], each, by_ratio), _factor(known[1], drawn[1], each, by_ratio)
     factors = red, green, _factor(known[2], drawn[2], each, by_ratio)
     return add(scale(each, gloss), times(factors, matte)), traced

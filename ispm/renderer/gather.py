@@ -19,7 +19,7 @@ from ispm.lights.lightmap import mean_irradiance
 from ispm.lights.openings import Openings
 from ispm.lights.surface_emission import emissive_flux
 from ispm.optics.bsdf import NARROW_ALPHA
-from ispm.optics.environment import environment_power
+from ispm.optics.environment_table import environment_power
 from ispm.optics.incident import FilteredLight, channels, no_light
 from ispm.optics.records import take
 from ispm.optics.rng import random4

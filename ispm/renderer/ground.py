@@ -23,7 +23,7 @@ from ispm.lights.openings import Openings
 from ispm.optics.environment import environment_irradiance, has_environment
 from ispm.optics.jit import jit
 from ispm.optics.light import light_arriving
-from ispm.optics.vector import vec3
+from ispm.optics.vector import add, vec3
 from ispm.renderer.backdrop import background_color, shows_environment
 from ispm.renderer.one_pass import Pass
 from ispm.scene.packed import pack
@@ -169,7 +169,7 @@ def _irradiance(tables, points, by_environment, out):
     if asked for, by the environment."""
     around = (f32(0), f32(0), f32(0))
     if by_environment and has_environment(tables.environment):
-        around = environment_irradiance(tables.environment, (f32(0), f32(1), f32(0)))
+        around = add(*environment_irradiance(tables.environment, (f32(0), f32(1), f32(0))))
     for i in range(len(points)):
         for c in range(3):
             out[i, c] = around[c]

@@ -8,13 +8,8 @@ from hashlib import sha256
 
 import numpy as np
 
-from ispm.optics.environment import (
-    NO_ENVIRONMENT,
-    EnvironmentTable,
-    environment_power,
-    environment_table,
-    placed_environment,
-)
+from ispm.optics.environment import NO_ENVIRONMENT, EnvironmentTable
+from ispm.optics.environment_table import environment_power, environment_table, placed_environment
 from ispm.scene.environment import Environment
 from ispm.scene.sky import Sky, dome_of, require_environment
 from ispm.scene.values import kept_value

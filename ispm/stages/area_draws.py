@@ -24,7 +24,12 @@ from ispm.lights.known import are_known, unshaded_lamps
 from ispm.lights.nee import draws_by_lobes, greatest, next_numbers
 from ispm.lights.openings import Openings, draw_opening, opening_cell, opening_pdf
 from ispm.optics.bsdf import is_lambert, is_narrow
-from ispm.optics.environment import environment_irradiance, environment_light, has_environment
+from ispm.optics.environment import (
+    DENSITY_BUT_FOR_SUNS,
+    environment_irradiance,
+    environment_light,
+    has_environment,
+)
 from ispm.optics.jit import jit
 from ispm.optics.light import FAR
 from ispm.optics.rng import random4
@@ -46,30 +51,44 @@ _NARROW = f32(6)  # pixels that the filter reaches there, less than which its wi
 # 12 those of its first stride. 2, 4, 8 and 16 draws make some 1,800 of what is averaged, from 9 pixels on.
 _CLOSE = f32(36), f32(25), f32(20), f32(9)
 _IS_NARROW, _IS_REACHED = 1, 2  # marks: of what casts a shadow, of light
-_CLOSE_BIT, _CLOSE_BITS = 2, 15  # and from this bit on: of what lamps bring, which of _CLOSE it is below
+_SUN_BIT = 2  # and from this bit on: likewise of suns
+_CLOSE_BIT, _CLOSE_BITS = 4, 15  # and from this bit on: of what lamps bring, which of _CLOSE it is below
 _AROUND = 2  # pixels to each side that tell of penumbrae and of lamps
 
 
-def draw_light(tables: Tables, pixels: Pixels, view: PixelView, openings: Openings, threads: int) -> Samples:
-    """Return the Samples of n pixels, whose draws from the environment Openings guide."""
+def draw_light(
+    tables: Tables, pixels: Pixels, view: PixelView, openings: Openings, threads: int
+) -> tuple[Samples, Samples]:
+    """Return the Samples of n pixels, of the environment's sunlight, without rows where it has none, and of
+    all other light, whose draws from the environment Openings guide."""
     count = len(pixels.points)
     by_draws = 0 if are_known(tables.emitters) else count
+    samples = _no_samples(count, by_draws)
+    suns = _no_samples(count if len(tables.environment.sunlight) else 0, 0)
+    marks, told = np.zeros(count, np.uint8), (tables, pixels, view, openings)
+    run_shared(lambda counter: _draw_once(*told, marks, counter, samples, suns), threads)
+    if view.pass_index == 0 or by_draws:
+        run_shared(lambda counter: _refine(*told, marks, counter, samples, suns), threads)
+    return suns, samples
+
+
+def _no_samples(count: int, by_draws: int) -> Samples:
+    """Samples of `count` pixels before any draw; by_draws: as many, or 0 where what lamps bring is known."""
     lamps, near = np.zeros((3, by_draws), np.float32), np.full(by_draws, np.inf, np.float32)
     diffuse, gloss, drawn, known = np.zeros((4, 3, count), np.float32)
-    samples = Samples(diffuse, gloss, drawn, known, lamps, near, np.full(count, np.inf, np.float32))
-    marks, told = np.zeros(count, np.uint8), (tables, pixels, view, openings)
-    run_shared(lambda counter: _draw_once(*told, marks, counter, samples), threads)
-    if view.pass_index == 0 or by_draws:
-        run_shared(lambda counter: _refine(*told, marks, counter, samples), threads)
-    return samples
+    return Samples(diffuse, gloss, drawn, known, lamps, near, np.full(count, np.inf, np.float32))
 
 
 @jit
-def _draw_once(tables, pixels, view, openings, marks, counter, samples):
+def _draw_once(tables, pixels, view, openings, marks, counter, samples, suns):
     """Trace a shadow ray to each lamp and the environment for as many of the Pixels as a thread gets, and
     mark what they met."""
     scratch = Scratch(alloca(STACK_WORDS), alloca(2))
-    surrounded, by_draws = has_environment(tables.environment), len(samples.near) > 0
+    surrounded, by_draws, sunny = (
+        has_environment(tables.environment),
+        len(samples.near) > 0,
+        len(suns.reach) > 0,
+    )
     first = _first_turn(view)
     for i in shared_rows(counter, CHUNK, len(pixels.points)):
         if not is_lit(tables, pixels, i):
@@ -79,18 +98,22 @@ def _draw_once(tables, pixels, view, openings, marks, counter, samples):
             # what reflection leaves to the Lambert lobe depends on the draw, whose ratio alone is biased; and
             # what is reflected is known by draws alone, of which each pixel of a square has another part
             samples.reach[i] = UNSHADED
-        _draw(tables, shown, view, openings, i, i64(0), first, scratch, samples)
-        mark = i64(0)
-        known = f32(0), f32(0), f32(0)
+            if sunny:
+                suns.reach[i] = UNSHADED
+        numbers = _numbers(view, i, i64(0), first)
+        _draw(tables, shown, numbers, openings, i, scratch, samples, suns, True, sunny)
+        known = sunlight = f32(0), f32(0), f32(0)
         if surrounded:
-            known = environment_irradiance(tables.environment, shown.x.n)
+            sunlight, known = environment_irradiance(tables.environment, shown.x.n)
         if not by_draws:
             known = add(known, unshaded_lamps(tables, shown.x, f32(0), f32(0), f32(0), i64(0)))
-        is_reached = False
         for c in range(3):
             samples.known[c, i] = known[c] * f32(1 / math.pi)
-            is_reached = is_reached or samples.diffuse[c, i] > f32(0) or samples.gloss[c, i] > f32(0)
-        mark += _IS_NARROW * (samples.reach[i] < _NARROW) + _IS_REACHED * is_reached
+        mark = _mark(samples, i)
+        if sunny:
+            for c in range(3):
+                suns.known[c, i] = sunlight[c] * f32(1 / math.pi)
+            mark += _mark(suns, i) << _SUN_BIT
         if by_draws:
             for level in range(len(_CLOSE)):
                 mark += (1 << (_CLOSE_BIT + level)) * (samples.near[i] < _CLOSE[level])
@@ -98,34 +121,55 @@ def _draw_once(tables, pixels, view, openings, marks, counter, samples):
 
 
 @jit
-def _refine(tables, pixels, view, openings, marks, counter, samples):
+def _mark(samples, i):
+    """_IS_NARROW and _IS_REACHED of row i of the Samples."""
+    is_reached = False
+    for c in range(3):
+        is_reached = is_reached or samples.diffuse[c, i] > f32(0) or samples.gloss[c, i] > f32(0)
+    return _IS_NARROW * (samples.reach[i] < _NARROW) + _IS_REACHED * is_reached
+
+
+@jit
+def _refine(tables, pixels, view, openings, marks, counter, samples, suns):
     """Have pixels in narrow penumbrae draw again in the first pass, so that the Samples are their means, and
     those close to lamps know what these bring without shadows."""
     scratch = Scratch(alloca(STACK_WORDS), alloca(2))
     first, partly = _first_turn(view), _IS_NARROW | _IS_REACHED
     for i in shared_rows(counter, CHUNK, len(pixels.points)):
         around = _marks_around(marks, i, view.columns)
-        draws_again = view.pass_index == u32(0) and around & partly == partly
+        is_first = view.pass_index == u32(0)
+        draws_again = is_first and around & partly == partly
+        suns_again = is_first and around >> _SUN_BIT & partly == partly
         close = (
             around >> _CLOSE_BIT & _CLOSE_BITS
         )  # 0, 1, 3, 7 or 15: below one of _CLOSE is below those before
-        if not (draws_again or close) or not is_lit(tables, pixels, i):
+        if not (draws_again or suns_again or close) or not is_lit(tables, pixels, i):
             continue
-        shown, draws = shown_at(tables, pixels, view, i), i64(_DRAWS if draws_again else 1)
-        for k in range(1, draws):
-            _draw(tables, shown, view, openings, i, i64(k), first, scratch, samples)
-        if draws > 1:
-            for sums in (samples.diffuse, samples.gloss, samples.drawn):
-                for c in range(3):
-                    sums[c, i] *= f32(1 / _DRAWS)
+        shown = shown_at(tables, pixels, view, i)
+        if draws_again or suns_again:
+            for k in range(1, _DRAWS):
+                numbers = _numbers(view, i, i64(k), first)
+                _draw(tables, shown, numbers, openings, i, scratch, samples, suns, draws_again, suns_again)
+        if draws_again:
+            _take_mean(samples, i)
+        if suns_again:
+            _take_mean(suns, i)
         if close:
             r0, r1, r2, _ = random4(u32(i), u32(_DIMENSION + 3), view.pass_index, view.seed)
             light = unshaded_lamps(tables, shown.x, r0, r1, r2, close + i64(1))
             for c in range(3):
                 samples.lamps[c, i] = light[c] * f32(1 / math.pi)
-        elif draws > 1 and len(samples.near) > 0:
+        elif draws_again and len(samples.near) > 0:
             for c in range(3):
                 samples.lamps[c, i] *= f32(1 / _DRAWS)
+
+
+@jit
+def _take_mean(samples, i):
+    """Make sums of _DRAWS draws of row i of the Samples their means, but for what lamps bring."""
+    for sums in (samples.diffuse, samples.gloss, samples.drawn):
+        for c in range(3):
+            sums[c, i] *= f32(1 / _DRAWS)
 
 
 @jit
@@ -184,12 +228,25 @@ def _numbers(view, i, k, first):
 
 
 @jit
-def _draw(tables, shown, view, openings, i, k, first, scratch, samples):
-    """Add draw k of what row i sees, from lamps and from the environment, to the Samples."""
-    numbers = _numbers(view, i, k, first)
-    _draw_lamp(tables, shown, numbers, i, scratch, samples)
+def _draw(tables, shown, numbers, openings, i, scratch, samples, suns, draws_others, draws_suns):
+    """Add to row i a draw from lamps and from the environment, by three random numbers: to the Samples of
+    suns and to those of all others, where asked for."""
+    if draws_others:
+        _draw_lamp(tables, shown, numbers, i, scratch, samples)
     if has_environment(tables.environment):
-        _draw_surround(tables, shown, numbers, openings, i, scratch, samples)
+        dark, bright = _surround(tables, shown, numbers)
+        sunny = len(suns.reach) > 0
+        if draws_suns if sunny else draws_others:
+            arriving = Arriving(bright.radiance, FAR, bright.wi, bright.pdf, bright.pdf)
+            add_light(tables, shown, arriving, i, scratch, suns if sunny else samples)
+        if draws_others:
+            _draw_surround(tables, shown, dark, numbers, openings, i, scratch, samples)
+
+
+@jit
+def _but_for_suns(radiance, wi, pdf):
+    """What is Arriving from where no sun is: within a pixel of one the density is that of its light."""
+    return Arriving(radiance, FAR, wi, pdf, min(pdf, DENSITY_BUT_FOR_SUNS))
 
 
 @jit
@@ -204,7 +261,7 @@ def _draw_lamp(tables, shown, numbers, i, scratch, samples):
     """Add to row i of the Samples a draw from lamps, by three random numbers."""
     radiance, distance, wi, pdf, _, _ = sample_lamps(tables, shown.x, *numbers)
     if pdf > f32(0):
-        arriving = Arriving(scale(f32(1) / pdf, radiance), distance, wi, pdf)
+        arriving = Arriving(scale(f32(1) / pdf, radiance), distance, wi, pdf, pdf)
         brought = add_light(tables, shown, arriving, i, scratch, samples)
         if len(samples.near) > 0 and greatest(brought) > f32(0):
             for c in range(3):
@@ -214,13 +271,10 @@ def _draw_lamp(tables, shown, numbers, i, scratch, samples):
 
 
 @jit
-def _draw_surround(tables, shown, numbers, openings, i, scratch, samples):
-    """Add to row i of the Samples a draw from the environment, by three random numbers, and as many as its
-    place wants of where that is open, by the balance heuristic (Veach 1997, section 9.2.2), but for
-    candidates' densities in place of the first draw's."""
-    dark, bright = _surround(tables, shown, numbers)
-    arriving = Arriving(bright.radiance, FAR, bright.wi, bright.pdf)
-    add_light(tables, shown, arriving, i, scratch, samples)
+def _draw_surround(tables, shown, dark, numbers, openings, i, scratch, samples):
+    """Add to row i of the Samples a Surround without suns and as many draws as its place wants of where the
+    environment is open, by three random numbers, by the balance heuristic (Veach 1997, section 9.2.2), but
+    for candidates' densities in place of the first draw's."""
     position = shown.x.position
     cell, draws = opening_cell(openings, shown.x)
     weight = f32(1)
@@ -228,7 +282,7 @@ def _draw_surround(tables, shown, numbers, openings, i, scratch, samples):
         own = candidate_pdf(tables, shown.x, shown.wo, dark.wi, dark.pdf, _draws_by_lobes(shown.x))
         if own > f32(0):
             weight = own / (own + f32(draws) * opening_pdf(openings, cell, position, dark.wi))
-    arriving = Arriving(scale(weight, dark.radiance), FAR, dark.wi, dark.pdf)
+    arriving = _but_for_suns(scale(weight, dark.radiance), dark.wi, dark.pdf)
     add_light(tables, shown, arriving, i, scratch, samples)
     for k in range(draws):
         wi = draw_opening(openings, cell, position, *_next_three(numbers, k))
@@ -237,7 +291,7 @@ def _draw_surround(tables, shown, numbers, openings, i, scratch, samples):
         # those no brighter than suns, but for what the first draw leaves to others
         if own > f32(0) and luminance(radiance) <= tables.environment.brightest:
             weight = f32(1) / (own + f32(draws) * opening_pdf(openings, cell, position, wi))
-            arriving = Arriving(scale(weight, radiance), FAR, wi, pdf)
+            arriving = _but_for_suns(scale(weight, radiance), wi, pdf)
             add_light(tables, shown, arriving, i, scratch, samples)
 
 

@@ -13,6 +13,7 @@ where that is drawn, which varies over a fraction of their distance.
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -25,6 +26,7 @@ from ispm.optics.jit import jit
 from ispm.scene.packed import Packed
 from ispm.stages.area_draws import CHUNK, draw_light
 from ispm.stages.area_filter import WORK, Means, Shapes, Unshaded, filter_samples, lay_out, widen
+from ispm.stages.area_samples import Samples
 from ispm.stages.pixels import Pixels, PixelView, is_lit, transmitted_shares
 
 f32, i64 = np.float32, np.int64
@@ -52,7 +54,20 @@ def area_light(
     point, normal, flat = np.empty((3, 3, count), np.float32)
     shapes = Shapes(np.empty(count, np.uint32), point, normal, flat, np.empty(count, np.float32))
     run_shared(lambda counter: lay_out(pixels, view, counter, shapes), threads)
-    samples = draw_light(tables, pixels, view, openings, threads)
+    light = np.zeros((count, 4), np.float32)
+    light[:, 3] = 1.0
+    for samples in draw_light(tables, pixels, view, openings, threads):
+        if len(samples.reach):
+            means, unshaded = _filtered(shapes, view, smoothing, samples, threads)
+            run_shared(partial(_add_shown, tables, pixels, means, unshaded, light), threads)
+    return light
+
+
+def _filtered(
+    shapes: Shapes, view: PixelView, smoothing: float, samples: Samples, threads: int
+) -> tuple[Means, Unshaded]:
+    """The Means of Samples and what is Unshaded; the samples' own values are used up."""
+    count = len(samples.reach)
 
     def run(kernel: Callable[..., Any], *given: Any) -> None:
         run_shared(
@@ -65,31 +80,26 @@ def area_light(
     others = np.empty_like(samples.lamps), np.empty_like(samples.near), np.empty_like(samples.reach)
     means = Means(diffuse, drawn, *others)
     run(filter_samples, *told, samples, (means, unshaded))
-    # the samples' own values are used up
     wider = Means(samples.diffuse, samples.drawn, samples.lamps, samples.near, samples.reach)
     for stride in _STRIDES:
         run(widen, *told, i64(stride), means, (wider, unshaded))
         means, wider = wider, means
-    light = np.empty((count, 4), np.float32)
-    run_shared(lambda counter: _show(tables, pixels, means, unshaded, counter, light), threads)
-    return light
+    return means, unshaded
 
 
 @jit
-def _show(tables, pixels, means, unshaded, counter, light):
-    """Write what as many of the Pixels as a thread gets show, (n, 4), of Means and what is Unshaded."""
+def _add_shown(tables, pixels, means, unshaded, light, counter):
+    """Add what as many of the Pixels as a thread gets show of Means and what is Unshaded to (n, 4) light."""
     corrects = unshaded.missed.shape[1] > 0
     for i in shared_rows(counter, CHUNK, len(pixels.points)):
-        lit = is_lit(tables, pixels, i)
-        base, opaque = pixels.base[i], f32(0)
-        if lit:
-            passed, through = transmitted_shares(tables, pixels.points[i, 3])
-            opaque = (f32(1) - base[3]) * (f32(1) - passed) * (f32(1) - through)
+        if not is_lit(tables, pixels, i):
+            continue
+        base = pixels.base[i]
+        passed, through = transmitted_shares(tables, pixels.points[i, 3])
+        opaque = (f32(1) - base[3]) * (f32(1) - passed) * (f32(1) - through)
         for c in range(3):
             share = means.diffuse[c, i] / max(means.drawn[c, i], f32(1e-30))
             matte = share * unshaded.diffuse[c, i]
             if corrects:
                 matte = max(matte + unshaded.missed[c, i], f32(0))
-            shown = matte * (opaque * base[c]) + unshaded.gloss[c, i]
-            light[i, c] = shown if lit else f32(0)
-        light[i, 3] = f32(1)
+            light[i, c] += matte * (opaque * base[c]) + unshaded.gloss[c, i]

@@ -48,12 +48,14 @@ class Samples(NamedTuple):
 
 class Arriving(NamedTuple):
     """Light of one point of a lamp, or from one direction: irradiance over the density of the draw, distance,
-    m, wi, and the density of its direction among all lamps' points or the environment, 1/sr."""
+    m, wi, the density of its direction among all lamps' points or the environment, 1/sr, and what density
+    tells how wide its penumbra is: 1 over the solid angle that all of its kind fills."""
 
     irradiance: Vector
     distance: np.float32
     wi: Vector
     pdf: np.float32
+    density: np.float32
 
 
 @jit
@@ -109,7 +111,7 @@ def _passed(tables, shown, arriving, i, scratch, samples):
     met = any_distance(tables.trees, Ray(start, toward, limit), scratch.stack)
     if met < limit:
         # of the lamp's image through a pinhole at what is between
-        angle = f32(1) / f32(math.sqrt(max(arriving.pdf, f32(1e-30))))
+        angle = f32(1) / f32(math.sqrt(max(arriving.density, f32(1e-30))))
         width = angle * met / max(f32(1) - met / distance, f32(1e-6))
         samples.reach[i] = min(samples.reach[i], _BLUR * width / shown.width)
         if not tables.porous:

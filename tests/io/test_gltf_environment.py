@@ -14,7 +14,8 @@ from ispm.cli.viewpoint import Viewpoint
 from ispm.errors import SceneError
 from ispm.io import gltf_environment
 from ispm.io.gltf_environment import FACES
-from ispm.optics.environment import environment_power, environment_radiance, environment_table
+from ispm.optics.environment import environment_radiance
+from ispm.optics.environment_table import environment_power, environment_table
 from ispm.optics.vector import LUMINANCE
 from ispm.scene.environment import Environment
 from ispm.scene.rotation import axis_angle, rotation_matrix

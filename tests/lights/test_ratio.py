@@ -35,8 +35,9 @@ def look(tables, numbers, count, by_ratio, known, out):
     _, hit = closest_surface(tables, (f32(0.01), f32(0.2), f32(0.02)), d, f32(0.5), scratch)
     x = surface(tables, hit, d)
     wo = scale(f32(-1), d)
+    sunlight, others = environment_irradiance(tables.environment, x.n)
     for c in range(3):
-        known[c] = environment_irradiance(tables.environment, x.n)[c]
+        known[c] = sunlight[c] + others[c]
     for i in range(len(numbers)):
         if by_ratio:
             light, _ = area_light_by_ratio(tables, x, wo, numbers[i], scratch, BY_NOTHING, count, u32(0))

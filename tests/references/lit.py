@@ -124,6 +124,24 @@ def many_lamps() -> Scene:
     return scene
 
 
+def sun_yard() -> Scene:
+    """A pillar, a canopy and a ball under an image of a sky, whose sun is four pixels of it."""
+    dome = Sky(sun_elevation=0.5).dome()
+    image = dome.image / dome.image.mean()
+    image[87:89, 340:342] = 30_000.0, 28_500.0, 25_500.0
+    scene = Scene(name="sun-yard", environment=Environment(image))
+    for low, high, color in (
+        ((-6.0, -0.2, -6.0), (6.0, 0.0, 6.0), _CREAM),
+        ((-1.3, -_SUNK, -0.5), (-0.3, 2.4, 0.5), _RED),
+        ((-2.5, 3.1, -3.8), (3.5, 3.2, -0.3), _GREY),
+        ((2.4, -_SUNK, -3.0), (2.8, 3.15, -2.6), _WOOD),
+    ):
+        scene.add(box(low, high), material=lambert(color))
+    scene.add(icosphere(0.7, 40, "ball"), material=lambert(_BLUE), translation=(1.2, 0.7, 0.6))
+    add_camera(scene, (4.0, 3.0, 6.6), (0.2, 1.0, -0.4), math.radians(34.0))
+    return scene
+
+
 def under_sky(scene: Scene, sky: Sky) -> Scene:
     """Return the scene lit by a sky in place of its light."""
     scene.roots.remove(scene["light"])
@@ -142,5 +160,6 @@ LIT = {
     "studio-metals": studio_metals,
     "shade": shade,
     "many-lamps": many_lamps,
+    "sun-yard": sun_yard,
 }
 """Name to function; `scenes.py` adds `sky-colonnade`."""

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from ispm import Environment, Scene, SceneError, shapes
-from ispm.optics.environment import environment_power
+from ispm.optics.environment_table import environment_power
 from ispm.scene.environment import HIGHEST, WIDEST
 from ispm.scene.packed import pack
 
