@@ -60,13 +60,31 @@ def area_light_by_ratio(tables, x, wo, u, scratch, goes_on, count, pass_index):
 
 @jit
 def _surround(tables, x, wo, u, scratch, goes_on, count, by_ratio):
-    """The environment's part at an opaque SurfacePoint, and the rays traced; by_ratio: `ratio_share`."""
+    """The environment's part at an opaque SurfacePoint, and the rays traced; by_ratio: `ratio_share`.
+
+    A sun is drawn by itself: in its shadow a mean of both tells the sky's light by how often either was drawn.
+    """
+    sunlight, others = environment_irradiance(tables.environment, x.n)
+    told = tables, x, wo, u, scratch, goes_on, count, by_ratio
+    total, traced = _part(*told, others, False)
+    if len(tables.environment.sunlight) > 0:
+        light, rays = _part(*told, sunlight, True)
+        total, traced = add(total, light), traced + rays
+    return total, traced
+
+
+@jit
+def _part(tables, x, wo, u, scratch, goes_on, count, by_ratio, known, of_suns):
+    """Likewise of directions as bright as suns or of the others; known: their irradiance without shadows."""
     b, none, traced = x.bsdf, (f32(0), f32(0), f32(0)), i64(0)
     numbers, by_lobes = area_numbers(x.hit, u), goes_on == BY_NOTHING and draws_by_lobes(b)
+    sunny = len(tables.environment.sunlight) > 0
+    limit = tables.environment.brightest if sunny else f32(np.inf)
     matte, gloss, drawn = none, none, none
     for k in range(count):
         _, u1, u2, pick = next_numbers(numbers, k)
-        one, _ = resample_surround(tables, x, wo, u1, u2, pick, PAIRS, f32(np.inf), by_lobes)
+        dark, bright = resample_surround(tables, x, wo, u1, u2, pick, PAIRS, limit, by_lobes)
+        one = bright if of_suns else dark
         cosine = dot(x.n, one.wi)
         if cosine <= f32(0):
             continue
@@ -78,8 +96,7 @@ def _surround(tables, x, wo, u, scratch, goes_on, count, by_ratio):
         passed, rays = shadowed(tables, x, Arriving(light, FAR, one.wi), scratch)
         matte, gloss = add(matte, times(passed, lambert)), add(gloss, scale(share, times(passed, others)))
         traced += rays
-    sunlight, others = environment_irradiance(tables.environment, x.n)
-    known, each = add(sunlight, others), f32(1) / f32(count)
+    each = f32(1) / f32(count)
     red, green = _factor(known[0], drawn[0], each, by_ratio), _factor(known[1], drawn[1], each, by_ratio)
     factors = red, green, _factor(known[2], drawn[2], each, by_ratio)
     return add(scale(each, gloss), times(factors, matte)), traced

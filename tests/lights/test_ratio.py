@@ -47,13 +47,18 @@ def look(tables, numbers, count, by_ratio, known, out):
             out[i, c] = light[c]
 
 
-def light_of(material, wall, count, by_ratio, draws=20_000):
+def light_of(material, wall, count, by_ratio, draws=20_000, sun=None):
+    """(3,) irradiance without shadows, and (draws, 3) light; sun: of pixels of a finer sky, past the wall."""
     scene = Scene()
     scene.add(FLOOR, material=material)
     if wall:
         scene.add(WALL, material=lambert((0.0,) * 3))
     random = np.random.default_rng(3)
-    scene.environment = ispm.Environment(random.random((16, 32, 3)) ** 3)
+    image = random.random((16, 32, 3)) ** 3
+    if sun is not None:
+        image = image.repeat(4, axis=0).repeat(4, axis=1)
+        image[20:22, 31:33] = sun
+    scene.environment = ispm.Environment(image)
     tracer = Tracer(scene)
     tables = scene_tables(tracer.packed, tracer.world, tracer.surfaces)
     known, out = np.zeros(3, f32), np.zeros((draws, 3), f32)
@@ -78,6 +83,16 @@ def test_in_shadow_the_mean_is_near_that_of_rays(material):
     bias = 0.01 + (rays.std(axis=0) / rays.mean(axis=0)) ** 2
     assert (abs(ratio.mean(axis=0) - rays.mean(axis=0)) < error + bias * rays.mean(axis=0)).all()
     assert (ratio.std(axis=0) < 1.2 * rays.std(axis=0)).all()
+
+
+def test_a_hidden_sun_leaves_the_skys_light_as_even_as_it_is_without():
+    """Four draws, whose ratio errs by the square of its deviation. By draws of both, the light was known by
+    the share of those that found the sky, and was as bright as in the sun where none found that."""
+    (_, without), (known, hidden) = (light_of(lambert(ALBEDO), True, 4, True, sun=v) for v in (0.3, 16_000.0))
+    bias = 0.01 + (hidden.std(axis=0) / hidden.mean(axis=0)) ** 2
+    assert (abs(hidden.mean(axis=0) / without.mean(axis=0) - 1.0) < bias).all()
+    assert (hidden.std(axis=0) < 1.1 * without.std(axis=0)).all()
+    assert (hidden.max(axis=0) < 0.2 * known / math.pi).all()
 
 
 def test_later_passes_leave_the_ratio():
