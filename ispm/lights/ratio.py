@@ -62,7 +62,7 @@ def area_light_by_ratio(tables, x, wo, u, scratch, goes_on, count, pass_index):
 def _surround(tables, x, wo, u, scratch, goes_on, count, by_ratio):
     """The environment's part at an opaque SurfacePoint, and the rays traced; by_ratio: `ratio_share`.
 
-    A sun is drawn by itself: in its shadow a mean of both tells the sky's light by how often either was drawn.
+    A sun is drawn by itself: in its shadow a mean of both tells the sky's light by how often that was drawn.
     """
     sunlight, others = environment_irradiance(tables.environment, x.n)
     told = tables, x, wo, u, scratch, goes_on, count, by_ratio
