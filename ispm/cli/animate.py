@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import Parameter
 
 from ispm.cli.console import Console
-from ispm.cli.options import command, film_from, loading_from, settings_from, vector
+from ispm.cli.options import command, film_from, loading_from, named_as_flags, settings_from, vector
 from ispm.cli.picture import Kind
 from ispm.cli.scene import choose_camera, open_scene, require_not_input, surround
 from ispm.cli.viewpoint import Viewpoint
@@ -95,8 +95,10 @@ def animate(
     from ispm.film.possible import require_possible
 
     output, saved = _checked(scene, look, filmed, kind)
-    path, turn = _path(look, filmed), _turntable(filmed.turntable, look.look_at)
-    frames_named(filmed.frames)
+    path = _path(look, filmed)
+    with named_as_flags("turntable", "frames"):
+        turn = _turntable(filmed.turntable, look.look_at)
+        frames_named(filmed.frames)
     require_possible(output, film, settings, saved)
 
     from ispm.film.animate import animate as shoot
@@ -113,7 +115,7 @@ def animate(
     background.finish()
     background.bar = False
 
-    with _progress(console, output) as told:
+    with _progress(console, output) as told, named_as_flags("frames", "duration"):
         shoot(
             world,
             output.path,

@@ -6,6 +6,7 @@ import inspect
 import os
 import sys
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import Field, asdict, fields, is_dataclass
 from pathlib import Path
 from typing import Annotated, Any, Unpack, get_type_hints
@@ -80,11 +81,18 @@ def settings_from(given: Mapping[str, Any], config: str | None, **otherwise: Unp
 
     Raises SettingsError, saying where the value stands.
     """
-    try:
+    with named_as_flags(*given):
         return resolve(*_layers(Settings, given, config), otherwise)
+
+
+@contextmanager
+def named_as_flags(*names: str) -> Iterator[None]:
+    """Have a SettingsError that begins with one of these names, and a colon, begin with its flag."""
+    try:
+        yield
     except SettingsError as error:
         name, colon, fault = str(error).partition(":")
-        if name not in given:
+        if name not in names:
             raise
         raise SettingsError(f"--{name.replace('_', '-')}{colon}{fault}") from None
 

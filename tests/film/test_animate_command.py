@@ -54,8 +54,8 @@ def test_without_pyav_a_video_is_one_line_with_the_cure(run, monkeypatch, tmp_pa
 @pytest.mark.parametrize(
     ("line", "says"),
     [
-        ("--turntable 360/0", "turntable: frames must be 1 or more, not 0"),
-        ("--turntable 360/5 --frames x", "frames: 'x' is not FIRST:END"),
+        ("--turntable 360/0", "--turntable: frames must be 1 or more, not 0"),
+        ("--turntable 360/5 --frames x", "--frames: 'x' is not FIRST:END"),
         ("--turntable 360/5 --codec vp9", "a.mp4: a .mp4 does not hold vp9"),
     ],
 )
@@ -113,12 +113,12 @@ def test_an_interrupt_is_one_line_that_says_what_is_kept(run, given):
     ("line", "says"),
     [
         ("cornell-box -o a.gif --duration 1", "films cannot be written as '.gif'"),
-        ("cornell-box -o #.png", "nothing moves"),
-        ("cornell-box -o #.png --turntable 360", "'360' is not DEGREES/FRAMES"),
+        ("cornell-box -o #.png", "--duration: nothing moves"),
+        ("cornell-box -o #.png --turntable 360", "--turntable: '360' is not DEGREES/FRAMES"),
         ("cornell-box -o #.png --path none.toml", "none.toml: cannot be read"),
         ("cornell-box -o #.png --path a.toml --fov 50", "--path and --fov exclude each other"),
         ("cornell-box -o #.png --path a.toml --turntable 9/9", "--path and --turntable exclude each other"),
-        ("cornell-box -o #.png --duration 1 --frames 1-2", "frames: '1-2' is not FIRST:END"),
+        ("cornell-box -o #.png --duration 1 --frames 1-2", "--frames: '1-2' is not FIRST:END"),
         ("cornell-box -o #.png --duration 1 --shutter 2", "--shutter: 2 is outside 0.0 to 1.0"),
         ("cornell-box -o #.png --duration 1 --layers full", "a .png holds one picture"),
         ("cornell-box -o a.mp4 --duration 1 --bits 16", "are for numbered pictures"),
