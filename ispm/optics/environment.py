@@ -22,8 +22,8 @@ f32 = np.float32
 _PI = math.pi
 NODES = 65  # normals along a side, for irradiance
 SUN = 8.0  # times the mean luminance: brighter light has shadows of its own in a picture of one pass
-# 1/sr: in proportion to their light, directions that are no brighter are drawn with no higher density
-DENSITY_BUT_FOR_SUNS = f32(SUN / (4.0 * _PI))
+# 1/sr, at most, of draws in proportion to radiance from directions no brighter than that
+SKY_DENSITY = f32(SUN / (4.0 * _PI))
 
 
 class EnvironmentTable(NamedTuple):

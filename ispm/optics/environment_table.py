@@ -10,9 +10,9 @@ from ispm.optics.vector import LUMINANCE
 _STEPS = 1 << 24  # of cumulative probability: float32 and random numbers have all of them
 _LEAST = 4  # steps that a pixel with any light has in its row, and such a row in the image
 _PI = math.pi
-_MUCH = 0.3  # of all light, from which on suns' is drawn, known and filtered by itself
+_LEAST_SUN = 0.3  # of all light: sunlight that is less is drawn, known and filtered with the sky's
 _COARSE = 32  # rows of blocks of pixels, for irradiance, and half the columns
-_LESS_COARSE = 512  # likewise, of blocks that tell in which directions the light of those lies
+_SUBBLOCK_ROWS = 512  # likewise, of smaller blocks, which give the mean direction of those
 _FINE = 128  # rows of pixels at least, likewise
 _PARTS = 8  # of a pixel along each side, which are as bright as suns or not
 _SOME = 1 << 14  # pixels at a time
@@ -39,7 +39,7 @@ def environment_table(image: np.ndarray) -> EnvironmentTable:
         table = table._replace(brightest=brightest)
         dark, bright = _divided(finer, is_brighter, brightest)
         irradiance, sunlight = _irradiance(dark), _irradiance(bright)
-        if _MUCH * irradiance.mean() < (1.0 - _MUCH) * sunlight.mean():
+        if sunlight.mean() > _LEAST_SUN * (sunlight + irradiance).mean():
             return _with_suns(table._replace(irradiance=irradiance, sunlight=sunlight), weights)
     return table._replace(irradiance=_irradiance(finer))
 
@@ -98,7 +98,7 @@ def _irradiance(radiance: np.ndarray) -> np.ndarray:
     flux = (
         radiance * np.asarray(_row_solid_angles(len(radiance)) / radiance.shape[1], np.float32)[:, None, None]
     )
-    flux, down, right = _blocks(flux, _LESS_COARSE)
+    flux, down, right = _blocks(flux, _SUBBLOCK_ROWS)
     theta, phi = down[:, None] * (_PI / len(radiance)), right * (2.0 * _PI / radiance.shape[1]) - _PI
     power, sine = flux.sum(axis=2), np.sin(theta)
     parts = [power * d for d in (sine * np.sin(phi), np.cos(theta), -sine * np.cos(phi))]

@@ -25,7 +25,7 @@ from ispm.lights.nee import draws_by_lobes, greatest, next_numbers
 from ispm.lights.openings import Openings, draw_opening, opening_cell, opening_pdf
 from ispm.optics.bsdf import is_lambert, is_narrow
 from ispm.optics.environment import (
-    DENSITY_BUT_FOR_SUNS,
+    SKY_DENSITY,
     environment_irradiance,
     environment_light,
     has_environment,
@@ -63,8 +63,8 @@ def draw_light(
     all other light, whose draws from the environment Openings guide."""
     count = len(pixels.points)
     by_draws = 0 if are_known(tables.emitters) else count
-    samples = _no_samples(count, by_draws)
-    suns = _no_samples(count if len(tables.environment.sunlight) else 0, 0)
+    samples = _empty_samples(count, by_draws)
+    suns = _empty_samples(count if len(tables.environment.sunlight) else 0, 0)
     marks, told = np.zeros(count, np.uint8), (tables, pixels, view, openings)
     run_shared(lambda counter: _draw_once(*told, marks, counter, samples, suns), threads)
     if view.pass_index == 0 or by_draws:
@@ -72,7 +72,7 @@ def draw_light(
     return suns, samples
 
 
-def _no_samples(count: int, by_draws: int) -> Samples:
+def _empty_samples(count: int, by_draws: int) -> Samples:
     """Samples of `count` pixels before any draw; by_draws: as many, or 0 where what lamps bring is known."""
     lamps, near = np.zeros((3, by_draws), np.float32), np.full(by_draws, np.inf, np.float32)
     diffuse, gloss, drawn, known = np.zeros((4, 3, count), np.float32)
@@ -244,9 +244,9 @@ def _draw(tables, shown, numbers, openings, i, scratch, samples, suns, draws_oth
 
 
 @jit
-def _but_for_suns(radiance, wi, pdf):
+def _from_sky(radiance, wi, pdf):
     """What is Arriving from where no sun is: within a pixel of one the density is that of its light."""
-    return Arriving(radiance, FAR, wi, pdf, min(pdf, DENSITY_BUT_FOR_SUNS))
+    return Arriving(radiance, FAR, wi, pdf, min(pdf, SKY_DENSITY))
 
 
 @jit
@@ -282,7 +282,7 @@ def _draw_surround(tables, shown, dark, numbers, openings, i, scratch, samples):
         own = candidate_pdf(tables, shown.x, shown.wo, dark.wi, dark.pdf, _draws_by_lobes(shown.x))
         if own > f32(0):
             weight = own / (own + f32(draws) * opening_pdf(openings, cell, position, dark.wi))
-    arriving = _but_for_suns(scale(weight, dark.radiance), dark.wi, dark.pdf)
+    arriving = _from_sky(scale(weight, dark.radiance), dark.wi, dark.pdf)
     add_light(tables, shown, arriving, i, scratch, samples)
     for k in range(draws):
         wi = draw_opening(openings, cell, position, *_next_three(numbers, k))
@@ -291,7 +291,7 @@ def _draw_surround(tables, shown, dark, numbers, openings, i, scratch, samples):
         # those no brighter than suns, but for what the first draw leaves to others
         if own > f32(0) and luminance(radiance) <= tables.environment.brightest:
             weight = f32(1) / (own + f32(draws) * opening_pdf(openings, cell, position, wi))
-            arriving = _but_for_suns(scale(weight, radiance), wi, pdf)
+            arriving = _from_sky(scale(weight, radiance), wi, pdf)
             add_light(tables, shown, arriving, i, scratch, samples)
 
 

@@ -5,7 +5,7 @@ python -m drivers.pictures FOLDER --size 320x180 SCENE...  # names of built-ins,
 python -m drivers.pictures FOLDER --aside 0.0625  # pixels that a driver may move edges by; or --seed 1
 
 What is kept is the mean of several pictures, each with a seed of its own: the mean irradiance of one alone
-has a noise of .4 %, nearly what two drivers may differ by. VK_DRIVER_FILES chooses the driver.
+has nearly as much noise as two drivers may differ by. VK_DRIVER_FILES chooses the driver.
 """
 
 from __future__ import annotations
