@@ -27,6 +27,7 @@ f32, i64, u32 = np.float32, np.int64, np.uint32
 
 _CODES = f32(2.0**24)  # of a random number
 _LEAST_LIGHT = f32(1e-30)  # cd/m2, whose inverse a float32 still holds
+PAIRS = 2  # of directions that one of the environment is drawn from
 _FINE = 4096  # parts of a random number's range, each of which has enough numbers of its own
 
 
@@ -81,7 +82,7 @@ class Surround(NamedTuple):
 def resample_surround(tables, x, wo, u1, u2, pick, pairs, brightest, by_lobes):
     """Draw directions of the environment for a SurfacePoint by what it makes of their light along wo, out of
     some that are drawn by the environment and as many by the surface; where no part of it is as bright as a
-    sun, the first of the latter.
+    sun, the first of the latter, which does not tell of light that comes through the surface.
 
     u1, u2, pick  random in [0, 1);  pairs  of candidates
     by_lobes      whether the surface draws by all its lobes; else by the cosine alone
@@ -94,7 +95,7 @@ def resample_surround(tables, x, wo, u1, u2, pick, pairs, brightest, by_lobes):
     """
     rate_1, rate_2 = LATTICE
     none = f32(0), f32(0), f32(0)
-    if tables.environment.brightest == f32(np.inf):
+    if _one_draw_does(tables, x):
         wi = _drawn_by_surface(x, wo, u1, u2, by_lobes)
         radiance, own = environment_light(tables.environment, wi)
         pdf = _surface_pdf(x, wo, wi, by_lobes)
@@ -139,7 +140,13 @@ def candidate_pdf(tables, x, wo, wi, own, by_lobes):
     own  density of the environment's own draw of that kind, 1/sr
     """
     by_surface = _surface_pdf(x, wo, wi, by_lobes)
-    return by_surface if tables.environment.brightest == f32(np.inf) else f32(0.5) * (own + by_surface)
+    return by_surface if _one_draw_does(tables, x) else f32(0.5) * (own + by_surface)
+
+
+@jit
+def _one_draw_does(tables, x):
+    """Whether a SurfacePoint draws the environment's light well enough by itself."""
+    return tables.environment.brightest == f32(np.inf) and not transmits(x.bsdf)
 
 
 @jit

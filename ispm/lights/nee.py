@@ -14,15 +14,15 @@ from ispm.accel.records import Hit
 from ispm.accel.surface import SurfacePoint, hit_position, leave_surface, surface
 from ispm.accel.transmittance import shadow_transmittance
 from ispm.lights.area import (
+    PAIRS,
     area_numbers,
-    candidate_pdf,
     lamp_irradiance,
     lamp_pdf,
     resample_surround,
     sample_lamps,
 )
 from ispm.lights.emitted import first_irradiance
-from ispm.lights.openings import draw_opening, opening_cell, opening_pdf
+from ispm.lights.guided import guided_surround
 from ispm.optics.bsdf import (
     Bsdf,
     eval_bsdf,
@@ -32,7 +32,7 @@ from ispm.optics.bsdf import (
     pdf_bsdf,
     transmits,
 )
-from ispm.optics.environment import environment_light, environment_pdf, has_environment
+from ispm.optics.environment import environment_pdf, has_environment
 from ispm.optics.facets import visible_pdf
 from ispm.optics.jit import jit
 from ispm.optics.light import FAR, light_arriving, reaches
@@ -46,7 +46,6 @@ SPLIT_COUNT = (
     4  # photons that a bright first bounce sends out for each that arrives, a quarter of its flux each
 )
 
-PAIRS = 2  # of directions that one of the environment is drawn from
 _NONE = f32(0), f32(0), f32(0)
 _GOLDEN = 0.6180339887498949  # steps of which lie evenly in a line
 _WHOLE = f32(1), f32(1)
@@ -250,31 +249,9 @@ def _unshadowed_surround(tables, x, wo, numbers, goes_on):
 
 @jit
 def _guided_surround(tables, x, wo, numbers, openings):
-    """The Arriving of a direction of the environment, where openings are rare mostly one that sees these.
-
-    By the balance heuristic (Veach 1997, section 9.2.2), of candidates' densities in place of draws'.
-    """
-    cell, draws = opening_cell(openings, x)
-    if draws == 0:
-        return _unshadowed_surround(tables, x, wo, numbers, BY_NOTHING)
-    u0, u1, u2, pick = numbers
-    by_lobes, weight = draws_by_lobes(x.bsdf), f32(1)
-    share = f32(draws) / f32(draws + 1)
-    if pick < share:
-        wi = draw_opening(openings, cell, x.position, u0, u1, u2)
-        radiance, own = environment_light(tables.environment, wi)
-        own = candidate_pdf(tables, x, wo, wi, own, by_lobes)
-    else:
-        pick = (pick - share) / (f32(1) - share)
-        drawn, _ = resample_surround(tables, x, wo, u1, u2, pick, PAIRS, f32(np.inf), by_lobes)
-        wi, radiance = drawn.wi, drawn.radiance
-        own = candidate_pdf(tables, x, wo, wi, drawn.pdf, by_lobes)
-        weight = own
-    if own <= f32(0):
-        return Arriving(_NONE, FAR, wi)
-    weight /= (f32(1) - share) * own + share * opening_pdf(openings, cell, x.position, wi)
-    light = _reflected(x, wo, scale(weight, radiance), _NONE, wi, f32(np.inf))
-    return Arriving(light, FAR, wi)
+    """The Arriving of a direction of the environment, where openings are rare mostly one that sees these."""
+    wi, radiance, _ = guided_surround(tables, x, wo, numbers, openings, f32(np.inf), draws_by_lobes(x.bsdf))
+    return Arriving(_reflected(x, wo, radiance, _NONE, wi, f32(np.inf)), FAR, wi)
 
 
 @jit
@@ -303,7 +280,7 @@ def drawn_share(x, wo, wi, pdf, goes_on):
     if goes_on == BY_BSDF:
         share = pdf / (pdf + pdf_bsdf(b, x.n, wo, wi))
         return share, share
-    by_facets = goes_on == BY_COAT or (goes_on == BY_FACETS and is_narrow(b))
+    by_facets = goes_on == BY_COAT or (goes_on == BY_FACETS and (is_narrow(b) or transmits(b)))
     if by_facets and dot(x.n, wi) > f32(0):
         return f32(1), pdf / (pdf + visible_pdf(b, x.n, wo, normalize(add(wo, wi))))
     return f32(1), f32(1)

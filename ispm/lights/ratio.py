@@ -12,10 +12,10 @@ from __future__ import annotations
 import numpy as np
 
 from ispm.accel.layers import without_diffuse
-from ispm.lights.area import area_numbers, resample_surround
+from ispm.lights.area import PAIRS, area_numbers, resample_surround
+from ispm.lights.guided import guided_surround
 from ispm.lights.nee import (
     BY_NOTHING,
-    PAIRS,
     Arriving,
     area_light,
     drawn_share,
@@ -24,6 +24,7 @@ from ispm.lights.nee import (
     shadowed,
     times,
 )
+from ispm.lights.openings import opening_cell
 from ispm.optics.bsdf import eval_bsdf, transmits
 from ispm.optics.environment import environment_irradiance, has_environment
 from ispm.optics.jit import jit
@@ -46,54 +47,63 @@ def ratio_share(pass_index):
 
 
 @jit
-def area_light_by_ratio(tables, x, wo, u, scratch, goes_on, count, pass_index):
+def area_light_by_ratio(tables, x, wo, u, scratch, goes_on, count, pass_index, openings):
     """Return what `area_light` does without a limit, the environment's light by the ratio of means where a
-    pass wants that."""
+    pass wants that, and none but Openings let it in."""
     by_ratio = has_environment(tables.environment) and not transmits(x.bsdf)
     total, traced = area_light(tables, x, wo, u, scratch, f32(np.inf), goes_on, count, not by_ratio)
     if by_ratio:
         share = ratio_share(pass_index)
-        light, rays = _surround(tables, x, wo, u, scratch, goes_on, count, share)
+        light, rays = _surround(tables, x, wo, u, scratch, goes_on, count, share, openings)
         total, traced = add(total, light), traced + rays
     return total, traced
 
 
 @jit
-def _surround(tables, x, wo, u, scratch, goes_on, count, by_ratio):
+def _surround(tables, x, wo, u, scratch, goes_on, count, by_ratio, openings):
     """The environment's part at an opaque SurfacePoint, and the rays traced; by_ratio: `ratio_share`.
 
     A sun is drawn by itself: in its shadow a mean of both tells the sky's light by how often that was drawn.
     """
     sunlight, others = environment_irradiance(tables.environment, x.n)
     told = tables, x, wo, u, scratch, goes_on, count, by_ratio
-    total, traced = _part(*told, others, False)
+    total, traced = _part(*told, others, openings, False)
     if len(tables.environment.sunlight) > 0:
-        light, rays = _part(*told, sunlight, True)
+        light, rays = _part(*told, sunlight, openings, True)
         total, traced = add(total, light), traced + rays
     return total, traced
 
 
 @jit
-def _part(tables, x, wo, u, scratch, goes_on, count, by_ratio, known, of_suns):
-    """Likewise of directions as bright as suns or of the others; known: their irradiance without shadows."""
+def _part(tables, x, wo, u, scratch, goes_on, count, by_ratio, known, openings, of_suns):
+    """Likewise of directions as bright as suns or of the others; known: their irradiance without shadows.
+
+    Draws that openings guide are too uneven without shadows for a ratio of a few, and tell it well without.
+    """
     b, none, traced = x.bsdf, (f32(0), f32(0), f32(0)), i64(0)
     numbers, by_lobes = area_numbers(x.hit, u), goes_on == BY_NOTHING and draws_by_lobes(b)
     sunny = len(tables.environment.sunlight) > 0
     limit = tables.environment.brightest if sunny else f32(np.inf)
     matte, gloss, drawn = none, none, none
+    _, guided = opening_cell(openings, x)
+    by_ratio = by_ratio if of_suns or guided == 0 else f32(0)
     for k in range(count):
-        _, u1, u2, pick = next_numbers(numbers, k)
-        dark, bright = resample_surround(tables, x, wo, u1, u2, pick, PAIRS, limit, by_lobes)
-        one = bright if of_suns else dark
-        cosine = dot(x.n, one.wi)
+        chosen = next_numbers(numbers, k)
+        if of_suns:
+            _, u1, u2, pick = chosen
+            _, bright = resample_surround(tables, x, wo, u1, u2, pick, PAIRS, limit, by_lobes)
+            wi, radiance, pdf = bright.wi, bright.radiance, bright.pdf
+        else:
+            wi, radiance, pdf = guided_surround(tables, x, wo, chosen, openings, limit, by_lobes)
+        cosine = dot(x.n, wi)
         if cosine <= f32(0):
             continue
-        light = scale(cosine, one.radiance)
+        light = scale(cosine, radiance)
         drawn = add(drawn, light)
-        others = eval_bsdf(without_diffuse(b), x.n, x.ng, wo, one.wi)
-        lambert = sub(eval_bsdf(b, x.n, x.ng, wo, one.wi), others)
-        _, share = drawn_share(x, wo, one.wi, one.pdf, goes_on)
-        passed, rays = shadowed(tables, x, Arriving(light, FAR, one.wi), scratch)
+        others = eval_bsdf(without_diffuse(b), x.n, x.ng, wo, wi)
+        lambert = sub(eval_bsdf(b, x.n, x.ng, wo, wi), others)
+        _, share = drawn_share(x, wo, wi, pdf, goes_on)
+        passed, rays = shadowed(tables, x, Arriving(light, FAR, wi), scratch)
         matte, gloss = add(matte, times(passed, lambert)), add(gloss, scale(share, times(passed, others)))
         traced += rays
     each = f32(1) / f32(count)

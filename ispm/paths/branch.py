@@ -16,10 +16,12 @@ from ispm.accel.medium import no_medium, spawn_ray
 from ispm.accel.records import Hit
 from ispm.accel.surface import hit_position
 from ispm.lights.nee import greatest
+from ispm.lights.openings import Openings
 from ispm.optics.bsdf import is_lambert, is_smooth, transmits
 from ispm.optics.dispersion import ALL_BANDS, of_band
+from ispm.optics.facets import visible_pdf
 from ispm.optics.jit import jit
-from ispm.optics.vector import Vector, dot, scale, sub
+from ispm.optics.vector import Vector, add, dot, normalize, scale, sub
 from ispm.paths.facet import (
     ROUGH_SAMPLES,
     facet_numbers,
@@ -43,7 +45,8 @@ _REFLECTED_EACH = 4  # of the paths of rough glass so many reflect once
 
 class View(NamedTuple):
     """What holds for all rays: width, spread, near and past are `EyeRays.width` and `slack`;
-    columns, most, widening, shows_environment, of_coats and behind those of EyeRays."""
+    columns, most, widening, shows_environment, of_coats and behind those of EyeRays; openings: that let in
+    the environment's light."""
 
     width: np.float32
     spread: np.float32
@@ -57,6 +60,7 @@ class View(NamedTuple):
     shows_environment: bool
     of_coats: bool
     behind: bool
+    openings: Openings
 
 
 class Branch(NamedTuple):
@@ -150,12 +154,14 @@ def first_path(tables, view, x, wo, key, k, length, band):
     reflectance, transmittance, above, beyond, _ = facet_split(x, wo, u1, u2)
     wi, weight, dimension = above, reflectance, u32(sample << 8 | 1)
     share = f32(1) if smooth else f32(_REFLECTED_EACH / ROUGH_SAMPLES)
-    lane = REFLECTED if smooth else SCATTERED
+    lane, pdf = REFLECTED if smooth else SCATTERED, f32(0)
+    if not (smooth or passes):
+        pdf = visible_pdf(x.bsdf, x.n, wo, normalize(add(wo, wi)))  # as pixels draw from lamps for this, too
     if passes:
         wi, weight, dimension = beyond, transmittance, u32(sample << 8 | 128)
         share = f32(1) if smooth else f32(1.0 / ROUGH_SAMPLES)
         lane = TRANSMITTED if smooth else SCATTERED
-    branch = Branch(key, dimension, i64(lane), wi, of_band(band, scale(share, weight)), f32(0), True, band)
+    branch = Branch(key, dimension, i64(lane), wi, of_band(band, scale(share, weight)), pdf, True, band)
     return leave(tables, x, no_medium(), f32(1), length, branch)
 
 

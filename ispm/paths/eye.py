@@ -30,6 +30,7 @@ from ispm.accel.world import World
 from ispm.kernels.share import run_shared, shared_rows
 from ispm.kernels.simd import alloca
 from ispm.lights.nee import greatest
+from ispm.lights.openings import NO_OPENINGS, Openings
 from ispm.optics.bsdf import is_smooth, transmits
 from ispm.optics.dispersion import ALL_BANDS, BANDS
 from ispm.optics.environment import environment_radiance
@@ -88,11 +89,13 @@ def trace_eye(
     seed: int,
     pass_index: int,
     into: EyePaths | None = None,
+    openings: Openings = NO_OPENINGS,
 ) -> EyePaths:
     """Follow eye paths to their ends; the same bytes for any number of threads.
 
     surfaces  its footprint is not used: textures are averaged over a pixel's width
     into      zeros to be filled; None: new ones
+    openings  that let in the environment's light where paths end
     """
     count = len(rays.origins)
     into = into or no_paths(count)
@@ -101,7 +104,7 @@ def trace_eye(
     tables = scene_tables(packed, world, surfaces)
     (width, spread), (near, past) = rays.width, rays.slack
     numbers = u32(pass_index), u32(seed), u32(rays.columns), i64(rays.most), f32(rays.widening)
-    told = rays.shows_environment, rays.of_coats, rays.behind
+    told = rays.shows_environment, rays.of_coats, rays.behind, openings
     view = View(f32(width), f32(spread), f32(near), f32(past), *numbers, *told)
     capacity = _CHUNK * _PATHS_MAX * ENDS_MAX * samples_most(packed) * sides_most(packed) * bands_most(packed)
     words, cut = PATH_END_AND_POINT.itemsize // 4, PATH_END.itemsize // 4

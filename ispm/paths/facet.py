@@ -36,22 +36,30 @@ ROUGH_SAMPLES = 8  # facets that are drawn where a pixel shows rough glass; a po
 
 
 @jit
-def sample_specular_lobe(x, wo, u1, u2, may_part):
+def sample_specular_lobe(x, wo, u1, u2, may_part, pick):
     """Return how a path that comes along -wo continues from a mirror or glass at a SurfacePoint: whether it
     does, wi, the factor (RGB) of its weight; whether a second path starts, that one's wi and factor.
 
-    From within a solid it leaves wherever it can: reflected, it would circle under a ball's rim. If it may
-    part where the face is smooth, the second is reflected; else one path serves for both.
-    u1, u2  random in [0, 1)
+    If it may part where it leaves a solid by a smooth face, the second is reflected. Else one path serves for
+    both: the one that `pick` draws in proportion to its share, or below 0 the stronger one with the weight of
+    both, which from within a solid is the one that leaves it.
+    u1, u2, pick  random in [0, 1)
     """
     b, entering = x.bsdf, x.entering
     reflectance, transmittance, above, beyond, through = facet_split(x, wo, u1, u2)
     both = add(reflectance, transmittance)
-    if through and (not entering or luminance(transmittance) > luminance(reflectance)):
-        if may_part and not entering and is_smooth(b) and greatest(reflectance) > f32(0):
-            return True, beyond, transmittance, True, above, reflectance
-        return True, beyond, both, False, wo, wo
-    return greatest(both) > f32(0), above, both, False, wo, wo
+    if not through:
+        return greatest(both) > f32(0), above, both, False, wo, wo
+    if may_part and not entering and is_smooth(b) and greatest(reflectance) > f32(0):
+        return True, beyond, transmittance, True, above, reflectance
+    reflected, passed = luminance(reflectance), luminance(transmittance)
+    if pick < f32(0):
+        leaves = not entering or passed > reflected
+        return leaves or greatest(both) > f32(0), beyond if leaves else above, both, False, wo, wo
+    chance = passed / (reflected + passed) if passed > f32(0) else f32(0)
+    if pick < chance:
+        return True, beyond, scale(f32(1) / chance, transmittance), False, wo, wo
+    return reflected > f32(0), above, scale(f32(1) / (f32(1) - chance), reflectance), False, wo, wo
 
 
 @jit

@@ -7,6 +7,7 @@ of few points of it.
 
 from __future__ import annotations
 
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -20,6 +21,7 @@ from ispm.accel.world import World
 from ispm.kernels.share import shared_rows
 from ispm.kernels.simd import alloca
 from ispm.lights.nee import BY_NOTHING, direct_light, punctual_light
+from ispm.lights.openings import Openings
 from ispm.lights.ratio import area_light_by_ratio
 from ispm.optics.bsdf import NARROW_ALPHA
 from ispm.optics.jit import jit
@@ -47,27 +49,28 @@ def sides_most(packed: Packed) -> int:
 
 
 @jit
-def far_light(tables, x, wo, u, scratch, count, pass_index):
+def far_light(tables, x, wo, u, scratch, count, pass_index, openings):
     """Return the radiance along wo, cd/m2, of light straight from the lights to the far side of a translucent
     SurfacePoint, that of `count` draws of lamps with a surface and of the environment apart, and the rays.
 
-    u  random in [0, 1)
+    u  random in [0, 1);  openings  which guide draws, see `guided_surround`
     """
     far, through = far_side(x, wo)
     points, rays = punctual_light(tables, far, through, scratch, f32(np.inf))
-    areas, others = area_light_by_ratio(tables, far, through, u, scratch, BY_NOTHING, count, pass_index)
+    told = BY_NOTHING, count, pass_index, openings
+    areas, others = area_light_by_ratio(tables, far, through, u, scratch, *told)
     return points, areas, rays + others
 
 
 @jit
-def layers_light(tables, x, wo, u, scratch, count, pass_index):
+def layers_light(tables, x, wo, u, scratch, count, pass_index, openings):
     """Return the radiance along wo, cd/m2, of light straight from the lights to the sheen of a SurfacePoint
     and to its far side, if it is translucent, and the rays traced; arguments as of `far_light`."""
     total, traced = (f32(0), f32(0), f32(0)), i64(0)
     if has_sheen(x):
         total, traced = direct_light(tables, sheen_point(x), wo, u, scratch, f32(np.inf))
     if is_translucent(x):
-        points, areas, rays = far_light(tables, x, wo, u, scratch, count, pass_index)
+        points, areas, rays = far_light(tables, x, wo, u, scratch, count, pass_index, openings)
         total, traced = add(total, add(points, areas)), traced + rays
     return total, traced
 
@@ -104,25 +107,34 @@ class FarSide(NamedTuple):
 
 
 def light_far_sides(
-    packed: Packed, world: World, surfaces: SurfaceTable, rays: EyeRays, seed: int, pass_index: int
+    packed: Packed,
+    world: World,
+    surfaces: SurfaceTable,
+    rays: EyeRays,
+    seed: int,
+    pass_index: int,
+    openings: Openings,
 ) -> FarSide:
-    """Return the FarSide of what rays show, whose hits are given; the same for any number of threads."""
+    """Return the FarSide of what rays show, whose hits are given; the same for any number of threads.
+
+    openings  that let in the environment's light
+    """
     count = len(rays.keys)
     direct, areas, albedo = np.zeros((3, count, 3), np.float32)
     records = np.zeros(count, FIRST_VERTEX), np.zeros(count, PATH_END), np.zeros(count, RECEIVER)
     out = FarSide(direct, areas, albedo, *records)
-    light_layers(_light, packed, world, surfaces, rays, seed, pass_index, out)
+    light_layers(partial(_light, openings), packed, world, surfaces, rays, seed, pass_index, out)
     return out
 
 
 @jit
-def _light(tables, rays: RayArrays, numbers, counter, out):
+def _light(openings, tables, rays: RayArrays, numbers, counter, out):
     """Fill a FarSide for as many of RayArrays as a thread gets."""
     scratch = Scratch(alloca(STACK_WORDS), alloca(2))
     for i in shared_rows(counter, CHUNK, len(rays.keys)):
         x, wo, width = shown_surface(tables, rays, numbers, i)
         u, _, _, _ = random4(rays.keys[i], u32(_DIMENSION), numbers.pass_index, numbers.seed)
-        points, areas, _ = far_light(tables, x, wo, u, scratch, SAMPLES, numbers.pass_index)
+        points, areas, _ = far_light(tables, x, wo, u, scratch, SAMPLES, numbers.pass_index, openings)
         far, through = far_side(x, wo)
         store_end(out.ends[i], i, TRANSMITTED, _WHITE, far.bsdf, x.hit.instance)
         store_point(out.points[i], far, through, far.bsdf, width, NARROW_ALPHA)

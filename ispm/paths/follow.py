@@ -50,6 +50,7 @@ MIN_WEIGHT = f32(1e-3)  # weight below which a path is not followed
 _MIN_WEIGHT_AFTER_END = f32(0.02)  # and below which not from an end
 _EVENTS_APART = 32  # numbers of the events of two paths that part
 _DIMENSION = 7 << 20  # of the random numbers that draw lights
+_PICKS = 13 << 20  # likewise, branches at glass
 _SAMPLES_BEHIND = 16  # likewise behind what is blended: as many as what stands beside it has by its filter
 _WHITE = f32(1), f32(1), f32(1)
 
@@ -127,12 +128,14 @@ def follow(tables, view, thread, path, veil, i, slot, out, done):
                 light, shadows = light_of_few(tables, lit, wo, pick, thread.scratch, thread.values)
             else:
                 light, shadows = punctual_light(tables, lit, wo, thread.scratch, f32(np.inf))
-            told = goes_on_by, count, view.pass_index
+            told = goes_on_by, count, view.pass_index, view.openings
             more, others = area_light_by_ratio(tables, x, wo, u0, thread.scratch, *told)
             add_light(out.light, i, DIRECT, add(light, more), seen)
             traced += shadows + others
         if has_sheen(x) or is_translucent(x):
-            light, shadows = layers_light(tables, x, wo, u0, thread.scratch, count, view.pass_index)
+            light, shadows = layers_light(
+                tables, x, wo, u0, thread.scratch, count, view.pass_index, view.openings
+            )
             add_light(out.light, i, DIRECT, light, seen)
             traced += shadows
         by_coat = is_coated(x) and not unlit and event < EVENTS_MAX and ends < ENDS_MAX
@@ -165,7 +168,11 @@ def follow(tables, view, thread, path, veil, i, slot, out, done):
         elif goes_on:
             alive, wi, factor, drawn = sample_lobe(x, wo, u1, u2)
         elif is_smooth(b) or transmits(b):
-            alive, wi, factor, parts, above, kept = sample_specular_lobe(x, wo, u1, u2, may_part)
+            pick = f32(-1)  # in the first pass, for less noise: its bias counts less and less in a mean
+            if view.pass_index > u32(0) or not is_smooth(b):
+                pick, _, _, _ = random4(key, dimension + u32(_PICKS), view.pass_index, view.seed)
+            branches = sample_specular_lobe(x, wo, u1, u2, may_part, pick)
+            alive, wi, factor, parts, above, kept = branches
             passed = is_smooth(b) and passed_sheet(x, wi)  # as shadow rays do, so that lobes draw beyond
         drawn = pdf if passed else drawn
         factor, rest = scale(f32(1) / chance, factor), (sees, band)

@@ -117,7 +117,7 @@ class PhotonLight:
 
     def __init__(self, this: Pass, parts: PhotonClasses, openings: Openings) -> None:
         self._this, self.parts = this, parts
-        self._openings = openings
+        self.openings = openings
         self.caustics = parts.caustics
         if this.settings.gather_rays:
             low, _ = this.packed.bounds
@@ -307,7 +307,7 @@ class PhotonLight:
                 limit,
                 settings.seed,
                 this.index,
-                self._openings,
+                self.openings,
             )
             radiance = met.radiance + reflect_light(met.ends, ends(met.points), len(met.ends))
             found.irradiance[some] = math.pi * _mean(radiance, rays)

@@ -87,7 +87,8 @@ def _light_of_far_sides(this: Pass, seen: np.ndarray, photons: PhotonLight) -> n
     """Return direct and indirect light, (n, 6), from the far sides of the sheets that SEEN pixels show."""
     settings = this.settings
     rays = eye_rays(seen, this.surfaces, this.view, this.threads)
-    far = light_far_sides(this.packed, this.world, this.surfaces, rays, settings.seed, this.index)
+    told = this.packed, this.world, this.surfaces, rays, settings.seed, this.index
+    far = light_far_sides(*told, photons.openings)
     direct = filtered_light(far, rays.keys, this.view.size[0], settings.smoothing, this.threads)
     found = light_by_image(this, far.points, rays.keys, settings.subsampling, photons.at)
     found += photons.focused.estimate(far.points, this.threads)
@@ -226,7 +227,8 @@ def follow(this: Pass, rays: EyeRays, photons: PhotonLight) -> EyePaths:
             stretch_of(rays, rows),
             replace(whole, light=whole.light[rows], firsts=whole.firsts[rows]),
         )
-        paths = trace_eye(this.packed, this.world, this.surfaces, band, this.settings.seed, this.index, into)
+        told = this.packed, this.world, this.surfaces, band, this.settings.seed, this.index, into
+        paths = trace_eye(*told, photons.openings)
         scattered = paths.ends["lane"] == SCATTERED
         ends, points = (take(each, np.flatnonzero(scattered)) for each in (paths.ends, paths.points))
         paths.indirect[:] = light_each(ends, points, photons, len(band.keys), this.threads)

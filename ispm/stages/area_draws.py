@@ -4,8 +4,9 @@ It runs on the CPU, where the trees are. A pixel draws from one of the 4 x 4 equ
 drawn from, and its neighbors from the others, so that any 4 x 4 pixels together draw evenly (Keller and
 Heidrich, Interleaved Sampling, EGWR 2001). In the first pass pixels draw more often where a penumbra is
 narrow, for there the filter of `area_light.py` takes in few of them. Where lamps are close it takes in few as
-well, and what they bring without shadows is known, see `lights/known.py`. What the neighbors have found
-decides, never a pixel's own draw: a mean is off if what is drawn says whether it counts.
+well, and what they bring without shadows is known, see `lights/known.py`. Of that what the neighbors have
+found decides, never a pixel's own draw: a mean is off if what is drawn says whether it counts. Of shadows
+all draws about a pixel decide, its own as well: together they are of all parts, whichever it drew.
 """
 
 from __future__ import annotations
@@ -34,7 +35,7 @@ from ispm.optics.jit import jit
 from ispm.optics.light import FAR
 from ispm.optics.rng import random4
 from ispm.optics.vector import add, dot, luminance, scale
-from ispm.stages.area_samples import Arriving, Samples, add_light
+from ispm.stages.area_samples import Arriving, Lobes, Samples, add_light
 from ispm.stages.pixels import Pixels, PixelView, is_lit, shown_at
 
 f32, i64, u32 = np.float32, np.int64, np.uint32
@@ -45,7 +46,7 @@ _DIMENSION = 5 << 20  # of the random numbers
 _SIDE = 4  # pixels of a square that draws from each part once
 _PAIRS = 1  # of directions that one of the environment is drawn from
 _NEAR = f32(0.18)  # of a lamp's distance, that its light without shadows is filtered over, likewise
-_DRAWS = 4  # of a pixel in a narrow penumbra, in the first pass
+_DRAWS, _DRAWS_LATER = 4, 2  # of a pixel in a narrow penumbra, in the first pass and in others
 _NARROW = f32(6)  # pixels that the filter reaches there, less than which its wider squares have no weight
 # Pixels that lamps' light is averaged over: below the first the filter's widest squares count in part, below
 # 12 those of its first stride. 2, 4, 8 and 16 draws make some 1,800 of what is averaged, from 9 pixels on.
@@ -58,31 +59,33 @@ _AROUND = 2  # pixels to each side that tell of penumbrae and of lamps
 
 def draw_light(
     tables: Tables, pixels: Pixels, view: PixelView, openings: Openings, threads: int
-) -> tuple[Samples, Samples]:
-    """Return the Samples of n pixels, of the environment's sunlight, without rows where it has none, and of
-    all other light, whose draws from the environment Openings guide."""
+) -> tuple[Lobes, tuple[Samples, Samples]]:
+    """Return the Lobes of n pixels, and the Samples: of the environment's sunlight, without rows where it has
+    none, and of all other light, whose draws from the environment Openings guide."""
     count = len(pixels.points)
     by_draws = 0 if are_known(tables.emitters) else count
     samples = _empty_samples(count, by_draws)
     suns = _empty_samples(count if len(tables.environment.sunlight) else 0, 0)
+    alpha, f90 = np.zeros((2, count), np.float32)
+    lobes = Lobes(alpha, np.zeros((3, count), np.float32), f90)
     marks, told = np.zeros(count, np.uint8), (tables, pixels, view, openings)
-    run_shared(lambda counter: _draw_once(*told, marks, counter, samples, suns), threads)
-    if view.pass_index == 0 or by_draws:
-        run_shared(lambda counter: _refine(*told, marks, counter, samples, suns), threads)
-    return suns, samples
+    run_shared(lambda counter: _draw_once(*told, marks, counter, lobes, samples, suns), threads)
+    run_shared(lambda counter: _refine(*told, marks, counter, samples, suns), threads)
+    return lobes, (suns, samples)
 
 
 def _empty_samples(count: int, by_draws: int) -> Samples:
     """Samples of `count` pixels before any draw; by_draws: as many, or 0 where what lamps bring is known."""
     lamps, near = np.zeros((3, by_draws), np.float32), np.full(by_draws, np.inf, np.float32)
-    diffuse, gloss, drawn, known = np.zeros((4, 3, count), np.float32)
+    diffuse, drawn, known = np.zeros((3, 3, count), np.float32)
+    gloss = np.zeros((6, count), np.float32)
     return Samples(diffuse, gloss, drawn, known, lamps, near, np.full(count, np.inf, np.float32))
 
 
 @jit
-def _draw_once(tables, pixels, view, openings, marks, counter, samples, suns):
-    """Trace a shadow ray to each lamp and the environment for as many of the Pixels as a thread gets, and
-    mark what they met."""
+def _draw_once(tables, pixels, view, openings, marks, counter, lobes, samples, suns):
+    """Trace a shadow ray to each lamp and the environment for as many of the Pixels as a thread gets, mark
+    what they met, and write the Lobes."""
     scratch = Scratch(alloca(STACK_WORDS), alloca(2))
     surrounded, by_draws, sunny = (
         has_environment(tables.environment),
@@ -100,6 +103,9 @@ def _draw_once(tables, pixels, view, openings, marks, counter, samples, suns):
             samples.reach[i] = UNSHADED
             if sunny:
                 suns.reach[i] = UNSHADED
+            lobes.alpha[i], lobes.f90[i] = shown.x.bsdf.alpha, shown.x.bsdf.f90
+            for c in range(3):
+                lobes.f0[c, i] = shown.x.bsdf.f0[c]
         numbers = _numbers(view, i, i64(0), first)
         _draw(tables, shown, numbers, openings, i, scratch, samples, suns, True, sunny)
         known = sunlight = f32(0), f32(0), f32(0)
@@ -125,21 +131,23 @@ def _mark(samples, i):
     """_IS_NARROW and _IS_REACHED of row i of the Samples."""
     is_reached = False
     for c in range(3):
-        is_reached = is_reached or samples.diffuse[c, i] > f32(0) or samples.gloss[c, i] > f32(0)
+        gloss = samples.gloss[c, i] + samples.gloss[3 + c, i]
+        is_reached = is_reached or samples.diffuse[c, i] > f32(0) or gloss > f32(0)
     return _IS_NARROW * (samples.reach[i] < _NARROW) + _IS_REACHED * is_reached
 
 
 @jit
 def _refine(tables, pixels, view, openings, marks, counter, samples, suns):
-    """Have pixels in narrow penumbrae draw again in the first pass, so that the Samples are their means, and
-    those close to lamps know what these bring without shadows."""
+    """Have pixels in narrow penumbrae draw again, so that the Samples are their means, and those close to
+    lamps know what these bring without shadows."""
     scratch = Scratch(alloca(STACK_WORDS), alloca(2))
     first, partly = _first_turn(view), _IS_NARROW | _IS_REACHED
+    draws = i64(_DRAWS if view.pass_index == u32(0) else _DRAWS_LATER)
     for i in shared_rows(counter, CHUNK, len(pixels.points)):
         around = _marks_around(marks, i, view.columns)
-        is_first = view.pass_index == u32(0)
-        draws_again = is_first and around & partly == partly
-        suns_again = is_first and around >> _SUN_BIT & partly == partly
+        shadows = around | i64(marks[i])
+        draws_again = shadows & partly == partly
+        suns_again = shadows >> _SUN_BIT & partly == partly
         close = (
             around >> _CLOSE_BIT & _CLOSE_BITS
         )  # 0, 1, 3, 7 or 15: below one of _CLOSE is below those before
@@ -147,13 +155,13 @@ def _refine(tables, pixels, view, openings, marks, counter, samples, suns):
             continue
         shown = shown_at(tables, pixels, view, i)
         if draws_again or suns_again:
-            for k in range(1, _DRAWS):
+            for k in range(1, draws):
                 numbers = _numbers(view, i, i64(k), first)
                 _draw(tables, shown, numbers, openings, i, scratch, samples, suns, draws_again, suns_again)
         if draws_again:
-            _take_mean(samples, i)
+            _take_mean(samples, i, draws)
         if suns_again:
-            _take_mean(suns, i)
+            _take_mean(suns, i, draws)
         if close:
             r0, r1, r2, _ = random4(u32(i), u32(_DIMENSION + 3), view.pass_index, view.seed)
             light = unshaded_lamps(tables, shown.x, r0, r1, r2, close + i64(1))
@@ -161,15 +169,15 @@ def _refine(tables, pixels, view, openings, marks, counter, samples, suns):
                 samples.lamps[c, i] = light[c] * f32(1 / math.pi)
         elif draws_again and len(samples.near) > 0:
             for c in range(3):
-                samples.lamps[c, i] *= f32(1 / _DRAWS)
+                samples.lamps[c, i] *= f32(1) / f32(draws)
 
 
 @jit
-def _take_mean(samples, i):
-    """Make sums of _DRAWS draws of row i of the Samples their means, but for what lamps bring."""
+def _take_mean(samples, i, draws):
+    """Make sums of so many draws of row i of the Samples their means, but for what lamps bring."""
     for sums in (samples.diffuse, samples.gloss, samples.drawn):
-        for c in range(3):
-            sums[c, i] *= f32(1 / _DRAWS)
+        for c in range(len(sums)):
+            sums[c, i] *= f32(1) / f32(draws)
 
 
 @jit
@@ -220,11 +228,20 @@ def _numbers(view, i, k, first):
     column = (i % view.columns + right + half * (k % 2)) % side
     row = (i // view.columns + down + half * (k // 2)) % side
     r0, r1, r2, _ = random4(u32(i), u32(_DIMENSION) + u32(4 * k), view.pass_index, view.seed)
-    # Shifted at random from square to square: a triangle is not to be drawn with the same parts of it.
-    shift, _, _, _ = random4(square, u32(_DIMENSION + 2), view.pass_index, view.seed)
-    u0 = (f32((row * _SIDE + column) * 7 % (_SIDE * _SIDE)) + r0) * f32(1 / (_SIDE * _SIDE)) + shift
+    # Shifted at random from square to square: a triangle is not to be drawn with the same parts of it. But
+    # not from turn to turn, or a pixel in the shadow of one lamp of two would draw the other by chance.
+    shift, _, _, _ = random4(square, u32(_DIMENSION + 2), view.pass_index // u32(_SIDE * _SIDE), view.seed)
+    u0 = (f32(_part_of_lamps(column, row)) + r0) * f32(1 / (_SIDE * _SIDE)) + shift
     u0 -= f32(math.floor(u0))
     return u0, (f32(column) + r1) * f32(1 / _SIDE), (f32(row) + r2) * f32(1 / _SIDE)
+
+
+@jit
+def _part_of_lamps(column, row):
+    """Which of 16 parts of all lamps a place in the square draws from: half of each 2 x 2 places from either
+    half of them, and so do a place's first two turns, and of four turns one from each quarter."""
+    low, high = column & 1 ^ row & 1 ^ column >> 1, row >> 1 ^ column & 1
+    return low << 3 | high << 2 | (row & 1) << 1 | column >> 1
 
 
 @jit

@@ -14,6 +14,7 @@ import numpy as np
 
 from ispm.kernels.share import shared_rows
 from ispm.lights.ratio import ratio_share
+from ispm.optics.bsdf import NARROW_ALPHA
 from ispm.optics.jit import jit
 from ispm.stages.area_draws import UNSHADED
 from ispm.stages.pixels import TURNED, plane_at
@@ -21,10 +22,11 @@ from ispm.stages.pixels import TURNED, plane_at
 f32, i64, u32 = np.float32, np.int64, np.uint32
 
 RUN = 128  # pixels, whose numbers and those of the rows about them fit in a cache of the first level
-WORK = 24, RUN  # shape of the float32 array that a thread works in
+WORK = 29, RUN  # shape of the float32 array that a thread works in
 _REACH = 2  # pixels to each side that the filter takes in
 _LEAST_REACH = f32(2)  # in the first pass, less and less in others, for single rays are specks
 _SAME = f32(math.cos(math.radians(2.0)))  # of normals, of pixels whose light without shadows is averaged
+_UNLIKE = f32(4)  # over the difference of lobes' alpha, from which they are not averaged
 _CHUNK = 64  # pixels a thread takes at a time
 
 
@@ -60,16 +62,19 @@ class Means(NamedTuple):
 
 
 class Unshaded(NamedTuple):
-    """Light of n pixels, (3, n) float32, cd/m2.
+    """Light of n pixels, (3, n) float32 but for what is said, cd/m2.
 
-    diffuse, gloss  of the Lambert lobe over its albedo without shadows, and of the others
+    diffuse         of the Lambert lobe over its albedo without shadows
+    gloss           (6, n) of the others, as of Samples
     missed          of the Lambert lobe over its albedo with shadows, what its draws lack of what is known, 0
                     in the mean over passes; (3, 0) in the first
+    by_ratio        (n,) which share of `diffuse` is what is known, and not what is drawn
     """
 
     diffuse: np.ndarray
     gloss: np.ndarray
     missed: np.ndarray
+    by_ratio: np.ndarray
 
 
 @jit
@@ -84,33 +89,40 @@ def lay_out(pixels, view, counter, shapes):
 
 
 @jit
-def filter_samples(shapes, view, smoothing, samples, counter, work, means, unshaded):
-    """Write the Means and what is Unshaded of as many runs as a thread gets, from the Samples about them.
+def filter_samples(shapes, view, smoothing, samples, lobes, counter, work, means, unshaded):
+    """Write the Means and what is Unshaded of as many runs as a thread gets, from the Samples about them;
+    gloss from those of like Lobes.
 
     The share of light that is not shaded multiplies what is known of it without shadows, as far as
-    `ratio_share` says: the first pass takes no other. For the rest of it light without shadows is a control
+    `ratio_share` says: the first pass takes no other. Later passes do so less where they filter less, for a
+    ratio of few draws is biased most. For the rest of it light without shadows is a control
     variate: what draws lack of it, times the share that passes. That share is of whole squares, which have
     all parts alike: of parts that go with what the pixel drew it were a bias.
     Source: Glasserman, Monte Carlo Methods in Financial Engineering, 2004, section 4.1.
     """
     least = _LEAST_REACH / f32(math.sqrt(f32(1) + f32(view.pass_index)))
-    by_ratio, by_draws = ratio_share(view.pass_index), samples.lamps.shape[1] > 0
+    share_most, by_draws = ratio_share(view.pass_index), samples.lamps.shape[1] > 0
     corrects = unshaded.missed.shape[1] > 0
     columns, count = view.columns, i64(len(shapes.word))
     for run in shared_rows(counter, 1, count // columns * _runs(columns)):
         i, first, size = _run(run, columns)
         end = i + size
-        reach, weight, total, sums = work[0, :size], work[1, :size], work[2, :size], work[5:17]
-        alike, whole = work[17, :size], work[18:24]
+        reach, weight, total, sums = work[0, :size], work[1, :size], work[2, :size], work[5:20]
+        alike, whole = work[20, :size], work[21:27]
+        shine, shining = work[27, :size], work[28, :size]
         if by_draws:
             _take_least(samples.near, i, first, columns, i64(1), _REACH, means.near[i:end])
         _take_least(samples.reach, i, first, columns, i64(1), _REACH, means.reach[i:end])
+        by_ratio = unshaded.by_ratio[i:end]
         for x in range(size):
-            reach[x] = min(max(means.reach[i + x], least), f32(_REACH)) * smoothing
+            reach[x] = min(max(means.reach[i + x], least), f32(_REACH))
+            by_ratio[x] = share_most * reach[x] * f32(1 / _REACH)
+            reach[x] *= smoothing
         shines = _any_about(samples.gloss, i, first, columns, total)
         total[:] = f32(0)
         sums[:] = f32(0)
         whole[:] = f32(0)
+        shining[:] = f32(0)
         for tap in range((2 * _REACH + 1) ** 2):
             down, right = tap // (2 * _REACH + 1) - _REACH, tap % (2 * _REACH + 1) - _REACH
             low, high, k = _part(i, first, size, down, right, columns, count)
@@ -133,28 +145,33 @@ def filter_samples(shapes, view, smoothing, samples, counter, work, means, unsha
                 for c in range(3):
                     _add(same, samples.diffuse[c, k:until], whole[c, low:high])
                     _add(same, samples.drawn[c, k:until], whole[3 + c, low:high])
+            if shines:
+                _weigh_lobes(lobes.alpha[i + low : i + high], lobes.alpha[k:until], taps, shine[low:high])
+                for x in range(low, high):
+                    shining[x] += shine[x]
             for c in range(3):
                 _add(taps, samples.diffuse[c, k:until], sums[c, low:high])
                 _add(taps, samples.drawn[c, k:until], sums[3 + c, low:high])
-                if shines:
-                    _add(taps, samples.gloss[c, k:until], sums[6 + c, low:high])
                 if by_draws:
-                    _add(taps, samples.lamps[c, k:until], sums[9 + c, low:high])
+                    _add(taps, samples.lamps[c, k:until], sums[6 + c, low:high])
+            for c in range(6 if shines else 0):
+                _add(shine[low:high], samples.gloss[c, k:until], sums[9 + c, low:high])
+        for c in range(6):
+            _divide(sums[9 + c, :size], shining if shines else total, unshaded.gloss[c, i:end])
         for c in range(3):
             _divide(sums[c, :size], total, means.diffuse[c, i:end])
             _divide(sums[3 + c, :size], total, means.drawn[c, i:end])
-            _divide(sums[6 + c, :size], total, unshaded.gloss[c, i:end])
             known, drawn = samples.known[c, i:end], means.drawn[c, i:end]
-            shown, lamps = unshaded.diffuse[c, i:end], sums[9 + c, :size]
+            shown, lamps = unshaded.diffuse[c, i:end], sums[6 + c, :size]
             if by_draws:
                 _divide(lamps, total, means.lamps[c, i:end])
                 lamps = means.lamps[c, i:end]
             for x in range(size):
-                shown[x] = drawn[x] + by_ratio * (known[x] + lamps[x] - drawn[x])
+                shown[x] = drawn[x] + by_ratio[x] * (known[x] + lamps[x] - drawn[x])
             if corrects:
                 missed, lit, sent = unshaded.missed[c, i:end], whole[c, :size], whole[3 + c, :size]
                 for x in range(size):
-                    share = _wide(means.reach[i + x] * smoothing, i64(2 * _REACH)) * (f32(1) - by_ratio)
+                    share = _wide(means.reach[i + x] * smoothing, i64(2 * _REACH)) * (f32(1) - by_ratio[x])
                     share *= lit[x] / max(sent[x], f32(1e-30))
                     missed[x] = share * (known[x] + lamps[x] - drawn[x])
 
@@ -167,7 +184,7 @@ def widen(shapes, view, smoothing, stride, means, counter, work, wider, unshaded
 
     wider  Means to write, of which `diffuse` and `drawn` are not normalized
     """
-    by_ratio, by_draws = ratio_share(view.pass_index), means.lamps.shape[1] > 0
+    by_draws = means.lamps.shape[1] > 0
     columns, count = view.columns, i64(len(shapes.word))
     for run in shared_rows(counter, 1, count // columns * _runs(columns)):
         i, first, size = _run(run, columns)
@@ -220,9 +237,9 @@ def widen(shapes, view, smoothing, stride, means, counter, work, wider, unshaded
         for c in range(3):
             before, after = means.lamps[c, i:end], wider.lamps[c, i:end]
             _divide(after, total, after)
-            shown = unshaded.diffuse[c, i:end]
+            shown, by_ratio = unshaded.diffuse[c, i:end], unshaded.by_ratio[i:end]
             for x in range(size):
-                shown[x] = max(shown[x] + by_ratio * (after[x] - before[x]), f32(0))
+                shown[x] = max(shown[x] + by_ratio[x] * (after[x] - before[x]), f32(0))
 
 
 @jit
@@ -264,13 +281,13 @@ def _take_least(values, i, first, columns, stride, reach, out):
 
 @jit
 def _any_about(values, i, first, columns, work):
-    """Return whether any of the values, (3, n) and not below 0, is above it in the rows about a run."""
+    """Return whether any of the values, (6, n) and not below 0, is above it in the rows about a run."""
     count, size, found = i64(values.shape[1]), i64(len(work)), False
     work[:] = f32(0)
     for down in range(-_REACH, _REACH + 1):
         for right in (-_REACH, _REACH):
             low, high, k = _part(i, first, size, i64(down), i64(right), columns, count)
-            for c in range(3 if high > low else 0):
+            for c in range(len(values) if high > low else 0):
                 row, sums = values[c, k : k + high - low], work[low:high]
                 for x in range(high - low):
                     sums[x] += row[x]
@@ -313,6 +330,16 @@ def _keep_alike(shapes, i, k, height, turn, weights):
         weights[x] = weights[x] if word[x] == others[x] else f32(0)
     for x in range(size):
         weights[x] = weights[x] if abs(height[x]) <= off[x] and turn[x] > TURNED else f32(0)
+
+
+@jit
+def _weigh_lobes(alpha, others, weights, out):
+    """Write the weights of pixels times how alike their lobes' alpha is: narrow lobes are left to eye paths
+    in part."""
+    for x in range(len(out)):
+        alike = max(f32(1) - _UNLIKE * abs(alpha[x] - others[x]), f32(0))
+        both = (alpha[x] < NARROW_ALPHA) == (others[x] < NARROW_ALPHA)
+        out[x] = weights[x] * alike if both else f32(0)
 
 
 @jit

@@ -26,7 +26,7 @@ from ispm.optics.jit import jit
 from ispm.scene.packed import Packed
 from ispm.stages.area_draws import CHUNK, draw_light
 from ispm.stages.area_filter import WORK, Means, Shapes, Unshaded, filter_samples, lay_out, widen
-from ispm.stages.area_samples import Samples
+from ispm.stages.area_samples import Lobes, Samples
 from ispm.stages.pixels import Pixels, PixelView, is_lit, transmitted_shares
 
 f32, i64 = np.float32, np.int64
@@ -56,15 +56,16 @@ def area_light(
     run_shared(lambda counter: lay_out(pixels, view, counter, shapes), threads)
     light = np.zeros((count, 4), np.float32)
     light[:, 3] = 1.0
-    for samples in draw_light(tables, pixels, view, openings, threads):
+    lobes, drawn = draw_light(tables, pixels, view, openings, threads)
+    for samples in drawn:
         if len(samples.reach):
-            means, unshaded = _filtered(shapes, view, smoothing, samples, threads)
-            run_shared(partial(_add_shown, tables, pixels, means, unshaded, light), threads)
+            means, unshaded = _filtered(shapes, lobes, view, smoothing, samples, threads)
+            run_shared(partial(_add_shown, tables, pixels, lobes, means, unshaded, light), threads)
     return light
 
 
 def _filtered(
-    shapes: Shapes, view: PixelView, smoothing: float, samples: Samples, threads: int
+    shapes: Shapes, lobes: Lobes, view: PixelView, smoothing: float, samples: Samples, threads: int
 ) -> tuple[Means, Unshaded]:
     """The Means of Samples and what is Unshaded; the samples' own values are used up."""
     count = len(samples.reach)
@@ -75,11 +76,12 @@ def _filtered(
         )
 
     told = shapes, view, f32(smoothing)
-    matte, gloss, diffuse, drawn = np.empty((4, 3, count), np.float32)
-    unshaded = Unshaded(matte, gloss, np.empty((3, count if view.pass_index else 0), np.float32))
+    (matte, diffuse, drawn), gloss = np.empty((3, 3, count), np.float32), np.empty((6, count), np.float32)
+    missed = np.empty((3, count if view.pass_index else 0), np.float32)
+    unshaded = Unshaded(matte, gloss, missed, np.empty(count, np.float32))
     others = np.empty_like(samples.lamps), np.empty_like(samples.near), np.empty_like(samples.reach)
     means = Means(diffuse, drawn, *others)
-    run(filter_samples, *told, samples, (means, unshaded))
+    run(filter_samples, *told, samples, lobes, (means, unshaded))
     wider = Means(samples.diffuse, samples.drawn, samples.lamps, samples.near, samples.reach)
     for stride in _STRIDES:
         run(widen, *told, i64(stride), means, (wider, unshaded))
@@ -88,7 +90,7 @@ def _filtered(
 
 
 @jit
-def _add_shown(tables, pixels, means, unshaded, light, counter):
+def _add_shown(tables, pixels, lobes, means, unshaded, light, counter):
     """Add what as many of the Pixels as a thread gets show of Means and what is Unshaded to (n, 4) light."""
     corrects = unshaded.missed.shape[1] > 0
     for i in shared_rows(counter, CHUNK, len(pixels.points)):
@@ -102,4 +104,5 @@ def _add_shown(tables, pixels, means, unshaded, light, counter):
             matte = share * unshaded.diffuse[c, i]
             if corrects:
                 matte = max(matte + unshaded.missed[c, i], f32(0))
-            light[i, c] += matte * (opaque * base[c]) + unshaded.gloss[c, i]
+            gloss = lobes.f0[c, i] * unshaded.gloss[c, i] + lobes.f90[i] * unshaded.gloss[3 + c, i]
+            light[i, c] += matte * (opaque * base[c]) + gloss

@@ -12,11 +12,12 @@ from ispm.accel.layers import without_diffuse
 from ispm.accel.records import Ray
 from ispm.accel.transmittance import BEFORE, shadow_transmittance
 from ispm.lights.nee import BY_FACETS, drawn_share, greatest, side_of
-from ispm.optics.bsdf import eval_bsdf, is_lambert, transmits
+from ispm.optics.bsdf import eval_bsdf, fresnel_weight, is_lambert, transmits
 from ispm.optics.coat import with_diffuse
+from ispm.optics.facets import facet_lobe
 from ispm.optics.jit import jit
 from ispm.optics.light import FAR
-from ispm.optics.vector import Vector, add, dot, scale, sub
+from ispm.optics.vector import Vector, add, dot, normalize, scale, sub
 from ispm.stages.pixels import lift
 
 f32 = np.float32
@@ -25,10 +26,24 @@ _BLUR = f32(0.25)  # of a penumbra's width, that the filter blurs it over to eac
 _WHITE = f32(1), f32(1), f32(1)
 
 
+class Lobes(NamedTuple):
+    """The lobes of n pixels beside Lambert's, float32, 0 where there is none.
+
+    alpha    (n,) roughness^2
+    f0, f90  (3, n) and (n,) reflectance of facets along their normal and at grazing incidence
+    """
+
+    alpha: np.ndarray
+    f0: np.ndarray
+    f90: np.ndarray
+
+
 class Samples(NamedTuple):
     """What shadow rays found, float32, a row for each channel.
 
-    diffuse, gloss  (3, n) light of the Lambert lobe over its albedo, and of the others, cd/m2
+    diffuse         (3, n) light of the Lambert lobe over its albedo, cd/m2
+    gloss           (6, n) of the others, which is the first three times f0 and the last times f90: alike in
+                    pixels whose textures differ
     drawn           (3, n) what `diffuse` would be without shadows and reflection above it
     known           (3, n) likewise, exact: the environment's, and that of lamps where `are_known`
     lamps           (3, n) likewise, of other lamps, in the mean; (3, 0) where there are none
@@ -68,15 +83,14 @@ def add_light(tables, shown, arriving, i, scratch, samples):
         return none
     # over its albedo, of which channels may be 0: neighbors ask how much of the light passes in each
     f = eval_bsdf(with_diffuse(b, _WHITE), x.n, x.ng, wo, wi)
-    gloss = none
+    gloss, share = none, f32(0)
     if not is_lambert(b):
         gloss = eval_bsdf(without_diffuse(b), x.n, x.ng, wo, wi)
         f = sub(f, gloss)
-        if transmits(b):
-            gloss = none  # eye paths find what these reflect and let through
-        else:
-            _, share = drawn_share(x, wo, wi, arriving.pdf, BY_FACETS)
-            gloss = scale(share, gloss)
+        _, share = drawn_share(x, wo, wi, arriving.pdf, BY_FACETS)
+        # eye paths find what glass lets through
+        share = f32(0) if transmits(b) and dot(x.n, wi) <= f32(0) else share
+        gloss = scale(share, gloss)
     if not (is_lambert(b) or greatest(b.diffuse) > f32(0) or greatest(gloss) > f32(0)):
         return none
     lights = greatest(f) > f32(0) or greatest(gloss) > f32(0)
@@ -89,11 +103,23 @@ def add_light(tables, shown, arriving, i, scratch, samples):
     if not lights:
         return brought
     passed = _passed(tables, shown, arriving, i, scratch, samples)
+    shines = greatest(gloss) > f32(0)
+    first, second = _gloss_terms(b, x.n, wo, wi) if shines else (f32(0), f32(0))
     for c in range(3):
         light = along * arriving.irradiance[c] * passed[c]
         samples.diffuse[c, i] += light * f[c]
-        samples.gloss[c, i] += light * gloss[c]
+        if shines:
+            samples.gloss[c, i] += light * share * first
+            samples.gloss[3 + c, i] += light * share * second
     return brought
+
+
+@jit
+def _gloss_terms(b, n, wo, wi):
+    """D V (1 - Fc) and D V Fc, of which a Bsdf's facets reflect f0 of the first and f90 of the second."""
+    h = normalize(add(wo, wi))
+    dv, fc = facet_lobe(b, n, wo, wi, h), fresnel_weight(b, dot(wo, h))
+    return dv * (f32(1) - fc), dv * fc
 
 
 @jit

@@ -14,6 +14,7 @@ from ispm.kernels.simd import alloca
 from ispm.library.common import lambert
 from ispm.library.shapes import polygons
 from ispm.lights.nee import BY_NOTHING, area_light
+from ispm.lights.openings import NO_OPENINGS
 from ispm.lights.ratio import area_light_by_ratio, ratio_share
 from ispm.optics.environment import environment_irradiance
 from ispm.optics.jit import jit
@@ -28,7 +29,7 @@ WALL = polygons([np.array([(-0.5, 0, -50), (-0.5, 9, -50), (-0.5, 9, 50), (-0.5,
 
 
 @jit
-def look(tables, numbers, count, by_ratio, known, out):
+def look(tables, numbers, count, by_ratio, openings, known, out):
     """Light at the floor's middle, a row for each random number; known: irradiance without shadows."""
     scratch = Scratch(alloca(STACK_WORDS), alloca(2))
     d = (f32(0), f32(-1), f32(0))
@@ -40,7 +41,8 @@ def look(tables, numbers, count, by_ratio, known, out):
         known[c] = sunlight[c] + others[c]
     for i in range(len(numbers)):
         if by_ratio:
-            light, _ = area_light_by_ratio(tables, x, wo, numbers[i], scratch, BY_NOTHING, count, u32(0))
+            told = BY_NOTHING, count, u32(0), openings
+            light, _ = area_light_by_ratio(tables, x, wo, numbers[i], scratch, *told)
         else:
             light, _ = area_light(tables, x, wo, numbers[i], scratch, f32(np.inf), BY_NOTHING, count)
         for c in range(3):
@@ -62,7 +64,7 @@ def light_of(material, wall, count, by_ratio, draws=20_000, sun=None):
     tracer = Tracer(scene)
     tables = scene_tables(tracer.packed, tracer.world, tracer.surfaces)
     known, out = np.zeros(3, f32), np.zeros((draws, 3), f32)
-    look(tables, random.random(draws).astype(f32), i64(count), by_ratio, known, out)
+    look(tables, random.random(draws).astype(f32), i64(count), by_ratio, NO_OPENINGS, known, out)
     return known.astype(float), out.astype(float)
 
 

@@ -1,0 +1,46 @@
+"""Directions of the environment that a surface draws, where openings are rare mostly through these."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ispm.lights.area import PAIRS, candidate_pdf, resample_surround
+from ispm.lights.openings import draw_opening, opening_cell, opening_pdf
+from ispm.optics.environment import environment_light
+from ispm.optics.jit import jit
+from ispm.optics.vector import luminance, scale
+
+f32 = np.float32
+
+
+@jit
+def guided_surround(tables, x, wo, numbers, openings, brightest, by_lobes):
+    """Return a direction of the environment for a SurfacePoint seen along wo, where openings are rare mostly
+    one that sees these; the RGB radiance from there over the density of the draw, cd/m2, and the density of
+    the environment's own draw, 1/sr.
+
+    numbers  four of [0, 1), random;  brightest, by_lobes  as of `resample_surround`, the darker of whose
+             directions it draws
+    By the balance heuristic (Veach 1997, section 9.2.2), of candidates' densities in place of draws'.
+    """
+    cell, draws = opening_cell(openings, x)
+    u0, u1, u2, pick = numbers
+    if draws == 0:
+        drawn, _ = resample_surround(tables, x, wo, u1, u2, pick, PAIRS, brightest, by_lobes)
+        return drawn.wi, drawn.radiance, drawn.pdf
+    weight, share = f32(1), f32(draws) / f32(draws + 1)
+    if pick < share:
+        wi = draw_opening(openings, cell, x.position, u0, u1, u2)
+        radiance, pdf = environment_light(tables.environment, wi)
+        own = candidate_pdf(tables, x, wo, wi, pdf, by_lobes)
+        own = own if luminance(radiance) <= brightest else f32(0)  # suns have draws of their own
+    else:
+        pick = (pick - share) / (f32(1) - share)
+        drawn, _ = resample_surround(tables, x, wo, u1, u2, pick, PAIRS, brightest, by_lobes)
+        wi, radiance, pdf = drawn.wi, drawn.radiance, drawn.pdf
+        own = candidate_pdf(tables, x, wo, wi, pdf, by_lobes)
+        weight = own
+    if own <= f32(0):
+        return wi, (f32(0), f32(0), f32(0)), pdf
+    weight /= (f32(1) - share) * own + share * opening_pdf(openings, cell, x.position, wi)
+    return wi, scale(weight, radiance), pdf
