@@ -54,6 +54,7 @@ class Gathered(NamedTuple):
     radiance  (m, 3) float32, of direct light where each ray ends, times its share and what sheets let pass
     fresnel   (m,) float32, Fc of the ray's direction at a glossy receiver, else 0
     nearness  (m,) float32 1/m, the ray's share over its length, 0 where it met nothing
+    covered   (m,) float32, the ray's share, likewise
     ends      (m,) PATH_END; slot: the ray's row
     points    (m,) RECEIVER; invalid where the ray met nothing that photons light
     """
@@ -61,6 +62,7 @@ class Gathered(NamedTuple):
     radiance: np.ndarray
     fresnel: np.ndarray
     nearness: np.ndarray
+    covered: np.ndarray
     ends: np.ndarray
     points: np.ndarray
 
@@ -110,8 +112,8 @@ def gather_rays(
     """
     count = len(receivers) * plan.side**2
     radiance = np.zeros((count, 3), np.float32)
-    fresnel, nearness = np.zeros((2, count), np.float32)
-    out = Gathered(radiance, fresnel, nearness, np.zeros(count, PATH_END), np.zeros(count, RECEIVER))
+    fresnel, nearness, covered = np.zeros((3, count), np.float32)
+    out = Gathered(radiance, fresnel, nearness, covered, np.zeros(count, PATH_END), np.zeros(count, RECEIVER))
     tables = scene_tables(packed, world, surfaces)
     course = _Course(f32(limit), u32(pass_index), u32(seed), openings)
     run_shared(lambda counter: _gather_chunks(tables, receivers, plan, course, counter, out), world.threads)
@@ -186,6 +188,7 @@ def _look(tables, ray, course, scratch, out):
             return
         x = with_matte_sheen(surface(tables, hit, d))
         b = x.bsdf
+        out.covered[row] = share
         out.nearness[row] = share / max(dot(sub(x.position, ray.start), d), f32(1e-30))
         if is_gathered(b) or is_translucent(x):
             break

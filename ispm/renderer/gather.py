@@ -49,6 +49,7 @@ _CLEARANCE = 2e-5  # offset of a ray's start, share of the distance to the eye, 
 _ROUNDED = 1e-6  # and of the coordinates
 _REACH = 0.4  # of the harmonic mean of rays' lengths: the filter's radius, as light changes over such lengths
 _NARROWER = -0.25  # exponent of the number of passes in that radius, beside that of all kernels; measured
+_LEAST_COVERED = np.float32(1e-6)  # of the hemisphere, where rays met nothing
 _RAYS_USUAL = 4  # of a receiver, to which the radius belongs
 _RAYS_WITHIN = 800.0  # least rays within the filter's radius, over all passes: fewer leave specks in corners
 _RAYS_NOISE = 2.0 / _RAYS_WITHIN  # relative variance of their filtered light, about
@@ -78,11 +79,13 @@ class Gather(NamedTuple):
 
     irradiance, fresnel  (m, 3) float32, as in INCIDENT
     nearness             (m,) float32 1/m, mean inverse length of the rays
+    covered              (m,) float32, share of the hemisphere, by cosine, in which they met something
     """
 
     irradiance: np.ndarray
     fresnel: np.ndarray
     nearness: np.ndarray
+    covered: np.ndarray
 
 
 def rays_reach(
@@ -90,7 +93,7 @@ def rays_reach(
 ) -> np.ndarray:
     """Return the filter's radius at the receivers of an image, (n,) float32 m.
 
-    nearness  (n,) 1/m, mean inverse length of gather rays
+    nearness  (n,) 1/m, mean inverse length of gather rays that met something
     rays      from each receiver, over all passes whose mean the light is
     """
     points = image.points
@@ -267,10 +270,14 @@ class PhotonLight:
         this, points = self._this, image.points
         glossy = (points["alpha"] >= NARROW_ALPHA).any()
         light = estimate_smooth() if glossy else no_light(len(points))
-        nearness = np.zeros(len(points), np.float32)
+        nearness, covered = np.zeros((2, len(points)), np.float32)
         used = np.flatnonzero(points["valid"])  # which may be few
         found = self.gather(image, used, this.settings.gather_rays, ends)
         nearness[used] = found.nearness
+        covered[used] = found.covered
+        # of those that met something: light changes over such lengths, however few there are
+        met = np.maximum(mean_around(points, covered, image.size), _LEAST_COVERED)
+        nearness = mean_around(points, nearness, image.size) / met
         incident = channels(light)
         for name in ("irradiance", "fresnel"):
             incident[name][used] = getattr(found, name)
@@ -290,7 +297,7 @@ class PhotonLight:
         packed, settings, threads = this.packed, this.settings, this.threads
         limit = bright_limit(packed, self._this.surfaces, settings)
         most = np.float32(1.0 / (_NEAREST * packed.diagonal))
-        found = Gather(*(np.zeros((len(rows), *shape), np.float32) for shape in ((3,), (3,), ())))
+        found = Gather(*(np.zeros((len(rows), *shape), np.float32) for shape in ((3,), (3,), (), ())))
         receivers = take(image.points, rows)
         densities, guide_rows = self._guide.densities(receivers, square_blocks(size)[rows], threads)
         lifts, keys = clearance(receivers["position"], this.view.eye), rows.astype(np.uint32)
@@ -313,6 +320,7 @@ class PhotonLight:
             found.irradiance[some] = math.pi * _mean(radiance, rays)
             found.fresnel[some] = math.pi * _mean(met.fresnel[:, None] * radiance, rays)
             found.nearness[some] = _mean(np.minimum(met.nearness, most), rays)
+            found.covered[some] = _mean(met.covered, rays)
         return found
 
     def at_ends(self, points: np.ndarray) -> np.ndarray:

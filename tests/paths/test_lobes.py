@@ -7,6 +7,7 @@ import pytest
 from transport import Tracer
 
 from ispm.library.shapes import polygons
+from ispm.lights.openings import NO_OPENINGS
 from ispm.optics.bsdf import Bsdf, eval_bsdf, pdf_bsdf
 from ispm.optics.coat import NO_COAT
 from ispm.optics.facets import NO_ANISOTROPY
@@ -159,7 +160,9 @@ def _width(pdf):
 
 
 def lattice(pass_index, columns=64):
-    view = View(*[f32(0)] * 4, u32(pass_index), u32(0), u32(columns), i64(1), f32(1), *[False] * 3)
+    view = View(
+        *[f32(0)] * 4, u32(pass_index), u32(0), u32(columns), i64(1), f32(1), *[False] * 3, NO_OPENINGS
+    )
     out = np.zeros((columns * columns, 2), np.float32)
     _numbers(view, out)
     assert (out >= 0).all() and (out < 1).all()
