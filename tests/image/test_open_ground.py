@@ -12,9 +12,9 @@ from ispm.stages.camera import CameraView
 
 
 def test_light_of_a_lone_box_falls_off_as_far_as_it_does(gpu):
-    """A filter as wide as two fifths of the mean way to what is around, most of which is nothing, had spread it
-    over metres: 1.9 times as much where it is a tenth of what it is at the box. Paths tell these two rows of
-    16 blocks within 4 %, and so do eight passes; what is left of the filter's blur has as much again."""
+    """A filter as wide as two fifths of the mean way to what is around, most of which is nothing, had spread
+    it over metres: 1.5 times as much where it is an eighth of what it is at the box. Paths tell these
+    squares within 4 %, and so do eight passes; what is left of the filter's blur is 6 %."""
     scene = Scene(environment=Environment(np.ones((8, 16, 3))))
     scene.add(shapes.plane(14.0, 14.0), material=lambert((0.9,) * 3))
     scene.add(shapes.box((0.8, 0.8, 0.8)), material=lambert((0.8, 0.2, 0.2)), translation=(0.0, 0.6, 0.0))
