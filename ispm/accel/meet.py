@@ -52,7 +52,9 @@ class Rays(NamedTuple):
 
 
 def _contiguous(rays: Rays) -> Rays:
-    return Rays(np.ascontiguousarray(rays.origins), np.ascontiguousarray(rays.directions), rays.parallel)
+    # One place repeated, which may not be written to, is contiguous where there is but one ray.
+    origins, directions = (np.require(each, None, ("C", "W")) for each in rays[:2])
+    return Rays(origins, directions, rays.parallel)
 
 
 def meet_texels(

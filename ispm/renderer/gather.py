@@ -39,7 +39,7 @@ from ispm.scene.packed import Packed
 from ispm.settings import Settings
 from ispm.stages.filter import filter_estimate
 from ispm.stages.lattice import radius_of, set_reach
-from ispm.stages.mean import mean_around
+from ispm.stages.mean import mean_around, ratio_around
 from ispm.stages.upsample import UNUSED
 
 # To the mean irradiance: brighter first bounces are left to photons; 4.5 and 18 have 10 % more error.
@@ -49,7 +49,6 @@ _CLEARANCE = 2e-5  # offset of a ray's start, share of the distance to the eye, 
 _ROUNDED = 1e-6  # and of the coordinates
 _REACH = 0.4  # of the harmonic mean of rays' lengths: the filter's radius, as light changes over such lengths
 _NARROWER = -0.25  # exponent of the number of passes in that radius, beside that of all kernels; measured
-_LEAST_COVERED = np.float32(1e-6)  # of the hemisphere, where rays met nothing
 _RAYS_USUAL = 4  # of a receiver, to which the radius belongs
 _RAYS_WITHIN = 800.0  # least rays within the filter's radius, over all passes: fewer leave specks in corners
 _RAYS_NOISE = 2.0 / _RAYS_WITHIN  # relative variance of their filtered light, about
@@ -270,14 +269,11 @@ class PhotonLight:
         this, points = self._this, image.points
         glossy = (points["alpha"] >= NARROW_ALPHA).any()
         light = estimate_smooth() if glossy else no_light(len(points))
-        nearness, covered = np.zeros((2, len(points)), np.float32)
         used = np.flatnonzero(points["valid"])  # which may be few
         found = self.gather(image, used, this.settings.gather_rays, ends)
-        nearness[used] = found.nearness
-        covered[used] = found.covered
-        # of those that met something: light changes over such lengths, however few there are
-        met = np.maximum(mean_around(points, covered, image.size), _LEAST_COVERED)
-        nearness = mean_around(points, nearness, image.size) / met
+        nearness, covered = np.zeros((2, len(points)), np.float32)
+        nearness[used], covered[used] = found.nearness, found.covered
+        nearness = ratio_around(points, nearness, covered, image.size)  # of the rays that met something
         incident = channels(light)
         for name in ("irradiance", "fresnel"):
             incident[name][used] = getattr(found, name)

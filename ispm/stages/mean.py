@@ -10,6 +10,7 @@ f32 = np.float32
 
 _AROUND = 2  # low-resolution pixels on each side, over which the mean goes
 _SAME_WAY = 0.9  # cosine of normals, above which receivers belong together
+_LEAST_SHARE = f32(1e-6)
 _LEAST_MEAN = 1e-12  # that is returned, as others divide by it
 
 
@@ -21,6 +22,14 @@ def mean_around(receivers: np.ndarray, values: np.ndarray, size: tuple[int, int]
     out = np.full(len(receivers), _LEAST_MEAN, np.float32)
     _mean_around(receivers, values, size, out)
     return out
+
+
+def ratio_around(
+    receivers: np.ndarray, values: np.ndarray, shares: np.ndarray, size: tuple[int, int]
+) -> np.ndarray:
+    """Return `mean_around` of values over that of the shares, (n,) of 0 to 1, that have any."""
+    share = np.maximum(mean_around(receivers, shares, size), _LEAST_SHARE)
+    return np.asarray(mean_around(receivers, values, size) / share)
 
 
 @jit
