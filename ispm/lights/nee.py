@@ -250,8 +250,10 @@ def _unshadowed_surround(tables, x, wo, numbers, goes_on):
 @jit
 def _guided_surround(tables, x, wo, numbers, openings):
     """The Arriving of a direction of the environment, where openings are rare mostly one that sees these."""
-    wi, radiance, _ = guided_surround(tables, x, wo, numbers, openings, f32(np.inf), draws_by_lobes(x.bsdf))
-    return Arriving(_reflected(x, wo, radiance, _NONE, wi, f32(np.inf)), FAR, wi)
+    seen = left_to_draws(x, BY_NOTHING)
+    by_lobes = draws_by_lobes(seen.bsdf)
+    wi, radiance, _ = guided_surround(tables, seen, wo, numbers, openings, f32(np.inf), by_lobes)
+    return Arriving(_reflected(seen, wo, radiance, _NONE, wi, f32(np.inf)), FAR, wi)
 
 
 @jit

@@ -50,8 +50,10 @@ MIN_WEIGHT = f32(1e-3)  # weight below which a path is not followed
 _MIN_WEIGHT_AFTER_END = f32(0.02)  # and below which not from an end
 _EVENTS_APART = 32  # numbers of the events of two paths that part
 _DIMENSION = 7 << 20  # of the random numbers that draw lights
-_PICKS = 13 << 20  # likewise, branches at glass
-_SAMPLES_BEHIND = 16  # likewise behind what is blended: as many as what stands beside it has by its filter
+_PICKS = 13 << 20  # of those that draw one of two branches at glass
+_SAMPLES_BEHIND = (
+    16  # points of lamps behind what is blended: as many as what stands beside it has by its filter
+)
 _WHITE = f32(1), f32(1), f32(1)
 
 
@@ -171,8 +173,8 @@ def follow(tables, view, thread, path, veil, i, slot, out, done):
             pick = f32(-1)  # in the first pass, for less noise: its bias counts less and less in a mean
             if view.pass_index > u32(0) or not is_smooth(b):
                 pick, _, _, _ = random4(key, dimension + u32(_PICKS), view.pass_index, view.seed)
-            branches = sample_specular_lobe(x, wo, u1, u2, may_part, pick)
-            alive, wi, factor, parts, above, kept = branches
+            drawn_lobe = sample_specular_lobe(x, wo, u1, u2, may_part, pick)
+            alive, wi, factor, parts, above, kept = drawn_lobe
             passed = is_smooth(b) and passed_sheet(x, wi)  # as shadow rays do, so that lobes draw beyond
         drawn = pdf if passed else drawn
         factor, rest = scale(f32(1) / chance, factor), (sees, band)

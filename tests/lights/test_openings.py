@@ -158,23 +158,6 @@ def _from_one(tables, openings, position, numbers, out):
         out[i] = light_from_one(tables, x, scale(f32(-1), d), u, pick, scratch, limit, openings)[1]
 
 
-def test_one_draw_is_exact_and_has_a_fraction_of_the_noise():
-    """By Lambert's formula for polygons, within four standard errors of 200,000 draws; and the noise of a
-    guided draw is less than a third of a plain one's, of which one in 230 passes."""
-    tracer, place = Tracer(lit_by_a_hole()), np.float32([0.3, 1.0, 0.2])
-    openings = found_in(tracer, eye_rays()[0])
-    numbers = np.random.default_rng(8).random((200_000, 2), np.float32)
-    up, at = np.array([0.0, 1.0, 0.0]), np.array([0.3, 0.0, 0.2])
-    exact = RADIANCE * 0.6 / math.pi * polygon_irradiance(HOLE, at, up)
-    errors = []
-    for guide in (NO_OPENINGS, openings):
-        out = np.empty(len(numbers), np.float64)
-        _from_one(tracer.tables, guide, place, numbers, out)
-        errors.append(float(out.std()) / math.sqrt(len(out)))
-        assert out.mean() == pytest.approx(exact, abs=4.0 * errors[-1])
-    assert errors[1] < errors[0] / 3.0
-
-
 @jit
 def _at_end(tables, openings, position, numbers, out):
     """Likewise what four draws of `area_light_by_ratio` bring, of a pass that takes no ratio."""
@@ -187,20 +170,22 @@ def _at_end(tables, openings, position, numbers, out):
         out[i] = light[1]
 
 
-def test_ends_of_eye_paths_draw_through_openings():
-    """What glass shows of a room that a window lights: exact as above, with a fifth of the noise or less."""
+@pytest.mark.parametrize(("kernel", "count", "less"), [(_from_one, 200_000, 3.0), (_at_end, 100_000, 5.0)])
+def test_draws_are_exact_and_have_a_fraction_of_the_noise(kernel, count, less):
+    """By Lambert's formula for polygons, within four standard errors; and the noise of a guided draw is less
+    than a third of a plain one's, of which one in 230 passes; of four, as at ends of eye paths, a fifth."""
     tracer, place = Tracer(lit_by_a_hole()), np.float32([0.3, 1.0, 0.2])
     openings = found_in(tracer, eye_rays()[0])
-    numbers = np.random.default_rng(8).random((100_000, 2), np.float32)
+    numbers = np.random.default_rng(8).random((count, 2), np.float32)
     up, at = np.array([0.0, 1.0, 0.0]), np.array([0.3, 0.0, 0.2])
     exact = RADIANCE * 0.6 / math.pi * polygon_irradiance(HOLE, at, up)
     errors = []
     for guide in (NO_OPENINGS, openings):
         out = np.empty(len(numbers), np.float64)
-        _at_end(tracer.tables, guide, place, numbers, out)
+        kernel(tracer.tables, guide, place, numbers, out)
         errors.append(float(out.std()) / math.sqrt(len(out)))
         assert out.mean() == pytest.approx(exact, abs=4.0 * errors[-1])
-    assert errors[1] < errors[0] / 5.0
+    assert errors[1] < errors[0] / less
 
 
 def test_photons_sent_through_openings_carry_the_same_flux_everywhere():
