@@ -9,6 +9,7 @@ from ispm.gpu import FLAT, Gpu, Recording, Target, Texture
 from ispm.stages.camera import CameraView
 
 _PATH = "stages/caustic.wgsl"
+_ALIGNED = 256  # photons, so that parts of their buffer begin at multiples of as many bytes
 
 
 class CausticStage:
@@ -24,6 +25,7 @@ class CausticStage:
     def __init__(self, gpu: Gpu) -> None:
         format = "rgba32float" if gpu.has("float32-blendable") else "rgba16float"
         sum_up = Target(format, blend="add")
+        self._most = gpu.max_binding
         self._splat = gpu.raster(_PATH, [sum_up, sum_up], FLAT)
         self._photons = gpu.buffer("caustic photons")
         self._sums = [gpu.texture(f"caustic {name}", format) for name in ("radiance", "irradiance")]
@@ -35,15 +37,13 @@ class CausticStage:
         if not len(photons):
             return None
         radiance, irradiance = (texture.sized(gbuffer.size) for texture in self._sums)
-        group = self._splat.bind(
-            0,
-            frame,
-            camera=view.uniform(),
-            photons=self._photons.write(photons),
-            materials=scene.materials,
-            **gbuffer.surfaces,
-        )
+        shared = {"camera": view.uniform(), "materials": scene.materials, **gbuffer.surfaces}
+        kept, each = self._photons.write(photons), photons.itemsize
+        most = self._most // each // _ALIGNED * _ALIGNED  # what an adapter binds at once has a limit
         with frame.draw_into(radiance, irradiance) as canvas:
-            canvas.use(self._splat, group)
-            canvas.draw(3 * len(photons))
+            for first in range(0, len(photons), most):
+                count = min(most, len(photons) - first)
+                part = kept.rows(first, first + count, each)
+                canvas.use(self._splat, self._splat.bind(0, frame, photons=part, **shared))
+                canvas.draw(3 * count)
         return radiance, irradiance

@@ -112,6 +112,22 @@ def test_caustics_match_brute_force(gpu, make_view, radius):
         assert np.abs(values.reshape(-1, 3) - exact).max() < 1e-4 * exact.max()
 
 
+def test_photons_in_parts_are_photons_at_once(gpu):
+    """As where they are more than an adapter binds at once: in the same order, and so the same to the bit."""
+    picture = Picture(gpu, mixed_scene(), view_of((80, 45)))
+    photons = shape_kernels(
+        photons_on(picture.receivers, 1000, (0.05, 0.5), seed=1),
+        NO_BEAMS,
+        np.zeros(0, np.float32),
+        100.0,
+        1.0,
+        None,
+    )
+    whole = picture.draw_kernels(photons)
+    picture.stage._most = 300 * photons.itemsize
+    assert all(map(np.array_equal, whole, picture.draw_kernels(photons)))
+
+
 def plane_view(kind, size=(160, 90)):
     if kind == "orthographic":
         return CameraView(size, look_at_pose(np.array([0.5, 3.0, 1.0]), np.zeros(3)), ymag=1.0, near=0, far=9)
