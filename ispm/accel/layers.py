@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from ispm.accel.surface import SurfacePoint
-from ispm.optics.bsdf import Bsdf, facet_reflectance
+from ispm.optics.bsdf import Bsdf, facet_reflectance, is_within
 from ispm.optics.coat import NO_COAT, coat_bsdf, with_diffuse
 from ispm.optics.facets import NO_ANISOTROPY, is_anisotropic
 from ispm.optics.jit import jit
@@ -39,7 +39,10 @@ def without_facets(b):
 @jit
 def end_bsdf(b, goes_on):
     """Return the Bsdf by which photons light the end of a path that may go on by the surface's lobe: without
-    it where that is anisotropic."""
+    it where that is anisotropic, and the Lambert lobe alone within glass, whose facets are left to paths."""
+    if is_within(b):
+        matte = f32(0), f32(0), f32(0), f32(0), _NONE, f32(1), f32(1), f32(0), NO_ANISOTROPY
+        return Bsdf(b.diffuse, _NONE, *matte)
     return without_facets(b) if goes_on and is_anisotropic(b) else b
 
 

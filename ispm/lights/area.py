@@ -16,7 +16,8 @@ from ispm.accel.emitters import (
 )
 from ispm.accel.glow import emitted_radiance
 from ispm.accel.records import Hit
-from ispm.optics.bsdf import eval_bsdf, pdf_bsdf, sample_bsdf, transmits
+from ispm.optics.bsdf import eval_bsdf, transmits
+from ispm.optics.bsdf_sampling import pdf_bsdf, sample_bsdf
 from ispm.optics.environment import environment_light, sample_environment, sample_suns
 from ispm.optics.jit import jit
 from ispm.optics.rng import random4

@@ -23,15 +23,8 @@ from ispm.lights.area import (
 )
 from ispm.lights.emitted import first_irradiance
 from ispm.lights.guided import guided_surround
-from ispm.optics.bsdf import (
-    Bsdf,
-    eval_bsdf,
-    is_lambert,
-    is_narrow,
-    is_smooth,
-    pdf_bsdf,
-    transmits,
-)
+from ispm.optics.bsdf import Bsdf, eval_bsdf, is_lambert, is_narrow, is_smooth, kept_by_lambert, transmits
+from ispm.optics.bsdf_sampling import pdf_bsdf
 from ispm.optics.environment import environment_pdf, has_environment
 from ispm.optics.facets import visible_pdf
 from ispm.optics.jit import jit
@@ -49,7 +42,8 @@ SPLIT_COUNT = (
 _NONE = f32(0), f32(0), f32(0)
 _GOLDEN = 0.6180339887498949  # steps of which lie evenly in a line
 _WHOLE = f32(1), f32(1)
-BY_NOTHING, BY_FACETS, BY_COAT, BY_BSDF = range(4)  # how a path goes on from where lights are drawn for
+# how a path goes on from where lights are drawn for
+BY_NOTHING, BY_FACETS, BY_COAT, BY_GLASS, BY_BSDF = range(5)
 
 
 @jit
@@ -82,10 +76,11 @@ def area_light(tables, x, wo, u, scratch, limit, goes_on, count=1, surround=True
     points, and directions, of each.
 
     surround  whether the environment's is wanted
-    goes_on  BY_NOTHING; BY_FACETS, BY_COAT or BY_BSDF: a path goes on by the narrow lobe of an opaque
-             surface's facets, by a coat's lobe of any width, or by `sample_bsdf`, and may meet the lamps too:
-             their light in these lobes is weighed by the balance heuristic (Veach 1997, section 9.2.2), see
-             `lamp_weight`. Unless by all, that in the facets of what transmits is left to paths
+    goes_on  BY_NOTHING; BY_FACETS, BY_COAT, BY_GLASS or BY_BSDF: a path goes on by the narrow lobe of an
+             opaque surface's facets, by a coat's lobe of any width, by one of rough glass's two lobes, or by
+             `sample_bsdf`, and may meet the lamps too: their light in these lobes is weighed by the balance
+             heuristic (Veach 1997, section 9.2.2), see `lamp_weight`. Unless by the last two, that in the
+             facets of what transmits is left to paths
     """
     total, traced, share = (f32(0), f32(0), f32(0)), i64(0), f32(1) / f32(count)
     if len(tables.emitters.triangles) == 0 and not has_environment(tables.environment):
@@ -267,9 +262,10 @@ def draws_by_lobes(b):
 def left_to_draws(x, goes_on):
     """Return a SurfacePoint with the lobes that light from drawn points is for, see `area_light`."""
     b = x.bsdf
-    if goes_on == BY_BSDF or not transmits(b):
+    if goes_on in (BY_BSDF, BY_GLASS) or not transmits(b):
         return x
-    kept = b.dielectric_f0, b.dielectric_f90, _NONE, b.eta, b.thin, b.sheen, b.anisotropy
+    f0, f90 = kept_by_lambert(b)
+    kept = f0, f90, _NONE, b.eta, b.thin, b.sheen, b.anisotropy
     b = Bsdf(b.diffuse, _NONE, f32(0), f32(0), *kept)
     return SurfacePoint(x.hit, x.position, x.ng, x.n, b, x.flags, x.entering, x.coat, x.sheen, x.translucence)
 
@@ -282,10 +278,18 @@ def drawn_share(x, wo, wi, pdf, goes_on):
     if goes_on == BY_BSDF:
         share = pdf / (pdf + pdf_bsdf(b, x.n, wo, wi))
         return share, share
+    if goes_on == BY_GLASS:
+        return f32(1), pdf / (pdf + glass_pdf(b, x.n, wo, wi))
     by_facets = goes_on == BY_COAT or (goes_on == BY_FACETS and (is_narrow(b) or transmits(b)))
     if by_facets and dot(x.n, wi) > f32(0):
         return f32(1), pdf / (pdf + visible_pdf(b, x.n, wo, normalize(add(wo, wi))))
     return f32(1), f32(1)
+
+
+@jit
+def glass_pdf(b, n, wo, wi):
+    """Return the density, 1/sr, with which a path goes on along wi by the facets of a Bsdf that transmits."""
+    return pdf_bsdf(without_diffuse(b), n, wo, wi)
 
 
 @jit

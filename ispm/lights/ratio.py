@@ -53,7 +53,7 @@ def area_light_by_ratio(tables, x, wo, u, scratch, goes_on, count, pass_index, o
     by_ratio = has_environment(tables.environment) and not transmits(x.bsdf)
     total, traced = area_light(tables, x, wo, u, scratch, f32(np.inf), goes_on, count, not by_ratio)
     if by_ratio:
-        share = ratio_share(pass_index)
+        share = ratio_share(pass_index) if count > 1 else f32(0)
         light, rays = _surround(tables, x, wo, u, scratch, goes_on, count, share, openings)
         total, traced = add(total, light), traced + rays
     return total, traced

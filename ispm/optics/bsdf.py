@@ -1,9 +1,9 @@
 """The metallic-roughness surface of glTF 2.0 with KHR_materials_specular, _ior, _transmission and _volume.
 
-Twin of bsdf.wgsl. Directions leave the surface, unit, tuples of three float32; the cosine is not included.
-`wo` is known, `wi` is evaluated or sampled: the eye's `wo` is towards the eye, a photon's points back along
-its flight. Both normals, shading n and geometric ng, are on wo's side. `b` is a Bsdf, `fc` the weight Fc of
-`fresnel_weight`.
+Twin of bsdf.wgsl, with bsdf_sampling.py. Directions leave the surface, unit, tuples of three float32; the
+cosine is not included. `wo` is known, `wi` is evaluated or sampled: the eye's `wo` is towards the eye, a
+photon's points back along its flight. Both normals, shading n and geometric ng, are on wo's side. `b` is a
+Bsdf, `fc` the weight Fc of `fresnel_weight`.
 
 Opaque surfaces take Schlick's Fresnel term, transmitting ones the exact one. glTF weighs the Lambert lobe by
 the half vector's, which gains energy: white plastic reflects 1.4 times the light from 3 degrees above it.
@@ -21,14 +21,11 @@ from ispm.optics.facets import (
     Anisotropy,
     facet_lobe,
     is_anisotropic,
-    visible_facet,
-    visible_pdf,
 )
 from ispm.optics.jit import jit
 from ispm.optics.microfacet import fresnel_dielectric, ggx, mirrored, refract, schlick, smith
-from ispm.optics.sampling import cosine_hemisphere, to_world
 from ispm.optics.sheen import eval_sheen
-from ispm.optics.vector import Vector, add, dot, luminance, normalize, scale, sub
+from ispm.optics.vector import Vector, add, dot, normalize, scale, sub
 
 f32 = np.float32
 
@@ -82,10 +79,13 @@ def surface_bsdf(base, metallic, roughness, transmission, dielectric, entering):
 
     base, metallic, roughness, transmission  RGB and float32 factors with the textures' part in them
     dielectric  a Dielectric;  entering  whether wo is outside the solid
+    From within a solid its share of glass is clear glass, and the rest is matte up to the boundary: a Lambert
+    lobe beside total reflection would make light.
     """
     f0, specular_color, specular, ior, thin = dielectric
     opaque = (f32(1) - metallic) * (f32(1) - transmission)
     clear = (f32(1) - metallic) * transmission
+    glass = transmission if clear > f32(0) and not (thin or entering) else f32(1)
     r = min(f0 * specular_color[0], f32(1)) * specular
     g = min(f0 * specular_color[1], f32(1)) * specular
     b = min(f0 * specular_color[2], f32(1)) * specular
@@ -93,8 +93,12 @@ def surface_bsdf(base, metallic, roughness, transmission, dielectric, entering):
     bends_nothing = clear > f32(0) and not thin and abs(ior - f32(1)) < MIN_CONTRAST
     return Bsdf(
         scale(opaque, base),
-        (_mix(r, base[0], metallic), _mix(g, base[1], metallic), _mix(b, base[2], metallic)),
-        _mix(specular, f32(1), metallic),
+        (
+            _mix(glass * r, base[0], metallic),
+            _mix(glass * g, base[1], metallic),
+            _mix(glass * b, base[2], metallic),
+        ),
+        _mix(glass * specular, f32(1), metallic),
         f32(0) if alpha < MIN_ALPHA or bends_nothing else alpha,
         max(r, max(g, b)),
         specular,
@@ -116,6 +120,19 @@ def _mix(a, b, t):
 def transmits(b):
     """Return whether a Bsdf lets some light through, a bool."""
     return b.tint[0] + b.tint[1] + b.tint[2] > f32(0)
+
+
+@jit
+def is_within(b):
+    """Return whether a Bsdf is that of a solid which lets light through, seen from within, a bool."""
+    return transmits(b) and b.thin == f32(0) and b.eta < f32(1)
+
+
+@jit
+def kept_by_lambert(b):
+    """Return a Bsdf's `dielectric_f0` and `dielectric_f90` as its Lambert lobe gives way to them: see
+    `surface_bsdf`."""
+    return (f32(0), f32(0)) if is_within(b) else (b.dielectric_f0, b.dielectric_f90)
 
 
 @jit
@@ -233,7 +250,8 @@ def eval_bsdf(b, n, ng, wo, wi):
     if b.sheen > f32(0):
         return scale(eval_sheen(b.sheen, n, wo, wi, h), b.f0)
     fc = fresnel_weight(b, dot(wo, h))
-    lambert = (f32(1) - _mix(b.dielectric_f0, b.dielectric_f90, fc)) * _INV_PI
+    f0, f90 = kept_by_lambert(b)
+    lambert = (f32(1) - _mix(f0, f90, fc)) * _INV_PI
     if is_smooth(b):
         return b.diffuse[0] * lambert, b.diffuse[1] * lambert, b.diffuse[2] * lambert
     dv = facet_lobe(b, n, wo, wi, h)
@@ -286,114 +304,3 @@ def gloss_terms(alpha, n, wo, wi):
         return f32(0), f32(0), f32(0)
     dv, fc = gloss(alpha, n, wo, wi)
     return dv * (f32(1) - fc), dv * fc, fc
-
-
-@jit
-def gloss_share(b, n, wo):
-    """Return the chance, float32, that sample_bsdf draws a facet instead of the Lambert lobe; exactly 0
-    without facets, 1 without that lobe."""
-    fc = schlick(dot(n, wo))
-    glossy = f32(0)
-    if transmits(b):
-        fc = fresnel_weight(b, dot(n, wo))
-        glossy = luminance(facet_transmittance(b, fc))
-    glossy += luminance(facet_reflectance(b, fc))
-    diffuse = luminance(b.diffuse) * (f32(1) - b.dielectric_f0)
-    return glossy / (glossy + diffuse) if glossy > f32(0) else f32(0)
-
-
-@jit
-def reflection_chance(b, cosine):
-    """Return the chance, float32, that sample_bsdf reflects at a facet met at `cosine`, else transmits."""
-    if not transmits(b):
-        return f32(1)
-    fc = fresnel_weight(b, cosine)
-    reflected = luminance(facet_reflectance(b, fc))
-    both = reflected + luminance(facet_transmittance(b, fc))
-    return reflected / both if both > f32(0) else f32(1)
-
-
-@jit
-def pdf_bsdf(b, n, wo, wi):
-    """Return the density of sample_bsdf's wi, in 1/sr, where it is not one of a smooth surface's two."""
-    nv, nl = dot(n, wo), dot(n, wi)
-    if nv <= f32(0):
-        return f32(0)
-    if b.sheen > f32(0):
-        return max(nl, f32(0)) * _INV_PI
-    share = gloss_share(b, n, wo)
-    lambert = max(nl, f32(0)) * _INV_PI * (f32(1) - share)
-    if is_smooth(b) or (nl <= f32(0) and not transmits(b)):
-        return lambert
-    if nl > f32(0):
-        h = normalize(add(wo, wi))
-        return lambert + share * reflection_chance(b, dot(wo, h)) * visible_pdf(b, n, wo, h)
-    h, spread = transmitting_facet(b, n, wo, wi)
-    return share * (f32(1) - reflection_chance(b, dot(wo, h))) * visible_pdf(b, n, wo, h) * spread
-
-
-@jit
-def sample_bsdf(b, n, ng, wo, u1, u2, u3, radiance):
-    """Draw wi from one lobe and weigh it by the pdf of all that spread (balance heuristic).
-
-    radiance  refracted light takes the factor 1 / eta^2: True on paths from the eye, False for photons
-    ->        (ok, wi, weight, specular): weight = f cos / pdf, RGB, of a smooth surface's own directions
-              (specular) reflectance or transmittance over their chance; wi.ng < 0: transmitted;
-              not ok: absorbed, and the rest means nothing
-    """
-    if is_lambert(b):  # nothing for it to give way to, so that the weight is its albedo
-        wi = to_world(cosine_hemisphere(u1, u2), n)
-        return (
-            dot(ng, wi) > f32(0) and b.diffuse[0] + b.diffuse[1] + b.diffuse[2] > f32(0),
-            wi,
-            b.diffuse,
-            False,
-        )
-    share = gloss_share(b, n, wo) if b.sheen == f32(0) else f32(0)
-    ok = True
-    if u3 >= share:
-        wi = to_world(cosine_hemisphere(u1, u2), n)
-    elif is_smooth(b):
-        return _sample_smooth(b, n, ng, wo, u3 / share, share, radiance)
-    else:
-        ok, wi = _sample_facet(b, n, wo, u1, u2, u3 / share)
-    pdf = pdf_bsdf(b, n, wo, wi)
-    if not ok or pdf <= f32(0):
-        return False, wi, (f32(0), f32(0), f32(0)), False
-    weight = scale(abs(dot(n, wi)) / pdf, eval_bsdf(b, n, ng, wo, wi))
-    if radiance and dot(n, wi) < f32(0):
-        weight = scale(_compression(b), weight)
-    return max(weight[0], max(weight[1], weight[2])) > f32(0), wi, weight, False
-
-
-@jit
-def _compression(b):
-    """What refraction multiplies radiance by, float32: 1 / eta^2; 1 for a sheet."""
-    return f32(1) if b.thin > f32(0) else f32(1) / (b.eta * b.eta)
-
-
-@jit
-def _sample_smooth(b, n, ng, wo, u, share, radiance):
-    """`sample_bsdf` of a smooth surface's own directions; u: uniform in [0, 1), share: their chance."""
-    reflectance, transmittance, above, beyond, through = smooth_split(b, n, ng, wo)
-    reflected, transmitted = luminance(reflectance), luminance(transmittance)
-    chance = reflected / (reflected + transmitted) if transmitted > f32(0) else f32(1)
-    if u < chance or not through:
-        weight, wi = scale(f32(1) / (share * chance), reflectance), above
-    else:
-        factor = _compression(b) if radiance else f32(1)
-        weight, wi = scale(factor / (share * (f32(1) - chance)), transmittance), beyond
-    return max(weight[0], max(weight[1], weight[2])) > f32(0), wi, weight, True
-
-
-@jit
-def _sample_facet(b, n, wo, u1, u2, u3):
-    """(ok, unit wi) from a facet that wo sees; not ok: it leads to the wrong side of the surface."""
-    h = visible_facet(b, n, wo, u1, u2)
-    above = mirrored(wo, h)
-    if not transmits(b) or u3 < reflection_chance(b, dot(wo, h)):
-        return dot(n, above) > f32(0), above
-    if b.thin > f32(0):
-        return dot(n, above) > f32(0), sub(above, scale(f32(2) * dot(n, above), n))
-    through, beyond = refract(wo, h, b.eta)
-    return through and dot(n, beyond) < f32(0), beyond

@@ -29,7 +29,8 @@ struct SpecularMaps {
 }
 
 // A material at a point: base colour, metallic, roughness and transmission with the textures' part in them;
-// maps: the textures of specular reflection; entering: wo is outside the solid.
+// maps: the textures of specular reflection; entering: wo is outside the solid. From within its share of glass is
+// clear glass, and the rest is matte up to the boundary: a Lambert lobe beside total reflection would make light.
 fn surface_bsdf(
     base: vec3f, metallic: f32, roughness: f32, transmission: f32, material: Material, maps: SpecularMaps, entering: bool,
 ) -> Bsdf {
@@ -39,11 +40,12 @@ fn surface_bsdf(
     let dielectric = min(material.f0 * (material.specular_color * maps.color), vec3f(1.0)) * specular;
     let thin = (material.flags & MATERIAL_THIN) != 0u;
     let alpha = roughness * roughness;
+    let glass = select(1.0, transmission, (clear > 0.0) & !thin & !entering);
     let bends_nothing = (clear > 0.0) & !thin & (abs(material.ior - 1.0) < MIN_CONTRAST);  // & : no branch, see stages/face.wgsl
     return Bsdf(
         base * opaque,
-        mix(dielectric, base, metallic),
-        mix(specular, 1.0, metallic),
+        mix(glass * dielectric, base, metallic),
+        mix(glass * specular, 1.0, metallic),
         select(alpha, 0.0, alpha < MIN_ALPHA || bends_nothing),
         max(dielectric.x, max(dielectric.y, dielectric.z)),
         specular,
@@ -149,7 +151,8 @@ fn eval_bsdf(b: Bsdf, n: vec3f, ng: vec3f, wo: vec3f, wi: vec3f) -> vec3f {
     }
     let h = normalize(wo + wi);
     let fc = fresnel_weight(b, dot(wo, h));
-    let kept = 1.0 - mix(b.dielectric_f0, b.dielectric_f90, fc);
+    let within = transmits(b) && b.thin == 0.0 && b.eta < 1.0;
+    let kept = select(1.0 - mix(b.dielectric_f0, b.dielectric_f90, fc), 1.0, within);
     if (is_smooth(b)) {
         return b.diffuse * (kept / PI);
     }

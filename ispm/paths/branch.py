@@ -15,6 +15,7 @@ import numpy as np
 from ispm.accel.medium import no_medium, spawn_ray
 from ispm.accel.records import Hit
 from ispm.accel.surface import hit_position
+from ispm.lights.area import lit_side
 from ispm.lights.nee import greatest
 from ispm.lights.openings import Openings
 from ispm.optics.bsdf import is_lambert, is_smooth, transmits
@@ -191,7 +192,7 @@ def leave(tables, x, inside, focus, length, branch):
     if passes and solid:
         focus = f32(1) / (x.bsdf.eta * x.bsdf.eta) if x.entering else f32(1)
     sees_background = sees_background and (passes or (solid and transmits(x.bsdf) and not x.entering))
-    side = x.ng if not passes else scale(f32(-1), x.ng)
+    side = lit_side(x) if not passes or transmits(x.bsdf) else scale(f32(-1), x.ng)
     place = inside, focus, length
     return Path(key, dimension, lane, start, d, weight, pdf, side, x.position, *place, sees_background, band)
 

@@ -32,8 +32,6 @@ _FEW = f32(0.02)  # sum of weights below which farther neighbours are used too
 _LEAST_TOTAL = f32(1e-30)  # of weights: one over less overflows float32
 _TOO_LITTLE = f32(1e-3)  # sum of weights below which an end has no neighbour
 _TURNED = f32(0.01)  # least share of its weight that a receiver keeps whose bump faces elsewhere
-_FROST_REACH = 5  # pixels on each side over which rough glass is averaged
-_OUTLIER = f32(3)  # times the mean of its neighbourhood, above which a pixel's light is cut
 _CHUNK = 256
 _NO_GRADIENT = np.zeros((0, WORDS), np.float32)
 
@@ -225,93 +223,3 @@ def reflect_incident(end, light, i, c):
     kept = (f32(1) - end.dielectric_f0) * light[i, c] - (end.dielectric_f90 - end.dielectric_f0) * fresnel
     shown = end.diffuse[c] * f32(1 / math.pi) * kept + end.f0[c] * gloss + end.f90 * grazing
     return max(shown, f32(0))
-
-
-def denoise_rough_transmission(
-    light: np.ndarray, pixels: np.ndarray, width: int, frost: np.ndarray, threads: int
-) -> None:
-    """Average the noise out of the light of pixels that show rough glass, (n, c), in place.
-
-    pixels  (n,) numbers y width + x, sorted;  frost  (n,) or more FIRST_VERTEX
-    Light is averaged over a fifth of what the surface blurs it, at most 11 x 11 pixels, whose paths went out
-    in different directions; and single paths that found a light's image through two rough faces are cut.
-    """
-    rough = (frost["blur"] > 0.0) & (frost["reflectance"][:, 0] == 0.0)  # lobes are for resolve_lobes
-    if not rough.any():
-        return
-    frost = frost.copy()
-    frost["blur"][~rough] = 0.0
-    rows = np.full((int(pixels[-1]) // width + 1, width), -1, np.int32)
-    rows[pixels // width, pixels % width] = np.arange(len(pixels))
-    noisy, found = _Noisy(light.copy(), frost, rows), light.copy()
-    run_shared(lambda counter: _denoise(noisy, pixels, counter, found), threads)
-    light[:] = found
-
-
-class _Noisy(NamedTuple):
-    """Light before it is averaged, (n, c) float32; (n,) FIRST_VERTEX, the surfaces that the pixels show; and
-    (h, w) int32, the row of each pixel of the picture, -1 where it has none."""
-
-    light: np.ndarray
-    frost: np.ndarray
-    rows: np.ndarray
-
-
-@jit
-def _denoise(noisy, pixels, counter, light):
-    """Write (n, c) light for as many pixels as a thread gets, see `denoise_rough_transmission`."""
-    frost, width = noisy.frost, noisy.rows.shape[1]
-    for i in shared_rows(counter, _CHUNK, len(pixels)):
-        if frost[i].blur > f32(0):
-            x, y = i64(pixels[i]) % width, i64(pixels[i]) // width
-            radius = min(frost[i].blur, f32(_FROST_REACH))
-            _average(noisy, i, x, y, max(radius, f32(2)), f32(np.inf), light)
-            _average(noisy, i, x, y, radius, _OUTLIER * _sum(light, i), light)
-
-
-@jit
-def _average(noisy, i, x, y, radius, most, light):
-    """Write the mean light of the pixels about (x, y), row `i`, that show the same surface, alike in normal.
-
-    radius  pixels;  most  sum of channels, above which the light of a pixel, which few paths found, is cut
-    """
-    given, frost, rows = noisy
-    for c in range(light.shape[1]):
-        light[i, c] = f32(0)
-    reach = i64(radius)
-    total, inverse = f32(0), f32(1) / ((radius + f32(1)) * (radius + f32(1)))
-    for row in range(max(y - reach, 0), min(y + reach + 1, rows.shape[0])):
-        for column in range(max(x - reach, 0), min(x + reach + 1, rows.shape[1])):
-            k = rows[row, column]
-            if k < 0:
-                continue
-            away = f32((row - y) * (row - y) + (column - x) * (column - x))
-            w = _same_frost(frost[i], frost[k]) * max(f32(1) - away * inverse, f32(0))
-            if w <= f32(0):
-                continue
-            total += w
-            w *= min(most / max(_sum(given, k), f32(1e-30)), f32(1))
-            for c in range(light.shape[1]):
-                light[i, c] += w * given[k, c]
-    for c in range(light.shape[1]):
-        light[i, c] /= total
-
-
-@jit
-def _sum(light, i):
-    """Sum of all channels of row `i` of (n, c) light."""
-    total = f32(0)
-    for c in range(light.shape[1]):
-        total += light[i, c]
-    return total
-
-
-@jit
-def _same_frost(a, b):
-    """Weight, float32 in [0, 1], of two FIRST_VERTEX: 1 for surfaces that blur alike."""
-    if a.instance != b.instance or b.blur <= f32(0) or abs(a.tint - b.tint) > f32(0.02):
-        return f32(0)
-    bend = f32(0)
-    for k in range(3):
-        bend += (a.n[k] - b.n[k]) * (a.n[k] - b.n[k])
-    return max(f32(1) - f32(4) * bend / (a.alpha * a.alpha), f32(0))

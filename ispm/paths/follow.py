@@ -12,7 +12,9 @@ from ispm.accel.surface import closest_behind, closest_surface, leave_surface, o
 from ispm.lights.few import light_of_few
 from ispm.lights.nee import (
     BY_FACETS,
+    BY_GLASS,
     BY_NOTHING,
+    glass_pdf,
     greatest,
     lamp_weight,
     punctual_light,
@@ -43,14 +45,14 @@ from ispm.paths.vertices import BLACK, DIRECT, EMISSION, THROUGH, add_light, sto
 
 f32, i64, u32 = np.float32, np.int64, np.uint32
 
-EVENTS_MAX = 8  # mirrors and faces of glass that a path meets
+EVENTS_MAX = 24  # mirrors and faces of glass that a path meets: within a cone light turns a dozen times
 ENDS_MAX = 2  # of one path: behind a varnished floor goes on what it mirrors
 LAMP_SAMPLES = 4  # points of lamps with a surface that an end is lit by, where a pixel has one path
-MIN_WEIGHT = f32(1e-3)  # weight below which a path is not followed
-_MIN_WEIGHT_AFTER_END = f32(0.02)  # and below which not from an end
+MIN_WEIGHT = f32(1e-3)  # weight below which a path goes on by chance
+_MIN_WEIGHT_AFTER_END = f32(0.02)  # and below which from an end
 _EVENTS_APART = 32  # numbers of the events of two paths that part
 _DIMENSION = 7 << 20  # of the random numbers that draw lights
-_PICKS = 13 << 20  # of those that draw one of two branches at glass
+_PICKS = 13 << 20  # of those that draw one of two branches at glass, and whether a path goes on
 _SAMPLES_BEHIND = (
     16  # points of lamps behind what is blended: as many as what stands beside it has by its filter
 )
@@ -121,10 +123,12 @@ def follow(tables, view, thread, path, veil, i, slot, out, done):
         mean = greatest(times(weight, mean_reflectance(x, wo)))
         goes_on = is_narrow(b) and not (unlit or behind) and event < EVENTS_MAX and ends < ENDS_MAX
         goes_on = goes_on and mean >= (_MIN_WEIGHT_AFTER_END if ends > 0 else MIN_WEIGHT)
+        by_glass = transmits(b) and not is_smooth(b) and event < EVENTS_MAX
         count = 1 if from_lobe or rough else LAMP_SAMPLES
         count = _SAMPLES_BEHIND if view.behind and sees else count
         if not unlit and (has_finite(b) or not is_smooth(b)):
             lit, goes_on_by = widened(x, widest), BY_FACETS if goes_on else BY_NOTHING
+            goes_on_by = BY_GLASS if by_glass else goes_on_by
             if from_lobe:
                 pick, _, _, _ = random4(key, dimension + u32(_DIMENSION), view.pass_index, view.seed)
                 light, shadows = light_of_few(tables, lit, wo, pick, thread.scratch, thread.values)
@@ -146,7 +150,14 @@ def follow(tables, view, thread, path, veil, i, slot, out, done):
             add_light(out.light, i, DIRECT, add(light, more), seen)
             traced += shadows
         row = store_far(out.ends, row, slot, lane, seen, x, wo, width)
-        if unlit or has_diffuse or (has_finite(b) and not goes_on):
+        pick, survives, ends_here, _ = random4(key, dimension + u32(_PICKS), view.pass_index, view.seed)
+        is_end = unlit or has_diffuse or (has_finite(b) and not goes_on)
+        if is_end and transmits(b) and stored == ENDS_MAX - 1 and not unlit:
+            chance = _end_share(end)  # no room for an end and what is behind it
+            is_end = ends_here < chance
+            kept = f32(1) / (chance if is_end else f32(1) - chance)
+            seen, weight = scale(kept, seen), scale(kept, weight)
+        if is_end:
             end = BLACK if unlit else end_bsdf(end, goes_on)
             store_end(out.ends[row].end, slot, lane, seen, end, hit.instance)
             store_point(out.ends[row].point, x, wo, end, width, widest if goes_on else NARROW_ALPHA)
@@ -170,11 +181,11 @@ def follow(tables, view, thread, path, veil, i, slot, out, done):
         elif goes_on:
             alive, wi, factor, drawn = sample_lobe(x, wo, u1, u2)
         elif is_smooth(b) or transmits(b):
-            pick = f32(-1)  # in the first pass, for less noise: its bias counts less and less in a mean
-            if view.pass_index > u32(0) or not is_smooth(b):
-                pick, _, _, _ = random4(key, dimension + u32(_PICKS), view.pass_index, view.seed)
+            if view.pass_index == u32(0) and is_smooth(b):
+                pick = f32(-1)  # for less noise: its bias counts less and less in a mean
             drawn_lobe = sample_specular_lobe(x, wo, u1, u2, may_part, pick)
             alive, wi, factor, parts, above, kept = drawn_lobe
+            drawn = glass_pdf(b, x.n, wo, wi) if by_glass else f32(0)
             passed = is_smooth(b) and passed_sheet(x, wi)  # as shadow rays do, so that lobes draw beyond
         drawn = pdf if passed else drawn
         factor, rest = scale(f32(1) / chance, factor), (sees, band)
@@ -185,10 +196,18 @@ def follow(tables, view, thread, path, veil, i, slot, out, done):
             parted, other = True, leave(tables, x, inside, focus, length, second)
         left = leave(tables, x, inside, focus, length, branch)
         weight = left.weight
-        least = _MIN_WEIGHT_AFTER_END if stored > 0 else MIN_WEIGHT
-        if not alive or stored == ENDS_MAX or greatest(weight) < least:
+        least, strongest = _MIN_WEIGHT_AFTER_END if stored > 0 else MIN_WEIGHT, greatest(weight)
+        if not alive or stored == ENDS_MAX or strongest <= survives * least:
             break
+        weight = scale(max(least / strongest, f32(1)), weight)
         sides = (side, origin) if passed else (left.side, left.origin)
-        key, dimension, lane, start, d, weight, pdf, _, _, inside, focus, length, sees, _ = left
+        key, dimension, lane, start, d, _, pdf, _, _, inside, focus, length, sees, _ = left
         side, origin = sides
     return Done(row, traced), rough, far if from_lobe else length, parted, other, disperses
+
+
+@jit
+def _end_share(b):
+    """The chance, float32, that a path ends on a Bsdf's Lambert lobe rather than goes on by its facets."""
+    matte, others = greatest(b.diffuse), greatest(b.tint) + max(greatest(b.f0), b.dielectric_f0)
+    return matte / (matte + others)

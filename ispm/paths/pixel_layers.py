@@ -17,7 +17,7 @@ from ispm.accel.world import World
 from ispm.kernels.share import run_shared
 from ispm.optics.jit import jit
 from ispm.optics.vector import scale, vec3
-from ispm.paths.ends import denoise_rough_transmission
+from ispm.paths.denoise import denoise
 from ispm.paths.eye_paths import EyeRays, ray_arrays
 from ispm.scene.packed import Packed
 
@@ -89,6 +89,6 @@ def filtered_light(
     pixels     (n,) numbers y columns + x, sorted
     smoothing  factor on how far they reach
     """
-    layer.firsts["blur"] = _REACH * smoothing
-    denoise_rough_transmission(layer.areas, pixels, columns, layer.firsts, threads)
+    layer.firsts["blur"] = _REACH
+    denoise(layer.areas, pixels, columns, layer.firsts, smoothing, threads)
     return np.asarray(layer.direct + layer.albedo * layer.areas)

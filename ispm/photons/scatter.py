@@ -7,7 +7,8 @@ from typing import NamedTuple
 import numpy as np
 
 from ispm.accel.layers import drawn_layer
-from ispm.optics.bsdf import sample_bsdf, smooth_split
+from ispm.optics.bsdf import smooth_split
+from ispm.optics.bsdf_sampling import sample_bsdf
 from ispm.optics.jit import jit
 from ispm.optics.records import MATERIAL_UNLIT
 from ispm.optics.rng import random4

@@ -30,7 +30,7 @@ from ispm.kernels.simd import address, alloca, atomic_add
 from ispm.kernels.threads import run_threads
 from ispm.lights.area import lit_side
 from ispm.lights.nee import BY_BSDF, direct_light, lamp_weight, surround_weight, times
-from ispm.optics.bsdf import pdf_bsdf, sample_bsdf
+from ispm.optics.bsdf_sampling import pdf_bsdf, sample_bsdf
 from ispm.optics.dispersion import ALL_BANDS, BANDS, of_band
 from ispm.optics.environment import environment_radiance, has_environment
 from ispm.optics.jit import jit

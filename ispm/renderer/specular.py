@@ -13,8 +13,9 @@ from ispm.frame import Receivers
 from ispm.optics.incident import channels, no_light
 from ispm.optics.records import take
 from ispm.paths.branch import GLOSS_SAMPLES, SCATTERED
+from ispm.paths.denoise import denoise
 from ispm.paths.edges import edge_rows
-from ispm.paths.ends import denoise_rough_transmission, image_of_ends, reflect_light, spread_light
+from ispm.paths.ends import image_of_ends, reflect_light, spread_light
 from ispm.paths.eye import trace_eye
 from ispm.paths.eye_paths import EyePaths, EyeRays, join_ends, no_paths
 from ispm.paths.far import LANES, light_far_sides
@@ -121,7 +122,7 @@ def _light_of_layer(
     if background_color(settings) is None:
         light[:, THROUGH:] = 0.0
     for brought in (light[:, :THROUGH], light[:, THROUGH:]):
-        denoise_rough_transmission(brought, keys, view.size[0], firsts, this.threads)
+        denoise(brought, keys, view.size[0], firsts, settings.smoothing, this.threads)
     resolve_lobes(light, given, settings.smoothing, this.threads)
     light[:, :INDIRECT] += firsts["own"]
     return light, firsts["hidden"].copy()

@@ -10,7 +10,7 @@ from transport import Tracer
 from ispm.accel.records import Hit
 from ispm.accel.surface import surface
 from ispm.library.shapes import icosphere, polygons
-from ispm.optics import bsdf, rng
+from ispm.optics import bsdf, bsdf_sampling, rng
 from ispm.optics.facets import NO_ANISOTROPY, Anisotropy, mean_alpha, visible_pdf
 from ispm.optics.jit import jit
 from ispm.paths.facet import sample_lobe, widened
@@ -62,14 +62,14 @@ def eval_many(b, wo, wi, value, pdf):
     for i in range(len(wi)):
         w = wi[i, 0], wi[i, 1], wi[i, 2]
         value[i] = bsdf.eval_bsdf(b, UP, UP, wo, w)[0]
-        pdf[i] = bsdf.pdf_bsdf(b, UP, wo, w)
+        pdf[i] = bsdf_sampling.pdf_bsdf(b, UP, wo, w)
 
 
 @jit
 def draw_many(b, wo, wi, weight):
     for i in range(len(wi)):
         u1, u2, u3, _ = rng.random4(u32(i), u32(0), u32(0), u32(3))
-        ok, d, w, _ = bsdf.sample_bsdf(b, UP, UP, wo, u1, u2, u3, False)
+        ok, d, w, _ = bsdf_sampling.sample_bsdf(b, UP, UP, wo, u1, u2, u3, False)
         for k in range(3):
             wi[i, k] = d[k] if ok else f32(0)
         weight[i] = w[0] if ok else f32(0)

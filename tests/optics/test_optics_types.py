@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numba import types
 
-from ispm.optics import bsdf, density, facets, rng, sampling, sheen, texture
+from ispm.optics import bsdf, bsdf_sampling, density, facets, rng, sampling, sheen, texture
 from ispm.photons.scatter import adjoint_factor
 
 F, U, B = types.float32, types.uint32, types.boolean
@@ -33,8 +33,8 @@ TEXELS, ROWS = types.Array(U, 1, "C"), types.Array(types.int64, 2, "C")
         (facets.visible_pdf, (BSDF, VECTOR, VECTOR, VECTOR)),
         (facets.visible_facet, (BSDF, VECTOR, VECTOR, F, F)),
         (bsdf.gloss_terms, (F, VECTOR, VECTOR, VECTOR)),
-        (bsdf.pdf_bsdf, (BSDF, VECTOR, VECTOR, VECTOR)),
-        (bsdf.sample_bsdf, (BSDF, VECTOR, VECTOR, VECTOR, F, F, F, B)),
+        (bsdf_sampling.pdf_bsdf, (BSDF, VECTOR, VECTOR, VECTOR)),
+        (bsdf_sampling.sample_bsdf, (BSDF, VECTOR, VECTOR, VECTOR, F, F, F, B)),
         (adjoint_factor, (F, F, F, F)),
         (density.density_kernel, (VECTOR, VECTOR, F, F)),
         (density.cosine_ratio, (F, F)),

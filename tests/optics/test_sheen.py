@@ -9,7 +9,8 @@ from layered import made, scatter_often
 from ispm.accel.layers import sheen_point
 from ispm.accel.records import Hit
 from ispm.accel.surface import SurfacePoint
-from ispm.optics.bsdf import Bsdf, eval_bsdf, pdf_bsdf, sample_bsdf
+from ispm.optics.bsdf import Bsdf, eval_bsdf
+from ispm.optics.bsdf_sampling import pdf_bsdf, sample_bsdf
 from ispm.optics.coat import NO_COAT, covered
 from ispm.optics.facets import NO_ANISOTROPY
 from ispm.optics.jit import jit

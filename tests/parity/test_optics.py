@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ispm.optics import bsdf, density, rng, sampling
+from ispm.optics import bsdf, bsdf_sampling, density, rng, sampling
 from ispm.optics.jit import jit
 from ispm.optics.vector import cross
 from ispm.photons.scatter import adjoint_factor
@@ -67,7 +67,7 @@ def bsdf_rows(rows, out):
         b = surface(r)
         n, wo, wi = vector(r, 3), vector(r, 4), vector(r, 5)
         out[i, 0, :3] = bsdf.eval_bsdf(b, n, vector(r, 6), wo, wi)
-        out[i, 0, 3] = bsdf.pdf_bsdf(b, n, wo, wi)
+        out[i, 0, 3] = bsdf_sampling.pdf_bsdf(b, n, wo, wi)
         out[i, 1, :3] = bsdf.gloss_terms(b.alpha, n, wo, wi)
         out[i, 1, 3] = b.alpha
         out[i, 2] = (b.f0[0], b.f0[1], b.f0[2], b.dielectric_f0)
@@ -78,7 +78,7 @@ def bsdf_rows(rows, out):
 def sample_rows(rows, out):
     for i in range(len(rows)):
         r = rows[i]
-        ok, wi, weight, specular = bsdf.sample_bsdf(
+        ok, wi, weight, specular = bsdf_sampling.sample_bsdf(
             surface(r), vector(r, 3), vector(r, 6), vector(r, 4), r[2, 1], r[2, 2], r[3, 3], r[7, 0] > 0.5
         )
         out[i, 0] = (wi[0], wi[1], wi[2], np.float32(ok))

@@ -8,7 +8,8 @@ from transport import Tracer
 
 from ispm.library.shapes import polygons
 from ispm.lights.openings import NO_OPENINGS
-from ispm.optics.bsdf import Bsdf, eval_bsdf, pdf_bsdf
+from ispm.optics.bsdf import Bsdf, eval_bsdf
+from ispm.optics.bsdf_sampling import pdf_bsdf
 from ispm.optics.coat import NO_COAT
 from ispm.optics.facets import NO_ANISOTROPY
 from ispm.optics.jit import jit

@@ -7,7 +7,7 @@ import pytest
 from layered import made
 from scipy import stats
 
-from ispm.optics import bsdf, rng
+from ispm.optics import bsdf, bsdf_sampling, rng
 from ispm.optics.facets import NO_ANISOTROPY
 from ispm.optics.jit import jit
 
@@ -50,7 +50,7 @@ def hemisphere_grid(b, wo, rows, columns, value, pdf):
             wi = (r * math.cos(phi), r * math.sin(phi), z)
             f = bsdf.eval_bsdf(b, N, N, wo, wi)
             value[i, j, 0], value[i, j, 1], value[i, j, 2] = f[0] * z, f[1] * z, f[2] * z
-            pdf[i, j] = bsdf.pdf_bsdf(b, N, wo, wi)
+            pdf[i, j] = bsdf_sampling.pdf_bsdf(b, N, wo, wi)
 
 
 def integrate(b, wo, rows=512, columns=1024):
@@ -65,7 +65,7 @@ def draw(b, wo, seed, wi, weight):
     """wi and weight of len(wi) samples; both zero where absorbed."""
     for i in range(len(wi)):
         u = rng.random4(np.uint32(i), np.uint32(0), np.uint32(0), seed)
-        ok, direction, w, _ = bsdf.sample_bsdf(b, N, N, wo, u[0], u[1], u[2], False)
+        ok, direction, w, _ = bsdf_sampling.sample_bsdf(b, N, N, wo, u[0], u[1], u[2], False)
         for k in range(3):
             wi[i, k] = direction[k] if ok else f32(0)
             weight[i, k] = w[k] if ok else f32(0)
@@ -75,6 +75,22 @@ def samples(b, wo, count, seed):
     wi, weight = np.zeros((count, 3), f32), np.zeros((count, 3), f32)
     draw(b, wo, np.uint32(seed), wi, weight)
     return wi, weight
+
+
+@jit
+def split(b, wo):
+    return bsdf.smooth_split(b, N, N, wo)
+
+
+@pytest.mark.parametrize("transmission", [0.1, 0.5, 0.9])
+@pytest.mark.parametrize("cosine", [0.05, 0.5, 0.7, 0.8, 1.0])
+def test_cloudy_glass_makes_no_light_from_within(transmission, cosine):
+    """What a white smooth solid reflects, lets through and scatters is all that comes, beyond the angle of
+    total reflection (cosine .745) as well. Quadrature of a constant: rounding alone."""
+    b = surface((1, 1, 1), 0.0, 0.0, transmission=transmission, entering=False)
+    scattered, _ = integrate(b, towards(cosine), 16, 32)
+    reflected, through, *_ = split(b, towards(cosine))
+    assert scattered + reflected + through == pytest.approx(1.0, abs=1e-5)
 
 
 @pytest.mark.parametrize(("roughness", "cosine"), CASES)
@@ -152,7 +168,7 @@ def test_bsdf_is_reciprocal():
 
 def test_lambert_weight_is_exactly_the_albedo():
     b = surface((0.7, 0.3, 1.0), 0.0, 0.5, specular=0.0)
-    assert bsdf.gloss_share(b, N, towards(0.3)) == 0.0
+    assert bsdf_sampling.gloss_share(b, N, towards(0.3)) == 0.0
     wi, weight = samples(b, towards(0.3), 1000, 5)
     kept = wi[:, 2] > 0
     assert kept.all()

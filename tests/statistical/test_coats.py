@@ -10,7 +10,8 @@ from transport import Tracer, box_room, lit, render, trace
 from ispm.accel.records import Hit
 from ispm.accel.surface import SurfacePoint
 from ispm.library.shapes import polygons
-from ispm.optics.bsdf import eval_bsdf, pdf_bsdf
+from ispm.optics.bsdf import eval_bsdf
+from ispm.optics.bsdf_sampling import pdf_bsdf
 from ispm.optics.coat import coat_bsdf, covered, make_coat
 from ispm.optics.jit import jit
 from ispm.optics.sheen import NO_SHEEN

@@ -8,7 +8,7 @@ from scipy import stats
 from test_bsdf import N, samples, surface, towards
 from test_transmission import glass
 
-from ispm.optics import bsdf
+from ispm.optics import bsdf, bsdf_sampling
 from ispm.optics.jit import jit
 from ispm.optics.sampling import orthonormal_basis
 
@@ -38,7 +38,7 @@ SECTORS = 8
 @jit
 def pdf_along(b, wo, directions, out):
     for i in range(len(directions)):
-        out[i] = bsdf.pdf_bsdf(b, N, wo, (directions[i, 0], directions[i, 1], directions[i, 2]))
+        out[i] = bsdf_sampling.pdf_bsdf(b, N, wo, (directions[i, 0], directions[i, 1], directions[i, 2]))
 
 
 def axis_of(b, wo, side):

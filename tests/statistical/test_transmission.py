@@ -7,7 +7,7 @@ import pytest
 from scipy import stats
 from test_bsdf import N, samples, surface, towards
 
-from ispm.optics import bsdf
+from ispm.optics import bsdf, bsdf_sampling
 from ispm.optics.jit import jit
 
 f32 = np.float32
@@ -51,7 +51,7 @@ def sphere_grid(b, wo, rows, columns, value, pdf):
             f = bsdf.eval_bsdf(b, N, N, wo, wi)
             for k in range(3):
                 value[i, j, k] = f[k] * abs(z)
-            pdf[i, j] = bsdf.pdf_bsdf(b, N, wo, wi)
+            pdf[i, j] = bsdf_sampling.pdf_bsdf(b, N, wo, wi)
 
 
 def integrate_sphere(b, wo, rows=1024, columns=1024):
@@ -174,7 +174,7 @@ def test_radiance_is_compressed_by_the_square_of_the_index(entering):
         b, wo, seen = glass(roughness, entering=entering), towards(0.9), set()
         for u in np.random.default_rng(5).random((50, 3)).astype(f32):
             (ok, wi, flux, _), (_, same, radiance, _) = (
-                bsdf.sample_bsdf(b, N, N, wo, *u, r) for r in (False, True)
+                bsdf_sampling.sample_bsdf(b, N, N, wo, *u, r) for r in (False, True)
             )
             if ok:
                 factor = 1 / eta**2 if wi[2] < 0 else 1
@@ -195,5 +195,5 @@ def test_shading_normals_do_not_lead_to_the_wrong_side(cosine):
         assert above[2] > 0 and (not through or beyond[2] < 0)
         assert max(transmittance) == 0 or through
         for u in np.random.default_rng(7).random((50, 3)).astype(f32):
-            ok, wi, _, specular = bsdf.sample_bsdf(b, n, N, wo, *u, False)
+            ok, wi, _, specular = bsdf_sampling.sample_bsdf(b, n, N, wo, *u, False)
             assert not ok or specular or np.dot(n, wi) * wi[2] > 0
