@@ -44,3 +44,26 @@ def guided_surround(tables, x, wo, numbers, openings, brightest, by_lobes):
         return wi, (f32(0), f32(0), f32(0)), pdf
     weight /= (f32(1) - share) * own + share * opening_pdf(openings, cell, x.position, wi)
     return wi, scale(weight, radiance), pdf
+
+
+@jit
+def guided_suns(tables, x, wo, numbers, openings, by_lobes, turn):
+    """Return likewise one of two draws of directions as bright as suns, whose sum counts: `turn` 0: of suns
+    alone; 1, where openings are rare: one that sees these, for what is that bright and not small."""
+    cell, draws = opening_cell(openings, x)
+    u0, u1, u2, pick = numbers
+    limit = tables.environment.brightest
+    if turn == 0:
+        _, drawn = resample_surround(tables, x, wo, u1, u2, pick, PAIRS, limit, by_lobes)
+        wi, radiance, pdf = drawn.wi, drawn.radiance, drawn.pdf
+    else:
+        wi = draw_opening(openings, cell, x.position, u0, u1, u2)
+        radiance, pdf = environment_light(tables.environment, wi)
+    if draws == 0 or luminance(radiance) <= f32(0):
+        return wi, radiance, pdf
+    own = candidate_pdf(tables, x, wo, wi, pdf / tables.environment.sun_share, by_lobes)
+    if own <= f32(0) or (turn == 1 and luminance(radiance) <= limit):
+        return wi, (f32(0), f32(0), f32(0)), pdf
+    weight = own if turn == 0 else f32(1)
+    weight /= own + opening_pdf(openings, cell, x.position, wi)
+    return wi, scale(weight, radiance), pdf

@@ -12,8 +12,8 @@ from __future__ import annotations
 import numpy as np
 
 from ispm.accel.layers import without_diffuse
-from ispm.lights.area import PAIRS, area_numbers, resample_surround
-from ispm.lights.guided import guided_surround
+from ispm.lights.area import area_numbers
+from ispm.lights.guided import guided_suns, guided_surround
 from ispm.lights.nee import (
     BY_NOTHING,
     Arriving,
@@ -86,17 +86,16 @@ def _part(tables, x, wo, u, scratch, goes_on, count, by_ratio, known, openings, 
     limit = tables.environment.brightest if sunny else f32(np.inf)
     matte, gloss, drawn = none, none, none
     _, guided = opening_cell(openings, x)
-    by_ratio = by_ratio if of_suns or guided == 0 else f32(0)
-    for k in range(count):
-        chosen = next_numbers(numbers, k)
+    by_ratio = by_ratio if guided == 0 else f32(0)
+    turns = 2 if of_suns and guided > 0 else 1
+    for k in range(count * turns):
+        chosen = next_numbers(numbers, k // turns)
         if of_suns:
-            _, u1, u2, pick = chosen
-            _, bright = resample_surround(tables, x, wo, u1, u2, pick, PAIRS, limit, by_lobes)
-            wi, radiance, pdf = bright.wi, bright.radiance, bright.pdf
+            wi, radiance, pdf = guided_suns(tables, x, wo, chosen, openings, by_lobes, k % turns)
         else:
             wi, radiance, pdf = guided_surround(tables, x, wo, chosen, openings, limit, by_lobes)
         cosine = dot(x.n, wi)
-        if cosine <= f32(0):
+        if cosine <= f32(0) or radiance[0] + radiance[1] + radiance[2] <= f32(0):
             continue
         light = scale(cosine, radiance)
         drawn = add(drawn, light)

@@ -61,7 +61,7 @@ def draw_light(
     tables: Tables, pixels: Pixels, view: PixelView, openings: Openings, threads: int
 ) -> tuple[Lobes, tuple[Samples, Samples]]:
     """Return the Lobes of n pixels, and the Samples: of the environment's sunlight, without rows where it has
-    none, and of all other light, whose draws from the environment Openings guide."""
+    none, and of all other light; Openings guide draws from the environment."""
     count = len(pixels.points)
     by_draws = 0 if are_known(tables.emitters) else count
     samples = _empty_samples(count, by_draws)
@@ -251,13 +251,9 @@ def _draw(tables, shown, numbers, openings, i, scratch, samples, suns, draws_oth
     if draws_others:
         _draw_lamp(tables, shown, numbers, i, scratch, samples)
     if has_environment(tables.environment):
-        dark, bright = _surround(tables, shown, numbers)
         sunny = len(suns.reach) > 0
-        if draws_suns if sunny else draws_others:
-            arriving = Arriving(bright.radiance, FAR, bright.wi, bright.pdf, bright.pdf)
-            add_light(tables, shown, arriving, i, scratch, suns if sunny else samples)
-        if draws_others:
-            _draw_surround(tables, shown, dark, numbers, openings, i, scratch, samples)
+        into = suns if sunny else samples, draws_suns if sunny else draws_others
+        _draw_surround(tables, shown, numbers, openings, i, scratch, samples, draws_others, *into)
 
 
 @jit
@@ -288,28 +284,48 @@ def _draw_lamp(tables, shown, numbers, i, scratch, samples):
 
 
 @jit
-def _draw_surround(tables, shown, dark, numbers, openings, i, scratch, samples):
-    """Add to row i of the Samples a Surround without suns and as many draws as its place wants of where the
-    environment is open, by three random numbers, by the balance heuristic (Veach 1997, section 9.2.2), but
-    for candidates' densities in place of the first draw's."""
-    position = shown.x.position
-    cell, draws = opening_cell(openings, shown.x)
-    weight = f32(1)
-    if draws > 0:
-        own = candidate_pdf(tables, shown.x, shown.wo, dark.wi, dark.pdf, _draws_by_lobes(shown.x))
-        if own > f32(0):
-            weight = own / (own + f32(draws) * opening_pdf(openings, cell, position, dark.wi))
-    arriving = _from_sky(scale(weight, dark.radiance), dark.wi, dark.pdf)
-    add_light(tables, shown, arriving, i, scratch, samples)
+def _draw_surround(tables, shown, numbers, openings, i, scratch, samples, draws_others, suns, draws_suns):
+    """Add to row i of the Samples, of suns and of all others, where asked for, the two Surrounds that three
+    random numbers draw and as many draws as its place wants of where the environment is open, by the balance
+    heuristic (Veach 1997, section 9.2.2), but for candidates' densities in place of the first draws'."""
+    x, wo = shown.x, shown.wo
+    cell, draws = opening_cell(openings, x)
+    dark, bright = _surround(tables, shown, numbers)
+    share = tables.environment.sun_share if len(tables.environment.sunlight) > 0 else f32(1)
+    if draws_others:
+        weight = _first_share(tables, shown, openings, cell, draws, dark, dark.pdf)
+        arriving = _from_sky(scale(weight, dark.radiance), dark.wi, dark.pdf)
+        add_light(tables, shown, arriving, i, scratch, samples)
+    if draws_suns:
+        weight = _first_share(tables, shown, openings, cell, draws, bright, bright.pdf / share)
+        arriving = Arriving(scale(weight, bright.radiance), FAR, bright.wi, bright.pdf, bright.pdf)
+        add_light(tables, shown, arriving, i, scratch, suns)
     for k in range(draws):
-        wi = draw_opening(openings, cell, position, *_next_three(numbers, k))
+        wi = draw_opening(openings, cell, x.position, *_next_three(numbers, k))
         radiance, pdf = environment_light(tables.environment, wi)
-        own = candidate_pdf(tables, shown.x, shown.wo, wi, pdf, _draws_by_lobes(shown.x))
-        # those no brighter than suns, but for what the first draw leaves to others
-        if own > f32(0) and luminance(radiance) <= tables.environment.brightest:
-            weight = f32(1) / (own + f32(draws) * opening_pdf(openings, cell, position, wi))
-            arriving = _from_sky(scale(weight, radiance), wi, pdf)
-            add_light(tables, shown, arriving, i, scratch, samples)
+        is_sun = luminance(radiance) > tables.environment.brightest
+        if not (draws_suns if is_sun else draws_others):
+            continue
+        own = candidate_pdf(tables, x, wo, wi, pdf / share if is_sun else pdf, _draws_by_lobes(x))
+        if own <= f32(0):
+            continue
+        weight = f32(1) / (own + f32(draws) * opening_pdf(openings, cell, x.position, wi))
+        if is_sun:
+            arriving = Arriving(scale(weight, radiance), FAR, wi, pdf, pdf)
+            add_light(tables, shown, arriving, i, scratch, suns)
+        else:
+            add_light(tables, shown, _from_sky(scale(weight, radiance), wi, pdf), i, scratch, samples)
+
+
+@jit
+def _first_share(tables, shown, openings, cell, draws, drawn, density):
+    """The share, float32, of a Surround beside so many draws of openings; density: of its kind's own draw."""
+    if draws == 0:
+        return f32(1)
+    own = candidate_pdf(tables, shown.x, shown.wo, drawn.wi, density, _draws_by_lobes(shown.x))
+    if own <= f32(0):
+        return f32(1)
+    return own / (own + f32(draws) * opening_pdf(openings, cell, shown.x.position, drawn.wi))
 
 
 @jit

@@ -35,9 +35,14 @@ HOLE = np.array([[-0.2, 3.0, -0.3], [0.2, 3.0, -0.3], [0.2, 3.0, 0.3], [-0.2, 3.
 RADIANCE = 10.0
 
 
-def lit_by_a_hole(reach: float = 3e3) -> Scene:
-    """A floor below a ceiling with a hole, under an even sky; reach: how far the ceiling goes, m."""
-    scene = Scene(environment=Environment(np.full((4, 8, 3), RADIANCE)))
+def lit_by_a_hole(reach: float = 3e3, beside_a_sun: bool = False) -> Scene:
+    """A floor below a ceiling with a hole, under an even sky, or one that is as bright straight above alone,
+    and as a sun near the horizon; reach: how far the ceiling goes, m."""
+    image = np.full((64, 128, 3), RADIANCE)
+    if beside_a_sun:
+        image[12:] = 0.0
+        image[28, 40] = 0.22 * 64.0 * 128.0
+    scene = Scene(environment=Environment(image))
     scene.add(shapes.plane(4.0, 4.0), material=MATTE)
     for size, x, z in (
         ((reach, 0.01, reach), reach / 2 + 0.2, 0.0),
@@ -170,11 +175,15 @@ def _at_end(tables, openings, position, numbers, out):
         out[i] = light[1]
 
 
-@pytest.mark.parametrize(("kernel", "count", "less"), [(_from_one, 200_000, 3.0), (_at_end, 100_000, 5.0)])
-def test_draws_are_exact_and_have_a_fraction_of_the_noise(kernel, count, less):
+@pytest.mark.parametrize(
+    ("kernel", "count", "less", "beside_a_sun"),
+    [(_from_one, 200_000, 3.0, False), (_at_end, 100_000, 5.0, False), (_at_end, 100_000, 4.0, True)],
+)
+def test_draws_are_exact_and_have_a_fraction_of_the_noise(kernel, count, less, beside_a_sun):
     """By Lambert's formula for polygons, within four standard errors; and the noise of a guided draw is less
-    than a third of a plain one's, of which one in 230 passes; of four, as at ends of eye paths, a fifth."""
-    tracer, place = Tracer(lit_by_a_hole()), np.float32([0.3, 1.0, 0.2])
+    than a third of a plain one's, of which one in 230 passes; of four, as at ends of eye paths, a fifth. Of
+    draws of a sky as bright as a sun one in 60 passes: a quarter."""
+    tracer, place = Tracer(lit_by_a_hole(beside_a_sun=beside_a_sun)), np.float32([0.3, 1.0, 0.2])
     openings = found_in(tracer, eye_rays()[0])
     numbers = np.random.default_rng(8).random((count, 2), np.float32)
     up, at = np.array([0.0, 1.0, 0.0]), np.array([0.3, 0.0, 0.2])
@@ -208,14 +217,17 @@ def test_photons_sent_through_openings_carry_the_same_flux_everywhere():
     assert inside[1] > 10 * inside[0]
 
 
-def test_pictures_of_light_through_a_hole_are_exact_and_have_little_noise(gpu):
+@pytest.mark.parametrize("beside_a_sun", [False, True])
+def test_pictures_of_light_through_a_hole_are_exact_and_have_little_noise(gpu, beside_a_sun):
     """One cosine draw in 230 passes. By these alone, a mean over squares of 45 x 45 pixels is off by a third
     (.41 was measured). Of guided draws one in six passes at least: four to a pixel, and 25 pixels to the
     smallest square, err by sqrt(5 / 100) = .22 at most. The mean of 48 pictures is exact to four of its
-    standard errors, by Lambert's formula for polygons."""
+    standard errors, by Lambert's formula for polygons. What is as bright as a sun has draws of its own, most
+    of which are of the sun near the horizon: half as many bring ten times as much, so that a ratio of means of
+    25 of them errs by 4 % (Cochran, Sampling Techniques, 6.8)."""
     camera = Camera.look_at((0.0, 2.5, 0.0), (0.0, 0.0, -1e-3), yfov=0.6)
     settings = Settings(size=(96, 64), bounces=0, antialias=False)
-    scene, means = lit_by_a_hole(), []
+    scene, means = lit_by_a_hole(beside_a_sun=beside_a_sun), []
     with Renderer(scene, settings, camera, gpu=gpu) as renderer:
         frame = renderer.render()
         depth = frame.depth.astype(float)
@@ -234,4 +246,5 @@ def test_pictures_of_light_through_a_hole_are_exact_and_have_little_noise(gpu):
     irradiance = np.reshape([polygon_irradiance(HOLE, place, up) for place in at], x.shape)
     truth = RADIANCE * 0.6 / math.pi * irradiance
     assert np.sqrt(((first / truth - 1.0) ** 2).mean()) < 0.22
-    assert np.mean(means) == pytest.approx(truth.mean(), abs=4.0 * float(np.std(means)) / math.sqrt(48))
+    error = 4.0 * float(np.std(means)) / math.sqrt(48) + (0.04 * truth.mean() if beside_a_sun else 0.0)
+    assert np.mean(means) == pytest.approx(truth.mean(), abs=error)
