@@ -49,7 +49,8 @@ def ratio_share(pass_index):
 @jit
 def area_light_by_ratio(tables, x, wo, u, scratch, goes_on, count, pass_index, openings):
     """Return what `area_light` does without a limit, the environment's light by the ratio of means where a
-    pass wants that, and none but Openings let it in."""
+    pass wants that, and none but Openings let it in. One draw has no ratio: it tells whether there is
+    shadow, not how much light that takes."""
     by_ratio = has_environment(tables.environment) and not transmits(x.bsdf)
     total, traced = area_light(tables, x, wo, u, scratch, f32(np.inf), goes_on, count, not by_ratio)
     if by_ratio:

@@ -223,8 +223,8 @@ def test_pictures_of_light_through_a_hole_are_exact_and_have_little_noise(gpu, b
     (.41 was measured). Of guided draws one in six passes at least: four to a pixel, and 25 pixels to the
     smallest square, err by sqrt(5 / 100) = .22 at most. The mean of 48 pictures is exact to four of its
     standard errors, by Lambert's formula for polygons. What is as bright as a sun has draws of its own, which
-    differ by their mean as they may be of the sun near the horizon: a ratio of means of 25 such errs by 1 / 25
-    (Cochran, Sampling Techniques, 6.8)."""
+    differ by as much as their mean, as some are of the sun near the horizon: a ratio of means of 25 such
+    errs by 1 / 25 (Cochran, Sampling Techniques, 6.8)."""
     camera = Camera.look_at((0.0, 2.5, 0.0), (0.0, 0.0, -1e-3), yfov=0.6)
     settings = Settings(size=(96, 64), bounces=0, antialias=False)
     scene, means = lit_by_a_hole(beside_a_sun=beside_a_sun), []
