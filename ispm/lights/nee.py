@@ -119,7 +119,8 @@ def lamp_weight(tables, position, side, pdf, hit, d):
     from lamps (balance heuristic, Veach 1997, section 9.2.2).
 
     position, side  of the start, m, and its `lit_side`
-    pdf             1/sr, with which it drew d; 0: it goes on from the eye, a mirror or glass, which draw none
+    pdf             1/sr, with which it drew d; 0: it goes on from the eye, a mirror or clear glass, which
+                    draw none
     """
     if pdf == f32(0):
         return f32(1)

@@ -84,8 +84,9 @@ class Path(NamedTuple):
     lane            of its first end
     start, d        of its next ray
     weight          of the radiance that comes back along it
-    pdf             of d, 1/sr, where an opaque surface's lobe drew it; 0: mirrors and glass sent it there
-    side            normal, unit, of the side of the surface that it left, and
+    pdf             of d, 1/sr, where a rough surface drew it; 0: a mirror or clear glass sent it there, or
+                    the pixel's own rough glass let it through
+    side            normal, unit, of the side of the surface that it left, see `lit_side`, and
     origin          m, where on it; of paths with a pdf those of the lobe, sheets that they passed since aside
     inside, focus   the hit at which it entered the solid that it is in, see `medium`; and what radiance from
                     there is multiplied by, 1 / eta^2, outside 1
