@@ -23,7 +23,15 @@ from ispm.lights.area import (
 )
 from ispm.lights.emitted import first_irradiance
 from ispm.lights.guided import guided_surround
-from ispm.optics.bsdf import Bsdf, eval_bsdf, is_lambert, is_narrow, is_smooth, kept_by_lambert, transmits
+from ispm.optics.bsdf import (
+    Bsdf,
+    eval_bsdf,
+    is_lambert,
+    is_narrow,
+    is_smooth,
+    reflection_over_lambert,
+    transmits,
+)
 from ispm.optics.bsdf_sampling import pdf_bsdf
 from ispm.optics.environment import environment_pdf, has_environment
 from ispm.optics.facets import visible_pdf
@@ -265,7 +273,7 @@ def left_to_draws(x, goes_on):
     b = x.bsdf
     if goes_on in (BY_BSDF, BY_GLASS) or not transmits(b):
         return x
-    f0, f90 = kept_by_lambert(b)
+    f0, f90 = reflection_over_lambert(b)
     kept = f0, f90, _NONE, b.eta, b.thin, b.sheen, b.anisotropy
     b = Bsdf(b.diffuse, _NONE, f32(0), f32(0), *kept)
     return SurfacePoint(x.hit, x.position, x.ng, x.n, b, x.flags, x.entering, x.coat, x.sheen, x.translucence)

@@ -129,9 +129,9 @@ def is_within(b):
 
 
 @jit
-def kept_by_lambert(b):
-    """Return a Bsdf's `dielectric_f0` and `dielectric_f90` as its Lambert lobe gives way to them: see
-    `surface_bsdf`."""
+def reflection_over_lambert(b):
+    """Return the reflectance along the normal and at grazing incidence that a Bsdf's Lambert lobe gives way
+    to: that of a dielectric, from within glass none, see `surface_bsdf`."""
     return (f32(0), f32(0)) if is_within(b) else (b.dielectric_f0, b.dielectric_f90)
 
 
@@ -250,7 +250,7 @@ def eval_bsdf(b, n, ng, wo, wi):
     if b.sheen > f32(0):
         return scale(eval_sheen(b.sheen, n, wo, wi, h), b.f0)
     fc = fresnel_weight(b, dot(wo, h))
-    f0, f90 = kept_by_lambert(b)
+    f0, f90 = reflection_over_lambert(b)
     lambert = (f32(1) - _mix(f0, f90, fc)) * _INV_PI
     if is_smooth(b):
         return b.diffuse[0] * lambert, b.diffuse[1] * lambert, b.diffuse[2] * lambert

@@ -45,7 +45,7 @@ from ispm.paths.vertices import BLACK, DIRECT, EMISSION, THROUGH, add_light, sto
 
 f32, i64, u32 = np.float32, np.int64, np.uint32
 
-EVENTS_MAX = 24  # mirrors and faces of glass that a path meets: within a cone light turns a dozen times
+EVENTS_MAX = 24  # mirrors and faces of glass that a path meets: light turns often within a cone
 ENDS_MAX = 2  # of one path: behind a varnished floor goes on what it mirrors
 LAMP_SAMPLES = 4  # points of lamps with a surface that an end is lit by, where a pixel has one path
 MIN_WEIGHT = f32(1e-3)  # weight below which a path goes on by chance

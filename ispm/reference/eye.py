@@ -27,7 +27,7 @@ from ispm.accel.surface import SurfaceTable, closest_surface, hit_position, scen
 from ispm.accel.world import World
 from ispm.kernels.simd import alloca
 from ispm.lights.nee import direct_light, times
-from ispm.optics.bsdf import has_finite, is_smooth, kept_by_lambert, smooth_split, transmits
+from ispm.optics.bsdf import has_finite, is_smooth, reflection_over_lambert, smooth_split, transmits
 from ispm.optics.bsdf_sampling import sample_bsdf
 from ispm.optics.dispersion import ALL_BANDS
 from ispm.optics.environment import environment_radiance, has_environment
@@ -263,4 +263,4 @@ def _write(end, i, x, wo, weight):
         end.wo[c], end.weight[c] = wo[c], weight[c]
         end.diffuse[c], end.f0[c], end.tint[c] = b.diffuse[c], b.f0[c], b.tint[c]
     end.f90, end.alpha = b.f90, mean_alpha(b)
-    end.dielectric_f0, end.dielectric_f90 = kept_by_lambert(b)
+    end.dielectric_f0, end.dielectric_f90 = reflection_over_lambert(b)
