@@ -109,7 +109,7 @@ def far_side(x, wo):
     gives_way = b.dielectric_f0, b.dielectric_f90, _NONE, f32(1), f32(1), f32(0), NO_ANISOTROPY
     lambert = Bsdf(x.translucence, _NONE, f32(0), f32(0), *gives_way)
     ng, n = scale(f32(-1), x.ng), scale(f32(-1), x.n)
-    y = SurfacePoint(x.hit, x.position, ng, n, lambert, x.flags, x.entering, NO_COAT, NO_SHEEN, _NONE)
+    y = SurfacePoint(x.hit, x.position, ng, n, lambert, x.flags, not x.entering, NO_COAT, NO_SHEEN, _NONE)
     return y, sub(wo, scale(f32(2) * dot(x.n, wo), x.n))
 
 

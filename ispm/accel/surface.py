@@ -58,6 +58,7 @@ from ispm.optics.coat import NO_COAT, Coat, covered, with_diffuse
 from ispm.optics.environment import EnvironmentTable
 from ispm.optics.jit import jit
 from ispm.optics.records import (
+    INNER,
     INSTANCE_MIRRORED,
     MATERIAL,
     MATERIAL_ANISOTROPIC,
@@ -69,6 +70,7 @@ from ispm.optics.records import (
     MATERIAL_SPECULAR_MAPPED,
     MATERIAL_THIN,
     MATERIAL_TRANSLUCENT,
+    MATERIAL_TRANSMITS,
     MATERIAL_UNLIT,
     NO_HIT,
 )
@@ -264,6 +266,13 @@ def surface(tables, hit, d):
         sheen = sheen_at(tables, context, dot(n, wo), coat.shown)
         b, through = covered(b, sheen.shown), scale(sheen.shown, through)
     return SurfacePoint(hit, position, ng, n, b, flags, entering, coat, sheen, through)
+
+
+@jit
+def inner_side(x):
+    """Return INNER, uint32, of a SurfacePoint that is the back of what lets light through; else 0."""
+    through = x.flags & u32(MATERIAL_TRANSMITS | MATERIAL_TRANSLUCENT) != u32(0)
+    return u32(INNER) if through and not x.entering else u32(0)
 
 
 @jit

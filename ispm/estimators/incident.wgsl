@@ -2,10 +2,15 @@
 // include optics/bsdf.wgsl
 // include optics/density.wgsl
 
+fn arrives(receiver: Receiver, photon: Photon, wi_ng: f32) -> bool {
+    let normal_ng = dot(photon.normal, receiver.ng);
+    return photon_counts(wi_ng, normal_ng, is_inner(photon.instance), is_inner(receiver.valid));
+}
+
 // kappa, and kappa times the cosine ratio; zero where the photon does not count.
 fn arrival(receiver: Receiver, photon: Photon) -> vec2f {
     let wi_ng = dot(photon.wi, receiver.ng);
-    if (receiver.valid == 0u || !photon_counts(wi_ng, dot(photon.normal, receiver.ng))) {
+    if (receiver.valid == 0u || !arrives(receiver, photon, wi_ng)) {
         return vec2f(0.0);
     }
     let kappa = density_kernel(receiver.position - photon.position, photon.normal, photon.radius, photon.height);

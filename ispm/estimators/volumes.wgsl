@@ -28,6 +28,7 @@ struct Volume {
     @location(2) @interpolate(flat) wi: vec3f,
     @location(3) @interpolate(flat) flux: vec3f,
     @location(4) @interpolate(flat) bounce: u32,
+    @location(5) @interpolate(flat) instance: u32,
 }
 
 @vertex
@@ -43,7 +44,7 @@ fn vs(@builtin(vertex_index) corner: u32, @builtin(instance_index) index: u32) -
         // Half way between the near and far planes at any distance: neither cuts a volume open.
         vec4f(clip.xy, 0.5 * clip.w, clip.w),
         vec4f(photon.position, photon.radius), vec4f(photon.normal, photon.height), photon.wi, photon.flux,
-        photon.bounce,
+        photon.bounce, photon.instance,
     );
 }
 
@@ -69,7 +70,7 @@ fn receiver_at(clip: vec4f) -> Receiver {
 fn photon_of(volume: Volume) -> Photon {
     return Photon(
         volume.position_radius.xyz, volume.position_radius.w, volume.flux, volume.bounce,
-        volume.wi, 0u, volume.normal_height.xyz, volume.normal_height.w,
+        volume.wi, volume.instance, volume.normal_height.xyz, volume.normal_height.w,
     );
 }
 
@@ -79,7 +80,7 @@ fn brought(receiver: Receiver, photon: Photon) -> vec2f {
         return arrival(receiver, photon);
     }
     let wi_ng = dot(photon.wi, receiver.ng);
-    if (receiver.valid == 0u || !photon_counts(wi_ng, dot(photon.normal, receiver.ng))) {
+    if (receiver.valid == 0u || !arrives(receiver, photon, wi_ng)) {
         return vec2f(0.0);
     }
     let wi_n = dot(photon.wi, receiver.n);

@@ -11,7 +11,7 @@ from collections.abc import Callable
 import numpy as np
 
 from ispm.optics.jit import jit
-from ispm.optics.records import take
+from ispm.optics.records import INNER, take
 from ispm.optics.rng import random4
 from ispm.optics.vector import dot, vec3
 
@@ -146,7 +146,9 @@ def _key(point, inverse, u):
         if abs(ng[c]) > most:
             axis, most = c, abs(ng[c])
     side = 2 * axis + (1 if ng[axis] > f32(0) else 0)
-    return (key << i64(3)) | i64(side + 1)
+    key = (key << i64(3)) | i64(side + 1)
+    # the highest bit of x: half of all cells away from those in the same plane that are not INNER
+    return key ^ (i64(1) << i64(3 * _KEY_BITS + 2)) if point.valid & u32(INNER) else key
 
 
 @jit

@@ -16,6 +16,7 @@ from ispm.accel.normals import unit
 from ispm.frame import Receivers
 from ispm.kernels.share import run_shared, shared_rows
 from ispm.optics.jit import jit
+from ispm.optics.records import INNER
 from ispm.optics.vector import Vector, dot, sub, vec3
 from ispm.scene.layout import Layout
 from ispm.scene.packed_instance import Placed
@@ -143,7 +144,7 @@ def _reproject(counter, points, moves, before, out):
     for i in shared_rows(counter, _CHUNK, len(points)):
         if points[i].valid == u32(0):
             continue
-        instance = i64(points[i].valid) - i64(1)
+        instance = i64(points[i].valid & ~u32(INNER)) - i64(1)
         if moves.rows[instance] >= i64(0):
             m, k = moves.places[instance], moves.normals[instance]
             x, ng, n = vec3(points[i].position), vec3(points[i].ng), vec3(points[i].n)
@@ -215,7 +216,7 @@ def _mean_near(here, valid, before, out):
 def _likeness(here, right, down, valid, before, j):
     """The weight of receiver `j` for a _Here that lies `right` and `down` in its picture."""
     other = before.points[j]
-    if i64(other.valid) != valid:
+    if i64(other.valid & ~u32(INNER)) != valid:
         return f32(0)
     ex, ey = before.pixels[j, 0] - right, before.pixels[j, 1] - down
     e2 = ex * ex + ey * ey

@@ -51,13 +51,14 @@ def ellipse_peak(uu, vv):
 
 
 @jit
-def photon_counts(wi_ng, normal_ng):
+def photon_counts(wi_ng, normal_ng, inner, point_inner):
     """Return whether a photon lights a point, a bool: it came from the point's side, onto the same surface.
 
     wi_ng      cosine of the photon's direction of arrival and the point's geometric normal
     normal_ng  cosine of the two geometric normals
+    inner, point_inner  whether INNER, see records.wgsl, is set of the photon and of the point
     """
-    return (wi_ng > f32(0)) & (normal_ng > SAME_SURFACE)
+    return (wi_ng > f32(0)) & (normal_ng > SAME_SURFACE) & (inner == point_inner)
 
 
 @jit

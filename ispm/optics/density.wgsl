@@ -24,8 +24,8 @@ fn ellipse_kernel(offset: vec3f, u: vec3f, v: vec3f, n: vec3f, height: f32) -> f
 }
 
 // Whether a photon lights a point: it came from the point's side, onto the same surface.
-fn photon_counts(wi_ng: f32, normal_ng: f32) -> bool {
-    return wi_ng > 0.0 && normal_ng > SAME_SURFACE;
+fn photon_counts(wi_ng: f32, normal_ng: f32, inner: bool, point_inner: bool) -> bool {
+    return wi_ng > 0.0 && normal_ng > SAME_SURFACE && inner == point_inner;
 }
 
 // What a shading normal makes of a photon; wi_ng > 0.

@@ -138,7 +138,7 @@ struct Photon {            // a photon as it is stored, one for each hit after t
     flux: vec3f,
     bounce: u32,           // non-specular scatters before this hit
     wi: vec3f,             // towards where it came from
-    instance: u32,
+    instance: u32,         // its row; and INNER
     normal: vec3f,         // geometric, on the side that was hit
     height: f32,           // of its kernel along the normal
 }
@@ -151,20 +151,30 @@ struct Caustic {           // a photon of a caustic, with a kernel of its own: a
     wi: vec3f,
     bounce: u32,           // as a Photon's; 1 of light that paths find which meet its lamp
     u: vec3f,              // semi-axes of the ellipse, m; u x v is on the side that was hit
-    spare1: u32,
+    side: u32,             // INNER or 0
     v: vec3f,
-    spare2: u32,
+    spare1: u32,
     front: vec3f,          // the plane's normal; nothing behind the plane is lit. 0: uncut
-    spare3: u32,
+    spare2: u32,
 }
 
 struct Receiver {          // a point whose incident light is estimated: a low-resolution pixel's surface
     position: vec3f,
     alpha: f32,            // of the glossy lobe, 0: none
     ng: vec3f,             // geometric normal, on the eye's side
-    valid: u32,            // 0: nothing is seen here; a pixel's: instance row + 1
+    valid: u32,            // 0: nothing is seen here; a pixel's: instance row + 1; and INNER
     n: vec3f,              // shading normal
     footprint: f32,        // m, width of the low-resolution pixel at the point, seen face on
     wo: vec3f,             // towards the eye
     slant: f32,            // 1 / |wo.ng|
 }
+
+// Set where light arrives at the back of a surface that lets light through, as within glass or a paper lantern: the
+// front of another may be close by, in the same plane and lit otherwise.
+const INNER = 0x80000000u;
+
+fn is_inner(word: u32) -> bool {
+    return (word & INNER) != 0u;
+}
+
+const PIXEL_BACK = 0x800000u;    // in the word that tells a pixel's material, above its row: the back is seen

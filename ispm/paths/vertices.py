@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import literal_unroll
 
+from ispm.accel.surface import inner_side
 from ispm.optics.bsdf import MIN_ALPHA, Bsdf, transmits
 from ispm.optics.facets import NO_ANISOTROPY, mean_alpha
 from ispm.optics.jit import jit
@@ -75,7 +76,7 @@ def store_point(point, x, wo, b, width, least):
         point.wo[k] = wo[k]
     glossy = max(b.f90, b.dielectric_f90) > f32(0) or b.f0[0] + b.f0[1] + b.f0[2] > f32(0)
     point.alpha = max(mean_alpha(b), max(least, MIN_ALPHA)) if glossy else f32(0)
-    point.valid = u32(1)
+    point.valid = u32(1) | inner_side(x)
     point.footprint = width
     point.slant = f32(1) / max(abs(dot(wo, x.ng)), f32(0.02))
 

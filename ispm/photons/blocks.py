@@ -13,7 +13,7 @@ from ispm.kernels.simd import ldf, ldu, stf
 from ispm.optics.bsdf import NARROW_ALPHA, gloss
 from ispm.optics.density import cosine_ratio, density_kernel, photon_counts
 from ispm.optics.jit import jit
-from ispm.optics.records import PHOTON, RECEIVER
+from ispm.optics.records import INNER, PHOTON, RECEIVER
 from ispm.optics.vector import add, dot, sub
 
 f32, u32, uint64 = np.float32, np.uint32, np.uint64
@@ -33,14 +33,14 @@ def _word(record: np.dtype, name: str) -> int:
 
 
 _ALPHA, _NG, _VALID, _N, _WO = (_word(RECEIVER, name) for name in ("alpha", "ng", "valid", "n", "wo"))
-RADIUS, _FLUX, _WI, NORMAL, HEIGHT, _BOUNCE = (
-    _word(PHOTON, name) for name in ("radius", "flux", "wi", "normal", "height", "bounce")
+RADIUS, _FLUX, _WI, NORMAL, HEIGHT, _BOUNCE, _INSTANCE = (
+    _word(PHOTON, name) for name in ("radius", "flux", "wi", "normal", "height", "bounce", "instance")
 )
 WORDS = PHOTON.itemsize // 4
 assert RECEIVER.itemsize == PHOTON.itemsize and _word(RECEIVER, "position") == _word(PHOTON, "position") == 0
 
 # A tile's receivers as it works on them: rows of 64 floats, sums behind, then the blocks' boxes.
-_ROW_NG, _ROW_N, _ROW_WO, _ROW_ALPHA, _ROW_SUMS = 3, 6, 9, 12, 13
+_ROW_NG, _ROW_N, _ROW_WO, _ROW_ALPHA, _ROW_INNER, _ROW_SUMS = 3, 6, 9, 12, 13, 14
 _ROWS = _ROW_SUMS + CHANNELS
 _BOXES = _ROWS * TILE
 WORK = (_BOXES + BOX * BLOCKS) // 2  # in 8 bytes
@@ -50,6 +50,12 @@ WORK = (_BOXES + BOX * BLOCKS) // 2  # in 8 bytes
 def is_valid(receivers, i):
     """Return whether the RECEIVER of row `i` is to be lit."""
     return ldu(receivers, i * WORDS + _VALID) != u32(0)
+
+
+@jit
+def is_inner(word):
+    """Return whether INNER is set in a word of a PHOTON (instance), CAUSTIC (side) or RECEIVER (valid)."""
+    return word & u32(INNER) != u32(0)
 
 
 @jit
@@ -121,6 +127,8 @@ def put(work, k, receivers, i):
         stf(work, (_ROW_NG + axis) * TILE + k, ldf(receivers, i * WORDS + _NG + axis))
         stf(work, (_ROW_N + axis) * TILE + k, ldf(receivers, i * WORDS + _N + axis))
         stf(work, (_ROW_WO + axis) * TILE + k, ldf(receivers, i * WORDS + _WO + axis))
+    inner = is_inner(ldu(receivers, i * WORDS + _VALID))
+    stf(work, _ROW_INNER * TILE + k, f32(1) if inner else f32(0))
     alpha = ldf(receivers, i * WORDS + _ALPHA)
     stf(work, _ROW_ALPHA * TILE + k, alpha)
     return alpha > f32(0)
@@ -177,7 +185,7 @@ def _add_diffuse(photon, work):
 def _add_glossy(photon, work):
     """Add a PHOTON to the sums of a block."""
     flux, kernel = vector(photon, _FLUX), _kernel(photon)
-    _, _, wi, _, _ = kernel
+    _, _, wi, _, _, _ = kernel
     least = least_gloss(ldu(photon, _BOUNCE))
     for k in range(LANES):
         add_gloss(work, k, _add_arriving(work, k, kernel, flux), wi, least, flux)
@@ -209,9 +217,10 @@ def add_gloss(work, k, light, wi, least, flux):
 
 @jit
 def _kernel(photon):
-    """A PHOTON's kernel: position, normal, wi, radius and height."""
+    """A PHOTON's kernel: position, normal, wi, radius, height and whether it is INNER, 1 or 0."""
     position, normal, wi = vector(photon, 0), vector(photon, NORMAL), vector(photon, _WI)
-    return position, normal, wi, ldf(photon, RADIUS), ldf(photon, HEIGHT)
+    inner = f32(1) if is_inner(ldu(photon, _INSTANCE)) else f32(0)
+    return position, normal, wi, ldf(photon, RADIUS), ldf(photon, HEIGHT), inner
 
 
 @jit
@@ -221,9 +230,9 @@ def _add_arriving(work, k, kernel, flux):
 
     kernel  as of `_kernel`;  flux  (3,) lm
     """
-    position, normal, wi, radius, height = kernel
+    position, normal, wi, radius, height, inner = kernel
     kappa = density_kernel(sub(place(work, k), position), normal, radius, height)
-    return add_arriving(work, k, kappa, normal, wi, flux)
+    return add_arriving(work, k, kappa, normal, wi, inner, flux)
 
 
 @jit
@@ -233,15 +242,17 @@ def place(work, k):
 
 
 @jit
-def add_arriving(work, k, kappa, normal, wi, flux):
+def add_arriving(work, k, kappa, normal, wi, inner, flux):
     """Add the irradiance and density of a photon whose kernel is kappa, 1/m2, at receiver k of a block, and
     return the former over its flux, 1/m2; both are zero where it does not count.
 
-    normal  unit, of the photon's surface;  flux  (3,) lm
+    normal  unit, of the photon's surface;  inner  1 if it is INNER, else 0;  flux  (3,) lm
     """
     ng = _row(work, _ROW_NG, k)
     wi_ng = dot(wi, ng)
-    kappa = kappa if photon_counts(wi_ng, dot(normal, ng)) else f32(0)
+    kappa = (
+        kappa if photon_counts(wi_ng, dot(normal, ng), inner, ldf(work, _ROW_INNER * TILE + k)) else f32(0)
+    )
     ratio = cosine_ratio(dot(wi, _row(work, _ROW_N, k)), wi_ng)
     light = kappa * ratio if kappa > f32(0) else f32(0)
     _add(work, 0, k, light, flux)

@@ -29,6 +29,7 @@ from ispm.kernels.simd import alloca
 from ispm.optics.density import SAME_SURFACE
 from ispm.optics.jit import jit
 from ispm.optics.records import (
+    INNER,
     MATERIAL_BLEND,
     MATERIAL_DOUBLE_SIDED,
     MATERIAL_HIDES_PHOTONS,
@@ -104,6 +105,7 @@ class _Kernel(NamedTuple):
 
     u, v, height  axes of its middle section and half its thickness, m
     front, reach  normal of the plane that cuts it off, and how far behind the photon that is, m
+    side          uint32, with INNER
     """
 
     position: Vector
@@ -114,6 +116,7 @@ class _Kernel(NamedTuple):
     height: np.float32
     front: Vector
     reach: np.float32
+    side: np.uint32
 
 
 @jit
@@ -125,7 +128,8 @@ def _keep_discs(scene, photons, rows, numbers, counter):
         photon, n = photons[rows[k]], vec3(photons[rows[k]].normal)
         t, b = orthonormal_basis(n)
         u, v = scale(photon.radius, t), scale(photon.radius, b)
-        kernel = _Kernel(vec3(photon.position), vec3(photon.wi), n, u, v, photon.height, uncut, f32(1))
+        cut = uncut, f32(1), photon.instance
+        kernel = _Kernel(vec3(photon.position), vec3(photon.wi), n, u, v, photon.height, *cut)
         _keep(scene, photon, kernel, numbers.keys[rows[k]], numbers, scratch)
 
 
@@ -137,7 +141,8 @@ def _keep_ellipses(scene, photons, rows, numbers, counter):
         photon = photons[rows[k]]
         u, v, front = vec3(photon.u), vec3(photon.v), vec3(photon.front)
         n, position = unit(cross(u, v)), vec3(photon.position)
-        kernel = _Kernel(position, vec3(photon.wi), n, u, v, photon.height, front, photon.reach)
+        cut = front, photon.reach, photon.side
+        kernel = _Kernel(position, vec3(photon.wi), n, u, v, photon.height, *cut)
         _keep(scene, photon, kernel, numbers.keys[rows[k]], numbers, scratch)
 
 
@@ -213,11 +218,17 @@ def _lit_share(scene, kernel, middle, thickness, scratch):
             break
         hit = read_hit(scratch.found)
         flags, (_, front) = material_flags(scene.surfaces, hit), hit_plane(scene.surfaces, hit)
-        facing = dot(front, n)
+        facing, side = dot(front, n), u32(0)
         if facing < f32(0):
             front, facing = scale(f32(-1), front), -facing
+            if flags & u32(MATERIAL_TRANSMITS | MATERIAL_TRANSLUCENT) != u32(0):
+                side = u32(INNER)
         lit = facing >= SAME_SURFACE and dot(kernel.wi, front) > f32(0)
-        lit = lit and flags & u32(MATERIAL_HIDES_PHOTONS) == u32(0)
+        lit = (
+            lit
+            and flags & u32(MATERIAL_HIDES_PHOTONS) == u32(0)
+            and (kernel.side ^ side) & u32(INNER) == u32(0)
+        )
         if lit and not (scene.solids and _is_inside(scene, kernel, add(top, scale(t, down)), front, scratch)):
             z = (length - t) / thickness - f32(1)
             m = max(f32(1) - z * z, f32(0))

@@ -16,6 +16,7 @@ from ispm.kernels.simd import address, alloca, ldf, ldu
 from ispm.kernels.threads import run_threads
 from ispm.optics.dispersion import ALL_BANDS, only_band
 from ispm.optics.jit import jit
+from ispm.optics.records import INNER
 from ispm.optics.vector import dot, scale, sub, vec3
 from ispm.photons.cells import BITS, SMALLEST, bounds_of, sort_by_cell
 from ispm.photons.nearest import DIMENSIONS, STACK_WORDS, NearestTree, find_nearest
@@ -144,7 +145,7 @@ def _reach_on_objects(photons: np.ndarray, widths: np.ndarray | None) -> np.ndar
     """(N,) float32: the largest radius that suits the object under each photon."""
     if widths is None:
         return np.full(len(photons), np.inf, np.float32)
-    return np.asarray((f32(_WIDTH_SHARE) * widths)[photons["instance"]])
+    return np.asarray((f32(_WIDTH_SHARE) * widths)[photons["instance"] & ~np.uint32(INNER)])
 
 
 @jit(allocates=True)

@@ -16,13 +16,13 @@ from ispm.optics.density import ellipse_peak
 from ispm.optics.jit import jit
 from ispm.optics.records import CAUSTIC
 from ispm.optics.vector import add, cross, dot, scale, sub
-from ispm.photons.blocks import LANES, add_arriving, add_gloss, box_of, least_gloss, place, vector
+from ispm.photons.blocks import LANES, add_arriving, add_gloss, box_of, is_inner, least_gloss, place, vector
 
 f32, i64, uint64 = np.float32, np.int64, np.uint64
 
 ELLIPSE_BYTES = CAUSTIC.itemsize
-_HEIGHT, _FLUX, _REACH, _WI, _BOUNCE, _U, _V, _FRONT = (
-    word_of(CAUSTIC, name) for name in ("height", "flux", "reach", "wi", "bounce", "u", "v", "front")
+_HEIGHT, _FLUX, _REACH, _WI, _BOUNCE, _U, _SIDE, _V, _FRONT = (
+    word_of(CAUSTIC, name) for name in ("height", "flux", "reach", "wi", "bounce", "u", "side", "v", "front")
 )
 _ROUND = f32(1.0001)  # a little more than reach, for the rounding of sums
 
@@ -33,6 +33,7 @@ class _Ellipse(NamedTuple):
     position    m
     x, y, z     1/m, along its axes: whose products with an offset are 1 at its rim
     normal, wi  unit
+    inner       1 if the photon is INNER, else 0
     front       normal of the plane that ends it, `reach` m behind its position
     peak        kappa in its middle, 1/m2
     """
@@ -43,6 +44,7 @@ class _Ellipse(NamedTuple):
     z: Any
     normal: Any
     wi: Any
+    inner: Any
     front: Any
     reach: Any
     peak: Any
@@ -75,9 +77,8 @@ def _ellipse(photon):
     normal, uu, vv = unit(cross(u, v)), dot(u, u), dot(v, v)
     x, y, z = scale(f32(1) / uu, u), scale(f32(1) / vv, v), scale(f32(1) / height, normal)
     front, reach = vector(photon, _FRONT), ldf(photon, _REACH)
-    return _Ellipse(
-        vector(photon, 0), x, y, z, normal, vector(photon, _WI), front, reach, ellipse_peak(uu, vv)
-    )
+    inner, wi = f32(1) if is_inner(ldu(photon, _SIDE)) else f32(0), vector(photon, _WI)
+    return _Ellipse(vector(photon, 0), x, y, z, normal, wi, inner, front, reach, ellipse_peak(uu, vv))
 
 
 @jit
@@ -105,4 +106,4 @@ def _add_arriving(rows, k, kernel, flux):
     x, y, z = dot(offset, kernel.x), dot(offset, kernel.y), dot(offset, kernel.z)
     m = max(f32(1) - (x * x + y * y + z * z), f32(0))
     m = m if dot(offset, kernel.front) >= -kernel.reach else f32(0)
-    return add_arriving(rows, k, kernel.peak * m * m, kernel.normal, kernel.wi, flux)
+    return add_arriving(rows, k, kernel.peak * m * m, kernel.normal, kernel.wi, kernel.inner, flux)

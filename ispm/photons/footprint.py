@@ -12,7 +12,7 @@ import math
 import numpy as np
 
 from ispm.optics.jit import jit
-from ispm.optics.records import CAUSTIC
+from ispm.optics.records import CAUSTIC, INNER
 from ispm.optics.sampling import orthonormal_basis
 from ispm.optics.vector import add, dot, scale, vec3
 from ispm.photons.density import Pixels, for_kernels, least_radius
@@ -44,8 +44,7 @@ def shape_kernels(
     room       for kernels to be wider; None: there is none
     """
     out = np.zeros(len(photons), CAUSTIC)
-    for name in ("position", "height", "flux", "wi", "bounce"):
-        out[name] = photons[name]
+    _copy(photons, out)
     room = no_room(len(beams)) if room is None else room
     _shape(photons, beams, room, clear, f32(diagonal), f32(smoothing), for_kernels(pixels), out)
     return out
@@ -54,10 +53,16 @@ def shape_kernels(
 def disc_kernels(photons: np.ndarray) -> np.ndarray:
     """Return (N,) CAUSTIC: photons with discs for kernels, as ellipses that a plane can cut."""
     out = np.zeros(len(photons), CAUSTIC)
-    for name in ("position", "height", "flux", "wi", "bounce"):
-        out[name] = photons[name]
+    _copy(photons, out)
     _write_discs(photons, out)
     return out
+
+
+def _copy(photons: np.ndarray, out: np.ndarray) -> None:
+    """Write what (N,) CAUSTIC have of (N,) PHOTON."""
+    for name in ("position", "height", "flux", "wi", "bounce"):
+        out[name] = photons[name]
+    out["side"] = photons["instance"] & INNER
 
 
 @jit

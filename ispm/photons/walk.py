@@ -14,7 +14,7 @@ from ispm.accel.intersect import STACK_WORDS
 from ispm.accel.layers import has_sheen, is_translucent
 from ispm.accel.medium import attenuated, medium, no_medium, passed_sheet, spawn_ray
 from ispm.accel.records import Hit, Scratch
-from ispm.accel.surface import SurfaceTable, Tables, closest_surface, scene_tables, surface
+from ispm.accel.surface import SurfaceTable, Tables, closest_surface, inner_side, scene_tables, surface
 from ispm.accel.world import World
 from ispm.kernels.share import run_shared, shared_rows
 from ispm.kernels.simd import alloca
@@ -365,7 +365,7 @@ def _store(photon, x, flux, d, clear, length, scatters):
     photon.radius = clear
     photon.height = length
     photon.bounce = u32(scatters)
-    photon.instance = x.hit.instance
+    photon.instance = x.hit.instance | inner_side(x)
 
 
 @jit

@@ -23,7 +23,7 @@ from ispm.accel.layers import (
 )
 from ispm.accel.medium import attenuated, medium, no_medium, spawn_ray
 from ispm.accel.records import Scratch
-from ispm.accel.surface import SurfaceTable, closest_surface, hit_position, scene_tables, surface
+from ispm.accel.surface import SurfaceTable, closest_surface, hit_position, inner_side, scene_tables, surface
 from ispm.accel.world import World
 from ispm.kernels.simd import alloca
 from ispm.lights.nee import direct_light, times
@@ -33,7 +33,7 @@ from ispm.optics.dispersion import ALL_BANDS
 from ispm.optics.environment import environment_radiance, has_environment
 from ispm.optics.facets import mean_alpha
 from ispm.optics.jit import jit
-from ispm.optics.records import MATERIAL_UNLIT, NO_HIT
+from ispm.optics.records import INNER, MATERIAL_UNLIT, NO_HIT
 from ispm.optics.rng import random4
 from ispm.optics.vector import add, dot, luminance, scale, sub, vec3
 from ispm.paths.eye_paths import EyeRays
@@ -50,7 +50,10 @@ _NONE = (f32(0), f32(0), f32(0))
 # Where a path ends on a lobe of more than one direction, of which ray (slot), and its Bsdf.
 _VECTORS = ("position", "n", "ng", "wo", "weight", "diffuse", "f0", "tint")
 _NUMBERS = ("f90", "alpha", "dielectric_f0", "dielectric_f90")
-_END = np.dtype([("slot", u32), *((v, f32, 3) for v in _VECTORS), *((n, f32) for n in _NUMBERS)])
+_WORDS = ("slot", "side")
+_END = np.dtype(
+    [*((w, u32) for w in _WORDS), *((v, f32, 3) for v in _VECTORS), *((n, f32) for n in _NUMBERS)]
+)
 
 
 class _View(NamedTuple):
@@ -116,6 +119,7 @@ def _reflected(ends: np.ndarray, photons: np.ndarray, tree: Any, neighbors: int)
     wi, flux = found["wi"].astype(float), found["flux"].astype(float)
     wi_ng = np.einsum("mkc,mc->mk", wi, ng)
     counts = (np.einsum("mkc,mc->mk", found["normal"], ng) > _SAME_SURFACE) & (wi_ng > 0.0)
+    counts &= found["instance"] & INNER == ends["side"][:, None]
     rank = np.cumsum(counts, axis=1)
     within = counts & (rank < neighbors)
     last = np.where(rank[:, -1] >= neighbors, np.argmax(rank >= neighbors, axis=1), most - 1)
@@ -257,7 +261,7 @@ def _add(light, i, value, weight, focus):
 def _write(end, i, x, wo, weight):
     """Write the _END of ray i at the SurfacePoint x."""
     b = x.bsdf
-    end.slot = u32(i)
+    end.slot, end.side = u32(i), inner_side(x)
     for c in range(3):
         end.position[c], end.n[c], end.ng[c] = x.position[c], x.n[c], x.ng[c]
         end.wo[c], end.weight[c] = wo[c], weight[c]

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from ispm.optics.records import INNER
+
 _PHOTON_CHUNK = 256  # bounds the memory: receivers x chunk x 3 doubles at a time
 
 
@@ -30,6 +32,7 @@ def _chunk(receivers: np.ndarray, photons: np.ndarray) -> np.ndarray:
     kappa = 3 / (np.pi * r2) * np.maximum(1 - planar2 / r2 - z * z / h2, 0) ** 2
     wi_ng = ng @ wi.T
     kappa *= (wi_ng > 0) & (ng @ normal.T > 0.5)
+    kappa *= ((receivers["valid"][:, None] ^ photons["instance"]) & INNER) == 0
     wi_n = n @ wi.T
     ratio = np.minimum(np.maximum(wi_n, 0) / np.where(wi_ng > 0, wi_ng, 1), 10)
     light = kappa * ratio

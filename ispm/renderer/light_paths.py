@@ -8,7 +8,15 @@ from functools import partial
 import numpy as np
 
 from ispm.errors import IspmError, SettingsError
-from ispm.optics.records import LIGHT_DIRECTIONAL, RECEIVER, take
+from ispm.optics.records import (
+    INNER,
+    INSTANCE_MIRRORED,
+    LIGHT_DIRECTIONAL,
+    MATERIAL_TRANSLUCENT,
+    MATERIAL_TRANSMITS,
+    RECEIVER,
+    take,
+)
 from ispm.optics.vector import LUMINANCE
 from ispm.photons.grid import PhotonGrid
 from ispm.photons.retrace import retrace
@@ -95,6 +103,7 @@ def receiver_at(last: LastFrame, column: int, row: int) -> np.ndarray | None:
     along = (depth + (made.view.eye - origin) @ forward) / (direction @ forward)
     point = np.zeros(1, RECEIVER)
     normal = frame.normal[row, column].astype(np.float64)
+    point["wo"], point["valid"] = -direction, 1
     point["position"], point["n"], point["ng"] = origin + along * direction, normal, normal
     # Where the triangle is met again its plane is exact, which kernels may be as flat as.
     start = origin + (1.0 - _SHORT) * along * direction
@@ -103,8 +112,9 @@ def receiver_at(last: LastFrame, column: int, row: int) -> np.ndarray | None:
     if np.isfinite(hit["t"]):
         point["position"] = start + float(hit["t"]) * direction
         ng = _face_normal(made, int(hit["instance"]), int(hit["primitive"]))
-        point["ng"] = ng if ng @ direction < 0.0 else -ng
-    point["wo"], point["valid"] = -direction, 1
+        back = ng @ direction >= 0.0
+        point["ng"] = -ng if back else ng
+        point["valid"] = 1 | _inner_side(made, int(hit["instance"]), bool(back))
     return point
 
 
@@ -115,6 +125,14 @@ def _face_normal(made: Pass, instance: int, primitive: int) -> np.ndarray:
     corners = mesh.positions[mesh.triangles[primitive]] @ to_world(placed)[:, :3].T.astype(np.float64)
     normal = np.cross(corners[1] - corners[0], corners[2] - corners[0])
     return np.asarray(normal / max(float(np.linalg.norm(normal)), 1e-300))
+
+
+def _inner_side(made: Pass, instance: int, back: bool) -> int:
+    """INNER where a surface that lets light through shows its back, else 0; back: as its corners run."""
+    placed = made.packed.instances[instance]
+    through = made.packed.materials["flags"][placed["material"]] & (MATERIAL_TRANSMITS | MATERIAL_TRANSLUCENT)
+    mirrored = bool(placed["flags"] & INSTANCE_MIRRORED)
+    return INNER if through and back != mirrored else 0
 
 
 def _photons_at(last: LastFrame, point: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

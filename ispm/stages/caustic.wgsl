@@ -89,7 +89,7 @@ fn fs(splat: Splat) -> Arrived {
     let wi_ng = dot(photon.wi, ng);
     let kappa = ellipse_kernel(offset, photon.u, photon.v, normal, photon.height);
     let before = dot(offset, photon.front) >= -photon.reach;
-    let counts = seen.w != 0u && before && photon_counts(wi_ng, dot(normal, ng));
+    let counts = seen.w != 0u && before && photon_counts(wi_ng, dot(normal, ng), is_inner(photon.side), shows_inner(seen.w, materials[material_row(seen.w)].flags));
     let arriving = select(0.0, kappa * cosine_ratio(dot(photon.wi, n), wi_ng), counts);
     let light = arriving * photon.flux;
     let wo = view_direction(position);

@@ -101,7 +101,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
         r.alpha = receiver_alpha(b, materials[material].flags);
         r.n = unpack_normal(packed.x);
         r.ng = unpack_normal(packed.y);
-        r.valid = textureLoad(ids, pixel, 0).r;
+        r.valid = textureLoad(ids, pixel, 0).r | select(0u, INNER, shows_inner(word, materials[material].flags));
         r.footprint = pixel_footprint(view_depth(r.position)) * f32(BLOCK);
         r.wo = view_direction(r.position);
         r.slant = 1.0 / max(abs(dot(r.wo, r.ng)), 0.02);

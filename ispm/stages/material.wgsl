@@ -1,13 +1,18 @@
-// The material of a pixel as the G-buffer keeps it: in one word, 0 where nothing is, the row of its Material and
-// the share of light that it transmits, diffusely or not, with the texture's part in it.
+// The material of a pixel as the G-buffer keeps it: in one word, 0 where nothing is, the row of its Material,
+// whether its back is seen, and the share of light that it transmits, diffusely or not, with the texture's part in it.
 // include optics/bsdf.wgsl
 
-fn pack_material(row: u32, transmission: f32) -> u32 {
-    return (row + 1u) | (u32(round(clamp(transmission, 0.0, 1.0) * 255.0)) << 24u);
+fn pack_material(row: u32, back: bool, transmission: f32) -> u32 {
+    return (row + 1u) | select(0u, PIXEL_BACK, back) | (u32(round(clamp(transmission, 0.0, 1.0) * 255.0)) << 24u);
 }
 
 fn material_row(word: u32) -> u32 {
-    return (word & 0xffffffu) - 1u;
+    return (word & (PIXEL_BACK - 1u)) - 1u;
+}
+
+// Whether photons are INNER there; flags: the Material's.
+fn shows_inner(word: u32, flags: u32) -> bool {
+    return (word & PIXEL_BACK) != 0u && (flags & (MATERIAL_TRANSMITS | MATERIAL_TRANSLUCENT)) != 0u;
 }
 
 fn material_transmission(word: u32) -> f32 {

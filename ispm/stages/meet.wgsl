@@ -7,6 +7,7 @@ struct Met {
     position: vec3f,
     uv: vec2f,             // barycentrics of the second and third corner
     ng: vec3f,             // unit, on the side that the ray comes from
+    back: bool,            // whether the corners run clockwise there
 }
 
 // The point of a triangle that a ray sees; e1, e2: edges from `corner` to the second and third. All in one space.
@@ -27,7 +28,7 @@ fn meet(corner: vec3f, e1: vec3f, e2: vec3f, origin: vec3f, direction: vec3f, pa
     let u = dot(cross(scale * offset, a2), n) * inverse;
     let v = dot(cross(a1, scale * offset), n) * inverse;
     let hits = facing != 0.0 && min(min(u, v), 1.0 - u - v) >= 0.0;
-    var met = Met(corner + offset, vec2f(u, v), n * sqrt(inverse) * select(1.0, -1.0, facing > 0.0));
+    var met = Met(corner + offset, vec2f(u, v), n * sqrt(inverse) * select(1.0, -1.0, facing > 0.0), facing > 0.0);
     let frame = orthonormal_basis(normalize(direction));
     var least = 1e30;
     for (var k = select(0u, 3u, hits); k < 3u; k++) {

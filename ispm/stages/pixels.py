@@ -26,6 +26,7 @@ from ispm.optics.records import (
     MATERIAL_TRANSLUCENT,
     MATERIAL_UNLIT,
     NO_HIT,
+    PIXEL_BACK,
 )
 from ispm.optics.sampling import octahedral_decode
 from ispm.optics.sheen import NO_SHEEN
@@ -113,7 +114,7 @@ def is_lit(tables, pixels, i):
 @jit
 def _material(word):
     """The word, int64, at which the MATERIAL begins that a pixel's `word` tells, see stages/material.wgsl."""
-    return i64((word & u32(0xFFFFFF)) - u32(1)) * MATERIAL_WORDS
+    return i64((word & u32(PIXEL_BACK - 1)) - u32(1)) * MATERIAL_WORDS
 
 
 @jit

@@ -51,8 +51,9 @@ fn fs(@builtin(position) at: vec4f) -> Shown {
     // A shading normal that a map or coarse triangles turned past the surface, or away from the eye, is put
     // back: no light would leave it, and silhouettes would have black pixels.
     n = bend(bend(side * n, met.ng), wo);
+    let back = met.back != ((instances[instance].flags & INSTANCE_MIRRORED) != 0u);
     return Shown(
-        vec4u(bitcast<vec3u>(met.position), pack_material(instances[instance].material, bump.z)),
+        vec4u(bitcast<vec3u>(met.position), pack_material(instances[instance].material, back, bump.z)),
         vec2u(pack_normal(n), pack_normal(met.ng)), clip_depth(met.position),
     );
 }

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from ispm.live.cache import WorldCache
-from ispm.optics.records import RECEIVER
+from ispm.optics.records import INNER, RECEIVER
 
 WIDTH = 0.1
 
@@ -74,6 +74,16 @@ def test_both_sides_of_a_sheet_are_told_apart():
         bottom = cache.light(below, Estimate(0.0), frame, 100 + frame)
     np.testing.assert_allclose(top[:, :3], 5.0)
     assert not bottom.any()
+
+
+def test_the_inside_of_a_wall_is_told_from_the_outside_of_another():
+    cache, outer, inner = WorldCache(WIDTH), floor(), floor()
+    inner["valid"] |= INNER
+    for frame in range(4):
+        bright = cache.light(outer, Estimate(5.0), frame, frame)
+        dark = cache.light(inner, Estimate(0.0), frame, 100 + frame)
+    np.testing.assert_allclose(bright[:, :3], 5.0)
+    assert not dark.any()
 
 
 def test_changed_light_is_forgotten():

@@ -64,9 +64,11 @@ def test_kernel_is_zero_outside_its_ellipsoid():
 
 
 def test_photons_count_on_their_own_side_and_surface_only():
-    assert density.photon_counts(f32(0.1), f32(0.9))
-    assert not density.photon_counts(f32(-0.1), f32(0.9))
-    assert not density.photon_counts(f32(0.1), f32(0.5))
+    for inner in (False, True):
+        assert density.photon_counts(f32(0.1), f32(0.9), inner, inner)
+        assert not density.photon_counts(f32(-0.1), f32(0.9), inner, inner)
+        assert not density.photon_counts(f32(0.1), f32(0.5), inner, inner)
+        assert not density.photon_counts(f32(0.1), f32(0.9), inner, not inner)
 
 
 def test_cosine_ratio_is_one_without_normal_map_and_bounded():

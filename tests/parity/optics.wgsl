@@ -68,8 +68,9 @@ fn density(@builtin(global_invocation_id) id: vec3u) {
     if (id.x >= arrayLength(&given)) { return; }
     let row = given[id.x];
     let kappa = density_kernel(row[0].xyz, row[3].xyz, row[1].x, row[1].y);
+    let counts = photon_counts(row[2].z, row[2].y, row[1].x > 0.5, row[1].y > 0.5);
     result[id.x][0] = vec4f(
-        kappa, cosine_ratio(row[2].x, row[2].y), select(0.0, 1.0, photon_counts(row[2].z, row[2].y)),
+        kappa, cosine_ratio(row[2].x, row[2].y), select(0.0, 1.0, counts),
         adjoint_factor(row[2].x, row[2].y, row[2].z, row[1].z),
     );
     result[id.x][1] = vec4f(octahedral_encode(row[3].xyz), octahedral_encode(row[4].xyz));

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from ispm.optics.records import CAUSTIC, PHOTON, RECEIVER
+from ispm.optics.records import CAUSTIC, INNER, PHOTON, RECEIVER
 from ispm.photons.footprint import disc_kernels
 from ispm.photons.grid import PhotonGrid
 from ispm.reference.gather import gather
@@ -38,13 +38,16 @@ def receivers_near(photons, count, seed):
     return receivers
 
 
+@pytest.mark.parametrize("ellipses", [False, True])
 @pytest.mark.parametrize("radius", [(0.05, 0.4), (1e-4, 1e-3), (2.0, 3.0)])
-def test_grid_is_brute_force(radius):
+def test_grid_is_brute_force(radius, ellipses):
     photons = photons_in_box(700, 1, radius)
     receivers = receivers_near(photons, 400, 2)
     receivers["position"][:50] = photons["position"][:50]  # also where kernels are tiny
+    photons["instance"][::2] |= INNER
+    receivers["valid"][::3] |= INNER * receivers["valid"][::3]
     exact = gather(receivers, photons)
-    found = PhotonGrid(photons).estimate(receivers, threads=2)
+    found = PhotonGrid(photons, disc_kernels(photons) if ellipses else None).estimate(receivers, threads=2)
     # float32 sums of up to 700 terms against float64
     assert exact.any()
     assert found == pytest.approx(exact, rel=1e-4, abs=1e-6 * exact.max())

@@ -9,7 +9,7 @@ from exact import mixed_scene, quad, view_of
 from ispm.gpu import FLAT, Target
 from ispm.library.common import lambert
 from ispm.optics.incident import FilteredLight
-from ispm.optics.records import CAUSTIC, PHOTON
+from ispm.optics.records import CAUSTIC, PHOTON, PIXEL_BACK
 from ispm.photons.footprint import OVERLAP, shape_kernels
 from ispm.photons.grid import PhotonGrid
 from ispm.reference.gather import gather
@@ -55,7 +55,7 @@ class Picture:
         """Base color and metallic as the G-buffer rounds them, (n, 4), and the material, of each pixel."""
         wanted = [(self.gbuffer.base, np.float16, 4), (self.gbuffer.points, np.uint32, 4)]
         base, points = self.gpu.read_many(wanted)
-        rows = np.maximum(points[..., 3].ravel() & 0xFFFFFF, 1) - 1
+        rows = np.maximum(points[..., 3].ravel() & (PIXEL_BACK - 1), 1) - 1
         return base.reshape(-1, 4).astype(float), self.packed.materials[rows]
 
 

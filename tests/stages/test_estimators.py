@@ -15,7 +15,7 @@ from ispm.estimators.tiled_cpu import TiledCpu
 from ispm.estimators.volumes import Volumes, icosahedron_corners, icosahedron_faces
 from ispm.gpu import RasterState, Target
 from ispm.library.builtin import builtin
-from ispm.optics.records import PHOTON, RECEIVER
+from ispm.optics.records import INNER, PHOTON, RECEIVER
 from ispm.reference.gather import gather
 
 LOW, HIGH = np.array([-2.0, -1.5, -6.0]), np.array([2.0, 1.5, 1.0])  # of a room around the eye
@@ -111,10 +111,13 @@ def make_scene(name):
         )
     sizes = {"eye inside kernels": (3.0, 8.0), "off-center": (0.05, 0.4)}
     photons = photons_in_room(400, sizes.get(name, (0.1, 1.0)), random)
+    if name == "inner sides":
+        photons["instance"][::2] |= INNER
+        receivers["valid"][::3] |= INNER * receivers["valid"][::3]
     return Scene(receivers, photons, clip)
 
 
-SCENES = ("diffuse", "glossy", "eye inside kernels", "orthographic", "off-center")
+SCENES = ("diffuse", "glossy", "eye inside kernels", "orthographic", "off-center", "inner sides")
 
 
 def disagreement(found, expected):

@@ -13,6 +13,7 @@ from ispm.accel.glow import glow
 from ispm.accel.records import Hit
 from ispm.gpu import Gpu
 from ispm.optics.jit import jit
+from ispm.optics.records import PIXEL_BACK
 from ispm.scene.camera import look_at_pose
 from ispm.scene.color import linear
 from ispm.scene.material import AlphaMode, Material, Texture, TextureUse, Wrap
@@ -81,7 +82,7 @@ def test_gbuffer_matches_exact_rays(gpu: Gpu, options: dict) -> None:
     assert np.abs(rebuilt - points)[inside].max() < 1e-5 * distance[row >= 0].max()
     material = packed.instances["material"][np.maximum(instance, 1) - 1]
     assert (got["ids"][..., 1] == triangles.primitive[facet])[inside].all()
-    assert ((got["points"][..., 3] & 0xFFFFFF) - 1 == material)[inside].all()
+    assert ((got["points"][..., 3] & (PIXEL_BACK - 1)) - 1 == material)[inside].all()
     assert ((got["points"][..., 3] > 0) == (got["ids"][..., 0] > 0)).all()
 
     ng = triangles.front[facet]
@@ -167,7 +168,10 @@ def test_backs_of_one_sided_materials_do_not_glow(
     for side in (1.0, -1.0):
         expected = shown * (both or side == np.sign(scale[1]))
         view = CameraView((160, 90), look_at_pose(np.array([0.0, 3.0 * side, 0.0]), np.zeros(3)), near=0.01)
-        assert (draw(gpu, tracer.packed, view)["emission"][45, 80, :3] == expected).all()
+        drawn = draw(gpu, tracer.packed, view)
+        assert (drawn["emission"][45, 80, :3] == expected).all()
+        is_back = bool(drawn["points"][45, 80, 3] & PIXEL_BACK)
+        assert is_back == (side != np.sign(scale[1])) or not expected.any()  # backs of others are not seen
         down = np.array([0.1, -side, 0.2], np.float32) / np.float32(1.05**0.5)
         assert (np.array(_glow(tracer.tables, *down)) == expected).all()
 

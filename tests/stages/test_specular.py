@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from exact import quad, view_of
 
+from ispm.optics.records import PIXEL_BACK
 from ispm.scene.material import Material, Texture
 from ispm.scene.packed import pack
 from ispm.scene.scene import Scene
@@ -69,7 +70,7 @@ def test_the_g_buffer_keeps_row_and_transmission_apart(gpu):
     *_, ids, words = drawn(gpu, materials)
     for k, expected in enumerate((0.0, 1.0, 0.25, 0.5 * 128 / 255)):
         word = words[ids[..., 0] == k + 1]
-        assert len(word) and ((word & 0xFFFFFF) - 1 == k).all()
+        assert len(word) and ((word & (PIXEL_BACK - 1)) - 1 == k).all()
         assert (word >> 24) / 255 == pytest.approx(expected, abs=0.5 / 255 + 1e-6)
 
 
