@@ -251,8 +251,9 @@ def _begin(given, smoothing, light, counter, blur, values):
         for c in range(light.shape[1]):
             values[i, c] = light[i, c] / first.reflectance[c % 3]
         total, inverse = f32(0), f32(0)
-        for stride in range(1, 3):
-            for k in range(9):
+        for stride in range(1, 4):
+            # one of 2 x 2 pixels may have a path, and all beside this one may be lost in the surface
+            for k in range(9 if stride < 3 or inverse == f32(0) else 0):
                 j = _beside(given, i, k, i64(stride))
                 if j >= i64(0) and firsts[j].blur > f32(0):
                     w = _likeness(given, i, j, i64(stride))

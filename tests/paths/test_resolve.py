@@ -102,6 +102,19 @@ def test_pixels_without_paths_get_their_neighbors_light_and_lonely_ones_are_foun
     assert list(lonely_rows(given)) == [alone]
 
 
+def test_pixels_between_paths_that_were_lost_are_not_black():
+    """One of 2 x 2 pixels has a path, and those above and below one without were lost in the surface: their
+    light is 0, which counts, and they tell no width."""
+    y, x = np.divmod(np.arange(WIDE * HIGH), WIDE)
+    paths = (x % 2 == 0) & (y % 2 == 0)
+    lost = (x == WIDE // 2) & np.isin(y, (HIGH // 2, HIGH // 2 + 2))
+    given = flat(np.where(paths & ~lost, 5.0, 0.0), samples=paths.astype(int), reflectance=1.0)
+    light = np.tile((paths & ~lost)[:, None], (1, 3)).astype(float)
+    out = resolved(light, given)[:, 0].reshape(HIGH, WIDE)
+    near = out[HIGH // 2 - 4 : HIGH // 2 + 7, WIDE // 2 - 4 : WIDE // 2 + 5]
+    assert near.min() > 0.9  # 2 of some 5^2 pi paths are lost
+
+
 def test_what_is_no_lobe_is_not_touched():
     given = flat(reflectance=0.0)
     light = np.random.default_rng(3).random((WIDE * HIGH, 9)).astype(np.float32)
