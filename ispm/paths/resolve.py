@@ -33,6 +33,7 @@ _LENIENT = f32(0.25)  # likewise for what stands out
 _ALIKE = f32(4)  # likewise that of two alphas, over the larger one
 _OFF_PLANE = f32(2)  # pixels, and as many as the stride, off the plane of a surface at which another begins
 _OUTLIER = 4.0  # times the mean about a pixel, above which its light goes farther: in the first pass
+_CLOSE = f32(1)  # pixels of width, below which a pixel wants paths of its own
 _KERNEL = f32(0.5)  # variance of a whole pass, squares of its stride
 
 
@@ -87,6 +88,18 @@ def lonely_rows(given: Shown) -> np.ndarray:
     if _has_lobes(given):
         _find_lonely(given, lonely)
     return np.flatnonzero(lonely)
+
+
+def contact_rows(given: Shown) -> np.ndarray:
+    """Return the rows of pixels with one path or none that are averaged over less than a pixel, sorted.
+
+    Their neighbors' paths tell, not their own: else what one finds close by would be drawn anew, and what it
+    finds far off would stay.
+    """
+    close = np.zeros(len(given.pixels), np.bool_)
+    if _has_lobes(given):
+        run_shared(lambda counter: _find_contacts(given, counter, close), 1)
+    return np.flatnonzero(close)
 
 
 def resolve_lobes(light: np.ndarray, given: Shown, smoothing: float, threads: int) -> None:
@@ -202,6 +215,31 @@ def _find_lonely(given, lonely):
 
 
 @jit
+def _find_contacts(given, counter, close):
+    """Mark (n,) bool, as `contact_rows` says."""
+    for i in shared_rows(counter, _CHUNK, len(given.pixels)):
+        if given.lobes[i].instance != u32(NO_HIT) and given.firsts[i].samples < u32(2):
+            width = _width_about(given, i, False)
+            close[i] = width > f32(0) and width < _CLOSE
+
+
+@jit
+def _width_about(given, i, own):
+    """Harmonic mean of `blur` about a row, pixels, 0: none has any; own: whether it counts itself."""
+    firsts = given.firsts
+    total, inverse = f32(0), f32(0)
+    for stride in range(1, 4):
+        # one of 2 x 2 pixels may have a path, and all beside this one may be lost in the surface
+        for k in range(9 if stride < 3 or inverse == f32(0) else 0):
+            j = _beside(given, i, k, i64(stride))
+            if j >= i64(0) and firsts[j].blur > f32(0) and (own or k != 4):
+                w = _likeness(given, i, j, i64(stride))
+                total += w
+                inverse += w / firsts[j].blur
+    return total / inverse if inverse > f32(0) else f32(0)
+
+
+@jit
 def _beside(given, i, k, stride):
     """The row, int64, of neighbor `k` of 9 of row `i`, -1: there is none; stride: pixels between them."""
     height, across = given.rows.shape
@@ -250,16 +288,8 @@ def _begin(given, smoothing, light, counter, blur, values):
         values[i, _PATHS] = f32(first.samples)
         for c in range(light.shape[1]):
             values[i, c] = light[i, c] / first.reflectance[c % 3]
-        total, inverse = f32(0), f32(0)
-        for stride in range(1, 4):
-            # one of 2 x 2 pixels may have a path, and all beside this one may be lost in the surface
-            for k in range(9 if stride < 3 or inverse == f32(0) else 0):
-                j = _beside(given, i, k, i64(stride))
-                if j >= i64(0) and firsts[j].blur > f32(0):
-                    w = _likeness(given, i, j, i64(stride))
-                    total += w
-                    inverse += w / firsts[j].blur
-        deviation = smoothing * (total / inverse if inverse > f32(0) else max(-first.blur, f32(0)))
+        width = _width_about(given, i, True)
+        deviation = smoothing * (width if width > f32(0) else max(-first.blur, f32(0)))
         blur[i] = deviation * deviation
 
 

@@ -21,7 +21,7 @@ from ispm.paths.eye_paths import EyePaths, EyeRays, join_ends, no_paths
 from ispm.paths.far import LANES, light_far_sides
 from ispm.paths.pixel_layers import filtered_light
 from ispm.paths.pixel_rays import rays_to_seen
-from ispm.paths.resolve import Shown, lonely_rows, resolve_lobes, shown
+from ispm.paths.resolve import Shown, contact_rows, lonely_rows, resolve_lobes, shown
 from ispm.paths.sheen import sheen_light
 from ispm.paths.vertices import COLUMNS, INDIRECT, THROUGH
 from ispm.renderer.backdrop import background_color, shows_environment
@@ -140,8 +140,15 @@ def _paths_of(
     widths = view.pixel_widths(places)
     given = shown(rays.keys, view.size[0], paths.firsts, places, widths, this.threads)
     lonely, again, edges = lonely_rows(given), [], np.zeros(0, np.int64)
+    few = _EDGES_FEW * view.size[0] * view.size[1]
+    close = np.setdiff1d(contact_rows(given), lonely)
     if this.settings.antialias:
         edges = edge_rows(paths, lonely, rays.keys, view.size[0])
+    if 0 < len(close) < few:
+        edges = np.setdiff1d(edges, close)
+        own = replace(rows_of(rays, close), most=GLOSS_SAMPLES)
+        again.append((close, follow(this, own, photons)))
+        paths.firsts[close] = again[-1][1].firsts
     if len(lonely):
         again.append((lonely, follow(this, rows_of(rays, lonely), photons)))
         paths.firsts[lonely] = again[-1][1].firsts

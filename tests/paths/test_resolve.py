@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from ispm.paths import resolve
-from ispm.paths.resolve import lonely_rows, resolve_lobes, shown
+from ispm.paths.resolve import contact_rows, lonely_rows, resolve_lobes, shown
 from ispm.paths.vertices import FIRST_VERTEX
 
 WIDE, HIGH = 120, 116
@@ -100,6 +100,17 @@ def test_pixels_without_paths_get_their_neighbors_light_and_lonely_ones_are_foun
     alone = WIDE * 4 + 6
     given = flat(samples=own, where=alone, instance=3)
     assert list(lonely_rows(given)) == [alone]
+
+
+def test_contacts_are_found_by_the_paths_beside_them():
+    """What a pixel's own path finds does not decide whether others take its place."""
+    y, x = np.divmod(np.arange(WIDE * HIGH), WIDE)
+    close = np.zeros(len(x), bool)
+    close[contact_rows(flat(np.where(x < WIDE // 2, 0.5, 5.0)))] = True
+    assert close[x < WIDE // 2 - 2].all() and not close[x > WIDE // 2 + 2].any()
+    alone = (x == 50) & (y == 50)
+    assert not np.isin(np.flatnonzero(alone), contact_rows(flat(np.where(alone, 0.01, 5.0)))).any()
+    assert not len(contact_rows(flat(0.5, samples=4)))
 
 
 def test_pixels_between_paths_that_were_lost_are_not_black():
