@@ -15,7 +15,7 @@ import numpy as np
 
 from ispm.optics.jit import jit
 from ispm.optics.sampling import octahedral_encode
-from ispm.optics.vector import vec3
+from ispm.optics.vector import add, vec3
 
 f32 = np.float32
 
@@ -41,6 +41,9 @@ class EnvironmentTable(NamedTuple):
                 much of all light; else (0, 0, 3)
     sun_rows, sun_columns  as `rows` and `columns`, of pixels with sunlight alone, where there is any
     sun_share   of the probability of all pixels, that of these
+    disc        (7,) float32 of the disc of a sun that is a light of its own, whose light is in none of these:
+                the unit direction to its middle, the square of how far others within differ from it, and
+                the RGB radiance, cd/m2; (0,) without one
     """
 
     radiance: np.ndarray
@@ -53,6 +56,7 @@ class EnvironmentTable(NamedTuple):
     sun_rows: np.ndarray
     sun_columns: np.ndarray
     sun_share: np.float32
+    disc: np.ndarray
 
 
 NO_ENVIRONMENT = EnvironmentTable(
@@ -66,6 +70,7 @@ NO_ENVIRONMENT = EnvironmentTable(
     np.zeros(0, np.float32),
     np.zeros((0, 0), np.float32),
     np.float32(0),
+    np.zeros(0, np.float32),
 )
 
 
@@ -80,6 +85,18 @@ def environment_radiance(table, d):
     """Return the radiance, RGB cd/m2, that comes from direction `d`, from the eye outwards."""
     x, y = image_place(table, d)
     return _radiance_at(table, x, y)
+
+
+@jit
+def seen_radiance(table, d, is_sharp):
+    """Return `environment_radiance`, and if `is_sharp` that of the sun's disc with it: of ways from the eye
+    by mirrors and clear glass alone, on which no draw from the lights brings it."""
+    radiance = environment_radiance(table, d)
+    if is_sharp and len(table.disc) > 0 and d[1] > f32(0):  # below the horizon there is ground
+        x, y, z = d[0] - table.disc[0], d[1] - table.disc[1], d[2] - table.disc[2]
+        if x * x + y * y + z * z < table.disc[3]:
+            radiance = add(radiance, (table.disc[4], table.disc[5], table.disc[6]))
+    return radiance
 
 
 @jit

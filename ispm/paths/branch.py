@@ -75,6 +75,7 @@ class Branch(NamedTuple):
     pdf: np.float32
     sees_background: bool
     band: np.int64
+    unblurred: bool
 
 
 class Path(NamedTuple):
@@ -93,6 +94,7 @@ class Path(NamedTuple):
     length          m from the eye to `start`
     sees_background           whether it went through glass alone, so that it sees the background
     band            of its light, see `optics.dispersion`: weights of the others are 0
+    unblurred       whether mirrors and clear glass alone led here, so that it sees the sun's disc
     """
 
     key: np.uint32
@@ -109,6 +111,7 @@ class Path(NamedTuple):
     length: np.float32
     sees_background: bool
     band: np.int64
+    unblurred: bool
 
 
 @jit
@@ -163,7 +166,8 @@ def first_path(tables, view, x, wo, key, k, length, band):
         wi, weight, dimension = beyond, transmittance, u32(sample << 8 | 128)
         share = f32(1) if smooth else f32(1.0 / ROUGH_SAMPLES)
         lane = TRANSMITTED if smooth else SCATTERED
-    branch = Branch(key, dimension, i64(lane), wi, of_band(band, scale(share, weight)), pdf, True, band)
+    weight = of_band(band, scale(share, weight))
+    branch = Branch(key, dimension, i64(lane), wi, weight, pdf, True, band, smooth)
     return leave(tables, x, no_medium(), f32(1), length, branch)
 
 
@@ -177,7 +181,7 @@ def _first_of_lobe(tables, view, x, wo, key, k, length):
     _, wi, factor, pdf = sample_lobe(x, wo, u1, u2)
     lane = REFLECTED if strong else SCATTERED
     weight = scale(f32(1) / f32(count), factor)
-    branch = Branch(key, u32(k << 8 | 1), i64(lane), wi, weight, pdf, False, ALL_BANDS)
+    branch = Branch(key, u32(k << 8 | 1), i64(lane), wi, weight, pdf, False, ALL_BANDS, False)
     return leave(tables, x, no_medium(), f32(1), length, branch)
 
 
@@ -187,23 +191,23 @@ def leave(tables, x, inside, focus, length, branch):
 
     inside, focus  as of a Path;  length  m, from the eye
     """
-    key, dimension, lane, d, weight, pdf, sees_background, band = branch
+    key, dimension, lane, d, weight, pdf, sees_background, band, unblurred = branch
     start, inside = spawn_ray(tables, x, inside, d)
     passes, solid = dot(d, x.ng) < f32(0), x.bsdf.thin == f32(0)
     if passes and solid:
         focus = f32(1) / (x.bsdf.eta * x.bsdf.eta) if x.entering else f32(1)
     sees_background = sees_background and (passes or (solid and transmits(x.bsdf) and not x.entering))
     side = lit_side(x) if not passes or transmits(x.bsdf) else scale(f32(-1), x.ng)
-    place = inside, focus, length
-    return Path(key, dimension, lane, start, d, weight, pdf, side, x.position, *place, sees_background, band)
+    place = side, x.position, inside, focus, length
+    return Path(key, dimension, lane, start, d, weight, pdf, *place, sees_background, band, unblurred)
 
 
 @jit
 def path_in_band(path, band):
     """Return a Path with the light of a band alone."""
-    key, dimension, lane, start, d, weight, pdf, side, origin, inside, focus, length, sees, _ = path
+    key, dimension, lane, start, d, weight, pdf, side, origin, inside, focus, length, sees, _, clear = path
     place = side, origin, inside, focus, length
-    return Path(key, dimension, lane, start, d, of_band(band, weight), pdf, *place, sees, band)
+    return Path(key, dimension, lane, start, d, of_band(band, weight), pdf, *place, sees, band, clear)
 
 
 @jit

@@ -33,7 +33,7 @@ from ispm.lights.nee import greatest
 from ispm.lights.openings import NO_OPENINGS, Openings
 from ispm.optics.bsdf import is_smooth, transmits
 from ispm.optics.dispersion import ALL_BANDS, BANDS
-from ispm.optics.environment import environment_radiance
+from ispm.optics.environment import seen_radiance
 from ispm.optics.facets import is_anisotropic
 from ispm.optics.jit import jit
 from ispm.optics.records import NO_HIT, RECEIVER
@@ -170,7 +170,7 @@ def _follow_pixel(tables, view, thread, rays, i, slot, out, done):
         found, hit = closest_surface(tables, start, d, f32(0), thread.scratch)
         if not found:
             if view.shows_environment:
-                add_light(out.light, i, EMISSION, environment_radiance(tables.environment, d), _WHITE)
+                add_light(out.light, i, EMISSION, seen_radiance(tables.environment, d, True), _WHITE)
             else:
                 add_light(out.light, i, THROUGH, _WHITE, _WHITE)
             return Done(done.row, done.traced + i64(1))
@@ -195,7 +195,7 @@ def _follow_pixel(tables, view, thread, rays, i, slot, out, done):
             band = number % bands
             y = in_band(tables, x, band)
         place = f32(0), d, d, no_medium(), f32(1)
-        path = Path(key, u32(0), i64(SCATTERED), start, d, _WHITE, *place, near, True, ALL_BANDS)
+        path = Path(key, u32(0), i64(SCATTERED), start, d, _WHITE, *place, near, True, ALL_BANDS, True)
         if not past:
             path = first_path(tables, view, y, wo, key, k, length, band)
         if greatest(path.weight) > MIN_WEIGHT * f32(1.0 / ROUGH_SAMPLES):
@@ -224,7 +224,7 @@ def _follow_behind(tables, view, thread, x, d, key, length, i, slot, out, done):
     before, within = length * view.near, clear_of_edges(tables, x.hit, d)
     start, weight = sub(hit_position(tables.surfaces, within), scale(before, d)), (clear, clear, clear)
     place = start, d, weight, f32(0), d, d, no_medium(), f32(1)
-    path = Path(key, u32(0), i64(TRANSMITTED), *place, length - before, True, ALL_BANDS)
+    path = Path(key, u32(0), i64(TRANSMITTED), *place, length - before, True, ALL_BANDS, True)
     done, _ = _follow_bands(tables, view, thread, path, x.hit, i, slot, out, done)
     return done
 
@@ -257,7 +257,7 @@ def _follow_often(tables, view, thread, path, veil, i, slot, out, done):
     -> the Done, the length of the last path, m, and whether it ended as its light disperses, see `follow`
     """
     first = done.row
-    key, dimension, lane, start, d, weight, pdf, side, origin, inside, focus, length, sees, band = path
+    key, dimension, lane, start, d, weight, pdf, side, origin, inside, focus, length, sees, band, clear = path
     before = light_at(out.light, i)
     share, k, count, rough = f32(1), 0, 1, False
     end, skipped = length, veil
@@ -277,6 +277,6 @@ def _follow_often(tables, view, thread, path, veil, i, slot, out, done):
                     out.ends[row].end.weight[c] *= share
         k += 1
         sample, part = u32(dimension + u32(k << 8)), scale(share, weight)
-        place = inside, focus, length
-        path = Path(key, sample, lane, start, d, part, pdf, side, origin, *place, sees, band)
+        place = side, origin, inside, focus, length
+        path = Path(key, sample, lane, start, d, part, pdf, *place, sees, band, clear)
     return done, end, False

@@ -24,7 +24,7 @@ from ispm.lights.nee import (
 from ispm.lights.ratio import area_light_by_ratio
 from ispm.optics.bsdf import NARROW_ALPHA, has_finite, is_narrow, is_smooth, transmits
 from ispm.optics.dispersion import ALL_BANDS
-from ispm.optics.environment import environment_radiance, has_environment
+from ispm.optics.environment import has_environment, seen_radiance
 from ispm.optics.jit import jit
 from ispm.optics.records import MATERIAL_UNLIT, NO_HIT
 from ispm.optics.rng import random4
@@ -70,7 +70,7 @@ def follow(tables, view, thread, path, veil, i, slot, out, done):
        bands as it met what disperses them, where it ends
     """
     row, traced = done.row, done.traced
-    key, dimension, lane, start, d, weight, pdf, side, origin, inside, focus, length, sees, band = path
+    key, dimension, lane, start, d, weight, pdf, side, origin, inside, focus, length, sees, band, clear = path
     stored, rough, parted, disperses, other = 0, False, False, False, path
     from_lobe, far, sharp = pdf > f32(0), f32(1e30), True
     behind = veil.instance != u32(NO_HIT)
@@ -84,7 +84,7 @@ def follow(tables, view, thread, path, veil, i, slot, out, done):
         if not found:
             if has_environment(tables.environment) and (view.shows_environment or not behind):
                 share = surround_weight(tables, pdf, d)
-                light = scale(share, environment_radiance(tables.environment, d))
+                light = scale(share, seen_radiance(tables.environment, d, clear))
                 add_light(out.light, i, EMISSION, light, scale(focus, weight))
             elif sees:
                 add_light(out.light, i, THROUGH, _WHITE, weight)
@@ -187,8 +187,9 @@ def follow(tables, view, thread, path, veil, i, slot, out, done):
             alive, wi, factor, parts, above, kept = drawn_lobe
             drawn = glass_pdf(b, x.n, wo, wi) if by_glass else f32(0)
             passed = is_smooth(b) and passed_sheet(x, wi)  # as shadow rays do, so that lobes draw beyond
+        clear = clear and drawn == f32(0)
         drawn = pdf if passed else drawn
-        factor, rest = scale(f32(1) / chance, factor), (sees, band)
+        factor, rest = scale(f32(1) / chance, factor), (sees, band, clear)
         branch = Branch(key, u32(dimension + u32(1)), lane, wi, times(weight, factor), drawn, *rest)
         if parts:
             apart = u32(dimension + u32(_EVENTS_APART))
@@ -201,7 +202,7 @@ def follow(tables, view, thread, path, veil, i, slot, out, done):
             break
         weight = scale(max(least / strongest, f32(1)), weight)
         sides = (side, origin) if passed else (left.side, left.origin)
-        key, dimension, lane, start, d, _, pdf, _, _, inside, focus, length, sees, _ = left
+        key, dimension, lane, start, d, _, pdf, _, _, inside, focus, length, sees, _, _ = left
         side, origin = sides
     return Done(row, traced), rough, far if from_lobe else length, parted, other, disperses
 

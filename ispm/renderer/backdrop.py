@@ -12,7 +12,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from ispm.kernels.threads import run_threads
-from ispm.optics.environment import environment_radiance
+from ispm.optics.environment import seen_radiance
 from ispm.optics.jit import jit
 from ispm.renderer.one_pass import Pass
 from ispm.settings import Settings
@@ -69,7 +69,7 @@ def fill_behind(table, corner, right, down, alpha, out):
         for x in range(out.shape[1]):
             rest = np.float32(1) - alpha[y, x]
             if rest > np.float32(0):
-                light = environment_radiance(table, _towards(corner, right, down, x + 0.5, y + 0.5))
+                light = seen_radiance(table, _towards(corner, right, down, x + 0.5, y + 0.5), True)
                 for c in range(3):
                     out[y, x, c] = rest * light[c]
 

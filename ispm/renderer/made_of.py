@@ -41,7 +41,7 @@ class MadeOf:
             packed.instances.tobytes(),
             packed.materials.tobytes(),
             textures.digest,
-            packed.lights.tobytes(),
+            packed.lit.still.tobytes(),
             packed.surround.digest,
         )
         camera = {name: getattr(view, name) for name in _CAMERA}

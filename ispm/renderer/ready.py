@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
@@ -17,6 +18,7 @@ from ispm.scene.packed import Packed, pack
 from ispm.scene.packed_material import texture_state
 from ispm.scene.placing import Tree
 from ispm.scene.scene import Scene
+from ispm.scene.sun import turned
 from ispm.settings import Settings
 from ispm.stages.camera import CameraView
 
@@ -64,7 +66,7 @@ class Ready:
             aspect=camera.aspect,
             principal=camera.principal,
         )
-        return packed, view
+        return replace(packed, lit=turned(packed.lit, packed.surround.disc, index)), view
 
     def place(self, scene: Scene, tree: Tree | None = None) -> Packed:
         """Pack a scene and place it in the tracer. Raises SceneError where it cannot be rendered.

@@ -11,7 +11,8 @@ import numpy as np
 from ispm.optics.environment import NO_ENVIRONMENT, EnvironmentTable
 from ispm.optics.environment_table import environment_power, environment_table, placed_environment
 from ispm.scene.environment import Environment
-from ispm.scene.sky import Sky, dome_of, require_environment
+from ispm.scene.sky import Sky, disc_of, dome_of, require_environment
+from ispm.scene.sun import SunDisc
 from ispm.scene.values import kept_value
 
 
@@ -45,6 +46,7 @@ class Surround:
     table       what kernels read
     intensity   factor of the image
     background  whether it is seen behind the scene
+    disc        of its sun, which is a light of its own
     made_of     all but the image, to be compared
     """
 
@@ -52,6 +54,7 @@ class Surround:
     intensity: float
     background: bool
     panorama: Panorama | None
+    disc: SunDisc | None
     made_of: tuple[object, ...]
 
     @property
@@ -65,15 +68,20 @@ class Surround:
         if self.panorama is None:
             return bytes(32)
         numbers = np.array([self.intensity, self.background], np.float64)
-        whole = self.panorama.digest + self.table.to_image.tobytes() + numbers.tobytes()
+        whole = (
+            self.panorama.digest
+            + self.table.to_image.tobytes()
+            + numbers.tobytes()
+            + self.table.disc.tobytes()
+        )
         return sha256(whole).digest()
 
 
-NO_SURROUND = Surround(NO_ENVIRONMENT, 1.0, False, None, ())
+NO_SURROUND = Surround(NO_ENVIRONMENT, 1.0, False, None, None, ())
 
 
 def pack_environment(around: Environment | Sky | None, before: Surround | None = None) -> Surround:
-    """Return a scene's environment, a sky without its sun: `before` itself if it is as then.
+    """Return a scene's environment, a sky's with its sun's disc: `before` itself if it is as then.
 
     Raises SceneError for a value out of range.
     """
@@ -83,7 +91,8 @@ def pack_environment(around: Environment | Sky | None, before: Surround | None =
         return NO_SURROUND
     image, version = environment.image, environment.version
     turn, scale, background = environment.rotation, environment.intensity, environment.background
-    made_of = tuple(map(kept_value, (turn, scale, background)))
+    disc = disc_of(around)
+    made_of = *map(kept_value, (turn, scale, background)), disc
     panorama = None if before is None else before.panorama
     if panorama is not None and (panorama.image is not image or panorama.version != version):
         panorama = None
@@ -92,4 +101,6 @@ def pack_environment(around: Environment | Sky | None, before: Surround | None =
     environment.check()
     panorama = panorama or Panorama(image, version, environment_table(image))
     table = placed_environment(panorama.table, float(turn), float(scale))
-    return Surround(table, float(scale), bool(background), panorama, made_of)
+    if disc is not None:
+        table = table._replace(disc=disc.record())
+    return Surround(table, float(scale), bool(background), panorama, disc, made_of)

@@ -22,14 +22,16 @@ _KINDS = {
 class Lit:
     """A scene's lights.
 
-    rows  (L,) LIGHT;  made_of  what they were made of, to be compared
+    rows     (L,) LIGHT;  made_of  what they were made of, to be compared
+    still    the rows of the first pass; those of others have a sun elsewhere on its disc
     """
 
     rows: np.ndarray
     made_of: list[object]
+    still: np.ndarray
 
 
-NO_LIGHTS = Lit(np.zeros(0, records.LIGHT), [])
+NO_LIGHTS = Lit(np.zeros(0, records.LIGHT), [], np.zeros(0, records.LIGHT))
 
 
 def pack_lights(layout: Layout, worlds: np.ndarray, before: Lit | None = None) -> Lit:
@@ -48,7 +50,8 @@ def pack_lights(layout: Layout, worlds: np.ndarray, before: Lit | None = None) -
         light_record(light, at, light_called(light, name, number))
         for number, (light, name, at) in enumerate(lights)
     ]
-    return Lit(np.array(rows, records.LIGHT), made_of)
+    packed = np.array(rows, records.LIGHT)
+    return Lit(packed, made_of, packed)
 
 
 def light_record(light: PunctualLight, world: np.ndarray, called: str) -> np.ndarray:

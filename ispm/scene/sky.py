@@ -9,16 +9,18 @@ from functools import lru_cache
 import numpy as np
 
 from ispm.errors import SceneError
-from ispm.optics.atmosphere import sky_radiance, sun_direction, sun_irradiance
+from ispm.optics.atmosphere import SUN_RADIUS, sky_radiance, sun_direction, sun_irradiance
 from ispm.scene.camera import look_at_pose
 from ispm.scene.environment import Environment
 from ispm.scene.light import DirectionalLight
 from ispm.scene.node import Node
 from ispm.scene.placing import Tree
+from ispm.scene.sun import SunDisc, sun_disc
 from ispm.scene.values import Strict, as_code, require
 
 _DUSK = -math.radians(6.0)  # where civil twilight ends; no darker sky is computed
 _BRIGHTER = 1e6  # times the sky's own light
+_WIDEST = 0.1  # radians, of the sun
 
 
 @dataclass(repr=False)
@@ -31,7 +33,9 @@ class Sky(Strict):
     ground_albedo  of the ground, which is seen below the horizon and lights the sky
     intensity      factor of all its light, which is else that of the real one: some 100,000 lx at noon
     background     whether it is seen behind the scene; in mirrors and through glass it always is
-    The sun is a light without a disc: it casts sharp shadows, and mirrors do not show it.
+    sun_radius     radians that the sun's disc is across by half, to 0.1; 0: a point, which is not seen
+    The sun is seen as the sky is, but rough mirrors and glass show their highlight of it in its place. One
+    pass has sharp shadows of it, more have penumbrae.
     Raises SceneError for a value out of range.
     """
 
@@ -41,6 +45,7 @@ class Sky(Strict):
     ground_albedo: float = 0.3
     intensity: float = 1.0
     background: bool = True
+    sun_radius: float = SUN_RADIUS
 
     def __post_init__(self) -> None:
         self.check()
@@ -55,6 +60,7 @@ class Sky(Strict):
         require("sky: turbidity", self.turbidity, 1.0, 10.0)
         require("sky: ground_albedo", self.ground_albedo, 0.0, 1.0)
         require("sky: intensity", self.intensity, 0.0, _BRIGHTER)
+        require("sky: sun_radius, in radians,", self.sun_radius, 0.0, _WIDEST)
 
     def dome(self) -> Environment:
         """Return its light without the sun's: the same object while nothing changes, not to be edited."""
@@ -74,6 +80,16 @@ class Sky(Strict):
         values = self.sun_elevation, self.sun_azimuth, self.turbidity, self.intensity
         return _sun(*map(float, values))
 
+    def disc(self) -> SunDisc | None:
+        """Return how the sun is seen; None where it is a point or below the horizon."""
+        self.check()
+        direction = sun_direction(float(self.sun_elevation), float(self.sun_azimuth))
+        return sun_disc(direction, float(self.sun_radius), self._irradiance())
+
+    def _irradiance(self) -> np.ndarray:
+        """The sun's, (3,) lx on a surface that faces it."""
+        return np.asarray(self.intensity * sun_irradiance(float(self.sun_elevation), float(self.turbidity)))
+
 
 @lru_cache(maxsize=8)
 def _dome(
@@ -91,6 +107,11 @@ def _sun(elevation: float, azimuth: float, turbidity: float, intensity: float) -
     red, green, blue = irradiance.tolist()
     pose = look_at_pose(sun_direction(elevation, azimuth), np.zeros(3))
     return Node("sun", light=DirectionalLight((red, green, blue)), matrix=pose)
+
+
+def disc_of(environment: Environment | Sky | None) -> SunDisc | None:
+    """Return the disc of a sky's sun, None where there is none."""
+    return environment.disc() if isinstance(environment, Sky) else None
 
 
 def require_environment(value: object) -> None:

@@ -128,7 +128,7 @@ def colonnade() -> Scene:
 
 def sky_colonnade() -> Scene:
     """The hall of `colonnade`, its far side open to a clear sky."""
-    scene = under_sky(colonnade(), Sky(sun_elevation=0.6, sun_azimuth=-0.5))
+    scene = under_sky(colonnade(), Sky(sun_elevation=0.6, sun_azimuth=-0.5, sun_radius=0.0))
     scene.name = "sky-colonnade"
     scene.roots.remove(scene.roots[_FAR_SIDE])
     for node in scene.nodes:

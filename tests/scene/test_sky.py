@@ -12,11 +12,12 @@ from ispm.errors import SceneError
 from ispm.library.shapes import box
 from ispm.optics import records
 from ispm.optics.atmosphere import sun_direction, sun_irradiance
-from ispm.optics.environment import NO_ENVIRONMENT, environment_radiance
+from ispm.optics.environment import NO_ENVIRONMENT, environment_radiance, seen_radiance
 from ispm.optics.vector import LUMINANCE
 from ispm.scene.packed import pack
 from ispm.scene.scene import Scene
 from ispm.scene.sky import Sky
+from ispm.scene.sun import turned
 
 
 def under(sky):
@@ -55,6 +56,47 @@ def test_there_is_no_sun_below_the_horizon_but_twilight():
     packed = pack(under(Sky(-0.05)))
     assert len(packed.lights) == 0
     assert 1.0 < seen(packed, (0.0, 1.0, 0.0)) < 100.0
+
+
+def test_the_disc_is_as_bright_as_the_sun_lights():
+    for sky in (Sky(0.6), Sky(0.6, sun_radius=0.08, intensity=2.0)):
+        surround = pack(under(sky)).surround
+        (sun,) = pack(under(sky)).lights
+        solid = math.pi * math.sin(surround.disc.radius) ** 2  # times the cosine, over the disc
+        assert np.array(surround.disc.radiance) * solid == pytest.approx(sun["intensity"], rel=1e-5)
+        assert surround.table.disc[:3] == pytest.approx(sun_direction(0.6, sky.sun_azimuth), abs=1e-6)
+    for sky in (Sky(0.6, sun_radius=0.0), Sky(-0.05), Sky(intensity=0.0)):
+        surround = pack(under(sky)).surround
+        assert surround.disc is None and not len(surround.table.disc)
+
+
+def test_the_disc_ends_at_its_rim_and_at_the_horizon():
+    table = pack(under(Sky(0.01, sun_azimuth=0.0, sun_radius=0.05))).environment
+
+    def shown(up, right):
+        d = np.array(
+            [math.sin(right), math.sin(0.01 + up), -math.cos(right) * math.cos(0.01 + up)], np.float32
+        )
+        return seen_radiance(table, tuple(d), True) != seen_radiance(table, tuple(d), False)
+
+    assert shown(0.0, 0.0) and shown(0.0499, 0.0) and shown(0.0, -0.0499) and shown(-0.0099, 0.0)
+    assert not (shown(0.0501, 0.0) or shown(0.0, 0.0501) or shown(0.0, -0.0501) or shown(-0.0101, 0.0))
+
+
+def test_passes_have_the_sun_evenly_all_over_its_disc():
+    packed = pack(under(Sky(0.6, sun_radius=0.1)))
+    lit, disc = packed.lit, packed.surround.disc
+    assert turned(lit, disc, 0) is lit and turned(lit, None, 5) is lit
+    suns = np.array([-turned(lit, disc, index).rows[-1]["direction"].astype(float) for index in range(256)])
+    assert np.linalg.norm(suns, axis=1) == pytest.approx(1.0, abs=1e-6)
+    away = np.linalg.norm(np.cross(suns, disc.direction), axis=1) / math.sin(0.1)
+    assert away[0] < 1e-5 and away.max() < 1.0 + 1e-6
+    # shares of the disc within circles, of a sequence whose discrepancy is below log(n) / n
+    for radius in (0.25, 0.5, 0.75):
+        assert (away < radius).mean() == pytest.approx(radius**2, abs=math.log(256) / 256)
+    middle = suns.mean(axis=0)
+    assert np.cross(middle, disc.direction) == pytest.approx(np.zeros(3), abs=0.1 * math.log(256) / 256)
+    assert (lit.still == lit.rows).all() and (turned(lit, disc, 7).still == lit.rows).all()
 
 
 def test_the_sun_joins_the_scenes_own_lights_and_leaves_the_scene_alone():
@@ -112,6 +154,7 @@ def test_skies_are_shown_as_the_code_that_makes_them():
         ("turbidity", 0.5, "sky: turbidity must be a number of 1 to 10, not 0.5"),
         ("turbidity", "clear", "sky: turbidity must be a number of 1 to 10, not 'clear'"),
         ("ground_albedo", 1.1, "sky: ground_albedo must be a number of 0 to 1, not 1.1"),
+        ("sun_radius", 0.2, "sky: sun_radius, in radians, must be a number of 0 to 0.1, not 0.2"),
         ("intensity", -1.0, "sky: intensity must be a number of 0 to 1e+06, not -1.0"),
     ],
 )
