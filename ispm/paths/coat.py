@@ -30,7 +30,7 @@ def facet_light(tables, y, wo, u, scratch, widest, count):
     """
     if is_smooth(y.bsdf):
         return _NONE, _NONE, i64(0)
-    points, rays = punctual_light(tables, widened(y, widest), wo, scratch, f32(np.inf))
+    points, rays = punctual_light(tables, widened(y, wo, widest), wo, scratch, f32(np.inf))
     areas, others = area_light(tables, y, wo, u, scratch, f32(np.inf), BY_COAT, count)
     return points, areas, rays + others
 

@@ -17,9 +17,18 @@ from ispm.optics.bsdf import (
     is_smooth,
     smooth_split,
     specular_split,
+    transmits,
 )
 from ispm.optics.dispersion import BANDS
-from ispm.optics.facets import Anisotropy, is_anisotropic, unshadowed, visible_facet, visible_pdf
+from ispm.optics.facet_albedo import widening_gain
+from ispm.optics.facets import (
+    Anisotropy,
+    is_anisotropic,
+    mean_alpha,
+    unshadowed,
+    visible_facet,
+    visible_pdf,
+)
 from ispm.optics.jit import jit
 from ispm.optics.microfacet import schlick
 from ispm.optics.records import MATERIAL_ANISOTROPIC, MATERIAL_DISPERSIVE, MATERIAL_TRANSMITS
@@ -83,8 +92,9 @@ def lobe_width(pdf):
 
 
 @jit
-def widened(x, alpha):
-    """Return a SurfacePoint whose opaque lobe is no narrower than `alpha`, float32 at most that of wide ones.
+def widened(x, wo, alpha):
+    """Return a SurfacePoint, seen along wo, whose opaque lobe is no narrower than `alpha`, float32 at most
+    that of wide ones, and reflects as much.
 
     Source: Kaplanyan and Dachsbacher, Path Space Regularization for Holistic and Robust Light Transport,
     Eurographics 2013.
@@ -97,8 +107,21 @@ def widened(x, alpha):
     if is_anisotropic(b):
         anisotropy = Anisotropy(max(anisotropy.alpha, wide), anisotropy.tangent)
     kept = b.dielectric_f0, b.dielectric_f90, b.tint, b.eta, b.thin, b.sheen, anisotropy
-    b = Bsdf(b.diffuse, b.f0, b.f90, wide, *kept)
+    gain = widening_gain(mean_alpha(b), wide, dot(x.n, wo))
+    b = Bsdf(b.diffuse, scale(gain, b.f0), gain * b.f90, wide, *kept)
     return SurfacePoint(x.hit, x.position, x.ng, x.n, b, x.flags, x.entering, x.coat, x.sheen, x.translucence)
+
+
+@jit
+def as_wide(b, cosine, least):
+    """Return a Bsdf whose opaque facets reflect as much as they do where alpha counts as `least` at least;
+    cosine: n.wo."""
+    alpha = mean_alpha(b)
+    gain = widening_gain(alpha, min(least, NARROW_ALPHA), cosine)
+    if transmits(b) or gain == f32(1):
+        return b
+    kept = b.alpha, b.dielectric_f0, b.dielectric_f90, b.tint, b.eta, b.thin, b.sheen, b.anisotropy
+    return Bsdf(b.diffuse, scale(gain, b.f0), gain * b.f90, *kept)
 
 
 @jit

@@ -28,11 +28,12 @@ from ispm.optics.environment import has_environment, seen_radiance
 from ispm.optics.jit import jit
 from ispm.optics.records import MATERIAL_UNLIT, NO_HIT
 from ispm.optics.rng import random4
-from ispm.optics.vector import add, scale
+from ispm.optics.vector import add, dot, scale
 from ispm.paths.branch import SCATTERED, STRONG, TRANSMITTED, Branch, distance_to, leave, pixel_width
 from ispm.paths.coat import draw_coat, facet_light, sample_coat
 from ispm.paths.eye_paths import Done
 from ispm.paths.facet import (
+    as_wide,
     facet_numbers,
     lobe_width,
     mean_reflectance,
@@ -127,7 +128,7 @@ def follow(tables, view, thread, path, veil, i, slot, out, done):
         count = 1 if from_lobe or rough else LAMP_SAMPLES
         count = _SAMPLES_BEHIND if view.behind and sees else count
         if not unlit and (has_finite(b) or not is_smooth(b)):
-            lit, goes_on_by = widened(x, widest), BY_FACETS if goes_on else BY_NOTHING
+            lit, goes_on_by = widened(x, wo, widest), BY_FACETS if goes_on else BY_NOTHING
             goes_on_by = BY_GLASS if by_glass else goes_on_by
             if from_lobe:
                 pick, _, _, _ = random4(key, dimension + u32(_DIMENSION), view.pass_index, view.seed)
@@ -158,9 +159,10 @@ def follow(tables, view, thread, path, veil, i, slot, out, done):
             kept = f32(1) / (chance if is_end else f32(1) - chance)
             seen, weight = scale(kept, seen), scale(kept, weight)
         if is_end:
-            end = BLACK if unlit else end_bsdf(end, goes_on)
+            least = widest if goes_on else NARROW_ALPHA
+            end = BLACK if unlit else as_wide(end_bsdf(end, goes_on), dot(x.n, wo), least)
             store_end(out.ends[row].end, slot, lane, seen, end, hit.instance)
-            store_point(out.ends[row].point, x, wo, end, width, widest if goes_on else NARROW_ALPHA)
+            store_point(out.ends[row].point, x, wo, end, width, least)
             row, stored, lane = row + i64(1), stored + 1, i64(SCATTERED)
         if behind:
             start, weight = leave_surface(tables, hit, scale(f32(-1), x.ng)), scale(f32(1) - shown, weight)

@@ -37,6 +37,7 @@ from ispm.optics.records import MATERIAL_UNLIT, RECEIVER
 from ispm.optics.rng import random4
 from ispm.optics.sampling import cosine_hemisphere, to_world
 from ispm.optics.vector import Vector, add, dot, scale, sub, vec3
+from ispm.paths.facet import as_wide
 from ispm.paths.guide import guided
 from ispm.paths.vertices import PATH_END, store_end, store_point
 from ispm.scene.packed import Packed
@@ -211,5 +212,6 @@ def _look(tables, ray, course, scratch, out):
     )
     for c in range(3):
         out.radiance[row, c] = light[c]
+    b = as_wide(b, dot(x.n, wo), NARROW_ALPHA)
     store_end(out.ends[row], u32(row), u32(0), weight, b, hit.instance)
     store_point(out.points[row], x, wo, b, f32(0), NARROW_ALPHA)

@@ -12,7 +12,7 @@ from ispm.library.shapes import box, icosphere, polygons
 from ispm.reference.paths import path_light
 from ispm.renderer import specular
 from ispm.scene.camera import Camera
-from ispm.scene.light import PointLight
+from ispm.scene.light import PointLight, RectLight
 from ispm.scene.material import Material, Texture
 from ispm.scene.scene import Scene
 from ispm.stages.camera import CameraView
@@ -183,3 +183,28 @@ def test_rough_metal_is_not_grainier_where_it_meets_a_wall(gpu, monkeypatch):
     found = noise()
     monkeypatch.setattr(specular, "contact_rows", lambda shown: np.zeros(0, np.int64))
     assert found < 0.7 * noise()
+
+
+@pytest.mark.parametrize("roughness", [0.08, 0.3])
+def test_a_metal_floor_gives_a_room_all_of_its_light(gpu, roughness):
+    """At the ends of gather rays photons light its lobe as if it were wider, which reflects a tenth less:
+    walls were 3 % dark. Paths and pictures are uncertain by .3 %."""
+    scene = Scene()
+    scene.add(
+        box((-2, -0.1, -2), (2, 0, 2)), material=Material((0.95,) * 3, metallic=1.0, roughness=roughness)
+    )
+    for low, high in (
+        ((-2, 2, -2), (2, 2.1, 2)), ((-2.1, 0, -2), (-2, 2, 2)), ((2, 0, -2), (2.1, 2, 2)),
+        ((-2, 0, -2.1), (2, 2, -2)), ((-2, 0, 2), (2, 2, 2.1)),
+    ):  # fmt: skip
+        scene.add(box(low, high), material=lambert((0.8,) * 3))
+    down = (-math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5))
+    scene.add(RectLight((30.0,) * 3, 1.0, 1.0), translation=(0.0, 1.98, 0.0), rotation=down)
+    camera, size = Camera.look_at((0.0, 1.2, 1.8), (0.0, 1.2, -2.0), yfov=0.6), (64, 48)
+    with Renderer(scene, Settings(size=size, bounces=32, antialias=False), camera, gpu=gpu) as renderer:
+        *_, frame = renderer.converge(2)
+    tracer, view = Tracer(scene), CameraView(size, camera.pose, camera.yfov)
+    y, x = np.mgrid[:48, :64] + 0.5
+    rays = (each.reshape(-1, 3) for each in view.rays_through(x, y))
+    light = path_light(tracer.tables, *rays, samples=range(96), bounces=32, threads=2)
+    assert frame.radiance.mean() == pytest.approx(light.mean(), rel=0.01)
