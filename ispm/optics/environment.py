@@ -88,11 +88,11 @@ def environment_radiance(table, d):
 
 
 @jit
-def seen_radiance(table, d, is_sharp):
-    """Return `environment_radiance`, and if `is_sharp` that of the sun's disc with it: of ways from the eye
+def seen_radiance(table, d, is_clear):
+    """Return `environment_radiance`, and if `is_clear` that of the sun's disc with it: of ways from the eye
     by mirrors and clear glass alone, on which no draw from the lights brings it."""
     radiance = environment_radiance(table, d)
-    if is_sharp and len(table.disc) > 0 and d[1] > f32(0):  # below the horizon there is ground
+    if is_clear and len(table.disc) > 0 and d[1] > f32(0):  # below the horizon there is ground
         x, y, z = d[0] - table.disc[0], d[1] - table.disc[1], d[2] - table.disc[2]
         if x * x + y * y + z * z < table.disc[3]:
             radiance = add(radiance, (table.disc[4], table.disc[5], table.disc[6]))

@@ -75,7 +75,7 @@ class Branch(NamedTuple):
     pdf: np.float32
     sees_background: bool
     band: np.int64
-    unblurred: bool
+    is_clear: bool
 
 
 class Path(NamedTuple):
@@ -94,7 +94,7 @@ class Path(NamedTuple):
     length          m from the eye to `start`
     sees_background           whether it went through glass alone, so that it sees the background
     band            of its light, see `optics.dispersion`: weights of the others are 0
-    unblurred       whether mirrors and clear glass alone led here, so that it sees the sun's disc
+    is_clear       whether mirrors and clear glass alone led here, so that it sees the sun's disc
     """
 
     key: np.uint32
@@ -111,7 +111,7 @@ class Path(NamedTuple):
     length: np.float32
     sees_background: bool
     band: np.int64
-    unblurred: bool
+    is_clear: bool
 
 
 @jit
@@ -191,7 +191,7 @@ def leave(tables, x, inside, focus, length, branch):
 
     inside, focus  as of a Path;  length  m, from the eye
     """
-    key, dimension, lane, d, weight, pdf, sees_background, band, unblurred = branch
+    key, dimension, lane, d, weight, pdf, sees_background, band, is_clear = branch
     start, inside = spawn_ray(tables, x, inside, d)
     passes, solid = dot(d, x.ng) < f32(0), x.bsdf.thin == f32(0)
     if passes and solid:
@@ -199,7 +199,7 @@ def leave(tables, x, inside, focus, length, branch):
     sees_background = sees_background and (passes or (solid and transmits(x.bsdf) and not x.entering))
     side = lit_side(x) if not passes or transmits(x.bsdf) else scale(f32(-1), x.ng)
     place = side, x.position, inside, focus, length
-    return Path(key, dimension, lane, start, d, weight, pdf, *place, sees_background, band, unblurred)
+    return Path(key, dimension, lane, start, d, weight, pdf, *place, sees_background, band, is_clear)
 
 
 @jit

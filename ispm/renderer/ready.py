@@ -66,7 +66,8 @@ class Ready:
             aspect=camera.aspect,
             principal=camera.principal,
         )
-        return replace(packed, lit=turned(packed.lit, packed.surround.disc, index)), view
+        lit = turned(packed.lit, packed.surround.disc, index)
+        return packed if lit is packed.lit else replace(packed, lit=lit), view
 
     def place(self, scene: Scene, tree: Tree | None = None) -> Packed:
         """Pack a scene and place it in the tracer. Raises SceneError where it cannot be rendered.
