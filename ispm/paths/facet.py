@@ -107,7 +107,8 @@ def widened(x, wo, alpha):
     if is_anisotropic(b):
         anisotropy = Anisotropy(max(anisotropy.alpha, wide), anisotropy.tangent)
     kept = b.dielectric_f0, b.dielectric_f90, b.tint, b.eta, b.thin, b.sheen, anisotropy
-    gain = widening_gain(mean_alpha(b), wide, dot(x.n, wo))
+    own, b = mean_alpha(b), Bsdf(b.diffuse, b.f0, b.f90, wide, *kept)
+    gain = widening_gain(own, mean_alpha(b), dot(x.n, wo))
     b = Bsdf(b.diffuse, scale(gain, b.f0), gain * b.f90, wide, *kept)
     return SurfacePoint(x.hit, x.position, x.ng, x.n, b, x.flags, x.entering, x.coat, x.sheen, x.translucence)
 

@@ -8,7 +8,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ispm.optics.sampling import LATTICE
 from ispm.scene.packed_light import Lit
 
 
@@ -51,6 +50,8 @@ def turned(lit: Lit, disc: SunDisc | None, index: int) -> Lit:
 
 def _toward(disc: SunDisc, index: int) -> np.ndarray:
     """The unit direction to a place on the disc, (3,)."""
+    from ispm.optics.sampling import LATTICE  # brings numba, which scenes load without
+
     share, turn = (index * step % 1.0 for step in LATTICE)
     away, around = math.sin(disc.radius) * math.sqrt(share), 2.0 * math.pi * turn
     middle = np.array(disc.direction)

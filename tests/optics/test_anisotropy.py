@@ -201,9 +201,9 @@ def test_eye_paths_draw_by_the_same_density():
             value, density = evaluated(b, wo, np.array([wi]))
             assert pdf == pytest.approx(density[0], rel=1e-3)
             assert factor[0] * pdf == pytest.approx(value[0] * wi[2], rel=1e-3)
-    wide = widened(x, f32(0.2)).bsdf
+    wide = widened(x, wo, f32(0.2)).bsdf
     assert (wide.alpha, wide.anisotropy.alpha) == (f32(0.2), f32(0.6))
-    assert widened(x, f32(0.01)).bsdf.alpha == f32(0.05)
+    assert widened(x, wo, f32(0.01)).bsdf.alpha == f32(0.05)
     assert mean_alpha(b) == pytest.approx(math.sqrt(0.6 * 0.05))
 
 
