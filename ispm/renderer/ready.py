@@ -66,8 +66,8 @@ class Ready:
             aspect=camera.aspect,
             principal=camera.principal,
         )
-        lit = turned(packed.lit, packed.surround.disc, index)
-        return packed if lit is packed.lit else replace(packed, lit=lit), view
+        lights = turned(packed.lit, packed.surround.disc, index)
+        return packed if lights is packed.lit else replace(packed, lit=lights), view
 
     def place(self, scene: Scene, tree: Tree | None = None) -> Packed:
         """Pack a scene and place it in the tracer. Raises SceneError where it cannot be rendered.
