@@ -65,12 +65,12 @@ from ispm.optics.records import (
     MATERIAL_BLEND,
     MATERIAL_COATED,
     MATERIAL_DOUBLE_SIDED,
+    MATERIAL_HAS_INNER,
     MATERIAL_MASK,
     MATERIAL_SHEEN,
     MATERIAL_SPECULAR_MAPPED,
     MATERIAL_THIN,
     MATERIAL_TRANSLUCENT,
-    MATERIAL_TRANSMITS,
     MATERIAL_UNLIT,
     NO_HIT,
 )
@@ -271,8 +271,8 @@ def surface(tables, hit, d):
 @jit
 def inner_side(x):
     """Return INNER, uint32, of a SurfacePoint that is the back of what lets light through; else 0."""
-    through = x.flags & u32(MATERIAL_TRANSMITS | MATERIAL_TRANSLUCENT) != u32(0)
-    return u32(INNER) if through and not x.entering else u32(0)
+    has_inner = x.flags & u32(MATERIAL_HAS_INNER) != u32(0)
+    return u32(INNER) if has_inner and not x.entering else u32(0)
 
 
 @jit

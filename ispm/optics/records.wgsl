@@ -97,6 +97,7 @@ const MATERIAL_SHEEN = 512u;       // under sheen
 const MATERIAL_ANISOTROPIC = 1024u;  // facets are wider in one direction: their lobe is left to eye paths
 const MATERIAL_TRANSLUCENT = 2048u;  // a thin sheet that lets light through diffusely
 const MATERIAL_DISPERSIVE = 4096u;   // a solid whose index depends on the band
+const MATERIAL_HAS_INNER = MATERIAL_TRANSMITS | MATERIAL_TRANSLUCENT;  // either: photons at its back are INNER
 const MATERIAL_HIDES_PHOTONS = 8192u;  // all of it: photons that arrive are not seen there
 
 struct Light {

@@ -90,7 +90,7 @@ def lonely_rows(given: Shown) -> np.ndarray:
     return np.flatnonzero(lonely)
 
 
-def contact_rows(given: Shown) -> np.ndarray:
+def contact_rows(given: Shown, threads: int) -> np.ndarray:
     """Return the rows of pixels with one path or none that are averaged over less than a pixel, sorted.
 
     Their neighbors' paths tell, not their own: else what one finds close by would be drawn anew, and what it
@@ -98,7 +98,7 @@ def contact_rows(given: Shown) -> np.ndarray:
     """
     close = np.zeros(len(given.pixels), np.bool_)
     if _has_lobes(given):
-        run_shared(lambda counter: _find_contacts(given, counter, close), 1)
+        run_shared(lambda counter: _find_contacts(given, counter, close), threads)
     return np.flatnonzero(close)
 
 

@@ -32,6 +32,7 @@ from ispm.optics.records import (
     INNER,
     MATERIAL_BLEND,
     MATERIAL_DOUBLE_SIDED,
+    MATERIAL_HAS_INNER,
     MATERIAL_HIDES_PHOTONS,
     MATERIAL_TRANSLUCENT,
     MATERIAL_TRANSMITS,
@@ -221,7 +222,7 @@ def _lit_share(scene, kernel, middle, thickness, scratch):
         facing, side = dot(front, n), u32(0)
         if facing < f32(0):
             front, facing = scale(f32(-1), front), -facing
-            if flags & u32(MATERIAL_TRANSMITS | MATERIAL_TRANSLUCENT) != u32(0):
+            if flags & u32(MATERIAL_HAS_INNER) != u32(0):
                 side = u32(INNER)
         lit = facing >= SAME_SURFACE and dot(kernel.wi, front) > f32(0)
         lit = (

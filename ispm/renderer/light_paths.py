@@ -12,8 +12,7 @@ from ispm.optics.records import (
     INNER,
     INSTANCE_MIRRORED,
     LIGHT_DIRECTIONAL,
-    MATERIAL_TRANSLUCENT,
-    MATERIAL_TRANSMITS,
+    MATERIAL_HAS_INNER,
     RECEIVER,
     take,
 )
@@ -130,9 +129,9 @@ def _face_normal(made: Pass, instance: int, primitive: int) -> np.ndarray:
 def _inner_side(made: Pass, instance: int, back: bool) -> int:
     """INNER where a surface that lets light through shows its back, else 0; back: as its corners run."""
     placed = made.packed.instances[instance]
-    through = made.packed.materials["flags"][placed["material"]] & (MATERIAL_TRANSMITS | MATERIAL_TRANSLUCENT)
+    has_inner = made.packed.materials["flags"][placed["material"]] & MATERIAL_HAS_INNER
     mirrored = bool(placed["flags"] & INSTANCE_MIRRORED)
-    return INNER if through and back != mirrored else 0
+    return INNER if has_inner and back != mirrored else 0
 
 
 def _photons_at(last: LastFrame, point: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

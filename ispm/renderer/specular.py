@@ -141,7 +141,7 @@ def _paths_of(
     given = shown(rays.keys, view.size[0], paths.firsts, places, widths, this.threads)
     lonely, again, edges = lonely_rows(given), [], np.zeros(0, np.int64)
     few = _EDGES_FEW * view.size[0] * view.size[1]
-    close = np.setdiff1d(contact_rows(given), lonely)
+    close = np.setdiff1d(contact_rows(given, this.threads), lonely)
     if this.settings.antialias:
         edges = edge_rows(paths, lonely, rays.keys, view.size[0])
     if 0 < len(close) < few:

@@ -12,7 +12,7 @@ fn material_row(word: u32) -> u32 {
 
 // Whether photons are INNER there; flags: the Material's.
 fn shows_inner(word: u32, flags: u32) -> bool {
-    return (word & PIXEL_BACK) != 0u && (flags & (MATERIAL_TRANSMITS | MATERIAL_TRANSLUCENT)) != 0u;
+    return (word & PIXEL_BACK) != 0u && (flags & MATERIAL_HAS_INNER) != 0u;
 }
 
 fn material_transmission(word: u32) -> f32 {

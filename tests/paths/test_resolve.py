@@ -106,11 +106,11 @@ def test_contacts_are_found_by_the_paths_beside_them():
     """What a pixel's own path finds does not decide whether others take its place."""
     y, x = np.divmod(np.arange(WIDE * HIGH), WIDE)
     close = np.zeros(len(x), bool)
-    close[contact_rows(flat(np.where(x < WIDE // 2, 0.5, 5.0)))] = True
+    close[contact_rows(flat(np.where(x < WIDE // 2, 0.5, 5.0)), THREADS)] = True
     assert close[x < WIDE // 2 - 2].all() and not close[x > WIDE // 2 + 2].any()
     alone = (x == 50) & (y == 50)
-    assert not np.isin(np.flatnonzero(alone), contact_rows(flat(np.where(alone, 0.01, 5.0)))).any()
-    assert not len(contact_rows(flat(0.5, samples=4)))
+    assert not np.isin(np.flatnonzero(alone), contact_rows(flat(np.where(alone, 0.01, 5.0)), THREADS)).any()
+    assert not len(contact_rows(flat(0.5, samples=4), THREADS))
 
 
 def test_pixels_between_paths_that_were_lost_are_not_black():
