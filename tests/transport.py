@@ -30,14 +30,15 @@ SIDES = ("-x", "+x", "-y", "+y", "-z", "+z")
 
 
 class Tracer:
-    """A scene made ready for photons, without a graphics adapter."""
+    """A scene made ready for photons, without a graphics adapter; textures are averaged over a footprint, as a
+    share of its diagonal."""
 
-    def __init__(self, scene: Scene, threads: int = 2) -> None:
+    def __init__(self, scene: Scene, threads: int = 2, footprint: float = 0.005) -> None:
         self.packed: Packed = pack(scene)
         self.world = World(threads)
         self.world.update(self.packed)
         textures = TextureTable.pack(self.packed.textures)
-        self.surfaces = SurfaceTable(self.packed, textures, 0.005 * self.packed.diagonal)
+        self.surfaces = SurfaceTable(self.packed, textures, footprint * self.packed.diagonal)
         self.tables = scene_tables(self.packed, self.world, self.surfaces)
 
     def emit(self, count: int, seed: int = 0) -> np.ndarray:

@@ -51,6 +51,15 @@ def mean_alpha(b):
 
 
 @jit
+def shadowing_alpha(b):
+    """Return the alpha, float32, of a lobe alike in all directions that loses as much to shadows as this one
+    does, within .03 of the light: of the mean square, as Smith's shadowing is of tangents."""
+    if not is_anisotropic(b):
+        return b.alpha
+    return f32(math.sqrt(f32(0.5) * (b.alpha * b.alpha + b.anisotropy.alpha * b.anisotropy.alpha)))
+
+
+@jit
 def facet_lobe(b, n, wo, wi, h):
     """Return D V, 1/sr, of the lobe D V F; h: halfway between wo and wi, n.wo, n.wi > 0."""
     if not is_anisotropic(b):

@@ -36,6 +36,7 @@ f32, i64, u32 = np.float32, np.int64, np.uint32
 
 REFLECTED, TRANSMITTED, SCATTERED = 0, 1, 2  # what the first surface did to a path
 
+PARTINGS = 3  # of a path at smooth glass, at most
 GLOSS_SAMPLES = 4  # paths from a pixel whose narrow lobe is strong, at most
 STRONG = f32(0.3)  # reflectance of such lobes
 _WEAK = f32(0.12)  # and of those that have one path for 2 x 2 pixels
@@ -112,6 +113,39 @@ class Path(NamedTuple):
     sees_background: bool
     band: np.int64
     is_clear: bool
+
+
+class Waiting(NamedTuple):
+    """Paths that parted from one at smooth glass and wait to be followed, the last to part in front.
+
+    may_part  whether more may part from it: not where several paths stand for one;  room  how many
+    count     of those that wait, of `paths`
+    """
+
+    may_part: bool
+    room: np.int64
+    count: np.int64
+    paths: tuple[Path, Path, Path]
+
+
+@jit
+def nothing_waits(path, may_part):
+    """Return the Waiting of a path that sets out."""
+    return Waiting(may_part, i64(PARTINGS), i64(0), (path, path, path))
+
+
+@jit
+def part(waiting, path):
+    """Return a Waiting with one path more."""
+    paths = path, waiting.paths[0], waiting.paths[1]
+    return Waiting(waiting.may_part, waiting.room - i64(1), waiting.count + i64(1), paths)
+
+
+@jit
+def without_next(waiting):
+    """Return a Waiting without the path in front."""
+    paths = waiting.paths[1], waiting.paths[2], waiting.paths[2]
+    return Waiting(waiting.may_part, waiting.room, waiting.count - i64(1), paths)
 
 
 @jit

@@ -39,7 +39,7 @@ from ispm.optics.jit import jit
 from ispm.optics.records import NO_HIT, RECEIVER
 from ispm.optics.vector import add, scale, sub, vec3
 from ispm.paths.branch import (
-    GLOSS_SAMPLES,
+    PARTINGS,
     SCATTERED,
     TRANSMITTED,
     Path,
@@ -47,8 +47,10 @@ from ispm.paths.branch import (
     branches,
     distance_to,
     first_path,
+    nothing_waits,
     path_in_band,
     pixel_width,
+    without_next,
 )
 from ispm.paths.coat import own_light
 from ispm.paths.eye_paths import Done, EyeOut, EyePaths, EyeRays, EyeThread, RayArrays, no_paths, ray_arrays
@@ -73,7 +75,7 @@ from ispm.scene.packed import Packed
 
 f32, i64, u32 = np.float32, np.int64, np.uint32
 
-_PATHS_MAX = GLOSS_SAMPLES  # of a pixel that shows no rough glass; of those that do not scatter 3
+_PATHS_MAX = 2 * (1 + PARTINGS)  # of a pixel that shows no rough glass; of those of a lobe GLOSS_SAMPLES
 _CONTACT = f32(1e-3)  # of a path, the least length of what reflects it to where it ends, for its blur
 _CHUNK = 64  # pixels a thread takes at a time; results do not depend on it or on the threads
 _BATCH = 1 << 12  # pixels whose ends lie in memory at their full number
@@ -250,7 +252,7 @@ def _follow_bands(tables, view, thread, path, veil, i, slot, out, done):
 
 @jit
 def _follow_often(tables, view, thread, path, veil, i, slot, out, done):
-    """Follow a path of ray `i`, and the second one if it parts. Where it is its pixel's first to meet rough
+    """Follow a path of ray `i`, and those that part from it. Where it is its pixel's first to meet rough
     glass, it becomes one of ROUGH_SAMPLES, whose mean counts.
 
     veil  as of `follow`
@@ -260,14 +262,15 @@ def _follow_often(tables, view, thread, path, veil, i, slot, out, done):
     key, dimension, lane, start, d, weight, pdf, side, origin, inside, focus, length, sees, band, clear = path
     before = light_at(out.light, i)
     share, k, count, rough = f32(1), 0, 1, False
-    end, skipped = length, veil
+    end, skipped, waiting = length, veil, nothing_waits(path, lane != SCATTERED)
     while k < count:
-        found = follow(tables, view, thread, path, skipped, i, slot, out, done)
-        done, met, end, parted, path, disperses = found
+        found = follow(tables, view, thread, path, skipped, waiting, i, slot, out, done)
+        done, met, end, waiting, disperses = found
         if disperses:
             return done, end, True
-        rough, skipped = rough or met, no_medium() if parted else veil
-        if parted:
+        rough = rough or met
+        if waiting.count > i64(0):
+            path, skipped, waiting = waiting.paths[0], no_medium(), without_next(waiting)
             continue
         if rough and k == 0 and lane != SCATTERED and pdf == f32(0):
             share, count, lane = f32(1.0 / ROUGH_SAMPLES), ROUGH_SAMPLES, i64(SCATTERED)
@@ -275,7 +278,7 @@ def _follow_often(tables, view, thread, path, veil, i, slot, out, done):
             for row in range(first, done.row):
                 for c in range(3):
                     out.ends[row].end.weight[c] *= share
-        k += 1
+        k, skipped, waiting = k + 1, veil, nothing_waits(path, False)
         sample, part = u32(dimension + u32(k << 8)), scale(share, weight)
         place = side, origin, inside, focus, length
         path = Path(key, sample, lane, start, d, part, pdf, *place, sees, band, clear)

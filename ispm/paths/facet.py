@@ -20,11 +20,12 @@ from ispm.optics.bsdf import (
     transmits,
 )
 from ispm.optics.dispersion import BANDS
-from ispm.optics.facet_albedo import widening_gain
+from ispm.optics.facet_albedo import albedo_gain
 from ispm.optics.facets import (
     Anisotropy,
     is_anisotropic,
     mean_alpha,
+    shadowing_alpha,
     unshadowed,
     visible_facet,
     visible_pdf,
@@ -45,13 +46,13 @@ ROUGH_SAMPLES = 8  # facets that are drawn where a pixel shows rough glass; a po
 
 
 @jit
-def sample_specular_lobe(x, wo, u1, u2, may_part, pick):
+def sample_specular_lobe(x, wo, u1, u2, least, pick):
     """Return how a path that comes along -wo continues from a mirror or glass at a SurfacePoint: whether it
     does, wi, the factor (RGB) of its weight; whether a second path starts, that one's wi and factor.
 
-    If it may part where it leaves a solid by a smooth face, the second is reflected. Else one path serves for
-    both: the one that `pick` draws in proportion to its share, or below 0 the stronger one with the weight of
-    both, which from within a solid is the one that leaves it.
+    Where smooth glass both reflects and transmits `least` or more, the path parts: the second is reflected.
+    Else one serves for both: the one that `pick` draws in proportion to its share, or below 0 the stronger
+    one with the weight of both, which from within a solid is the one that leaves it.
     u1, u2, pick  random in [0, 1)
     """
     b, entering = x.bsdf, x.entering
@@ -59,7 +60,7 @@ def sample_specular_lobe(x, wo, u1, u2, may_part, pick):
     both = add(reflectance, transmittance)
     if not through:
         return greatest(both) > f32(0), above, both, False, wo, wo
-    if may_part and not entering and is_smooth(b) and greatest(reflectance) > f32(0):
+    if is_smooth(b) and min(greatest(reflectance), greatest(transmittance)) >= least:
         return True, beyond, transmittance, True, above, reflectance
     reflected, passed = luminance(reflectance), luminance(transmittance)
     if pick < f32(0):
@@ -107,8 +108,8 @@ def widened(x, wo, alpha):
     if is_anisotropic(b):
         anisotropy = Anisotropy(max(anisotropy.alpha, wide), anisotropy.tangent)
     kept = b.dielectric_f0, b.dielectric_f90, b.tint, b.eta, b.thin, b.sheen, anisotropy
-    own, b = mean_alpha(b), Bsdf(b.diffuse, b.f0, b.f90, wide, *kept)
-    gain = widening_gain(own, mean_alpha(b), dot(x.n, wo))
+    own, b = shadowing_alpha(b), Bsdf(b.diffuse, b.f0, b.f90, wide, *kept)
+    gain = albedo_gain(own, shadowing_alpha(b), dot(x.n, wo))
     b = Bsdf(b.diffuse, scale(gain, b.f0), gain * b.f90, wide, *kept)
     return SurfacePoint(x.hit, x.position, x.ng, x.n, b, x.flags, x.entering, x.coat, x.sheen, x.translucence)
 
@@ -117,8 +118,8 @@ def widened(x, wo, alpha):
 def as_wide(b, cosine, least):
     """Return a Bsdf whose opaque facets reflect as much as they do where alpha counts as `least` at least;
     cosine: n.wo."""
-    alpha = mean_alpha(b)
-    gain = widening_gain(alpha, min(least, NARROW_ALPHA), cosine)
+    wide = max(mean_alpha(b), min(least, NARROW_ALPHA))
+    gain = albedo_gain(shadowing_alpha(b), wide, cosine)
     if transmits(b) or gain == f32(1):
         return b
     kept = b.alpha, b.dielectric_f0, b.dielectric_f90, b.tint, b.eta, b.thin, b.sheen, b.anisotropy

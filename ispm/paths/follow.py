@@ -29,7 +29,7 @@ from ispm.optics.jit import jit
 from ispm.optics.records import MATERIAL_UNLIT, NO_HIT
 from ispm.optics.rng import random4
 from ispm.optics.vector import add, dot, scale
-from ispm.paths.branch import SCATTERED, STRONG, TRANSMITTED, Branch, distance_to, leave, pixel_width
+from ispm.paths.branch import SCATTERED, STRONG, Branch, distance_to, leave, part, pixel_width
 from ispm.paths.coat import draw_coat, facet_light, sample_coat
 from ispm.paths.eye_paths import Done
 from ispm.paths.facet import (
@@ -51,6 +51,7 @@ ENDS_MAX = 2  # of one path: behind a varnished floor goes on what it mirrors
 LAMP_SAMPLES = 4  # points of lamps with a surface that an end is lit by, where a pixel has one path
 MIN_WEIGHT = f32(1e-3)  # weight below which a path goes on by chance
 _MIN_WEIGHT_AFTER_END = f32(0.02)  # and below which from an end
+_PARTS = f32(0.03)  # weight of both branches from which a path parts at smooth glass
 _EVENTS_APART = 32  # numbers of the events of two paths that part
 _DIMENSION = 7 << 20  # of the random numbers that draw lights
 _PICKS = 13 << 20  # of those that draw one of two branches at glass, and whether a path goes on
@@ -61,18 +62,19 @@ _WHITE = f32(1), f32(1), f32(1)
 
 
 @jit
-def follow(tables, view, thread, path, veil, i, slot, out, done):
+def follow(tables, view, thread, path, veil, waiting, i, slot, out, done):
     """Follow one path of ray `i` to its end or ends, or to what disperses it.
 
     veil  Hit on the blended surface that the path starts behind, instance NO_HIT: on none. Others behind it
           end it by as much as they are opaque, as long as there is room for two ends more; then by chance
+    waiting  Waiting, to which it adds paths that part from it
     -> the Done, whether it met rough glass or a strong lobe, its length in m, of one that a lobe began to
-       where it first ends or meets a lobe, whether it parted, if so the other path, and whether it had all
-       bands as it met what disperses them, where it ends
+       where it first ends or meets a lobe, the Waiting, and whether it had all bands as it met what disperses
+       them, where it ends
     """
     row, traced = done.row, done.traced
     key, dimension, lane, start, d, weight, pdf, side, origin, inside, focus, length, sees, band, clear = path
-    stored, rough, parted, disperses, other = 0, False, False, False, path
+    stored, rough, disperses = 0, False, False
     from_lobe, far, sharp = pdf > f32(0), f32(1e30), True
     behind = veil.instance != u32(NO_HIT)
     for event in range(EVENTS_MAX + 1):
@@ -172,7 +174,6 @@ def follow(tables, view, thread, path, veil, i, slot, out, done):
         if unlit:
             break
         rough = rough or (transmits(b) and not is_smooth(b)) or (goes_on and mean >= STRONG)
-        may_part = lane == TRANSMITTED and not parted
         alive, wi, factor, parts, above, kept = False, wo, wo, False, wo, wo
         drawn, passed = f32(0), False
         chance = f32(1)
@@ -183,9 +184,11 @@ def follow(tables, view, thread, path, veil, i, slot, out, done):
         elif goes_on:
             alive, wi, factor, drawn = sample_lobe(x, wo, u1, u2)
         elif is_smooth(b) or transmits(b):
-            if view.pass_index == u32(0) and is_smooth(b):
+            if view.pass_index == u32(0) and is_smooth(b) and waiting.may_part:
                 pick = f32(-1)  # for less noise: its bias counts less and less in a mean
-            drawn_lobe = sample_specular_lobe(x, wo, u1, u2, may_part, pick)
+            parts = waiting.may_part and waiting.room > i64(0) and not (from_lobe or rough)
+            least = _PARTS / greatest(weight) if parts else f32(1e30)
+            drawn_lobe = sample_specular_lobe(x, wo, u1, u2, least, pick)
             alive, wi, factor, parts, above, kept = drawn_lobe
             drawn = glass_pdf(b, x.n, wo, wi) if by_glass else f32(0)
             passed = is_smooth(b) and passed_sheet(x, wi)  # as shadow rays do, so that lobes draw beyond
@@ -196,7 +199,7 @@ def follow(tables, view, thread, path, veil, i, slot, out, done):
         if parts:
             apart = u32(dimension + u32(_EVENTS_APART))
             second = Branch(key, apart, i64(SCATTERED), above, times(weight, kept), f32(0), *rest)
-            parted, other = True, leave(tables, x, inside, focus, length, second)
+            waiting = part(waiting, leave(tables, x, inside, focus, length, second))
         left = leave(tables, x, inside, focus, length, branch)
         weight = left.weight
         least, strongest = _MIN_WEIGHT_AFTER_END if stored > 0 else MIN_WEIGHT, greatest(weight)
@@ -206,7 +209,7 @@ def follow(tables, view, thread, path, veil, i, slot, out, done):
         sides = (side, origin) if passed else (left.side, left.origin)
         key, dimension, lane, start, d, _, pdf, _, _, inside, focus, length, sees, _, _ = left
         side, origin = sides
-    return Done(row, traced), rough, far if from_lobe else length, parted, other, disperses
+    return Done(row, traced), rough, far if from_lobe else length, waiting, disperses
 
 
 @jit

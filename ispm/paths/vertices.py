@@ -135,7 +135,7 @@ def store_gloss(first, x, instance, angle, reflectance, samples):
         first.ng[k] = x.ng[k]
         first.reflectance[k] = max(reflectance[k], _LEAST_REFLECTANCE)
     first.alpha = mean_alpha(b)
-    first.blur = _LOBE_SHARE * _LOBE_SPREAD * first.alpha * angle
+    first.blur = _LOBE_SHARE * _LOBE_SPREAD * b.alpha * angle
     first.instance = instance
     first.samples = u32(samples)
 

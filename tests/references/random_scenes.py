@@ -39,6 +39,7 @@ _BLOCK = 8  # pixels a side
 _PARTS = 16
 _PLACES, _PATHS = 24, 2  # of a block and part
 _BOUNCES = 32  # also those within rough glass, which pictures do not count
+_FINE = 1e-4  # of the diagonal: textures as sharp as pixels see them
 _FLOOR = 1e-3  # of the mean's square, as in all relMSE
 _OFF = 0.05  # of a block's light and of the picture's mean, that it differs by
 _SURE = 4.0  # standard errors
@@ -146,7 +147,7 @@ def paths_picture(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
     """Return the means over blocks, (h, w, 3), by paths from the eye, and their standard errors."""
     camera = scene.default_camera(_SIZE)
     view = CameraView(_SIZE, camera.pose, camera.yfov, camera.ymag)
-    tracer, random = Tracer(scene), np.random.default_rng(7)
+    tracer, random = Tracer(scene, footprint=_FINE), np.random.default_rng(7)
     width, height = _SIZE[0] // _BLOCK, _SIZE[1] // _BLOCK
     y, x = np.divmod(np.arange(width * height), width)
     parts = []
