@@ -30,8 +30,8 @@ SIDES = ("-x", "+x", "-y", "+y", "-z", "+z")
 
 
 class Tracer:
-    """A scene made ready for photons, without a graphics adapter; textures are averaged over a footprint, as a
-    share of its diagonal."""
+    """A scene made ready for photons, without a graphics adapter; footprint: over which textures are
+    averaged, as a share of its diagonal."""
 
     def __init__(self, scene: Scene, threads: int = 2, footprint: float = 0.005) -> None:
         self.packed: Packed = pack(scene)

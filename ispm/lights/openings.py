@@ -1,10 +1,8 @@
-"""Openings: where light of the environment comes in to what the eye sees, found by a survey.
+"""Openings: where light of the environment comes in to what the eye sees, as a survey found them.
 
 In a room most of a sky's light ends outside, on walls and roof, and most of what a place within draws of it
-ends on walls within. From places in the picture, and from places that those see, some lines to the
-environment are tried, and others beside each that is open: where those end, there is what surrounds the
-opening. A sphere there stands for it. Photons are sent through the spheres, and places draw light from the
-directions in which they see those that lines from near them pass.
+ends on walls within. A sphere stands for each part of an opening: photons are sent through them, and places
+draw light from the directions in which they see those that lines from near them pass.
 """
 
 from __future__ import annotations
@@ -14,48 +12,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ispm.accel.intersect import STACK_WORDS
-from ispm.accel.records import Scratch
-from ispm.accel.surface import (
-    SurfaceTable,
-    Tables,
-    closest_surface,
-    hit_position,
-    leave_surface,
-    scene_tables,
-    surface,
-)
-from ispm.accel.transmittance import shadow_transmittance
-from ispm.accel.world import World
-from ispm.kernels.share import run_shared, shared_rows
-from ispm.kernels.simd import alloca
-from ispm.lights.area import resample_surround
-from ispm.optics.bsdf import is_gathered
-from ispm.optics.environment import has_environment
 from ispm.optics.jit import jit
-from ispm.optics.light import FAR
-from ispm.optics.rng import random4
-from ispm.optics.sampling import cosine_hemisphere, in_cone, to_world
-from ispm.optics.vector import dot, facing, luminance, scale, sub, vec3
-from ispm.scene.packed import Packed
+from ispm.optics.sampling import in_cone
+from ispm.optics.vector import dot, facing, scale, sub, vec3
 
-f32, i64, u32 = np.float32, np.int64, np.uint32
+f32, i64 = np.float32, np.int64
 
-_DIMENSION = 3 << 20  # of the random numbers
-_TRIED = 4  # lines from a place in a round, to the darker parts of a sky, and as many to its sun
-_ROUNDS = 12  # at most
-_ENOUGH = 1000  # lines, after which no round follows, and about as many as are used
-_BESIDE = tuple(math.cos(math.radians(angle)) for angle in (3.0, 6.0, 12.0, 24.0))  # of cones about a line
-_RARE = 16  # lines tried for each that is open, from where draws are guided
-_DRAWS = 4  # guided ones at most
-_CELLS = 12  # along each axis, in which places are guided alike
-_NEAREST = 32  # lines, nearest to a cell, whose spheres guide there
-_LIKE = 24  # places, nearest to a cell, that tell how rarely lines are open there
-_COVERED = 3.0  # times, about, the spheres of so many lines cover an opening
-_SOME = 256  # lines that tell how close they lie
-_SENT = 256  # spheres at most through which photons of a sun are sent
+CELLS = 12  # along each axis, in which places are guided alike
+NEAREST = 32  # lines, nearest to a cell, whose spheres guide there
 WAY = math.cos(math.radians(15.0))  # of half the angle about a way that photons take
-_CHUNK = 16  # rows a thread takes at a time
 
 
 class Ways(NamedTuple):
@@ -96,254 +61,12 @@ _NO_SPHERES, _NO_CORNER = np.zeros((0, 4), f32), np.zeros(3, f32)
 NO_WAYS = Ways(_NO_SPHERES, np.zeros((0, 3), f32), _NO_SPHERES, 0.0)
 NO_OPENINGS = Openings(
     _NO_SPHERES,
-    np.zeros((0, _NEAREST), np.int32),
+    np.zeros((0, NEAREST), np.int32),
     np.zeros((6, 0), np.int32),
     _NO_CORNER,
     _NO_CORNER,
     NO_WAYS,
 )
-
-
-class _Survey(NamedTuple):
-    """What n rays of the eye found in a round.
-
-    places  (n, 2, 3) float32 m, just above what they met, and what that sees
-    sides   (n, 2) uint32, which these face, see `facing`
-    tried   (n, 2) int32 lines from there; -1: there is no such place
-    lines   (n, 2, 8, 3) float32, unit, towards the environment; those to a sun in the odd rows
-    opened  (n, 2, 8) bool, whether they are open
-    """
-
-    places: np.ndarray
-    sides: np.ndarray
-    tried: np.ndarray
-    lines: np.ndarray
-    opened: np.ndarray
-
-
-class _Lines(NamedTuple):
-    """Open lines.
-
-    starts      (m, 3) float32 m;  directions  (m, 3) float32, unit, towards the environment
-    to_sun      (m,) int64, 1: its brightest part, else 0
-    along       (m,) float32 m along them, where what is beside them ends rays; infinite: there is nothing
-    """
-
-    starts: np.ndarray
-    directions: np.ndarray
-    to_sun: np.ndarray
-    along: np.ndarray
-
-
-class _Course(NamedTuple):
-    """Which random numbers a survey takes."""
-
-    turn: np.uint32
-    pass_index: np.uint32
-    seed: np.uint32
-
-
-class _Cells(NamedTuple):
-    """Boxes in rows about places: (3,) float32 m, their corner and the size of each."""
-
-    low: np.ndarray
-    step: np.ndarray
-
-    @classmethod
-    def about(cls, places: np.ndarray) -> _Cells:
-        """Return cells of the box about (m, 3) places."""
-        low, size = places.min(axis=0), np.ptp(places, axis=0)
-        return cls(low, np.maximum(size, 1e-3 * size.max() + f32(1e-30)) / f32(_CELLS))
-
-    def of(self, places: np.ndarray) -> np.ndarray:
-        """Return the cell of each of (m, 3) places."""
-        along = np.clip(((places - self.low) / self.step).astype(np.int64), 0, _CELLS - 1)
-        return np.asarray(along @ (1, _CELLS, _CELLS**2))
-
-    def nearest(self, places: np.ndarray, count: int, threads: int) -> np.ndarray:
-        """Return rows of those of (m, 3) places that are nearest to the middle of each cell, (cells^3, count)
-        int32; the first where there are not so many."""
-        out = np.zeros((_CELLS**3, count), np.int32)
-        run_shared(lambda counter: _find_nearest(places, *self, counter, np.empty(count, f32), out), threads)
-        return out
-
-
-def find_openings(
-    packed: Packed,
-    world: World,
-    surfaces: SurfaceTable,
-    rays: tuple[np.ndarray, np.ndarray],
-    seed: int,
-    pass_index: int,
-) -> tuple[np.ndarray, Openings]:
-    """Return what rays of the eye meet, (k, 3) m, and the Openings that light it.
-
-    rays  origins and directions, (n, 3), m and unit, even over the picture
-    """
-    tables, threads = scene_tables(packed, world, surfaces), world.threads
-    eye, numbers = [np.ascontiguousarray(each, f32) for each in rays], (u32(pass_index), u32(seed))
-    first = _look(tables, eye, _Course(u32(0), *numbers), threads)
-    seen, there = first.places[:, 0][first.tried[:, 0] >= 0], first.tried > 0
-    if not there.any():
-        return seen, NO_OPENINGS
-    places, sides = first.places[there], first.sides[there]
-    cells = _Cells.about(places)
-    like = np.stack([_alike(places, sides == side, cells, threads) for side in range(6)])
-    tried, opened = first.tried[there], first.opened[there].sum(axis=1)
-    surveys = [first]
-    while True:
-        rare = tried[like].sum(axis=2) // (_RARE * np.maximum(opened[like].sum(axis=2), 1))
-        draws = np.minimum(rare, _DRAWS).astype(np.int32)
-        hidden = draws[sides, cells.of(places)] > 0
-        if not hidden.any() or opened[hidden].sum() >= _ENOUGH or len(surveys) == _ROUNDS:
-            break
-        surveys.append(_look(tables, eye, _Course(u32(len(surveys)), *numbers), threads))
-        tried, opened = (
-            tried + surveys[-1].tried[there],
-            opened + surveys[-1].opened[there].sum(axis=1),
-        )
-    found = [_open_lines(places, hidden, each.lines[there], each.opened[there]) for each in surveys]
-    lines = _narrow(tables, _Lines(*map(np.concatenate, zip(*found, strict=True))), numbers, threads)
-    return seen, _openings(lines, cells, draws, float(hidden.mean()), threads)
-
-
-def _openings(lines: _Lines, cells: _Cells, draws: np.ndarray, share: float, threads: int) -> Openings:
-    """The Openings of lines, (m,) of which have something beside them; draws, share: see there."""
-    if len(lines.starts) < _NEAREST:
-        return NO_OPENINGS
-    middles = lines.starts + lines.along[:, None] * lines.directions
-    spheres = np.column_stack([middles, _radii(middles)]).astype(f32)
-    dark, bright = np.flatnonzero(lines.to_sun == 0), np.flatnonzero(lines.to_sun)
-    to_sun = spheres[bright[:: max(len(bright) // _SENT, 1)]]
-    ways = Ways(spheres[dark], lines.directions[dark], to_sun, share)
-    nearest = cells.nearest(lines.starts, _NEAREST, threads)
-    return Openings(spheres, nearest, draws, cells.low, np.float32(1.0) / cells.step, ways)
-
-
-def _look(tables: Tables, eye: list[np.ndarray], course: _Course, threads: int) -> _Survey:
-    """A round of the survey."""
-    shape = len(eye[0]), 2
-    lines, opened = np.zeros((*shape, 2 * _TRIED, 3), f32), np.zeros((*shape, 2 * _TRIED), np.bool_)
-    places, tried = np.zeros((*shape, 3), f32), np.full(shape, -1, np.int32)
-    survey = _Survey(places, np.zeros(shape, np.uint32), tried, lines, opened)
-    run_shared(lambda counter: _look_around(tables, *eye, course, counter, survey), threads)
-    return survey
-
-
-def _alike(places: np.ndarray, facing_alike: np.ndarray, cells: _Cells, threads: int) -> np.ndarray:
-    """Rows of those of (m, 3) places that tell how rarely lines are open in each cell, (cells^3, 24): of the
-    places that face alike, if there are enough."""
-    rows = np.flatnonzero(facing_alike)
-    if len(rows) < _LIKE:
-        rows = np.arange(len(places))
-    return np.asarray(rows[cells.nearest(places[rows], _LIKE, threads)])
-
-
-def _open_lines(places: np.ndarray, hidden: np.ndarray, lines: np.ndarray, opened: np.ndarray) -> _Lines:
-    """The open lines from (m, 3) places where these are rare, (m,) `hidden`; lines, opened: of a _Survey."""
-    place, line = np.nonzero(opened & hidden[:, None])
-    return _Lines(places[place], lines[place, line], line % 2, np.full(len(place), np.inf, f32))
-
-
-def _narrow(tables: Tables, lines: _Lines, numbers: tuple[np.uint32, np.uint32], threads: int) -> _Lines:
-    """Some of the lines, evenly, those that have something beside them."""
-    step = max(len(lines.starts) // _ENOUGH, 1)
-    lines = _Lines(*(each[::step].copy() for each in lines))
-    course = _Course(u32(0), *numbers)
-    run_shared(lambda counter: _look_beside(tables, *lines, course, counter), threads)
-    rows = np.flatnonzero(np.isfinite(lines.along))
-    return _Lines(*(each[rows] for each in lines))
-
-
-def _radii(middles: np.ndarray) -> np.ndarray:
-    """(m,) m to that neighbor of each of (m, 3) points within which _COVERED of any _NEAREST of them lie."""
-    some = middles[:: max(len(middles) // _SOME, 1)]
-    rank = min(math.ceil(_COVERED * len(some) / _NEAREST), len(some) - 1)
-    apart = np.square(middles[:, None] - some).sum(axis=2)
-    least = 1e-6 * np.abs(middles).max()
-    return np.asarray(np.sqrt(np.partition(apart, rank, axis=1)[:, rank]) + least)
-
-
-@jit
-def _look_around(tables, origins, directions, course, counter, out):
-    """Fill the rows of a _Survey of as many rays as a thread gets."""
-    scratch = Scratch(alloca(STACK_WORDS), alloca(2))
-    for i in shared_rows(counter, _CHUNK, len(origins)):
-        start, d = vec3(origins[i]), vec3(directions[i])
-        for step in range(2):
-            key = u32(2 * i + step)
-            holes, u1, u2, _ = random4(key, u32(_DIMENSION), course.pass_index, course.seed)
-            found, hit = closest_surface(tables, start, d, holes, scratch)
-            if not found:
-                break
-            x = surface(tables, hit, d)
-            wo, start = scale(f32(-1), d), leave_surface(tables, hit, x.ng)
-            for c in range(3):
-                out.places[i, step, c] = start[c]
-            out.sides[i, step], out.tried[i, step] = facing(x.ng), 0
-            if not (has_environment(tables.environment) and is_gathered(x.bsdf)):
-                break
-            _try_lines(tables, x, wo, start, key, course, scratch, out, i, step)
-            d = to_world(cosine_hemisphere(u1, u2), x.ng)
-
-
-@jit
-def _try_lines(tables, x, wo, start, key, course, scratch, out, i, step):
-    """Try lines from a SurfacePoint, that rays leave at `start`."""
-    for k in range(_TRIED):
-        dimension = u32(_DIMENSION + 1) + course.turn * u32(_TRIED) + u32(k)
-        u1, u2, pick, _ = random4(key, dimension, course.pass_index, course.seed)
-        u1 = (f32(k) + u1) * f32(1 / _TRIED)
-        drawn = resample_surround(tables, x, wo, u1, u2, pick, 1, tables.environment.brightest, False)
-        for kind in range(2):
-            wi = drawn[kind].wi
-            if luminance(drawn[kind].radiance) <= f32(0) or dot(wi, x.ng) <= f32(0):
-                continue
-            out.tried[i, step] += 1
-            passed = shadow_transmittance(tables, start, wi, FAR, scratch)
-            out.opened[i, step, 2 * k + kind] = luminance(passed) > f32(0)
-            for c in range(3):
-                out.lines[i, step, 2 * k + kind, c] = wi[c]
-
-
-@jit
-def _look_beside(tables, starts, directions, _to_sun, along, course, counter):
-    """Write how far, m, along open lines there is something beside them, for as many as a thread gets: where
-    the first of some rays about each ends, farther and farther from it; infinite where none does."""
-    scratch = Scratch(alloca(STACK_WORDS), alloca(2))
-    for i in shared_rows(counter, _CHUNK, len(starts)):
-        start, along[i] = vec3(starts[i]), f32(np.inf)
-        for turn in range(len(_BESIDE)):
-            dimension = u32(_DIMENSION + 1 + _ROUNDS * _TRIED + turn)
-            u, v, holes, _ = random4(u32(i), dimension, course.pass_index, course.seed)
-            d = in_cone(vec3(directions[i]), f32(_BESIDE[turn]), u, v)
-            found, hit = closest_surface(tables, start, d, holes, scratch)
-            if found:
-                along[i] = dot(sub(hit_position(tables.surfaces, hit), start), d)
-                break
-
-
-@jit
-def _find_nearest(places, low, step, counter, away, nearest):
-    """Write what `_Cells.nearest` returns for as many cells as a thread gets."""
-    most = len(away)
-    for cell in shared_rows(counter, _CHUNK, len(nearest)):
-        x, y, z = cell % _CELLS, cell // _CELLS % _CELLS, cell // (_CELLS * _CELLS)
-        middle = (
-            low[0] + (f32(x) + f32(0.5)) * step[0],
-            low[1] + (f32(y) + f32(0.5)) * step[1],
-            low[2] + (f32(z) + f32(0.5)) * step[2],
-        )
-        away[:] = f32(np.inf)
-        for i in range(len(places)):
-            off = sub(vec3(places[i]), middle)
-            square, k = dot(off, off), most - 1
-            if square >= away[k]:
-                continue
-            while k > 0 and away[k - 1] > square:
-                away[k], nearest[cell, k] = away[k - 1], nearest[cell, k - 1]
-                k -= 1
-            away[k], nearest[cell, k] = square, i
 
 
 @jit
@@ -354,7 +77,7 @@ def opening_cell(openings, x):
     cell = i64(0)
     for axis in (2, 1, 0):
         at = (x.position[axis] - openings.low[axis]) * openings.per_metre[axis]
-        cell = cell * _CELLS + i64(min(max(at, f32(0)), f32(_CELLS - 1)))
+        cell = cell * CELLS + i64(min(max(at, f32(0)), f32(CELLS - 1)))
     return cell, i64(openings.draws[facing(x.ng), cell])
 
 
@@ -362,7 +85,7 @@ def opening_cell(openings, x):
 def draw_opening(openings, cell, position, u0, u1, u2):
     """Return a direction, unit, in which a position, m, in a cell sees its spheres; u0, u1, u2: random in
     [0, 1)."""
-    k = min(i64(u0 * f32(_NEAREST)), i64(_NEAREST - 1))
+    k = min(i64(u0 * f32(NEAREST)), i64(NEAREST - 1))
     sphere = openings.spheres[openings.nearest[cell, k]]
     off = sub(vec3(sphere), position)
     square, radius = dot(off, off), sphere[3] * sphere[3]
@@ -376,7 +99,7 @@ def draw_opening(openings, cell, position, u0, u1, u2):
 def opening_pdf(openings, cell, position, d):
     """Return the density, 1/sr, with which `draw_opening` draws d."""
     total = f32(0)
-    for k in range(_NEAREST):
+    for k in range(NEAREST):
         sphere = openings.spheres[openings.nearest[cell, k]]
         off = sub(vec3(sphere), position)
         square, radius, along = dot(off, off), sphere[3] * sphere[3], dot(off, d)
@@ -385,4 +108,4 @@ def opening_pdf(openings, cell, position, d):
         elif along > f32(0) and square - along * along <= radius:
             share = radius / square  # 1 - cosine is lost in float32 where this is small
             total += (f32(1) + f32(math.sqrt(f32(1) - share))) / share
-    return total * f32(1 / (2 * math.pi * _NEAREST))
+    return total * f32(1 / (2 * math.pi * NEAREST))

@@ -1,7 +1,7 @@
 """What facets that reflect all light send back of light from all around: GGX with Smith's shadowing, once.
 
-ALBEDO[j, i] is the integral of D V cos over the hemisphere, by quadrature in float64, for alpha (j / 10)^2 and
-n.wo = i / 10; in the first column n.wo is .005. `tests/optics/test_facet_albedo.py` integrates anew.
+ALBEDO[j, i] is the integral of D V cos over the hemisphere, by quadrature in float64, for alpha (j / 10)^2
+and n.wo = i / 10; in the first column n.wo is .005. `tests/optics/test_facet_albedo.py` integrates anew.
 """
 
 import math

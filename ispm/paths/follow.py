@@ -29,7 +29,17 @@ from ispm.optics.jit import jit
 from ispm.optics.records import MATERIAL_UNLIT, NO_HIT
 from ispm.optics.rng import random4
 from ispm.optics.vector import add, dot, scale
-from ispm.paths.branch import SCATTERED, STRONG, Branch, distance_to, leave, part, pixel_width
+from ispm.paths.branch import (
+    PARTINGS,
+    SCATTERED,
+    STRONG,
+    TRANSMITTED,
+    Branch,
+    distance_to,
+    leave,
+    part,
+    pixel_width,
+)
 from ispm.paths.coat import draw_coat, facet_light, sample_coat
 from ispm.paths.eye_paths import Done
 from ispm.paths.facet import (
@@ -52,6 +62,7 @@ LAMP_SAMPLES = 4  # points of lamps with a surface that an end is lit by, where 
 MIN_WEIGHT = f32(1e-3)  # weight below which a path goes on by chance
 _MIN_WEIGHT_AFTER_END = f32(0.02)  # and below which from an end
 _PARTS = f32(0.03)  # weight of both branches from which a path parts at smooth glass
+_SOME = f32(1e-6)
 _EVENTS_APART = 32  # numbers of the events of two paths that part
 _DIMENSION = 7 << 20  # of the random numbers that draw lights
 _PICKS = 13 << 20  # of those that draw one of two branches at glass, and whether a path goes on
@@ -186,8 +197,9 @@ def follow(tables, view, thread, path, veil, waiting, i, slot, out, done):
         elif is_smooth(b) or transmits(b):
             if view.pass_index == u32(0) and is_smooth(b) and waiting.may_part:
                 pick = f32(-1)  # for less noise: its bias counts less and less in a mean
-            parts = waiting.may_part and waiting.room > i64(0) and not (from_lobe or rough)
-            least = _PARTS / greatest(weight) if parts else f32(1e30)
+            parts = waiting.may_part and waiting.room > i64(0) and stored < ENDS_MAX
+            parts = parts and not (from_lobe or rough)
+            least = _least_part(x, weight, lane, waiting) if parts else f32(1e30)
             drawn_lobe = sample_specular_lobe(x, wo, u1, u2, least, pick)
             alive, wi, factor, parts, above, kept = drawn_lobe
             drawn = glass_pdf(b, x.n, wo, wi) if by_glass else f32(0)
@@ -210,6 +222,15 @@ def follow(tables, view, thread, path, veil, waiting, i, slot, out, done):
         key, dimension, lane, start, d, _, pdf, _, _, inside, focus, length, sees, _, _ = left
         side, origin = sides
     return Done(row, traced), rough, far if from_lobe else length, waiting, disperses
+
+
+@jit
+def _least_part(x, weight, lane, waiting):
+    """The reflectance and transmittance, float32, from which a path of this weight parts at smooth glass;
+    any where it leaves the first solid that it went through."""
+    if lane == TRANSMITTED and waiting.room == i64(PARTINGS) and not x.entering:
+        return _SOME
+    return _PARTS / greatest(weight)
 
 
 @jit

@@ -12,10 +12,11 @@ from ispm.lights.emission import emit_rays, emit_texels
 from ispm.lights.environment_emission import emit_from_environment, environment_flux
 from ispm.lights.lamp_maps import LampMaps, emit_from_lamp_maps, plan_lamp_maps
 from ispm.lights.lightmap import light_maps
-from ispm.lights.openings import NO_OPENINGS, Openings, find_openings
+from ispm.lights.openings import NO_OPENINGS, Openings
 from ispm.lights.plan import PlannedMap, plan_maps, share_photons
 from ispm.lights.sunlit import find_sunlit
 from ispm.lights.surface_emission import emissive_flux, emit_from_surfaces
+from ispm.lights.survey import find_openings
 from ispm.photons.walk import Walk, walk
 from ispm.renderer.gather import bright_limit
 from ispm.renderer.one_pass import Pass

@@ -174,6 +174,33 @@ def test_a_sheet_tints_what_lies_behind_and_reflects_the_rest():
     assert paths.ends["weight"][above] == pytest.approx(np.broadcast_to(reflected, (len(d), 3)), rel=1e-4)
 
 
+def fresnel(cosine, ior=1.5):
+    e = np.sqrt(1 - (1 - cosine**2) / ior**2)
+    across, along = (cosine - ior * e) / (cosine + ior * e), (ior * cosine - e) / (ior * cosine + e)
+    return 0.5 * (across**2 + along**2)
+
+
+def test_what_glass_mirrors_is_seen_through_a_sheet():
+    """In the first pass, though what lies below that glass is the stronger: the path parts twice."""
+    scene = Scene()
+    scene.add(box((-9, -9, -9), (9, 0, 9)), material=GLASS)
+    scene.add(wall(-8.0), material=CLAY)
+    scene.add(wall(1.0), material=SHEET)
+    floor_at = grid((-1, 1), 0.0, (-2, -0.5))
+    origin = np.array([0.0, 1.0, 2.0])
+    d = (floor_at - origin) / np.linalg.norm(floor_at - origin, axis=1)[:, None]
+    sheet_at = origin - d / d[:, 2:]
+    paths = follow(scene, towards(origin, sheet_at))
+    seen = np.abs(paths.points["position"][:, 2] + 8.0) < 1e-3
+    ends = paths.ends[seen]
+    assert len(ends) == len(d) and (ends["lane"] == SCATTERED).all()
+    up = d * (1, -1, 1)
+    expected = floor_at + ((-8.0 - floor_at[:, 2]) / up[:, 2])[:, None] * up
+    assert np.abs(paths.points["position"][seen] - expected).max() < 1e-4
+    weight = ((1 - fresnel(-d[:, 2])) * fresnel(-d[:, 1]))[:, None] * np.array([0.9, 0.5, 0.2])
+    assert ends["weight"] == pytest.approx(weight, rel=1e-4)
+
+
 def test_a_ball_of_the_index_of_air_is_not_seen():
     scene = Scene()
     scene.add(floor(-2.0), material=CLAY)
