@@ -50,7 +50,8 @@ _BESIDE = tuple(math.cos(math.radians(angle)) for angle in (3.0, 6.0, 12.0, 24.0
 _RARE = 16  # lines tried for each that is open, from where draws are guided
 _DRAWS = 4  # guided ones at most
 _LIKE = 24  # places, nearest to a cell, that tell how rarely lines are open there
-_COVERED = 3.0  # times, about, the spheres of so many lines cover an opening
+# Times, about, that the spheres of so many lines cover an opening: what draws miss of it, few others find.
+_COVERED, _COVERED_BY_WAYS = 10.0, 3.0
 _SOME = 256  # lines that tell how close they lie
 _SENT = 256  # spheres at most through which photons of a sun are sent
 _CHUNK = 16  # rows a thread takes at a time
@@ -183,10 +184,13 @@ def _openings(lines: _Lines, cells: _Cells, draws: np.ndarray, share: float, thr
     if len(lines.starts) < NEAREST:
         return NO_OPENINGS
     middles = lines.starts + lines.along[:, None] * lines.directions
-    spheres = np.column_stack([middles, _radii(middles)]).astype(f32)
+    spheres, sent = (
+        np.column_stack([middles, _radii(middles, times)]).astype(f32)
+        for times in (_COVERED, _COVERED_BY_WAYS)
+    )
     dark, bright = np.flatnonzero(lines.to_sun == 0), np.flatnonzero(lines.to_sun)
-    to_sun = spheres[bright[:: max(len(bright) // _SENT, 1)]]
-    ways = Ways(spheres[dark], lines.directions[dark], to_sun, share)
+    to_sun = sent[bright[:: max(len(bright) // _SENT, 1)]]
+    ways = Ways(sent[dark], lines.directions[dark], to_sun, share)
     nearest = cells.nearest(lines.starts, NEAREST, threads)
     return Openings(spheres, nearest, draws, cells.low, np.float32(1.0) / cells.step, ways)
 
@@ -225,10 +229,10 @@ def _narrow(tables: Tables, lines: _Lines, course: _Course, threads: int) -> _Li
     return _Lines(*(each[rows] for each in lines))
 
 
-def _radii(middles: np.ndarray) -> np.ndarray:
-    """(m,) m to that neighbor of each of (m, 3) points within which _COVERED of any NEAREST of them lie."""
+def _radii(middles: np.ndarray, times: float) -> np.ndarray:
+    """(m,) m to that neighbor of each of (m, 3) points within which so many of any NEAREST of them lie."""
     some = middles[:: max(len(middles) // _SOME, 1)]
-    rank = min(math.ceil(_COVERED * len(some) / NEAREST), len(some) - 1)
+    rank = min(math.ceil(times * len(some) / NEAREST), len(some) - 1)
     apart = np.square(middles[:, None] - some).sum(axis=2)
     least = 1e-6 * np.abs(middles).max()
     return np.asarray(np.sqrt(np.partition(apart, rank, axis=1)[:, rank]) + least)

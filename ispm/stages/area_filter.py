@@ -17,33 +17,17 @@ from ispm.lights.ratio import ratio_share
 from ispm.optics.bsdf import NARROW_ALPHA
 from ispm.optics.jit import jit
 from ispm.stages.area_draws import UNSHADED
-from ispm.stages.pixels import TURNED, plane_at
+from ispm.stages.area_shapes import keep_alike
 
 f32, i64, u32 = np.float32, np.int64, np.uint32
 
 RUN = 128  # pixels, whose numbers and those of the rows about them fit in a cache of the first level
-WORK = 29, RUN  # shape of the float32 array that a thread works in
+WORK = 31, RUN  # shape of the float32 array that a thread works in
 _REACH = 2  # pixels to each side that the filter takes in
 _LEAST_REACH = f32(2)  # in the first pass, less and less in others, for single rays are specks
 _SAME = f32(math.cos(math.radians(2.0)))  # of normals, of pixels whose light without shadows is averaged
 _UNLIKE = f32(4)  # over the difference of lobes' alpha, from which they are not averaged
 _CHUNK = 64  # pixels a thread takes at a time
-
-
-class Shapes(NamedTuple):
-    """What n pixels show, a row for each coordinate, float32 but for the first.
-
-    word          (n,) uint32, of the material
-    point         (3, n) m
-    normal, flat  (3, n) shading and geometric normal, unit
-    off           (n,) m, that neighbors lie off the pixel's plane at most
-    """
-
-    word: np.ndarray
-    point: np.ndarray
-    normal: np.ndarray
-    flat: np.ndarray
-    off: np.ndarray
 
 
 class Means(NamedTuple):
@@ -75,17 +59,6 @@ class Unshaded(NamedTuple):
     gloss: np.ndarray
     missed: np.ndarray
     by_ratio: np.ndarray
-
-
-@jit
-def lay_out(pixels, view, counter, shapes):
-    """Write the Shapes of as many of the Pixels as a thread gets."""
-    for i in shared_rows(counter, _CHUNK, len(pixels.points)):
-        plane = plane_at(pixels, view, i)
-        shapes.word[i], shapes.off[i] = pixels.points[i, 3], plane.off
-        for c in range(3):
-            shapes.point[c, i], shapes.normal[c, i] = plane.position[c], plane.n[c]
-            shapes.flat[c, i] = plane.ng[c]
 
 
 @jit
@@ -130,8 +103,9 @@ def filter_samples(shapes, view, smoothing, samples, lobes, counter, work, means
                 continue
             taps, same, size_of, until = weight[low:high], alike[low:high], high - low, k + high - low
             same[:] = f32(1)
+            room = work[3, :size_of], work[29, :size_of], work[30, :size_of]
             if tap != (2 * _REACH + 1) ** 2 // 2:
-                _keep_alike(shapes, i + low, k, work[3, :size_of], work[4, :size_of], same)
+                keep_alike(shapes, i + low, k, room, work[4, :size_of], same)
             _weigh(reach[low:high], down, right, taps)
             for x in range(size_of):
                 taps[x] *= same[x]
@@ -211,8 +185,9 @@ def widen(shapes, view, smoothing, stride, means, counter, work, wider, unshaded
             if high <= low or tap == 4:
                 continue
             until, turn = k + high - low, work[4, low:high]
+            room = work[5, low:high], work[24, low:high], work[25, low:high]
             alike[tap, low:high] = f32(1)
-            _keep_alike(shapes, i + low, k, work[5, low:high], turn, alike[tap, low:high])
+            keep_alike(shapes, i + low, k, room, turn, alike[tap, low:high])
             for x in range(low, high):
                 taps[x] = aside[x] * alike[tap, x]
                 same[tap, x] = alike[tap, x] if turn[x - low] > _SAME else f32(0)
@@ -301,35 +276,6 @@ def _weigh(reach, down, right, out):
     """Write the weights of pixels so many rows and columns aside in squares that reach so far."""
     for x in range(len(out)):
         out[x] = _near(down, reach[x]) * _near(right, reach[x])
-
-
-@jit
-def _keep_alike(shapes, i, k, height, turn, weights):
-    """Set the weights to 0 where pixels from k on are not of the material of those from i on, in their
-    planes, and turned alike; `height` above these, m, and cosine between normals, `turn`, are written."""
-    size = len(weights)
-    for c in range(3):
-        flat, there, here = (
-            shapes.flat[c, i : i + size],
-            shapes.point[c, k : k + size],
-            shapes.point[c, i : i + size],
-        )
-        one, other = shapes.normal[c, i : i + size], shapes.normal[c, k : k + size]
-        if c == 0:
-            for x in range(size):
-                height[x] = flat[x] * (there[x] - here[x])
-            for x in range(size):
-                turn[x] = one[x] * other[x]
-        else:
-            for x in range(size):
-                height[x] += flat[x] * (there[x] - here[x])
-            for x in range(size):
-                turn[x] += one[x] * other[x]
-    word, others, off = shapes.word[i : i + size], shapes.word[k : k + size], shapes.off[i : i + size]
-    for x in range(size):
-        weights[x] = weights[x] if word[x] == others[x] else f32(0)
-    for x in range(size):
-        weights[x] = weights[x] if abs(height[x]) <= off[x] and turn[x] > TURNED else f32(0)
 
 
 @jit

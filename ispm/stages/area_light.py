@@ -25,8 +25,9 @@ from ispm.lights.openings import Openings
 from ispm.optics.jit import jit
 from ispm.scene.packed import Packed
 from ispm.stages.area_draws import CHUNK, draw_light
-from ispm.stages.area_filter import WORK, Means, Shapes, Unshaded, filter_samples, lay_out, widen
+from ispm.stages.area_filter import WORK, Means, Unshaded, filter_samples, widen
 from ispm.stages.area_samples import Lobes, Samples
+from ispm.stages.area_shapes import Shapes, lay_out
 from ispm.stages.pixels import Pixels, PixelView, is_lit, transmitted_shares
 
 f32, i64 = np.float32, np.int64

@@ -33,6 +33,7 @@ f32, i64, u32 = np.float32, np.int64, np.uint32
 MATTE = Material((0.6, 0.6, 0.6), specular=0.0, roughness=1.0)
 HOLE = np.array([[-0.2, 3.0, -0.3], [0.2, 3.0, -0.3], [0.2, 3.0, 0.3], [-0.2, 3.0, 0.3]])
 RADIANCE = 10.0
+THICK = 0.0005  # m, of the ceiling: of 1 cm it takes .8 % of what the hole lets in
 
 
 def lit_by_a_hole(reach: float = 3e3, beside_a_sun: bool = False) -> Scene:
@@ -45,11 +46,11 @@ def lit_by_a_hole(reach: float = 3e3, beside_a_sun: bool = False) -> Scene:
     scene = Scene(environment=Environment(image))
     scene.add(shapes.plane(4.0, 4.0), material=MATTE)
     for size, x, z in (
-        ((reach, 0.01, reach), reach / 2 + 0.2, 0.0),
-        ((0.4, 0.01, reach / 2), 0.0, reach / 4 + 0.3),
+        ((reach, THICK, reach), reach / 2 + 0.2, 0.0),
+        ((0.4, THICK, reach / 2), 0.0, reach / 4 + 0.3),
     ):
         for side in (-1.0, 1.0):
-            scene.add(shapes.box(size), material=MATTE, translation=(side * x, 3.005, side * z))
+            scene.add(shapes.box(size), material=MATTE, translation=(side * x, 3.0 + 0.5 * THICK, side * z))
     return scene
 
 
@@ -236,8 +237,9 @@ def test_photons_sent_through_openings_carry_the_same_flux_everywhere():
 def test_pictures_of_light_through_a_hole_are_exact_and_have_little_noise(gpu, beside_a_sun):
     """One cosine draw in 230 passes. By these alone, a mean over squares of 45 x 45 pixels is off by a third
     (.41 was measured). Of guided draws one in six passes at least: four to a pixel, and 25 pixels to the
-    smallest square, err by sqrt(5 / 100) = .22 at most. The mean of 48 pictures is exact to four of its
-    standard errors, by Lambert's formula for polygons. What is as bright as a sun has draws of its own, which
+    smallest square, err by sqrt(5 / 100) = .22 at most. The mean of 48 pictures is that of Lambert's formula
+    for polygons to four of its standard errors and 1.5 %: filters as wide as a third of the picture lack the
+    darker floor beyond its edge, 1 % by 64 pictures. What is as bright as a sun has draws of its own, which
     differ by as much as their mean, as some are of the sun near the horizon: a ratio of means of 25 such
     errs by 1 / 25 (Cochran, Sampling Techniques, 6.8)."""
     camera = Camera.look_at((0.0, 2.5, 0.0), (0.0, 0.0, -1e-3), yfov=0.6)
@@ -261,5 +263,5 @@ def test_pictures_of_light_through_a_hole_are_exact_and_have_little_noise(gpu, b
     irradiance = np.reshape([polygon_irradiance(HOLE, place, up) for place in at], x.shape)
     truth = RADIANCE * 0.6 / math.pi * irradiance
     assert np.sqrt(((first / truth - 1.0) ** 2).mean()) < 0.22
-    error = 4.0 * float(np.std(means)) / math.sqrt(48) + (0.04 * truth.mean() if beside_a_sun else 0.0)
+    error = 4.0 * float(np.std(means)) / math.sqrt(48) + (0.04 if beside_a_sun else 0.015) * truth.mean()
     assert np.mean(means) == pytest.approx(truth.mean(), abs=error)
