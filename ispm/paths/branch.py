@@ -119,12 +119,12 @@ class Waiting(NamedTuple):
     """Paths that parted from one at smooth glass and wait to be followed, the last to part in front.
 
     may_part  whether more may part from it: not where several paths stand for one;  room  how many
-    count     of those that wait, of `paths`
+    size      of those that wait, of `paths`
     """
 
     may_part: bool
     room: np.int64
-    count: np.int64
+    size: np.int64
     paths: tuple[Path, Path, Path]
 
 
@@ -138,14 +138,14 @@ def nothing_waits(path, may_part):
 def part(waiting, path):
     """Return a Waiting with one path more."""
     paths = path, waiting.paths[0], waiting.paths[1]
-    return Waiting(waiting.may_part, waiting.room - i64(1), waiting.count + i64(1), paths)
+    return Waiting(waiting.may_part, waiting.room - i64(1), waiting.size + i64(1), paths)
 
 
 @jit
 def without_next(waiting):
     """Return a Waiting without the path in front."""
     paths = waiting.paths[1], waiting.paths[2], waiting.paths[2]
-    return Waiting(waiting.may_part, waiting.room, waiting.count - i64(1), paths)
+    return Waiting(waiting.may_part, waiting.room, waiting.size - i64(1), paths)
 
 
 @jit

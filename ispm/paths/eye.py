@@ -269,7 +269,7 @@ def _follow_often(tables, view, thread, path, veil, i, slot, out, done):
         if disperses:
             return done, end, True
         rough = rough or met
-        if waiting.count > i64(0):
+        if waiting.size > i64(0):
             path, skipped, waiting = waiting.paths[0], no_medium(), without_next(waiting)
             continue
         if rough and k == 0 and lane != SCATTERED and pdf == f32(0):
