@@ -2,7 +2,7 @@
 
 It runs on the CPU, where the trees are. The draws of any 4 x 4 pixels together are even, see `area_draws.py`;
 the filter, of `area_filter.py`, is the mean over such a square (the discontinuity buffer of Wald et al.,
-Interactive Global Illumination using Fast Ray Tracing, EGWR 2002). It takes in pixels of the same plane
+Interactive Global Illumination using Fast Ray Tracing, EGWR 2002). It takes in pixels of the same surface
 alone, and no farther than a fraction of the penumbra's width, by the distance to what casts the shadow: at
 contacts its edge stays sharp. Where penumbrae are much wider than the square, what it lets through is
 filtered again, from squares that lie farther and farther apart (Dammertz et al., Edge-Avoiding A-Trous
