@@ -68,11 +68,12 @@ def keep_alike(shapes, i, k, room, turn, weights):
     word, others, off = shapes.word[i : i + size], shapes.word[k : k + size], shapes.off[i : i + size]
     for x in range(size):
         weights[x] = weights[x] if (word[x] == others[x]) & (turn[x] > TURNED) else f32(0)
-    doubtful = f32(0)
+    doubtful = 0
     for x in range(size):
-        flat[x] = f32(1) if (bend[x] > _BENT) & (abs(flat[x]) <= off[x]) else f32(0)
-        doubtful += weights[x] * (f32(1) - flat[x])
-    if doubtful <= f32(0):
+        is_flat = (bend[x] > _BENT) & (abs(flat[x]) <= off[x])
+        flat[x] = f32(1) if is_flat else f32(0)
+        doubtful |= (weights[x] > f32(0)) & (not is_flat)
+    if not doubtful:
         return
     _compare(shapes.point, shapes.normal, i, k, smooth, bend)
     for x in range(size):
