@@ -1,5 +1,4 @@
-"""The filter of direct light of lamps with a surface and of the environment: means over
-pixels of one surface.
+"""The filter of direct light of lamps with a surface and of the environment: means over pixels of a surface.
 
 It works on runs of pixels of a row, and on one quantity after the other, so that a compiler makes it work on
 several pixels at a time. In kernels `i` and `k` are the first pixel of a run, or of a part of it, and the

@@ -50,7 +50,7 @@ def lay_out(pixels, view, counter, shapes):
 @jit
 def keep_alike(shapes, i, k, room, turn, weights):
     """Set the weights to 0 where pixels from k on are not of the material of those from i on and of the same
-    surface; the cosine between shading normals, `turn`, is written.
+    surface; the cosine between shading normals, `turn`, is written. room: three rows as long to work in.
 
     The same is what lies in the mean of both pixels' planes, 0 off it on a ball, and is turned little, by the
     geometric normals or by shading normals: bumps lie on facets, and facets of few pixels on what is smooth.
