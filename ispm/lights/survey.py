@@ -52,6 +52,7 @@ _DRAWS = 4  # guided ones at most
 _LIKE = 24  # places, nearest to a cell, that tell how rarely lines are open there
 # Times, about, that the spheres of so many lines cover an opening: what draws miss of it, few others find.
 _COVERED, _COVERED_BY_WAYS = 10.0, 3.0
+_GLAZED = 1.1  # times the lines that are open where these are rare, as many as with glass have a survey
 _SOME = 256  # lines that tell how close they lie
 _SENT = 256  # spheres at most through which photons of a sun are sent
 _CHUNK = 16  # rows a thread takes at a time
@@ -135,27 +136,25 @@ def find_openings(
     rays  origins and directions, (n, 3), m and unit, even over the picture
     Glass closes an opening for draws but not for photons, whose ways a survey of their own finds.
     """
-    tables, numbers = scene_tables(packed, world, surfaces), (u32(pass_index), u32(seed))
+    tables, threads = scene_tables(packed, world, surfaces), world.threads
     eye = [np.ascontiguousarray(each, f32) for each in rays]
-    seen, openings = _survey(tables, eye, False, numbers, world.threads)
+    course = _Course(False, u32(0), u32(pass_index), u32(seed))
+    first = _look(tables, eye, course, threads)
+    openings = _survey(tables, eye, course, first, threads)
     if (packed.materials["flags"] & u32(MATERIAL_TRANSMITS)).any():
-        ways = _survey(tables, eye, True, numbers, world.threads)[1].ways
-        openings = openings._replace(ways=ways)
-    return seen, openings
+        course = course._replace(through_glass=True)
+        glazed = _look(tables, eye, course, threads)
+        rare = first.opened.sum(axis=2) <= 1
+        if glazed.opened[rare].sum() > _GLAZED * first.opened[rare].sum():
+            openings = openings._replace(ways=_survey(tables, eye, course, glazed, threads).ways)
+    return first.places[:, 0][first.tried[:, 0] >= 0], openings
 
 
-def _survey(
-    tables: Tables,
-    eye: list[np.ndarray],
-    through_glass: bool,
-    numbers: tuple[np.uint32, np.uint32],
-    threads: int,
-) -> tuple[np.ndarray, Openings]:
-    """`find_openings` with glass closed or open; numbers: of the pass, and the seed."""
-    first = _look(tables, eye, _Course(through_glass, u32(0), *numbers), threads)
-    seen, there = first.places[:, 0][first.tried[:, 0] >= 0], first.tried > 0
+def _survey(tables: Tables, eye: list[np.ndarray], course: _Course, first: _Survey, threads: int) -> Openings:
+    """The Openings that a survey finds, whose first round is known."""
+    there = first.tried > 0
     if not there.any():
-        return seen, NO_OPENINGS
+        return NO_OPENINGS
     places, sides = first.places[there], first.sides[there]
     cells = _Cells.about(places)
     like = np.stack([_alike(places, sides == side, cells, threads) for side in range(6)])
@@ -167,16 +166,15 @@ def _survey(
         hidden = draws[sides, cells.of(places)] > 0
         if not hidden.any() or opened[hidden].sum() >= _ENOUGH or len(surveys) == _ROUNDS:
             break
-        course = _Course(through_glass, u32(len(surveys)), *numbers)
-        surveys.append(_look(tables, eye, course, threads))
+        surveys.append(_look(tables, eye, course._replace(turn=u32(len(surveys))), threads))
         tried, opened = (
             tried + surveys[-1].tried[there],
             opened + surveys[-1].opened[there].sum(axis=1),
         )
     found = [_open_lines(places, hidden, each.lines[there], each.opened[there]) for each in surveys]
     lines = _Lines(*map(np.concatenate, zip(*found, strict=True)))
-    lines = _narrow(tables, lines, _Course(through_glass, u32(0), *numbers), threads)
-    return seen, _openings(lines, cells, draws, float(hidden.mean()), threads)
+    lines = _narrow(tables, lines, course, threads)
+    return _openings(lines, cells, draws, float(hidden.mean()), threads)
 
 
 def _openings(lines: _Lines, cells: _Cells, draws: np.ndarray, share: float, threads: int) -> Openings:
