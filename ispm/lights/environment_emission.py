@@ -21,6 +21,7 @@ from ispm.accel.world import World
 from ispm.kernels.share import run_shared, shared_rows
 from ispm.kernels.simd import alloca
 from ispm.lights.aim import SEEN, seen_boxes
+from ispm.lights.boxes import Boxes, box_shadow, draw_on_box, joined_boxes, meets_box, upright_boxes
 from ispm.lights.openings import NO_WAYS, WAY, Ways
 from ispm.lights.surface_emission import caustic_spheres, drawn_row, lattice5, lattice_shifts
 from ispm.optics.environment import environment_light, environment_radiance, sample_environment
@@ -37,28 +38,26 @@ f32, i64, u32 = np.float32, np.int64, np.uint32
 _DIMENSION = (1 << 20) - 3  # of the random numbers of a ray, and of those that shift all of them
 _THROUGH = 0.5  # of the photons that are not aimed at caustics, if all that is seen is lit through openings
 _FREE = 1.0 / 3.0  # of those, which come from anywhere: where no way leads few carry much
-_MOST = 256  # spheres that those are sent through
+_LARGEST = f32(1 - 2.0**-24)  # below 1
 _CHUNK = 1024  # rays a thread takes at a time
 
 
 class _Targets(NamedTuple):
     """Where rays are sent.
 
-    boxes      (n, 2, 3) float32 corners, m, of the box about the scene and of those about what is seen
-    chances    (n,) float32, of the photons that are not aimed at spheres, those sent through each
-    spheres    (k, 4) float32, middle and radius, m, of what casts caustics and of openings
-    aimed      (k + 1,) float64, of the photons, those aimed at the spheres before each, and at all
-    ways       (l, 4) and (l, 3) float32, spheres and directions of ways in; along: of the photons, those sent
-               along these
+    spheres    (n, 4) float32, middle and radius, m, of what casts caustics
+    boxes      m of them, about the scene, about what is seen and about openings
+    aimed      (n + m + 1,) float64, of the photons, those aimed at the spheres and boxes before each, and at
+               all
+    ways       in;  along: of the photons, those sent along their lines
     away       m, from a place within the scene to one outside
     shifts     (5,) float64, of the lattice
     """
 
-    boxes: np.ndarray
-    chances: np.ndarray
     spheres: np.ndarray
+    boxes: Boxes
     aimed: np.ndarray
-    ways: tuple[np.ndarray, np.ndarray]
+    ways: Ways
     along: np.float32
     away: np.float32
     shifts: np.ndarray
@@ -95,18 +94,19 @@ def emit_from_environment(
     tables = scene_tables(packed, world, surfaces)
     spheres = caustic_spheres(packed)
     to_caustics = caustic_share if len(spheres) else 0.0
-    kinds = len(ways.spheres) > 0, len(ways.to_sun) > 0
+    kinds = ways.to_sky.any(), ways.to_sun.any()
     through = _THROUGH * ways.share * (1.0 - to_caustics)
     dark, to_sun = (through / max(sum(kinds), 1) * some for some in kinds)
-    openings = ways.spheres[:: max(len(ways.spheres) // _MOST, 1)]
     near = [] if seen is None else seen_boxes(packed.bounds, seen)
-    chances = [1.0 - SEEN, *[SEEN / len(near)] * len(near)] if near else [1.0]
+    chances = np.array([1.0 - SEEN, *[SEEN / len(near)] * len(near)] if near else [1.0])
+    each_sphere = np.full(len(spheres), to_caustics / max(len(spheres), 1))
+    each_box = _FREE * dark * ways.to_sky + to_sun * ways.to_sun
+    aimed = 0.0, *each_sphere, *((1.0 - to_caustics - dark - to_sun) * chances), *each_box
     targets = _Targets(
-        np.stack([packed.bounds, *near]).astype(np.float32),
-        np.array(chances, np.float32),
-        np.concatenate([spheres, ways.to_sun, openings]),
-        _cumulative((len(spheres), to_caustics), (len(ways.to_sun), to_sun), (len(openings), _FREE * dark)),
-        (ways.spheres, ways.directions),
+        spheres,
+        joined_boxes([upright_boxes(np.stack([packed.bounds, *near])), ways.boxes]),
+        np.cumsum(aimed, dtype=np.float64),
+        ways,
         f32((1.0 - _FREE) * dark),
         f32(2.0 * packed.diagonal),
         lattice_shifts(_DIMENSION, seed, pass_index),
@@ -117,12 +117,6 @@ def emit_from_environment(
     numbers = np.uint32(pass_index), np.uint32(seed)
     run_shared(lambda counter: _emit(tables, targets, *numbers, counter, rows), world.threads)
     return rows[rows["flux"].any(axis=1)]
-
-
-def _cumulative(*groups: tuple[int, float]) -> np.ndarray:
-    """Cumulative shares, float64, of groups of so many, each of which has a share; 0 first."""
-    each = [np.full(count, share / max(count, 1)) for count, share in groups]
-    return np.cumsum(np.concatenate([[0.0], *each]))
 
 
 @jit
@@ -157,58 +151,74 @@ def _drawn(tables, targets, numbers):
     """Return a direction, a point, m, that a ray from there passes, and densities, 1/sr and 1/m2 across the
     ray, whose product is that of all draws together."""
     u0, u1, u2, u3, u4 = numbers
-    (spheres, directions), along = targets.ways, targets.along
+    along = targets.along
     if u4 < along:
-        count = i64(len(spheres))
-        k = min(i64(u4 / along * f32(count)), count - 1)
-        wi = in_cone(vec3(directions[k]), f32(WAY), u0, u1)
-        point = _in_disc(spheres[k], wi, u2, u3)
+        wi, point = _on_way(targets.ways, u0, u1, u2, u3, u4 / along)
         _, pdf = environment_light(tables.environment, wi)
     else:
         wi, _, pdf = sample_environment(tables.environment, u0, u1)
-        point = _point(targets, wi, u2, u3, min((u4 - along) / (f32(1) - along), f32(1 - 2.0**-24)))
+        point = _point(targets, wi, u2, u3, u4 - along)
     if pdf <= f32(0):  # it is dark there
         return wi, point, pdf, f32(0)
-    density = _density(targets, wi, point)
-    together = pdf * density
-    for way in range(len(spheres)):
-        if dot(vec3(directions[way]), wi) >= f32(WAY) and _meets_sphere(spheres[way], point, wi):
-            area = f32(math.pi) * spheres[way, 3] * spheres[way, 3]
-            together += along / (f32(len(spheres)) * f32(2 * math.pi * (1 - WAY)) * area)
-    return wi, point, pdf, together / pdf
+    return (
+        wi,
+        point,
+        pdf,
+        _density(targets, wi, point) + along * _density_of_ways(targets.ways, wi, point) / pdf,
+    )
+
+
+@jit
+def _on_way(ways, u0, u1, u2, u3, u4):
+    """A direction about a line of ways in, and a point of its box, m, by numbers of [0, 1)."""
+    k = i64(0)
+    while k < len(ways.to_sky) - 1 and u4 >= ways.to_sky[k]:
+        u4 -= ways.to_sky[k]
+        k += 1
+    first, count = ways.firsts[k], ways.firsts[k + 1] - ways.firsts[k]
+    u4 = min(u4 / max(ways.to_sky[k], f32(1e-30)), _LARGEST) * f32(count)
+    line = min(i64(u4), count - 1)
+    wi = in_cone(vec3(ways.directions[first + line]), f32(WAY), u0, u1)
+    return wi, draw_on_box(ways.boxes, k, wi, u2, u3, min(u4 - f32(line), _LARGEST))
+
+
+@jit
+def _density_of_ways(ways, wi, point):
+    """The density, 1/(sr m2), with which `_on_way` draws a direction and a point across it."""
+    density = f32(0)
+    for k in range(len(ways.to_sky)):
+        if ways.to_sky[k] > f32(0) and meets_box(ways.boxes, k, point, wi):
+            near, first, end = 0, ways.firsts[k], ways.firsts[k + 1]
+            for line in range(first, end):
+                near += dot(vec3(ways.directions[line]), wi) >= f32(WAY)
+            share = ways.to_sky[k] * f32(near) / f32(end - first)
+            density += share / max(box_shadow(ways.boxes, k, wi), f32(1e-30))
+    return density * f32(1 / (2 * math.pi * (1 - WAY)))
 
 
 @jit
 def _point(targets, wi, u, v, w):
-    """A point, m, that a ray from wi passes, drawn by u, v, w of [0, 1)."""
-    boxes, chances, aimed, spheres = targets.boxes, targets.chances, targets.aimed, targets.spheres
-    w *= f32(1) - targets.along
-    share = f32(aimed[len(spheres)])
-    if w < share:
-        row, _, _ = drawn_row(aimed, w)
-        return _in_disc(spheres[row], wi, u, v)
-    w = (w - share) / (f32(1) - targets.along - share)
-    k = 0
-    while k + 1 < len(chances) and w >= chances[k]:
-        w -= chances[k]
-        k += 1
-    return _on_box(boxes[k, 0], boxes[k, 1], wi, u, v, min(w / chances[k], f32(1)))
+    """A point, m, that a ray from wi passes, drawn by u, v of [0, 1) and w of [0, 1 - targets.along)."""
+    row, _, w = drawn_row(targets.aimed, w)
+    if row < len(targets.spheres):
+        return _in_disc(targets.spheres[row], wi, u, v)
+    return draw_on_box(targets.boxes, row - len(targets.spheres), wi, u, v, w)
 
 
 @jit
 def _density(targets, wi, point):
     """The density, 1/m2 across the ray, of a point among those that rays from wi pass which are drawn by the
     environment."""
-    boxes, chances, aimed, spheres = targets.boxes, targets.chances, targets.aimed, targets.spheres
-    density, rest = f32(0), f32(1) - targets.along - f32(aimed[len(spheres)])
-    for k in range(len(boxes)):
-        low, high = boxes[k, 0], boxes[k, 1]
-        if _meets_box(low, high, point, wi):
-            density += rest * chances[k] / max(_shadow(low, high, wi), f32(1e-30))
+    boxes, aimed, spheres = targets.boxes, targets.aimed, targets.spheres
+    density = f32(0)
     for k in range(len(spheres)):
         if _meets_sphere(spheres[k], point, wi):
             square = spheres[k, 3] * spheres[k, 3]
             density += f32(aimed[k + 1] - aimed[k]) * f32(1 / math.pi) / square
+    for k in range(len(boxes.middles)):
+        if meets_box(boxes, k, point, wi):
+            share = f32(aimed[len(spheres) + k + 1] - aimed[len(spheres) + k])
+            density += share / max(box_shadow(boxes, k, wi), f32(1e-30))
     return density
 
 
@@ -227,42 +237,3 @@ def _meets_sphere(sphere, point, wi):
     off = sub(point, vec3(sphere))
     along = dot(off, wi)
     return dot(off, off) - along * along <= sphere[3] * sphere[3]
-
-
-@jit
-def _shadow(low, high, wi):
-    """Area, m2, that a box shows to a direction."""
-    x, y, z = high[0] - low[0], high[1] - low[1], high[2] - low[2]
-    return abs(wi[0]) * y * z + abs(wi[1]) * z * x + abs(wi[2]) * x * y
-
-
-@jit
-def _on_box(low, high, wi, u, v, w):
-    """A point, m, of the sides of a box that a direction sees, drawn evenly across it by u, v, w, [0, 1)."""
-    x, y, z = high[0] - low[0], high[1] - low[1], high[2] - low[2]
-    a, b, whole = abs(wi[0]) * y * z, abs(wi[1]) * z * x, _shadow(low, high, wi)
-    w *= whole
-    if w < a:
-        side = high[0] if wi[0] > f32(0) else low[0]
-        return side, low[1] + u * y, low[2] + v * z
-    if w < a + b:
-        side = high[1] if wi[1] > f32(0) else low[1]
-        return low[0] + u * x, side, low[2] + v * z
-    side = high[2] if wi[2] > f32(0) else low[2]
-    return low[0] + u * x, low[1] + v * y, side
-
-
-@jit
-def _meets_box(low, high, point, wi):
-    """Whether the line through a point along wi meets a box; one that touches it, by rounding, does."""
-    near, far = f32(-np.inf), f32(np.inf)
-    slack = f32(1e-5) * ((high[0] - low[0]) + (high[1] - low[1]) + (high[2] - low[2]))
-    for k in range(3):
-        o, d = (point[0], point[1], point[2])[k], (wi[0], wi[1], wi[2])[k]
-        if abs(d) < f32(1e-12):
-            if o < low[k] - slack or o > high[k] + slack:
-                return False
-            continue
-        a, b = (low[k] - slack - o) / d, (high[k] + slack - o) / d
-        near, far = max(near, min(a, b)), min(far, max(a, b))
-    return near <= far

@@ -12,6 +12,8 @@ from ispm.optics.vector import luminance, scale
 
 f32 = np.float32
 
+_GUIDED, _BESIDE_A_SUN = f32(0.8), f32(0.5)  # share of the draws that see openings, where these guide
+
 
 @jit
 def guided_surround(tables, x, wo, numbers, openings, brightest, by_lobes):
@@ -23,12 +25,14 @@ def guided_surround(tables, x, wo, numbers, openings, brightest, by_lobes):
              directions it draws
     By the balance heuristic (Veach 1997, section 9.2.2), of candidates' densities in place of draws'.
     """
-    cell, draws = opening_cell(openings, x)
+    cell, guided = opening_cell(openings, x)
     u0, u1, u2, pick = numbers
-    if draws == 0:
+    if not guided:
         drawn, _ = resample_surround(tables, x, wo, u1, u2, pick, PAIRS, brightest, by_lobes)
         return drawn.wi, drawn.radiance, drawn.pdf
-    weight, share = f32(1), f32(draws) / f32(draws + 1)
+    # what is drawn well without openings, a sun, has half of the draws
+    sunny = brightest == f32(np.inf) and len(tables.environment.sunlight) > 0
+    weight, share = f32(1), _BESIDE_A_SUN if sunny else _GUIDED
     if pick < share:
         wi = draw_opening(openings, cell, x.position, u0, u1, u2)
         radiance, pdf = environment_light(tables.environment, wi)
@@ -50,7 +54,7 @@ def guided_surround(tables, x, wo, numbers, openings, brightest, by_lobes):
 def guided_suns(tables, x, wo, numbers, openings, by_lobes, turn):
     """Return likewise one of two draws of directions as bright as suns, whose sum counts: `turn` 0: of suns
     alone; 1, where openings are rare: one that sees these, for what is that bright and not small."""
-    cell, draws = opening_cell(openings, x)
+    cell, guided = opening_cell(openings, x)
     u0, u1, u2, pick = numbers
     limit = tables.environment.brightest
     if turn == 0:
@@ -59,7 +63,7 @@ def guided_suns(tables, x, wo, numbers, openings, by_lobes, turn):
     else:
         wi = draw_opening(openings, cell, x.position, u0, u1, u2)
         radiance, pdf = environment_light(tables.environment, wi)
-    if draws == 0 or luminance(radiance) <= f32(0):
+    if not guided or luminance(radiance) <= f32(0):
         return wi, radiance, pdf
     own = candidate_pdf(tables, x, wo, wi, pdf / tables.environment.sun_share, by_lobes)
     if own <= f32(0) or (turn == 1 and luminance(radiance) <= limit):

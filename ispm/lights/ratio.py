@@ -87,8 +87,8 @@ def _part(tables, x, wo, u, scratch, goes_on, count, by_ratio, known, openings, 
     limit = tables.environment.brightest if sunny else f32(np.inf)
     matte, gloss, drawn = none, none, none
     _, guided = opening_cell(openings, x)
-    by_ratio = by_ratio if guided == 0 else f32(0)
-    turns = 2 if of_suns and guided > 0 else 1
+    by_ratio = f32(0) if guided else by_ratio
+    turns = 2 if of_suns and guided else 1
     for k in range(count * turns):
         chosen = next_numbers(numbers, k // turns)
         if of_suns:

@@ -13,13 +13,13 @@ from typing import NamedTuple
 import numpy as np
 
 from ispm.accel.intersect import STACK_WORDS
+from ispm.accel.mesh import hit_plane
 from ispm.accel.records import Scratch
 from ispm.accel.surface import (
     LAYERS_MAX,
     SurfaceTable,
     Tables,
     closest_surface,
-    hit_position,
     leave_surface,
     scene_tables,
     surface,
@@ -29,6 +29,8 @@ from ispm.accel.world import World
 from ispm.kernels.share import run_shared, shared_rows
 from ispm.kernels.simd import alloca
 from ispm.lights.area import resample_surround
+from ispm.lights.boxes import Boxes
+from ispm.lights.fitted_boxes import cell_weights, fit_boxes
 from ispm.lights.openings import CELLS, NEAREST, NO_OPENINGS, Openings, Ways
 from ispm.optics.bsdf import is_gathered, transmits
 from ispm.optics.environment import has_environment
@@ -47,14 +49,12 @@ _TRIED = 4  # lines from a place in a round, to the darker parts of a sky, and a
 _ROUNDS = 12  # at most
 _ENOUGH = 1000  # lines, after which no round follows, and about as many as are used
 _BESIDE = tuple(math.cos(math.radians(angle)) for angle in (3.0, 6.0, 12.0, 24.0))  # of cones about a line
-_RARE = 16  # lines tried for each that is open, from where draws are guided
-_DRAWS = 4  # guided ones at most
+_RARE = 4  # lines tried for each that is open, from where draws are guided
 _LIKE = 24  # places, nearest to a cell, that tell how rarely lines are open there
-# Times, about, that the spheres of so many lines cover an opening: what draws miss of it, few others find.
-_COVERED, _COVERED_BY_WAYS = 10.0, 3.0
+# Of its size, that a box is larger for photons: what light meets in an opening, as a sill, scatters it in.
+_AROUND = 0.15
 _GLAZED = 1.1  # times the lines that are open where these are rare, as many as with glass have a survey
-_SOME = 256  # lines that tell how close they lie
-_SENT = 256  # spheres at most through which photons of a sun are sent
+_SENT = 64  # lines through a box, about, along which photons are sent
 _CHUNK = 16  # rows a thread takes at a time
 
 
@@ -81,12 +81,21 @@ class _Lines(NamedTuple):
     starts      (m, 3) float32 m;  directions  (m, 3) float32, unit, towards the environment
     to_sun      (m,) int64, 1: its brightest part, else 0
     along       (m,) float32 m along them, where what is beside them ends rays; infinite: there is nothing
+    farthest    (m,) m, where the last of some rays, farther and farther aside, ends that does
+    planes      (m, 4, 4) float32, of what ends these: normal, unit, and its product with points, m; NaN: none
     """
 
     starts: np.ndarray
     directions: np.ndarray
     to_sun: np.ndarray
     along: np.ndarray
+    farthest: np.ndarray
+    planes: np.ndarray
+
+    @property
+    def seen(self) -> tuple[np.ndarray, ...]:
+        """What `fit_boxes` is told."""
+        return self.starts, self.directions, self.along, self.farthest, self.planes
 
 
 class _Course(NamedTuple):
@@ -161,9 +170,8 @@ def _survey(tables: Tables, eye: list[np.ndarray], course: _Course, first: _Surv
     tried, opened = first.tried[there], first.opened[there].sum(axis=1)
     surveys = [first]
     while True:
-        rare = tried[like].sum(axis=2) // (_RARE * np.maximum(opened[like].sum(axis=2), 1))
-        draws = np.minimum(rare, _DRAWS).astype(np.int32)
-        hidden = draws[sides, cells.of(places)] > 0
+        guided = tried[like].sum(axis=2) > _RARE * np.maximum(opened[like].sum(axis=2), 1)
+        hidden = guided[sides, cells.of(places)]
         if not hidden.any() or opened[hidden].sum() >= _ENOUGH or len(surveys) == _ROUNDS:
             break
         surveys.append(_look(tables, eye, course._replace(turn=u32(len(surveys))), threads))
@@ -174,23 +182,31 @@ def _survey(tables: Tables, eye: list[np.ndarray], course: _Course, first: _Surv
     found = [_open_lines(places, hidden, each.lines[there], each.opened[there]) for each in surveys]
     lines = _Lines(*map(np.concatenate, zip(*found, strict=True)))
     lines = _narrow(tables, lines, course, threads)
-    return _openings(lines, cells, draws, float(hidden.mean()), threads)
+    return _openings(lines, cells, guided, float(hidden.mean()), threads)
 
 
-def _openings(lines: _Lines, cells: _Cells, draws: np.ndarray, share: float, threads: int) -> Openings:
-    """The Openings of lines, (m,) of which have something beside them; draws, share: see there."""
+def _openings(lines: _Lines, cells: _Cells, guided: np.ndarray, share: float, threads: int) -> Openings:
+    """The Openings of lines, (m,) of which have something beside them; guided, share: see there."""
     if len(lines.starts) < NEAREST:
         return NO_OPENINGS
-    middles = lines.starts + lines.along[:, None] * lines.directions
-    spheres, sent = (
-        np.column_stack([middles, _radii(middles, times)]).astype(f32)
-        for times in (_COVERED, _COVERED_BY_WAYS)
-    )
-    dark, bright = np.flatnonzero(lines.to_sun == 0), np.flatnonzero(lines.to_sun)
-    to_sun = sent[bright[:: max(len(bright) // _SENT, 1)]]
-    ways = Ways(sent[dark], lines.directions[dark], to_sun, share)
-    nearest = cells.nearest(lines.starts, NEAREST, threads)
-    return Openings(spheres, nearest, draws, cells.low, np.float32(1.0) / cells.step, ways)
+    boxes, shares = fit_boxes(*lines.seen)
+    weights = cell_weights(shares, cells.nearest(lines.starts, NEAREST, threads))
+    ways = _ways(boxes, lines, shares)._replace(share=share)
+    return Openings(boxes, weights, guided, cells.low, np.float32(1.0) / cells.step, ways)
+
+
+def _ways(boxes: Boxes, lines: _Lines, shares: np.ndarray) -> Ways:
+    """The Ways in through boxes that have (m, k) shares in lines."""
+    dark, bright = lines.to_sun == 0, lines.to_sun == 1
+    each = [np.flatnonzero(dark & (shares.argmax(axis=1) == k)) for k in range(len(boxes.middles))]
+    to_sky = np.array([len(rows) for rows in each]) / max(dark.sum(), 1)
+    to_sun = shares[bright].sum(axis=0) / max(bright.sum(), 1)
+    each = [rows[:: max(len(rows) // _SENT, 1)] for rows in each]
+    firsts = np.cumsum([0, *(len(rows) for rows in each)])
+    around = _AROUND * np.sqrt(boxes.lengths[:, 1:].prod(axis=1, keepdims=True))
+    boxes = boxes._replace(lengths=boxes.lengths + around)
+    directions = lines.directions[np.concatenate(each)]
+    return Ways(boxes, to_sky.astype(f32), to_sun.astype(f32), directions, firsts, 0.0)
 
 
 def _look(tables: Tables, eye: list[np.ndarray], course: _Course, threads: int) -> _Survey:
@@ -215,7 +231,9 @@ def _alike(places: np.ndarray, facing_alike: np.ndarray, cells: _Cells, threads:
 def _open_lines(places: np.ndarray, hidden: np.ndarray, lines: np.ndarray, opened: np.ndarray) -> _Lines:
     """The open lines from (m, 3) places where these are rare, (m,) `hidden`; lines, opened: of a _Survey."""
     place, line = np.nonzero(opened & hidden[:, None])
-    return _Lines(places[place], lines[place, line], line % 2, np.full(len(place), np.inf, f32))
+    along, farthest = np.full((2, len(place)), np.inf, f32)
+    planes = np.full((len(place), len(_BESIDE), 4), np.nan, f32)
+    return _Lines(places[place], lines[place, line], line % 2, along, farthest, planes)
 
 
 def _narrow(tables: Tables, lines: _Lines, course: _Course, threads: int) -> _Lines:
@@ -225,15 +243,6 @@ def _narrow(tables: Tables, lines: _Lines, course: _Course, threads: int) -> _Li
     run_shared(lambda counter: _look_beside(tables, *lines, course, counter), threads)
     rows = np.flatnonzero(np.isfinite(lines.along))
     return _Lines(*(each[rows] for each in lines))
-
-
-def _radii(middles: np.ndarray, times: float) -> np.ndarray:
-    """(m,) m to that neighbor of each of (m, 3) points within which so many of any NEAREST of them lie."""
-    some = middles[:: max(len(middles) // _SOME, 1)]
-    rank = min(math.ceil(times * len(some) / NEAREST), len(some) - 1)
-    apart = np.square(middles[:, None] - some).sum(axis=2)
-    least = 1e-6 * np.abs(middles).max()
-    return np.asarray(np.sqrt(np.partition(apart, rank, axis=1)[:, rank]) + least)
 
 
 @jit
@@ -301,9 +310,8 @@ def _closest(tables, start, d, holes, through_glass, scratch):
 
 
 @jit
-def _look_beside(tables, starts, directions, _to_sun, along, course, counter):
-    """Write how far, m, along open lines there is something beside them, for as many as a thread gets: where
-    the first of some rays about each ends, farther and farther from it; infinite where none does."""
+def _look_beside(tables, starts, directions, _to_sun, along, farthest, planes, course, counter):
+    """Write what is beside open lines, as _Lines has it, for as many as a thread gets."""
     scratch = Scratch(alloca(STACK_WORDS), alloca(2))
     for i in shared_rows(counter, _CHUNK, len(starts)):
         start, along[i] = vec3(starts[i]), f32(np.inf)
@@ -312,9 +320,15 @@ def _look_beside(tables, starts, directions, _to_sun, along, course, counter):
             u, v, holes, _ = random4(u32(i), dimension, course.pass_index, course.seed)
             d = in_cone(vec3(directions[i]), f32(_BESIDE[turn]), u, v)
             found, hit = _closest(tables, start, d, holes, course.through_glass, scratch)
-            if found:
-                along[i] = dot(sub(hit_position(tables.surfaces, hit), start), d)
-                break
+            if not found:
+                continue
+            at, ng = hit_plane(tables.surfaces, hit)
+            away = dot(sub(at, start), d)
+            farthest[i] = away if along[i] == f32(np.inf) else max(farthest[i], away)
+            along[i] = away if along[i] == f32(np.inf) else along[i]
+            for c in range(3):
+                planes[i, turn, c] = ng[c]
+            planes[i, turn, 3] = dot(ng, at)
 
 
 @jit

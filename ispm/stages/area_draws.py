@@ -257,15 +257,22 @@ def _draw(tables, shown, numbers, openings, i, scratch, samples, suns, draws_oth
 
 
 @jit
-def _from_sky(radiance, wi, pdf):
-    """What is Arriving from where no sun is: within a pixel of one the density is that of its light."""
-    return Arriving(radiance, FAR, wi, pdf, min(pdf, SKY_DENSITY))
+def _from_sky(radiance, wi, pdf, guided, is_guided):
+    """What is Arriving from where no sun is: within a pixel of one the density is that of its light.
+
+    guided  density of a draw of openings, 1/sr: where these guide, all light fills what they see, and what
+            ends rays elsewhere casts no shadow
+    """
+    density = min(pdf, SKY_DENSITY)
+    if is_guided:
+        density = max(density, guided) if guided > f32(0) else f32(0)
+    return Arriving(radiance, FAR, wi, pdf, density)
 
 
 @jit
-def _next_three(numbers, k):
-    """Three random numbers of [0, 1), k steps along a lattice from others."""
-    a, b, c, _ = next_numbers((numbers[0], numbers[1], numbers[2], f32(0)), k + 1)
+def _next_three(numbers):
+    """Three random numbers of [0, 1), a step along a lattice from others."""
+    a, b, c, _ = next_numbers((numbers[0], numbers[1], numbers[2], f32(0)), 1)
     return a, b, c
 
 
@@ -286,46 +293,47 @@ def _draw_lamp(tables, shown, numbers, i, scratch, samples):
 @jit
 def _draw_surround(tables, shown, numbers, openings, i, scratch, samples, draws_others, suns, draws_suns):
     """Add to row i of the Samples, of suns and of all others, where asked for, the two Surrounds that three
-    random numbers draw and as many draws as its place wants of where the environment is open, by the balance
+    random numbers draw and, where openings guide, one of where the environment is open, by the balance
     heuristic (Veach 1997, section 9.2.2), but for candidates' densities in place of the first draws'."""
     x, wo = shown.x, shown.wo
-    cell, draws = opening_cell(openings, x)
+    cell, is_guided = opening_cell(openings, x)
     dark, bright = _surround(tables, shown, numbers)
     share = tables.environment.sun_share if len(tables.environment.sunlight) > 0 else f32(1)
     if draws_others:
-        weight = _first_share(tables, shown, openings, cell, draws, dark, dark.pdf)
-        arriving = _from_sky(scale(weight, dark.radiance), dark.wi, dark.pdf)
+        weight, guided = _first_share(tables, shown, openings, dark, dark.pdf)
+        arriving = _from_sky(scale(weight, dark.radiance), dark.wi, dark.pdf, guided, is_guided)
         add_light(tables, shown, arriving, i, scratch, samples)
     if draws_suns:
-        weight = _first_share(tables, shown, openings, cell, draws, bright, bright.pdf / share)
+        weight, guided = _first_share(tables, shown, openings, bright, bright.pdf / share)
         arriving = Arriving(scale(weight, bright.radiance), FAR, bright.wi, bright.pdf, bright.pdf)
         add_light(tables, shown, arriving, i, scratch, suns)
-    for k in range(draws):
-        wi = draw_opening(openings, cell, x.position, *_next_three(numbers, k))
-        radiance, pdf = environment_light(tables.environment, wi)
-        is_sun = luminance(radiance) > tables.environment.brightest
-        if not (draws_suns if is_sun else draws_others):
-            continue
-        own = candidate_pdf(tables, x, wo, wi, pdf / share if is_sun else pdf, _draws_by_lobes(x))
-        if own <= f32(0):
-            continue
-        weight = f32(1) / (own + f32(draws) * opening_pdf(openings, cell, x.position, wi))
-        if is_sun:
-            arriving = Arriving(scale(weight, radiance), FAR, wi, pdf, pdf)
-            add_light(tables, shown, arriving, i, scratch, suns)
-        else:
-            add_light(tables, shown, _from_sky(scale(weight, radiance), wi, pdf), i, scratch, samples)
+    if not is_guided:
+        return
+    wi = draw_opening(openings, cell, x.position, *_next_three(numbers))
+    radiance, pdf = environment_light(tables.environment, wi)
+    is_sun = luminance(radiance) > tables.environment.brightest
+    own = candidate_pdf(tables, x, wo, wi, pdf / share if is_sun else pdf, _draws_by_lobes(x))
+    if own <= f32(0) or not (draws_suns if is_sun else draws_others):
+        return
+    guided = opening_pdf(openings, cell, x.position, wi)
+    light = scale(f32(1) / (own + guided), radiance)
+    if is_sun:
+        add_light(tables, shown, Arriving(light, FAR, wi, pdf, pdf), i, scratch, suns)
+    else:
+        add_light(tables, shown, _from_sky(light, wi, pdf, guided, True), i, scratch, samples)
 
 
 @jit
-def _first_share(tables, shown, openings, cell, draws, drawn, density):
-    """The share, float32, of a Surround beside so many draws of openings; density: of its kind's own draw."""
-    if draws == 0:
-        return f32(1)
-    own = candidate_pdf(tables, shown.x, shown.wo, drawn.wi, density, _draws_by_lobes(shown.x))
-    if own <= f32(0):
-        return f32(1)
-    return own / (own + f32(draws) * opening_pdf(openings, cell, shown.x.position, drawn.wi))
+def _first_share(tables, shown, openings, drawn, density):
+    """The share, float32, of a Surround beside a draw of openings, if these guide, and the density of that;
+    density: of its kind's own draw."""
+    x = shown.x
+    cell, is_guided = opening_cell(openings, x)
+    if not is_guided:
+        return f32(1), f32(0)
+    own = candidate_pdf(tables, x, shown.wo, drawn.wi, density, _draws_by_lobes(x))
+    guided = opening_pdf(openings, cell, x.position, drawn.wi)
+    return (own / (own + guided) if own > f32(0) else f32(1)), guided
 
 
 @jit

@@ -64,7 +64,7 @@ class Samples(NamedTuple):
 class Arriving(NamedTuple):
     """Light of one point of a lamp, or from one direction: irradiance over the density of the draw, distance,
     m, wi, the density of its direction among all lamps' points or the environment, 1/sr, and what density
-    tells how wide its penumbra is: 1 over the solid angle that all of its kind fills."""
+    tells how wide its penumbra is: 1 over the solid angle that all of its kind fills; 0: it casts none."""
 
     irradiance: Vector
     distance: np.float32
@@ -136,10 +136,11 @@ def _passed(tables, shown, arriving, i, scratch, samples):
     limit = distance * (f32(1) - BEFORE)
     met = any_distance(tables.trees, Ray(start, toward, limit), scratch.stack)
     if met < limit:
-        # of the lamp's image through a pinhole at what is between
-        angle = f32(1) / f32(math.sqrt(max(arriving.density, f32(1e-30))))
-        width = angle * met / max(f32(1) - met / distance, f32(1e-6))
-        samples.reach[i] = min(samples.reach[i], _BLUR * width / shown.width)
+        if arriving.density > f32(0):
+            # of the lamp's image through a pinhole at what is between
+            angle = f32(1) / f32(math.sqrt(arriving.density))
+            width = angle * met / max(f32(1) - met / distance, f32(1e-6))
+            samples.reach[i] = min(samples.reach[i], _BLUR * width / shown.width)
         if not tables.porous:
             return f32(0), f32(0), f32(0)
         return shadow_transmittance(tables, start, toward, distance, scratch)

@@ -1,170 +1,27 @@
-"""Compare pictures of random scenes with paths from the eye: what nobody tuned for, by the number.
+"""Random scenes: a room or open ground, things of random shapes and materials, by a number.
 
-python -m references.random_scenes 0-19            # in tests/; some 20 s a scene on two cores
-python -m references.random_scenes 3 --passes 64 --pictures FOLDER
-python -m references.random_scenes --write         # those of the table of docs/accuracy.md, which it replaces
-
-Each number is a scene: a room or open ground, things of random shapes and materials, and lamps with a
-surface or an environment, so that paths find all light. All pixels count: edges, glass and mirrors, too.
-Their means over blocks are compared, for one pass and after several: bias and relMSE over the picture, and
-of the blocks that differ by more than noise the worst.
+Lamps have a surface, or an environment shines, so that paths from the eye find all light. See `beside_paths`.
 """
 
 from __future__ import annotations
 
-import argparse
 import math
-import time
-import warnings
+import zlib
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from transport import Tracer
 
 import ispm
-from ispm import Environment, Material, Scene, Settings, Texture, shapes
-from ispm.gpu import Gpu, open_gpu
+from ispm import Environment, Material, Scene, Texture, shapes
 from ispm.library.common import add_camera, lambert
 from ispm.library.shapes import box
-from ispm.reference.paths import path_light
 from ispm.scene.light import DiskLight, RectLight, SphereLight
 from ispm.scene.mesh import Mesh
-from ispm.stages.camera import CameraView
-from references.page import table, write_between
-
-_SIZE = 640, 360
-_BLOCK = 8  # pixels a side
-_PARTS = 16
-_PLACES, _PATHS = 24, 2  # of a block and part
-_BOUNCES = 32  # also those within rough glass, which pictures do not count
-_FINE = 1e-4  # of the diagonal: textures as sharp as pixels see them
-_FLOOR = 1e-3  # of the mean's square, as in all relMSE
-_OFF = 0.05  # of a block's light and of the picture's mean, that it differs by
-_SURE = 4.0  # standard errors
-_WRITTEN = "0-19"  # in the page's table
-_HEADINGS = ["", "place and light", "things", "bias", "relMSE", "bias, 16 passes", "±", "relMSE"]
 
 Random = np.random.Generator
 
-
-@dataclass(frozen=True)
-class Difference:
-    """A picture beside the truth, block by block, less the noise of the truth.
-
-    bias, uncertain  share of light that there is too much, and one standard error of it
-    relmse     as `bench.metrics` has it
-    off        share of blocks that differ by more than _OFF and four standard errors
-    worst, at  how much the block that is the most so does, and its middle, pixels
-    """
-
-    bias: float
-    uncertain: float
-    relmse: float
-    off: float
-    worst: float
-    at: tuple[int, int]
-
-    def __str__(self) -> str:
-        return (
-            f"bias {self.bias:+.2%} +- {self.uncertain:.2%}, relMSE {self.relmse:.4f}, {self.off:.1%} off by "
-            f"{_OFF:.0%}, worst {self.worst:+.0%} at {self.at}"
-        )
-
-
-def main() -> None:
-    """Print a line for each scene and number of passes."""
-    parser = argparse.ArgumentParser(description="Compare pictures of random scenes with paths.")
-    parser.add_argument("numbers", nargs="*", metavar="N", help="scenes; 3-7: those from 3 to 7")
-    parser.add_argument("--passes", type=int, default=16, metavar="N")
-    parser.add_argument("--pictures", type=Path, metavar="FOLDER", help="where ours and theirs are kept")
-    parser.add_argument("--write", action="store_true", help="the page's table")
-    given = parser.parse_args()
-    warnings.simplefilter("ignore")
-    gpu, rows = open_gpu(), []
-    for words in given.numbers or [_WRITTEN]:
-        first, _, last = words.partition("-")
-        for number in range(int(first), int(last or first) + 1):
-            rows.append(_row(number, *_compared(number, given.passes, given.pictures, gpu)))
-    if given.write:
-        write_between("random", table(_HEADINGS, rows, "rllrrrrr"))
-
-
-def _row(number: int, name: str, first: Difference, last: Difference) -> list[str]:
-    place, floor, *things = name.split(", ")
-    told = f"{first.bias:+.2%}", f"{first.relmse:.4f}", f"{last.bias:+.2%}"
-    more = f"{last.uncertain:.2%}", f"{last.relmse:.4f}"
-    return [str(number), f"{place}, {floor}", ", ".join(things), *told, *more]
-
-
-def _compared(number: int, passes: int, folder: Path | None, gpu: Gpu) -> tuple[str, Difference, Difference]:
-    """The scene's name, and how one pass and the mean of some differ from paths."""
-    started = time.perf_counter()
-    scene = random_scene(number)
-    truth, error = paths_picture(scene)
-    print(f"{number}: {scene.name}", flush=True)
-    first, last = rendered(scene, passes, gpu)
-    found = [difference(_block_means(each), truth, error) for each in (first, last)]
-    for count, each in zip((1, passes), found, strict=True):
-        print(f"  {count:3} passes: {each}", flush=True)
-    print(f"  {time.perf_counter() - started:.0f} s", flush=True)
-    if folder is not None:
-        folder.mkdir(parents=True, exist_ok=True)
-        np.savez_compressed(folder / f"{number}.npz", ours=last, truth=truth, error=error)
-    return scene.name, *found
-
-
-def difference(ours: np.ndarray, truth: np.ndarray, error: np.ndarray) -> Difference:
-    """Return the Difference of (h, w, 3) blocks, whose truth has these standard errors."""
-    mean = truth.mean()
-    weight = 1.0 / (truth**2 + _FLOOR * mean**2)
-    relmse = ((ours - truth) ** 2 * weight).mean() - (error**2 * weight).mean()
-    shown = truth.mean(axis=-1) + _OFF * mean
-    away, noise = (ours - truth).mean(axis=-1) / shown, error.mean(axis=-1) / shown
-    sure = np.abs(away) - _SURE * noise
-    y, x = np.unravel_index(np.argmax(sure), sure.shape)
-    return Difference(
-        float(ours.mean() / mean - 1.0),
-        float(error.mean() / np.sqrt(noise.size) / mean),
-        float(relmse),
-        float((sure > _OFF).mean()),
-        float(away[y, x]),
-        (int(_BLOCK * x + _BLOCK // 2), int(_BLOCK * y + _BLOCK // 2)),
-    )
-
-
-def rendered(scene: Scene, passes: int, gpu: Gpu) -> tuple[np.ndarray, np.ndarray]:
-    """Return pictures, (h, w, 3) cd/m2, of one pass and of the mean of so many."""
-    settings = Settings(size=_SIZE, bounces=_BOUNCES, light="none")
-    with ispm.Renderer(scene, settings, gpu=gpu) as renderer:
-        first = renderer.render().radiance.copy()
-        *_, last = renderer.converge(passes)
-        return first, last.radiance.copy()
-
-
-def paths_picture(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
-    """Return the means over blocks, (h, w, 3), by paths from the eye, and their standard errors."""
-    camera = scene.default_camera(_SIZE)
-    view = CameraView(_SIZE, camera.pose, camera.yfov, camera.ymag)
-    tracer, random = Tracer(scene, footprint=_FINE), np.random.default_rng(7)
-    width, height = _SIZE[0] // _BLOCK, _SIZE[1] // _BLOCK
-    y, x = np.divmod(np.arange(width * height), width)
-    parts = []
-    for part in range(_PARTS):
-        dx, dy = random.random((2, len(x), _PLACES))
-        rays = view.rays_through(_BLOCK * (x[:, None] + dx), _BLOCK * (y[:, None] + dy))
-        light = path_light(
-            tracer.tables, rays[0].reshape(-1, 3), rays[1].reshape(-1, 3),
-            samples=range(part * _PATHS, (part + 1) * _PATHS), bounces=_BOUNCES, seed=part, threads=2,
-        )  # fmt: skip
-        parts.append(light.reshape(height, width, _PLACES, 3).mean(axis=2))
-    return np.mean(parts, axis=0), np.std(parts, axis=0, ddof=1) / math.sqrt(_PARTS)
-
-
-def _block_means(picture: np.ndarray) -> np.ndarray:
-    height, width = picture.shape[0] // _BLOCK, picture.shape[1] // _BLOCK
-    return np.asarray(picture.reshape(height, _BLOCK, width, _BLOCK, 3).mean(axis=(1, 3)), np.float64)
+_ASSET, _RAISED = 1.3, 0.003  # metres: an asset's size, and how far it is above what it stands on
 
 
 def random_scene(number: int) -> Scene:
@@ -176,12 +33,39 @@ def random_scene(number: int) -> Scene:
     for k in range(random.integers(3, 8)):
         names.append(_thing(scene, random, k))
     scene.name = ", ".join(names)
+    _look(scene, random, room, aim=0.35)
+    return scene
+
+
+def asset_scene(file: Path) -> Scene:
+    """Return a file's meshes, 1.3 m in size, in the room or on the ground of a random scene, by its name.
+
+    Lights of its own are left out.
+    """
+    random = np.random.default_rng(zlib.crc32(file.name.encode()))
+    scene = Scene()
+    room = random.random() < 0.5
+    place = _room(scene, random) if room else _ground(scene, random)
+    part = ispm.load(file)
+    part.environment = None
+    for node in part.nodes:
+        node.light = node.camera = None
+    low, high = part.bounds
+    scale = _ASSET / float((high - low).max())
+    x, y, z = (-scale * np.array([(low[0] + high[0]) / 2.0, low[1], (low[2] + high[2]) / 2.0])).tolist()
+    scene.merge(part, translation=(x, y + _RAISED, z), scale=(scale,) * 3)
+    scene.name = f"{place}, {_thing(scene, random, 4)}"
+    _look(scene, random, room, aim=0.45)
+    return scene
+
+
+def _look(scene: Scene, random: Random, room: bool, aim: float) -> None:
+    """A camera that looks at a point `aim` metres above the middle."""
     angle, away = random.uniform(-0.9, 0.9), random.uniform(2.3, 2.8) if room else random.uniform(2.5, 4.5)
     eye = away * math.sin(angle), random.uniform(0.7, 1.9), away * math.cos(angle)
     if room:
         eye = tuple(np.clip(eye, (-2.3, 0.3, -2.3), (2.3, 2.3, 2.3)).tolist())
-    add_camera(scene, eye, (0.0, 0.35, 0.0), math.radians(random.uniform(30.0, 60.0)))
-    return scene
+    add_camera(scene, eye, (0.0, aim, 0.0), math.radians(random.uniform(30.0, 60.0)))
 
 
 def _room(scene: Scene, random: Random) -> str:
@@ -375,7 +259,3 @@ def _bumps(random: Random) -> Texture:
     normal = np.stack([0.4 * x, 0.4 * y, np.ones_like(x)], axis=-1)
     normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
     return Texture((0.5 * normal + 0.5).astype(np.float32), srgb=False, mipmaps=False)
-
-
-if __name__ == "__main__":
-    main()
