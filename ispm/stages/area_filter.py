@@ -34,12 +34,14 @@ class Means(NamedTuple):
     """Filtered Samples, and the least `near` and `reach` of those that are in them, float32.
 
     diffuse, drawn  (3, n), whose ratio is the share of light that is not shaded: both by the same factor
+    gloss           (6, n) of the other lobes
     lamps           (3, n) of light without shadows what lamps bring, cd/m2; (3, 0) where it is known
     near, reach     (n,) pixels
     """
 
     diffuse: np.ndarray
     drawn: np.ndarray
+    gloss: np.ndarray
     lamps: np.ndarray
     near: np.ndarray
     reach: np.ndarray
@@ -49,14 +51,12 @@ class Unshaded(NamedTuple):
     """Light of n pixels, (3, n) float32 but for what is said, cd/m2.
 
     diffuse         of the Lambert lobe over its albedo without shadows
-    gloss           (6, n) of the others, as of Samples
     missed          of the Lambert lobe over its albedo with shadows, what its draws lack of what is known, 0
                     in the mean over passes; (3, 0) in the first
     by_ratio        (n,) which share of `diffuse` is what is known, and not what is drawn
     """
 
     diffuse: np.ndarray
-    gloss: np.ndarray
     missed: np.ndarray
     by_ratio: np.ndarray
 
@@ -131,7 +131,7 @@ def filter_samples(shapes, view, smoothing, samples, lobes, counter, work, means
             for c in range(6 if shines else 0):
                 _add(shine[low:high], samples.gloss[c, k:until], sums[9 + c, low:high])
         for c in range(6):
-            _divide(sums[9 + c, :size], shining if shines else total, unshaded.gloss[c, i:end])
+            _divide(sums[9 + c, :size], shining if shines else total, means.gloss[c, i:end])
         for c in range(3):
             _divide(sums[c, :size], total, means.diffuse[c, i:end])
             _divide(sums[3 + c, :size], total, means.drawn[c, i:end])
@@ -151,10 +151,10 @@ def filter_samples(shapes, view, smoothing, samples, lobes, counter, work, means
 
 
 @jit
-def widen(shapes, view, smoothing, stride, means, counter, work, wider, unshaded):
+def widen(shapes, view, smoothing, stride, means, lobes, counter, work, wider, unshaded):
     """Filter the Means of as many runs as a thread gets with those of the 8 pixels that lie `stride` pixels
-    aside, where penumbrae are wide enough for it; and what lamps bring without shadows, where these are far
-    enough, from which what is Unshaded changes.
+    aside, where penumbrae are wide enough for it, gloss with those of like Lobes that are turned alike; and
+    what lamps bring without shadows, where these are far enough, from which what is Unshaded changes.
 
     wider  Means to write, of which `diffuse` and `drawn` are not normalized
     """
@@ -169,6 +169,15 @@ def widen(shapes, view, smoothing, stride, means, counter, work, wider, unshaded
         if by_draws:
             _take_least(means.near, i, first, columns, stride, 1, wider.near[i:end])
             most = max(most, _weigh_aside(wider.near[i:end], f32(np.inf), smoothing, stride, evenly))
+        shiny, shine, shining = work[26, :size], work[27, :size], work[28, :size]
+        shines = _is_any(lobes.f90[i:end])
+        if shines:
+            far = wider.near[i:end] if by_draws else wider.reach[i:end]
+            for x in range(size):
+                shiny[x] = min(wider.reach[i + x], far[x])
+            most = max(most, _weigh_aside(shiny, f32(np.inf), smoothing, stride, shiny))
+        for c in range(6):
+            _copy(means.gloss[c, i:end], wider.gloss[c, i:end])
         for c in range(3):
             _copy(means.diffuse[c, i:end], wider.diffuse[c, i:end])
             _copy(means.drawn[c, i:end], wider.drawn[c, i:end])
@@ -194,6 +203,26 @@ def widen(shapes, view, smoothing, stride, means, counter, work, wider, unshaded
             for c in range(3):
                 _add(taps[low:high], means.diffuse[c, k:until], wider.diffuse[c, i + low : i + high])
                 _add(taps[low:high], means.drawn[c, k:until], wider.drawn[c, i + low : i + high])
+        if shines:
+            shining[:] = f32(1)
+            for tap in range(9):
+                low, high, k = _part(
+                    i, first, size, stride * (tap // 3 - 1), stride * (tap % 3 - 1), columns, count
+                )
+                if high <= low or tap == 4:
+                    continue
+                until = k + high - low
+                for x in range(low, high):
+                    taps[x] = shiny[x] * same[tap, x]
+                _weigh_lobes(
+                    lobes.alpha[i + low : i + high], lobes.alpha[k:until], taps[low:high], shine[low:high]
+                )
+                for x in range(low, high):
+                    shining[x] += shine[x]
+                for c in range(6):
+                    _add(shine[low:high], means.gloss[c, k:until], wider.gloss[c, i + low : i + high])
+            for c in range(6):
+                _divide(wider.gloss[c, i:end], shining, wider.gloss[c, i:end])
         if not by_draws:
             continue
         total[:] = f32(1)
@@ -269,6 +298,15 @@ def _any_about(values, i, first, columns, work):
     for x in range(size):
         found = found or work[x] > f32(0)
     return found
+
+
+@jit
+def _is_any(values):
+    """Return whether any of the values is above 0."""
+    most = f32(0)
+    for x in range(len(values)):
+        most = max(most, values[x])
+    return most > f32(0)
 
 
 @jit

@@ -79,13 +79,13 @@ def _filtered(
     told = shapes, view, f32(smoothing)
     (matte, diffuse, drawn), gloss = np.empty((3, 3, count), np.float32), np.empty((6, count), np.float32)
     missed = np.empty((3, count if view.pass_index else 0), np.float32)
-    unshaded = Unshaded(matte, gloss, missed, np.empty(count, np.float32))
+    unshaded = Unshaded(matte, missed, np.empty(count, np.float32))
     others = np.empty_like(samples.lamps), np.empty_like(samples.near), np.empty_like(samples.reach)
-    means = Means(diffuse, drawn, *others)
+    means = Means(diffuse, drawn, gloss, *others)
     run(filter_samples, *told, samples, lobes, (means, unshaded))
-    wider = Means(samples.diffuse, samples.drawn, samples.lamps, samples.near, samples.reach)
+    wider = Means(samples.diffuse, samples.drawn, samples.gloss, samples.lamps, samples.near, samples.reach)
     for stride in _STRIDES:
-        run(widen, *told, i64(stride), means, (wider, unshaded))
+        run(widen, *told, i64(stride), means, lobes, (wider, unshaded))
         means, wider = wider, means
     return means, unshaded
 
@@ -105,5 +105,5 @@ def _add_shown(tables, pixels, lobes, means, unshaded, light, counter):
             matte = share * unshaded.diffuse[c, i]
             if corrects:
                 matte = max(matte + unshaded.missed[c, i], f32(0))
-            gloss = lobes.f0[c, i] * unshaded.gloss[c, i] + lobes.f90[i] * unshaded.gloss[3 + c, i]
+            gloss = lobes.f0[c, i] * means.gloss[c, i] + lobes.f90[i] * means.gloss[3 + c, i]
             light[i, c] += matte * (opaque * base[c]) + gloss
