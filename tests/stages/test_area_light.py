@@ -147,3 +147,16 @@ def test_passes_of_a_few_parts_make_no_pattern(gpu):
             aside = squares / squares.mean(axis=(1, 3), keepdims=True)
             assert aside.mean(axis=(0, 2)).std() < 1e-3
             assert aside.std() < 2e-3
+
+
+def test_what_rough_metal_reflects_is_filtered_as_widely_as_soft_shadows(gpu):
+    """Nothing shades a floor of metal: its light is a mean over up to 81 squares of 5 x 5 draws. With one
+    square the first pass was off by .224 of the light, a root mean square; nine leave a third of that."""
+    scene = Scene(environment=Environment(np.random.default_rng(2).random((8, 16, 3)) ** 4))
+    metal = Material(metallic=1.0, roughness=0.8)
+    scene.add(shapes.plane(20.0, 20.0), material=metal)
+    camera = Camera.look_at((0.0, 3.0, 0.0), (0.0, 0.0, -0.1), yfov=0.6)
+    settings = Settings(size=(96, 64), bounces=0, antialias=False)
+    with Renderer(scene, settings, camera, gpu=gpu) as renderer:
+        first, *_, last = (frame.direct.astype(float) for frame in renderer.converge(64))
+    assert np.sqrt(((first / last - 1.0) ** 2).mean()) < 0.224 / 3.0
