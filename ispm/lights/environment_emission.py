@@ -160,23 +160,22 @@ def _drawn(tables, targets, numbers):
         point = _point(targets, wi, u2, u3, u4 - along)
     if pdf <= f32(0):  # it is dark there
         return wi, point, pdf, f32(0)
-    return (
-        wi,
-        point,
-        pdf,
-        _density(targets, wi, point) + along * _density_of_ways(targets.ways, wi, point) / pdf,
-    )
+    density = _density(targets, wi, point) + along * _density_of_ways(targets.ways, wi, point) / pdf
+    return wi, point, pdf, density
 
 
 @jit
 def _on_way(ways, u0, u1, u2, u3, u4):
     """A direction about a line of ways in, and a point of its box, m, by numbers of [0, 1)."""
     k = i64(0)
-    while k < len(ways.to_sky) - 1 and u4 >= ways.to_sky[k]:
-        u4 -= ways.to_sky[k]
-        k += 1
+    for box in range(len(ways.to_sky)):
+        if ways.to_sky[box] > f32(0):
+            k = i64(box)
+            if u4 < ways.to_sky[box]:
+                break
+            u4 -= ways.to_sky[box]
     first, count = ways.firsts[k], ways.firsts[k + 1] - ways.firsts[k]
-    u4 = min(u4 / max(ways.to_sky[k], f32(1e-30)), _LARGEST) * f32(count)
+    u4 = min(u4 / ways.to_sky[k], _LARGEST) * f32(count)
     line = min(i64(u4), count - 1)
     wi = in_cone(vec3(ways.directions[first + line]), f32(WAY), u0, u1)
     return wi, draw_on_box(ways.boxes, k, wi, u2, u3, min(u4 - f32(line), _LARGEST))

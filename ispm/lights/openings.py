@@ -88,7 +88,7 @@ def draw_opening(openings, cell, position, u0, u1, u2):
     while k < weights.shape[1] - 1 and u0 >= weights[cell, k]:
         u0 -= weights[cell, k]
         k += 1
-    u0 = min(u0 / weights[cell, k], f32(1))
+    u0 = min(u0 / max(weights[cell, k], f32(1e-30)), f32(1))  # the last takes what rounding leaves
     off = sub(draw_in_box(openings.boxes, k, u0, u1, u2), position)
     return scale(f32(1) / f32(math.sqrt(max(dot(off, off), f32(1e-30)))), off)
 

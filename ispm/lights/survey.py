@@ -191,12 +191,12 @@ def _openings(lines: _Lines, cells: _Cells, guided: np.ndarray, share: float, th
         return NO_OPENINGS
     boxes, shares = fit_boxes(*lines.seen)
     weights = cell_weights(shares, cells.nearest(lines.starts, NEAREST, threads))
-    ways = _ways(boxes, lines, shares)._replace(share=share)
+    ways = _ways(boxes, lines, shares, share)
     return Openings(boxes, weights, guided, cells.low, np.float32(1.0) / cells.step, ways)
 
 
-def _ways(boxes: Boxes, lines: _Lines, shares: np.ndarray) -> Ways:
-    """The Ways in through boxes that have (m, k) shares in lines."""
+def _ways(boxes: Boxes, lines: _Lines, shares: np.ndarray, share: float) -> Ways:
+    """The Ways in through boxes that have (m, k) shares in lines; share: see there."""
     dark, bright = lines.to_sun == 0, lines.to_sun == 1
     each = [np.flatnonzero(dark & (shares.argmax(axis=1) == k)) for k in range(len(boxes.middles))]
     to_sky = np.array([len(rows) for rows in each]) / max(dark.sum(), 1)
@@ -206,7 +206,7 @@ def _ways(boxes: Boxes, lines: _Lines, shares: np.ndarray) -> Ways:
     around = _AROUND * np.sqrt(boxes.lengths[:, 1:].prod(axis=1, keepdims=True))
     boxes = boxes._replace(lengths=boxes.lengths + around)
     directions = lines.directions[np.concatenate(each)]
-    return Ways(boxes, to_sky.astype(f32), to_sun.astype(f32), directions, firsts, 0.0)
+    return Ways(boxes, to_sky.astype(f32), to_sun.astype(f32), directions, firsts, share)
 
 
 def _look(tables: Tables, eye: list[np.ndarray], course: _Course, threads: int) -> _Survey:
