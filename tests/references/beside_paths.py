@@ -154,7 +154,7 @@ def difference(ours: np.ndarray, truth: Truth) -> Difference:
     y, x = np.unravel_index(np.argmax(sure), sure.shape)
     return Difference(
         float(blocks.mean() / mean - 1.0),
-        float(truth.errors.mean() / np.sqrt(noise.size) / mean),
+        float(np.sqrt((truth.errors.mean(axis=-1) ** 2).sum()) / noise.size / mean),
         float(relmse),
         float(by_pixel),
         float((sure > _OFF).mean()),
