@@ -115,10 +115,11 @@ def _scene(kind: str, name: str) -> Scene:
 
 
 def _row(name: str, told: str, first: Difference, last: Difference) -> list[str]:
-    place, floor, *things = told.split(", ")
+    words = told.split(", ")
+    things = 2 if words[1].startswith("floor") else 1
     figures = f"{first.bias:+.2%}", f"{first.relmse:.4f}", f"{first.by_pixel:.4f}", f"{last.bias:+.2%}"
     more = f"{last.uncertain:.2%}", f"{last.relmse:.4f}", f"{last.by_pixel:.4f}"
-    return [name, f"{place}, {floor}", ", ".join(things), *figures, *more]
+    return [name, ", ".join(words[:things]), ", ".join(words[things:]), *figures, *more]
 
 
 def _compared(
