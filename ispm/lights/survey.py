@@ -54,7 +54,7 @@ _LIKE = 24  # places, nearest to a cell, that tell how rarely lines are open the
 # Of its size, that a box is larger for photons: what light meets in an opening, as a sill, scatters it in.
 _AROUND = 0.15
 _GLAZED = 1.1  # times the lines that are open where these are rare, as many as with glass have a survey
-_SENT = 64  # lines through a box, about, along which photons are sent
+_SENT = 64  # lines through a box at most, along which photons are sent
 _CHUNK = 16  # rows a thread takes at a time
 
 
@@ -201,7 +201,7 @@ def _ways(boxes: Boxes, lines: _Lines, shares: np.ndarray, share: float) -> Ways
     each = [np.flatnonzero(dark & (shares.argmax(axis=1) == k)) for k in range(len(boxes.middles))]
     to_sky = np.array([len(rows) for rows in each]) / max(dark.sum(), 1)
     to_sun = shares[bright].sum(axis=0) / max(bright.sum(), 1)
-    each = [rows[:: max(len(rows) // _SENT, 1)] for rows in each]
+    each = [rows[np.linspace(0, len(rows) - 1, min(len(rows), _SENT), dtype=int)] for rows in each]
     firsts = np.cumsum([0, *(len(rows) for rows in each)])
     around = _AROUND * np.sqrt(boxes.lengths[:, 1:].prod(axis=1, keepdims=True))
     boxes = boxes._replace(lengths=boxes.lengths + around)

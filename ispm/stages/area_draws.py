@@ -296,15 +296,15 @@ def _draw_surround(tables, shown, numbers, openings, i, scratch, samples, draws_
     random numbers draw and, where openings guide, one of where the environment is open, by the balance
     heuristic (Veach 1997, section 9.2.2), but for candidates' densities in place of the first draws'."""
     x, wo = shown.x, shown.wo
-    cell, is_guided = opening_cell(openings, x)
+    place = cell, is_guided = opening_cell(openings, x)
     dark, bright = _surround(tables, shown, numbers)
     share = tables.environment.sun_share if len(tables.environment.sunlight) > 0 else f32(1)
     if draws_others:
-        weight, guided = _first_share(tables, shown, openings, dark, dark.pdf)
+        weight, guided = _first_share(tables, shown, openings, place, dark, dark.pdf)
         arriving = _from_sky(scale(weight, dark.radiance), dark.wi, dark.pdf, guided, is_guided)
         add_light(tables, shown, arriving, i, scratch, samples)
     if draws_suns:
-        weight, guided = _first_share(tables, shown, openings, bright, bright.pdf / share)
+        weight, guided = _first_share(tables, shown, openings, place, bright, bright.pdf / share)
         arriving = Arriving(scale(weight, bright.radiance), FAR, bright.wi, bright.pdf, bright.pdf)
         add_light(tables, shown, arriving, i, scratch, suns)
     if not is_guided:
@@ -324,11 +324,10 @@ def _draw_surround(tables, shown, numbers, openings, i, scratch, samples, draws_
 
 
 @jit
-def _first_share(tables, shown, openings, drawn, density):
+def _first_share(tables, shown, openings, place, drawn, density):
     """The share, float32, of a Surround beside a draw of openings, if these guide, and the density of that;
-    density: of its kind's own draw."""
-    x = shown.x
-    cell, is_guided = opening_cell(openings, x)
+    place: its `opening_cell`;  density: of its kind's own draw."""
+    x, (cell, is_guided) = shown.x, place
     if not is_guided:
         return f32(1), f32(0)
     own = candidate_pdf(tables, x, shown.wo, drawn.wi, density, _draws_by_lobes(x))

@@ -188,9 +188,7 @@ def widen(shapes, view, smoothing, stride, means, lobes, counter, work, wider, u
         alike, same = work[6:15], work[15:24]  # with the pixel aside; and turned alike, too
         alike[:] = f32(0)
         for tap in range(9):
-            low, high, k = _part(
-                i, first, size, stride * (tap // 3 - 1), stride * (tap % 3 - 1), columns, count
-            )
+            low, high, k = _part_aside(i, first, size, stride, tap, columns, count)
             if high <= low or tap == 4:
                 continue
             until, turn = k + high - low, work[4, low:high]
@@ -206,9 +204,7 @@ def widen(shapes, view, smoothing, stride, means, lobes, counter, work, wider, u
         if shines:
             shining[:] = f32(1)
             for tap in range(9):
-                low, high, k = _part(
-                    i, first, size, stride * (tap // 3 - 1), stride * (tap % 3 - 1), columns, count
-                )
+                low, high, k = _part_aside(i, first, size, stride, tap, columns, count)
                 if high <= low or tap == 4:
                     continue
                 until = k + high - low
@@ -227,9 +223,7 @@ def widen(shapes, view, smoothing, stride, means, lobes, counter, work, wider, u
             continue
         total[:] = f32(1)
         for tap in range(9):
-            low, high, k = _part(
-                i, first, size, stride * (tap // 3 - 1), stride * (tap % 3 - 1), columns, count
-            )
+            low, high, k = _part_aside(i, first, size, stride, tap, columns, count)
             if high <= low or tap == 4:
                 continue
             # with the one opposite alone, or a slope of light would be a bias
@@ -266,6 +260,12 @@ def _part(i, first, size, down, right, columns, count):
     low, high = max(i64(0), -(first + right)), min(size, columns - first - right)
     k = i + down * columns + right + low
     return (low, high, k) if 0 <= i + down * columns < count else (low, low, k)
+
+
+@jit
+def _part_aside(i, first, size, stride, tap, columns, count):
+    """`_part` of the pixels at place `tap` of 9, `stride` apart, about a run."""
+    return _part(i, first, size, stride * (tap // 3 - 1), stride * (tap % 3 - 1), columns, count)
 
 
 @jit
