@@ -79,7 +79,8 @@ def _empty_samples(count: int, by_draws: int) -> Samples:
     lamps, near = np.zeros((3, by_draws), np.float32), np.full(by_draws, np.inf, np.float32)
     diffuse, drawn, known = np.zeros((3, 3, count), np.float32)
     gloss = np.zeros((6, count), np.float32)
-    return Samples(diffuse, gloss, drawn, known, lamps, near, np.full(count, np.inf, np.float32))
+    reach, shine = np.full((2, count), np.inf, np.float32)
+    return Samples(diffuse, gloss, drawn, known, lamps, near, reach, shine)
 
 
 @jit

@@ -31,12 +31,13 @@ _CHUNK = 64  # pixels a thread takes at a time
 
 
 class Means(NamedTuple):
-    """Filtered Samples, and the least `near` and `reach` of those that are in them, float32.
+    """Filtered Samples, and the least `near`, `reach` and `shine` of those that are in them, float32.
 
     diffuse, drawn  (3, n), whose ratio is the share of light that is not shaded: both by the same factor
     gloss           (6, n) of the other lobes
     lamps           (3, n) of light without shadows what lamps bring, cd/m2; (3, 0) where it is known
-    near, reach     (n,) pixels
+    near            (n,) or (0,) pixels
+    reach, shine    (n,) pixels
     """
 
     diffuse: np.ndarray
@@ -45,6 +46,7 @@ class Means(NamedTuple):
     lamps: np.ndarray
     near: np.ndarray
     reach: np.ndarray
+    shine: np.ndarray
 
 
 class Unshaded(NamedTuple):
@@ -86,6 +88,7 @@ def filter_samples(shapes, view, smoothing, samples, lobes, counter, work, means
         if by_draws:
             _take_least(samples.near, i, first, columns, i64(1), _REACH, means.near[i:end])
         _take_least(samples.reach, i, first, columns, i64(1), _REACH, means.reach[i:end])
+        _take_least(samples.shine, i, first, columns, i64(1), _REACH, means.shine[i:end])
         by_ratio = unshaded.by_ratio[i:end]
         for x in range(size):
             reach[x] = min(max(means.reach[i + x], least), f32(_REACH))
@@ -172,9 +175,9 @@ def widen(shapes, view, smoothing, stride, means, lobes, counter, work, wider, u
         shiny, shine, shining = work[26, :size], work[27, :size], work[28, :size]
         shines = _is_any(lobes.f90[i:end])
         if shines:
-            far = wider.near[i:end] if by_draws else wider.reach[i:end]
+            _take_least(means.shine, i, first, columns, stride, 1, wider.shine[i:end])
             for x in range(size):
-                shiny[x] = min(wider.reach[i + x], far[x])
+                shiny[x] = min(wider.reach[i + x], wider.shine[i + x])
             most = max(most, _weigh_aside(shiny, f32(np.inf), smoothing, stride, shiny))
         for c in range(6):
             _copy(means.gloss[c, i:end], wider.gloss[c, i:end])

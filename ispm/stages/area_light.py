@@ -80,10 +80,10 @@ def _filtered(
     (matte, diffuse, drawn), gloss = np.empty((3, 3, count), np.float32), np.empty((6, count), np.float32)
     missed = np.empty((3, count if view.pass_index else 0), np.float32)
     unshaded = Unshaded(matte, missed, np.empty(count, np.float32))
-    others = np.empty_like(samples.lamps), np.empty_like(samples.near), np.empty_like(samples.reach)
+    others = [np.empty_like(a) for a in (samples.lamps, samples.near, samples.reach, samples.shine)]
     means = Means(diffuse, drawn, gloss, *others)
     run(filter_samples, *told, samples, lobes, (means, unshaded))
-    wider = Means(samples.diffuse, samples.drawn, samples.gloss, samples.lamps, samples.near, samples.reach)
+    wider = Means(**{name: getattr(samples, name) for name in Means._fields})
     for stride in _STRIDES:
         run(widen, *told, i64(stride), means, lobes, (wider, unshaded))
         means, wider = wider, means

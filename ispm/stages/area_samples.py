@@ -23,6 +23,9 @@ from ispm.stages.pixels import lift
 f32 = np.float32
 
 _BLUR = f32(0.25)  # of a penumbra's width, that the filter blurs it over to each side at most
+# Of the angle of a lobe's alpha, that the filter blurs it over to each side at most, in directions of light: its
+# widest squares are a mean of standard deviation 10.4 / 36 of it, which takes 2 % off a small lamp's highlight.
+_LOBE_BLUR = f32(0.5)
 _WHITE = f32(1), f32(1), f32(1)
 
 
@@ -50,6 +53,7 @@ class Samples(NamedTuple):
     near            (n,) or (0,) pixels over which that may be averaged, infinite where they bring nothing
     reach           (n,) pixels to each side that the filter may take in: of the penumbra's width, infinite
                     where none shades a Lambert surface
+    shine           (n,) likewise for `gloss` alone: of the lobe's width, infinite where there is none
     """
 
     diffuse: np.ndarray
@@ -59,6 +63,7 @@ class Samples(NamedTuple):
     lamps: np.ndarray
     near: np.ndarray
     reach: np.ndarray
+    shine: np.ndarray
 
 
 class Arriving(NamedTuple):
@@ -105,6 +110,8 @@ def add_light(tables, shown, arriving, i, scratch, samples):
     passed = _passed(tables, shown, arriving, i, scratch, samples)
     shines = greatest(gloss) > f32(0)
     first, second = _gloss_terms(b, x.n, wo, wi) if shines else (f32(0), f32(0))
+    if shines:
+        samples.shine[i] = min(samples.shine[i], _lobe_reach(shown, arriving.distance))
     for c in range(3):
         light = along * arriving.irradiance[c] * passed[c]
         samples.diffuse[c, i] += light * f[c]
@@ -120,6 +127,15 @@ def _gloss_terms(b, n, wo, wi):
     h = normalize(add(wo, wi))
     dv, fc = facet_lobe(b, n, wo, wi, h), fresnel_weight(b, dot(wo, h))
     return dv * (f32(1) - fc), dv * fc
+
+
+@jit
+def _lobe_reach(shown, distance):
+    """Pixels to each side over which wo and the direction of light from so far, m, turn by little of the
+    lobe's alpha together."""
+    slant = max(abs(dot(shown.x.ng, shown.wo)), f32(1e-3))
+    turn = shown.width * (f32(1) / shown.distance + f32(1) / (slant * distance))  # radians a pixel
+    return _LOBE_BLUR * shown.x.bsdf.alpha / max(turn, f32(1e-30))
 
 
 @jit
