@@ -69,6 +69,23 @@ def meets_box(boxes, k, point, d):
 
 
 @jit
+def meets_middle(boxes, k, point, d):
+    """Return whether the line through a point, m, along d, unit, crosses box k halfway along its first axis,
+    where, m, and the area, m2, that the box has there, as d sees it."""
+    across, off = vec3(boxes.axes[k, 0]), sub(vec3(boxes.middles[k]), point)
+    facing = dot(across, d)
+    area = f32(4) * boxes.lengths[k, 1] * boxes.lengths[k, 2] * abs(facing)
+    if abs(facing) < f32(1e-6):
+        return False, point, area
+    at = add(point, scale(dot(across, off) / facing, d))
+    meets, off = True, sub(at, vec3(boxes.middles[k]))
+    for axis in range(1, 3):
+        reach = (f32(1) + _SLACK) * boxes.lengths[k, axis]
+        meets = meets and abs(dot(vec3(boxes.axes[k, axis]), off)) <= reach
+    return meets, at, area
+
+
+@jit
 def box_shadow(boxes, k, d):
     """Return the area, m2, that box k shows to a direction, unit."""
     a, b, c = _sides(boxes, k, d)

@@ -2,8 +2,9 @@
 
 They are drawn evenly in five dimensions: a direction by the environment's image, and where the ray crosses a
 plane across it: within the shadow that the box about the scene casts there, or, a share of them, that of a
-smaller box about what the eye sees, or of a sphere: about a mirror or glass that casts caustics, or in an
-opening through which light comes in to what the eye sees. The densities of all are added (the balance
+smaller box about what the eye sees, of a sphere about a mirror or glass that casts caustics, or of a box about
+an opening through which light comes in to what the eye sees. Others pass an opening in a direction about a
+line of light that comes in, or in one to such a sphere. The densities of all are added (the balance
 heuristic of Veach 1997, section 9.2.2).
 """
 
@@ -21,7 +22,16 @@ from ispm.accel.world import World
 from ispm.kernels.share import run_shared, shared_rows
 from ispm.kernels.simd import alloca
 from ispm.lights.aim import SEEN, seen_boxes
-from ispm.lights.boxes import Boxes, box_shadow, draw_on_box, joined_boxes, meets_box, upright_boxes
+from ispm.lights.boxes import (
+    Boxes,
+    box_shadow,
+    draw_in_box,
+    draw_on_box,
+    joined_boxes,
+    meets_box,
+    meets_middle,
+    upright_boxes,
+)
 from ispm.lights.openings import NO_WAYS, WAY, Ways
 from ispm.lights.surface_emission import caustic_spheres, drawn_row, lattice5, lattice_shifts
 from ispm.optics.environment import environment_light, environment_radiance, sample_environment
@@ -29,16 +39,19 @@ from ispm.optics.environment_table import environment_power
 from ispm.optics.jit import jit
 from ispm.optics.records import EMITTED, EMITTED_BY_ENVIRONMENT, NO_HIT
 from ispm.optics.rng import random4
-from ispm.optics.sampling import in_cone, orthonormal_basis
-from ispm.optics.vector import add, dot, scale, sub, vec3
+from ispm.optics.sampling import cosine_hemisphere, in_cone, orthonormal_basis, to_world
+from ispm.optics.vector import add, cross, dot, normalize, scale, sub, vec3
 from ispm.scene.packed import Packed
 
 f32, i64, u32 = np.float32, np.int64, np.uint32
 
 _DIMENSION = (1 << 20) - 3  # of the random numbers of a ray, and of those that shift all of them
-_THROUGH = 0.5  # of the photons that are not aimed at caustics, if all that is seen is lit through openings
-_FREE = 1.0 / 3.0  # of those, which come from anywhere: where no way leads few carry much
+_THROUGH = 0.8  # of the photons, that are sent through openings, if all that is seen is lit through these
+_FREE = 0.2  # of those, which come from anywhere: where no way leads few carry much
+# Of the others, those from any side of an opening, not along lines; and those onto what lines it, too
+_COSINE, _LINED = f32(0.5), f32(0.5)
 _LARGEST = f32(1 - 2.0**-24)  # below 1
+_TOUCHED = f32(1 + 1e-4)  # of the square of a sphere's radius: what touches it, by rounding, meets it
 _CHUNK = 1024  # rays a thread takes at a time
 
 
@@ -50,6 +63,8 @@ class _Targets(NamedTuple):
     aimed      (n + m + 1,) float64, of the photons, those aimed at the spheres and boxes before each, and at
                all
     ways       in;  along: of the photons, those sent along their lines
+    into       of the photons, those sent through ways to spheres
+    each_way   (k + 1,) float64, of photons through ways those through the ones before each, and through all
     away       m, from a place within the scene to one outside
     shifts     (5,) float64, of the lattice
     """
@@ -59,6 +74,8 @@ class _Targets(NamedTuple):
     aimed: np.ndarray
     ways: Ways
     along: np.float32
+    into: np.float32
+    each_way: np.ndarray
     away: np.float32
     shifts: np.ndarray
 
@@ -95,19 +112,23 @@ def emit_from_environment(
     spheres = caustic_spheres(packed)
     to_caustics = caustic_share if len(spheres) else 0.0
     kinds = ways.to_sky.any(), ways.to_sun.any()
-    through = _THROUGH * ways.share * (1.0 - to_caustics)
-    dark, to_sun = (through / max(sum(kinds), 1) * some for some in kinds)
+    dark, to_sun = (_THROUGH * ways.share / max(sum(kinds), 1) * some for some in kinds)
+    into = dark * to_caustics
+    dark, to_sun = dark * (1.0 - to_caustics), to_sun * (1.0 - to_caustics)
+    each_way = np.cumsum([0.0, *ways.to_sky], dtype=np.float64)
     near = [] if seen is None else seen_boxes(packed.bounds, seen)
     chances = np.array([1.0 - SEEN, *[SEEN / len(near)] * len(near)] if near else [1.0])
-    each_sphere = np.full(len(spheres), to_caustics / max(len(spheres), 1))
+    each_sphere = np.full(len(spheres), (to_caustics - into) / max(len(spheres), 1))
     each_box = _FREE * dark * ways.to_sky + to_sun * ways.to_sun
     aimed = 0.0, *each_sphere, *((1.0 - to_caustics - dark - to_sun) * chances), *each_box
     targets = _Targets(
         spheres,
-        joined_boxes([upright_boxes(np.stack([packed.bounds, *near])), ways.boxes]),
+        joined_boxes([upright_boxes(np.stack([packed.bounds, *near])), ways.lined]),
         np.cumsum(aimed, dtype=np.float64),
         ways,
         f32((1.0 - _FREE) * dark),
+        f32(into),
+        each_way / max(each_way[-1], 1e-30),
         f32(2.0 * packed.diagonal),
         lattice_shifts(_DIMENSION, seed, pass_index),
     )
@@ -151,34 +172,42 @@ def _drawn(tables, targets, numbers):
     """Return a direction, a point, m, that a ray from there passes, and densities, 1/sr and 1/m2 across the
     ray, whose product is that of all draws together."""
     u0, u1, u2, u3, u4 = numbers
-    along = targets.along
+    along, into = targets.along, targets.into
     if u4 < along:
-        wi, point = _on_way(targets.ways, u0, u1, u2, u3, u4 / along)
+        wi, point = _on_way(targets, u0, u1, u2, u3, min(u4 / along, _LARGEST))
+        _, pdf = environment_light(tables.environment, wi)
+    elif u4 < along + into:
+        wi, point = _to_sphere(targets, u0, u1, u2, u3, min((u4 - along) / into, _LARGEST))
         _, pdf = environment_light(tables.environment, wi)
     else:
         wi, _, pdf = sample_environment(tables.environment, u0, u1)
-        point = _point(targets, wi, u2, u3, u4 - along)
+        point = _point(targets, wi, u2, u3, u4 - along - into)
     if pdf <= f32(0):  # it is dark there
         return wi, point, pdf, f32(0)
-    density = _density(targets, wi, point) + along * _density_of_ways(targets.ways, wi, point) / pdf
-    return wi, point, pdf, density
+    guided = along * _density_of_ways(targets.ways, wi, point)
+    if into > f32(0):
+        guided += into * _density_to_spheres(targets, wi, point)
+    return wi, point, pdf, _density(targets, wi, point) + guided / pdf
 
 
 @jit
-def _on_way(ways, u0, u1, u2, u3, u4):
-    """A direction about a line of ways in, and a point of its box, m, by numbers of [0, 1)."""
-    k = i64(0)
-    for box in range(len(ways.to_sky)):
-        if ways.to_sky[box] > f32(0):
-            k = i64(box)
-            if u4 < ways.to_sky[box]:
-                break
-            u4 -= ways.to_sky[box]
-    first, count = ways.firsts[k], ways.firsts[k + 1] - ways.firsts[k]
-    u4 = min(u4 / ways.to_sky[k], _LARGEST) * f32(count)
-    line = min(i64(u4), count - 1)
-    wi = in_cone(vec3(ways.directions[first + line]), f32(WAY), u0, u1)
-    return wi, draw_on_box(ways.boxes, k, wi, u2, u3, min(u4 - f32(line), _LARGEST))
+def _on_way(targets, u0, u1, u2, u3, u4):
+    """A direction of light that comes in by a way, and a point that it passes there, m, by numbers of
+    [0, 1)."""
+    ways = targets.ways
+    k, _, u4 = drawn_row(targets.each_way, u4)
+    if u4 < _COSINE:
+        u4 *= f32(1) / _COSINE
+        wi = to_world(cosine_hemisphere(u0, u1), vec3(ways.boxes.axes[k, 0]))
+    else:
+        first, count = ways.firsts[k], ways.firsts[k + 1] - ways.firsts[k]
+        u4 = (u4 - _COSINE) / (f32(1) - _COSINE) * f32(count)
+        line = min(i64(u4), count - 1)
+        u4 = u4 - f32(line)
+        wi = in_cone(vec3(ways.directions[first + line]), f32(WAY), u0, u1)
+    if u4 < _LINED:
+        return wi, draw_on_box(ways.lined, k, wi, u2, u3, u4 / _LINED)
+    return wi, draw_in_box(ways.boxes, k, f32(0.5), u2, u3)
 
 
 @jit
@@ -186,18 +215,65 @@ def _density_of_ways(ways, wi, point):
     """The density, 1/(sr m2), with which `_on_way` draws a direction and a point across it."""
     density = f32(0)
     for k in range(len(ways.to_sky)):
-        if ways.to_sky[k] > f32(0) and meets_box(ways.boxes, k, point, wi):
+        if ways.to_sky[k] <= f32(0):
+            continue
+        passes, _, area = meets_middle(ways.boxes, k, point, wi)
+        across = (f32(1) - _LINED) / area if passes else f32(0)
+        if meets_box(ways.lined, k, point, wi):
+            across += _LINED / max(box_shadow(ways.lined, k, wi), f32(1e-30))
+        if across > f32(0):
             near, first, end = 0, ways.firsts[k], ways.firsts[k + 1]
             for line in range(first, end):
                 near += dot(vec3(ways.directions[line]), wi) >= f32(WAY)
-            share = ways.to_sky[k] * f32(near) / f32(end - first)
-            density += share / max(box_shadow(ways.boxes, k, wi), f32(1e-30))
-    return density * f32(1 / (2 * math.pi * (1 - WAY)))
+            by_lines = f32(near) / f32(end - first) * f32(1 / (2 * math.pi * (1 - WAY)))
+            by_cosine = max(dot(vec3(ways.boxes.axes[k, 0]), wi), f32(0)) * f32(1 / math.pi)
+            density += ways.to_sky[k] * (by_lines + _COSINE * (by_cosine - by_lines)) * across
+    return density
+
+
+@jit
+def _to_sphere(targets, u0, u1, u2, u3, u4):
+    """A direction from a sphere to the middle of a way's box, and where it passes that, m, by numbers of
+    [0, 1)."""
+    k, _, u4 = drawn_row(targets.each_way, u4)
+    sphere = targets.spheres[i64(u4 * f32(len(targets.spheres)))]
+    point = draw_in_box(targets.ways.boxes, k, f32(0.5), u2, u3)
+    off = sub(point, vec3(sphere))
+    rise = u0 * _height(sphere, off)
+    radius, phi = f32(math.sqrt(rise * (f32(2) - rise))), f32(2 * math.pi) * u1
+    local = radius * f32(math.cos(phi)), radius * f32(math.sin(phi)), f32(1) - rise
+    return to_world(local, normalize(off)), point
+
+
+@jit
+def _density_to_spheres(targets, wi, point):
+    """The density, 1/(sr m2), with which `_to_sphere` draws a direction and a point across it."""
+    boxes, spheres, density = targets.ways.boxes, targets.spheres, f32(0)
+    for k in range(len(boxes.middles)):
+        passes, at, area = meets_middle(boxes, k, point, wi)
+        if not passes:
+            continue
+        chance = f32(targets.each_way[k + 1] - targets.each_way[k]) / area
+        for j in range(len(spheres)):
+            off = sub(at, vec3(spheres[j]))
+            aside, square = cross(off, wi), spheres[j, 3] * spheres[j, 3]
+            is_within = dot(off, off) <= square
+            if is_within or (dot(off, wi) > f32(0) and dot(aside, aside) <= _TOUCHED * square):
+                density += chance / _height(spheres[j], off)
+    return density * f32(1 / (2 * math.pi)) / f32(len(spheres))
+
+
+@jit
+def _height(sphere, off):
+    """1 minus the cosine of half the angle in which a sphere is seen from `off`, m, off its middle; all
+    around, within it."""
+    square = sphere[3] * sphere[3] / max(dot(off, off), f32(1e-30))
+    return square / (f32(1) + f32(math.sqrt(f32(1) - square))) if square < f32(1) else f32(2)
 
 
 @jit
 def _point(targets, wi, u, v, w):
-    """A point, m, that a ray from wi passes, drawn by u, v of [0, 1) and w of [0, 1 - targets.along)."""
+    """A point, m, that a ray from wi passes, drawn by u, v of [0, 1) and w below what all `aimed` are."""
     row, _, w = drawn_row(targets.aimed, w)
     if row < len(targets.spheres):
         return _in_disc(targets.spheres[row], wi, u, v)

@@ -42,6 +42,7 @@ _ROOM = 12.0
 _MORE = 1.03  # times as long at least
 _ALIKE = 0.15  # of its size, that a box differs by from one that is much like it
 _NEAR = 1.25  # times its size, that lines pass close to a box
+_LINING = 0.05  # of its size, that a box is larger than the points of what lines an opening
 _ROUNDS = 20  # of expectation maximization
 _LEAST = 0.005  # of all lines, that a box explains
 _SPARE = 0.1  # of a cell's draws, that go to boxes as all lines together have them
@@ -100,6 +101,25 @@ def cell_weights(shares: np.ndarray, nearest: np.ndarray) -> np.ndarray:
     own = np.stack([share[nearest].mean(axis=1) for share in shares.T.astype(f32)], axis=1)
     weights = (1.0 - _SPARE) * own + _SPARE * shares.mean(axis=0)
     return np.asarray(weights / weights.sum(axis=1, keepdims=True), f32)
+
+
+def lined_boxes(boxes: Boxes, points: np.ndarray) -> Boxes:
+    """Return Boxes that hold what lines openings, too, sills and jambs, which scatter light in: as far along
+    the first axes, outward, as openings are wide.
+
+    points  (n, 3) m, some of what is beside lines; NaN: nothing
+    """
+    points = points[np.isfinite(points[:, 0])]
+    middles, lengths = boxes.middles.copy(), boxes.lengths.copy()
+    for k, (middle, axes, half) in enumerate(zip(*boxes, strict=True)):
+        local = (points - middle) @ axes.T
+        is_lining = (np.abs(local[:, 1:]) < _NEAR * half[1:]).all(axis=1)
+        is_lining &= (local[:, 0] > 0.0) & (local[:, 0] < 2.0 * half[1:].min())
+        more = np.maximum(np.abs(local[is_lining]).max(axis=0, initial=0.0) - half, 0.0)
+        middles[k] += 0.5 * more[0] * axes[0]
+        lengths[k] += (0.5 * more[0], *more[1:])
+        lengths[k] += _LINING * math.sqrt(half[1] * half[2])
+    return Boxes(middles, boxes.axes, lengths)
 
 
 def _crossings(

@@ -26,7 +26,7 @@ WAY = math.cos(math.radians(15.0))  # of half the angle about a way that photons
 class Ways(NamedTuple):
     """Ways in for photons.
 
-    boxes       k of them, about openings
+    boxes       k of them, about openings;  lined: about these and what lines them
     to_sky      (k,) float32, of the photons from the darker parts of a sky, those through each
     to_sun      (k,) likewise from its sun
     directions  (l, 3) float32, unit, of lines to the sky, those through each box after the others
@@ -35,6 +35,7 @@ class Ways(NamedTuple):
     """
 
     boxes: Boxes
+    lined: Boxes
     to_sky: np.ndarray
     to_sun: np.ndarray
     directions: np.ndarray
@@ -62,7 +63,7 @@ class Openings(NamedTuple):
 
 _NO_CORNER = np.zeros(3, f32)
 _NONE = np.zeros(0, f32)
-NO_WAYS = Ways(NO_BOXES, _NONE, _NONE, np.zeros((0, 3), f32), np.zeros(1, np.int64), 0.0)
+NO_WAYS = Ways(NO_BOXES, NO_BOXES, _NONE, _NONE, np.zeros((0, 3), f32), np.zeros(1, np.int64), 0.0)
 NO_OPENINGS = Openings(
     NO_BOXES, np.zeros((0, 0), f32), np.zeros((6, 0), np.bool_), _NO_CORNER, _NO_CORNER, NO_WAYS
 )

@@ -30,7 +30,7 @@ from ispm.kernels.share import run_shared, shared_rows
 from ispm.kernels.simd import alloca
 from ispm.lights.area import resample_surround
 from ispm.lights.boxes import Boxes
-from ispm.lights.fitted_boxes import cell_weights, fit_boxes
+from ispm.lights.fitted_boxes import cell_weights, fit_boxes, lined_boxes
 from ispm.lights.openings import CELLS, NEAREST, NO_OPENINGS, Openings, Ways
 from ispm.optics.bsdf import is_gathered, transmits
 from ispm.optics.environment import has_environment
@@ -51,8 +51,6 @@ _ENOUGH = 1000  # lines, after which no round follows, and about as many as are 
 _BESIDE = tuple(math.cos(math.radians(angle)) for angle in (3.0, 6.0, 12.0, 24.0))  # of cones about a line
 _RARE = 4  # lines tried for each that is open, from where draws are guided
 _LIKE = 24  # places, nearest to a cell, that tell how rarely lines are open there
-# Of its size, that a box is larger for photons: what light meets in an opening, as a sill, scatters it in.
-_AROUND = 0.15
 _GLAZED = 1.1  # times the lines that are open where these are rare, as many as with glass have a survey
 _SENT = 64  # lines through a box at most, along which photons are sent
 _CHUNK = 16  # rows a thread takes at a time
@@ -83,6 +81,7 @@ class _Lines(NamedTuple):
     along       (m,) float32 m along them, where what is beside them ends rays; infinite: there is nothing
     farthest    (m,) m, where the last of some rays, farther and farther aside, ends that does
     planes      (m, 4, 4) float32, of what ends these: normal, unit, and its product with points, m; NaN: none
+    ends        (m, 4, 3) float32 m, where; NaN: nowhere
     """
 
     starts: np.ndarray
@@ -91,6 +90,7 @@ class _Lines(NamedTuple):
     along: np.ndarray
     farthest: np.ndarray
     planes: np.ndarray
+    ends: np.ndarray
 
     @property
     def seen(self) -> tuple[np.ndarray, ...]:
@@ -198,15 +198,22 @@ def _openings(lines: _Lines, cells: _Cells, guided: np.ndarray, share: float, th
 def _ways(boxes: Boxes, lines: _Lines, shares: np.ndarray, share: float) -> Ways:
     """The Ways in through boxes that have (m, k) shares in lines; share: see there."""
     dark, bright = lines.to_sun == 0, lines.to_sun == 1
-    each = [np.flatnonzero(dark & (shares.argmax(axis=1) == k)) for k in range(len(boxes.middles))]
+    own = [np.flatnonzero(shares.argmax(axis=1) == k) for k in range(len(boxes.middles))]
+    outward = [_sign(lines.directions[rows] @ axes[0]) for rows, axes in zip(own, boxes.axes, strict=True)]
+    boxes = boxes._replace(axes=boxes.axes * np.array(outward, f32)[:, None, None])
+    each = [rows[dark[rows]] for rows in own]
     to_sky = np.array([len(rows) for rows in each]) / max(dark.sum(), 1)
     to_sun = shares[bright].sum(axis=0) / max(bright.sum(), 1)
     each = [rows[np.linspace(0, len(rows) - 1, min(len(rows), _SENT), dtype=int)] for rows in each]
     firsts = np.cumsum([0, *(len(rows) for rows in each)])
-    around = _AROUND * np.sqrt(boxes.lengths[:, 1:].prod(axis=1, keepdims=True))
-    boxes = boxes._replace(lengths=boxes.lengths + around)
     directions = lines.directions[np.concatenate(each)]
-    return Ways(boxes, to_sky.astype(f32), to_sun.astype(f32), directions, firsts, share)
+    lined = lined_boxes(boxes, lines.ends.reshape(-1, 3))
+    return Ways(boxes, lined, to_sky.astype(f32), to_sun.astype(f32), directions, firsts, share)
+
+
+def _sign(values: np.ndarray) -> float:
+    """-1 where values are below 0 in the mean, else 1."""
+    return -1.0 if values.sum() < 0.0 else 1.0
 
 
 def _look(tables: Tables, eye: list[np.ndarray], course: _Course, threads: int) -> _Survey:
@@ -233,7 +240,8 @@ def _open_lines(places: np.ndarray, hidden: np.ndarray, lines: np.ndarray, opene
     place, line = np.nonzero(opened & hidden[:, None])
     along, farthest = np.full((2, len(place)), np.inf, f32)
     planes = np.full((len(place), len(_BESIDE), 4), np.nan, f32)
-    return _Lines(places[place], lines[place, line], line % 2, along, farthest, planes)
+    ends = np.full((len(place), len(_BESIDE), 3), np.nan, f32)
+    return _Lines(places[place], lines[place, line], line % 2, along, farthest, planes, ends)
 
 
 def _narrow(tables: Tables, lines: _Lines, course: _Course, threads: int) -> _Lines:
@@ -310,7 +318,7 @@ def _closest(tables, start, d, holes, through_glass, scratch):
 
 
 @jit
-def _look_beside(tables, starts, directions, _to_sun, along, farthest, planes, course, counter):
+def _look_beside(tables, starts, directions, _to_sun, along, farthest, planes, ends, course, counter):
     """Write what is beside open lines, as _Lines has it, for as many as a thread gets."""
     scratch = Scratch(alloca(STACK_WORDS), alloca(2))
     for i in shared_rows(counter, _CHUNK, len(starts)):
@@ -327,7 +335,7 @@ def _look_beside(tables, starts, directions, _to_sun, along, farthest, planes, c
             farthest[i] = away if along[i] == f32(np.inf) else max(farthest[i], away)
             along[i] = away if along[i] == f32(np.inf) else along[i]
             for c in range(3):
-                planes[i, turn, c] = ng[c]
+                planes[i, turn, c], ends[i, turn, c] = ng[c], at[c]
             planes[i, turn, 3] = dot(ng, at)
 
 

@@ -14,9 +14,10 @@ from ispm.lights.boxes import (
     draw_on_box,
     joined_boxes,
     meets_box,
+    meets_middle,
     upright_boxes,
 )
-from ispm.lights.fitted_boxes import cell_weights, fit_boxes
+from ispm.lights.fitted_boxes import cell_weights, fit_boxes, lined_boxes
 from ispm.optics.jit import jit
 from ispm.optics.vector import vec3
 
@@ -105,6 +106,46 @@ def test_points_on_a_box_lie_evenly_across_what_it_shows():
     whole = meets.reshape(601, 601).T[:600, :600].reshape(30, 20, 30, 20).all(axis=(1, 3))
     expected = len(points) * 0.01 / area
     assert np.abs(inner[whole] - expected).max() < 5.0 * math.sqrt(expected) and whole.sum() > 30
+
+
+@jit
+def _through_middle(boxes, points, d, out):
+    for i in range(len(out)):
+        meets, at, area = meets_middle(boxes, 0, vec3(points[i]), vec3(d))
+        out[i, 0], out[i, 4] = f32(1) if meets else f32(0), area
+        for c in range(3):
+            out[i, 1 + c] = at[c]
+
+
+def test_lines_cross_the_middle_of_a_box_where_its_other_axes_say():
+    box, d = turned_box(), np.array((0.48, 0.6, 0.64), f32)
+    at = (
+        box.middles[0]
+        + np.random.default_rng(4).uniform(-1.3, 1.3, (500, 2)) * box.lengths[0, 1:] @ box.axes[0, 1:]
+    )
+    points, out = (at + 2.0 * d).astype(f32), np.empty((len(at), 5), f32)
+    _through_middle(box, points, d, out)
+    within = (np.abs((at - box.middles[0]) @ box.axes[0, 1:].T) <= box.lengths[0, 1:]).all(axis=1)
+    assert (out[:, 0] == within).all() and 0.4 < within.mean() < 0.8
+    assert out[:, 1:4] == pytest.approx(at, abs=1e-5)
+    assert out[:, 4] == pytest.approx(4.0 * 0.7 * 0.4 * abs(float(d @ box.axes[0, 0])))
+    _through_middle(box, points, box.axes[0, 1], out)
+    assert not out[:, 0].any()
+
+
+def test_boxes_hold_what_lines_their_openings_outside():
+    """A sill half as deep as the opening is wide, but neither what is in the room nor the ground far below."""
+    box, random = turned_box(lengths=(0.01, 0.6, 0.5)), np.random.default_rng(5)
+    sill = np.column_stack(
+        [random.uniform(0.0, 0.5, 200), np.full(200, -0.62), random.uniform(-0.5, 0.5, 200)]
+    )
+    far = random.uniform((-2.0, -9.0, -0.5), (0.0, 0.5, 0.5), (200, 3))
+    ground = random.uniform((0.0, -9.0, -0.5), (9.0, -1.0, 0.5), (200, 3))
+    points = box.middles[0] + np.concatenate([sill, far, ground]) @ box.axes[0]
+    lined = lined_boxes(box, np.concatenate([points, np.full((9, 3), np.nan)]).astype(f32))
+    local = (points - lined.middles[0]) @ lined.axes[0].T
+    assert (np.abs(local[:200]) <= lined.lengths[0]).all()
+    assert lined.lengths[0] == pytest.approx((0.25, 0.62, 0.5), abs=0.05)
 
 
 def lines_through(windows, count=400, seed=3):
