@@ -119,13 +119,11 @@ def _through_middle(boxes, points, d, out):
 
 def test_lines_cross_the_middle_of_a_box_where_its_other_axes_say():
     box, d = turned_box(), np.array((0.48, 0.6, 0.64), f32)
-    at = (
-        box.middles[0]
-        + np.random.default_rng(4).uniform(-1.3, 1.3, (500, 2)) * box.lengths[0, 1:] @ box.axes[0, 1:]
-    )
+    wide, axes = box.lengths[0, 1:], box.axes[0, 1:]
+    at = box.middles[0] + np.random.default_rng(4).uniform(-1.3, 1.3, (500, 2)) * wide @ axes
     points, out = (at + 2.0 * d).astype(f32), np.empty((len(at), 5), f32)
     _through_middle(box, points, d, out)
-    within = (np.abs((at - box.middles[0]) @ box.axes[0, 1:].T) <= box.lengths[0, 1:]).all(axis=1)
+    within = (np.abs((at - box.middles[0]) @ axes.T) <= wide).all(axis=1)
     assert (out[:, 0] == within).all() and 0.4 < within.mean() < 0.8
     assert out[:, 1:4] == pytest.approx(at, abs=1e-5)
     assert out[:, 4] == pytest.approx(4.0 * 0.7 * 0.4 * abs(float(d @ box.axes[0, 0])))
