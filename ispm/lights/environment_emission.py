@@ -2,9 +2,9 @@
 
 They are drawn evenly in five dimensions: a direction by the environment's image, and where the ray crosses a
 plane across it: within the shadow that the box about the scene casts there, or, a share of them, that of a
-smaller box about what the eye sees, of a sphere about a mirror or glass that casts caustics, or of a box about
-an opening through which light comes in to what the eye sees. Others pass an opening in a direction about a
-line of light that comes in, or in one to such a sphere. The densities of all are added (the balance
+smaller box about what the eye sees, of a sphere about a mirror or glass that casts caustics, or of a box
+about an opening through which light comes in to what the eye sees. Others pass an opening in a direction
+about a line of light that comes in, or in one to such a sphere. The densities of all are added (the balance
 heuristic of Veach 1997, section 9.2.2).
 """
 

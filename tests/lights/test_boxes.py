@@ -132,7 +132,7 @@ def test_lines_cross_the_middle_of_a_box_where_its_other_axes_say():
 
 
 def test_boxes_hold_what_lines_their_openings_outside():
-    """A sill half as deep as the opening is wide, but neither what is in the room nor the ground far below."""
+    """A sill half as deep as the opening is wide, but not what is in the room, nor the ground far below."""
     box, random = turned_box(lengths=(0.01, 0.6, 0.5)), np.random.default_rng(5)
     sill = np.column_stack(
         [random.uniform(0.0, 0.5, 200), np.full(200, -0.62), random.uniform(-0.5, 0.5, 200)]
