@@ -21,6 +21,10 @@ from ispm.photons.even import Room, no_room
 f32 = np.float32
 
 OVERLAP = f32(5)  # beams' areas under a kernel: 3 leave grain (a third more error), more blur
+# Likewise of lamps with a surface and of environments, in the first pass and in many: n beams that share four
+# dimensions each light sqrt(n) times what n that share two would, so that they overlap by themselves. One in
+# the first pass leaves streaks.
+OVERLAP_OF_AREA = 2.5, 1.0
 _ASPECT_MAX = f32(8)  # of a kernel's length over its width; chosen, not measured
 _LENGTH_MAX = f32(0.05)  # of the scene's diagonal; likewise
 _MIN_RADIUS_RATIO = f32(0.35)  # to the measured radius: beams do not know how normal maps spread light
@@ -34,6 +38,7 @@ def shape_kernels(
     smoothing: float,
     pixels: Pixels | None,
     room: Room | None = None,
+    overlap: np.ndarray | None = None,
 ) -> np.ndarray:
     """Return (N,) CAUSTIC: photons with kernels that are ellipses, and end at the mirror or glass they left.
 
@@ -42,12 +47,22 @@ def shape_kernels(
     clear      (B,) m: distance to the plane of the surface that each of these comes from
     diagonal, smoothing, pixels  as in `measure_caustic_radii`
     room       for kernels to be wider; None: there is none
+    overlap    (B,) float32, beams' areas under a kernel; None: OVERLAP
     """
     out = np.zeros(len(photons), CAUSTIC)
     _copy(photons, out)
     room = no_room(len(beams)) if room is None else room
-    _shape(photons, beams, room, clear, f32(diagonal), f32(smoothing), for_kernels(pixels), out)
+    overlap = np.full(len(beams), OVERLAP) if overlap is None else overlap
+    sizes = f32(diagonal), f32(smoothing), for_kernels(pixels)
+    _shape(photons, beams, room, overlap, clear, *sizes, out)
     return out
+
+
+def overlap_of(of_area: np.ndarray, pass_index: int) -> np.ndarray:
+    """Return how many beams' areas a kernel holds, (B,) float32; of_area: (B,) bool, which come from a lamp
+    with a surface or from the environment."""
+    first, least = OVERLAP_OF_AREA
+    return np.where(of_area, f32(max(first / math.sqrt(1 + pass_index), least)), OVERLAP)
 
 
 def disc_kernels(photons: np.ndarray) -> np.ndarray:
@@ -75,7 +90,7 @@ def _write_discs(photons, out):
 
 
 @jit
-def _shape(photons, beams, room, clear, diagonal, smoothing, pixels, out):
+def _shape(photons, beams, room, overlap, clear, diagonal, smoothing, pixels, out):
     """Write axes, height and front of (N,) CAUSTIC; the rest as of `shape_kernels`."""
     for i in range(len(photons)):
         photon, kernel = photons[i], out[i]
@@ -83,7 +98,8 @@ def _shape(photons, beams, room, clear, diagonal, smoothing, pixels, out):
         u, v = scale(photon.radius, t), scale(photon.radius, b)
         if i < len(beams):
             least, wider = least_radius(photon, pixels), (room.factor[i], room.within[i])
-            u, v = _ellipse(beams[i], t, b, photon.radius, least, diagonal, smoothing, wider)
+            times = smoothing * math.sqrt(overlap[i] / f32(math.pi))
+            u, v = _ellipse(beams[i], t, b, photon.radius, least, diagonal, times, wider)
             slenderness = photon.height / photon.radius
             kernel.height = slenderness * math.sqrt(dot(u, u))
         for k in range(3):
@@ -94,12 +110,12 @@ def _shape(photons, beams, room, clear, diagonal, smoothing, pixels, out):
 
 
 @jit
-def _ellipse(beam, t, b, measured, least, diagonal, smoothing, wider):
+def _ellipse(beam, t, b, measured, least, diagonal, times, wider):
     """The kernel's semi-axes in m, the longer one first: those of the ellipse that a beam's two vectors make
     of the unit circle, scaled.
 
     beam  (9,) as in a Walk;  t, b  unit, on the surface;  measured, least  m, radii
-    wider  a factor and m, as in a Room
+    times  as large;  wider  a factor and m, as in a Room
     """
     du, dv = vec3(beam), vec3(beam[3:])
     tu, tv, bu, bv = dot(du, t), dot(dv, t), dot(du, b), dot(dv, b)
@@ -108,8 +124,7 @@ def _ellipse(beam, t, b, measured, least, diagonal, smoothing, wider):
     apart = math.sqrt(half * half + tb * tb)
     if not apart < f32(np.inf):  # of a scene too large for squares in float32
         return scale(measured, t), scale(measured, b)
-    k = smoothing * math.sqrt(OVERLAP / f32(math.pi))
-    long, wide = k * math.sqrt(middle + apart), k * math.sqrt(max(middle - apart, f32(0)))
+    long, wide = times * math.sqrt(middle + apart), times * math.sqrt(max(middle - apart, f32(0)))
     factor, within = wider
     long, wide = max(long, min(factor * long, within)), max(wide, min(factor * wide, within))
     short_of = _MIN_RADIUS_RATIO * measured / max(math.sqrt(long * wide), f32(1e-30))

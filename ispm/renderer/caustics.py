@@ -19,7 +19,7 @@ from ispm.photons.density import (
     measure_caustic_radii,
 )
 from ispm.photons.even import room_to_widen
-from ispm.photons.footprint import shape_kernels
+from ispm.photons.footprint import overlap_of, shape_kernels
 from ispm.photons.grid import PhotonGrid
 from ispm.photons.images import with_images
 from ispm.photons.walk import Walk
@@ -132,9 +132,10 @@ def classify_photons(this: Pass, path: Walk) -> PhotonClasses:
     beams, clear = path.beams, photons["radius"][first]  # until measured, the room before the plane they left
     if settings.kernel == "measured":
         beams, clear = beams[:0], clear[:0]
-    lattice = ~path.of_area[first][: len(beams)]  # the others lie at random, and have wide beams
-    room = room_to_widen(caustic[: len(beams)], beams, lattice, packed.diagonal, this.index, threads)
-    kernels = shape_kernels(caustic, beams, clear, packed.diagonal, settings.smoothing, pixels, room)
+    of_area = path.of_area[first][: len(beams)]  # they lie at random, and have wide beams
+    room = room_to_widen(caustic[: len(beams)], beams, ~of_area, packed.diagonal, this.index, threads)
+    sizes = packed.diagonal, settings.smoothing, pixels
+    kernels = shape_kernels(caustic, beams, clear, *sizes, room, overlap_of(of_area, this.index))
     # Lobes that leave scattered light to eye paths leave that of lamps to them, too, which such paths meet.
     kernels["bounce"][: np.count_nonzero(first)] = path.of_area[first]
     keys = np.concatenate([path.keys[first], path.keys[later]])

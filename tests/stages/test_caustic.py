@@ -10,7 +10,7 @@ from ispm.gpu import FLAT, Target
 from ispm.library.common import lambert
 from ispm.optics.incident import FilteredLight
 from ispm.optics.records import CAUSTIC, PHOTON, PIXEL_BACK
-from ispm.photons.footprint import OVERLAP, shape_kernels
+from ispm.photons.footprint import OVERLAP, overlap_of, shape_kernels
 from ispm.photons.grid import PhotonGrid
 from ispm.reference.gather import gather
 from ispm.scene.camera import look_at_pose
@@ -187,6 +187,18 @@ def test_a_kernel_of_a_beam_is_its_ellipse_and_ends_at_the_mirror(gpu, long, cle
     inside = (place[..., 0] / a) ** 2 + (place[..., 2] / b) ** 2
     assert not irradiance[inside > 1.001].any()
     assert (irradiance > 0)[(inside < 0.98) & (place[..., 0] > 1e-5 - clear)].all()
+
+
+@pytest.mark.parametrize(("passes", "beams_under_a_lamps"), [(1, 2.5), (4, 1.25), (16, 1.0)])
+def test_kernels_hold_so_many_beams(passes, beams_under_a_lamps):
+    photons = np.zeros(2, PHOTON)
+    photons["normal"], photons["radius"] = (0, 1, 0), 0.01
+    beams = np.zeros((2, 9), np.float32)
+    beams[:, [0, 5, 6]] = 0.3, 0.1, 1.0
+    overlap = overlap_of(np.array([True, False]), passes - 1)
+    kernels = shape_kernels(photons, beams, np.ones(2), 10.0, 1.0, None, overlap=overlap)
+    areas = math.pi * np.linalg.norm(np.cross(kernels["u"], kernels["v"]), axis=1)
+    assert areas == pytest.approx([beams_under_a_lamps * 0.03, OVERLAP * 0.03])
 
 
 def test_mirrors_show_the_kernels_that_pixels_do(gpu):
