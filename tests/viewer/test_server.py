@@ -198,7 +198,7 @@ def test_clients_are_bounded(site):
 
 
 def test_a_better_picture_waits_for_a_drag_that_is_about_to_begin(site):
-    """One of three times, that is: where the machine stalls for as long as a message holds it back, it comes."""
+    """In one of three times: it comes where the machine stalls for as long as a message holds it back."""
     site.enter()
     with site.live() as line:
         eye, waited = Eye(line), False
