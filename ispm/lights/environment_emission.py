@@ -33,14 +33,14 @@ from ispm.lights.boxes import (
     upright_boxes,
 )
 from ispm.lights.openings import NO_WAYS, WAY, Ways
-from ispm.lights.surface_emission import caustic_spheres, drawn_row, lattice5, lattice_shifts
+from ispm.lights.surface_emission import caustic_spheres, drawn_row, lattice5, lattice_shifts, sphere_cone
 from ispm.optics.environment import environment_light, environment_radiance, sample_environment
 from ispm.optics.environment_table import environment_power
 from ispm.optics.jit import jit
 from ispm.optics.records import EMITTED, EMITTED_BY_ENVIRONMENT, NO_HIT
 from ispm.optics.rng import random4
 from ispm.optics.sampling import cosine_hemisphere, in_cone, orthonormal_basis, to_world
-from ispm.optics.vector import add, cross, dot, normalize, scale, sub, vec3
+from ispm.optics.vector import add, dot, scale, sub, vec3
 from ispm.scene.packed import Packed
 
 f32, i64, u32 = np.float32, np.int64, np.uint32
@@ -51,7 +51,6 @@ _FREE = 0.2  # of those, which come from anywhere: where no way leads few carry 
 # Of the others, those from any side of an opening, not along lines; and those onto what lines it, too
 _COSINE, _LINED = f32(0.5), f32(0.5)
 _LARGEST = f32(1 - 2.0**-24)  # below 1
-_TOUCHED = f32(1 + 1e-4)  # of the square of a sphere's radius: what touches it, by rounding, meets it
 _CHUNK = 1024  # rays a thread takes at a time
 
 
@@ -238,11 +237,8 @@ def _to_sphere(targets, u0, u1, u2, u3, u4):
     k, _, u4 = drawn_row(targets.each_way, u4)
     sphere = targets.spheres[i64(u4 * f32(len(targets.spheres)))]
     point = draw_in_box(targets.ways.boxes, k, f32(0.5), u2, u3)
-    off = sub(point, vec3(sphere))
-    rise = u0 * _height(sphere, off)
-    radius, phi = f32(math.sqrt(rise * (f32(2) - rise))), f32(2 * math.pi) * u1
-    local = radius * f32(math.cos(phi)), radius * f32(math.sin(phi)), f32(1) - rise
-    return to_world(local, normalize(off)), point
+    toward, cosine = sphere_cone(sphere, point)
+    return scale(f32(-1), in_cone(toward, cosine, u0, u1)), point
 
 
 @jit
@@ -255,20 +251,10 @@ def _density_to_spheres(targets, wi, point):
             continue
         chance = f32(targets.each_way[k + 1] - targets.each_way[k]) / area
         for j in range(len(spheres)):
-            off = sub(at, vec3(spheres[j]))
-            aside, square = cross(off, wi), spheres[j, 3] * spheres[j, 3]
-            is_within = dot(off, off) <= square
-            if is_within or (dot(off, wi) > f32(0) and dot(aside, aside) <= _TOUCHED * square):
-                density += chance / _height(spheres[j], off)
+            toward, cosine = sphere_cone(spheres[j], at)
+            if -dot(wi, toward) >= cosine:
+                density += chance / (f32(1) - cosine)
     return density * f32(1 / (2 * math.pi)) / f32(len(spheres))
-
-
-@jit
-def _height(sphere, off):
-    """1 minus the cosine of half the angle in which a sphere is seen from `off`, m, off its middle; all
-    around, within it."""
-    square = sphere[3] * sphere[3] / max(dot(off, off), f32(1e-30))
-    return square / (f32(1) + f32(math.sqrt(f32(1) - square))) if square < f32(1) else f32(2)
 
 
 @jit

@@ -224,7 +224,7 @@ def _direction(lamps, emitter, point, n, u, v):
         count = f32(len(spheres))
         u *= count / share
         drawn = min(i64(u), i64(len(spheres) - 1))
-        toward, cosine = _cone(spheres[drawn], point)
+        toward, cosine = sphere_cone(spheres[drawn], point)
         d = in_cone(toward, cosine, u - f32(drawn), v)
     elif within_cone:
         d = in_cone(vec3(emitter.axis), f32(1) - emitter.cone, (u - share) / (f32(1) - share), v)
@@ -237,7 +237,7 @@ def _direction(lamps, emitter, point, n, u, v):
     if share > f32(0):
         aimed = f32(0)
         for k in range(len(spheres)):
-            toward, cosine = _cone(spheres[k], point)
+            toward, cosine = sphere_cone(spheres[k], point)
             if dot(d, toward) >= cosine:
                 aimed += f32(1 / (2 * math.pi)) / (f32(1) - cosine)
         density += share * aimed / f32(len(spheres))
@@ -245,7 +245,7 @@ def _direction(lamps, emitter, point, n, u, v):
 
 
 @jit
-def _cone(sphere, point):
+def sphere_cone(sphere, point):
     """Return the axis and the cosine of half the angle of the cone in which a point sees a (4,) sphere; from
     within all directions."""
     segment = sub((sphere[0], sphere[1], sphere[2]), point)

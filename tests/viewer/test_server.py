@@ -15,6 +15,7 @@ pytest.importorskip("uvicorn", reason="needs the extra web")
 from serving import Eye  # noqa: E402
 from websockets.exceptions import ConnectionClosed  # noqa: E402
 
+from ispm.viewer import running  # noqa: E402
 from ispm.viewer.door import MOST_WAITING, PATIENCE  # noqa: E402
 
 
@@ -197,19 +198,18 @@ def test_clients_are_bounded(site):
             Eye(line).still()
 
 
-def test_a_better_picture_waits_for_a_drag_that_is_about_to_begin(site):
-    """In one of three times: it comes where the machine stalls for as long as a message holds it back."""
+def test_a_better_picture_waits_for_a_drag_that_is_about_to_begin(site, monkeypatch):
+    """For so long that no stall of the machine passes for it: it would come .15 s after the last message."""
+    monkeypatch.setattr(running, "_HELD", 3.0)
     site.enter()
     with site.live() as line:
-        eye, waited = Eye(line), False
-        for _ in range(3):
-            eye.still()
-            eye.send(type="look", right=0.1, down=0.0)
-            for _ in range(4):
-                eye.send(type="hold")
-                time.sleep(0.2)
-            waited = waited or site.painting.settled == 0
-        assert waited
+        eye = Eye(line)
+        eye.still()
+        eye.send(type="hold")
+        eye.send(type="look", right=0.1, down=0.0)
+        eye.until(lambda: site.painting.settled == 0)
+        time.sleep(0.6)
+        assert site.painting.settled == 0
         eye.until(lambda: eye.pictures[-1][0]["still"] and site.painting.settled == 3)
 
 
