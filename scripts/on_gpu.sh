@@ -13,11 +13,13 @@
 # all, those of earlier runs too. A part that fails, or takes more minutes, does not stop the rest. Parts:
 #
 #   doctor    adapters, versions
+#   kernels   compiled once, so that no later part waits for them
 #   tests     of stages, pictures and parity
 #   bench     ispm bench
+#   talk      ispm bench --talk, three frames of each row
 #   scenes    all built-in scenes
 #   errors    of A, B and C, against the references
-#   pictures  differences to llvmpipe's pictures; --size as they were packed
+#   pictures  differences to llvmpipe's pictures, and how many there may be; --size as they were packed
 #
 # --quick: fewer tests, smaller pictures. ISPM_ADAPTER chooses an adapter, VK_DRIVER_FILES a driver.
 set -u
@@ -26,7 +28,7 @@ cd "$(dirname "$0")/.."
 
 LOADERS='libvulkan1 libegl1 libgl1 libgles2 libglvnd0 libglx0 libopengl0 libx11-6 libxau6 libxcb1 libxdmcp6 libxext6
 libbsd0 libmd0'
-PARTS=doctor,tests,bench,scenes,errors,pictures
+PARTS=doctor,kernels,tests,bench,talk,scenes,errors,pictures
 
 say() { echo "on_gpu: $*" >&2; }
 fail() { say "$*"; exit 2; }
@@ -70,9 +72,16 @@ pack_all() {
     refs=${ISPM_REFS:-../shared/refs} assets=${ISPM_ASSETS:-../shared/assets}
     [ -d "$refs" ] && mkdir "$kit/refs" && cp "$refs"/scene_?.glb "$refs"/ref_?.npz "$kit/refs/"
     [ -d "$assets" ] && mkdir -p "$kit/assets/scenes" && cp "$assets/scenes/level_zdm2_lit.glb" "$kit/assets/scenes/"
-    (cd tests && ISPM_ADAPTER=llvmpipe ../.venv/bin/python -m drivers.pictures "$kit/pictures" --size "$size") || exit
-    rm -f "$kit"/pictures/*.png
+    pictures llvmpipe && pictures aside --aside 0.0625 && pictures seed --seed 1 || exit
     du -sh "$kit" >&2
+}
+
+pictures() { # pictures NAME [OPTION...]: llvmpipe's layers, to the kit
+    local folder=$kit/pictures/$1
+    shift
+    (cd tests && ISPM_ADAPTER=llvmpipe ../.venv/bin/python -m drivers.pictures "$folder" --size "$size" --maps "$@") ||
+        return
+    rm -f "$folder"/*.png
 }
 
 unpack() { # wheels and loaders, to a folder for this kit's contents alone
@@ -113,6 +122,8 @@ part_doctor() {
     ispm doctor
 }
 
+part_kernels() { "$python" -P -m ispm.kernels; }
+
 part_tests() {
     folders='tests/stages tests/parity tests/image'
     [ -n "$quick" ] && folders='tests/stages/test_gbuffer.py tests/parity'
@@ -121,9 +132,11 @@ part_tests() {
 
 part_bench() { ispm bench ${quick:+--quick} -o "$report/bench.json"; }
 
+part_talk() { ispm bench --talk --frames 3 ${quick:+--quick} -o "$report/talk.json"; }
+
 part_scenes() {
     mkdir -p "$report/scenes" && bad=0
-    for name in atrium caustic-ring cornell-box glass-sphere integrating-sphere objects-in-box; do
+    for name in $("$python" -P -c 'from ispm.library.builtin import BUILTINS; print(*BUILTINS)'); do
         ispm render "$name" -o "$report/scenes/$name.png" --stats "$report/scenes/$name.json" \
             --size "$([ -n "$quick" ] && echo 320x180 || echo 1280x720)" || bad=1
     done
@@ -133,9 +146,10 @@ part_scenes() {
 part_errors() { in_tests references.accuracy A B C --passes "$([ -n "$quick" ] && echo 1 || echo 16)"; }
 
 part_pictures() {
-    in_tests drivers.pictures "$room/pictures" --size "$size" || return
+    in_tests drivers.pictures "$room/pictures" --size "$size" --maps || return
     mkdir -p "$report/pictures" && cp "$room"/pictures/*.png "$report/pictures/"
-    in_tests drivers.agreement "$room/pictures" "$kit/pictures"
+    in_tests drivers.agreement "$room/pictures" "$kit/pictures/llvmpipe" \
+        --aside "$kit/pictures/aside" --seed "$kit/pictures/seed"
 }
 
 run() { # run PART: keep what it says, its exit code (124: out of time) and its seconds
@@ -178,7 +192,8 @@ fi
 for part in $(echo "$only" | tr , ' '); do
     case ,$PARTS, in *,"$part",*) ;; *) fail "there is no part '$part'; there are $PARTS" ;; esac
 done
-python=${PYTHON:-python3}
+python=$(command -v "${PYTHON:-python3}") || fail "there is no ${PYTHON:-python3}; set PYTHON"
+case $python in /*) ;; *) python=$PWD/$python ;; esac # parts work in other folders
 "$python" -c 'import sys; sys.exit(sys.version_info < (3, 11))' || fail "$python is too old; set PYTHON"
 mkdir -p "$report" && report=$(cd "$report" && pwd) && kit=$(cd "$kit" && pwd)
 unpack
@@ -186,7 +201,7 @@ find_driver
 [ -d "$kit/refs" ] && export ISPM_REFS="$kit/refs"
 [ -d "$kit/assets" ] && export ISPM_ASSETS="$kit/assets"
 export kit report room python quick size
-export -f ispm in_tests part_doctor part_tests part_bench part_scenes part_errors part_pictures
+export -f ispm in_tests part_doctor part_kernels part_tests part_bench part_talk part_scenes part_errors part_pictures
 failed=
 for part in $(echo "$only" | tr , ' '); do run "$part" || failed="$failed $part"; done
 write_report

@@ -3,6 +3,7 @@
 python -m drivers.pictures FOLDER                       # in tests/; FOLDER/SCENE.npz and .png
 python -m drivers.pictures FOLDER --size 320x180 SCENE...  # names of built-ins, or files
 python -m drivers.pictures FOLDER --aside 0.0625  # pixels that a driver may move edges by; or --seed 1
+python -m drivers.pictures FOLDER --maps          # as cards do, where programs may take rays
 
 What is kept is the mean of several pictures, each with a seed of its own: the mean irradiance of one alone
 has nearly as much noise as two drivers may differ by. VK_DRIVER_FILES chooses the driver.
@@ -36,6 +37,7 @@ def main() -> int:
     parser.add_argument("--size", default="640x360", metavar="WxH")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--aside", type=float, default=0.0, help="pixels right and up that the view moves")
+    parser.add_argument("--maps", action="store_true", help="shadows and photons by maps, not rays")
     given = parser.parse_intermixed_args()
     warnings.simplefilter("ignore")
     given.folder.mkdir(parents=True, exist_ok=True)
@@ -49,7 +51,8 @@ def main() -> int:
             camera = scene.default_camera(size)
             x, y = camera.principal
             camera.principal = x + 2.0 * given.aside / width, y + 2.0 * given.aside / height
-            settings = ispm.Settings(size=size)
+            by = "map" if given.maps else "auto"
+            settings = ispm.Settings(size=size, emission=by, shadows=by)
             with ispm.Renderer(scene, settings, camera, gpu=gpu) as renderer:
                 frame, layers = _render(renderer, given.seed)
         except ispm.IspmError as error:

@@ -157,7 +157,8 @@ def test_bsdf_agrees(gpu):
     tolerance = 1e-5 + EPS * conditioning(rows, expected[:, 1, 3])
     smooth = expected[:, 1, 3] == 0
     found[smooth, 1, :3] = expected[smooth, 1, :3]  # a lobe that a smooth surface has not, not a number
-    assert (np.abs(found - expected) <= tolerance[:, None, None] * (np.abs(expected) + 1e-6)).all()
+    worst = (np.abs(found - expected) / (tolerance[:, None, None] * (np.abs(expected) + 1e-6))).max(axis=0)
+    assert (worst <= 1.0).all(), worst  # by what a card's driver gets wrong
     lit, through = expected[:, 0, 0] > 0, rows[:, 6, 3] > 0
     below = np.einsum("ij,ij->i", rows[:, 3, :3], rows[:, 5, :3]) < 0
     for case in (~through, through & ~below, through & below & (rows[:, 5, 3] == 1), smooth & ~below):

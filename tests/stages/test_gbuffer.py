@@ -233,8 +233,10 @@ def test_textures_of_specular_reflection_are_seen_where_they_are(gpu: Gpu) -> No
     ])  # fmt: skip
     shown = ids[..., 0] == 1
     assert 2000 < shown.sum() < (ids[..., 0] > 0).sum() - 500
-    # halves round by 2^-11, bytes by half a step of sRGB or of 255
-    assert np.abs(linear(specular[shown, :3] / 255.0) - base[shown, :3]).max() < 2e-3
+    # Direct3D lets cards err by half a code of sRGB as they decode (data conversion rules); halves by 2^-11
+    code, seen = specular[shown, :3].astype(np.float64), base[shown, :3].astype(np.float64)
+    assert (seen >= linear((code - 0.5) / 255.0) - 2.0**-11 * seen).all()
+    assert (seen <= linear((code + 0.5) / 255.0) + 2.0**-11 * seen).all()
     assert np.abs(specular[shown, 3] / 255.0 - emission[shown, 3]).max() < 1e-3
     assert len(np.unique(specular[shown], axis=0)) >= 12
     plain = pack(Scene(scene.nodes[1:]))
