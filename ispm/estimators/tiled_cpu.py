@@ -11,12 +11,12 @@ import numpy as np
 from ispm.kernels.share import run_shared, shared_rows
 from ispm.kernels.simd import address, alloca, ldf
 from ispm.kernels.threads import thread_count
+from ispm.optics.incident import no_light
 from ispm.optics.jit import jit
 from ispm.optics.records import PHOTON, RECEIVER
 from ispm.photons.blocks import (
     BLOCKS,
     BOX,
-    CHANNELS,
     HEIGHT,
     LANES,
     NORMAL,
@@ -58,7 +58,7 @@ class TiledCpu:
         """Return (h*w, 16) float32 channels, see `estimators.Estimator`."""
         # the kernels read by address
         assert receivers.dtype == RECEIVER and photons.dtype == PHOTON and len(receivers) == size[0] * size[1]
-        out = np.zeros((len(receivers), CHANNELS), f32)
+        out = no_light(len(receivers))
         if not len(photons) or not len(receivers):
             return out
         receivers, photons = np.ascontiguousarray(receivers), np.ascontiguousarray(photons)

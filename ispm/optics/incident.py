@@ -6,6 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ispm.kernels.simd import aligned
+
 # Phi: a photon's flux; kappa: its density kernel; c: `cosine_ratio`; Fc, D, V: see bsdf.wgsl
 INCIDENT = np.dtype(
     [
@@ -31,8 +33,8 @@ class FilteredLight(NamedTuple):
 
 
 def no_light(count: int) -> np.ndarray:
-    """Return (count, 16) float32 of darkness."""
-    return np.zeros((count, CHANNELS), np.float32)
+    """Return (count, 16) float32 of darkness, aligned as kernels that take vectors want it."""
+    return aligned(count * CHANNELS).reshape(-1, CHANNELS)
 
 
 def channels(light: np.ndarray) -> np.ndarray:

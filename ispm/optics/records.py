@@ -54,6 +54,11 @@ def take(records: np.ndarray, rows: np.ndarray) -> np.ndarray:
     return np.take(records.view(f"V{records.itemsize}"), rows).view(records.dtype)
 
 
+def copied(records: np.ndarray) -> np.ndarray:
+    """Return a copy of contiguous records, which numpy makes field by field, too."""
+    return records.view(f"V{records.itemsize}").copy().view(records.dtype)
+
+
 def join(parts: Sequence[np.ndarray]) -> np.ndarray:
     """Return np.concatenate(parts), contiguous each, which numpy has copied field by field, too."""
     whole = np.empty((sum(map(len, parts)), *parts[0].shape[1:]), parts[0].dtype)

@@ -18,8 +18,8 @@ from ispm.optics.bsdf import NARROW_ALPHA
 from ispm.optics.gradient import WORDS, turn, turned_light
 from ispm.optics.incident import FilteredLight
 from ispm.optics.jit import jit
-from ispm.optics.records import RECEIVER, take
-from ispm.optics.vector import vec3
+from ispm.optics.records import RECEIVER
+from ispm.optics.vector import dot, sub, vec3
 
 f32, i64, u32 = np.float32, np.int64, np.uint32
 
@@ -47,31 +47,41 @@ def image_of_ends(
     A receiver's footprint is the distance to its nearest neighbour on its surface, which in a curved mirror
     is farther than the rays' width.
     """
-    order = np.argsort(cells, kind="stable")
-    used, first, count = np.unique(cells[order], return_index=True, return_counts=True)
-    image = np.zeros(size[0] * size[1], RECEIVER)
-    image[used] = take(points, order[first + (count // 2 + pass_index) % count])
-    image["footprint"] *= f32(block)
-    apart = _nearest_neighbour(image.reshape(size[1], size[0])).reshape(-1)
-    ray = image["footprint"]
-    near = np.clip(apart, ray, ray * f32(_SPREAD_MAX))
-    image["footprint"] = np.where(np.isfinite(apart), near, ray)
+    image, chosen = np.zeros(size[0] * size[1], RECEIVER), np.bincount(cells, minlength=size[0] * size[1])
+    chosen = (chosen // 2 + pass_index) % np.maximum(chosen, 1)
+    _choose_ends(points, cells, chosen, f32(block), image)
+    _reach_neighbours(image, size[0], size[1])
     return image
 
 
-def _nearest_neighbour(image: np.ndarray) -> np.ndarray:
-    """(h, w) float32 m to the nearest of the four receivers beside each; inf where none is on its surface."""
-    apart = np.full(image.shape, np.inf, np.float32)
-    for axis in (0, 1):
-        a = image[:-1] if axis == 0 else image[:, :-1]
-        b = image[1:] if axis == 0 else image[:, 1:]
-        facing = np.einsum("...k,...k->...", a["ng"], b["ng"])
-        distance = np.linalg.norm(a["position"] - b["position"], axis=-1)
-        distance[(facing < _SAME_SURFACE) | (a["valid"] == 0) | (b["valid"] == 0)] = np.inf
-        near = (apart[:-1], apart[1:]) if axis == 0 else (apart[:, :-1], apart[:, 1:])
-        for side in near:
-            np.minimum(side, distance, out=side)
-    return apart
+@jit
+def _choose_ends(points, cells, chosen, block, image):
+    """Write one of (m,) RECEIVER for each of (h w,) cells, the one of its own that comes after `chosen`
+    others, which are counted down; `block` as of `image_of_ends`."""
+    for i in range(len(cells)):
+        cell = cells[i]
+        if chosen[cell] == 0:
+            image[cell] = points[i]
+            image[cell].footprint *= block
+        chosen[cell] -= 1
+
+
+@jit
+def _reach_neighbours(image, width, height):
+    """Widen footprints of (h w,) RECEIVER to the nearest of the four beside each that is on its surface."""
+    for row in range(len(image)):
+        if image[row].valid == u32(0):
+            continue
+        x, y, nearest = row % width, row // width, f32(np.inf)
+        for right, down in ((1, 0), (-1, 0), (0, 1), (0, -1)):
+            if 0 <= x + right < width and 0 <= y + down < height:
+                other = image[row + right + down * width]
+                if other.valid != u32(0) and dot(vec3(image[row].ng), vec3(other.ng)) >= f32(_SAME_SURFACE):
+                    away = sub(vec3(image[row].position), vec3(other.position))
+                    nearest = min(nearest, f32(math.sqrt(dot(away, away))))
+        if nearest < f32(np.inf):
+            ray = image[row].footprint
+            image[row].footprint = min(max(nearest, ray), ray * f32(_SPREAD_MAX))
 
 
 def spread_light(

@@ -120,12 +120,44 @@ def trace_eye(
         batch = RayArrays(*(each[part] for each in arrays))
         _follow_batch(tables, surfaces, view, batch, first, out, world.threads)
         raw = room.view(np.uint32).reshape(-1, words)  # records are copied field by field, which is slow
-        met = [raw[k * capacity :][:found] for k, found in enumerate(counts[:, 0])]
-        ends.append(np.concatenate([part[:, :cut] for part in met]))
-        points.append(np.concatenate([part[:, cut:] for part in met]))
+        _collect_ends(raw, np.ascontiguousarray(counts[:, 0]), ends, points, cut, world.threads)
         traced += int(counts[:, 1].sum())
     stored = np.concatenate(ends).view(PATH_END)[:, 0], np.concatenate(points).view(RECEIVER)[:, 0]
     return EyePaths(light, firsts, *stored, traced)
+
+
+def _collect_ends(
+    room: np.ndarray,
+    counts: np.ndarray,
+    ends: list[np.ndarray],
+    points: list[np.ndarray],
+    cut: int,
+    threads: int,
+) -> None:
+    """Append the ends and points of a batch to what there is, as words.
+
+    room    words of PATH_END_AND_POINT, chunk by chunk;  cut  words of a PATH_END
+    counts  (chunks,) int64, records of each
+    """
+    starts = np.cumsum(counts) - counts
+    total, words = int(counts.sum()), room.shape[1]
+    ends.append(np.empty((total, cut), np.uint32))
+    points.append(np.empty((total, words - cut), np.uint32))
+    told = room, counts, starts
+    run_shared(lambda counter: _copy_chunks(*told, counter, ends[-1], points[-1]), threads)
+
+
+@jit
+def _copy_chunks(room, counts, starts, counter, ends, points):
+    """Copy as many chunks' records as a thread gets to the rows from where they start."""
+    capacity, cut = len(room) // len(counts), ends.shape[1]
+    for chunk in shared_rows(counter, 1, len(counts)):
+        for k in range(counts[chunk]):
+            record, row = chunk * capacity + k, starts[chunk] + k
+            for word in range(cut):
+                ends[row, word] = room[record, word]
+            for word in range(points.shape[1]):
+                points[row, word] = room[record, cut + word]
 
 
 def _follow_batch(

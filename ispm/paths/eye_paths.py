@@ -101,6 +101,8 @@ def no_paths(count: int) -> EyePaths:
 def join_ends(parts: Sequence[EyePaths]) -> tuple[np.ndarray, np.ndarray]:
     """Return the ends and points of several calls as if the rays of each had come after those of the ones
     before."""
+    if len(parts) == 1:
+        return parts[0].ends, parts[0].points
     ends, points = join([part.ends for part in parts]), join([part.points for part in parts])
     first, row = 0, 0
     for part in parts:

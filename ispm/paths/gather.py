@@ -18,9 +18,11 @@ they end is left out, and so is the environment: it is direct light of the recei
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
+from numba import literal_unroll
 
 from ispm.accel.intersect import STACK_WORDS
 from ispm.accel.layers import drawn_side, is_translucent, with_matte_sheen, with_rough_coat
@@ -37,6 +39,7 @@ from ispm.optics.records import MATERIAL_UNLIT, RECEIVER
 from ispm.optics.rng import random4
 from ispm.optics.sampling import cosine_hemisphere, to_world
 from ispm.optics.vector import Vector, add, dot, scale, sub, vec3
+from ispm.paths.ends import reflect_incident
 from ispm.paths.facet import as_wide
 from ispm.paths.guide import guided
 from ispm.paths.vertices import PATH_END, store_end, store_point
@@ -66,6 +69,20 @@ class Gathered(NamedTuple):
     covered: np.ndarray
     ends: np.ndarray
     points: np.ndarray
+
+
+class Gather(NamedTuple):
+    """What the gather rays from n receivers find.
+
+    irradiance, fresnel  (n, 3) float32, as in INCIDENT
+    nearness             (n,) float32 1/m, mean inverse length of the rays
+    covered              (n,) float32, share of the hemisphere, by cosine, in which they met something
+    """
+
+    irradiance: np.ndarray
+    fresnel: np.ndarray
+    nearness: np.ndarray
+    covered: np.ndarray
 
 
 class RayPlan(NamedTuple):
@@ -119,6 +136,49 @@ def gather_rays(
     course = _Course(f32(limit), u32(pass_index), u32(seed), openings)
     run_shared(lambda counter: _gather_chunks(tables, receivers, plan, course, counter, out), world.threads)
     return out
+
+
+def average_rays(met: Gathered, light: np.ndarray, nearest: float, threads: int, out: Gather) -> None:
+    """Write what n receivers get by their rays.
+
+    light    (m, 16) of photons at the rays' ends
+    nearest  1/m, that a ray's inverse length counts as at most
+    """
+    run_shared(lambda counter: _average(met, light, f32(nearest), counter, out), threads)
+
+
+@jit
+def _average(met, light, nearest, counter, out):
+    """Write the Gather of as many receivers as a thread gets; arguments as of `average_rays`."""
+    rays = len(met.covered) // max(len(out.covered), 1)
+    for receiver in shared_rows(counter, _CHUNK, len(out.covered)):
+        near, covered = f32(0), f32(0)
+        for row in range(receiver * rays, (receiver + 1) * rays):
+            near += min(met.nearness[row], nearest)
+            covered += met.covered[row]
+            for c in literal_unroll((0, 1, 2)):
+                reflected = met.ends[row].weight[c] * reflect_incident(met.ends[row], light, row, c)
+                radiance = met.radiance[row, c] + reflected
+                out.irradiance[receiver, c] += radiance
+                out.fresnel[receiver, c] += met.fresnel[row] * radiance
+        out.nearness[receiver], out.covered[receiver] = near / f32(rays), covered / f32(rays)
+        for c in range(3):
+            out.irradiance[receiver, c] *= f32(math.pi) / f32(rays)
+            out.fresnel[receiver, c] *= f32(math.pi) / f32(rays)
+
+
+@jit
+def join_light(light, others, found, rows):
+    """Let the irradiance of (n,) INCIDENT `light` be what rays found, a Gather, at (m,) int64 rows, and add
+    that of (n,) INCIDENT `others` everywhere; in place."""
+    for k in range(len(rows)):
+        for c in range(3):
+            light[rows[k]].irradiance[c] = found.irradiance[k, c]
+            light[rows[k]].fresnel[c] = found.fresnel[k, c]
+    for i in range(len(light)):
+        for c in range(3):
+            light[i].irradiance[c] += others[i].irradiance[c]
+            light[i].fresnel[c] += others[i].fresnel[c]
 
 
 class _Course(NamedTuple):

@@ -14,6 +14,7 @@ from ispm.accel.normals import unit
 from ispm.kernels.share import run_shared, shared_rows
 from ispm.kernels.simd import address, alloca
 from ispm.optics.density import density_kernel
+from ispm.optics.incident import no_light
 from ispm.optics.jit import jit
 from ispm.optics.records import CAUSTIC
 from ispm.optics.vector import cross, dot, sub, vec3
@@ -101,7 +102,7 @@ class PhotonGrid:
 
         receivers  (n,) RECEIVER
         """
-        out = np.zeros((len(receivers), 16), np.float32)
+        out = no_light(len(receivers))
         if not len(self.photons) or not len(receivers):
             return out
         receivers = np.ascontiguousarray(receivers)
@@ -110,7 +111,7 @@ class PhotonGrid:
             return out
         lists = self._listed()
         order = np.empty(len(receivers), np.uint64)
-        _find_cells(receivers, lists, order)
+        run_shared(lambda counter: _find_cells(receivers, lists, counter, order), threads)
         order.sort()
         if self._finish is not None:
             near = np.zeros(len(self.photons), bool)
@@ -230,10 +231,10 @@ def _list(photons, halves, grid, cursors):
 
 
 @jit
-def _find_cells(receivers, grid, order):
+def _find_cells(receivers, grid, counter, order):
     """Write the row of each of (n,) RECEIVER, to (n,) uint64, below the number of its cell and its position
     there: sorted, those of one cell stand together, the nearest side by side. Receivers outside come last."""
-    for r in range(len(receivers)):
+    for r in shared_rows(counter, _CHUNK, len(receivers)):
         position, within = receivers[r].position, u32(0)
         for axis in range(3):
             part = i64((position[axis] - grid.low[axis]) / grid.cell * f32(_PARTS)) & i64(_PARTS - 1)

@@ -8,7 +8,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from functools import cached_property, partial
-from typing import NamedTuple
 
 import numpy as np
 
@@ -21,11 +20,10 @@ from ispm.lights.surface_emission import emissive_flux
 from ispm.optics.bsdf import NARROW_ALPHA
 from ispm.optics.environment_table import environment_power
 from ispm.optics.incident import FilteredLight, channels, no_light
-from ispm.optics.records import take
+from ispm.optics.records import copied, take
 from ispm.optics.rng import random4
 from ispm.optics.sampling import LATTICE
-from ispm.paths.ends import reflect_light
-from ispm.paths.gather import RayPlan, gather_rays
+from ispm.paths.gather import Gather, RayPlan, average_rays, gather_rays, join_light
 from ispm.paths.guide import Guide, square_blocks
 from ispm.photons.coverage import Draws, keep_light
 from ispm.photons.density import Pixels, measure_radii
@@ -73,22 +71,12 @@ def bright_limit(packed: Packed, surfaces: SurfaceTable, settings: Settings) -> 
 Ends = Callable[[np.ndarray], np.ndarray]
 
 
-class Gather(NamedTuple):
-    """What gather rays from m receivers find.
-
-    irradiance, fresnel  (m, 3) float32, as in INCIDENT
-    nearness             (m,) float32 1/m, mean inverse length of the rays
-    covered              (m,) float32, share of the hemisphere, by cosine, in which they met something
-    """
-
-    irradiance: np.ndarray
-    fresnel: np.ndarray
-    nearness: np.ndarray
-    covered: np.ndarray
-
-
 def rays_reach(
-    image: Receivers, nearness: np.ndarray, rays: float | np.ndarray, passes: float | np.ndarray
+    image: Receivers,
+    nearness: np.ndarray,
+    rays: float | np.ndarray,
+    passes: float | np.ndarray,
+    threads: int,
 ) -> np.ndarray:
     """Return the filter's radius at the receivers of an image, (n,) float32 m.
 
@@ -100,7 +88,8 @@ def rays_reach(
     within = np.asarray(_RAYS_WITHIN / (math.pi * rays), np.float32)
     least = points["footprint"] * np.sqrt(points["slant"] * within)
     widest = _REACH * passes**_NARROWER
-    return np.asarray(np.maximum(widest / mean_around(points, nearness, image.size), least))
+    around = mean_around(points, nearness, image.size, threads)
+    return np.asarray(np.maximum(widest / around, least))
 
 
 def rays_worth(points: np.ndarray, rays: int) -> np.ndarray:
@@ -147,16 +136,12 @@ class PhotonLight:
         estimator  sums the photons where the points are the picture's receivers; None: they lie anywhere
         """
         this, points = self._this, receivers.points
+        lobes = with_grazing_lobes(points, this.index)
 
         def summed(photons: PhotonGrid) -> np.ndarray:
             if estimator is None:
-                return self.sum_at(points, photons)
-            return estimator(
-                with_grazing_lobes(points, this.index),
-                photons.photons,
-                this.view.clip_from_world,
-                receivers.size,
-            )
+                return photons.estimate(lobes, this.threads)
+            return estimator(lobes, photons.photons, this.view.clip_from_world, receivers.size)
 
         if not len(self.parts.smooth):
             return no_light(len(points))
@@ -164,7 +149,7 @@ class PhotonLight:
         if rays:
             whole, ended = self._not_gathered
             flux = np.concatenate([whole.photons["flux"], ended.photons["flux"]])
-            of_photons = summed(whole) + self.sum_at(points, ended)
+            of_photons = summed(whole) + ended.estimate(lobes, this.threads)
             light = self._gathered(receivers, lambda: summed(self.photons), of_photons, self.at_ends)
         else:
             flux, light = self.photons.photons["flux"], summed(self.photons)
@@ -184,8 +169,9 @@ class PhotonLight:
 
     def not_gathered_at(self, points: np.ndarray) -> np.ndarray:
         """Return the light of photons that gather rays leave out at (n,) RECEIVER points, (n, 16)."""
-        whole, ended = self._not_gathered
-        return np.asarray(self.sum_at(points, whole) + self.sum_at(points, ended))
+        lobes = with_grazing_lobes(points, self._this.index)
+        whole, ended = (photons.estimate(lobes, self._this.threads) for photons in self._not_gathered)
+        return np.asarray(whole + ended)
 
     def at_missed(self, receivers: Receivers) -> np.ndarray:
         """Return likewise the light at points of the picture that its receivers miss."""
@@ -219,7 +205,7 @@ class PhotonLight:
         """The smooth photons, which bring all their light to surfaces."""
         if self._this.settings.is_plain:
             return PhotonGrid(self.parts.smooth)
-        smooth, keys = self.parts.smooth.copy(), self.parts.keys[: len(self.parts.smooth)]
+        smooth, keys = copied(self.parts.smooth), self.parts.keys[: len(self.parts.smooth)]
         keep_all_light(self._this, keys, smooth, series=series_of(self._this.settings))
         return PhotonGrid(smooth)
 
@@ -273,14 +259,13 @@ class PhotonLight:
         found = self.gather(image, used, this.settings.gather_rays, ends)
         nearness, covered = np.zeros((2, len(points)), np.float32)
         nearness[used], covered[used] = found.nearness, found.covered
-        nearness = ratio_around(points, nearness, covered, image.size)  # of the rays that met something
-        incident = channels(light)
-        for name in ("irradiance", "fresnel"):
-            incident[name][used] = getattr(found, name)
-            incident[name] += channels(not_gathered)[name]
+        # Of the rays that met something.
+        nearness = ratio_around(points, nearness, covered, image.size, this.threads)
+        join_light(channels(light), channels(not_gathered), found, used)
         passes = 1 + this.index
         rays = this.settings.gather_rays
-        reach = rays_reach(image, nearness, rays * passes, passes * rays_worth(points, rays))
+        worth = passes * rays_worth(points, rays)
+        reach = rays_reach(image, nearness, rays * passes, worth, this.threads)
         set_reach(light, points, reach, this.packed.diagonal)
         return light
 
@@ -292,7 +277,6 @@ class PhotonLight:
         this, size = self._this, image.size
         packed, settings, threads = this.packed, this.settings, this.threads
         limit = bright_limit(packed, self._this.surfaces, settings)
-        most = np.float32(1.0 / (_NEAREST * packed.diagonal))
         found = Gather(*(np.zeros((len(rows), *shape), np.float32) for shape in ((3,), (3,), (), ())))
         receivers = take(image.points, rows)
         densities, guide_rows = self._guide.densities(receivers, square_blocks(size)[rows], threads)
@@ -312,11 +296,8 @@ class PhotonLight:
                 this.index,
                 self.openings,
             )
-            radiance = met.radiance + reflect_light(met.ends, ends(met.points), len(met.ends))
-            found.irradiance[some] = math.pi * _mean(radiance, rays)
-            found.fresnel[some] = math.pi * _mean(met.fresnel[:, None] * radiance, rays)
-            found.nearness[some] = _mean(np.minimum(met.nearness, most), rays)
-            found.covered[some] = _mean(met.covered, rays)
+            part = Gather(*(each[some] for each in found))
+            average_rays(met, ends(met.points), 1.0 / (_NEAREST * packed.diagonal), threads, part)
         return found
 
     def at_ends(self, points: np.ndarray) -> np.ndarray:
@@ -339,7 +320,7 @@ def with_grazing_lobes(points: np.ndarray, pass_index: int) -> np.ndarray:
     wider = (alpha >= NARROW_ALPHA) & (alpha < least) & (share > 0.0)
     if not wider.any():
         return points
-    points = points.copy()
+    points = copied(points)
     points["alpha"][wider] += share[wider] * (least - alpha[wider])
     return points
 
@@ -379,20 +360,17 @@ def even_numbers(size: tuple[int, int], seed: int, pass_index: int) -> np.ndarra
 
     A lattice along the Morton curve, on which each aligned square is one stretch.
     """
-    x, y = np.arange(size[0]), np.arange(size[1])[:, None]
-    bits = range(max(size).bit_length())
-    along = sum(((x >> bit & 1) << 2 * bit | (y >> bit & 1) << 2 * bit + 1 for bit in bits), np.int64(0))
+    bits, places = range(max(size).bit_length()), np.arange(max(size))
+    spread = np.sum([(places >> bit & 1) << 2 * bit for bit in bits], axis=0)
+    along = spread[: size[0]] | spread[: size[1], None] << 1
     start = random4(np.uint32(0), np.uint32(_DIMENSION), np.uint32(pass_index), np.uint32(seed))[:2]
-    numbers = (np.reshape(along, (-1, 1)) * LATTICE + start) % 1.0
+    numbers = np.reshape(along, (-1, 1)) * LATTICE + start
+    numbers -= np.floor(numbers)
     return np.asarray(np.minimum(numbers, 1.0 - 2.0**-24), np.float32)
 
 
 def clearance(position: np.ndarray, eye: np.ndarray) -> np.ndarray:
     """(n,) float32 m by which rays from (n, 3) places start above their surfaces."""
-    away = _CLEARANCE * np.linalg.norm(position - eye, axis=1)
-    return np.asarray(away + _ROUNDED * np.abs(position).max(axis=1), np.float32)
-
-
-def _mean(values: np.ndarray, rays: int) -> np.ndarray:
-    """Means over each receiver's rays."""
-    return np.asarray(values.reshape(-1, rays, *values.shape[1:]).mean(axis=1))
+    away, (x, y, z) = position - eye, np.abs(position).T
+    distance = np.sqrt(np.einsum("nk,nk->n", away, away))
+    return np.asarray(_CLEARANCE * distance + _ROUNDED * np.maximum(np.maximum(x, y), z), np.float32)

@@ -234,7 +234,7 @@ class LiveLight(PhotonLight):
         if this.settings.gather_rays:
             rays, nearness = this.settings.gather_rays, np.ascontiguousarray(history["nearness"])
             passes = np.minimum(frames, _NARROWEST) * rays_worth(image.points, rays)
-            reach = rays_reach(image, nearness, rays * frames, passes)
+            reach = rays_reach(image, nearness, rays * frames, passes, this.threads)
             set_reach(light, image.points, reach, this.packed.diagonal)
         else:
             light[:, DENSITY] *= frames

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ispm.lights.passed import passed_light
+from ispm.optics.records import take
 from ispm.renderer.gather import clearance
 from ispm.renderer.one_pass import Pass
 from ispm.renderer.specular import SAMPLES
@@ -31,7 +32,7 @@ class ShadowRays:
         seen = self._seen(doubts, starts)
         if self._this.settings.antialias:
             edges = np.flatnonzero(_on_edges(doubts, seen, self._view))
-            seen[edges] = self._sampled(doubts[edges], starts[edges], seen[edges])
+            seen[edges] = self._sampled(take(doubts, edges), starts[edges], seen[edges])
         pixels, rows = np.unique(doubts["pixel"], return_inverse=True)
         radiance = doubts["radiance"] * seen
         sums = [np.bincount(rows, channel, len(pixels)) for channel in radiance.T]
@@ -62,7 +63,7 @@ class ShadowRays:
             same = (_dot(aside, aside) < near) & ~self._this.world.occluded(starts, aside, 1.0)
             rows = np.flatnonzero(same)
             total += seen
-            total[rows] += self._seen(doubts[rows], starts[rows] + aside[rows]) - seen[rows]
+            total[rows] += self._seen(take(doubts, rows), starts[rows] + aside[rows]) - seen[rows]
         return np.asarray(total / np.float32(len(SAMPLES)))
 
     def _across(self, doubts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -240,8 +240,10 @@ def follow(this: Pass, rays: EyeRays, photons: PhotonLight) -> EyePaths:
         scattered = paths.ends["lane"] == SCATTERED
         ends, points = (take(each, np.flatnonzero(scattered)) for each in (paths.ends, paths.points))
         paths.indirect[:] = light_each(ends, points, photons, len(band.keys), this.threads)
-        kept = np.flatnonzero(~scattered)
-        parts.append(replace(paths, ends=take(paths.ends, kept), points=take(paths.points, kept)))
+        if len(ends):
+            kept = np.flatnonzero(~scattered)
+            paths = replace(paths, ends=take(paths.ends, kept), points=take(paths.points, kept))
+        parts.append(paths)
     ends, points = join_ends(parts)
     return replace(whole, ends=ends, points=points, rays=sum(part.rays for part in parts))
 
@@ -322,8 +324,11 @@ def light_by_image(
 
 def _without_gaps(cells: np.ndarray) -> np.ndarray:
     """(n,) int numbers of rows or columns, with all but `_GAP` of each run of unused ones left out."""
-    used, rank = np.unique(cells, return_inverse=True)
-    return np.cumsum(np.minimum(np.diff(used, prepend=used[0]), _GAP + 1))[rank]
+    numbers = np.zeros(int(cells.max()) + 1, np.int64)
+    numbers[cells] = 1
+    used = np.flatnonzero(numbers)
+    numbers[used] = np.cumsum(np.minimum(np.diff(used, prepend=used[0]), _GAP + 1))
+    return np.asarray(numbers[cells])
 
 
 def light_missed(

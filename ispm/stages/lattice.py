@@ -11,7 +11,7 @@ from ispm.accel.mesh import word_of
 from ispm.optics.incident import INCIDENT
 from ispm.optics.jit import jit
 from ispm.optics.records import RECEIVER
-from ispm.optics.vector import dot, scale, sub
+from ispm.optics.vector import dot, scale, sub, vec3
 
 f32, i64 = np.float32, np.int64
 
@@ -78,16 +78,25 @@ def set_reach(estimate: np.ndarray, receivers: np.ndarray, reach: np.ndarray, di
 
 def normals_differ(receivers: np.ndarray, size: tuple[int, int]) -> bool:
     """Return whether shading normals differ among receivers in a plane, so that there is something to fit."""
-    names = "n", "ng", "position"
-    n, ng, place = (np.ascontiguousarray(receivers[name]).reshape(size[1], size[0], 3) for name in names)
-    foot = receivers["footprint"].reshape(size[1], size[0])
-    for lag in (1, TAPS):
-        for here, there in ((np.s_[lag:], np.s_[:-lag]), (np.s_[:, lag:], np.s_[:, :-lag])):
-            cosine = np.einsum("ijk,ijk->ij", n[here], n[there])
-            turned = (cosine > OTHER_FACING) & (cosine < _SAME)
-            apart = place[here][turned] - place[there][turned]
-            if (abs((apart * ng[here][turned]).sum(axis=-1)) < lag * foot[here][turned]).any():
-                return True
+    return bool(_normals_differ(receivers, size[0], size[1]))
+
+
+@jit
+def _normals_differ(receivers, width, height):
+    """Whether receivers beside each other, or `TAPS` apart, lie in a plane and have other shading normals."""
+    for row in range(len(receivers)):
+        x, y, here = row % width, row // width, receivers[row]
+        n, ng, place = vec3(here.n), vec3(here.ng), vec3(here.position)
+        for lag in (1, TAPS):
+            for across in (True, False):
+                if x < lag if across else y < lag:
+                    continue
+                there = receivers[row - lag if across else row - lag * width]
+                cosine = dot(n, vec3(there.n))
+                apart = abs(dot(sub(place, vec3(there.position)), ng))
+                turned = cosine > f32(OTHER_FACING) and cosine < f32(_SAME)
+                if turned and apart < f32(lag) * here.footprint:
+                    return True
     return False
 
 

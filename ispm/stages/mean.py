@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ispm.kernels.share import run_shared, shared_rows
 from ispm.optics.jit import jit
 
 f32 = np.float32
@@ -11,30 +12,31 @@ f32 = np.float32
 _AROUND = 2  # low-resolution pixels on each side, over which the mean goes
 _SAME_WAY = 0.9  # cosine of normals, above which receivers belong together
 _LEAST_SHARE = f32(1e-6)
+_CHUNK = 1024  # receivers a thread takes at a time
 _LEAST_MEAN = 1e-12  # that is returned, as others divide by it
 
 
-def mean_around(receivers: np.ndarray, values: np.ndarray, size: tuple[int, int]) -> np.ndarray:
+def mean_around(receivers: np.ndarray, values: np.ndarray, size: tuple[int, int], threads: int) -> np.ndarray:
     """Return means over the receivers around each that face as it does, (n,) float32 above 0.
 
     receivers  (n,) RECEIVER, row by row of a picture of `size`;  values  (n,) float32
     """
     out = np.full(len(receivers), _LEAST_MEAN, np.float32)
-    _mean_around(receivers, values, size, out)
+    run_shared(lambda counter: _mean_around(receivers, values, size, counter, out), threads)
     return out
 
 
 def ratio_around(
-    receivers: np.ndarray, values: np.ndarray, shares: np.ndarray, size: tuple[int, int]
+    receivers: np.ndarray, values: np.ndarray, shares: np.ndarray, size: tuple[int, int], threads: int
 ) -> np.ndarray:
     """Return `mean_around` of values over that of the shares, (n,) of 0 to 1, that have any."""
-    share = np.maximum(mean_around(receivers, shares, size), _LEAST_SHARE)
-    return np.asarray(mean_around(receivers, values, size) / share)
+    share = np.maximum(mean_around(receivers, shares, size, threads), _LEAST_SHARE)
+    return np.asarray(mean_around(receivers, values, size, threads) / share)
 
 
 @jit
-def _mean_around(receivers, values, size, out):
-    for i in range(len(receivers)):
+def _mean_around(receivers, values, size, counter, out):
+    for i in shared_rows(counter, _CHUNK, len(receivers)):
         if receivers[i].valid == np.uint32(0):
             continue
         ng, total, count = receivers[i].ng, f32(0), f32(0)

@@ -15,6 +15,7 @@ from ispm.optics.records import (
     MATERIAL_SHEEN,
     MATERIAL_TRANSLUCENT,
     MATERIAL_TRANSMITS,
+    copied,
 )
 
 _PATH = "stages/specular.wgsl"
@@ -89,7 +90,7 @@ class SpecularStage:
             most = self._seen.nbytes // SEEN.itemsize
             _, (found,) = self._counted.read(self._count, most, (self._seen, SEEN))
             self._read, self._unread = found[np.argsort(found["pixel"])], False
-        return self._read.copy()
+        return copied(self._read)
 
     def patch(
         self,

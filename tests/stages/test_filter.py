@@ -5,7 +5,7 @@ import pytest
 
 from ispm.optics.records import RECEIVER
 from ispm.stages.filter import MET, filter_estimate, filter_points, filter_some
-from ispm.stages.lattice import DENSITY, lattice_of
+from ispm.stages.lattice import DENSITY, lattice_of, normals_differ
 
 SIZE = (40, 30)
 CHANNELS = [c for c in range(16) if c != MET]
@@ -285,3 +285,19 @@ def test_the_lattice_covers_the_reach_with_no_more_taps_than_it_may():
             assert (2 * taps[0] + 1) * (2 * taps[1] + 1) <= 17 * 17
             for extent, stride, count in zip((wide, high), strides, taps, strict=True):
                 assert extent - stride <= stride * count <= max(extent, 1.0)
+
+
+@pytest.mark.parametrize(("lag", "found"), [(1, True), (8, True), (5, False)])
+@pytest.mark.parametrize("axis", [0, 1])
+def test_normals_that_differ_are_found_beside_and_as_far_as_taps_go(lag, found, axis):
+    """Of two receivers alone, in a plane, whose normals are 20 degrees apart."""
+    receivers = floor()
+    keep = np.array([0, lag * (1 if axis == 0 else SIZE[0])])
+    receivers["n"] = 0.0
+    receivers["n"][keep[0]], receivers["n"][keep[1]] = (0, 1, 0), (0, np.cos(0.35), np.sin(0.35))
+    assert normals_differ(receivers, SIZE) == found
+    receivers["n"][keep[1]] = (0, 1, 0)  # the same
+    assert not normals_differ(receivers, SIZE)
+    receivers["n"][keep[1]] = (0, np.cos(0.35), np.sin(0.35))
+    receivers["position"][keep[1], 1] = 2.0 * lag * receivers["footprint"][0]  # on another plane
+    assert not normals_differ(receivers, SIZE)

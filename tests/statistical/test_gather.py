@@ -11,8 +11,9 @@ from ispm.library.builtin import builtin
 from ispm.library.shapes import icosphere
 from ispm.optics.records import RECEIVER
 from ispm.paths.ends import reflect_light
-from ispm.paths.gather import RayPlan, gather_rays
+from ispm.paths.gather import Gather, Gathered, RayPlan, average_rays, gather_rays
 from ispm.paths.guide import even_guide
+from ispm.paths.vertices import PATH_END
 from ispm.photons.density import measure_radii
 from ispm.photons.grid import PhotonGrid
 from ispm.renderer import gather as gather_module
@@ -36,6 +37,31 @@ def gathered(tracer, points, limit, seed, photons, side=2, guide=None):
     found = gather_rays(tracer.packed, tracer.world, tracer.surfaces, points, plan, limit, seed, 0)
     radiance = reflect_light(found.ends, PhotonGrid(photons).estimate(found.points, 2), len(found.ends))
     return math.pi * (radiance + found.radiance).reshape(-1, side * side, 3).mean(axis=1, dtype=float)
+
+
+def test_rays_are_averaged_receiver_by_receiver():
+    """As numpy does it, for ends that reflect all channels, of rays that met something and others."""
+    random, count, rays = np.random.default_rng(5), 150, 4
+    numbers = [random.random((count * rays, *shape), np.float32) for shape in ((3,), (), (), ())]
+    ends = np.zeros(count * rays, PATH_END)
+    ends["slot"] = np.arange(count * rays)
+    for name in ("weight", "diffuse", "f0", "f90", "dielectric_f0", "dielectric_f90"):
+        ends[name] = random.random(ends[name].shape)
+    ends["weight"][random.random(count * rays) < 0.3] = 0.0
+    ends["dielectric_f0"] *= 0.5
+    light = random.random((count * rays, 16), np.float32)
+    light[:, 4:7] *= 0.1 * light[:, :3]  # so that no difference is far smaller than what it is of
+    met = Gathered(*numbers, ends, np.zeros(count * rays, RECEIVER))
+    out = Gather(*(np.zeros((count, *shape), np.float32) for shape in ((3,), (3,), (), ())))
+    average_rays(met, light, 0.6, 2, out)
+    radiance = met.radiance + reflect_light(ends, light, len(ends))
+    fresnel, nearness = met.fresnel[:, None] * radiance, np.minimum(met.nearness, 0.6)
+    wanted = math.pi * radiance, math.pi * fresnel, nearness, met.covered
+    for found, each in zip(out, wanted, strict=True):
+        mean = each.reshape(count, rays, *each.shape[1:]).mean(axis=1, dtype=float)
+        assert found == pytest.approx(
+            mean, rel=4e-6
+        )  # some thirty roundings of 2^-24, none of them of differences
 
 
 def test_rays_in_a_sphere_find_its_direct_light():
