@@ -78,7 +78,7 @@ f32, i64, u32 = np.float32, np.int64, np.uint32
 _PATHS_MAX = 2 * (1 + PARTINGS)  # of a pixel that shows no rough glass; of those of a lobe GLOSS_SAMPLES
 _CONTACT = f32(1e-3)  # of a path, the least length of what reflects it to where it ends, for its blur
 _CHUNK = 64  # pixels a thread takes at a time; results do not depend on it or on the threads
-_BATCH = 1 << 12  # pixels whose ends lie in memory at their full number
+_BATCH = 1 << 12  # pixels whose ends lie in memory at their full number, for up to four threads
 
 _WHITE = f32(1), f32(1), f32(1)
 
@@ -111,8 +111,9 @@ def trace_eye(
     capacity = _CHUNK * _PATHS_MAX * ENDS_MAX * samples_most(packed) * sides_most(packed) * bands_most(packed)
     words, cut = PATH_END_AND_POINT.itemsize // 4, PATH_END.itemsize // 4
     ends, points, traced = [np.zeros((0, cut), np.uint32)], [np.zeros((0, words - cut), np.uint32)], 0
-    for first in range(0, count, _BATCH):
-        part = slice(first, min(first + _BATCH, count))
+    batch_size = _BATCH * -(-world.threads // 4)  # else some threads wait for the last
+    for first in range(0, count, batch_size):
+        part = slice(first, min(first + batch_size, count))
         chunks = -(-(part.stop - first) // _CHUNK)
         room = world.scratch(chunks * capacity, PATH_END_AND_POINT)
         counts = np.zeros((chunks, 2), np.int64)

@@ -332,9 +332,11 @@ def mixed():
     return scene, towards((0.2, 0.5, 5.0), targets, hits["t"])
 
 
-def test_paths_are_the_same_bytes_for_any_number_of_threads():
+def test_paths_are_the_same_bytes_for_any_number_of_threads(monkeypatch):
+    """And for any number of batches: some of these threads take one, others seven."""
+    monkeypatch.setattr("ispm.paths.eye._BATCH", 256)
     scene, rays = mixed()
-    first, *others = (follow(scene, rays, threads) for threads in (1, 2, 5))
+    first, *others = (follow(scene, rays, threads) for threads in (1, 2, 5, 26))
     assert len(first.ends) > 1600
     for other in others:
         for name in ("direct", "emission", "through", "ends", "points"):
