@@ -47,23 +47,24 @@ def image_of_ends(
     A receiver's footprint is the distance to its nearest neighbour on its surface, which in a curved mirror
     is farther than the rays' width.
     """
-    image, chosen = np.zeros(size[0] * size[1], RECEIVER), np.bincount(cells, minlength=size[0] * size[1])
-    chosen = (chosen // 2 + pass_index) % np.maximum(chosen, 1)
-    _choose_ends(points, cells, chosen, f32(block), image)
+    image = np.zeros(size[0] * size[1], RECEIVER)
+    counts = np.bincount(cells, minlength=len(image))
+    before = (counts // 2 + pass_index) % np.maximum(counts, 1)
+    _choose_ends(points, cells, before, f32(block), image)
     _reach_neighbours(image, size[0], size[1])
     return image
 
 
 @jit
-def _choose_ends(points, cells, chosen, block, image):
-    """Write one of (m,) RECEIVER for each of (h w,) cells, the one of its own that comes after `chosen`
-    others, which are counted down; `block` as of `image_of_ends`."""
+def _choose_ends(points, cells, before, block, image):
+    """Write one of (m,) RECEIVER for each of (h w,) cells: the one of its own that comes after `before`
+    others, which are counted down. `block` as of `image_of_ends`."""
     for i in range(len(cells)):
         cell = cells[i]
-        if chosen[cell] == 0:
+        if before[cell] == 0:
             image[cell] = points[i]
             image[cell].footprint *= block
-        chosen[cell] -= 1
+        before[cell] -= 1
 
 
 @jit

@@ -136,6 +136,8 @@ class PhotonLight:
         estimator  sums the photons where the points are the picture's receivers; None: they lie anywhere
         """
         this, points = self._this, receivers.points
+        if not len(self.parts.smooth):
+            return no_light(len(points))
         lobes = with_grazing_lobes(points, this.index)
 
         def summed(photons: PhotonGrid) -> np.ndarray:
@@ -143,8 +145,6 @@ class PhotonLight:
                 return photons.estimate(lobes, this.threads)
             return estimator(lobes, photons.photons, this.view.clip_from_world, receivers.size)
 
-        if not len(self.parts.smooth):
-            return no_light(len(points))
         rays = this.settings.gather_rays
         if rays:
             whole, ended = self._not_gathered
