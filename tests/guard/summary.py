@@ -13,9 +13,8 @@ numbers  means over some thousand photons, and statistics
 
 Measured (docs/notes.md): Mesa 22.3 and 25.0, vectors of 128 to 512 bits, numpy and BLAS for the smallest
 processors: often 1.2e-4, mean 7e-5, numbers 6e-6. Kernels without fused multiply and add, on processors that
-have none: 1e-2, so that these get twenty times the bounds (`metals`, 4e-2, are further away there). AMD's
-processors in place of Intel's: five cases 6e-3 to 1.8e-2, which are not `steady`. Drivers that snap corners
-to 1/16 pixel are further away, and not compared; nor are scenes that are not `steady`.
+have none: 1e-2, so that these get twenty times the bounds (`metals`, 4e-2, are further away there). Drivers
+that snap corners to 1/16 pixel are further away, and not compared; nor are scenes that are not `steady`.
 """
 
 from __future__ import annotations
