@@ -16,8 +16,9 @@ from ispm.kernels import background, manifest, store
 from ispm.kernels.fingerprint import Dependencies, type_text
 from ispm.kernels.library import EntryCompiler, InnerCompiler, environment, from_parts, to_bytes
 
-# Contraction and reciprocals only: sums keep their order, NaN and infinity their meaning.
-_FASTMATH = {"contract", "nsz", "arcp"}
+# Contraction only: sums keep their order, NaN and infinity their meaning. With `arcp` roots and quotients
+# would be refined estimates (`rsqrtss`), which differ between processors.
+_FASTMATH = {"contract", "nsz"}
 
 KERNELS: dict[str, Any] = {}  # all kernels of the process by module and name
 

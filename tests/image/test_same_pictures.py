@@ -11,15 +11,11 @@ import pytest
 from guard import exact, summary
 from guard.arrays import arrays, open_renderer
 from guard.scenes import cases
-from llvmlite.binding import get_host_cpu_name
 
 import ispm
 from ispm.settings import Emission, Estimator, Kernel, Preset, Settings, Shadows, Tonemap, Unlit
 
 CASES = cases()
-# kept.npz is of Intel's processors. AMD's first guess at a reciprocal root, which kernels take, is another:
-# there a few photons go another way, and a tenth of these blocks is .6 to 1.8 % off.
-BY_ROOTS = {"cloth/default", "metals/default", "metals/eye", "lantern/default", "lantern/live"}
 
 
 @pytest.fixture(scope="module")
@@ -38,8 +34,6 @@ def kept():
 def test_pictures_are_what_they_were(case, renderer, kept, gpu):
     if "llvmpipe" not in gpu.name:
         pytest.skip(f"{gpu.name}: drivers other than llvmpipe are compared by make drivers")
-    if case.name in BY_ROOTS and get_host_cpu_name().startswith("znver"):
-        pytest.skip("AMD's processors round reciprocal roots otherwise, see docs/notes.md")
     found = summary.summary(arrays(case, renderer))
     assert summary.differences(kept[case.name], found, summary.slack()) == []
 

@@ -1,5 +1,6 @@
 """Kernels as numba compiles them."""
 
+import math
 from typing import NamedTuple
 
 import numba
@@ -65,3 +66,19 @@ def test_kernels_that_make_arrays_say_so():
     assert len(_made(3)) == 3
     with pytest.raises(numba.core.errors.NumbaError, match="Only accept returning of array passed"):
         _fresh(3)
+
+
+@jit
+def _roots_and_quotients(x, roots, quotients):
+    for i in range(x.size):
+        roots[i] = np.float32(1) / math.sqrt(x[i])
+        quotients[i] = np.float32(1) / x[i]
+
+
+def test_roots_and_quotients_are_rounded_alike_on_every_processor():
+    x = np.exp(np.random.default_rng(1).uniform(-40, 40, 10_000)).astype(np.float32)
+    roots, quotients = np.empty_like(x), np.empty_like(x)
+    _roots_and_quotients(x, roots, quotients)
+    # IEEE 754 rounds each of both operations to the nearest float; an estimate would be off here and there
+    np.testing.assert_array_equal(roots, np.float32(1) / np.sqrt(x))
+    np.testing.assert_array_equal(quotients, np.float32(1) / x)
