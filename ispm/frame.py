@@ -177,7 +177,7 @@ class GBuffer:
     normals   rg32uint: shading and geometric normal, packed (ispm/optics/sampling.wgsl), both on the side the
               eye sees
     base      rgba16float: base color, linear; metallic
-    emission  rgba16float: cd/m2, at most 65504; roughness
+    emission  rgba16float: cd/m2 as ispm/stages/glow.wgsl packs it; roughness
     depth     r32float: of the points in clip space, reversed; 0 where nothing is
     specular  rgba8unorm-srgb: what textures make of specular color and factor, of MATERIAL_SPECULAR_MAPPED
               alone; one texel where no material has them

@@ -1,10 +1,10 @@
 """A tree over triangles that emit light, by which they are drawn for a point that they may light.
 
-The tree is complete, its leaves in the order of a curve through space. A node knows how much light its
+The tree is complete, but not all leaves hold a triangle. A node knows how much light its
 triangles send out, where they are and where they face; from that an importance for a point is made, and a
 triangle is drawn by going down, at each node to one of its eight children with a chance in proportion to it.
-In kernels `emitters` is Emitters, `n` a unit normal on the side that is lit, zeros where both sides are, and
-`importances` the address of eight float32.
+In kernels `emitters` is Emitters, `n` a unit normal on the side that is lit, zeros where both sides are,
+`lobe` a Lobe that reflects the light, and `importances` the address of eight float32, of 16 for a lobe.
 Source: Conty Estevez and Kulla, Importance Sampling of Many Lights with Adaptive Tree Splitting, HPG 2018,
 whose tree is binary: eight importances take little longer than one.
 """
@@ -12,6 +12,7 @@ whose tree is binary: eight importances take little longer than one.
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -26,6 +27,7 @@ from ispm.kernels.simd import (
     vfma,
     vload8,
     vmax,
+    vmin,
     vmul,
     vsqrt,
     vstore8,
@@ -33,6 +35,7 @@ from ispm.kernels.simd import (
     vwhere,
 )
 from ispm.optics.jit import jit
+from ispm.optics.vector import Vector
 
 f32, i64, u64 = np.float32, np.int64, np.uint64
 
@@ -41,29 +44,50 @@ f32, i64, u64 = np.float32, np.int64, np.uint64
 _CENTER, _RADIUS, _AXIS, _COSINE, _SINE, _POWER, FLOATS = 0, 3, 4, 7, 8, 9, 10
 WIDTH, _LEVELS = 8, 3  # children of a node, and levels of a binary tree that they stand for
 
+_SPREAD = f32(0.25)  # of the square of the sine by which a sphere spreads half vectors, in alpha^2
+
 # Of a path down the tree for each level 64 bytes: importances of eight children, and the node's own numbers.
 PATH_WORDS = 8 * 11  # uint64: more levels than 2^32 triangles have
 _TOTAL, _LEAST, _CHANCE = 8, 9, 10
 
 
-def emitter_tree(
-    low: np.ndarray, high: np.ndarray, axis: np.ndarray, cosine: np.ndarray, power: np.ndarray
-) -> np.ndarray:
-    """Return the tree over n triangles in the order of its leaves, (m, 10, 8) float32: of each node above
-    leaves its eight children, see _CENTER. Node 0 is the root, the children of node k are 8 k + 1 to 8 k + 8,
-    and m + k is the leaf of triangle k.
+class Lobe(NamedTuple):
+    """A GGX lobe by which light is weighed.
 
+    n, wo   shading normal, and where the light goes, unit
+    square  of alpha; 0: there is none, light counts from all directions alike
+    """
+
+    n: Vector
+    wo: Vector
+    square: np.float32
+
+
+_ZERO = f32(0), f32(0), f32(0)
+NO_LOBE = Lobe(_ZERO, _ZERO, f32(0))
+
+
+def emitter_tree(
+    places: np.ndarray,
+    low: np.ndarray,
+    high: np.ndarray,
+    axis: np.ndarray,
+    cosine: np.ndarray,
+    power: np.ndarray,
+) -> np.ndarray:
+    """Return the tree over n triangles, (m, 10, 8) float32: of each node above leaves its eight children, see
+    _CENTER. Node 0 is the root, the children of node k are 8 k + 1 to 8 k + 8, and m + k is leaf k.
+
+    places     (n,) the leaf of each, rising
     low, high  (n, 3) m, corners of its box;  axis, cosine  (n, 3) and (n,) of the cone about its normals
     power      (n,) lm
     """
-    count, width = len(power), WIDTH
-    while width < count:
-        width *= WIDTH
+    width = max(leaves_for(int(places[-1]) + 1), WIDTH)
 
     def above(leaves: np.ndarray, empty: float) -> np.ndarray:
         """Of a binary tree, where node k lies above 2 k and 2 k + 1: set are those of triangles."""
         values = np.full((2 * width, *leaves.shape[1:]), empty)
-        values[width : width + count] = leaves
+        values[width + places] = leaves
         return values
 
     low, high, axis = above(low, np.inf), above(high, -np.inf), above(axis, 0.0)
@@ -86,6 +110,14 @@ def emitter_tree(
     kept = aligned(children.size).reshape(-1, FLOATS, WIDTH)  # as vectors are loaded
     kept[:] = children.reshape(-1, WIDTH, FLOATS).transpose(0, 2, 1)
     return kept
+
+
+def leaves_for(count: int) -> int:
+    """Return how many leaves a tree has, or a part of one, that holds so many triangles."""
+    leaves = 1
+    while leaves < count:
+        leaves *= WIDTH
+    return leaves
 
 
 def _cones(
@@ -113,7 +145,7 @@ def _cones(
 
 
 @jit
-def draw_emitter(emitters, position, n, u):
+def draw_emitter(emitters, position, n, lobe, u):
     """Return (row, chance, u) of a triangle that may light a point, drawn by u of [0, 1): its row in
     `triangles`, int64, -1: none may; the chance of that, float32; and u, uniform again.
 
@@ -122,22 +154,22 @@ def draw_emitter(emitters, position, n, u):
     k, chance, count = i64(0), f32(1), i64(len(emitters.nodes))
     if count == 0:
         return i64(-1), chance, u
-    importances = alloca(4)
+    importances = alloca(8)
     while k < count:
-        total = _importances(emitters.nodes, k, position, n, importances)
+        total = _importances_ahead(emitters.nodes, k, position, n, lobe, importances)
         if total <= f32(0):
             return i64(-1), chance, u
         child, share, below = _child(importances, total, u)
         u = min(max((u - below) / share, f32(0)), f32(1 - 2.0**-24))
         chance *= share
         k = WIDTH * k + i64(1) + child
-    return k - count, chance, u
+    return i64(emitters.leaves[k - count]), chance, u
 
 
 @jit
 def draw_next(emitters, position, n, u, k, level, path):
-    """Return (row, chance, least, k, level) of the triangle that `draw_emitter` draws by u, where others were
-    drawn for the same point by lesser numbers: that takes a part of the time alone.
+    """Return (row, chance, least, k, level) of the triangle that `draw_emitter` draws by u for no lobe, where
+    others were drawn for the same point by lesser numbers: that takes a part of the time alone.
 
     k, level   of the last draw's path; of the first: 0, -1
     path       address of PATH_WORDS uint64
@@ -155,7 +187,7 @@ def draw_next(emitters, position, n, u, k, level, path):
     while k < count:
         own = path + u64(64) * u64(level)
         if not is_known:
-            stf(own, _TOTAL, _importances(emitters.nodes, k, position, n, own))
+            stf(own, _TOTAL, _importances(emitters.nodes, k, position, n, NO_LOBE, own))
             stf(own, _LEAST, least)
             stf(own, _CHANCE, chance)
         total, is_known = ldf(own, _TOTAL), False
@@ -165,7 +197,8 @@ def draw_next(emitters, position, n, u, k, level, path):
         least += chance * below
         chance *= share
         if WIDTH * k + i64(1) + child >= count:
-            return WIDTH * k + i64(1) + child - count, chance, least, k, level
+            leaf = WIDTH * k + i64(1) + child - count
+            return i64(emitters.leaves[leaf]), chance, least, k, level
         k, level = WIDTH * k + i64(1) + child, level + i64(1)
     return i64(-1), chance, least, k, level
 
@@ -184,13 +217,13 @@ def _child(importances, total, u):
 
 
 @jit
-def emitter_chance(emitters, row, position, n):
+def emitter_chance(emitters, row, position, n, lobe):
     """Return the chance, float32, that `draw_emitter` draws a row for a point."""
-    importances, k, chance = alloca(4), i64(len(emitters.nodes)) + row, f32(1)
+    importances, k, chance = alloca(8), i64(len(emitters.nodes)) + i64(emitters.places[row]), f32(1)
     while k > i64(0):
         k -= i64(1)
         lane, k = k % WIDTH, k // WIDTH
-        total = _importances(emitters.nodes, k, position, n, importances)
+        total = _importances_ahead(emitters.nodes, k, position, n, lobe, importances)
         if total <= f32(0):
             return f32(0)
         chance *= ldf(importances, lane) / total
@@ -198,7 +231,23 @@ def emitter_chance(emitters, row, position, n):
 
 
 @jit
-def _importances(nodes, k, position, n, importances):
+def _importances_ahead(nodes, k, position, n, lobe, importances):
+    """`_importances`; for a lobe those of children are the sums of their own children's, for a wide sphere
+    does not tell whether what it holds is where the lobe reflects it."""
+    total, children = _importances(nodes, k, position, n, lobe, importances), WIDTH * k + i64(1)
+    if lobe.square == f32(0) or children >= len(nodes):
+        return total
+    total = f32(0)
+    for lane in range(WIDTH):
+        if ldf(importances, lane) > f32(0):
+            value = _importances(nodes, children + lane, position, n, lobe, importances + u64(4 * WIDTH))
+            stf(importances, lane, value)
+            total += value
+    return total
+
+
+@jit
+def _importances(nodes, k, position, n, lobe, importances):
     """Write about what each of the children of node k brings to a point, up to a factor, and return the sum,
     float32; 0 only where they bring nothing.
 
@@ -222,13 +271,34 @@ def _importances(nodes, k, position, n, importances):
         bound = vmul(bound, vmax(_less(lit, cosine_seen, sine_seen), none))
     outside = vmul(vmul(bound, power), vmul(inverse, inverse))
     reach = vmul(radius, radius)
-    value = vwhere(square, reach, vdiv(power, vmax(reach, splat8(f32(1e-30)))), outside)
+    inside = vdiv(power, vmax(reach, splat8(f32(1e-30))))
+    if lobe.square > f32(0):
+        outside = vmul(outside, _seen_by_lobe(lobe, x, y, z, inverse, sine_seen))
+        inside = vmul(inside, splat8(lobe.square / (lobe.square + _SPREAD)))
+    value = vwhere(square, reach, inside, outside)
     value = vwhere(power, none, none, value)
     vstore8(importances, 0, value)
     total = f32(0)
     for lane in range(WIDTH):
         total += ldf(importances, lane)
     return total
+
+
+@jit(inline=True)
+def _seen_by_lobe(lobe, x, y, z, inverse, sine_seen):
+    """About the means of GGX's D, over its peak, on directions to spheres, of eight lanes: that of facets as
+    rough as the lobe's and the half vectors' spread together. These turn by what wi does over |wo + wi|."""
+    nx, ny, nz = lobe.n
+    hx = vfma(x, inverse, splat8(lobe.wo[0]))
+    hy = vfma(y, inverse, splat8(lobe.wo[1]))
+    hz = vfma(z, inverse, splat8(lobe.wo[2]))
+    one, none = splat8(f32(1)), splat8(f32(0))
+    over_length = vdiv(one, vsqrt(vmax(_dots(hx, hy, hz, hx, hy, hz), splat8(f32(1e-12)))))
+    cosine = vmax(vmul(_dots(splat8(nx), splat8(ny), splat8(nz), hx, hy, hz), over_length), none)
+    spread = vmin(vmul(sine_seen, over_length), one)
+    square = vfma(vmul(spread, spread), splat8(_SPREAD), splat8(lobe.square))
+    peak = vdiv(square, vfma(vmul(cosine, cosine), vsub(square, one), one))
+    return vmul(vmul(peak, peak), vdiv(splat8(lobe.square), square))
 
 
 @jit(inline=True)

@@ -1,4 +1,8 @@
-"""Triangles that emit light, in the order of the leaves of a tree, and points that are drawn on them."""
+"""Triangles that emit light, in the order of the leaves of a tree, and points that are drawn on them.
+
+A lamp's triangles are the leaves of a part of the tree that is its own: nodes that hold parts of two lamps
+tell little of either.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ispm.accel.emitter_tree import FLOATS, WIDTH, emitter_tree
+from ispm.accel.emitter_tree import FLOATS, WIDTH, emitter_tree, leaves_for
 from ispm.optics.jit import jit
 from ispm.optics.vector import LUMINANCE, add, cross, dot, scale, sub, vec3
 
@@ -25,6 +29,7 @@ EMITTER = np.dtype([
 _SMALL = 1e-4  # sr: triangles that look smaller are drawn from by area
 _WIDE = 6.0  # sr: and those that look wider, from next to them
 _CURVE_BITS = 20  # of a Morton code along each axis
+_SMALL_TREE = WIDTH**5  # leaves, whose nodes take 1.5 MB
 
 
 class Emitters(NamedTuple):
@@ -32,12 +37,16 @@ class Emitters(NamedTuple):
 
     triangles  (n,) EMITTER
     nodes      (m, 10, 8) float32, the tree, see `emitter_tree`
+    leaves     (7 m + 1,) int32 of each leaf, its row in `triangles`; -1: it is empty
+    places     (n,) int32 of each triangle, its leaf
     first      (I,) int32 of each instance, where its triangles begin in `rows`; -1: it does not emit
     rows       (m,) int32 of each triangle of such an instance, its row in `triangles`, -1: it has no area
     """
 
     triangles: np.ndarray
     nodes: np.ndarray
+    leaves: np.ndarray
+    places: np.ndarray
     first: np.ndarray
     rows: np.ndarray
 
@@ -47,12 +56,17 @@ NO_EMITTERS = Emitters(
     np.zeros((0, FLOATS, WIDTH), np.float32),
     np.zeros(0, np.int32),
     np.zeros(0, np.int32),
+    np.zeros(0, np.int32),
+    np.zeros(0, np.int32),
 )
 
 
 def emitter_flux(emitters: Emitters) -> np.ndarray:
     """Return the luminous flux that each triangle sends out, (n,) float64 lm."""
-    triangles = emitters.triangles
+    return _flux(emitters.triangles)
+
+
+def _flux(triangles: np.ndarray) -> np.ndarray:
     luminance = triangles["radiance"].astype(np.float64) @ LUMINANCE
     return np.asarray(math.pi * luminance * triangles["area"] * (1.0 + triangles["two_sided"]))
 
@@ -65,38 +79,64 @@ def make_emitters(triangles: np.ndarray, instance_count: int) -> Emitters:
     shines = np.flatnonzero((triangles["area"] > 0.0) & triangles["radiance"].any(axis=1))
     if not len(shines):
         return NO_EMITTERS
-    order = shines[np.argsort(_along_curve(triangles[shines]), kind="stable")]
+    order = shines[_order(triangles[shines], instance_count)]
     first = np.full(instance_count, -1, np.int32)
     instances, begins = np.unique(triangles["instance"], return_index=True)
     first[instances] = begins
     rows = np.full(len(triangles), -1, np.int32)
     rows[order] = np.arange(len(order))
     kept = np.ascontiguousarray(triangles[order])
-    return Emitters(kept, _tree(Emitters(kept, NO_EMITTERS.nodes, first, rows)), first, rows)
+    places = _places(kept["instance"])
+    nodes = _tree(kept, places)
+    leaves = np.full((WIDTH - 1) * len(nodes) + 1, -1, np.int32)
+    leaves[places] = np.arange(len(kept))
+    return Emitters(kept, nodes, leaves, places, first, rows)
 
 
-def _along_curve(triangles: np.ndarray) -> np.ndarray:
-    """(n,) int64 places of the triangles' middles on a Morton curve."""
+def _order(triangles: np.ndarray, instance_count: int) -> np.ndarray:
+    """The order of n triangles, (n,): lamps along a curve, and the triangles of each along another."""
     middles = triangles["corner"] + (triangles["edge1"] + triangles["edge2"]) / np.float32(3)
+    instances, count = triangles["instance"], np.bincount(triangles["instance"], minlength=instance_count)
+    sums = np.stack([np.bincount(instances, axis, instance_count) for axis in middles.T], axis=1)
+    lamps = _along_curve(sums / np.maximum(count, 1)[:, None])
+    return np.lexsort((_along_curve(middles), instances, lamps[instances]))
+
+
+def _places(instances: np.ndarray) -> np.ndarray:
+    """The leaves, (n,) int32, of triangles of these instances, one after the other: of a lamp the first ones
+    below a node that is high enough and holds no other; in a row where that makes a large tree larger."""
+    changes = np.flatnonzero(np.diff(instances, prepend=instances[0] + 1))
+    places, end = np.empty(len(instances), np.int32), 0
+    for begin, until in zip(changes, [*changes[1:], len(instances)], strict=True):
+        below = leaves_for(until - begin)
+        start = -(-end // below) * below
+        places[begin:until] = np.arange(start, start + until - begin)
+        end = start + below
+    if leaves_for(end) > max(_SMALL_TREE, leaves_for(len(instances))):
+        return np.arange(len(instances), dtype=np.int32)
+    return places
+
+
+def _along_curve(middles: np.ndarray) -> np.ndarray:
+    """(n,) int64 places of points, (n, 3) m, on a Morton curve."""
     low = middles.min(axis=0)
     extent = max(float((middles.max(axis=0) - low).max()), 1e-30)
     cells = ((middles - low) * ((2**_CURVE_BITS - 1) / extent)).astype(np.int64)
-    places = np.zeros(len(triangles), np.int64)
+    places = np.zeros(len(middles), np.int64)
     for bit in range(_CURVE_BITS):
         for axis in range(3):
             places |= (cells[:, axis] >> bit & 1) << (3 * bit + axis)
     return places
 
 
-def _tree(emitters: Emitters) -> np.ndarray:
-    """The `nodes` of triangles in the order of the leaves."""
-    triangles = emitters.triangles
+def _tree(triangles: np.ndarray, places: np.ndarray) -> np.ndarray:
+    """The `nodes` over triangles at these leaves."""
     corners = triangles["corner"][:, None] + np.stack(
         [np.zeros_like(triangles["edge1"]), triangles["edge1"], triangles["edge2"]], axis=1
     )
     cosine = np.where(triangles["two_sided"] > 0, -1.0, 1.0)
     bounds = corners.min(axis=1), corners.max(axis=1)
-    return emitter_tree(*bounds, triangles["normal"], cosine, emitter_flux(emitters))
+    return emitter_tree(places, *bounds, triangles["normal"], cosine, _flux(triangles))
 
 
 @jit

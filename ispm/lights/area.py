@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ispm.accel.emitter_tree import draw_emitter, emitter_chance
+from ispm.accel.emitter_tree import NO_LOBE, draw_emitter, emitter_chance
 from ispm.accel.emitters import (
     emitter_point,
     emitter_row,
@@ -40,14 +40,15 @@ def area_numbers(hit, u):
 
 
 @jit
-def sample_lamps(tables, x, u0, u1, u2):
+def sample_lamps(tables, x, u0, u1, u2, lobe=NO_LOBE):
     """Draw a point of a lamp with a surface for a SurfacePoint.
 
     u0, u1, u2  random in [0, 1)
+    lobe        by which the lamp is drawn, too
     ->  (radiance, cd/m2 RGB, distance, m, wi, pdf, 1/sr, row and point, m, of the emitter); pdf 0: none
     """
     none, position = (f32(0), f32(0), f32(0)), x.position
-    row, chance, _ = draw_emitter(tables.emitters, position, lit_side(x), u0)
+    row, chance, _ = draw_emitter(tables.emitters, position, lit_side(x), lobe, u0)
     if row < i64(0):
         return none, f32(0), none, f32(0), row, none
     emitter = tables.emitters.triangles[row]
@@ -188,16 +189,19 @@ def _mean(drawn, pairs):
 
 
 @jit
-def lamp_pdf(tables, position, side, hit, d):
+def lamp_pdf(tables, position, side, hit, d, lobe):
     """Return the density, 1/sr, with which `sample_lamps` draws a Hit's point, which is met along d, for a
-    SurfacePoint at `position`, m, whose `lit_side` is `side`; 0: it does not."""
+    SurfacePoint at `position`, m, whose `lit_side` is `side`; 0: it does not. lobe: by which it is drawn once
+    more, if any: the sum of both."""
     row = emitter_row(tables.emitters, hit.instance, hit.primitive)
     if row < i64(0):
         return f32(0)
     emitter = tables.emitters.triangles[row]
     if not faces(emitter, d):
         return f32(0)
-    chance = emitter_chance(tables.emitters, row, position, side)
+    chance = emitter_chance(tables.emitters, row, position, side, NO_LOBE)
+    if lobe.square > f32(0):
+        chance += emitter_chance(tables.emitters, row, position, side, lobe)
     return chance * triangle_pdf(emitter, position, hit.u, hit.v)
 
 

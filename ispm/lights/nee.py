@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ispm.accel.emitter_tree import NO_LOBE, Lobe
 from ispm.accel.layers import far_side, is_translucent, with_matte_sheen, without_diffuse
 from ispm.accel.records import Hit
 from ispm.accel.surface import SurfacePoint, hit_position, leave_surface, surface
@@ -26,6 +27,7 @@ from ispm.lights.guided import guided_surround
 from ispm.optics.bsdf import (
     Bsdf,
     eval_bsdf,
+    is_anisotropic,
     is_lambert,
     is_narrow,
     is_smooth,
@@ -122,17 +124,27 @@ def along(number, k, rate):
 
 
 @jit
-def lamp_weight(tables, position, side, pdf, hit, d):
+def lamp_weight(tables, position, side, pdf, hit, d, lobe=NO_LOBE):
     """Return the weight, float32, of emission at a Hit that a path meets along d, where its start also draws
     from lamps (balance heuristic, Veach 1997, section 9.2.2).
 
     position, side  of the start, m, and its `lit_side`
     pdf             1/sr, with which it drew d; 0: it goes on from the eye, a mirror or clear glass, which
                     draw none
+    lobe            by which its start draws lamps once more, see `drawn_lobe`
     """
     if pdf == f32(0):
         return f32(1)
-    return pdf / (pdf + lamp_pdf(tables, position, side, hit, d))
+    return pdf / (pdf + lamp_pdf(tables, position, side, hit, d, lobe))
+
+
+@jit
+def drawn_lobe(b, n, wo):
+    """Return the Lobe of a Bsdf by which pixels draw lamps once more: of opaque facets that are narrow, for
+    of many lamps few shine where these reflect them."""
+    if not is_narrow(b) or is_anisotropic(b):
+        return NO_LOBE
+    return Lobe(n, wo, b.alpha * b.alpha)
 
 
 @jit

@@ -12,11 +12,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ispm.accel.emitter_tree import NO_LOBE, Lobe
 from ispm.accel.medium import no_medium, spawn_ray
 from ispm.accel.records import Hit
 from ispm.accel.surface import hit_position
 from ispm.lights.area import lit_side
-from ispm.lights.nee import greatest
+from ispm.lights.nee import drawn_lobe, greatest
 from ispm.lights.openings import Openings
 from ispm.optics.bsdf import is_lambert, is_smooth, transmits
 from ispm.optics.dispersion import ALL_BANDS, of_band
@@ -74,6 +75,7 @@ class Branch(NamedTuple):
     d: Vector
     weight: Vector
     pdf: np.float32
+    lobe: Lobe
     sees_background: bool
     band: np.int64
     is_clear: bool
@@ -90,6 +92,7 @@ class Path(NamedTuple):
                     the pixel's own rough glass let it through
     side            normal, unit, of the side of the surface that it left, see `lit_side`, and
     origin          m, where on it; of paths with a pdf those of the lobe, sheets that they passed since aside
+    lobe            by which lamps are drawn there once more, see `drawn_lobe`
     inside, focus   the hit at which it entered the solid that it is in, see `medium`; and what radiance from
                     there is multiplied by, 1 / eta^2, outside 1
     length          m from the eye to `start`
@@ -107,6 +110,7 @@ class Path(NamedTuple):
     pdf: np.float32
     side: Vector
     origin: Vector
+    lobe: Lobe
     inside: Hit
     focus: np.float32
     length: np.float32
@@ -201,7 +205,7 @@ def first_path(tables, view, x, wo, key, k, length, band):
         share = f32(1) if smooth else f32(1.0 / ROUGH_SAMPLES)
         lane = TRANSMITTED if smooth else SCATTERED
     weight = of_band(band, scale(share, weight))
-    branch = Branch(key, dimension, i64(lane), wi, weight, pdf, True, band, smooth)
+    branch = Branch(key, dimension, i64(lane), wi, weight, pdf, NO_LOBE, True, band, smooth)
     return leave(tables, x, no_medium(), f32(1), length, branch)
 
 
@@ -215,7 +219,8 @@ def _first_of_lobe(tables, view, x, wo, key, k, length):
     _, wi, factor, pdf = sample_lobe(x, wo, u1, u2)
     lane = REFLECTED if strong else SCATTERED
     weight = scale(f32(1) / f32(count), factor)
-    branch = Branch(key, u32(k << 8 | 1), i64(lane), wi, weight, pdf, False, ALL_BANDS, False)
+    lobe, rest = drawn_lobe(x.bsdf, x.n, wo), (False, ALL_BANDS, False)
+    branch = Branch(key, u32(k << 8 | 1), i64(lane), wi, weight, pdf, lobe, *rest)
     return leave(tables, x, no_medium(), f32(1), length, branch)
 
 
@@ -225,22 +230,23 @@ def leave(tables, x, inside, focus, length, branch):
 
     inside, focus  as of a Path;  length  m, from the eye
     """
-    key, dimension, lane, d, weight, pdf, sees_background, band, is_clear = branch
+    key, dimension, lane, d, weight, pdf, lobe, sees_background, band, is_clear = branch
     start, inside = spawn_ray(tables, x, inside, d)
     passes, solid = dot(d, x.ng) < f32(0), x.bsdf.thin == f32(0)
     if passes and solid:
         focus = f32(1) / (x.bsdf.eta * x.bsdf.eta) if x.entering else f32(1)
     sees_background = sees_background and (passes or (solid and transmits(x.bsdf) and not x.entering))
     side = lit_side(x) if not passes or transmits(x.bsdf) else scale(f32(-1), x.ng)
-    place = side, x.position, inside, focus, length
+    place = side, x.position, lobe, inside, focus, length
     return Path(key, dimension, lane, start, d, weight, pdf, *place, sees_background, band, is_clear)
 
 
 @jit
 def path_in_band(path, band):
     """Return a Path with the light of a band alone."""
-    key, dimension, lane, start, d, weight, pdf, side, origin, inside, focus, length, sees, _, clear = path
-    place = side, origin, inside, focus, length
+    key, dimension, lane, start, d, weight, pdf = path[:7]
+    side, origin, lobe, inside, focus, length, sees, _, clear = path[7:]
+    place = side, origin, lobe, inside, focus, length
     return Path(key, dimension, lane, start, d, of_band(band, weight), pdf, *place, sees, band, clear)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ispm.accel.bands import in_band, is_dispersive
+from ispm.accel.emitter_tree import NO_LOBE
 from ispm.accel.glow import glow
 from ispm.accel.layers import coat_point, end_bsdf, has_sheen, is_coated, is_translucent, with_matte_sheen
 from ispm.accel.medium import attenuated, medium, passed_sheet
@@ -84,7 +85,8 @@ def follow(tables, view, thread, path, veil, waiting, i, slot, out, done):
        them, where it ends
     """
     row, traced = done.row, done.traced
-    key, dimension, lane, start, d, weight, pdf, side, origin, inside, focus, length, sees, band, clear = path
+    key, dimension, lane, start, d, weight, pdf = path[:7]
+    side, origin, lobe, inside, focus, length, sees, band, clear = path[7:]
     stored, rough, disperses = 0, False, False
     from_lobe, far, sharp = pdf > f32(0), f32(1e30), True
     behind = veil.instance != u32(NO_HIT)
@@ -124,7 +126,7 @@ def follow(tables, view, thread, path, veil, waiting, i, slot, out, done):
                 shown = f32(1) if u0 < shown else f32(0)
             behind = shown < f32(1)
         seen = scale(focus * shown, weight)
-        share = lamp_weight(tables, origin, side, pdf, hit, d)
+        share = lamp_weight(tables, origin, side, pdf, hit, d, lobe)
         add_light(out.light, i, EMISSION, scale(share, glow(tables, hit, d)), seen)
         unlit = x.flags & u32(MATERIAL_UNLIT) != u32(0)
         wo = scale(f32(-1), d)
@@ -207,10 +209,13 @@ def follow(tables, view, thread, path, veil, waiting, i, slot, out, done):
         clear = clear and drawn == f32(0)
         drawn = pdf if passed else drawn
         factor, rest = scale(f32(1) / chance, factor), (sees, band, clear)
-        branch = Branch(key, u32(dimension + u32(1)), lane, wi, times(weight, factor), drawn, *rest)
+        kept_lobe = lobe if passed else NO_LOBE
+        branch = Branch(
+            key, u32(dimension + u32(1)), lane, wi, times(weight, factor), drawn, kept_lobe, *rest
+        )
         if parts:
             apart = u32(dimension + u32(_EVENTS_APART))
-            second = Branch(key, apart, i64(SCATTERED), above, times(weight, kept), f32(0), *rest)
+            second = Branch(key, apart, i64(SCATTERED), above, times(weight, kept), f32(0), NO_LOBE, *rest)
             waiting = part(waiting, leave(tables, x, inside, focus, length, second))
         left = leave(tables, x, inside, focus, length, branch)
         weight = left.weight
@@ -219,7 +224,7 @@ def follow(tables, view, thread, path, veil, waiting, i, slot, out, done):
             break
         weight = scale(max(least / strongest, f32(1)), weight)
         sides = (side, origin) if passed else (left.side, left.origin)
-        key, dimension, lane, start, d, _, pdf, _, _, inside, focus, length, sees, _, _ = left
+        key, dimension, lane, start, d, _, pdf, _, _, lobe, inside, focus, length, sees, _, _ = left
         side, origin = sides
     return Done(row, traced), rough, far if from_lobe else length, waiting, disperses
 

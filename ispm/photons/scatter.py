@@ -84,9 +84,7 @@ def scatter(x, d, flux, u0, u1, u2):
         reflectance, transmittance, _, _, _ = smooth_split(layer.bsdf, n, ng, wo)
         whole = reflectance if dot(wi, ng) > f32(0) else transmittance
         drawn *= luminance(whole) / luminance(weight)
-    else:  # of the others flux is kept
-        weight = scale(adjoint_factor(dot(wo, n), dot(wo, ng), dot(wi, n), dot(wi, ng)), weight)
-    weight = scale(f32(1) / chance, weight)
+    weight = scale(adjoint_factor(dot(wo, n), dot(wo, ng), dot(wi, n), dot(wi, ng)) / chance, weight)
     scattered = (weight[0] * flux[0], weight[1] * flux[1], weight[2] * flux[2])
     return _sum(scattered) > f32(0), wi, scattered, specular, drawn
 

@@ -15,14 +15,15 @@ import math
 
 import numpy as np
 
+from ispm.accel.emitter_tree import NO_LOBE, emitter_chance
 from ispm.accel.intersect import STACK_WORDS
 from ispm.accel.records import Scratch
 from ispm.accel.surface import Tables
 from ispm.kernels.share import run_shared, shared_rows
 from ispm.kernels.simd import alloca
-from ispm.lights.area import candidate_pdf, resample_surround, sample_lamps
+from ispm.lights.area import candidate_pdf, lit_side, resample_surround, sample_lamps
 from ispm.lights.known import are_known, unshaded_lamps
-from ispm.lights.nee import draws_by_lobes, greatest, next_numbers
+from ispm.lights.nee import drawn_lobe, draws_by_lobes, greatest, next_numbers
 from ispm.lights.openings import Openings, draw_opening, opening_cell, opening_pdf
 from ispm.optics.bsdf import is_lambert, is_narrow
 from ispm.optics.environment import (
@@ -35,7 +36,7 @@ from ispm.optics.jit import jit
 from ispm.optics.light import FAR
 from ispm.optics.rng import random4
 from ispm.optics.vector import add, dot, luminance, scale
-from ispm.stages.area_samples import Arriving, Lobes, Samples, add_light
+from ispm.stages.area_samples import Arriving, Lobes, Samples, add_light, add_light_of_lobe
 from ispm.stages.pixels import Pixels, PixelView, is_lit, shown_at
 
 f32, i64, u32 = np.float32, np.int64, np.uint32
@@ -267,7 +268,7 @@ def _from_sky(radiance, wi, pdf, guided, is_guided):
     density = min(pdf, SKY_DENSITY)
     if is_guided:
         density = max(density, guided) if guided > f32(0) else f32(0)
-    return Arriving(radiance, FAR, wi, pdf, density)
+    return Arriving(radiance, FAR, wi, pdf, density, f32(0))
 
 
 @jit
@@ -279,16 +280,34 @@ def _next_three(numbers):
 
 @jit
 def _draw_lamp(tables, shown, numbers, i, scratch, samples):
-    """Add to row i of the Samples a draw from lamps, by three random numbers."""
-    radiance, distance, wi, pdf, _, _ = sample_lamps(tables, shown.x, *numbers)
+    """Add to row i of the Samples a draw from lamps, by three random numbers, and one by its lobe."""
+    lobe = drawn_lobe(shown.x.bsdf, shown.x.n, shown.wo)
+    radiance, distance, wi, pdf, row, _ = sample_lamps(tables, shown.x, *numbers)
     if pdf > f32(0):
-        arriving = Arriving(scale(f32(1) / pdf, radiance), distance, wi, pdf, pdf)
+        by_lobe = (
+            pdf * _times_as_often(tables, shown.x, row, NO_LOBE, lobe) if lobe.square > f32(0) else f32(0)
+        )
+        arriving = Arriving(scale(f32(1) / pdf, radiance), distance, wi, pdf, pdf, by_lobe)
         brought = add_light(tables, shown, arriving, i, scratch, samples)
         if len(samples.near) > 0 and greatest(brought) > f32(0):
             for c in range(3):
                 samples.lamps[c, i] += brought[c]
             slant = abs(dot(shown.x.ng, shown.wo))
             samples.near[i] = min(samples.near[i], _NEAR * slant * distance / shown.width)
+    if lobe.square == f32(0):
+        return
+    radiance, distance, wi, by_lobe, row, _ = sample_lamps(tables, shown.x, *_next_three(numbers), lobe)
+    if by_lobe > f32(0):
+        pdf = by_lobe * _times_as_often(tables, shown.x, row, lobe, NO_LOBE)
+        arriving = Arriving(scale(f32(1) / by_lobe, radiance), distance, wi, pdf, pdf, by_lobe)
+        add_light_of_lobe(tables, shown, arriving, i, scratch, samples)
+
+
+@jit
+def _times_as_often(tables, x, row, lobe, other):
+    """How many times as often as a Lobe another draws an emitter's row for a SurfacePoint."""
+    own = emitter_chance(tables.emitters, row, x.position, lit_side(x), lobe)
+    return emitter_chance(tables.emitters, row, x.position, lit_side(x), other) / own
 
 
 @jit
@@ -306,7 +325,7 @@ def _draw_surround(tables, shown, numbers, openings, i, scratch, samples, draws_
         add_light(tables, shown, arriving, i, scratch, samples)
     if draws_suns:
         weight, guided = _first_share(tables, shown, openings, place, bright, bright.pdf / share)
-        arriving = Arriving(scale(weight, bright.radiance), FAR, bright.wi, bright.pdf, bright.pdf)
+        arriving = Arriving(scale(weight, bright.radiance), FAR, bright.wi, bright.pdf, bright.pdf, f32(0))
         add_light(tables, shown, arriving, i, scratch, suns)
     if not is_guided:
         return
@@ -319,7 +338,7 @@ def _draw_surround(tables, shown, numbers, openings, i, scratch, samples, draws_
     guided = opening_pdf(openings, cell, x.position, wi)
     light = scale(f32(1) / (own + guided), radiance)
     if is_sun:
-        add_light(tables, shown, Arriving(light, FAR, wi, pdf, pdf), i, scratch, suns)
+        add_light(tables, shown, Arriving(light, FAR, wi, pdf, pdf, f32(0)), i, scratch, suns)
     else:
         add_light(tables, shown, _from_sky(light, wi, pdf, guided, True), i, scratch, samples)
 

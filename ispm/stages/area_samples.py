@@ -68,14 +68,16 @@ class Samples(NamedTuple):
 
 class Arriving(NamedTuple):
     """Light of one point of a lamp, or from one direction: irradiance over the density of the draw, distance,
-    m, wi, the density of its direction among all lamps' points or the environment, 1/sr, and what density
-    tells how wide its penumbra is: 1 over the solid angle that all of its kind fills; 0: it casts none."""
+    m, wi, the density of its direction among all lamps' points or the environment, 1/sr, what density tells
+    how wide its penumbra is: 1 over the solid angle that all of its kind fills; 0: it casts none; and the
+    density with which a lobe draws it once more, see `drawn_lobe`."""
 
     irradiance: Vector
     distance: np.float32
     wi: Vector
     pdf: np.float32
     density: np.float32
+    by_lobe: np.float32
 
 
 @jit
@@ -92,9 +94,7 @@ def add_light(tables, shown, arriving, i, scratch, samples):
     if not is_lambert(b):
         gloss = eval_bsdf(without_diffuse(b), x.n, x.ng, wo, wi)
         f = sub(f, gloss)
-        _, share = drawn_share(x, wo, wi, arriving.pdf, BY_FACETS)
-        # eye paths find what glass lets through
-        share = f32(0) if transmits(b) and dot(x.n, wi) <= f32(0) else share
+        share = _gloss_share(shown, arriving, arriving.pdf)
         gloss = scale(share, gloss)
     if not (is_lambert(b) or greatest(b.diffuse) > f32(0) or greatest(gloss) > f32(0)):
         return none
@@ -108,17 +108,48 @@ def add_light(tables, shown, arriving, i, scratch, samples):
     if not lights:
         return brought
     passed = _passed(tables, shown, arriving, i, scratch, samples)
-    shines = greatest(gloss) > f32(0)
-    first, second = _gloss_terms(b, x.n, wo, wi) if shines else (f32(0), f32(0))
-    if shines:
-        samples.shine[i] = min(samples.shine[i], _lobe_reach(shown, arriving.distance))
     for c in range(3):
-        light = along * arriving.irradiance[c] * passed[c]
-        samples.diffuse[c, i] += light * f[c]
-        if shines:
-            samples.gloss[c, i] += light * share * first
-            samples.gloss[3 + c, i] += light * share * second
+        samples.diffuse[c, i] += along * arriving.irradiance[c] * passed[c] * f[c]
+    if greatest(gloss) > f32(0):
+        _add_gloss(shown, arriving, scale(share, passed), i, samples)
     return brought
+
+
+@jit
+def add_light_of_lobe(tables, shown, arriving, i, scratch, samples):
+    """Add what the lobe of row i makes of an Arriving that it drew itself, see `drawn_lobe`."""
+    x, wi = shown.x, arriving.wi
+    gloss = eval_bsdf(without_diffuse(x.bsdf), x.n, x.ng, shown.wo, wi)
+    if greatest(arriving.irradiance) <= f32(0) or greatest(gloss) <= f32(0):
+        return
+    share = _gloss_share(shown, arriving, arriving.by_lobe)
+    passed = _passed(tables, shown, arriving, i, scratch, samples)
+    _add_gloss(shown, arriving, scale(share, passed), i, samples)
+
+
+@jit
+def _gloss_share(shown, arriving, own):
+    """The weight for the lobe, float32, of an Arriving that was drawn with the density `own`, 1/sr: beside
+    both draws and the path that goes on by the lobe (balance heuristic, Veach 1997, section 9.2.2)."""
+    x, wi, pdf = shown.x, arriving.wi, arriving.pdf
+    if transmits(x.bsdf) and dot(x.n, wi) <= f32(0):
+        return f32(0)  # eye paths find what glass lets through
+    _, share = drawn_share(x, shown.wo, wi, pdf, BY_FACETS)
+    if arriving.by_lobe == f32(0) or share == f32(0):
+        return share
+    return own * share / (pdf + arriving.by_lobe * share)
+
+
+@jit
+def _add_gloss(shown, arriving, share, i, samples):
+    """Add to row i what its lobe makes of a share, RGB, of an Arriving."""
+    x, wi = shown.x, arriving.wi
+    samples.shine[i] = min(samples.shine[i], _lobe_reach(shown, arriving.distance))
+    first, second = _gloss_terms(x.bsdf, x.n, shown.wo, wi)
+    for c in range(3):
+        light = abs(dot(x.n, wi)) * arriving.irradiance[c] * share[c]
+        samples.gloss[c, i] += light * first
+        samples.gloss[3 + c, i] += light * second
 
 
 @jit

@@ -2,6 +2,7 @@
 // triangle itself: what is interpolated here is off by as much as the rasteriser snaps corners to its grid.
 // include stages/camera.wgsl
 // include stages/geometry.wgsl
+// include stages/glow.wgsl
 // include optics/sampling.wgsl
 
 override MASKED: bool = false;     // the material has holes
@@ -21,8 +22,6 @@ override TEXTURED: bool = false;   // the material has textures
 @group(1) @binding(12) var specular_sampler: sampler;
 @group(1) @binding(13) var specular_color_map: texture_2d<f32>;
 @group(1) @binding(14) var specular_color_sampler: sampler;
-
-const LARGEST_HALF = 65504.0;
 
 struct Corner {
     @builtin(position) clip: vec4f,
@@ -94,7 +93,7 @@ fn fs(c: Corner) -> Pixel {
     }
     return Pixel(
         c.ids, vec4f(bump, transmission, 0.0), vec4f(base.rgb, metallic_roughness.x),
-        vec4f(min(emission, vec3f(LARGEST_HALF)), metallic_roughness.y),
+        vec4f(pack_glow(emission), metallic_roughness.y),
     );
 }
 

@@ -4,6 +4,7 @@
 // to `finish`: elsewhere they would slow down all. Those that find none are listed for the world-space estimate.
 // include stages/camera.wgsl
 // include stages/fullscreen.wgsl
+// include stages/glow.wgsl
 // include stages/receivers.wgsl
 // include optics/gradient.wgsl
 // include stages/blocks.wgsl
@@ -295,7 +296,7 @@ fn finish(@builtin(global_invocation_id) id: vec3u) {
 @fragment
 fn fs_glow(@builtin(position) at: vec4f) -> @location(0) vec4f {
     let pixel = vec2u(at.xy);
-    return select(vec4f(0.0), vec4f(textureLoad(emission, pixel, 0).rgb, 1.0), textureLoad(points, pixel, 0).w != 0u);
+    return select(vec4f(0.0), vec4f(unpack_glow(textureLoad(emission, pixel, 0).rgb), 1.0), textureLoad(points, pixel, 0).w != 0u);
 }
 
 // The 4 x 4 receivers about a pixel.

@@ -9,7 +9,7 @@ from scipy import stats
 from transport import Tracer
 
 from ispm import Material, RectLight, Scene, Texture, TextureUse
-from ispm.accel.emitter_tree import PATH_WORDS, draw_emitter, draw_next, emitter_chance
+from ispm.accel.emitter_tree import NO_LOBE, PATH_WORDS, draw_emitter, draw_next, emitter_chance
 from ispm.accel.emitters import (
     EMITTER,
     emitter_flux,
@@ -67,13 +67,13 @@ def corners_of(emitters):
 @jit
 def chances(emitters, position, n, out):
     for row in range(len(out)):
-        out[row] = emitter_chance(emitters, i64(row), position, n)
+        out[row] = emitter_chance(emitters, i64(row), position, n, NO_LOBE)
 
 
 @jit
 def draw(emitters, position, n, numbers, rows, told, left):
     for i in range(len(numbers)):
-        rows[i], told[i], left[i] = draw_emitter(emitters, position, n, numbers[i])
+        rows[i], told[i], left[i] = draw_emitter(emitters, position, n, NO_LOBE, numbers[i])
 
 
 def triple(a):
@@ -258,7 +258,7 @@ def irradiance(emitters, position, n, seed, out):
     """Irradiance by one draw each, as if nothing cast shadows."""
     for i in range(len(out)):
         u0, u1, u2, _ = random4(u32(i), u32(1), u32(0), seed)
-        row, chance, _ = draw_emitter(emitters, position, n, u0)
+        row, chance, _ = draw_emitter(emitters, position, n, NO_LOBE, u0)
         if row < 0:
             continue
         emitter = emitters.triangles[row]

@@ -7,16 +7,22 @@ import pytest
 from references import references
 from transport import Tracer
 
+from ispm import shapes
 from ispm.gpu import Gpu
 from ispm.io.load import load
+from ispm.library.common import lambert
+from ispm.library.shapes import lathe
 from ispm.lights.emission import emit_rays
 from ispm.lights.plan import plan_maps
 from ispm.paths.branch import TRANSMITTED
 from ispm.paths.eye import trace_eye
 from ispm.paths.eye_paths import EyeRays
 from ispm.reference.eye import eye_light
+from ispm.reference.paths import path_light
 from ispm.renderer import Renderer
 from ispm.scene.camera import Camera
+from ispm.scene.environment import Environment
+from ispm.scene.material import Material
 from ispm.scene.scene import Scene
 from ispm.settings import Settings
 from ispm.stages.camera import CameraView
@@ -122,3 +128,23 @@ def test_the_ball_s_view_agrees_with_ten_million_photons(
         (mean, error), (true, true_error) = means(shown.light[:, part]), means(expected[:, part])
         print(f"{mean / true:.4f} +- {np.hypot(error, true_error):.4f} (reference {true_error:.4f})")
         assert abs(mean / true - 1.0) < 0.05
+
+
+def test_photons_bend_at_shading_normals_as_paths_do(gpu):
+    """Glass turned of eight sides, its normals smooth. With flux kept where they bend it, not multiplied by
+    Veach's factor, the floor at its tip had a quarter too much light; now four seeds are 5 to 7 % off."""
+    sky = np.full((8, 16, 3), 0.2)
+    sky[1:3, 6:10] = 8.0
+    scene = Scene(environment=Environment(sky))
+    scene.add(shapes.plane(4.0, 4.0), material=lambert((0.8,) * 3))
+    gem = lathe([(0.0, -0.43), (0.5, 0.0), (0.5, 0.02), (0.3, 0.16), (0.0, 0.16)], 8)
+    scene.add(
+        gem, material=Material(transmission=1.0, roughness=0.0, thickness=0.5), translation=(0, 0.44, 0)
+    )
+    camera, size = Camera.look_at((0.0, 0.9, 2.4), (0.0, 0.1, 0.0), yfov=0.6), (160, 90)
+    with Renderer(scene, Settings(size=size), camera, gpu=gpu) as renderer:
+        *_, frame = renderer.converge(16)
+    tracer, view, random = Tracer(scene), CameraView(size, camera.pose, camera.yfov), np.random.default_rng(5)
+    x, y = random.uniform(70.0, 90.0, 40_000), random.uniform(46.0, 55.0, 40_000)
+    truth = path_light(tracer.tables, *view.rays_through(x, y), samples=range(16), bounces=32, threads=2)
+    assert frame.radiance[46:55, 70:90].mean() == pytest.approx(truth.mean(), rel=0.1)

@@ -273,3 +273,13 @@ def test_a_furnace_of_glowing_walls_is_evenly_bright(gpu, albedo):
         assert frame.indirect[..., c].mean(dtype=float) == pytest.approx(rest, rel=1e-2)
         assert frame.radiance[..., c].mean(dtype=float) == pytest.approx(emitted / (1 - albedo), rel=7e-3)
     assert np.abs(blocks(frame.radiance, 8) * (1 - albedo) / (1.0, 2.0, 3.0) - 1.0).max() < 0.05
+
+
+@pytest.mark.parametrize("radiance", [1e3, 4e4, 9e4, 2e9])
+def test_what_shines_brighter_than_half_floats_hold_is_seen_as_bright(gpu, radiance):
+    scene = Scene()
+    lamp = polygons([np.array([(-9, 0, -9), (-9, 0, 9), (9, 0, 9), (9, 0, -9)], float)])
+    scene.add(lamp, material=Material(emission=(radiance, radiance / 2, 1.0)))
+    found = mean_of(gpu, scene, from_above(1.0, 3.0), 1).radiance[27, 48]
+    # a half's half unit is 2^-12 of it; above 2^15 it is a root's, and counts twice
+    assert found == pytest.approx([radiance, radiance / 2, 1.0], rel=2**-10)
