@@ -27,7 +27,6 @@ from ispm.lights.guided import guided_surround
 from ispm.optics.bsdf import (
     Bsdf,
     eval_bsdf,
-    is_anisotropic,
     is_lambert,
     is_narrow,
     is_smooth,
@@ -36,7 +35,7 @@ from ispm.optics.bsdf import (
 )
 from ispm.optics.bsdf_sampling import pdf_bsdf
 from ispm.optics.environment import environment_pdf, has_environment
-from ispm.optics.facets import visible_pdf
+from ispm.optics.facets import is_anisotropic, visible_pdf
 from ispm.optics.jit import jit
 from ispm.optics.light import FAR, light_arriving, reaches
 from ispm.optics.records import LIGHT_DIRECTIONAL, NO_HIT
