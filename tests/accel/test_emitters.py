@@ -9,7 +9,7 @@ from scipy import stats
 from transport import Tracer
 
 from ispm import Material, RectLight, Scene, Texture, TextureUse
-from ispm.accel.emitter_tree import NO_LOBE, PATH_WORDS, draw_emitter, draw_next, emitter_chance
+from ispm.accel.emitter_tree import NO_LOBE, PATH_WORDS, Lobe, draw_emitter, draw_next, emitter_chance
 from ispm.accel.emitters import (
     EMITTER,
     emitter_flux,
@@ -36,18 +36,19 @@ f32, i64, u32 = np.float32, np.int64, np.uint32
 BOTH = np.zeros(3, f32)  # as a normal: both sides are lit
 
 
-def emitters_of(corners, radiance=1.0, two_sided=False):
-    """Emitters of (n, 3, 3) corners, one instance, whose fronts are counterclockwise."""
+def emitters_of(corners, radiance=1.0, two_sided=False, lamps=1):
+    """Emitters of (n, 3, 3) corners, as many to each of some lamps, whose fronts are counterclockwise."""
     rows = np.zeros(len(corners), EMITTER)
     edges = corners[:, 1:] - corners[:, :1]
     across = np.cross(edges[:, 0], edges[:, 1])
     doubled = np.linalg.norm(across, axis=1)
     rows["corner"], rows["edge1"], rows["edge2"] = corners[:, 0], edges[:, 0], edges[:, 1]
     rows["normal"] = across / np.maximum(doubled, 1e-300)[:, None]
-    rows["area"], rows["primitive"] = doubled / 2.0, np.arange(len(corners))
+    rows["area"], each = doubled / 2.0, len(corners) // lamps
+    rows["instance"], rows["primitive"] = np.divmod(np.arange(len(corners)), each)
     rows["radiance"] = np.reshape(radiance, (-1, 1))
     rows["two_sided"] = two_sided
-    return make_emitters(rows, 1)
+    return make_emitters(rows, lamps)
 
 
 def scattered(count, seed, size=0.3):
@@ -65,24 +66,24 @@ def corners_of(emitters):
 
 
 @jit
-def chances(emitters, position, n, out):
+def chances(emitters, position, n, lobe, out):
     for row in range(len(out)):
-        out[row] = emitter_chance(emitters, i64(row), position, n, NO_LOBE)
+        out[row] = emitter_chance(emitters, i64(row), position, n, lobe)
 
 
 @jit
-def draw(emitters, position, n, numbers, rows, told, left):
+def draw(emitters, position, n, lobe, numbers, rows, told, left):
     for i in range(len(numbers)):
-        rows[i], told[i], left[i] = draw_emitter(emitters, position, n, NO_LOBE, numbers[i])
+        rows[i], told[i], left[i] = draw_emitter(emitters, position, n, lobe, numbers[i])
 
 
 def triple(a):
     return tuple(f32(c) for c in a)
 
 
-def chances_at(emitters, p, n):
+def chances_at(emitters, p, n, lobe=NO_LOBE):
     out = np.zeros(len(emitters.triangles), f32)
-    chances(emitters, triple(p), triple(n), out)
+    chances(emitters, triple(p), triple(n), lobe, out)
     return out
 
 
@@ -94,6 +95,7 @@ CASES = {
     "a thousand": lambda: emitters_of(scattered(1000, 5), np.random.default_rng(6).random(1000) ** 8),
     "dark ones among": lambda: emitters_of(scattered(100, 7), np.arange(100) % 3),
     "ball": lambda: emitters_of(2.0 * ball_corners(6)),
+    "lamps": lambda: emitters_of(ball_lamps(12), lamps=12),
     "far apart": lambda: emitters_of(np.concatenate([scattered(5, 8), 1e4 + scattered(5, 9, 40.0)])),
 }
 
@@ -101,6 +103,12 @@ CASES = {
 def ball_corners(cuts):
     mesh = icosphere(1.0, cuts)
     return mesh.positions[mesh.triangles].astype(float)
+
+
+def ball_lamps(count):
+    """(n, 3, 3) corners of balls in a row."""
+    middles = np.linspace(-6.0, 6.0, count)[:, None] * np.array([1.0, 0.2, 0.3])
+    return (0.1 * ball_corners(2)[None] + middles[:, None, None]).reshape(-1, 3, 3)
 
 
 def places(count, seed):
@@ -111,8 +119,9 @@ def places(count, seed):
     return random.uniform(-3, 3, (count, 3)), normals
 
 
+@pytest.mark.parametrize("alpha", [0.0, 0.03, 0.2])
 @pytest.mark.parametrize("name", CASES)
-def test_a_row_is_drawn_by_as_many_numbers_as_its_chance_says(name):
+def test_a_row_is_drawn_by_as_many_numbers_as_its_chance_says(name, alpha):
     """Numbers 1 / N apart: rows take intervals of them, whose ends move by the rounding of float32, of 2^-24
     at each of up to 11 nodes; what draws nothing is what is left to 1. And the number that is handed on is
     even again: off by what an interval's ends are, over its length. Chances told are differences from 1, of
@@ -122,9 +131,10 @@ def test_a_row_is_drawn_by_as_many_numbers_as_its_chance_says(name):
     slack = 2.0 + count * 12 * 2.0**-23
     drawn_somewhere = 0
     for p, n in zip(*places(12, 10), strict=True):
-        expected = chances_at(emitters, p, n).astype(float)
+        lobe = Lobe(triple(n), triple(unit(n + 0.5 * p)), f32(alpha * alpha))
+        expected = chances_at(emitters, p, n, lobe).astype(float)
         rows, told, left = np.zeros(count, np.int64), np.zeros(count, f32), np.zeros(count, f32)
-        draw(emitters, triple(p), triple(n), numbers, rows, told, left)
+        draw(emitters, triple(p), triple(n), lobe, numbers, rows, told, left)
         met = rows >= 0
         drawn_somewhere += met.any()
         found = np.bincount(rows[met], minlength=len(expected))
@@ -158,7 +168,7 @@ def test_numbers_in_order_draw_what_each_does_alone(name):
     for p, n in zip(*places(12, 10), strict=True):
         alone, ordered = np.zeros((2, count), np.int64)
         told, told_too, least, left = np.zeros((4, count), f32)
-        draw(emitters, triple(p), triple(n), numbers, alone, told, left)
+        draw(emitters, triple(p), triple(n), NO_LOBE, numbers, alone, told, left)
         draw_in_order(emitters, triple(p), triple(n), numbers, ordered, told_too, least)
         same = alone == ordered
         assert (~same).sum() <= 1 + 2 * len(emitters.triangles) * count * 12 * 2.0**-23
@@ -464,3 +474,27 @@ def shown(tables, instance, primitive, u, v, where, out):
             if where[y, x]:
                 hit = Hit(u32(instance), u32(primitive), u[y, x], v[y, x])
                 out[y, x] = glow(tables, hit, (f32(0), f32(0), f32(0)))
+
+
+def test_a_lobe_draws_what_it_reflects():
+    """Of balls in a row the ones that a mirror would show, where draws by irradiance take the nearest."""
+    emitters, alpha = emitters_of(ball_lamps(12), lamps=12), 0.05
+    p, n = np.array([0.0, -1.5, 0.0]), np.array([0.0, 1.0, 0.0])
+    for shown in (2, 9):
+        lamp = emitters.triangles["corner"][emitters.triangles["instance"] == shown].mean(axis=0)
+        wo = unit((lamp - p) * np.array([-1.0, 1.0, -1.0]))
+        lobe = Lobe(triple(n), triple(wo), f32(alpha * alpha))
+        chance = [chances_at(emitters, p, n, each) for each in (NO_LOBE, lobe)]
+        evenly, by_lobe = (np.bincount(emitters.triangles["instance"], c, 12) for c in chance)
+        assert by_lobe.argmax() == shown and by_lobe[shown] > 5.0 * evenly[shown]
+
+
+def test_a_lamp_has_a_part_of_the_tree_of_its_own():
+    emitters = emitters_of(ball_lamps(12), lamps=12)
+    lamps = emitters.triangles["instance"][emitters.leaves]
+    count, below = len(emitters.triangles) // 12, 8
+    while below < count:
+        below *= 8
+    parts = np.where(emitters.leaves < 0, -1, lamps.astype(int)).reshape(-1, below)
+    assert all(len(set(part) - {-1}) <= 1 for part in parts)
+    assert (np.sort(emitters.leaves[emitters.places]) == np.arange(12 * count)).all()

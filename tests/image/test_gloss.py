@@ -12,7 +12,7 @@ from ispm.library.shapes import box, icosphere, polygons
 from ispm.reference.paths import path_light
 from ispm.renderer import specular
 from ispm.scene.camera import Camera
-from ispm.scene.light import PointLight, RectLight
+from ispm.scene.light import PointLight, RectLight, SphereLight
 from ispm.scene.material import Material, Texture
 from ispm.scene.scene import Scene
 from ispm.stages.camera import CameraView
@@ -208,3 +208,26 @@ def test_a_metal_floor_gives_a_room_all_of_its_light(gpu, roughness, anisotropy)
     rays = (each.reshape(-1, 3) for each in view.rays_through(x, y))
     light = path_light(tracer.tables, *rays, samples=range(96), bounces=32, threads=2)
     assert frame.radiance.mean() == pytest.approx(light.mean(), rel=0.01)
+
+
+def test_a_wet_road_reflects_its_lamps_without_specks(gpu):
+    """Sixteen lamps far apart, of which a pixel's lobe reflects one or two: drawn by their irradiance alone,
+    one pass was off by 1.2 times a pixel's light in the median, and dim blocks beside bright ones had up to
+    twice their light. Blocks tell it within 6 %, three times of which some of thirty are off by chance."""
+    scene, size = Scene(), (96, 54)
+    road = Material((0.0,) * 3, roughness=0.3)
+    scene.add(shapes.plane(40.0, 80.0), material=road, translation=(0.0, 0.0, -20.0))
+    for z in range(0, -56, -7):
+        for x in (-4.5, 4.5):
+            scene.add(SphereLight((6000.0,) * 3, radius=0.15), translation=(x, 5.2, z))
+    camera = Camera.look_at((0.0, 1.7, 7.0), (0.0, 0.0, 0.0), yfov=0.4)
+    kept = dict(size=size, photons=0, bounces=0, antialias=False)
+    found = np.array([render(gpu, scene, camera, seed=k, **kept)[0].radiance.mean(axis=-1) for k in range(8)])
+    tracer, view = Tracer(scene), CameraView(size, camera.pose, camera.yfov, None)
+    x, y = np.meshgrid(np.arange(size[0]) + 0.5, np.arange(size[1]) + 0.5)
+    rays = view.rays_through(x.ravel(), y.ravel())
+    light = path_light(tracer.tables, *rays, samples=range(1024), bounces=0, threads=2).mean(axis=-1)
+    exact = light.reshape(size[::-1])
+    assert np.median(found.std(axis=0) / exact) < 0.3
+    blocks, truth = (a.reshape(6, 9, 6, 16).mean(axis=(1, 3))[1:] for a in (found.mean(axis=0), exact))
+    assert np.abs(blocks / truth - 1.0).max() < 0.2
