@@ -44,7 +44,7 @@ f32, i64, u64 = np.float32, np.int64, np.uint64
 _CENTER, _RADIUS, _AXIS, _COSINE, _SINE, _POWER, FLOATS = 0, 3, 4, 7, 8, 9, 10
 WIDTH, _LEVELS = 8, 3  # children of a node, and levels of a binary tree that they stand for
 
-_SPREAD = f32(0.25)  # of the square of the sine by which a sphere spreads half vectors, in alpha^2
+_SPREAD = f32(0.25)  # alpha^2 of half vectors to a sphere, over the square of the sine they differ by
 
 # Of a path down the tree for each level 64 bytes: importances of eight children, and the node's own numbers.
 PATH_WORDS = 8 * 11  # uint64: more levels than 2^32 triangles have

@@ -9,7 +9,15 @@ from scipy import stats
 from transport import Tracer
 
 from ispm import Material, RectLight, Scene, Texture, TextureUse
-from ispm.accel.emitter_tree import NO_LOBE, PATH_WORDS, Lobe, draw_emitter, draw_next, emitter_chance
+from ispm.accel.emitter_tree import (
+    NO_LOBE,
+    PATH_WORDS,
+    Lobe,
+    draw_emitter,
+    draw_next,
+    emitter_chance,
+    leaves_for,
+)
 from ispm.accel.emitters import (
     EMITTER,
     emitter_flux,
@@ -492,9 +500,7 @@ def test_a_lobe_draws_what_it_reflects():
 def test_a_lamp_has_a_part_of_the_tree_of_its_own():
     emitters = emitters_of(ball_lamps(12), lamps=12)
     lamps = emitters.triangles["instance"][emitters.leaves]
-    count, below = len(emitters.triangles) // 12, 8
-    while below < count:
-        below *= 8
-    parts = np.where(emitters.leaves < 0, -1, lamps.astype(int)).reshape(-1, below)
+    count = len(emitters.triangles) // 12
+    parts = np.where(emitters.leaves < 0, -1, lamps.astype(int)).reshape(-1, leaves_for(count))
     assert all(len(set(part) - {-1}) <= 1 for part in parts)
     assert (np.sort(emitters.leaves[emitters.places]) == np.arange(12 * count)).all()
