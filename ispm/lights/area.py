@@ -45,22 +45,22 @@ def sample_lamps(tables, x, u0, u1, u2, lobe=NO_LOBE):
 
     u0, u1, u2  random in [0, 1)
     lobe        by which the lamp is drawn, too
-    ->  (radiance, cd/m2 RGB, distance, m, wi, pdf, 1/sr, row and point, m, of the emitter); pdf 0: none
+    ->  (radiance, cd/m2 RGB, distance, m, wi, pdf, 1/sr; of the emitter row, chance, and point, m); pdf 0: none
     """
     none, position = (f32(0), f32(0), f32(0)), x.position
     row, chance, _ = draw_emitter(tables.emitters, position, lit_side(x), lobe, u0)
     if row < i64(0):
-        return none, f32(0), none, f32(0), row, none
+        return none, f32(0), none, f32(0), row, chance, none
     emitter = tables.emitters.triangles[row]
     u, v, pdf = sample_triangle(emitter, position, u1, u2)
     point = emitter_point(emitter, u, v)
     segment = sub(point, position)
     distance = f32(math.sqrt(dot(segment, segment)))
     if distance == f32(0) or not faces(emitter, segment):
-        return none, f32(0), none, f32(0), row, none
+        return none, f32(0), none, f32(0), row, chance, none
     wi = scale(f32(1) / distance, segment)
     radiance = emitted_radiance(tables, Hit(emitter.instance, emitter.primitive, u, v), wi)
-    return radiance, distance, wi, chance * pdf, row, point
+    return radiance, distance, wi, chance * pdf, row, chance, point
 
 
 class Surround(NamedTuple):

@@ -239,7 +239,7 @@ def unshadowed(light, x, wo, limit):
 def _unshadowed_lamp(tables, x, wo, numbers, limit, goes_on):
     """The Arriving of a point of a lamp with a surface, drawn by four random numbers of [0, 1); goes_on: see
     `area_light`."""
-    radiance, distance, wi, pdf, row, point = sample_lamps(tables, x, numbers[0], numbers[1], numbers[2])
+    radiance, distance, wi, pdf, row, _, point = sample_lamps(tables, x, *numbers[:3])
     if pdf <= f32(0):
         return Arriving(_NONE, distance, wi)
     bright = radiance

@@ -281,12 +281,12 @@ def _next_three(numbers):
 @jit
 def _draw_lamp(tables, shown, numbers, i, scratch, samples):
     """Add to row i of the Samples a draw from lamps, by three random numbers, and one by its lobe."""
-    lobe = drawn_lobe(shown.x.bsdf, shown.x.n, shown.wo)
-    radiance, distance, wi, pdf, row, _ = sample_lamps(tables, shown.x, *numbers)
+    x, by_lobe = shown.x, f32(0)
+    lobe = drawn_lobe(x.bsdf, x.n, shown.wo)
+    radiance, distance, wi, pdf, row, chance, _ = sample_lamps(tables, x, *numbers)
     if pdf > f32(0):
-        by_lobe = (
-            pdf * _times_as_often(tables, shown.x, row, NO_LOBE, lobe) if lobe.square > f32(0) else f32(0)
-        )
+        if lobe.square > f32(0):
+            by_lobe = pdf / chance * emitter_chance(tables.emitters, row, x.position, lit_side(x), lobe)
         arriving = Arriving(scale(f32(1) / pdf, radiance), distance, wi, pdf, pdf, by_lobe)
         brought = add_light(tables, shown, arriving, i, scratch, samples)
         if len(samples.near) > 0 and greatest(brought) > f32(0):
@@ -296,18 +296,12 @@ def _draw_lamp(tables, shown, numbers, i, scratch, samples):
             samples.near[i] = min(samples.near[i], _NEAR * slant * distance / shown.width)
     if lobe.square == f32(0):
         return
-    radiance, distance, wi, by_lobe, row, _ = sample_lamps(tables, shown.x, *_next_three(numbers), lobe)
+    numbers = _next_three(numbers)
+    radiance, distance, wi, by_lobe, row, chance, _ = sample_lamps(tables, x, *numbers, lobe)
     if by_lobe > f32(0):
-        pdf = by_lobe * _times_as_often(tables, shown.x, row, lobe, NO_LOBE)
+        pdf = by_lobe / chance * emitter_chance(tables.emitters, row, x.position, lit_side(x), NO_LOBE)
         arriving = Arriving(scale(f32(1) / by_lobe, radiance), distance, wi, pdf, pdf, by_lobe)
         add_light_of_lobe(tables, shown, arriving, i, scratch, samples)
-
-
-@jit
-def _times_as_often(tables, x, row, lobe, other):
-    """How many times as often as a Lobe another draws an emitter's row for a SurfacePoint."""
-    own = emitter_chance(tables.emitters, row, x.position, lit_side(x), lobe)
-    return emitter_chance(tables.emitters, row, x.position, lit_side(x), other) / own
 
 
 @jit
