@@ -45,7 +45,7 @@ def sample_lamps(tables, x, u0, u1, u2, lobe=NO_LOBE):
 
     u0, u1, u2  random in [0, 1)
     lobe        by which the lamp is drawn, too
-    ->  (radiance, cd/m2 RGB, distance, m, wi, pdf, 1/sr, and of the emitter row, chance, point, m); pdf 0: none
+    ->  (radiance, cd/m2 RGB, distance, m, wi, pdf, 1/sr; its row, chance, point, m); pdf 0 if none
     """
     none, position = (f32(0), f32(0), f32(0)), x.position
     row, chance, _ = draw_emitter(tables.emitters, position, lit_side(x), lobe, u0)
