@@ -2,11 +2,12 @@
 
 It runs on the CPU, where the trees are. A pixel draws from one of the 4 x 4 equal parts of what is to be
 drawn from, and its neighbors from the others, so that any 4 x 4 pixels together draw evenly (Keller and
-Heidrich, Interleaved Sampling, EGWR 2001). In the first pass pixels draw more often where a penumbra is
-narrow, for there the filter of `area_light.py` takes in few of them. Where lamps are close it takes in few as
-well, and what they bring without shadows is known, see `lights/known.py`. Of that what the neighbors have
-found decides, never a pixel's own draw: a mean is off if what is drawn says whether it counts. Of shadows
-all draws about a pixel decide, its own as well: together they are of all parts, whichever it drew.
+Heidrich, Interleaved Sampling, EGWR 2001), and so do, in either dimension, any four side by side. In the first
+pass pixels draw more often where a penumbra is narrow, and twice beside one, for there the filter of
+`area_light.py` takes in few of them. Where lamps are close it takes in few as well, and what they bring
+without shadows is known, see `lights/known.py`. Of that what the neighbors have found decides, never a
+pixel's own draw: a mean is off if what is drawn says whether it counts. Of shadows all draws about a pixel
+decide, its own as well: together they are of all parts, whichever it drew.
 """
 
 from __future__ import annotations
@@ -47,7 +48,7 @@ _DIMENSION = 5 << 20  # of the random numbers
 _SIDE = 4  # pixels of a square that draws from each part once
 _PAIRS = 1  # of directions that one of the environment is drawn from
 _NEAR = f32(0.18)  # of a lamp's distance, that its light without shadows is filtered over, likewise
-_DRAWS, _DRAWS_LATER = 4, 2  # of a pixel in a narrow penumbra, in the first pass and in others
+_DRAWS, _DRAWS_LATER = 4, 2  # of a pixel in a narrow penumbra, in the first pass; in others, and beside one
 _NARROW = f32(6)  # pixels that the filter reaches there, less than which its wider squares have no weight
 # Pixels that lamps' light is averaged over: below the first the filter's widest squares count in part, below
 # 12 those of its first stride. 2, 4, 8 and 16 draws make some 1,800 of what is averaged, from 9 pixels on.
@@ -71,8 +72,19 @@ def draw_light(
     lobes = Lobes(alpha, np.zeros((3, count), np.float32), f90)
     marks, told = np.zeros(count, np.uint8), (tables, pixels, view, openings)
     run_shared(lambda counter: _draw_once(*told, marks, counter, lobes, samples, suns), threads)
-    run_shared(lambda counter: _refine(*told, marks, counter, samples, suns), threads)
+    about = _marks_about_squares(marks.reshape(-1, int(view.columns)))
+    run_shared(lambda counter: _refine(*told, marks, about, counter, samples, suns), threads)
     return lobes, (suns, samples)
+
+
+def _marks_about_squares(marks: np.ndarray) -> np.ndarray:
+    """All that marks, (rows, columns), tell of each square of pixels and of the eight about it."""
+    rows, columns = (np.arange(0, size, _SIDE) for size in marks.shape)
+    squares = np.bitwise_or.reduceat(np.bitwise_or.reduceat(marks, rows, axis=0), columns, axis=1)
+    padded, about = np.pad(squares, 1), np.zeros_like(squares)
+    for down, right in np.ndindex(3, 3):
+        about |= padded[down : down + len(rows), right : right + len(columns)]
+    return about
 
 
 def _empty_samples(count: int, by_draws: int) -> Samples:
@@ -139,31 +151,35 @@ def _mark(samples, i):
 
 
 @jit
-def _refine(tables, pixels, view, openings, marks, counter, samples, suns):
-    """Have pixels in narrow penumbrae draw again, so that the Samples are their means, and those close to
-    lamps know what these bring without shadows."""
+def _refine(tables, pixels, view, openings, marks, about, counter, samples, suns):
+    """Have pixels in and beside narrow penumbrae draw again, so that the Samples are their means, and those
+    close to lamps know what these bring without shadows.
+
+    about  `_marks_about_squares`
+    """
     scratch = Scratch(alloca(STACK_WORDS), alloca(2))
-    first, partly = _first_turn(view), _IS_NARROW | _IS_REACHED
-    draws = i64(_DRAWS if view.pass_index == u32(0) else _DRAWS_LATER)
+    first = _first_turn(view)
     for i in shared_rows(counter, CHUNK, len(pixels.points)):
-        around = _marks_around(marks, i, view.columns)
-        shadows = around | i64(marks[i])
-        draws_again = shadows & partly == partly
-        suns_again = shadows >> _SUN_BIT & partly == partly
-        close = (
-            around >> _CLOSE_BIT & _CLOSE_BITS
-        )  # 0, 1, 3, 7 or 15: below one of _CLOSE is below those before
-        if not (draws_again or suns_again or close) or not is_lit(tables, pixels, i):
+        square = i64(about[i // view.columns // _SIDE, i % view.columns // _SIDE])
+        draws_again, suns_again = _are_partly_shaded(square)
+        is_close = square >> _CLOSE_BIT > 0
+        if not (draws_again or suns_again or is_close) or not is_lit(tables, pixels, i):
             continue
-        shown = shown_at(tables, pixels, view, i)
+        shown, around = shown_at(tables, pixels, view, i), _marks_around(marks, i, view.columns)
+        draws = i64(1)
         if draws_again or suns_again:
-            for k in range(1, draws):
-                numbers = _numbers(view, i, i64(k), first)
-                _draw(tables, shown, numbers, openings, i, scratch, samples, suns, draws_again, suns_again)
+            others, sun = _are_partly_shaded(around | i64(marks[i]))
+            draws = i64(_DRAWS if view.pass_index == u32(0) and (others or sun) else _DRAWS_LATER)
+        for k in range(1, draws):
+            numbers = _numbers(view, i, i64(k), first)
+            _draw(tables, shown, numbers, openings, i, scratch, samples, suns, draws_again, suns_again)
         if draws_again:
             _take_mean(samples, i, draws)
         if suns_again:
             _take_mean(suns, i, draws)
+        close = (
+            around >> _CLOSE_BIT & _CLOSE_BITS
+        )  # 0, 1, 3, 7 or 15: below one of _CLOSE is below those before
         if close:
             r0, r1, r2, _ = random4(u32(i), u32(_DIMENSION + 3), view.pass_index, view.seed)
             light = unshaded_lamps(tables, shown.x, r0, r1, r2, close + i64(1))
@@ -172,6 +188,13 @@ def _refine(tables, pixels, view, openings, marks, counter, samples, suns):
         elif draws_again and len(samples.near) > 0:
             for c in range(3):
                 samples.lamps[c, i] *= f32(1) / f32(draws)
+
+
+@jit
+def _are_partly_shaded(marks):
+    """Whether marks tell of narrow shadows and of light: of all but suns, and of these."""
+    partly = _IS_NARROW | _IS_REACHED
+    return marks & partly == partly, marks >> _SUN_BIT & partly == partly
 
 
 @jit
@@ -222,20 +245,32 @@ def _aside(first, square, view):
 
 @jit
 def _numbers(view, i, k, first):
-    """Three float32 random numbers of [0, 1) for draw k of row i: of the part that lies half of the parts
-    aside along either axis, by the bits of k."""
-    half, side = i64(_SIDE // 2), i64(_SIDE)
+    """Three float32 random numbers of [0, 1) for draw k, of four, of row i: of lamps, and of what one of them
+    or the environment is drawn by.
+
+    The latter are from a row and a column of parts, in Graeco-Latin squares: four pixels side by side, and the
+    four draws of one, are from each row and each column once. Where a filter takes in less than a whole
+    square, as at the foot of a wall, or some pixels draw four times and others once, it is even in both.
+    """
     square = u32((i // view.columns // _SIDE) * view.columns + i % view.columns // _SIDE)
     right, down = _aside(first, square, view)
-    column = (i % view.columns + right + half * (k % 2)) % side
-    row = (i // view.columns + down + half * (k // 2)) % side
+    x, y, turned = i % view.columns % _SIDE, i // view.columns % _SIDE, _times_two(k)
+    part = _part_of_lamps((x + right) % _SIDE ^ k, (y + down) % _SIDE ^ turned)
+    column, row = x ^ y ^ right ^ k ^ turned, x ^ _times_two(y) ^ down ^ turned
     r0, r1, r2, _ = random4(u32(i), u32(_DIMENSION) + u32(4 * k), view.pass_index, view.seed)
     # Shifted at random from square to square: a triangle is not to be drawn with the same parts of it. But
     # not from turn to turn, or a pixel in the shadow of one lamp of two would draw the other by chance.
     shift, _, _, _ = random4(square, u32(_DIMENSION + 2), view.pass_index // u32(_SIDE * _SIDE), view.seed)
-    u0 = (f32(_part_of_lamps(column, row)) + r0) * f32(1 / (_SIDE * _SIDE)) + shift
+    u0 = (f32(part) + r0) * f32(1 / (_SIDE * _SIDE)) + shift
     u0 -= f32(math.floor(u0))
     return u0, (f32(column) + r1) * f32(1 / _SIDE), (f32(row) + r2) * f32(1 / _SIDE)
+
+
+@jit
+def _times_two(k):
+    """2 k in the field of four elements, of which sums are `^`: that of y and of 2 y, added to x, are two
+    orthogonal Latin squares (Bose, Sankhya 3, 1938)."""
+    return (k << 1 & 3) ^ 3 * (k >> 1)
 
 
 @jit

@@ -22,7 +22,7 @@ from ispm.stages.area_shapes import keep_alike
 f32, i64, u32 = np.float32, np.int64, np.uint32
 
 RUN = 128  # pixels, whose numbers and those of the rows about them fit in a cache of the first level
-WORK = 31, RUN  # shape of the float32 array that a thread works in
+WORK = 35, RUN  # shape of the float32 array that a thread works in
 _REACH = 2  # pixels to each side that the filter takes in
 _LEAST_REACH = f32(2)  # in the first pass, less and less in others, for single rays are specks
 _SAME = f32(math.cos(math.radians(2.0)))  # of normals, of pixels whose light without shadows is averaged
@@ -114,9 +114,7 @@ def filter_samples(shapes, view, smoothing, samples, lobes, counter, work, means
                 taps[x] *= same[x]
                 total[low + x] += taps[x]
             if corrects:
-                half = (f32(0.5) if abs(down) == _REACH else f32(1)) * (
-                    f32(0.5) if abs(right) == _REACH else f32(1)
-                )
+                half = f32(1 if abs(down) < _REACH else 0.5) * f32(1 if abs(right) < _REACH else 0.5)
                 for x in range(size_of):
                     same[x] *= half
                 for c in range(3):
@@ -156,8 +154,9 @@ def filter_samples(shapes, view, smoothing, samples, lobes, counter, work, means
 @jit
 def widen(shapes, view, smoothing, stride, means, lobes, counter, work, wider, unshaded):
     """Filter the Means of as many runs as a thread gets with those of the 8 pixels that lie `stride` pixels
-    aside, where penumbrae are wide enough for it, gloss with those of like Lobes that are turned alike; and
-    what lamps bring without shadows, where these are far enough, from which what is Unshaded changes.
+    aside, where penumbrae there and opposite are wide enough for it, gloss with those of like Lobes that are
+    turned alike; and what lamps bring without shadows, where these are far enough, from which what is
+    Unshaded changes.
 
     wider  Means to write, of which `diffuse` and `drawn` are not normalized
     """
@@ -166,9 +165,10 @@ def widen(shapes, view, smoothing, stride, means, lobes, counter, work, wider, u
     for run in shared_rows(counter, 1, count // columns * _runs(columns)):
         i, first, size = _run(run, columns)
         end = i + size
-        aside, evenly, taps, total = work[0, :size], work[1, :size], work[2, :size], work[3, :size]
-        _take_least(means.reach, i, first, columns, stride, 1, wider.reach[i:end])
-        most = _weigh_aside(wider.reach[i:end], UNSHADED, smoothing, stride, aside)
+        evenly, taps, total, pairs = work[1, :size], work[2, :size], work[3, :size], work[31:35]
+        most = _weigh_pairs(
+            means.reach, i, first, columns, stride, smoothing, pairs, work[0, :size], wider.reach[i:end]
+        )
         if by_draws:
             _take_least(means.near, i, first, columns, stride, 1, wider.near[i:end])
             most = max(most, _weigh_aside(wider.near[i:end], f32(np.inf), smoothing, stride, evenly))
@@ -198,8 +198,9 @@ def widen(shapes, view, smoothing, stride, means, lobes, counter, work, wider, u
             room = work[5, low:high], work[24, low:high], work[25, low:high]
             alike[tap, low:high] = f32(1)
             keep_alike(shapes, i + low, k, room, turn, alike[tap, low:high])
+            pair = pairs[min(tap, 8 - tap)]
             for x in range(low, high):
-                taps[x] = aside[x] * alike[tap, x]
+                taps[x] = pair[x] * alike[tap, x]
                 same[tap, x] = alike[tap, x] if turn[x - low] > _SAME else f32(0)
             for c in range(3):
                 _add(taps[low:high], means.diffuse[c, k:until], wider.diffuse[c, i + low : i + high])
@@ -274,12 +275,11 @@ def _part_aside(i, first, size, stride, tap, columns, count):
 @jit
 def _take_least(values, i, first, columns, stride, reach, out):
     """Write the least of the values about each pixel of a run, as many strides to each side."""
+    size, count = i64(len(out)), i64(len(values))
     out[:] = f32(np.inf)
     for down in range(-reach, reach + 1):
         for right in range(-reach, reach + 1):
-            low, high, k = _part(
-                i, first, i64(len(out)), stride * down, stride * right, columns, i64(len(values))
-            )
+            low, high, k = _part(i, first, size, stride * down, stride * right, columns, count)
             if high > low:
                 least, other = out[low:high], values[k : k + high - low]
                 for x in range(high - low):
@@ -358,6 +358,33 @@ def _weigh_aside(reach, limit, smoothing, stride, out):
     for x in range(len(out)):
         out[x] = _wide(reach[x] * smoothing, stride) if reach[x] < limit else f32(0)
         most = max(most, out[x])
+    return most
+
+
+@jit
+def _weigh_pairs(reach, i, first, columns, stride, smoothing, weights, least, out):
+    """Write the weights of squares `stride` pixels aside, four rows of them for the pairs that lie opposite
+    each other, and to `out` the least reach of all that count; return the greatest weight.
+
+    Both of a pair count by the lesser of their reaches, for one alone would be a bias: beside a contact
+    those along it do, and none toward it. `least` is room for as many values."""
+    size, most = i64(len(out)), f32(0)
+    _take_least(reach, i, first, columns, stride, 1, least)
+    _copy(reach[i : i + size], out)
+    for pair in range(4):
+        together = weights[pair, :size]
+        _copy(reach[i : i + size], together)
+        for tap in (pair, 8 - pair):
+            low, high, k = _part_aside(i, first, size, stride, tap, columns, i64(len(reach)))
+            if high > low:
+                part, other = together[low:high], reach[k : k + high - low]
+                for x in range(high - low):
+                    part[x] = min(part[x], other[x])
+        for x in range(size):
+            weight = _wide(together[x] * smoothing, stride) if least[x] < UNSHADED else f32(0)
+            out[x] = min(out[x], together[x] if weight > f32(0) else f32(np.inf))
+            together[x] = weight
+            most = max(most, weight)
     return most
 
 
