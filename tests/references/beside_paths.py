@@ -2,11 +2,12 @@
 
 python -m references.beside_paths random 0-19        # in tests/; some 25 s a scene on two cores
 python -m references.beside_paths furnished 3 8-11 --passes 64 --pictures FOLDER
+python -m references.beside_paths known door street
 python -m references.beside_paths asset DamagedHelmet.glb
 python -m references.beside_paths random --write     # the table of docs/accuracy.md, which it replaces
 
-`random` and `furnished` scenes come by their number, an asset stands in the room or on the ground of a
-random scene. All pixels count: edges, glass and mirrors, too. For one pass and after several: bias and
+`random` and `furnished` scenes come by their number, `known` ones by their name, all if none is given; an
+asset stands in the room or on the ground of a random scene. All pixels count: edges, glass and mirrors, too. For one pass and after several: bias and
 relMSE, of means over blocks and of pixels, where grain counts; and of the blocks that differ by more than
 noise the worst.
 """
@@ -29,6 +30,7 @@ from ispm.gpu import Gpu, open_gpu
 from ispm.reference.paths import path_light
 from ispm.stages.camera import CameraView
 from references.furnished_scenes import furnished_scene
+from references.known_scenes import KNOWN
 from references.page import table, write_between
 from references.random_scenes import asset_scene, random_scene
 
@@ -81,28 +83,33 @@ class Difference:
 def main() -> None:
     """Print a line for each scene and number of passes."""
     parser = argparse.ArgumentParser(description="Compare pictures of scenes with paths.")
-    parser.add_argument("kind", choices=("random", "furnished", "asset"))
-    parser.add_argument("which", nargs="*", metavar="N", help="numbers; 3-7: those from 3 to 7; or files")
+    parser.add_argument("kind", choices=("random", "furnished", "known", "asset"))
+    parser.add_argument(
+        "which", nargs="*", metavar="N", help="numbers; 3-7: those from 3 to 7; names or files"
+    )
     parser.add_argument("--passes", type=int, default=16, metavar="N")
     parser.add_argument("--pictures", type=Path, metavar="FOLDER", help="where ours and theirs are kept")
     parser.add_argument("--write", action="store_true", help="the page's table of this kind")
     given = parser.parse_args()
     warnings.simplefilter("ignore")
     gpu, rows = open_gpu(), []
-    for name in _names(given.kind, given.which or [_WRITTEN]):
+    for name in _names(given.kind, given.which):
         scene = _scene(given.kind, name)
         found = _compared(name, scene, given.passes, given.pictures, gpu)
         rows.append(_row(name, scene.name, *found))
     if given.write:
         headings = ["", "place and light", "things", *_FIGURES]
-        write_between(given.kind, table(headings, rows, "rll" + "r" * len(_FIGURES)))
+        sides = "l" if given.kind == "known" else "r"
+        write_between(given.kind, table(headings, rows, sides + "ll" + "r" * len(_FIGURES)))
 
 
 def _names(kind: str, which: list[str]) -> list[str]:
     if kind == "asset":
         return which
+    if kind == "known":
+        return which or list(KNOWN)
     names = []
-    for words in which:
+    for words in which or [_WRITTEN]:
         first, _, last = words.partition("-")
         names += [str(number) for number in range(int(first), int(last or first) + 1)]
     return names
@@ -111,6 +118,8 @@ def _names(kind: str, which: list[str]) -> list[str]:
 def _scene(kind: str, name: str) -> Scene:
     if kind == "asset":
         return asset_scene(Path(name))
+    if kind == "known":
+        return KNOWN[name]()
     return {"random": random_scene, "furnished": furnished_scene}[kind](int(name))
 
 
