@@ -2,8 +2,8 @@
 
 It runs on the CPU, where the trees are. A pixel draws from one of the 4 x 4 equal parts of what is to be
 drawn from, and its neighbors from the others, so that any 4 x 4 pixels together draw evenly (Keller and
-Heidrich, Interleaved Sampling, EGWR 2001), and so do, in either dimension, any four side by side. In the first
-pass pixels draw more often where a penumbra is narrow, and twice beside one, for there the filter of
+Heidrich, Interleaved Sampling, EGWR 2001), and so do, in either dimension, any four side by side. In the
+first pass pixels draw more often where a penumbra is narrow, and twice beside one, for there the filter of
 `area_light.py` takes in few of them. Where lamps are close it takes in few as well, and what they bring
 without shadows is known, see `lights/known.py`. Of that what the neighbors have found decides, never a
 pixel's own draw: a mean is off if what is drawn says whether it counts. Of shadows all draws about a pixel
@@ -248,8 +248,8 @@ def _numbers(view, i, k, first):
     """Three float32 random numbers of [0, 1) for draw k, of four, of row i: of lamps, and of what one of them
     or the environment is drawn by.
 
-    The latter are from a row and a column of parts, in Graeco-Latin squares: four pixels side by side, and the
-    four draws of one, are from each row and each column once. Where a filter takes in less than a whole
+    The latter are from a row and a column of parts, in Graeco-Latin squares: four pixels side by side, and
+    the four draws of one, are from each row and each column once. Where a filter takes in less than a whole
     square, as at the foot of a wall, or some pixels draw four times and others once, it is even in both.
     """
     square = u32((i // view.columns // _SIDE) * view.columns + i % view.columns // _SIDE)

@@ -7,9 +7,9 @@ python -m references.beside_paths asset DamagedHelmet.glb
 python -m references.beside_paths random --write     # the table of docs/accuracy.md, which it replaces
 
 `random` and `furnished` scenes come by their number, `known` ones by their name, all if none is given; an
-asset stands in the room or on the ground of a random scene. All pixels count: edges, glass and mirrors, too. For one pass and after several: bias and
-relMSE, of means over blocks and of pixels, where grain counts; and of the blocks that differ by more than
-noise the worst.
+asset stands in the room or on the ground of a random scene. All pixels count: edges, glass and mirrors, too.
+For one pass and after several: bias and relMSE, of means over blocks and of pixels, where grain counts; and
+of the blocks that differ by more than noise the worst.
 """
 
 from __future__ import annotations

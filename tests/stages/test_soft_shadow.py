@@ -50,9 +50,9 @@ def test_one_pass_is_as_smooth_as_a_ray_from_each_of_nine_squares(gpu, seed):
 
 @pytest.mark.parametrize("seed", [0, 1])
 def test_rows_of_pixels_along_the_foot_of_a_wall_are_right_in_one_pass(gpu, seed):
-    """There the filter takes in less than whole squares, and pixels that draw four times beside some that draw
-    once. Five rows' means, of draws from three rows of pixels each, are as near to the truth as means of so
-    many independent ones. Where a row drew from one of four rows of parts it was .3 too bright."""
+    """There the filter takes in less than whole squares, and pixels that draw four times beside others that
+    draw once. Five rows' means, of draws from three rows of pixels each, are as near to the truth as means of
+    so many independent ones. Where a row drew from one of four rows of parts it was .3 too bright."""
     scene = wall_over_floor((0.0, 16.0, 8.0), (0.0, 0.0, 2.0))
     shaded = shaded_share(scene)
     with Renderer(scene, Settings(size=SIZE, bounces=0, light="none", seed=seed), gpu=gpu) as renderer:
