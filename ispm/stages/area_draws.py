@@ -177,9 +177,8 @@ def _refine(tables, pixels, view, openings, marks, about, counter, samples, suns
             _take_mean(samples, i, draws)
         if suns_again:
             _take_mean(suns, i, draws)
-        close = (
-            around >> _CLOSE_BIT & _CLOSE_BITS
-        )  # 0, 1, 3, 7 or 15: below one of _CLOSE is below those before
+        # 0, 1, 3, 7 or 15: below one of _CLOSE is below those before
+        close = around >> _CLOSE_BIT & _CLOSE_BITS
         if close:
             r0, r1, r2, _ = random4(u32(i), u32(_DIMENSION + 3), view.pass_index, view.seed)
             light = unshaded_lamps(tables, shown.x, r0, r1, r2, close + i64(1))

@@ -171,14 +171,14 @@ def widen(shapes, view, smoothing, stride, means, lobes, counter, work, wider, u
         )
         if by_draws:
             _take_least(means.near, i, first, columns, stride, 1, wider.near[i:end])
-            most = max(most, _weigh_aside(wider.near[i:end], f32(np.inf), smoothing, stride, evenly))
+            most = max(most, _weigh_aside(wider.near[i:end], smoothing, stride, evenly))
         shiny, shine, shining = work[26, :size], work[27, :size], work[28, :size]
         shines = _is_any(lobes.f90[i:end])
         if shines:
             _take_least(means.shine, i, first, columns, stride, 1, wider.shine[i:end])
             for x in range(size):
                 shiny[x] = min(wider.reach[i + x], wider.shine[i + x])
-            most = max(most, _weigh_aside(shiny, f32(np.inf), smoothing, stride, shiny))
+            most = max(most, _weigh_aside(shiny, smoothing, stride, shiny))
         for c in range(6):
             _copy(means.gloss[c, i:end], wider.gloss[c, i:end])
         for c in range(3):
@@ -351,12 +351,12 @@ def _divide(values, by, out):
 
 
 @jit
-def _weigh_aside(reach, limit, smoothing, stride, out):
+def _weigh_aside(reach, smoothing, stride, out):
     """Write the weights of squares `stride` pixels aside in filters that reach so far, and return the
-    greatest: side by side they reach as far as one and a half of them; none from the limit on."""
+    greatest: side by side they reach as far as one and a half of them; none where they reach without end."""
     most = f32(0)
     for x in range(len(out)):
-        out[x] = _wide(reach[x] * smoothing, stride) if reach[x] < limit else f32(0)
+        out[x] = _wide(reach[x] * smoothing, stride) if reach[x] < f32(np.inf) else f32(0)
         most = max(most, out[x])
     return most
 
