@@ -37,6 +37,7 @@ from ispm.optics.jit import jit
 from ispm.optics.light import FAR
 from ispm.optics.rng import random4
 from ispm.optics.vector import add, dot, luminance, scale
+from ispm.stages.area_parts import DIMENSION, SIDE, first_turn, numbers_of
 from ispm.stages.area_samples import Arriving, Lobes, Samples, add_light, add_light_of_lobe
 from ispm.stages.pixels import Pixels, PixelView, is_lit, shown_at
 
@@ -44,11 +45,10 @@ f32, i64, u32 = np.float32, np.int64, np.uint32
 
 UNSHADED = f32(1e9)  # pixels, where nothing shades, but the filter is wanted
 CHUNK = 64  # pixels a thread takes at a time
-_DIMENSION = 5 << 20  # of the random numbers
-_SIDE = 4  # pixels of a square that draws from each part once
 _PAIRS = 1  # of directions that one of the environment is drawn from
 _NEAR = f32(0.18)  # of a lamp's distance, that its light without shadows is filtered over, likewise
 _DRAWS, _DRAWS_LATER = 4, 2  # of a pixel in a narrow penumbra, in the first pass; in others, and beside one
+_FAINT = f32(0.005)  # of the environment's light, of which at least a fourth is open
 _NARROW = f32(6)  # pixels that the filter reaches there, less than which its wider squares have no weight
 # Pixels that lamps' light is averaged over: below the first the filter's widest squares count in part, below
 # 12 those of its first stride. 2, 4, 8 and 16 draws make some 1,800 of what is averaged, from 9 pixels on.
@@ -79,7 +79,7 @@ def draw_light(
 
 def _marks_about_squares(marks: np.ndarray) -> np.ndarray:
     """All that marks, (rows, columns), tell of each square of pixels and of the eight about it."""
-    rows, columns = (np.arange(0, size, _SIDE) for size in marks.shape)
+    rows, columns = (np.arange(0, size, SIDE) for size in marks.shape)
     squares = np.bitwise_or.reduceat(np.bitwise_or.reduceat(marks, rows, axis=0), columns, axis=1)
     padded, about = np.pad(squares, 1), np.zeros_like(squares)
     for down, right in np.ndindex(3, 3):
@@ -106,7 +106,7 @@ def _draw_once(tables, pixels, view, openings, marks, counter, lobes, samples, s
         len(samples.near) > 0,
         len(suns.reach) > 0,
     )
-    first = _first_turn(view)
+    first = first_turn(view)
     for i in shared_rows(counter, CHUNK, len(pixels.points)):
         if not is_lit(tables, pixels, i):
             continue
@@ -120,7 +120,7 @@ def _draw_once(tables, pixels, view, openings, marks, counter, lobes, samples, s
             lobes.alpha[i], lobes.f90[i] = shown.x.bsdf.alpha, shown.x.bsdf.f90
             for c in range(3):
                 lobes.f0[c, i] = shown.x.bsdf.f0[c]
-        numbers = _numbers(view, i, i64(0), first)
+        numbers = numbers_of(view, i, i64(0), first)
         _draw(tables, shown, numbers, openings, i, scratch, samples, suns, True, sunny)
         known = sunlight = f32(0), f32(0), f32(0)
         if surrounded:
@@ -158,9 +158,9 @@ def _refine(tables, pixels, view, openings, marks, about, counter, samples, suns
     about  `_marks_about_squares`
     """
     scratch = Scratch(alloca(STACK_WORDS), alloca(2))
-    first = _first_turn(view)
+    first = first_turn(view)
     for i in shared_rows(counter, CHUNK, len(pixels.points)):
-        square = i64(about[i // view.columns // _SIDE, i % view.columns // _SIDE])
+        square = i64(about[i // view.columns // SIDE, i % view.columns // SIDE])
         draws_again, suns_again = _are_partly_shaded(square)
         is_close = square >> _CLOSE_BIT > 0
         if not (draws_again or suns_again or is_close) or not is_lit(tables, pixels, i):
@@ -171,7 +171,7 @@ def _refine(tables, pixels, view, openings, marks, about, counter, samples, suns
             others, sun = _are_partly_shaded(around | i64(marks[i]))
             draws = i64(_DRAWS if view.pass_index == u32(0) and (others or sun) else _DRAWS_LATER)
         for k in range(1, draws):
-            numbers = _numbers(view, i, i64(k), first)
+            numbers = numbers_of(view, i, i64(k), first)
             _draw(tables, shown, numbers, openings, i, scratch, samples, suns, draws_again, suns_again)
         if draws_again:
             _take_mean(samples, i, draws)
@@ -180,7 +180,7 @@ def _refine(tables, pixels, view, openings, marks, about, counter, samples, suns
         # 0, 1, 3, 7 or 15: below one of _CLOSE is below those before
         close = around >> _CLOSE_BIT & _CLOSE_BITS
         if close:
-            r0, r1, r2, _ = random4(u32(i), u32(_DIMENSION + 3), view.pass_index, view.seed)
+            r0, r1, r2, _ = random4(u32(i), u32(DIMENSION + 3), view.pass_index, view.seed)
             light = unshaded_lamps(tables, shown.x, r0, r1, r2, close + i64(1))
             for c in range(3):
                 samples.lamps[c, i] = light[c] * f32(1 / math.pi)
@@ -216,76 +216,11 @@ def _marks_around(marks, i, columns):
 
 
 @jit
-def _first_turn(view):
-    """The turn, of 16, that a picture's first pass takes."""
-    start, _, _, _ = random4(u32(0), u32(_DIMENSION + 1), u32(0), view.seed)
-    return i64(start * f32(_SIDE * _SIDE))
-
-
-@jit
-def _aside(first, square, view):
-    """By how many columns and rows a pixel's part lies aside of its own place in the square.
-
-    In 16 passes pixels draw from each part once, and soon from some far apart: turns are in the order of
-    Bayer's matrix (1973). Each square has an order of its own, or what its pixels have not drawn from yet
-    would make a pattern; but for the first turn: that pass's filter takes in parts of several squares.
-    """
-    parts = i64(_SIDE * _SIDE)
-    turn = i64(view.pass_index) % parts
-    if turn > i64(0):
-        own, _, _, _ = random4(square, u32(_DIMENSION + 1), u32(1), view.seed)
-        swapped = i64(own * f32(parts))
-        if turn != swapped:  # which stays, as turn 0 does
-            turn ^= swapped
-    turn ^= first
-    b0, b1, b2, b3 = turn & 1, turn >> 1 & 1, turn >> 2 & 1, turn >> 3 & 1
-    return 2 * b0 + b2, 2 * (b0 ^ b1) + (b2 ^ b3)
-
-
-@jit
-def _numbers(view, i, k, first):
-    """Three float32 random numbers of [0, 1) for draw k, of four, of row i: of lamps, and of what one of them
-    or the environment is drawn by.
-
-    The latter are from a row and a column of parts, in Graeco-Latin squares: four pixels side by side, and
-    the four draws of one, are from each row and each column once. Where a filter takes in less than a whole
-    square, as at the foot of a wall, or some pixels draw four times and others once, it is even in both.
-    """
-    square = u32((i // view.columns // _SIDE) * view.columns + i % view.columns // _SIDE)
-    right, down = _aside(first, square, view)
-    x, y, turned = i % view.columns % _SIDE, i // view.columns % _SIDE, _times_two(k)
-    part = _part_of_lamps((x + right) % _SIDE ^ k, (y + down) % _SIDE ^ turned)
-    column, row = x ^ y ^ right ^ k ^ turned, x ^ _times_two(y) ^ down ^ turned
-    r0, r1, r2, _ = random4(u32(i), u32(_DIMENSION) + u32(4 * k), view.pass_index, view.seed)
-    # Shifted at random from square to square: a triangle is not to be drawn with the same parts of it. But
-    # not from turn to turn, or a pixel in the shadow of one lamp of two would draw the other by chance.
-    shift, _, _, _ = random4(square, u32(_DIMENSION + 2), view.pass_index // u32(_SIDE * _SIDE), view.seed)
-    u0 = (f32(part) + r0) * f32(1 / (_SIDE * _SIDE)) + shift
-    u0 -= f32(math.floor(u0))
-    return u0, (f32(column) + r1) * f32(1 / _SIDE), (f32(row) + r2) * f32(1 / _SIDE)
-
-
-@jit
-def _times_two(k):
-    """2 k in the field of four elements, of which sums are `^`: that of y and of 2 y, added to x, are two
-    orthogonal Latin squares (Bose, Sankhya 3, 1938)."""
-    return (k << 1 & 3) ^ 3 * (k >> 1)
-
-
-@jit
-def _part_of_lamps(column, row):
-    """Which of 16 parts of all lamps a place in the square draws from: half of each 2 x 2 places from either
-    half of them, and so do a place's first two turns, and of four turns one from each quarter."""
-    low, high = column & 1 ^ row & 1 ^ column >> 1, row >> 1 ^ column & 1
-    return low << 3 | high << 2 | (row & 1) << 1 | column >> 1
-
-
-@jit
 def _draw(tables, shown, numbers, openings, i, scratch, samples, suns, draws_others, draws_suns):
     """Add to row i a draw from lamps and from the environment, by three random numbers: to the Samples of
     suns and to those of all others, where asked for."""
     if draws_others:
-        _draw_lamp(tables, shown, numbers, i, scratch, samples)
+        _draw_lamp(tables, shown, numbers, openings, i, scratch, samples)
     if has_environment(tables.environment):
         sunny = len(suns.reach) > 0
         into = suns if sunny else samples, draws_suns if sunny else draws_others
@@ -313,7 +248,7 @@ def _next_three(numbers):
 
 
 @jit
-def _draw_lamp(tables, shown, numbers, i, scratch, samples):
+def _draw_lamp(tables, shown, numbers, openings, i, scratch, samples):
     """Add to row i of the Samples a draw from lamps, by three random numbers, and one by its lobe."""
     x, by_lobe = shown.x, f32(0)
     lobe = drawn_lobe(x.bsdf, x.n, shown.wo)
@@ -321,7 +256,9 @@ def _draw_lamp(tables, shown, numbers, i, scratch, samples):
     if pdf > f32(0):
         if lobe.square > f32(0):
             by_lobe = pdf / chance * emitter_chance(tables.emitters, row, x.position, lit_side(x), lobe)
-        arriving = Arriving(scale(f32(1) / pdf, radiance), distance, wi, pdf, pdf, by_lobe)
+        light = scale(f32(1) / pdf, radiance)
+        density = f32(0) if _is_faint(tables, x, openings, scale(abs(dot(x.n, wi)), light)) else pdf
+        arriving = Arriving(light, distance, wi, pdf, density, by_lobe)
         brought = add_light(tables, shown, arriving, i, scratch, samples)
         if len(samples.near) > 0 and greatest(brought) > f32(0):
             for c in range(3):
@@ -336,6 +273,16 @@ def _draw_lamp(tables, shown, numbers, i, scratch, samples):
         pdf = by_lobe / chance * emitter_chance(tables.emitters, row, x.position, lit_side(x), NO_LOBE)
         arriving = Arriving(scale(f32(1) / by_lobe, radiance), distance, wi, pdf, pdf, by_lobe)
         add_light_of_lobe(tables, shown, arriving, i, scratch, samples)
+
+
+@jit
+def _is_faint(tables, x, openings, irradiance):
+    """Whether irradiance, RGB, is so little beside that of an environment that is open about a SurfacePoint
+    that its shadows do not show: a small glow all over a model is not to narrow the sky's penumbrae."""
+    if not has_environment(tables.environment) or opening_cell(openings, x)[1]:
+        return False
+    _, sky = environment_irradiance(tables.environment, x.n)
+    return luminance(irradiance) < _FAINT * luminance(sky)
 
 
 @jit

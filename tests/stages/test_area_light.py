@@ -185,3 +185,26 @@ def test_a_small_lamp_keeps_its_highlight_on_rough_metal(gpu):
     rays, tracer = [a[peak].reshape(-1, 3) for a in view.rays_through(x, y)], Tracer(scene)
     truth = path_light(tracer.tables, *rays, samples=range(4000), bounces=0, threads=2)
     assert shown[peak].mean() == pytest.approx(truth[:, 0].mean(), rel=0.05)
+
+
+def test_a_faint_glow_leaves_the_skys_penumbrae_as_smooth_as_they_are(gpu):
+    """Small lamps beside a ball, whose light is less than a thousandth of the sky's: their penumbrae are
+    narrow, and do not narrow the filter. The sky is drawn by the same numbers, so that light differs by what
+    lamps bring. Where the filter reached as far as for lamps it differed by .02."""
+    shown = []
+    for glow in (0.0, 1.0):
+        scene = Scene(environment=Environment(np.ones((4, 8, 3))))
+        scene.add(shapes.plane(20.0, 20.0), material=Material((0.5,) * 3, roughness=1.0, specular=0.0))
+        scene.add(shapes.sphere(0.5), material=Material((0.5,) * 3), translation=(0.0, 0.7, 0.0))
+        for x in (-0.4, 0.4):
+            lamp = Material((0.5,) * 3, emission=(glow,) * 3)
+            scene.add(shapes.box(0.02), material=lamp, translation=(x, 0.3, 0.0))
+        camera = Camera.look_at((0.0, 2.5, 2.5), (0.0, 0.0, 0.6), yfov=0.5)
+        with Renderer(
+            scene, Settings(size=(96, 64), bounces=0, antialias=False), camera, gpu=gpu
+        ) as renderer:
+            frame = renderer.render()
+            floor = frame.normal[..., 1] > 0.999
+            shown.append(frame.direct[..., 1].astype(float))
+    dark, lit = (light[floor] for light in shown)
+    assert np.sqrt(((lit / dark - 1.0) ** 2).mean()) < 0.005
