@@ -91,6 +91,10 @@ def main() -> None:
     parser.add_argument("--pictures", type=Path, metavar="FOLDER", help="where ours and theirs are kept")
     parser.add_argument("--write", action="store_true", help="the page's table of this kind")
     given = parser.parse_args()
+    if given.kind == "known" and set(given.which) - set(KNOWN):
+        parser.error(
+            f"no known scene {', '.join(set(given.which) - set(KNOWN))}; there are {', '.join(KNOWN)}"
+        )
     warnings.simplefilter("ignore")
     gpu, rows = open_gpu(), []
     for name in _names(given.kind, given.which):
