@@ -71,6 +71,11 @@ def emissive_flux(packed: Packed, surfaces: SurfaceTable) -> float:
     return float(emitter_flux(scene_tables(packed, None, surfaces).emitters).sum())
 
 
+def has_area_light(packed: Packed, surfaces: SurfaceTable) -> bool:
+    """Return whether a scene is lit by lamps with a surface or by an environment."""
+    return emissive_flux(packed, surfaces) > 0.0 or len(packed.environment.rows) > 0
+
+
 def emit_from_surfaces(
     packed: Packed,
     world: World,

@@ -32,6 +32,7 @@ _FEW = f32(0.02)  # sum of weights below which farther neighbours are used too
 _LEAST_TOTAL = f32(1e-30)  # of weights: one over less overflows float32
 _TOO_LITTLE = f32(1e-3)  # sum of weights below which an end has no neighbour
 _TURNED = f32(0.01)  # least share of its weight that a receiver keeps whose bump faces elsewhere
+_GAP = 4  # unused rows between used ones of an image, at most: those on its sides never mix by interpolation
 _CHUNK = 256
 _NO_GRADIENT = np.zeros((0, WORDS), np.float32)
 
@@ -53,6 +54,15 @@ def image_of_ends(
     _choose_ends(points, cells, before, f32(block), image)
     _reach_neighbours(image, size[0], size[1])
     return image
+
+
+def without_gaps(numbers: np.ndarray) -> np.ndarray:
+    """Return (n,) int numbers of rows or columns with all but `_GAP` of each run of unused ones left out."""
+    placed = np.zeros(int(numbers.max()) + 1, np.int64)
+    placed[numbers] = 1
+    used = np.flatnonzero(placed)
+    placed[used] = np.cumsum(np.minimum(np.diff(used, prepend=used[0]), _GAP + 1))
+    return np.asarray(placed[numbers])
 
 
 @jit

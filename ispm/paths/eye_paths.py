@@ -33,6 +33,9 @@ class EyeRays:
     behind     whether they go straight on behind a blended surface that a pixel shows
     widening   at ends, direct light counts lobes as at least this times as wide as the lobe that led there:
                few paths find a light's image in a second narrow lobe
+    by_image   whether ends that lie side by side, as those that mirrors and clear glass show, are left
+               without the direct light that their Lambert lobe has of lamps with a surface and of the
+               environment: an image of them brings it
     """
 
     origins: np.ndarray
@@ -48,6 +51,7 @@ class EyeRays:
     widening: float = 1.0
     of_coats: bool = False
     behind: bool = False
+    by_image: bool = False
 
 
 @dataclass(frozen=True)

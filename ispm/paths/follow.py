@@ -7,7 +7,15 @@ import numpy as np
 from ispm.accel.bands import in_band, is_dispersive
 from ispm.accel.emitter_tree import NO_LOBE
 from ispm.accel.glow import glow
-from ispm.accel.layers import coat_point, end_bsdf, has_sheen, is_coated, is_translucent, with_matte_sheen
+from ispm.accel.layers import (
+    coat_point,
+    end_bsdf,
+    facet_point,
+    has_sheen,
+    is_coated,
+    is_translucent,
+    with_matte_sheen,
+)
 from ispm.accel.medium import attenuated, medium, passed_sheet
 from ispm.accel.surface import closest_behind, closest_surface, leave_surface, opacity_seen, surface
 from ispm.lights.few import light_of_few
@@ -90,6 +98,7 @@ def follow(tables, view, thread, path, veil, waiting, i, slot, out, done):
     stored, rough, disperses = 0, False, False
     from_lobe, far, sharp = pdf > f32(0), f32(1e30), True
     behind = veil.instance != u32(NO_HIT)
+    side_by_side = view.by_image and (lane != SCATTERED or lobe.square > f32(0))
     for event in range(EVENTS_MAX + 1):
         u1, u2, u0 = facet_numbers(key, dimension, view.pass_index, view.seed)
         traced += i64(1)
@@ -142,6 +151,8 @@ def follow(tables, view, thread, path, veil, waiting, i, slot, out, done):
         by_glass = transmits(b) and not is_smooth(b) and event < EVENTS_MAX
         count = 1 if from_lobe or rough else LAMP_SAMPLES
         count = _SAMPLES_BEHIND if view.behind and sees else count
+        by_image = side_by_side and not rough and stored == 0 and has_diffuse and not (unlit or transmits(b))
+        by_image = by_image and not (has_sheen(x) or is_translucent(x))
         if not unlit and (has_finite(b) or not is_smooth(b)):
             lit, goes_on_by = widened(x, wo, widest), BY_FACETS if goes_on else BY_NOTHING
             goes_on_by = BY_GLASS if by_glass else goes_on_by
@@ -150,10 +161,14 @@ def follow(tables, view, thread, path, veil, waiting, i, slot, out, done):
                 light, shadows = light_of_few(tables, lit, wo, pick, thread.scratch, thread.values)
             else:
                 light, shadows = punctual_light(tables, lit, wo, thread.scratch, f32(np.inf))
-            told = goes_on_by, count, view.pass_index, view.openings
-            more, others = area_light_by_ratio(tables, x, wo, u0, thread.scratch, *told)
-            add_light(out.light, i, DIRECT, add(light, more), seen)
-            traced += shadows + others
+            add_light(out.light, i, DIRECT, light, seen)
+            traced += shadows
+            drawn_for = facet_point(x) if by_image else x
+            if not by_image or not is_smooth(b):
+                told = goes_on_by, count, view.pass_index, view.openings
+                light, shadows = area_light_by_ratio(tables, drawn_for, wo, u0, thread.scratch, *told)
+                add_light(out.light, i, DIRECT, light, seen)
+                traced += shadows
         if has_sheen(x) or is_translucent(x):
             light, shadows = layers_light(
                 tables, x, wo, u0, thread.scratch, count, view.pass_index, view.openings
@@ -176,7 +191,7 @@ def follow(tables, view, thread, path, veil, waiting, i, slot, out, done):
         if is_end:
             least = widest if goes_on else NARROW_ALPHA
             end = BLACK if unlit else as_wide(end_bsdf(end, goes_on), dot(x.n, wo), least)
-            store_end(out.ends[row].end, slot, lane, seen, end, hit.instance)
+            store_end(out.ends[row].end, slot, lane, seen, end, hit.instance, by_image)
             store_point(out.ends[row].point, x, wo, end, width, least)
             row, stored, lane = row + i64(1), stored + 1, i64(SCATTERED)
         if behind:

@@ -28,10 +28,12 @@ DIRECT, INDIRECT, EMISSION, THROUGH, COLUMNS = 0, 3, 6, 9, 12  # columns of EyeP
 
 # A surface that photons may light, or that is unlit, seen in mirrors and glass. slot: the ray's row;
 # lane: what the first surface did to its path; weight: of the radiance that leaves it, in the ray's. f0
-# and f90 are 0 where the path continues instead.
+# and f90 are 0 where the path continues instead. by_image: 1 where the Lambert lobe still lacks the direct
+# light of lamps with a surface and of the environment, see `EyeRays.by_image`.
 PATH_END = np.dtype([
     ("slot", "<u4"), ("lane", "<u4"), ("weight", "<f4", 3), ("diffuse", "<f4", 3), ("f0", "<f4", 3),
     ("f90", "<f4"), ("dielectric_f0", "<f4"), ("dielectric_f90", "<f4"), ("instance", "<u4"),
+    ("by_image", "<u4"),
 ])  # fmt: skip
 
 # The mirror, glass or narrow lobe that a pixel shows; blur: pixels over which its light may be averaged, 0:
@@ -50,12 +52,13 @@ PATH_END_AND_POINT = np.dtype([("end", PATH_END), ("point", RECEIVER)])
 
 
 @jit
-def store_end(end, slot, lane, weight, b, instance):
+def store_end(end, slot, lane, weight, b, instance, by_image=False):
     """Write a PATH_END at a surface of the Bsdf b; weight: of its radiance, RGB."""
     gloss = f32(1) if b.alpha > f32(0) and not transmits(b) else f32(0)
     end.slot = u32(slot)
     end.lane = u32(lane)
     end.instance = instance
+    end.by_image = u32(1) if by_image else u32(0)
     for k in literal_unroll((0, 1, 2)):
         end.weight[k] = weight[k]
         end.diffuse[k] = b.diffuse[k]

@@ -11,7 +11,7 @@ from ispm.frame import BounceMaps, GBuffer, GpuScene, LitFrame, Receivers
 from ispm.gpu import Texture
 from ispm.lights.openings import Openings
 from ispm.lights.plan import PlannedMap
-from ispm.lights.surface_emission import emissive_flux
+from ispm.lights.surface_emission import has_area_light
 from ispm.photons.walk import Walk
 from ispm.renderer.caustics import PhotonClasses, classify_photons
 from ispm.renderer.gather import PhotonLight
@@ -134,7 +134,7 @@ def _light_directly(this: Pass, stages: Stages, sight: Sight, openings: Openings
     points, scene = sight.receivers.points, sight.scene
     found: list[np.ndarray] = []
     by_rays = takes_rays(this.packed, this.settings, stages.gpu.is_software)
-    by_area = emissive_flux(this.packed, this.surfaces) > 0.0 or len(this.packed.environment.rows) > 0
+    by_area = has_area_light(this.packed, this.surfaces)
     if by_rays or by_area:
         with watch("direct"):
             told = this.packed, this.world, this.surfaces

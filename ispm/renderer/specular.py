@@ -10,12 +10,13 @@ import numpy as np
 
 from ispm.accel.surface import SurfaceTable
 from ispm.frame import Receivers
+from ispm.lights.surface_emission import has_area_light
 from ispm.optics.incident import channels, no_light
 from ispm.optics.records import take
 from ispm.paths.branch import GLOSS_SAMPLES, SCATTERED
 from ispm.paths.denoise import denoise
 from ispm.paths.edges import edge_rows
-from ispm.paths.ends import image_of_ends, reflect_light, spread_light
+from ispm.paths.ends import image_of_ends, reflect_light, spread_light, without_gaps
 from ispm.paths.eye import trace_eye
 from ispm.paths.eye_paths import EyePaths, EyeRays, join_ends, no_paths
 from ispm.paths.far import LANES, light_far_sides
@@ -29,12 +30,13 @@ from ispm.renderer.gather import PhotonLight
 from ispm.renderer.heap import give_back
 from ispm.renderer.one_pass import Pass
 from ispm.stages.camera import CameraView
+from ispm.stages.end_light import add_area_light
 from ispm.stages.filter import filter_estimate, filter_points
+from ispm.stages.pixels import pixel_view
 from ispm.stages.specular import LAYER_BASE, LAYER_BEHIND, LAYER_COAT, LAYER_FAR, LAYER_SHEEN
 
 _MISSED_SHARE = 1 / 64  # receivers of missed pixels to those of the picture, while blocks can grow; measured
 _BAND = 1 << 18  # rays whose ends lie in memory at a time
-_GAP = 4  # unused rows between used ones of an image, at most: those on its sides never mix by interpolation
 _FINER = 2  # blocks of ends are this much smaller than the picture's: curved mirrors show much in few pixels
 SAMPLES = np.array([(-1, -3), (3, -1), (-3, 1), (1, 3)]) / 8.0  # pixels from the centre, as antialiasing's
 _EDGES_FEW = 1 / 16  # of the picture's pixels
@@ -135,7 +137,8 @@ def _paths_of(
     has as many: of rows that no path serves, and through samples of pixels on edges; and what the n rays
     show."""
     view = this.view
-    paths = follow(this, rays, photons)
+    by_image = has_area_light(this.packed, this.surfaces)
+    paths = follow(this, replace(rays, by_image=by_image), photons)
     places = rays.origins + rays.distances[:, None] * rays.directions
     widths = view.pixel_widths(places)
     given = shown(rays.keys, view.size[0], paths.firsts, places, widths, this.threads)
@@ -227,7 +230,8 @@ def fine_rays(
 
 
 def follow(this: Pass, rays: EyeRays, photons: PhotonLight) -> EyePaths:
-    """Follow eye paths to their ends; those of paths that scattered are lit as they are found and dropped."""
+    """Follow eye paths to their ends, to which light of lamps with a surface and of the environment is added;
+    those of paths that scattered are lit by photons, too, as they are found, and dropped."""
     whole, parts = no_paths(len(rays.keys)), []
     for first in range(0, max(len(rays.keys), 1), _BAND):
         rows = slice(first, first + _BAND)
@@ -237,6 +241,10 @@ def follow(this: Pass, rays: EyeRays, photons: PhotonLight) -> EyePaths:
         )
         told = this.packed, this.world, this.surfaces, band, this.settings.seed, this.index, into
         paths = trace_eye(*told, photons.openings)
+        if rays.by_image:
+            shown = band.keys, pixel_view(this.view, this.settings.seed)
+            told = paths.light, paths.ends, paths.points, *shown, *told[:3]
+            add_area_light(*told, photons.openings, this.settings.smoothing)
         scattered = paths.ends["lane"] == SCATTERED
         ends, points = (take(each, np.flatnonzero(scattered)) for each in (paths.ends, paths.points))
         paths.indirect[:] = light_each(ends, points, photons, len(band.keys), this.threads)
@@ -302,7 +310,7 @@ def light_by_image(
     diagonal, smoothing, threads = this.packed.diagonal, this.settings.smoothing, this.threads
     width = this.view.size[0]
     x, y = pixels % width, pixels // width
-    column, row = _without_gaps(x // block), _without_gaps(y // block)
+    column, row = without_gaps(x // block), without_gaps(y // block)
     size = (int(column.max()) + 1, int(row.max()) + 1)
     cells = row * size[0] + column
     image = image_of_ends(points, cells, size, block, this.index)
@@ -320,15 +328,6 @@ def light_by_image(
         if len(alone):
             spread[alone] = light_at(Receivers(take(points, alone), (len(alone), 1)))
     return spread
-
-
-def _without_gaps(cells: np.ndarray) -> np.ndarray:
-    """(n,) int numbers of rows or columns, with all but `_GAP` of each run of unused ones left out."""
-    numbers = np.zeros(int(cells.max()) + 1, np.int64)
-    numbers[cells] = 1
-    used = np.flatnonzero(numbers)
-    numbers[used] = np.cumsum(np.minimum(np.diff(used, prepend=used[0]), _GAP + 1))
-    return np.asarray(numbers[cells])
 
 
 def light_missed(

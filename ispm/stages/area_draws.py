@@ -13,6 +13,8 @@ decide, its own as well: together they are of all parts, whichever it drew.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 
@@ -64,16 +66,33 @@ def draw_light(
 ) -> tuple[Lobes, tuple[Samples, Samples]]:
     """Return the Lobes of n pixels, and the Samples: of the environment's sunlight, without rows where it has
     none, and of all other light; Openings guide draws from the environment."""
-    count = len(pixels.points)
+    told = tables, pixels, view, openings
+    return draw_by(
+        partial(_draw_once, *told), partial(_refine, *told), tables, view, len(pixels.points), threads
+    )
+
+
+def draw_by(
+    draw_once: Callable[..., None],
+    refine: Callable[..., None],
+    tables: Tables,
+    view: PixelView,
+    count: int,
+    threads: int,
+) -> tuple[Lobes, tuple[Samples, Samples]]:
+    """Return what `draw_light` does of what kernels take `count` pixels to show.
+
+    draw_once  of marks, the threads' counter, and the Lobes and Samples to fill, see `draw_first`
+    refine     of marks, `_marks_about_squares`, the counter and the Samples, see `draw_again`
+    """
     by_draws = 0 if are_known(tables.emitters) else count
     samples = _empty_samples(count, by_draws)
     suns = _empty_samples(count if len(tables.environment.sunlight) else 0, 0)
     alpha, f90 = np.zeros((2, count), np.float32)
-    lobes = Lobes(alpha, np.zeros((3, count), np.float32), f90)
-    marks, told = np.zeros(count, np.uint8), (tables, pixels, view, openings)
-    run_shared(lambda counter: _draw_once(*told, marks, counter, lobes, samples, suns), threads)
+    lobes, marks = Lobes(alpha, np.zeros((3, count), np.float32), f90), np.zeros(count, np.uint8)
+    run_shared(lambda counter: draw_once(marks, counter, lobes, samples, suns), threads)
     about = _marks_about_squares(marks.reshape(-1, int(view.columns)))
-    run_shared(lambda counter: _refine(*told, marks, about, counter, samples, suns), threads)
+    run_shared(lambda counter: refine(marks, about, counter, samples, suns), threads)
     return lobes, (suns, samples)
 
 
@@ -98,46 +117,49 @@ def _empty_samples(count: int, by_draws: int) -> Samples:
 
 @jit
 def _draw_once(tables, pixels, view, openings, marks, counter, lobes, samples, suns):
-    """Trace a shadow ray to each lamp and the environment for as many of the Pixels as a thread gets, mark
-    what they met, and write the Lobes."""
-    scratch = Scratch(alloca(STACK_WORDS), alloca(2))
+    """`draw_first` for as many of the Pixels as a thread gets."""
+    scratch, first = Scratch(alloca(STACK_WORDS), alloca(2)), first_turn(view)
+    for i in shared_rows(counter, CHUNK, len(pixels.points)):
+        if is_lit(tables, pixels, i):
+            shown, numbers = shown_at(tables, pixels, view, i), numbers_of(view, i, i64(0), first)
+            draw_first(tables, shown, numbers, openings, i, scratch, marks, lobes, samples, suns)
+
+
+@jit
+def draw_first(tables, shown, numbers, openings, i, scratch, marks, lobes, samples, suns):
+    """Trace a shadow ray to each lamp and the environment for what row i has Shown, by three random numbers,
+    mark what they met, and write its Lobes."""
     surrounded, by_draws, sunny = (
         has_environment(tables.environment),
         len(samples.near) > 0,
         len(suns.reach) > 0,
     )
-    first = first_turn(view)
-    for i in shared_rows(counter, CHUNK, len(pixels.points)):
-        if not is_lit(tables, pixels, i):
-            continue
-        shown = shown_at(tables, pixels, view, i)
-        if not is_lambert(shown.x.bsdf):
-            # what reflection leaves to the Lambert lobe depends on the draw, whose ratio alone is biased; and
-            # what is reflected is known by draws alone, of which each pixel of a square has another part
-            samples.reach[i] = UNSHADED
-            if sunny:
-                suns.reach[i] = UNSHADED
-            lobes.alpha[i], lobes.f90[i] = shown.x.bsdf.alpha, shown.x.bsdf.f90
-            for c in range(3):
-                lobes.f0[c, i] = shown.x.bsdf.f0[c]
-        numbers = numbers_of(view, i, i64(0), first)
-        _draw(tables, shown, numbers, openings, i, scratch, samples, suns, True, sunny)
-        known = sunlight = f32(0), f32(0), f32(0)
-        if surrounded:
-            sunlight, known = environment_irradiance(tables.environment, shown.x.n)
-        if not by_draws:
-            known = add(known, unshaded_lamps(tables, shown.x, f32(0), f32(0), f32(0), i64(0)))
-        for c in range(3):
-            samples.known[c, i] = known[c] * f32(1 / math.pi)
-        mark = _mark(samples, i)
+    if not is_lambert(shown.x.bsdf):
+        # what reflection leaves to the Lambert lobe depends on the draw, whose ratio alone is biased; and
+        # what is reflected is known by draws alone, of which each pixel of a square has another part
+        samples.reach[i] = UNSHADED
         if sunny:
-            for c in range(3):
-                suns.known[c, i] = sunlight[c] * f32(1 / math.pi)
-            mark += _mark(suns, i) << _SUN_BIT
-        if by_draws:
-            for level in range(len(_CLOSE)):
-                mark += (1 << (_CLOSE_BIT + level)) * (samples.near[i] < _CLOSE[level])
-        marks[i] = mark
+            suns.reach[i] = UNSHADED
+        lobes.alpha[i], lobes.f90[i] = shown.x.bsdf.alpha, shown.x.bsdf.f90
+        for c in range(3):
+            lobes.f0[c, i] = shown.x.bsdf.f0[c]
+    _draw(tables, shown, numbers, openings, i, scratch, samples, suns, True, sunny)
+    known = sunlight = f32(0), f32(0), f32(0)
+    if surrounded:
+        sunlight, known = environment_irradiance(tables.environment, shown.x.n)
+    if not by_draws:
+        known = add(known, unshaded_lamps(tables, shown.x, f32(0), f32(0), f32(0), i64(0)))
+    for c in range(3):
+        samples.known[c, i] = known[c] * f32(1 / math.pi)
+    mark = _mark(samples, i)
+    if sunny:
+        for c in range(3):
+            suns.known[c, i] = sunlight[c] * f32(1 / math.pi)
+        mark += _mark(suns, i) << _SUN_BIT
+    if by_draws:
+        for level in range(len(_CLOSE)):
+            mark += (1 << (_CLOSE_BIT + level)) * (samples.near[i] < _CLOSE[level])
+    marks[i] = mark
 
 
 @jit
@@ -152,41 +174,57 @@ def _mark(samples, i):
 
 @jit
 def _refine(tables, pixels, view, openings, marks, about, counter, samples, suns):
-    """Have pixels in and beside narrow penumbrae draw again, so that the Samples are their means, and those
-    close to lamps know what these bring without shadows.
-
-    about  `_marks_about_squares`
-    """
-    scratch = Scratch(alloca(STACK_WORDS), alloca(2))
-    first = first_turn(view)
+    """`draw_again` for as many of the Pixels as a thread gets."""
+    scratch, first = Scratch(alloca(STACK_WORDS), alloca(2)), first_turn(view)
     for i in shared_rows(counter, CHUNK, len(pixels.points)):
-        square = i64(about[i // view.columns // SIDE, i % view.columns // SIDE])
-        draws_again, suns_again = _are_partly_shaded(square)
-        is_close = square >> _CLOSE_BIT > 0
-        if not (draws_again or suns_again or is_close) or not is_lit(tables, pixels, i):
-            continue
-        shown, around = shown_at(tables, pixels, view, i), _marks_around(marks, i, view.columns)
-        draws = i64(1)
-        if draws_again or suns_again:
-            others, sun = _are_partly_shaded(around | i64(marks[i]))
-            draws = i64(_DRAWS if view.pass_index == u32(0) and (others or sun) else _DRAWS_LATER)
-        for k in range(1, draws):
-            numbers = numbers_of(view, i, i64(k), first)
-            _draw(tables, shown, numbers, openings, i, scratch, samples, suns, draws_again, suns_again)
-        if draws_again:
-            _take_mean(samples, i, draws)
-        if suns_again:
-            _take_mean(suns, i, draws)
-        # 0, 1, 3, 7 or 15: below one of _CLOSE is below those before
-        close = around >> _CLOSE_BIT & _CLOSE_BITS
-        if close:
-            r0, r1, r2, _ = random4(u32(i), u32(DIMENSION + 3), view.pass_index, view.seed)
-            light = unshaded_lamps(tables, shown.x, r0, r1, r2, close + i64(1))
-            for c in range(3):
-                samples.lamps[c, i] = light[c] * f32(1 / math.pi)
-        elif draws_again and len(samples.near) > 0:
-            for c in range(3):
-                samples.lamps[c, i] *= f32(1) / f32(draws)
+        square = square_of(about, view, i)
+        if draws_more(square) and is_lit(tables, pixels, i):
+            shown = shown_at(tables, pixels, view, i)
+            draw_again(tables, shown, view, openings, i, first, scratch, marks, square, samples, suns)
+
+
+@jit
+def square_of(about, view, i):
+    """Return what `_marks_about_squares` tell, int64, of the square of row i."""
+    return i64(about[i // view.columns // SIDE, i % view.columns // SIDE])
+
+
+@jit
+def draws_more(square):
+    """Return whether pixels of a square draw more than once, by what marks tell of it."""
+    others, sun = _are_partly_shaded(square)
+    return others or sun or square >> _CLOSE_BIT > 0
+
+
+@jit
+def draw_again(tables, shown, view, openings, i, first, scratch, marks, square, samples, suns):
+    """Have row i, if it is in or beside a narrow penumbra, draw again, so that the Samples are their means,
+    and if it is close to lamps, know what these bring without shadows.
+
+    first   `first_turn`;  square  what `square_of` tells of it
+    """
+    draws_others, draws_suns = _are_partly_shaded(square)
+    around, draws = _marks_around(marks, i, view.columns), i64(1)
+    if draws_others or draws_suns:
+        others, sun = _are_partly_shaded(around | i64(marks[i]))
+        draws = i64(_DRAWS if view.pass_index == u32(0) and (others or sun) else _DRAWS_LATER)
+    for k in range(1, draws):
+        numbers = numbers_of(view, i, i64(k), first)
+        _draw(tables, shown, numbers, openings, i, scratch, samples, suns, draws_others, draws_suns)
+    if draws_others:
+        _take_mean(samples, i, draws)
+    if draws_suns:
+        _take_mean(suns, i, draws)
+    # 0, 1, 3, 7 or 15: below one of _CLOSE is below those before
+    close = around >> _CLOSE_BIT & _CLOSE_BITS
+    if close:
+        r0, r1, r2, _ = random4(u32(i), u32(DIMENSION + 3), view.pass_index, view.seed)
+        light = unshaded_lamps(tables, shown.x, r0, r1, r2, close + i64(1))
+        for c in range(3):
+            samples.lamps[c, i] = light[c] * f32(1 / math.pi)
+    elif draws_others and len(samples.near) > 0:
+        for c in range(3):
+            samples.lamps[c, i] *= f32(1) / f32(draws)
 
 
 @jit

@@ -17,11 +17,22 @@ from ispm.lights.ratio import ratio_share
 from ispm.optics.bsdf import NARROW_ALPHA
 from ispm.optics.jit import jit
 from ispm.stages.area_draws import UNSHADED
+from ispm.stages.area_runs import (
+    RUN,
+    add,
+    copy,
+    divide,
+    forget_unshown,
+    part,
+    part_aside,
+    run_of,
+    runs,
+    take_least,
+)
 from ispm.stages.area_shapes import keep_alike
 
 f32, i64, u32 = np.float32, np.int64, np.uint32
 
-RUN = 128  # pixels, whose numbers and those of the rows about them fit in a cache of the first level
 WORK = 35, RUN  # shape of the float32 array that a thread works in
 _REACH = 2  # pixels to each side that the filter takes in
 _LEAST_REACH = f32(2)  # in the first pass, less and less in others, for single rays are specks
@@ -79,16 +90,21 @@ def filter_samples(shapes, view, smoothing, samples, lobes, counter, work, means
     share_most, by_draws = ratio_share(view.pass_index), samples.lamps.shape[1] > 0
     corrects = unshaded.missed.shape[1] > 0
     columns, count = view.columns, i64(len(shapes.word))
-    for run in shared_rows(counter, 1, count // columns * _runs(columns)):
-        i, first, size = _run(run, columns)
+    for run in shared_rows(counter, 1, count // columns * runs(columns)):
+        i, first, size = run_of(run, columns, shapes.word)
+        if size == i64(0):
+            continue
         end = i + size
         reach, weight, total, sums = work[0, :size], work[1, :size], work[2, :size], work[5:20]
         alike, whole = work[20, :size], work[21:27]
         shine, shining = work[27, :size], work[28, :size]
         if by_draws:
-            _take_least(samples.near, i, first, columns, i64(1), _REACH, means.near[i:end])
-        _take_least(samples.reach, i, first, columns, i64(1), _REACH, means.reach[i:end])
-        _take_least(samples.shine, i, first, columns, i64(1), _REACH, means.shine[i:end])
+            take_least(samples.near, i, first, columns, i64(1), _REACH, means.near[i:end])
+            forget_unshown(shapes.word[i:end], means.near[i:end])
+        take_least(samples.reach, i, first, columns, i64(1), _REACH, means.reach[i:end])
+        take_least(samples.shine, i, first, columns, i64(1), _REACH, means.shine[i:end])
+        forget_unshown(shapes.word[i:end], means.reach[i:end])
+        forget_unshown(shapes.word[i:end], means.shine[i:end])
         by_ratio = unshaded.by_ratio[i:end]
         for x in range(size):
             reach[x] = min(max(means.reach[i + x], least), f32(_REACH))
@@ -101,7 +117,7 @@ def filter_samples(shapes, view, smoothing, samples, lobes, counter, work, means
         shining[:] = f32(0)
         for tap in range((2 * _REACH + 1) ** 2):
             down, right = tap // (2 * _REACH + 1) - _REACH, tap % (2 * _REACH + 1) - _REACH
-            low, high, k = _part(i, first, size, down, right, columns, count)
+            low, high, k = part(i, first, size, down, right, columns, count)
             if high <= low:
                 continue
             taps, same, size_of, until = weight[low:high], alike[low:high], high - low, k + high - low
@@ -118,28 +134,28 @@ def filter_samples(shapes, view, smoothing, samples, lobes, counter, work, means
                 for x in range(size_of):
                     same[x] *= half
                 for c in range(3):
-                    _add(same, samples.diffuse[c, k:until], whole[c, low:high])
-                    _add(same, samples.drawn[c, k:until], whole[3 + c, low:high])
+                    add(same, samples.diffuse[c, k:until], whole[c, low:high])
+                    add(same, samples.drawn[c, k:until], whole[3 + c, low:high])
             if shines:
                 _weigh_lobes(lobes.alpha[i + low : i + high], lobes.alpha[k:until], taps, shine[low:high])
                 for x in range(low, high):
                     shining[x] += shine[x]
             for c in range(3):
-                _add(taps, samples.diffuse[c, k:until], sums[c, low:high])
-                _add(taps, samples.drawn[c, k:until], sums[3 + c, low:high])
+                add(taps, samples.diffuse[c, k:until], sums[c, low:high])
+                add(taps, samples.drawn[c, k:until], sums[3 + c, low:high])
                 if by_draws:
-                    _add(taps, samples.lamps[c, k:until], sums[6 + c, low:high])
+                    add(taps, samples.lamps[c, k:until], sums[6 + c, low:high])
             for c in range(6 if shines else 0):
-                _add(shine[low:high], samples.gloss[c, k:until], sums[9 + c, low:high])
+                add(shine[low:high], samples.gloss[c, k:until], sums[9 + c, low:high])
         for c in range(6):
-            _divide(sums[9 + c, :size], shining if shines else total, means.gloss[c, i:end])
+            divide(sums[9 + c, :size], shining if shines else total, means.gloss[c, i:end])
         for c in range(3):
-            _divide(sums[c, :size], total, means.diffuse[c, i:end])
-            _divide(sums[3 + c, :size], total, means.drawn[c, i:end])
+            divide(sums[c, :size], total, means.diffuse[c, i:end])
+            divide(sums[3 + c, :size], total, means.drawn[c, i:end])
             known, drawn = samples.known[c, i:end], means.drawn[c, i:end]
             shown, lamps = unshaded.diffuse[c, i:end], sums[6 + c, :size]
             if by_draws:
-                _divide(lamps, total, means.lamps[c, i:end])
+                divide(lamps, total, means.lamps[c, i:end])
                 lamps = means.lamps[c, i:end]
             for x in range(size):
                 shown[x] = drawn[x] + by_ratio[x] * (known[x] + lamps[x] - drawn[x])
@@ -162,36 +178,41 @@ def widen(shapes, view, smoothing, stride, means, lobes, counter, work, wider, u
     """
     by_draws = means.lamps.shape[1] > 0
     columns, count = view.columns, i64(len(shapes.word))
-    for run in shared_rows(counter, 1, count // columns * _runs(columns)):
-        i, first, size = _run(run, columns)
+    for run in shared_rows(counter, 1, count // columns * runs(columns)):
+        i, first, size = run_of(run, columns, shapes.word)
+        if size == i64(0):
+            continue
         end = i + size
         evenly, taps, total, pairs = work[1, :size], work[2, :size], work[3, :size], work[31:35]
         most = _weigh_pairs(
             means.reach, i, first, columns, stride, smoothing, pairs, work[0, :size], wider.reach[i:end]
         )
+        forget_unshown(shapes.word[i:end], wider.reach[i:end])
         if by_draws:
-            _take_least(means.near, i, first, columns, stride, 1, wider.near[i:end])
+            take_least(means.near, i, first, columns, stride, 1, wider.near[i:end])
+            forget_unshown(shapes.word[i:end], wider.near[i:end])
             most = max(most, _weigh_aside(wider.near[i:end], smoothing, stride, evenly))
         shiny, shine, shining = work[26, :size], work[27, :size], work[28, :size]
         shines = _is_any(lobes.f90[i:end])
         if shines:
-            _take_least(means.shine, i, first, columns, stride, 1, wider.shine[i:end])
+            take_least(means.shine, i, first, columns, stride, 1, wider.shine[i:end])
+            forget_unshown(shapes.word[i:end], wider.shine[i:end])
             for x in range(size):
                 shiny[x] = min(wider.reach[i + x], wider.shine[i + x])
             most = max(most, _weigh_aside(shiny, smoothing, stride, shiny))
         for c in range(6):
-            _copy(means.gloss[c, i:end], wider.gloss[c, i:end])
+            copy(means.gloss[c, i:end], wider.gloss[c, i:end])
         for c in range(3):
-            _copy(means.diffuse[c, i:end], wider.diffuse[c, i:end])
-            _copy(means.drawn[c, i:end], wider.drawn[c, i:end])
+            copy(means.diffuse[c, i:end], wider.diffuse[c, i:end])
+            copy(means.drawn[c, i:end], wider.drawn[c, i:end])
             if by_draws:
-                _copy(means.lamps[c, i:end], wider.lamps[c, i:end])
+                copy(means.lamps[c, i:end], wider.lamps[c, i:end])
         if most <= f32(0):
             continue
         alike, same = work[6:15], work[15:24]  # with the pixel aside; and turned alike, too
         alike[:] = f32(0)
         for tap in range(9):
-            low, high, k = _part_aside(i, first, size, stride, tap, columns, count)
+            low, high, k = part_aside(i, first, size, stride, tap, columns, count)
             if high <= low or tap == 4:
                 continue
             until, turn = k + high - low, work[4, low:high]
@@ -203,12 +224,12 @@ def widen(shapes, view, smoothing, stride, means, lobes, counter, work, wider, u
                 taps[x] = pair[x] * alike[tap, x]
                 same[tap, x] = alike[tap, x] if turn[x - low] > _SAME else f32(0)
             for c in range(3):
-                _add(taps[low:high], means.diffuse[c, k:until], wider.diffuse[c, i + low : i + high])
-                _add(taps[low:high], means.drawn[c, k:until], wider.drawn[c, i + low : i + high])
+                add(taps[low:high], means.diffuse[c, k:until], wider.diffuse[c, i + low : i + high])
+                add(taps[low:high], means.drawn[c, k:until], wider.drawn[c, i + low : i + high])
         if shines:
             shining[:] = f32(1)
             for tap in range(9):
-                low, high, k = _part_aside(i, first, size, stride, tap, columns, count)
+                low, high, k = part_aside(i, first, size, stride, tap, columns, count)
                 if high <= low or tap == 4:
                     continue
                 until = k + high - low
@@ -220,14 +241,14 @@ def widen(shapes, view, smoothing, stride, means, lobes, counter, work, wider, u
                 for x in range(low, high):
                     shining[x] += shine[x]
                 for c in range(6):
-                    _add(shine[low:high], means.gloss[c, k:until], wider.gloss[c, i + low : i + high])
+                    add(shine[low:high], means.gloss[c, k:until], wider.gloss[c, i + low : i + high])
             for c in range(6):
-                _divide(wider.gloss[c, i:end], shining, wider.gloss[c, i:end])
+                divide(wider.gloss[c, i:end], shining, wider.gloss[c, i:end])
         if not by_draws:
             continue
         total[:] = f32(1)
         for tap in range(9):
-            low, high, k = _part_aside(i, first, size, stride, tap, columns, count)
+            low, high, k = part_aside(i, first, size, stride, tap, columns, count)
             if high <= low or tap == 4:
                 continue
             # with the one opposite alone, or a slope of light would be a bias
@@ -235,55 +256,13 @@ def widen(shapes, view, smoothing, stride, means, lobes, counter, work, wider, u
                 taps[x] = evenly[x] * same[tap, x] * alike[8 - tap, x]
                 total[x] += taps[x]
             for c in range(3):
-                _add(taps[low:high], means.lamps[c, k : k + high - low], wider.lamps[c, i + low : i + high])
+                add(taps[low:high], means.lamps[c, k : k + high - low], wider.lamps[c, i + low : i + high])
         for c in range(3):
             before, after = means.lamps[c, i:end], wider.lamps[c, i:end]
-            _divide(after, total, after)
+            divide(after, total, after)
             shown, by_ratio = unshaded.diffuse[c, i:end], unshaded.by_ratio[i:end]
             for x in range(size):
                 shown[x] = max(shown[x] + by_ratio[x] * (after[x] - before[x]), f32(0))
-
-
-@jit
-def _runs(columns):
-    """How many runs a row has."""
-    return (columns + RUN - 1) // RUN
-
-
-@jit
-def _run(run, columns):
-    """(first pixel, its column, size) of a run."""
-    row, first = run // _runs(columns), run % _runs(columns) * RUN
-    return row * columns + first, first, min(i64(RUN), columns - first)
-
-
-@jit
-def _part(i, first, size, down, right, columns, count):
-    """(low, high, k): of which part of a run that begins at pixel i, in the column `first`, the pixels that
-    lie `down` and `right` of it are in the picture; and the first of these. Nothing: high <= low."""
-    low, high = max(i64(0), -(first + right)), min(size, columns - first - right)
-    k = i + down * columns + right + low
-    return (low, high, k) if 0 <= i + down * columns < count else (low, low, k)
-
-
-@jit
-def _part_aside(i, first, size, stride, tap, columns, count):
-    """`_part` of the pixels at place `tap` of 9, `stride` apart, about a run."""
-    return _part(i, first, size, stride * (tap // 3 - 1), stride * (tap % 3 - 1), columns, count)
-
-
-@jit
-def _take_least(values, i, first, columns, stride, reach, out):
-    """Write the least of the values about each pixel of a run, as many strides to each side."""
-    size, count = i64(len(out)), i64(len(values))
-    out[:] = f32(np.inf)
-    for down in range(-reach, reach + 1):
-        for right in range(-reach, reach + 1):
-            low, high, k = _part(i, first, size, stride * down, stride * right, columns, count)
-            if high > low:
-                least, other = out[low:high], values[k : k + high - low]
-                for x in range(high - low):
-                    least[x] = min(least[x], other[x])
 
 
 @jit
@@ -293,7 +272,7 @@ def _any_about(values, i, first, columns, work):
     work[:] = f32(0)
     for down in range(-_REACH, _REACH + 1):
         for right in (-_REACH, _REACH):
-            low, high, k = _part(i, first, size, i64(down), i64(right), columns, count)
+            low, high, k = part(i, first, size, i64(down), i64(right), columns, count)
             for c in range(len(values) if high > low else 0):
                 row, sums = values[c, k : k + high - low], work[low:high]
                 for x in range(high - low):
@@ -330,27 +309,6 @@ def _weigh_lobes(alpha, others, weights, out):
 
 
 @jit
-def _copy(values, out):
-    """Write values."""
-    for x in range(len(out)):
-        out[x] = values[x]
-
-
-@jit
-def _add(weights, values, sums):
-    """Add weighted values to sums."""
-    for x in range(len(sums)):
-        sums[x] += weights[x] * values[x]
-
-
-@jit
-def _divide(values, by, out):
-    """Write the ratios of values."""
-    for x in range(len(out)):
-        out[x] = values[x] / by[x]
-
-
-@jit
 def _weigh_aside(reach, smoothing, stride, out):
     """Write the weights of squares `stride` pixels aside in filters that reach so far, and return the
     greatest: side by side they reach as far as one and a half of them; none where they reach without end."""
@@ -369,13 +327,13 @@ def _weigh_pairs(reach, i, first, columns, stride, smoothing, weights, least, ou
     Both of a pair count by the lesser of their reaches, for one alone would be a bias: beside a contact
     those along it do, and none toward it. `least` is room for as many values."""
     size, most = i64(len(out)), f32(0)
-    _take_least(reach, i, first, columns, stride, 1, least)
-    _copy(reach[i : i + size], out)
+    take_least(reach, i, first, columns, stride, 1, least)
+    copy(reach[i : i + size], out)
     for pair in range(4):
         together = weights[pair, :size]
-        _copy(reach[i : i + size], together)
+        copy(reach[i : i + size], together)
         for tap in (pair, 8 - pair):
-            low, high, k = _part_aside(i, first, size, stride, tap, columns, i64(len(reach)))
+            low, high, k = part_aside(i, first, size, stride, tap, columns, i64(len(reach)))
             if high > low:
                 part, other = together[low:high], reach[k : k + high - low]
                 for x in range(high - low):

@@ -60,15 +60,15 @@ def area_light(
     lobes, drawn = draw_light(tables, pixels, view, openings, threads)
     for samples in drawn:
         if len(samples.reach):
-            means, unshaded = _filtered(shapes, lobes, view, smoothing, samples, threads)
+            means, unshaded = filtered(shapes, lobes, view, smoothing, samples, threads)
             run_shared(partial(_add_shown, tables, pixels, lobes, means, unshaded, light), threads)
     return light
 
 
-def _filtered(
+def filtered(
     shapes: Shapes, lobes: Lobes, view: PixelView, smoothing: float, samples: Samples, threads: int
 ) -> tuple[Means, Unshaded]:
-    """The Means of Samples and what is Unshaded; the samples' own values are used up."""
+    """Return the Means of Samples and what is Unshaded; the samples' own values are used up."""
     count = len(samples.reach)
 
     def run(kernel: Callable[..., Any], *given: Any) -> None:
@@ -77,11 +77,11 @@ def _filtered(
         )
 
     told = shapes, view, f32(smoothing)
-    (matte, diffuse, drawn), gloss = np.empty((3, 3, count), np.float32), np.empty((6, count), np.float32)
-    missed = np.empty((3, count if view.pass_index else 0), np.float32)
-    unshaded = Unshaded(matte, missed, np.empty(count, np.float32))
-    others = [np.empty_like(a) for a in (samples.lamps, samples.near, samples.reach, samples.shine)]
-    means = Means(diffuse, drawn, gloss, *others)
+    (matte, diffuse, drawn), gloss = np.zeros((3, 3, count), np.float32), np.zeros((6, count), np.float32)
+    missed = np.zeros((3, count if view.pass_index else 0), np.float32)
+    unshaded = Unshaded(matte, missed, np.zeros(count, np.float32))
+    reaches = [np.full_like(a, np.inf) for a in (samples.near, samples.reach, samples.shine)]
+    means = Means(diffuse, drawn, gloss, np.zeros_like(samples.lamps), *reaches)
     run(filter_samples, *told, samples, lobes, (means, unshaded))
     wider = Means(**{name: getattr(samples, name) for name in Means._fields})
     for stride in _STRIDES:
@@ -93,7 +93,6 @@ def _filtered(
 @jit
 def _add_shown(tables, pixels, lobes, means, unshaded, light, counter):
     """Add what as many of the Pixels as a thread gets show of Means and what is Unshaded to (n, 4) light."""
-    corrects = unshaded.missed.shape[1] > 0
     for i in shared_rows(counter, CHUNK, len(pixels.points)):
         if not is_lit(tables, pixels, i):
             continue
@@ -101,9 +100,16 @@ def _add_shown(tables, pixels, lobes, means, unshaded, light, counter):
         passed, through = transmitted_shares(tables, pixels.points[i, 3])
         opaque = (f32(1) - base[3]) * (f32(1) - passed) * (f32(1) - through)
         for c in range(3):
-            share = means.diffuse[c, i] / max(means.drawn[c, i], f32(1e-30))
-            matte = share * unshaded.diffuse[c, i]
-            if corrects:
-                matte = max(matte + unshaded.missed[c, i], f32(0))
+            matte = matte_light(means, unshaded, c, i)
             gloss = lobes.f0[c, i] * means.gloss[c, i] + lobes.f90[i] * means.gloss[3 + c, i]
             light[i, c] += matte * (opaque * base[c]) + gloss
+
+
+@jit
+def matte_light(means, unshaded, c, i):
+    """Return channel c of the light of row i's Lambert lobe over its albedo, cd/m2."""
+    share = means.diffuse[c, i] / max(means.drawn[c, i], f32(1e-30))
+    matte = share * unshaded.diffuse[c, i]
+    if unshaded.missed.shape[1] > 0:
+        matte = max(matte + unshaded.missed[c, i], f32(0))
+    return matte

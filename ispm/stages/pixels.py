@@ -38,7 +38,7 @@ f32, i64, u32 = np.float32, np.int64, np.uint32
 
 _FLAGS, _TRANSMISSION = word_of(MATERIAL, "flags"), word_of(MATERIAL, "transmission")
 _CLEAR, _ROUNDED = f32(2e-5), f32(1e-6)  # a ray's start above its surface: of the distance, of coordinates
-_OFF_PLANE = f32(1.5)  # pixels' widths that neighbors lie off a pixel's plane at most
+OFF_PLANE = f32(1.5)  # pixels' widths that neighbors lie off a pixel's plane at most
 TURNED = f32(0.9)  # cosine of the angle between their normals at least
 
 
@@ -79,18 +79,22 @@ def read_pixels(gpu: Gpu, gbuffer: GBuffer, view: CameraView, seed: int) -> tupl
         ]
     )
     points, normals, base, emission = (a.reshape(width * height, -1) for a in read[:4])
+    roughness, specular = emission[:, 3].astype(np.float32), read[4].reshape(-1, 4)
+    return Pixels(points, normals, base.astype(np.float32), roughness, specular), pixel_view(view, seed)
+
+
+def pixel_view(view: CameraView, seed: int) -> PixelView:
+    """Return the PixelView of a camera's view."""
     *ahead, offset = view.clip_from_world[-1]
-    through = PixelView(
+    return PixelView(
         view.eye.astype(np.float32),
         view.ymag is not None,
         (-view.forward).astype(np.float32),
         (view.footprint * np.array([*ahead, offset])).astype(np.float32),
-        i64(width),
+        i64(view.size[0]),
         u32(view.pass_index),
         u32(seed),
     )
-    roughness, specular = emission[:, 3].astype(np.float32), read[4].reshape(-1, 4)
-    return Pixels(points, normals, base.astype(np.float32), roughness, specular), through
 
 
 class Shown(NamedTuple):
@@ -194,7 +198,7 @@ def plane_at(pixels, view, i):
     position = u2f(point[0]), u2f(point[1]), u2f(point[2])
     side = max(dot(vec3(width), position) + width[3], f32(1e-30))
     n, ng = _unpacked(pixels.normals[i, 0]), _unpacked(pixels.normals[i, 1])
-    return PixelPlane(position, ng, n, _OFF_PLANE * side)
+    return PixelPlane(position, ng, n, OFF_PLANE * side)
 
 
 @jit
