@@ -242,9 +242,9 @@ def follow(this: Pass, rays: EyeRays, photons: PhotonLight) -> EyePaths:
         told = this.packed, this.world, this.surfaces, band, this.settings.seed, this.index, into
         paths = trace_eye(*told, photons.openings)
         if rays.by_image:
-            shown = band.keys, pixel_view(this.view, this.settings.seed)
-            told = paths.light, paths.ends, paths.points, *shown, *told[:3]
-            add_area_light(*told, photons.openings, this.settings.smoothing)
+            view = pixel_view(this.view, this.settings.seed)
+            lit = paths, band.keys, view, this.packed, this.world, this.surfaces
+            add_area_light(*lit, photons.openings, this.settings.smoothing)
         scattered = paths.ends["lane"] == SCATTERED
         ends, points = (take(each, np.flatnonzero(scattered)) for each in (paths.ends, paths.points))
         paths.indirect[:] = light_each(ends, points, photons, len(band.keys), this.threads)

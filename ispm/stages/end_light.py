@@ -30,6 +30,8 @@ from ispm.optics.records import NO_HIT
 from ispm.optics.sheen import NO_SHEEN
 from ispm.optics.vector import dot, sub, vec3
 from ispm.paths.ends import without_gaps
+from ispm.paths.eye_paths import EyePaths
+from ispm.paths.vertices import DIRECT
 from ispm.scene.packed import Packed
 from ispm.stages.area_draws import (
     CHUNK,
@@ -47,6 +49,7 @@ from ispm.stages.pixels import OFF_PLANE, PixelView, Shown
 f32, i64, u32 = np.float32, np.int64, np.uint32
 
 _SAME_SURFACE = f32(0.5)  # cosine of two normals, above which ends may lie on one surface
+_SEEDS = 0x9E3779B1  # apart from image to image
 _WHITE, _BLACK = (f32(1), f32(1), f32(1)), (f32(0), f32(0), f32(0))
 
 
@@ -65,9 +68,7 @@ class EndImage(NamedTuple):
 
 
 def add_area_light(
-    light: np.ndarray,
-    ends: np.ndarray,
-    points: np.ndarray,
+    paths: EyePaths,
     pixels: np.ndarray,
     view: PixelView,
     packed: Packed,
@@ -76,26 +77,24 @@ def add_area_light(
     openings: Openings,
     smoothing: float,
 ) -> None:
-    """Add to (n, 3) light of rays, cd/m2, what lamps with a surface and the environment bring to the Lambert
-    lobes of those ends that are `by_image`.
+    """Add to the direct light of n rays' paths what lamps with a surface and the environment bring to the
+    Lambert lobes of those of their ends that are `by_image`.
 
-    ends      (m,) PATH_END, sorted by `slot`, the ray's row;  points  (m,) RECEIVER, the same
-    pixels    (n,) numbers of the rays' pixels;  view  of which the picture's `columns` are told
-    openings  through which the environment lights the ends;  smoothing  factor on the filter's width
+    pixels     (n,) numbers of the rays' pixels;  view  which tells the picture's `columns`
+    openings   through which the environment lights the ends
+    smoothing  factor on the filter's width
     """
-    tables = scene_tables(packed, world, surfaces)
+    tables, ends = scene_tables(packed, world, surfaces), paths.ends
     for number, rows in enumerate(_images(ends)):
         shown = pixels[ends["slot"][rows]].astype(np.int64)
         x, y = without_gaps(shown % view.columns), without_gaps(shown // view.columns)
         columns = int(x.max()) + 1
         cells = np.full((int(y.max()) + 1) * columns, -1, np.int32)
         cells[y * columns + x] = rows
-        image = EndImage(cells, ends, points, np.zeros(len(cells), np.float32))
-        # each image has random numbers of its own
-        own = view._replace(
-            columns=i64(columns), seed=u32(int(view.seed) ^ 0x9E3779B1 * (number + 1) & 0xFFFFFFFF)
-        )
-        _add_light_of_image(light, image, own, tables, openings, smoothing, world.threads)
+        image = EndImage(cells, ends, paths.points, np.zeros(len(cells), np.float32))
+        seed = u32(int(view.seed) ^ _SEEDS * (number + 1) & 0xFFFFFFFF)
+        own = view._replace(columns=i64(columns), seed=seed)
+        _add_light_of_image(paths.light, image, own, tables, openings, smoothing, world.threads)
 
 
 def _images(ends: np.ndarray) -> Iterator[np.ndarray]:
@@ -211,9 +210,12 @@ def _refine(tables, image, view, openings, marks, about, counter, samples, suns)
 
 @jit
 def _add_shown(image, means, unshaded, light, counter):
-    """Add what as many cells as a thread gets show of Means and what is Unshaded to (n, 3) light."""
+    """Add what as many cells as a thread gets show of Means and what is Unshaded to the direct part of (n,
+    COLUMNS) light."""
     for i in shared_rows(counter, CHUNK, len(image.rows)):
         if image.rows[i] >= 0:
             end = image.ends[image.rows[i]]
             for c in range(3):
-                light[end.slot, c] += end.weight[c] * end.diffuse[c] * matte_light(means, unshaded, c, i)
+                light[end.slot, DIRECT + c] += (
+                    end.weight[c] * end.diffuse[c] * matte_light(means, unshaded, c, i)
+                )
