@@ -16,7 +16,7 @@ from ispm.accel.emitters import (
 )
 from ispm.accel.glow import emitted_radiance
 from ispm.accel.records import Hit
-from ispm.optics.bsdf import eval_bsdf, transmits
+from ispm.optics.bsdf import NARROW_ALPHA, eval_bsdf, transmits
 from ispm.optics.bsdf_sampling import pdf_bsdf, sample_bsdf
 from ispm.optics.environment import environment_light, sample_environment, sample_suns
 from ispm.optics.jit import jit
@@ -28,6 +28,7 @@ f32, i64, u32 = np.float32, np.int64, np.uint32
 
 _CODES = f32(2.0**24)  # of a random number
 _LEAST_LIGHT = f32(1e-30)  # cd/m2, whose inverse a float32 still holds
+_SHINES = f32(0.2)  # reflectance
 PAIRS = 2  # of directions that one of the environment is drawn from
 _FINE = 4096  # parts of a random number's range, each of which has enough numbers of its own
 
@@ -148,7 +149,14 @@ def candidate_pdf(tables, x, wo, wi, own, by_lobes):
 @jit
 def _one_draw_does(tables, x):
     """Whether a SurfacePoint draws the environment's light well enough by itself."""
-    return tables.environment.brightest == f32(np.inf) and not transmits(x.bsdf)
+    return tables.environment.brightest == f32(np.inf) and not (transmits(x.bsdf) or shines_widely(x.bsdf))
+
+
+@jit
+def shines_widely(b):
+    """Return whether a Bsdf's wide lobe reflects so much that draws are to be as likely as what it makes of
+    their light: of that, unlike of a Lambert lobe's, nothing is known without draws."""
+    return b.alpha >= NARROW_ALPHA and max(b.f0[0], max(b.f0[1], b.f0[2])) >= _SHINES
 
 
 @jit

@@ -24,7 +24,7 @@ from ispm.accel.records import Scratch
 from ispm.accel.surface import Tables
 from ispm.kernels.share import run_shared, shared_rows
 from ispm.kernels.simd import alloca
-from ispm.lights.area import candidate_pdf, lit_side, resample_surround, sample_lamps
+from ispm.lights.area import candidate_pdf, lit_side, resample_surround, sample_lamps, shines_widely
 from ispm.lights.known import are_known, unshaded_lamps
 from ispm.lights.nee import drawn_lobe, draws_by_lobes, greatest, next_numbers
 from ispm.lights.openings import Openings, draw_opening, opening_cell, opening_pdf
@@ -47,7 +47,7 @@ f32, i64, u32 = np.float32, np.int64, np.uint32
 
 UNSHADED = f32(1e9)  # pixels, where nothing shades, but the filter is wanted
 CHUNK = 64  # pixels a thread takes at a time
-_PAIRS = 1  # of directions that one of the environment is drawn from
+_PAIRS, _PAIRS_THAT_SHINE = 1, 4  # of directions that one of the environment is drawn from
 _NEAR = f32(0.18)  # of a lamp's distance, that its light without shadows is filtered over, likewise
 _DRAWS, _DRAWS_LATER = 4, 2  # of a pixel in a narrow penumbra, in the first pass; in others, and beside one
 _FAINT = f32(0.005)  # of the environment's light, of which at least a fourth is open
@@ -373,7 +373,8 @@ def _surround(tables, shown, numbers):
     """The two Surrounds that three random numbers draw."""
     pick, u1, u2 = numbers
     brightest, by_lobes = tables.environment.brightest, _draws_by_lobes(shown.x)
-    return resample_surround(tables, shown.x, shown.wo, u1, u2, pick, _PAIRS, brightest, by_lobes)
+    pairs = _PAIRS_THAT_SHINE if shines_widely(shown.x.bsdf) else _PAIRS
+    return resample_surround(tables, shown.x, shown.wo, u1, u2, pick, pairs, brightest, by_lobes)
 
 
 @jit

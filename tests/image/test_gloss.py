@@ -161,7 +161,7 @@ def test_a_mirror_shows_a_rough_metal_as_bright_as_paths_find_it(gpu):
 
 def test_rough_metal_is_not_grainier_where_it_meets_a_wall(gpu, monkeypatch):
     """Metal over half of a picture has a path for 2 x 2 pixels, and at a contact no neighbors to average
-    with: pixels there send out four each. From seed to seed that leaves half of the noise, .47 to .55."""
+    with: pixels there send out four each. From seed to seed that leaves .6 of the noise."""
     sky = np.full((16, 32, 3), 0.05)
     sky[2:5, :3] = 20.0
     scene = Scene(environment=Environment(sky))

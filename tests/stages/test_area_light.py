@@ -7,6 +7,10 @@ import pytest
 from transport import Tracer
 
 from ispm import Camera, Environment, Material, RectLight, Renderer, Settings, Sky, Texture, builtin, shapes
+from ispm.library.studio_light import studio_radiance
+from ispm.optics.bsdf import Dielectric, eval_bsdf, surface_bsdf
+from ispm.optics.bsdf_sampling import pdf_bsdf
+from ispm.optics.environment import environment_light
 from ispm.reference.paths import path_light
 from ispm.scene.scene import Scene
 from ispm.stages.camera import CameraView
@@ -27,6 +31,48 @@ def test_the_first_pass_of_metal_is_filtered_as_others_are(gpu):
     truth = (66.0 * means[65] - 2.0 * means[1]) / 64.0
     errors = [np.sqrt(((each - truth) ** 2).mean()) for each in (first, second)]
     assert errors[0] < 1.5 * errors[1]
+
+
+def variance_of_one(environment, material, seen, count):
+    """The variance over the square of the mean of what metal on a floor shows along `seen` by one direction,
+    drawn by the environment or by its lobe, each in turn, by so many directions that are even all around."""
+    scene = Scene(environment=environment)
+    scene.add(shapes.plane(1.0, 1.0), material=material)
+    table = Tracer(scene).tables.environment
+    up, wo = (np.float32(0), np.float32(1), np.float32(0)), tuple(np.float32(v) for v in seen)
+    white, alpha = (np.float32(1),) * 3, np.float32(material.roughness**2)
+    metal = Dielectric(np.float32(0.04), white, np.float32(1), np.float32(1.5), False)
+    b = surface_bsdf(white, np.float32(1), np.float32(math.sqrt(alpha)), np.float32(0), metal, True)
+    first = second = 0.0
+    for u1, u2 in np.random.default_rng(1).random((count, 2)):
+        sine = math.sqrt(1.0 - u1 * u1)
+        wi = tuple(
+            np.float32(v) for v in (sine * math.cos(2 * math.pi * u2), u1, sine * math.sin(2 * math.pi * u2))
+        )
+        radiance, own = environment_light(table, wi)
+        light = u1 * eval_bsdf(b, up, up, wo, wi)[1] * radiance[1]
+        density = 0.5 * (own + pdf_bsdf(b, up, wo, wi))
+        first, second = first + light, second + light**2 / max(density, 1e-9)
+    mean = 2 * math.pi * first / count
+    return 2 * math.pi * second / count / mean**2 - 1.0
+
+
+@pytest.mark.parametrize("roughness", [0.6, 0.9])
+def test_rough_metal_in_the_studio_has_the_grain_of_many_draws(gpu, roughness):
+    """Without a filter a pixel is the mean of eight directions, of which one has a shadow ray: those of a
+    lattice are no less even than independent ones. A single one, drawn by the lobe alone, left blotches on
+    balls, over which filters reach a few pixels."""
+    environment = Environment(studio_radiance())
+    material = Material((1.0,) * 3, metallic=1.0, roughness=roughness)
+    seen = np.array([0.0, 3.0, 2.0]) / math.sqrt(13.0)
+    scene = Scene(environment=environment)
+    scene.add(shapes.plane(20.0, 20.0), material=material)
+    camera = Camera.look_at(100.0 * seen, (0.0, 0.0, 0.0), yfov=0.01)
+    settings = Settings(size=(96, 64), bounces=0, light="none", smoothing=0.01)
+    with Renderer(scene, settings, camera, gpu=gpu) as renderer:
+        found = renderer.render().direct[..., 1].astype(float)
+    alone = variance_of_one(environment, material, seen, 20_000)
+    assert found.std() < found.mean() * math.sqrt(alone / 8)
 
 
 STRIPES = np.array([[1.0, 1.0, 1.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
