@@ -174,7 +174,7 @@ def _passed(tables, shown, arriving, i, scratch, samples):
     """What share of an Arriving, RGB, passes what is between; the penumbra's width tells how far row i of the
     Samples reaches."""
     x, wi = shown.x, arriving.wi
-    start = add(x.position, scale(lift(shown), side_of(x.ng, wi)))
+    start = add(x.position, scale(lift(tables, shown), side_of(x.ng, wi)))
     toward, distance = wi, arriving.distance
     if distance < FAR:  # anew, for `start` may lie nearer to a lamp by more than rays end before it
         segment = sub(add(x.position, scale(distance, wi)), start)

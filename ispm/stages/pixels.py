@@ -37,7 +37,9 @@ from ispm.stages.camera import CameraView
 f32, i64, u32 = np.float32, np.int64, np.uint32
 
 _FLAGS, _TRANSMISSION = word_of(MATERIAL, "flags"), word_of(MATERIAL, "transmission")
-_CLEAR, _ROUNDED = f32(2e-5), f32(1e-6)  # a ray's start above its surface: of the distance, of coordinates
+# A ray's start above its surface: of the distance, of coordinates, and of the scene's largest one, by which
+# what is met on large triangles is rounded, but no more of the distance than a fraction of a pixel.
+_CLEAR, _ROUNDED, _ROUNDED_FAR, _MOST = f32(2e-5), f32(1e-6), f32(4 * 2.0**-24), f32(5e-4)
 OFF_PLANE = f32(1.5)  # pixels' widths that neighbors lie off a pixel's plane at most
 TURNED = f32(0.9)  # cosine of the angle between their normals at least
 
@@ -175,10 +177,11 @@ def _unpacked(word):
 
 
 @jit
-def lift(shown):
+def lift(tables, shown):
     """Return how far above a pixel's surface rays start, m, so that they clear it."""
-    x, y, z = shown.x.position
-    return _CLEAR * shown.distance + _ROUNDED * max(abs(x), max(abs(y), abs(z)))
+    (x, y, z), distance = shown.x.position, shown.distance
+    far = min(_ROUNDED_FAR * tables.trees.reach, _MOST * distance)
+    return _CLEAR * distance + _ROUNDED * max(abs(x), max(abs(y), abs(z))) + far
 
 
 class PixelPlane(NamedTuple):

@@ -236,7 +236,7 @@ def _aim(tables, shown, k, weight, own, row):
     """Write a row of the rays: to light `k` of the tile, whose light counts so often."""
     ray, x, light = own.rays[row], shown.x, tables.lights[own.lights[k]]
     _, distance, wi = light_arriving(light, x.position)
-    start, toward = add(x.position, scale(lift(shown), side_of(x.ng, wi))), wi
+    start, toward = add(x.position, scale(lift(tables, shown), side_of(x.ng, wi))), wi
     if distance < FAR:
         segment = sub(add(x.position, scale(distance, wi)), start)
         distance = f32(math.sqrt(dot(segment, segment)))

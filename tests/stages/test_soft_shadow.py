@@ -153,3 +153,25 @@ def test_a_narrow_penumbra_is_right_in_the_mean_and_smooth_in_one_pass(gpu):
     assert abs(off) < 4.0 * 0.5 / math.sqrt(draws)
     grain = found.std(axis=2).mean(axis=0)[half] / lit
     assert grain.mean() < np.sqrt(shares * (1.0 - shares) / 100)[half].mean()
+
+
+@pytest.mark.parametrize("light", ["sky", "lamp"])
+def test_a_floor_of_ten_kilometres_does_not_shade_itself(gpu, light):
+    """Rays started above the floor by less than what rounding makes of where they meet so large a triangle:
+    more than a tenth of a sky's light was lost. Beside a floor of 10 m all draws are the same, but for the
+    few that pass the box's edges by less than rays start higher, a thousandth of the distance to the eye."""
+    shown = []
+    for size in (10.0, 1e4):
+        scene = Scene(environment=Environment(np.ones((4, 8, 3), np.float32))) if light == "sky" else Scene()
+        if light == "lamp":
+            lamp = RectLight((10.0,) * 3, width=1.0, height=1.0)
+            scene.add(lamp, translation=(0.0, 3.0, 0.0), rotation=euler(-90, 0, 0, degrees=True))
+        scene.add(shapes.plane(size, size), material=lambert((0.5,) * 3), translation=(0.37, 0.0, 0.21))
+        scene.add(box((-0.5, 0.2, -0.3), (0.5, 1.2, 0.0)), material=lambert((0.5,) * 3))
+        camera = Camera.look_at((0.0, 0.9, 1.5), (0.0, 0.0, 0.1), yfov=0.6)
+        with Renderer(scene, Settings(size=SIZE, bounces=0, light="none"), camera, gpu=gpu) as renderer:
+            shown.append(renderer.render().direct[60:, :, 1].astype(float))
+    small, large = shown
+    assert small.min() > 0.0
+    off = np.abs(large / small - 1.0)
+    assert off.mean() < 1e-3
