@@ -37,7 +37,7 @@ from references.random_scenes import asset_scene, random_scene
 _SIZE = 640, 360
 _BLOCK = 8  # pixels a side
 _PARTS = 16  # independent pictures of the truth, a path for each pixel, but
-_MORE = {"door": 64, "egg": 64}  # where most light comes by ways that few paths find
+_MORE = {"door": 32, "egg": 32}  # where most light comes by ways that few paths find
 _BOUNCES = 32  # also those within rough glass, which pictures do not count
 _FINE = 1e-4  # of the diagonal: textures as sharp as pixels see them
 _FLOOR = 1e-3  # of the mean's square, as in all relMSE
