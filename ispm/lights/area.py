@@ -16,7 +16,7 @@ from ispm.accel.emitters import (
 )
 from ispm.accel.glow import emitted_radiance
 from ispm.accel.records import Hit
-from ispm.optics.bsdf import NARROW_ALPHA, eval_bsdf, transmits
+from ispm.optics.bsdf import eval_bsdf, transmits
 from ispm.optics.bsdf_sampling import pdf_bsdf, sample_bsdf
 from ispm.optics.environment import environment_light, sample_environment, sample_suns
 from ispm.optics.jit import jit
@@ -28,7 +28,6 @@ f32, i64, u32 = np.float32, np.int64, np.uint32
 
 _CODES = f32(2.0**24)  # of a random number
 _LEAST_LIGHT = f32(1e-30)  # cd/m2, whose inverse a float32 still holds
-_SHINES = f32(0.2)  # reflectance
 PAIRS = 2  # of directions that one of the environment is drawn from
 _FINE = 4096  # parts of a random number's range, each of which has enough numbers of its own
 
@@ -82,13 +81,14 @@ class Surround(NamedTuple):
 
 
 @jit
-def resample_surround(tables, x, wo, u1, u2, pick, pairs, brightest, by_lobes):
+def resample_surround(tables, x, wo, u1, u2, pick, pairs, brightest, by_lobes, of_many=False):
     """Draw directions of the environment for a SurfacePoint by what it makes of their light along wo, out of
     some that are drawn by the environment and as many by the surface; where no part of it is as bright as a
     sun, the first of the latter, which does not tell of light that comes through the surface.
 
     u1, u2, pick  random in [0, 1);  pairs  of candidates
     by_lobes      whether the surface draws by all its lobes; else by the cosine alone
+    of_many       whether it is one out of as many candidates where no part is as bright as a sun, too
     brightest     luminance, cd/m2, above which directions have a draw of their own, so that the shadow of a
                   sun holds the light of the sky
     ->  two Surrounds, of the darker directions and of the brighter, which the environment draws by themselves
@@ -98,7 +98,7 @@ def resample_surround(tables, x, wo, u1, u2, pick, pairs, brightest, by_lobes):
     """
     rate_1, rate_2 = LATTICE
     none = f32(0), f32(0), f32(0)
-    if _one_draw_does(tables, x):
+    if not of_many and _one_draw_does(tables, x):
         wi = _drawn_by_surface(x, wo, u1, u2, by_lobes)
         radiance, own = environment_light(tables.environment, wi)
         pdf = _surface_pdf(x, wo, wi, by_lobes)
@@ -124,7 +124,7 @@ def resample_surround(tables, x, wo, u1, u2, pick, pairs, brightest, by_lobes):
             continue  # what the other draw finds
         if sunny and is_sun:
             density /= tables.environment.sun_share
-        pdf = candidate_pdf(tables, x, wo, wi, density, by_lobes)
+        pdf = candidate_pdf(tables, x, wo, wi, density, by_lobes, of_many)
         f = eval_bsdf(x.bsdf, x.n, x.ng, wo, wi)
         light = abs(dot(x.n, wi)) * (f[0] * radiance[0] + f[1] * radiance[1] + f[2] * radiance[2])
         if pdf <= f32(0) or light <= _LEAST_LIGHT:
@@ -137,26 +137,19 @@ def resample_surround(tables, x, wo, u1, u2, pick, pairs, brightest, by_lobes):
 
 
 @jit
-def candidate_pdf(tables, x, wo, wi, own, by_lobes):
+def candidate_pdf(tables, x, wo, wi, own, by_lobes, of_many=False):
     """Return the density, 1/sr, of a direction among the candidates of `resample_surround` of its kind.
 
     own  density of the environment's own draw of that kind, 1/sr
     """
     by_surface = _surface_pdf(x, wo, wi, by_lobes)
-    return by_surface if _one_draw_does(tables, x) else f32(0.5) * (own + by_surface)
+    return by_surface if not of_many and _one_draw_does(tables, x) else f32(0.5) * (own + by_surface)
 
 
 @jit
 def _one_draw_does(tables, x):
     """Whether a SurfacePoint draws the environment's light well enough by itself."""
-    return tables.environment.brightest == f32(np.inf) and not (transmits(x.bsdf) or shines_widely(x.bsdf))
-
-
-@jit
-def shines_widely(b):
-    """Return whether a Bsdf's wide lobe reflects so much that draws are to be as likely as what it makes of
-    their light: of that, unlike of a Lambert lobe's, nothing is known without draws."""
-    return b.alpha >= NARROW_ALPHA and max(b.f0[0], max(b.f0[1], b.f0[2])) >= _SHINES
+    return tables.environment.brightest == f32(np.inf) and not transmits(x.bsdf)
 
 
 @jit

@@ -21,14 +21,14 @@ import numpy as np
 from ispm.accel.emitter_tree import NO_LOBE, emitter_chance
 from ispm.accel.intersect import STACK_WORDS
 from ispm.accel.records import Scratch
-from ispm.accel.surface import Tables
+from ispm.accel.surface import SurfacePoint, Tables
 from ispm.kernels.share import run_shared, shared_rows
 from ispm.kernels.simd import alloca
-from ispm.lights.area import candidate_pdf, lit_side, resample_surround, sample_lamps, shines_widely
+from ispm.lights.area import candidate_pdf, lit_side, resample_surround, sample_lamps
 from ispm.lights.known import are_known, unshaded_lamps
 from ispm.lights.nee import drawn_lobe, draws_by_lobes, greatest, next_numbers
 from ispm.lights.openings import Openings, draw_opening, opening_cell, opening_pdf
-from ispm.optics.bsdf import is_lambert, is_narrow
+from ispm.optics.bsdf import Bsdf, is_lambert, is_narrow
 from ispm.optics.environment import (
     SKY_DENSITY,
     environment_irradiance,
@@ -40,7 +40,7 @@ from ispm.optics.light import FAR
 from ispm.optics.rng import random4
 from ispm.optics.vector import add, dot, luminance, scale
 from ispm.stages.area_parts import DIMENSION, SIDE, first_turn, numbers_of
-from ispm.stages.area_samples import Arriving, Lobes, Samples, add_light, add_light_of_lobe
+from ispm.stages.area_samples import Arriving, Lobes, Samples, add_light, add_light_of_lobe, shines_widely
 from ispm.stages.pixels import Pixels, PixelView, is_lit, shown_at
 
 f32, i64, u32 = np.float32, np.int64, np.uint32
@@ -328,16 +328,16 @@ def _draw_surround(tables, shown, numbers, openings, i, scratch, samples, draws_
     """Add to row i of the Samples, of suns and of all others, where asked for, the two Surrounds that three
     random numbers draw and, where openings guide, one of where the environment is open, by the balance
     heuristic (Veach 1997, section 9.2.2), but for candidates' densities in place of the first draws'."""
-    x, wo = shown.x, shown.wo
+    x, wo = _as_drawn_for(shown.x), shown.wo
     place = cell, is_guided = opening_cell(openings, x)
-    dark, bright = _surround(tables, shown, numbers)
+    dark, bright = _surround(tables, x, wo, numbers)
     share = tables.environment.sun_share if len(tables.environment.sunlight) > 0 else f32(1)
     if draws_others:
-        weight, guided = _first_share(tables, shown, openings, place, dark, dark.pdf)
+        weight, guided = _first_share(tables, x, wo, openings, place, dark, dark.pdf)
         arriving = _from_sky(scale(weight, dark.radiance), dark.wi, dark.pdf, guided, is_guided)
         add_light(tables, shown, arriving, i, scratch, samples)
     if draws_suns:
-        weight, guided = _first_share(tables, shown, openings, place, bright, bright.pdf / share)
+        weight, guided = _first_share(tables, x, wo, openings, place, bright, bright.pdf / share)
         arriving = Arriving(scale(weight, bright.radiance), FAR, bright.wi, bright.pdf, bright.pdf, f32(0))
         add_light(tables, shown, arriving, i, scratch, suns)
     if not is_guided:
@@ -345,7 +345,8 @@ def _draw_surround(tables, shown, numbers, openings, i, scratch, samples, draws_
     wi = draw_opening(openings, cell, x.position, *_next_three(numbers))
     radiance, pdf = environment_light(tables.environment, wi)
     is_sun = luminance(radiance) > tables.environment.brightest
-    own = candidate_pdf(tables, x, wo, wi, pdf / share if is_sun else pdf, _draws_by_lobes(x))
+    density = pdf / share if is_sun else pdf
+    own = candidate_pdf(tables, x, wo, wi, density, _draws_by_lobes(x), shines_widely(x.bsdf))
     if own <= f32(0) or not (draws_suns if is_sun else draws_others):
         return
     guided = opening_pdf(openings, cell, x.position, wi)
@@ -357,24 +358,36 @@ def _draw_surround(tables, shown, numbers, openings, i, scratch, samples, draws_
 
 
 @jit
-def _first_share(tables, shown, openings, place, drawn, density):
+def _first_share(tables, x, wo, openings, place, drawn, density):
     """The share, float32, of a Surround beside a draw of openings, if these guide, and the density of that;
     place: its `opening_cell`;  density: of its kind's own draw."""
-    x, (cell, is_guided) = shown.x, place
+    cell, is_guided = place
     if not is_guided:
         return f32(1), f32(0)
-    own = candidate_pdf(tables, x, shown.wo, drawn.wi, density, _draws_by_lobes(x))
+    own = candidate_pdf(tables, x, wo, drawn.wi, density, _draws_by_lobes(x), shines_widely(x.bsdf))
     guided = opening_pdf(openings, cell, x.position, drawn.wi)
     return (own / (own + guided) if own > f32(0) else f32(1)), guided
 
 
 @jit
-def _surround(tables, shown, numbers):
-    """The two Surrounds that three random numbers draw."""
+def _surround(tables, x, wo, numbers):
+    """The two Surrounds that three random numbers draw for a SurfacePoint, see `_as_drawn_for`."""
     pick, u1, u2 = numbers
-    brightest, by_lobes = tables.environment.brightest, _draws_by_lobes(shown.x)
-    pairs = _PAIRS_THAT_SHINE if shines_widely(shown.x.bsdf) else _PAIRS
-    return resample_surround(tables, shown.x, shown.wo, u1, u2, pick, pairs, brightest, by_lobes)
+    brightest, of_many = tables.environment.brightest, shines_widely(x.bsdf)
+    pairs = _PAIRS_THAT_SHINE if of_many else _PAIRS
+    return resample_surround(tables, x, wo, u1, u2, pick, pairs, brightest, _draws_by_lobes(x), of_many)
+
+
+@jit
+def _as_drawn_for(x):
+    """The SurfacePoint for which directions are drawn: white facets where it `shines_widely`, for a texture's
+    colors are not to tell what neighbors that are filtered together draw."""
+    b = x.bsdf
+    if not shines_widely(b):
+        return x
+    none, white = (f32(0), f32(0), f32(0)), (f32(1), f32(1), f32(1))
+    b = Bsdf(none, white, f32(1), b.alpha, f32(0), f32(0), none, b.eta, b.thin, f32(0), b.anisotropy)
+    return SurfacePoint(x.hit, x.position, x.ng, x.n, b, x.flags, x.entering, x.coat, x.sheen, x.translucence)
 
 
 @jit

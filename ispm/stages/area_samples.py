@@ -12,7 +12,7 @@ from ispm.accel.layers import without_diffuse
 from ispm.accel.records import Ray
 from ispm.accel.transmittance import BEFORE, shadow_transmittance
 from ispm.lights.nee import BY_FACETS, drawn_share, greatest, side_of
-from ispm.optics.bsdf import eval_bsdf, fresnel_weight, is_lambert, transmits
+from ispm.optics.bsdf import NARROW_ALPHA, eval_bsdf, fresnel_weight, is_lambert, transmits
 from ispm.optics.coat import with_diffuse
 from ispm.optics.facets import facet_lobe
 from ispm.optics.jit import jit
@@ -78,6 +78,14 @@ class Arriving(NamedTuple):
     pdf: np.float32
     density: np.float32
     by_lobe: np.float32
+
+
+@jit
+def shines_widely(b):
+    """Return whether a Bsdf reflects most by a wide lobe of facets: of what that makes of the environment's
+    light nothing is known without draws."""
+    is_wide = b.alpha >= NARROW_ALPHA and b.f90 > f32(0) and not transmits(b)
+    return is_wide and greatest(b.f0) >= greatest(b.diffuse)
 
 
 @jit
