@@ -380,13 +380,16 @@ def _surround(tables, x, wo, numbers):
 
 @jit
 def _as_drawn_for(x):
-    """The SurfacePoint for which directions are drawn: white facets where it `shines_widely`, for a texture's
-    colors are not to tell what neighbors that are filtered together draw."""
+    """The SurfacePoint for which directions are drawn: where it `shines_widely` one without color, for a
+    texture's colors are not to tell what neighbors that are filtered together draw."""
     b = x.bsdf
     if not shines_widely(b):
         return x
-    none, white = (f32(0), f32(0), f32(0)), (f32(1), f32(1), f32(1))
-    b = Bsdf(none, white, f32(1), b.alpha, f32(0), f32(0), none, b.eta, b.thin, f32(0), b.anisotropy)
+    gloss, matte = greatest(b.f0), greatest(b.diffuse)
+    matte = matte / (gloss + matte) if matte > f32(0) else f32(0)
+    gloss, none = f32(1) - matte, (f32(0), f32(0), f32(0))
+    kept = f32(1), b.alpha, f32(0), f32(0), none, b.eta, b.thin, f32(0), b.anisotropy
+    b = Bsdf((matte, matte, matte), (gloss, gloss, gloss), *kept)
     return SurfacePoint(x.hit, x.position, x.ng, x.n, b, x.flags, x.entering, x.coat, x.sheen, x.translucence)
 
 
