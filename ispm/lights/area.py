@@ -88,7 +88,7 @@ def resample_surround(tables, x, wo, u1, u2, pick, pairs, brightest, by_lobes, o
 
     u1, u2, pick  random in [0, 1);  pairs  of candidates
     by_lobes      whether the surface draws by all its lobes; else by the cosine alone
-    of_many       whether it is one out of as many candidates where no part is as bright as a sun, too
+    of_many       whether it is drawn out of candidates even where no part is as bright as a sun
     brightest     luminance, cd/m2, above which directions have a draw of their own, so that the shadow of a
                   sun holds the light of the sky
     ->  two Surrounds, of the darker directions and of the brighter, which the environment draws by themselves

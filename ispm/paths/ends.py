@@ -23,7 +23,7 @@ from ispm.optics.vector import dot, sub, vec3
 
 f32, i64, u32 = np.float32, np.int64, np.uint32
 
-_SAME_SURFACE = 0.5  # cosine of two normals, above which ends may lie on one surface
+SAME_SURFACE = 0.5  # cosine of two normals, above which ends may lie on one surface
 _SPREAD_MAX = 64.0  # widths that neighbours in a curved mirror lie apart, at most
 # As in stages/upsample.wgsl:
 _PLANE_REACH = f32(1.3)  # low-resolution pixels off the tangent plane
@@ -87,7 +87,7 @@ def _reach_neighbours(image, width, height):
         for right, down in ((1, 0), (-1, 0), (0, 1), (0, -1)):
             if 0 <= x + right < width and 0 <= y + down < height:
                 other = image[row + right + down * width]
-                if other.valid != u32(0) and dot(vec3(image[row].ng), vec3(other.ng)) >= f32(_SAME_SURFACE):
+                if other.valid != u32(0) and dot(vec3(image[row].ng), vec3(other.ng)) >= f32(SAME_SURFACE):
                     away = sub(vec3(image[row].position), vec3(other.position))
                     nearest = min(nearest, f32(math.sqrt(dot(away, away))))
         if nearest < f32(np.inf):

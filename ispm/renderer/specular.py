@@ -137,8 +137,8 @@ def _paths_of(
     has as many: of rows that no path serves, and through samples of pixels on edges; and what the n rays
     show."""
     view = this.view
-    alone, rays = rays, replace(rays, by_image=has_area_light(this.packed, this.surfaces))
-    paths = follow(this, rays, photons)
+    side_by_side = replace(rays, by_image=has_area_light(this.packed, this.surfaces))
+    paths = follow(this, side_by_side, photons)
     places = rays.origins + rays.distances[:, None] * rays.directions
     widths = view.pixel_widths(places)
     given = shown(rays.keys, view.size[0], paths.firsts, places, widths, this.threads)
@@ -149,15 +149,15 @@ def _paths_of(
         edges = edge_rows(paths, lonely, rays.keys, view.size[0])
     if 0 < len(close) < few:
         edges = np.setdiff1d(edges, close)
-        own = replace(rows_of(rays, close), most=GLOSS_SAMPLES)
+        own = replace(rows_of(side_by_side, close), most=GLOSS_SAMPLES)
         again.append((close, follow(this, own, photons)))
         paths.firsts[close] = again[-1][1].firsts
     if len(lonely):
-        again.append((lonely, follow(this, rows_of(alone, lonely), photons)))
+        again.append((lonely, follow(this, rows_of(rays, lonely), photons)))
         paths.firsts[lonely] = again[-1][1].firsts
     if len(edges):
         samples = SAMPLES if len(edges) <= _EDGES_FEW * view.size[0] * view.size[1] else _PAIR
-        again.append((edges, follow(this, fine_rays(alone, paths, edges, view, samples), photons)))
+        again.append((edges, follow(this, fine_rays(rays, paths, edges, view, samples), photons)))
     return paths, again, given
 
 

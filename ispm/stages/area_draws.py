@@ -1,4 +1,5 @@
-"""What the eye's pixels draw from lamps with a surface and from the environment: a shadow ray to each.
+"""What the eye's pixels, and ends of its paths, draw from lamps with a surface and from the environment: a
+shadow ray to each.
 
 It runs on the CPU, where the trees are. A pixel draws from one of the 4 x 4 equal parts of what is to be
 drawn from, and its neighbors from the others, so that any 4 x 4 pixels together draw evenly (Keller and
@@ -40,14 +41,14 @@ from ispm.optics.light import FAR
 from ispm.optics.rng import random4
 from ispm.optics.vector import add, dot, luminance, scale
 from ispm.stages.area_parts import DIMENSION, SIDE, first_turn, numbers_of
-from ispm.stages.area_samples import Arriving, Lobes, Samples, add_light, add_light_of_lobe, shines_widely
+from ispm.stages.area_samples import Arriving, Lobes, Samples, add_light, add_light_of_lobe, is_mostly_glossy
 from ispm.stages.pixels import Pixels, PixelView, is_lit, shown_at
 
 f32, i64, u32 = np.float32, np.int64, np.uint32
 
 UNSHADED = f32(1e9)  # pixels, where nothing shades, but the filter is wanted
 CHUNK = 64  # pixels a thread takes at a time
-_PAIRS, _PAIRS_THAT_SHINE = 1, 4  # of directions that one of the environment is drawn from
+_PAIRS, _PAIRS_FOR_GLOSS = 1, 4  # of directions that one of the environment is drawn from
 _NEAR = f32(0.18)  # of a lamp's distance, that its light without shadows is filtered over, likewise
 _DRAWS, _DRAWS_LATER = 4, 2  # of a pixel in a narrow penumbra, in the first pass; in others, and beside one
 _FAINT = f32(0.005)  # of the environment's light, of which at least a fourth is open
@@ -328,7 +329,7 @@ def _draw_surround(tables, shown, numbers, openings, i, scratch, samples, draws_
     """Add to row i of the Samples, of suns and of all others, where asked for, the two Surrounds that three
     random numbers draw and, where openings guide, one of where the environment is open, by the balance
     heuristic (Veach 1997, section 9.2.2), but for candidates' densities in place of the first draws'."""
-    x, wo = _as_drawn_for(shown.x), shown.wo
+    x, wo = _without_color(shown.x), shown.wo
     place = cell, is_guided = opening_cell(openings, x)
     dark, bright = _surround(tables, x, wo, numbers)
     share = tables.environment.sun_share if len(tables.environment.sunlight) > 0 else f32(1)
@@ -346,7 +347,7 @@ def _draw_surround(tables, shown, numbers, openings, i, scratch, samples, draws_
     radiance, pdf = environment_light(tables.environment, wi)
     is_sun = luminance(radiance) > tables.environment.brightest
     density = pdf / share if is_sun else pdf
-    own = candidate_pdf(tables, x, wo, wi, density, _draws_by_lobes(x), shines_widely(x.bsdf))
+    own = candidate_pdf(tables, x, wo, wi, density, _draws_by_lobes(x), is_mostly_glossy(x.bsdf))
     if own <= f32(0) or not (draws_suns if is_sun else draws_others):
         return
     guided = opening_pdf(openings, cell, x.position, wi)
@@ -364,26 +365,26 @@ def _first_share(tables, x, wo, openings, place, drawn, density):
     cell, is_guided = place
     if not is_guided:
         return f32(1), f32(0)
-    own = candidate_pdf(tables, x, wo, drawn.wi, density, _draws_by_lobes(x), shines_widely(x.bsdf))
+    own = candidate_pdf(tables, x, wo, drawn.wi, density, _draws_by_lobes(x), is_mostly_glossy(x.bsdf))
     guided = opening_pdf(openings, cell, x.position, drawn.wi)
     return (own / (own + guided) if own > f32(0) else f32(1)), guided
 
 
 @jit
 def _surround(tables, x, wo, numbers):
-    """The two Surrounds that three random numbers draw for a SurfacePoint, see `_as_drawn_for`."""
+    """The two Surrounds that three random numbers draw for a SurfacePoint, see `_without_color`."""
     pick, u1, u2 = numbers
-    brightest, of_many = tables.environment.brightest, shines_widely(x.bsdf)
-    pairs = _PAIRS_THAT_SHINE if of_many else _PAIRS
+    brightest, of_many = tables.environment.brightest, is_mostly_glossy(x.bsdf)
+    pairs = _PAIRS_FOR_GLOSS if of_many else _PAIRS
     return resample_surround(tables, x, wo, u1, u2, pick, pairs, brightest, _draws_by_lobes(x), of_many)
 
 
 @jit
-def _as_drawn_for(x):
-    """The SurfacePoint for which directions are drawn: where it `shines_widely` one without color, for a
-    texture's colors are not to tell what neighbors that are filtered together draw."""
+def _without_color(x):
+    """The SurfacePoint that directions are drawn for: if it `is_mostly_glossy`, the same without its color,
+    so that a texture does not change which directions the pixels of one filter draw."""
     b = x.bsdf
-    if not shines_widely(b):
+    if not is_mostly_glossy(b):
         return x
     gloss, matte = greatest(b.f0), greatest(b.diffuse)
     matte = matte / (gloss + matte) if matte > f32(0) else f32(0)

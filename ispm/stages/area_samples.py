@@ -81,9 +81,9 @@ class Arriving(NamedTuple):
 
 
 @jit
-def shines_widely(b):
-    """Return whether a Bsdf reflects most by a wide lobe of facets: of what that makes of the environment's
-    light nothing is known without draws."""
+def is_mostly_glossy(b):
+    """Return whether a Bsdf reflects more by a wide lobe of facets than by its Lambert lobe: rough metal, or
+    what is nearly black."""
     is_wide = b.alpha >= NARROW_ALPHA and b.f90 > f32(0) and not transmits(b)
     return is_wide and greatest(b.f0) >= greatest(b.diffuse)
 

@@ -29,7 +29,7 @@ from ispm.optics.jit import jit
 from ispm.optics.records import NO_HIT
 from ispm.optics.sheen import NO_SHEEN
 from ispm.optics.vector import dot, sub, vec3
-from ispm.paths.ends import without_gaps
+from ispm.paths.ends import SAME_SURFACE, without_gaps
 from ispm.paths.eye_paths import EyePaths
 from ispm.paths.vertices import DIRECT
 from ispm.scene.packed import Packed
@@ -48,7 +48,6 @@ from ispm.stages.pixels import OFF_PLANE, PixelView, Shown
 
 f32, i64, u32 = np.float32, np.int64, np.uint32
 
-_SAME_SURFACE = f32(0.5)  # cosine of two normals, above which ends may lie on one surface
 _SEEDS = 0x9E3779B1  # apart from image to image
 _WHITE, _BLACK = (f32(1), f32(1), f32(1)), (f32(0), f32(0), f32(0))
 
@@ -167,7 +166,9 @@ def _spacing(image, view, i):
 def _distance(image, one, other):
     """The distance, m, of two ends of one surface; infinite: they are not."""
     a, b = image.points[one], image.points[other]
-    if image.ends[one].instance != image.ends[other].instance or dot(vec3(a.ng), vec3(b.ng)) < _SAME_SURFACE:
+    if image.ends[one].instance != image.ends[other].instance or dot(vec3(a.ng), vec3(b.ng)) < f32(
+        SAME_SURFACE
+    ):
         return f32(np.inf)
     way = sub(vec3(b.position), vec3(a.position))
     return f32(math.sqrt(dot(way, way)))
