@@ -32,7 +32,7 @@ from ispm.lights.area import lit_side
 from ispm.lights.nee import BY_BSDF, direct_light, lamp_weight, surround_weight, times
 from ispm.optics.bsdf_sampling import pdf_bsdf, sample_bsdf
 from ispm.optics.dispersion import ALL_BANDS, BANDS, of_band
-from ispm.optics.environment import environment_radiance, has_environment
+from ispm.optics.environment import has_environment, seen_radiance
 from ispm.optics.jit import jit
 from ispm.optics.records import MATERIAL_THIN, MATERIAL_UNLIT, NO_HIT
 from ispm.optics.rng import random4
@@ -112,7 +112,7 @@ def _path(tables, task, start, d, key, sample, scratch):
         if not found:
             if has_environment(tables.environment):
                 share = surround_weight(tables, pdf, d)
-                behind = scale(share, environment_radiance(tables.environment, d))
+                behind = scale(share, seen_radiance(tables.environment, d, scatters == i64(0)))
                 return add(total, times(weight, behind))
             return add(total, times(weight, task.background)) if scatters == i64(0) else total
         x = surface(tables, hit, d)

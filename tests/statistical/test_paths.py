@@ -9,6 +9,7 @@ from references.scenes import pictured
 from test_specular_paths import glass, rectangle
 from transport import Tracer, box_room, lit
 
+from ispm import Material, Sky, shapes
 from ispm.library.common import lambert
 from ispm.library.shapes import icosphere
 from ispm.reference.paths import path_light
@@ -70,6 +71,22 @@ def test_a_sphere_of_albedo_a_half_doubles_its_light():
         rays = np.zeros((20_000, 3)), directions
         found = path_light(tracer.tables, *rays, samples=range(1), bounces=bounces, threads=2)
         assert found.mean() == pytest.approx(0.5 / math.pi * exact, rel=3e-3)
+
+
+def test_paths_see_the_sun_of_a_sky_in_mirrors():
+    """A perfect mirror adds nothing: the ray shows the disc, and beside it the sky alone."""
+    sky = Sky(sun_elevation=0.8, sun_azimuth=0.0)
+    disc, scene = sky.disc(), Scene(environment=sky)
+    scene.add(shapes.plane(4.0, 4.0), material=Material((1.0,) * 3, metallic=1.0, roughness=0.0))
+    tracer = Tracer(scene)
+    angles = 0.8 + disc.radius * np.array([0.0, 0.9, -0.9, 1.5, -1.5])
+    down = np.stack(
+        [np.zeros(5), -np.sin(angles), np.array(disc.direction)[2] / math.cos(0.8) * np.cos(angles)], axis=1
+    )
+    found = path_light(tracer.tables, -down, down, samples=range(8), bounces=0)
+    sun, beside = found[:3], found[3:].mean(axis=0)
+    assert sun == pytest.approx(np.tile(np.array(disc.radiance) + beside, (3, 1)), rel=1e-3)
+    assert beside.max() < 1e-3 * max(disc.radiance)
 
 
 def test_paths_go_through_glass_and_stay_the_same_for_any_threads():
