@@ -48,9 +48,11 @@ fn texture_uv(slot: TextureUse, uv: vec4f) -> vec2f {
     return vec2f(dot(slot.row0, p), dot(slot.row1, p));
 }
 
+override LEVEL_BIAS: f32 = 0.0;  // of the base color's levels
+
 // Base color and opacity of the material at a point whose vertices have this color.
 fn base_color_at(uv: vec4f, color: vec4f) -> vec4f {
-    let texel = textureSample(base_color_map, base_color_sampler, texture_uv(material.base_color_texture, uv));
+    let texel = textureSampleBias(base_color_map, base_color_sampler, texture_uv(material.base_color_texture, uv), LEVEL_BIAS);
     return material.base_color * color * texel;
 }
 

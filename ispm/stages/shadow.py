@@ -21,6 +21,7 @@ from ispm.stages.camera import CameraView
 _PATH = "stages/shadow.wgsl"
 _MAP = wgsl.load("stages/shadow_map.wgsl").dtype("ShadowMap")
 _TILE = wgsl.load("stages/shadow_map.wgsl").dtype("ShadowTile")
+_FINEST = -15.0  # texture levels to it from any
 _VIEW, _MIN_ALPHA = wgsl.load(_PATH).dtype("View"), wgsl.load(_PATH).constants["MIN_ALPHA"]
 _SHEET_SLOTS = ("base_color", "transmission", *SPECULAR_SLOTS)
 _FACES = 6  # rows of a light
@@ -44,7 +45,8 @@ class ShadowStage:
         holes = RasterState(vertex="vs_masked", fragment="fs_masked", vertex_layout=masked)
         tint = replace(holes, fragment="fs_sheet", depth_write=False)
         self._opaque = gpu.raster(_PATH, (), RasterState(fragment=None, vertex_layout=corners))
-        self._masked = gpu.raster(_PATH, (), holes)
+        # A mean of levels has other holes, and no texel beside it tells that rays are to look.
+        self._masked = gpu.raster(_PATH, (), holes, LEVEL_BIAS=_FINEST)
         self._sheet = gpu.raster(_PATH, [Target("rgba8unorm", "multiply")], tint)
         self._shared_of: np.ndarray | None = None
         self._pieces: tuple[GpuScene, Pieces] | None = None
