@@ -161,7 +161,7 @@ struct Caustic {           // a photon of a caustic, with a kernel of its own: a
 
 struct Receiver {          // a point whose incident light is estimated: a low-resolution pixel's surface
     position: vec3f,
-    alpha: f32,            // of the glossy lobe, 0: none
+    alpha: f32,            // of the glossy lobe, 0: none; TAKES_NONE
     ng: vec3f,             // geometric normal, on the eye's side
     valid: u32,            // 0: nothing is seen here; a pixel's: instance row + 1; and INNER
     n: vec3f,              // shading normal
@@ -169,6 +169,9 @@ struct Receiver {          // a point whose incident light is estimated: a low-r
     wo: vec3f,             // towards the eye
     slant: f32,            // 1 / |wo.ng|
 }
+
+// Of mirrors and clear glass, to which light arrives but shows nowhere: that of others beside them is not like it.
+const TAKES_NONE = -1.0;
 
 // Set where light arrives at the back of a surface that lets light through, as within glass or a paper lantern: the
 // front of another may be close by, in the same plane and lit otherwise.

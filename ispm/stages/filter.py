@@ -33,7 +33,7 @@ from ispm.optics.bsdf import NARROW_ALPHA
 from ispm.optics.gradient import WORDS, Moments, fit_of, slope
 from ispm.optics.incident import CHANNELS, INCIDENT, FilteredLight
 from ispm.optics.jit import jit
-from ispm.optics.records import RECEIVER
+from ispm.optics.records import RECEIVER, TAKES_NONE
 from ispm.optics.sampling import orthonormal_basis
 from ispm.stages.lattice import (
     DENSITY,
@@ -313,6 +313,9 @@ def _mean_about(at, reach, lattice, how, few, image, out):
                 continue
             q = row * size[0] + column
             dx, dy, dz = words[q, 0] - px, words[q, 1] - py, words[q, 2] - pz
+            other = words[q, _ALPHA]
+            if (other == f32(TAKES_NONE)) != (alpha == f32(TAKES_NONE)):
+                continue
             d2 = (dx * dx + dy * dy + dz * dz) * inv_reach2
             z = dx * nx + dy * ny + dz * nz
             z2 = z * z * inv_thick2
@@ -349,7 +352,6 @@ def _mean_about(at, reach, lattice, how, few, image, out):
                 of_x = vfma(vload4(slopes, q * WORDS), splat4(w), of_x)
                 of_y = vfma(vload4(slopes, q * WORDS + 4), splat4(w), of_y)
                 of_z = vfma(vload4(slopes, q * WORDS + 8), splat4(w), of_z)
-            other = words[q, _ALPHA]
             same_gloss = f32(1) - f32(4) * abs(other - alpha)
             alike_narrow = (other < NARROW_ALPHA) == (alpha < NARROW_ALPHA)
             if gloss and other > f32(0) and same_gloss > f32(0) and alike_narrow:

@@ -2,9 +2,12 @@
 // include optics/records.wgsl
 // include stages/material.wgsl
 
-// The width of the lobe by which a receiver weighs photons, 0: none. Smooth surfaces and narrow lobes need the
-// Fresnel term, for their diffuse part.
+// Alpha of the lobe by which a receiver weighs photons, 0: none; TAKES_NONE. Smooth surfaces and narrow lobes need
+// the Fresnel term, for their diffuse part.
 fn receiver_alpha(b: Bsdf, flags: u32) -> f32 {
+    if (!has_finite(b) && (flags & MATERIAL_SHEEN) == 0u) {
+        return TAKES_NONE;
+    }
     let glossy = max(b.f90, b.dielectric_f90) > 0.0 || max(b.f0.x, max(b.f0.y, b.f0.z)) > 0.0;
     let counts = glossy && has_finite(b) && (flags & MATERIAL_UNLIT) == 0u;
     return select(0.0, max(b.alpha, MIN_ALPHA), counts);

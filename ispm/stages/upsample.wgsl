@@ -17,7 +17,7 @@ const FAR = 0.5;           // of the filter's radius, beyond which the receivers
 const LEAST_REACH = 1.5;   // least of that radius, low-resolution pixels: _LEAST_PIXELS of stages/lattice.py
 const SLIGHT = 1e-30;      // below which a sum of weights counts as none: inverses of the least numbers overflow
 const TURNED = 0.01;       // least share of its weight that a receiver keeps whose bump faces elsewhere
-const NO_TAP = 0x80008000u;  // in place of a packed normal, which has no such numbers
+const NO_TAP = 0x80008000u;  // in place of a packed normal, which has no such numbers; of a shading normal: TAKES_NONE
 const FINISHING = 64u;     // workgroups of `finish`, each of as many threads
 const LEFT = 1u;           // values of GLOSS: none is looked for, it is left to `finish`, or it is found at once
 const FOUND = 2u;
@@ -97,6 +97,7 @@ struct Tap {               // a receiver and its light
     ng: vec3f,
     alpha: f32,
     n: vec3f,
+    takes: bool,           // false: TAKES_NONE
     light: Incident,
     slope: vec3u,
     reach: f32,            // radius, m, of the filter that its light has passed; 0: of none
@@ -123,11 +124,12 @@ fn pack_receivers(@builtin(global_invocation_id) id: vec3u) {
     let i = light[4u * k];
     let ng = select(NO_TAP, pack_normal(r.ng), (r.valid != 0u) && (i.w >= 0.0));
     textureStore(places_out, id.xy, vec4u(bitcast<vec3u>(r.position), ng));
-    textureStore(lights_out, id.xy, vec4u(bitcast<vec3u>(i.rgb), pack_normal(r.n)));
+    let n = select(pack_normal(r.n), NO_TAP, r.alpha == TAKES_NONE);
+    textureStore(lights_out, id.xy, vec4u(bitcast<vec3u>(i.rgb), n));
     if (TURNED_LIGHT) {
         let g = 3u * k;
-        let n = unpack_normal(pack_normal(r.n));  // the frame that load_tap's normal has
-        let slope = pack_slope(i.rgb, gradient[g].rgb, gradient[g + 1u].rgb, gradient[g + 2u].rgb, n);
+        let frame = unpack_normal(pack_normal(r.n));  // of load_tap's normal
+        let slope = pack_slope(i.rgb, gradient[g].rgb, gradient[g + 1u].rgb, gradient[g + 2u].rgb, frame);
         textureStore(slopes_out, id.xy, vec4u(slope, 0u));
     }
 }
@@ -146,7 +148,8 @@ fn load_tap(at: vec2i, low: vec2i) -> Tap {
     tap.position = bitcast<vec3f>(place.xyz);
     tap.valid = select(1.0, 0.0, place.w == NO_TAP);
     tap.ng = unpack_normal(place.w);
-    tap.n = unpack_normal(shone.w);
+    tap.takes = shone.w != NO_TAP;
+    tap.n = select(tap.ng, unpack_normal(shone.w), tap.takes);
     tap.light.irradiance = bitcast<vec3f>(shone.xyz);
     if (TURNED_LIGHT) {
         tap.slope = textureLoad(slopes, at, 0).xyz;
@@ -177,7 +180,8 @@ fn add_tap(taps: ptr<function, Taps>, s: Surface, tap: Tap, near: f32) {
     bump *= bump;
     bump *= bump;
     let close = max(1.0 - z * z * s.plane_scale, 0.0);
-    let w = near * tap.valid * facing * max(bump, TURNED) * close * close;
+    let alike = select(0.0, 1.0, tap.takes == (s.alpha != TAKES_NONE));
+    let w = near * tap.valid * alike * facing * max(bump, TURNED) * close * close;
     if (TURNED_LIGHT) {
         (*taps).sums.irradiance += w * turned_light(tap.light.irradiance, tap.slope, tap.n, s.n);
     } else {
@@ -188,12 +192,12 @@ fn add_tap(taps: ptr<function, Taps>, s: Surface, tap: Tap, near: f32) {
     (*taps).reach += w * tap.reach;
     if (s.alpha > 0.0 && tap.alpha > 0.0) {
         let g = w * max(1.0 - 4.0 * abs(s.alpha - tap.alpha), 1e-3);
-        let alike = select(0.0, g, (s.alpha < NARROW_ALPHA) == (tap.alpha < NARROW_ALPHA));
+        let same = select(0.0, g, (s.alpha < NARROW_ALPHA) == (tap.alpha < NARROW_ALPHA));
         (*taps).sums.fresnel += g * tap.light.fresnel;
-        (*taps).sums.gloss += alike * tap.light.gloss;
-        (*taps).sums.grazing += alike * tap.light.grazing;
+        (*taps).sums.gloss += same * tap.light.gloss;
+        (*taps).sums.grazing += same * tap.light.grazing;
         (*taps).fresnel_weight += g;
-        (*taps).gloss_weight += alike;
+        (*taps).gloss_weight += same;
     }
 }
 
