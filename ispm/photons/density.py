@@ -96,13 +96,14 @@ def measure_radii(
                the edges, so none is wider than a quarter of it; None: objects are wide
     The radius is that of a disc that holds `NEIGHBORS` photons. Density is counted in the smallest
     cell of a hierarchy that holds enough photons facing the same way: a plane cuts a cell of side c
-    in c^2 / (|nx| + |ny| + |nz|) on average over its offset in the cell.
+    in c^2 / (|nx| + |ny| + |nz|) on average over its offset in the cell. A photon of more flux than
+    their mean spreads over as much more area: it stands for more light that few photons carry.
     """
     if not len(photons):
         return
     limits = _Limits(f32(diagonal * _RADIUS_MIN), f32(diagonal * _RADIUS_MAX), f32(smoothing))
-    log_density, widest = _log_density(photons, diagonal, threads), _reach_on_objects(photons, widths)
-    _write_radii(photons, log_density, widest, limits, for_kernels(pixels, _PIXEL_SHARE))
+    around, widest = _count_around(photons, diagonal, threads), _reach_on_objects(photons, widths)
+    _write_radii(photons, *around, widest, limits, for_kernels(pixels, _PIXEL_SHARE))
 
 
 def for_kernels(pixels: Pixels | None, share: float = 1.0) -> Pixels:
@@ -118,27 +119,28 @@ def is_crowded(photons: np.ndarray, diagonal: float, threads: int = 1) -> np.nda
     """
     if not len(photons):
         return np.zeros(0, np.bool_)
-    area = np.exp(-_log_density(photons, diagonal, threads).astype(np.float64))
+    log_density, _ = _count_around(photons, diagonal, threads)
+    area = np.exp(-log_density.astype(np.float64))
     area = np.minimum(area, math.pi * (_RADIUS_MAX * diagonal) ** 2 / NEIGHBORS)
     return np.asarray(area < area.mean() / _CROWDED)
 
 
-def _log_density(photons: np.ndarray, diagonal: float, threads: int) -> np.ndarray:
-    """(N,) float32: logarithm of the photons per m2 around each."""
+def _count_around(photons: np.ndarray, diagonal: float, threads: int) -> np.ndarray:
+    """(2, N) float32: the logarithm of the photons per m2 around each, and the mean of their flux, lm."""
     low, high = bounds_of(photons)
     cell = f32(max(diagonal * SMALLEST, float((high - low).max()) / _CELLS))
-    log_density = np.empty((len(_SHIFTS), len(photons)), np.float32)
+    around = np.empty((len(_SHIFTS), 2, len(photons)), np.float32)
     low -= f32(2.0) * cell
 
     def work(thread: int) -> None:
         for k in range(thread, len(_SHIFTS), used):
             shift = np.array(_SHIFTS[k], np.float32) * cell * f32(0.9)
             keys, order = sort_by_cell(photons, low - shift, float(cell))
-            _write_log_density(photons, keys, order, cell, log_density[k])
+            _write_count(photons, keys, order, cell, around[k])
 
     used = min(threads, len(_SHIFTS))
     run_threads(work, used)
-    return np.asarray(log_density.mean(axis=0))
+    return np.asarray(around.mean(axis=0))
 
 
 def _reach_on_objects(photons: np.ndarray, widths: np.ndarray | None) -> np.ndarray:
@@ -149,38 +151,45 @@ def _reach_on_objects(photons: np.ndarray, widths: np.ndarray | None) -> np.ndar
 
 
 @jit(allocates=True)
-def _write_log_density(photons, keys, order, cell, log_density):
-    """Write the logarithm of the density, 1/m2, of (N,) PHOTON, from the smallest cell with enough photons.
+def _write_count(photons, keys, order, cell, around):
+    """Write the logarithm of the density, 1/m2, of (N,) PHOTON and their mean flux, lm, from the smallest
+    cell with enough photons.
 
-    keys, order  as of `sort_by_cell`;  cell  m, width of the smallest
+    keys, order  as of `sort_by_cell`;  cell  m, width of the smallest;  around  (2, N)
     """
     n = len(keys)
     count = np.zeros(n, np.float32)
     side = np.zeros(n, np.float32)
+    brought = np.zeros(n + 1, np.float64)  # by photons up to each, in order
+    for i in range(n):
+        brought[i + 1] = brought[i] + _flux(photons[order[i]], ALL_BANDS)
     for level in range(_LEVELS - 1, -1, -1):
         shift = u32(3 * level)
         first = 0
         for i in range(1, n + 1):
             if i == n or keys[i] >> shift != keys[first] >> shift:
                 if i - first >= _WANTED or level == _LEVELS - 1:
+                    mean = f32((brought[i] - brought[first]) / (i - first))
                     for j in range(first, i):
                         count[j] = f32(i - first)
                         side[j] = cell * f32(1 << level)
+                        around[1, order[j]] = mean
                 first = i
     for i in range(n):
         p = order[i]
         nx, ny, nz = vec3(photons[p].normal)
         tilt = abs(nx) + abs(ny) + abs(nz)
-        log_density[p] = f32(math.log(count[i] * tilt / (side[i] * side[i])))
+        around[0, p] = f32(math.log(count[i] * tilt / (side[i] * side[i])))
 
 
 @jit
-def _write_radii(photons, log_density, widest, limits, pixels):
-    """Write radius and height of (N,) PHOTON; widest: (N,) float32 m."""
+def _write_radii(photons, log_density, mean_flux, widest, limits, pixels):
+    """Write radius and height of (N,) PHOTON; mean_flux: (N,) float32 lm, around each; widest: (N,) m."""
     for i in range(len(photons)):
         photon, density = photons[i], f32(math.exp(log_density[i]))
         least = _width(photon, pixels) * _slant(photon, pixels)
-        radius = f32(math.sqrt(f32(NEIGHBORS) / (f32(math.pi) * density)))
+        heavier = max(_flux(photon, ALL_BANDS) / max(mean_flux[i], f32(1e-30)), f32(1))
+        radius = f32(math.sqrt(f32(NEIGHBORS) * heavier / (f32(math.pi) * density)))
         photon.radius = _limited(radius, limits, widest[i], least)
         photon.height = f32(_HEIGHT) * photon.radius
 

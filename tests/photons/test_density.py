@@ -56,6 +56,19 @@ def test_density_follows_place():
     assert radii[1] / radii[0] == pytest.approx(10, rel=0.25)
 
 
+def test_a_photon_of_more_flux_spreads_over_as_much_more_area():
+    """One of 1,000 lm among those of 1 lm; its cells hold at least 32."""
+    photons = photons_on_plane(5000)
+    photons["flux"] = 1.0 / 3.0
+    measure_radii(photons, diagonal=4.0)
+    even = photons["radius"].copy()
+    middle = np.argmin(np.linalg.norm(photons["position"], axis=1))
+    photons["flux"][middle] *= 1000.0
+    measure_radii(photons, diagonal=4.0)
+    area = (photons["radius"] / even) ** 2
+    assert 32 * 1000 / 1031 <= area[middle] <= 1000 and (np.delete(area, middle) == 1.0).all()
+
+
 def test_the_other_side_of_a_wall_is_not_counted():
     front, back = photons_on_plane(5000), photons_on_plane(5000, seed=1)
     back["normal"] *= -1
