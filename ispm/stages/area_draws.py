@@ -41,7 +41,7 @@ from ispm.optics.light import FAR
 from ispm.optics.rng import random4
 from ispm.optics.vector import add, dot, luminance, scale
 from ispm.stages.area_parts import DIMENSION, SIDE, first_turn, numbers_of
-from ispm.stages.area_samples import Arriving, Lobes, Samples, add_light, add_light_of_lobe, is_mostly_glossy
+from ispm.stages.area_samples import Arriving, Lobes, Samples, add_light, add_light_of_lobe, has_wide_gloss
 from ispm.stages.pixels import Pixels, PixelView, is_lit, shown_at
 
 f32, i64, u32 = np.float32, np.int64, np.uint32
@@ -347,7 +347,7 @@ def _draw_surround(tables, shown, numbers, openings, i, scratch, samples, draws_
     radiance, pdf = environment_light(tables.environment, wi)
     is_sun = luminance(radiance) > tables.environment.brightest
     density = pdf / share if is_sun else pdf
-    own = candidate_pdf(tables, x, wo, wi, density, _draws_by_lobes(x), is_mostly_glossy(x.bsdf))
+    own = candidate_pdf(tables, x, wo, wi, density, _draws_by_lobes(x), has_wide_gloss(x.bsdf))
     if own <= f32(0) or not (draws_suns if is_sun else draws_others):
         return
     guided = opening_pdf(openings, cell, x.position, wi)
@@ -365,7 +365,7 @@ def _first_share(tables, x, wo, openings, place, drawn, density):
     cell, is_guided = place
     if not is_guided:
         return f32(1), f32(0)
-    own = candidate_pdf(tables, x, wo, drawn.wi, density, _draws_by_lobes(x), is_mostly_glossy(x.bsdf))
+    own = candidate_pdf(tables, x, wo, drawn.wi, density, _draws_by_lobes(x), has_wide_gloss(x.bsdf))
     guided = opening_pdf(openings, cell, x.position, drawn.wi)
     return (own / (own + guided) if own > f32(0) else f32(1)), guided
 
@@ -374,17 +374,17 @@ def _first_share(tables, x, wo, openings, place, drawn, density):
 def _surround(tables, x, wo, numbers):
     """The two Surrounds that three random numbers draw for a SurfacePoint, see `_without_color`."""
     pick, u1, u2 = numbers
-    brightest, of_many = tables.environment.brightest, is_mostly_glossy(x.bsdf)
+    brightest, of_many = tables.environment.brightest, has_wide_gloss(x.bsdf)
     pairs = _PAIRS_FOR_GLOSS if of_many else _PAIRS
     return resample_surround(tables, x, wo, u1, u2, pick, pairs, brightest, _draws_by_lobes(x), of_many)
 
 
 @jit
 def _without_color(x):
-    """The SurfacePoint that directions are drawn for: if it `is_mostly_glossy`, the same without its color,
+    """The SurfacePoint that directions are drawn for: if it `has_wide_gloss`, the same without its color,
     so that a texture does not change which directions the pixels of one filter draw."""
     b = x.bsdf
-    if not is_mostly_glossy(b):
+    if not has_wide_gloss(b):
         return x
     gloss, matte = greatest(b.f0), greatest(b.diffuse)
     matte = matte / (gloss + matte) if matte > f32(0) else f32(0)

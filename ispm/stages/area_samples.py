@@ -26,6 +26,7 @@ _BLUR = f32(0.25)  # of a penumbra's width, that the filter blurs it over to eac
 # Of a lobe's alpha, that view and light together turn by over the filter's reach. Squares of 5 x 5 pixels at
 # strides of 4 and 12, whole from a reach of 36 on, have a standard deviation of 10.4: 2 % off GGX's peak.
 _LOBE_BLUR = f32(0.5)
+_MUCH = f32(1 / 8)  # of the Lambert lobe's albedo; measured
 _WHITE = f32(1), f32(1), f32(1)
 
 
@@ -81,11 +82,11 @@ class Arriving(NamedTuple):
 
 
 @jit
-def is_mostly_glossy(b):
-    """Return whether a Bsdf reflects more by a wide lobe of facets than by its Lambert lobe: rough metal, or
-    what is nearly black."""
+def has_wide_gloss(b):
+    """Return whether a Bsdf has a wide lobe of facets that reflects much beside its Lambert lobe: rough
+    metal, in part too, or what is dark."""
     is_wide = b.alpha >= NARROW_ALPHA and b.f90 > f32(0) and not transmits(b)
-    return is_wide and greatest(b.f0) >= greatest(b.diffuse)
+    return is_wide and greatest(b.f0) >= _MUCH * greatest(b.diffuse)
 
 
 @jit
