@@ -48,8 +48,8 @@ _REFLECTED_EACH = 4  # of the paths of rough glass so many reflect once
 
 class View(NamedTuple):
     """What holds for all rays: width, spread, near and past are `EyeRays.width` and `slack`;
-    columns, most, widening, shows_environment, of_coats, behind and by_image those of EyeRays; openings: that
-    let in the environment's light."""
+    columns, most, draws, widening, shows_environment, of_coats, behind and by_image those of EyeRays;
+    openings: that let in the environment's light."""
 
     width: np.float32
     spread: np.float32
@@ -59,6 +59,7 @@ class View(NamedTuple):
     seed: np.uint32
     columns: np.uint32
     most: np.int64
+    draws: np.int64
     widening: np.float32
     shows_environment: bool
     of_coats: bool

@@ -57,7 +57,7 @@ from ispm.paths.coat import own_light
 from ispm.paths.eye_paths import Done, EyeOut, EyePaths, EyeRays, EyeThread, RayArrays, no_paths, ray_arrays
 from ispm.paths.facet import ROUGH_SAMPLES, bands_most, mean_reflectance, samples_most
 from ispm.paths.far import sides_most
-from ispm.paths.follow import ENDS_MAX, LAMP_SAMPLES, MIN_WEIGHT, follow
+from ispm.paths.follow import ENDS_MAX, MIN_WEIGHT, follow
 from ispm.paths.vertices import (
     DIRECT,
     EMISSION,
@@ -106,9 +106,9 @@ def trace_eye(
     arrays = ray_arrays(rays)
     tables = scene_tables(packed, world, surfaces)
     (width, spread), (near, past) = rays.width, rays.slack
-    numbers = u32(pass_index), u32(seed), u32(rays.columns), i64(rays.most), f32(rays.widening)
+    numbers = u32(pass_index), u32(seed), u32(rays.columns), i64(rays.most), i64(rays.draws)
     told = rays.shows_environment, rays.of_coats, rays.behind, rays.by_image, openings
-    view = View(f32(width), f32(spread), f32(near), f32(past), *numbers, *told)
+    view = View(f32(width), f32(spread), f32(near), f32(past), *numbers, f32(rays.widening), *told)
     capacity = _CHUNK * _PATHS_MAX * ENDS_MAX * samples_most(packed) * sides_most(packed) * bands_most(packed)
     words, cut = PATH_END_AND_POINT.itemsize // 4, PATH_END.itemsize // 4
     ends, points, traced = [np.zeros((0, cut), np.uint32)], [np.zeros((0, words - cut), np.uint32)], 0
@@ -216,7 +216,7 @@ def _follow_pixel(tables, view, thread, rays, i, slot, out, done):
     x = surface(tables, hit, d)
     wo = scale(f32(-1), d)
     if view.of_coats or (is_anisotropic(x.bsdf) and not (past or view.behind)):
-        own, more, shadows = own_light(tables, x, wo, key, view, thread.scratch, LAMP_SAMPLES)
+        own, more, shadows = own_light(tables, x, wo, key, view, thread.scratch, view.draws)
         store_own(out.firsts[i], own, f32(1) - x.coat.shown if view.of_coats else f32(0))
         add_light(out.light, i, DIRECT, more, _WHITE)
         x, done = coat_point(x) if view.of_coats else x, Done(done.row, done.traced + shadows)

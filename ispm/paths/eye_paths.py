@@ -13,6 +13,8 @@ from ispm.accel.records import Scratch
 from ispm.optics.records import NO_HIT, RECEIVER, join
 from ispm.paths.vertices import COLUMNS, DIRECT, EMISSION, FIRST_VERTEX, INDIRECT, PATH_END, THROUGH
 
+LAMP_SAMPLES = 4  # draws from lamps with a surface and from the environment that light the ends of a pixel
+
 
 @dataclass(frozen=True)
 class EyeRays:
@@ -36,6 +38,8 @@ class EyeRays:
     by_image   whether ends that lie side by side, as those that mirrors and clear glass show, are left
                without the direct light that their Lambert lobe has of lamps with a surface and of the
                environment: an image of them brings it
+    draws      points of lamps with a surface, and directions of the environment, that light an end, unless
+               it is one of several of the same kind
     """
 
     origins: np.ndarray
@@ -52,6 +56,7 @@ class EyeRays:
     of_coats: bool = False
     behind: bool = False
     by_image: bool = False
+    draws: int = LAMP_SAMPLES
 
 
 @dataclass(frozen=True)

@@ -67,7 +67,6 @@ f32, i64, u32 = np.float32, np.int64, np.uint32
 
 EVENTS_MAX = 24  # mirrors and faces of glass that a path meets: light turns often within a cone
 ENDS_MAX = 2  # of one path: behind a varnished floor goes on what it mirrors
-LAMP_SAMPLES = 4  # points of lamps with a surface that an end is lit by, where a pixel has one path
 MIN_WEIGHT = f32(1e-3)  # weight below which a path goes on by chance
 _MIN_WEIGHT_AFTER_END = f32(0.02)  # and below which from an end
 _PARTS = f32(0.03)  # weight of both branches from which a path parts at smooth glass
@@ -149,8 +148,8 @@ def follow(tables, view, thread, path, veil, waiting, i, slot, out, done):
         goes_on = is_narrow(b) and not (unlit or behind) and event < EVENTS_MAX and ends < ENDS_MAX
         goes_on = goes_on and mean >= (_MIN_WEIGHT_AFTER_END if ends > 0 else MIN_WEIGHT)
         by_glass = transmits(b) and not is_smooth(b) and event < EVENTS_MAX
-        count = 1 if from_lobe or rough else LAMP_SAMPLES
-        count = _SAMPLES_BEHIND if view.behind and sees else count
+        count = i64(1) if from_lobe or rough else view.draws
+        count = i64(_SAMPLES_BEHIND) if view.behind and sees else count
         by_image = side_by_side and not rough and stored == 0 and has_diffuse and not (unlit or transmits(b))
         by_image = by_image and not (has_sheen(x) or is_translucent(x))
         if not unlit and (has_finite(b) or not is_smooth(b)):

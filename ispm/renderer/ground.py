@@ -87,8 +87,9 @@ def catch_shadows(
         shares = 1.0 + there * (np.where(alone > 0.0, reflected / np.maximum(alone, 1e-30), 1.0) - 1.0)
     brought[mine, :3], brought[mine, 3:6] = kept[0] - before[0], kept[1] - before[1]
     brought[mine, 9:12] = shares
-    every = np.union1d(pixels, mine)
-    return every, brought[every]
+    shown = np.zeros(len(brought), np.bool_)  # numpy's union takes many times as long
+    shown[pixels] = shown[mine] = True
+    return np.flatnonzero(shown), brought[shown]
 
 
 def _shows_through(this: Pass) -> bool:

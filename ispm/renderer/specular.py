@@ -18,7 +18,7 @@ from ispm.paths.denoise import denoise
 from ispm.paths.edges import edge_rows
 from ispm.paths.ends import image_of_ends, reflect_light, spread_light, without_gaps
 from ispm.paths.eye import trace_eye
-from ispm.paths.eye_paths import EyePaths, EyeRays, join_ends, no_paths
+from ispm.paths.eye_paths import LAMP_SAMPLES, EyePaths, EyeRays, join_ends, no_paths
 from ispm.paths.far import LANES, light_far_sides
 from ispm.paths.pixel_layers import filtered_light
 from ispm.paths.pixel_rays import rays_to_seen
@@ -144,11 +144,11 @@ def _paths_of(
     given = shown(rays.keys, view.size[0], paths.firsts, places, widths, this.threads)
     lonely, again, edges = lonely_rows(given), [], np.zeros(0, np.int64)
     few = _EDGES_FEW * view.size[0] * view.size[1]
-    close = np.setdiff1d(contact_rows(given, this.threads), lonely)
+    close = np.setdiff1d(contact_rows(given, this.threads), lonely, assume_unique=True)
     if this.settings.antialias:
         edges = edge_rows(paths, lonely, rays.keys, view.size[0])
     if 0 < len(close) < few:
-        edges = np.setdiff1d(edges, close)
+        edges = np.setdiff1d(edges, close, assume_unique=True)
         own = replace(rows_of(side_by_side, close), most=GLOSS_SAMPLES)
         again.append((close, follow(this, own, photons)))
         paths.firsts[close] = again[-1][1].firsts
@@ -226,6 +226,7 @@ def fine_rays(
         slack=_FINE_SLACK,
         hits=None,
         columns=0,
+        draws=max(LAMP_SAMPLES // len(samples), 1),
     )
 
 

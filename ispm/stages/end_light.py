@@ -99,8 +99,9 @@ def add_area_light(
 def _images(ends: np.ndarray) -> Iterator[np.ndarray]:
     """Yield rows of PATH_END that are `by_image`: of each lane the first of each ray, and so on."""
     every = np.flatnonzero(ends["by_image"])
-    for lane in np.unique(ends["lane"][every]):
-        rows = every[ends["lane"][every] == lane]
+    lanes = ends["lane"][every]
+    for lane in np.flatnonzero(np.bincount(lanes)):
+        rows = every[lanes == lane]
         slots = ends["slot"][rows]
         starts = np.flatnonzero(np.diff(slots, prepend=-1))
         turn = np.arange(len(rows)) - np.repeat(starts, np.diff(starts, append=len(rows)))
