@@ -56,7 +56,8 @@ class Gathered(NamedTuple):
     """What rays found, receiver by receiver.
 
     radiance  (m, 3) float32, of direct light where each ray ends, times its share and what sheets let pass
-    fresnel   (m,) float32, Fc of the ray's direction at a glossy receiver, else 0
+    lobes     (m, 3) float32, D V (1 - Fc), D V Fc and Fc of the ray's direction at a glossy receiver, else 0;
+              those with D V where photons light the lobe, too
     nearness  (m,) float32 1/m, the ray's share over its length, 0 where it met nothing
     covered   (m,) float32, the ray's share, likewise
     ends      (m,) PATH_END; slot: the ray's row
@@ -64,7 +65,7 @@ class Gathered(NamedTuple):
     """
 
     radiance: np.ndarray
-    fresnel: np.ndarray
+    lobes: np.ndarray
     nearness: np.ndarray
     covered: np.ndarray
     ends: np.ndarray
@@ -74,13 +75,15 @@ class Gathered(NamedTuple):
 class Gather(NamedTuple):
     """What the gather rays from n receivers find.
 
-    irradiance, fresnel  (n, 3) float32, as in INCIDENT
+    irradiance, fresnel, gloss, grazing  (n, 3) float32, as in INCIDENT
     nearness             (n,) float32 1/m, mean inverse length of the rays
     covered              (n,) float32, share of the hemisphere, by cosine, in which they met something
     """
 
     irradiance: np.ndarray
     fresnel: np.ndarray
+    gloss: np.ndarray
+    grazing: np.ndarray
     nearness: np.ndarray
     covered: np.ndarray
 
@@ -129,9 +132,9 @@ def gather_rays(
     limit      of bright first bounces, see `nee.is_bright`
     """
     count = len(receivers) * plan.side**2
-    radiance = np.zeros((count, 3), np.float32)
-    fresnel, nearness, covered = np.zeros((3, count), np.float32)
-    out = Gathered(radiance, fresnel, nearness, covered, np.zeros(count, PATH_END), np.zeros(count, RECEIVER))
+    radiance, lobes = np.zeros((2, count, 3), np.float32)
+    nearness, covered = np.zeros((2, count), np.float32)
+    out = Gathered(radiance, lobes, nearness, covered, np.zeros(count, PATH_END), np.zeros(count, RECEIVER))
     tables = scene_tables(packed, world, surfaces)
     course = _Course(f32(limit), u32(pass_index), u32(seed), openings)
     run_shared(lambda counter: _gather_chunks(tables, receivers, plan, course, counter, out), world.threads)
@@ -160,25 +163,29 @@ def _average(met, light, nearest, counter, out):
                 reflected = met.ends[row].weight[c] * reflect_incident(met.ends[row], light, row, c)
                 radiance = met.radiance[row, c] + reflected
                 out.irradiance[receiver, c] += radiance
-                out.fresnel[receiver, c] += met.fresnel[row] * radiance
+                out.gloss[receiver, c] += met.lobes[row, 0] * radiance
+                out.grazing[receiver, c] += met.lobes[row, 1] * radiance
+                out.fresnel[receiver, c] += met.lobes[row, 2] * radiance
         out.nearness[receiver], out.covered[receiver] = near / f32(rays), covered / f32(rays)
-        for c in range(3):
-            out.irradiance[receiver, c] *= f32(math.pi) / f32(rays)
-            out.fresnel[receiver, c] *= f32(math.pi) / f32(rays)
+        for found in (out.irradiance, out.fresnel, out.gloss, out.grazing):
+            for c in range(3):
+                found[receiver, c] *= f32(math.pi) / f32(rays)
 
 
 @jit
 def join_light(light, others, found, rows):
-    """Let the irradiance of (n,) INCIDENT `light` be what rays found, a Gather, at (m,) int64 rows, and add
-    that of (n,) INCIDENT `others` everywhere; in place."""
-    for k in range(len(rows)):
-        for c in range(3):
-            light[rows[k]].irradiance[c] = found.irradiance[k, c]
-            light[rows[k]].fresnel[c] = found.fresnel[k, c]
+    """Let (n,) INCIDENT `light` be that of (n,) INCIDENT `others`, and with it what rays found, a Gather, at
+    (m,) int64 rows; in place."""
     for i in range(len(light)):
         for c in range(3):
-            light[i].irradiance[c] += others[i].irradiance[c]
-            light[i].fresnel[c] += others[i].fresnel[c]
+            light[i].irradiance[c], light[i].fresnel[c] = others[i].irradiance[c], others[i].fresnel[c]
+            light[i].gloss[c], light[i].grazing[c] = others[i].gloss[c], others[i].grazing[c]
+    for k in range(len(rows)):
+        for c in range(3):
+            light[rows[k]].irradiance[c] += found.irradiance[k, c]
+            light[rows[k]].fresnel[c] += found.fresnel[k, c]
+            light[rows[k]].gloss[c] += found.gloss[k, c]
+            light[rows[k]].grazing[c] += found.grazing[k, c]
 
 
 class _Course(NamedTuple):
@@ -232,7 +239,10 @@ def _gather_one(tables, receiver, plan, course, r, k, scratch, out):
     if dot(d, ng) <= f32(0):
         return
     if receiver.alpha > f32(0):
-        _, _, out.fresnel[row] = gloss_terms(receiver.alpha, n, vec3(receiver.wo), d)
+        first, second, fresnel = gloss_terms(receiver.alpha, n, vec3(receiver.wo), d)
+        if receiver.alpha >= NARROW_ALPHA:
+            out.lobes[row, 0], out.lobes[row, 1] = first, second
+        out.lobes[row, 2] = fresnel
     start = add(vec3(receiver.position), scale(plan.lifts[r], ng))
     ray = _GatherRay(row, start, d, f32(1) / density, u3, u4, key, dimension)
     _look(tables, ray, course, scratch, out)

@@ -55,7 +55,7 @@ _BATCH = 1 << 17  # rays whose ends lie in memory at once
 _GRAZING_ALPHA = 0.5  # least of lobes that grazing eyes see of photons, in the first pass
 _SHARPER = -1 / 6  # exponent of the number of passes in it
 _GRAZING, _STEEP = 0.2, 0.4  # cosines at the eye's side between which it comes in
-_SERIES = 8  # of photons that alone light receivers; for gloss and at rays' ends more gain nothing
+_SERIES = 8  # of photons that alone light receivers; at the ends of rays and of eye paths more gain nothing
 _DIMENSION = 1 << 21  # of the random numbers that shift whole pictures of rays
 
 
@@ -92,12 +92,10 @@ def rays_reach(
     return np.asarray(np.maximum(widest / around, least))
 
 
-def rays_worth(points: np.ndarray, rays: int) -> np.ndarray:
-    """Return how many passes of the usual count of rays one of so many is worth to the filter, (n,).
-
-    More rays free the picture of their own noise, not of the photons', nor of any in gloss.
-    """
-    return np.where(points["alpha"] >= NARROW_ALPHA, 1.0, math.sqrt(rays / _RAYS_USUAL))
+def rays_worth(rays: int) -> float:
+    """Return how many passes of the usual count of rays one of so many is worth to the filter: more rays free
+    the picture of their own noise, not of the photons'."""
+    return math.sqrt(rays / _RAYS_USUAL)
 
 
 class PhotonLight:
@@ -150,7 +148,7 @@ class PhotonLight:
             whole, ended = self._not_gathered
             flux = np.concatenate([whole.photons["flux"], ended.photons["flux"]])
             of_photons = summed(whole) + ended.estimate(lobes, this.threads)
-            light = self._gathered(receivers, lambda: summed(self.photons), of_photons, self.at_ends)
+            light = self._gathered(receivers, of_photons, self.at_ends)
         else:
             flux, light = self.photons.photons["flux"], summed(self.photons)
             of_photons = light
@@ -242,20 +240,16 @@ class PhotonLight:
     def _gathered(
         self,
         image: Receivers,
-        estimate_smooth: Callable[[], np.ndarray],
         not_gathered: np.ndarray,
         ends: Ends,
     ) -> np.ndarray:
-        """Light at points, (n, 16): gloss of the smooth photons, the rest by rays and of those not gathered.
+        """Light at points, (n, 16): by rays, and of photons not gathered.
 
-        estimate_smooth  returns the (n, 16) light of the smooth photons; asked for where gloss is wide
         not_gathered     (n, 16) light of those not gathered
         ends             as of `gather`
         """
         this, points = self._this, image.points
-        glossy = (points["alpha"] >= NARROW_ALPHA).any()
-        light = estimate_smooth() if glossy else no_light(len(points))
-        used = np.flatnonzero(points["valid"])  # which may be few
+        light, used = no_light(len(points)), np.flatnonzero(points["valid"])  # which may be few
         found = self.gather(image, used, this.settings.gather_rays, ends)
         nearness, covered = np.zeros((2, len(points)), np.float32)
         nearness[used], covered[used] = found.nearness, found.covered
@@ -264,7 +258,7 @@ class PhotonLight:
         join_light(channels(light), channels(not_gathered), found, used)
         passes = 1 + this.index
         rays = this.settings.gather_rays
-        worth = passes * rays_worth(points, rays)
+        worth = passes * rays_worth(rays)
         reach = rays_reach(image, nearness, rays * passes, worth, this.threads)
         set_reach(light, points, reach, this.packed.diagonal)
         return light
@@ -277,8 +271,10 @@ class PhotonLight:
         this, size = self._this, image.size
         packed, settings, threads = this.packed, this.settings, this.threads
         limit = bright_limit(packed, self._this.surfaces, settings)
-        found = Gather(*(np.zeros((len(rows), *shape), np.float32) for shape in ((3,), (3,), (), ())))
-        receivers = take(image.points, rows)
+        found = Gather(
+            *(np.zeros((len(rows), *shape), np.float32) for shape in ((3,), (3,), (3,), (3,), (), ()))
+        )
+        receivers = with_grazing_lobes(take(image.points, rows), this.index)
         densities, guide_rows = self._guide.densities(receivers, square_blocks(size)[rows], threads)
         lifts, keys = clearance(receivers["position"], this.view.eye), rows.astype(np.uint32)
         shifts = even_numbers(size, settings.seed, this.index)[rows]
@@ -336,7 +332,8 @@ def finish_at_ends(this: Pass, keys: np.ndarray, kernels: np.ndarray, rows: np.n
 
 
 def series_of(settings: Settings) -> int:
-    """Return how many series keep the light of smooth photons, see `Draws`: gather rays leave them gloss."""
+    """Return how many series keep the light of smooth photons, see `Draws`: where rays gather, they light
+    but ends of eye paths."""
     return 1 if settings.gather_rays else _SERIES
 
 

@@ -20,7 +20,6 @@ from ispm.live.blend import HISTORY, blend, effective_frames, light_of, no_histo
 from ispm.live.cache import CELL, WorldCache
 from ispm.live.change import SIDE, changed_share, coarse
 from ispm.live.reproject import Seen, moves, reproject, seen
-from ispm.optics.bsdf import NARROW_ALPHA
 from ispm.optics.incident import channels, no_light
 from ispm.optics.records import take
 from ispm.optics.rng import pcg4d
@@ -214,7 +213,7 @@ class LiveLight(PhotonLight):
         if not self._this.settings.gather_rays:
             return self.sum_at(points, self.photons)
         others = self.not_gathered_at(points)
-        return self._gathered(receivers, lambda: self.sum_at(points, self.photons), others, self._at_ends)
+        return self._gathered(receivers, others, self._at_ends)
 
     def _accumulated(self, image: Receivers) -> np.ndarray:
         """Light at the picture's receivers, (n, 16)."""
@@ -233,7 +232,7 @@ class LiveLight(PhotonLight):
         frames, light = effective_frames(history), light_of(history)
         if this.settings.gather_rays:
             rays, nearness = this.settings.gather_rays, np.ascontiguousarray(history["nearness"])
-            passes = np.minimum(frames, _NARROWEST) * rays_worth(image.points, rays)
+            passes = np.minimum(frames, _NARROWEST) * rays_worth(rays)
             reach = rays_reach(image, nearness, rays * frames, passes, this.threads)
             set_reach(light, image.points, reach, this.packed.diagonal)
         else:
@@ -252,16 +251,14 @@ class LiveLight(PhotonLight):
             return no_light(len(rows)), np.zeros(len(rows), np.float32)
         if not self._this.settings.gather_rays:
             return self.sum_at(points, self.photons), np.zeros(len(rows), np.float32)
-        glossy = (points["alpha"] >= NARROW_ALPHA).any()
-        light = self.sum_at(points, self.photons) if glossy else no_light(len(rows))
-        others = self.not_gathered_at(points)
+        light, others = no_light(len(rows)), self.not_gathered_at(points)
         nearness, rays = np.zeros(len(rows), np.float32), self._this.settings.gather_rays
         is_old = np.ones(len(rows), bool)
         is_old[new] = False
         for some, count in ((np.flatnonzero(is_old), rays), (new, more * rays)):
             found = self.gather(image, rows[some], count, self._at_ends)
             nearness[some] = found.nearness
-            for name in ("irradiance", "fresnel"):
+            for name in ("irradiance", "fresnel", "gloss", "grazing"):
                 channels(light)[name][some] = getattr(found, name) + channels(others)[name][some]
         return light, nearness
 

@@ -7,6 +7,7 @@ import pytest
 from test_specular_paths import still_life
 from transport import Tracer, box_room, lit, render, total
 
+from ispm import Renderer, Settings, shapes
 from ispm.library.builtin import builtin
 from ispm.library.shapes import icosphere
 from ispm.optics.records import RECEIVER
@@ -42,7 +43,7 @@ def gathered(tracer, points, limit, seed, photons, side=2, guide=None):
 def test_rays_are_averaged_receiver_by_receiver():
     """As numpy does it, for ends that reflect all channels, of rays that met something and others."""
     random, count, rays = np.random.default_rng(5), 150, 4
-    numbers = [random.random((count * rays, *shape), np.float32) for shape in ((3,), (), (), ())]
+    numbers = [random.random((count * rays, *shape), np.float32) for shape in ((3,), (3,), (), ())]
     ends = np.zeros(count * rays, PATH_END)
     ends["slot"] = np.arange(count * rays)
     for name in ("weight", "diffuse", "f0", "f90", "dielectric_f0", "dielectric_f90"):
@@ -52,11 +53,11 @@ def test_rays_are_averaged_receiver_by_receiver():
     light = random.random((count * rays, 16), np.float32)
     light[:, 4:7] *= 0.1 * light[:, :3]  # so that no difference is far smaller than what it is of
     met = Gathered(*numbers, ends, np.zeros(count * rays, RECEIVER))
-    out = Gather(*(np.zeros((count, *shape), np.float32) for shape in ((3,), (3,), (), ())))
+    out = Gather(*(np.zeros((count, *shape), np.float32) for shape in ((3,), (3,), (3,), (3,), (), ())))
     average_rays(met, light, 0.6, 2, out)
     radiance = met.radiance + reflect_light(ends, light, len(ends))
-    fresnel, nearness = met.fresnel[:, None] * radiance, np.minimum(met.nearness, 0.6)
-    wanted = math.pi * radiance, math.pi * fresnel, nearness, met.covered
+    gloss, grazing, fresnel = (math.pi * met.lobes[:, k, None] * radiance for k in range(3))
+    wanted = math.pi * radiance, fresnel, gloss, grazing, np.minimum(met.nearness, 0.6), met.covered
     for found, each in zip(out, wanted, strict=True):
         mean = each.reshape(count, rays, *each.shape[1:]).mean(axis=1, dtype=float)
         assert found == pytest.approx(
@@ -73,6 +74,32 @@ def test_rays_in_a_sphere_find_its_direct_light():
     empty = tracer.walk(tracer.emit(10), 0).photons
     found = gathered(tracer, receivers_at(-1.99 * normal, normal), math.inf, 3, empty)
     assert found == pytest.approx(0.6 * 100 / (4 * math.pi * 2**2), rel=5e-3)
+
+
+def test_metal_that_hardly_a_photon_meets_is_lit_by_rays(gpu):
+    """A plate of 1 cm in a sphere of 2 m, which sees its walls' radiance alone (V1), and reflects of it what
+    GGX does. Some 600 receivers have four rays each, which a lobe of alpha .36 weighs by 0 to 4: 4 % of
+    noise. By photons alone it is black, or as here, where one meets it, eight times as bright."""
+    scene, alpha = builtin("integrating-sphere", albedo=0.6), 0.36
+    metal = Material((1.0,) * 3, metallic=1.0, roughness=math.sqrt(alpha))
+    scene.add(shapes.box((0.002, 0.01, 0.01)), material=metal, translation=(0.8, 0.0, 0.0), name="plate")
+    camera = Camera.look_at((1.8, 0.0, 0.0), (0.0, 0.0, 0.0), yfov=0.012)
+    with Renderer(scene, Settings(size=(160, 120)), camera, gpu=gpu) as renderer:
+        frame = renderer.render()
+    plate = frame.instance == frame.names.find("plate")
+    assert plate.mean() > 0.4
+    radiance = 0.6 / 0.4 * 100.0 / (math.pi * 4.0 * math.pi * 2.0**2)
+    expected = radiance * reflected_by_metal(alpha)
+    assert frame.indirect[plate].mean() == pytest.approx(expected, rel=0.15)
+
+
+def reflected_by_metal(alpha):
+    """The share of even light that facets of a white metal reflect along their normal, by quadrature."""
+    cosine = (np.arange(4000) + 0.5) / 4000
+    half = np.sqrt((1.0 + cosine) / 2.0)
+    facets = alpha**2 / (math.pi * (half**2 * (alpha**2 - 1.0) + 1.0) ** 2)
+    masking = 0.5 / (cosine + np.sqrt(alpha**2 + (1.0 - alpha**2) * cosine**2))
+    return 2.0 * math.pi * (facets * masking * cosine).mean()
 
 
 def crowded():
