@@ -18,7 +18,7 @@ from ispm.optics.bsdf import NARROW_ALPHA
 from ispm.optics.gradient import WORDS, turn, turned_light
 from ispm.optics.incident import FilteredLight
 from ispm.optics.jit import jit
-from ispm.optics.records import RECEIVER
+from ispm.optics.records import RECEIVER, TAKES_NONE
 from ispm.optics.vector import dot, sub, vec3
 
 f32, i64, u32 = np.float32, np.int64, np.uint32
@@ -200,7 +200,7 @@ def _add_tap(point, image, x, y, near, out):
 def _likeness(point, receiver):
     """Weight in [0, 1]: 1 where a RECEIVER lies in the tangent plane of another, `point`, and its normals are
     the same."""
-    if receiver.valid == u32(0):
+    if receiver.valid == u32(0) or (receiver.alpha == f32(TAKES_NONE)) != (point.alpha == f32(TAKES_NONE)):
         return f32(0)
     z, facing, bump = f32(0), f32(0), f32(0)
     for k in range(3):
