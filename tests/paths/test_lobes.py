@@ -162,7 +162,15 @@ def _width(pdf):
 
 def lattice(pass_index, columns=64):
     view = View(
-        *[f32(0)] * 4, u32(pass_index), u32(0), u32(columns), i64(1), f32(1), *[False] * 4, NO_OPENINGS
+        *[f32(0)] * 4,
+        u32(pass_index),
+        u32(0),
+        u32(columns),
+        i64(1),
+        i64(4),
+        f32(1),
+        *[False] * 4,
+        NO_OPENINGS,
     )
     out = np.zeros((columns * columns, 2), np.float32)
     _numbers(view, out)
