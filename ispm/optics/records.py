@@ -23,9 +23,6 @@ RECEIVER = _SOURCE.dtype("Receiver")
 _CONSTANTS = {
     name: int(value, 0) for name, value in re.findall(r"^const (\w+) = (\w+?)u;", _SOURCE.text, re.M)
 }
-_NUMBERS = {
-    name: float(value) for name, value in re.findall(r"^const (\w+) = (-?[\d.]+);", _SOURCE.text, re.M)
-}
 NO_HIT = _CONSTANTS["NO_HIT"]
 INSTANCE_MIRRORED = _CONSTANTS["INSTANCE_MIRRORED"]
 MATERIAL_MASK = _CONSTANTS["MATERIAL_MASK"]
@@ -49,7 +46,7 @@ LIGHT_DIRECTIONAL = _CONSTANTS["LIGHT_DIRECTIONAL"]
 EMITTED_BY_SURFACE = _CONSTANTS["EMITTED_BY_SURFACE"]
 EMITTED_BY_ENVIRONMENT = _CONSTANTS["EMITTED_BY_ENVIRONMENT"]
 INNER = _CONSTANTS["INNER"]
-TAKES_NONE = _NUMBERS["TAKES_NONE"]
+TAKES_NONE = _SOURCE.constants["TAKES_NONE"]
 PIXEL_BACK = _CONSTANTS["PIXEL_BACK"]
 
 

@@ -170,7 +170,7 @@ struct Receiver {          // a point whose incident light is estimated: a low-r
     slant: f32,            // 1 / |wo.ng|
 }
 
-// Of mirrors and clear glass, to which light arrives but shows nowhere: that of others beside them is not like it.
+// Alpha of mirrors and clear glass: they show none of the light that arrives, which no surface beside them shares.
 const TAKES_NONE = -1.0;
 
 // Set where light arrives at the back of a surface that lets light through, as within glass or a paper lantern: the

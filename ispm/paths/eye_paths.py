@@ -38,8 +38,8 @@ class EyeRays:
     by_image   whether ends that lie side by side, as those that mirrors and clear glass show, are left
                without the direct light that their Lambert lobe has of lamps with a surface and of the
                environment: an image of them brings it
-    draws      points of lamps with a surface, and directions of the environment, that light an end, unless
-               it is one of several of the same kind
+    draws      points of lamps with a surface, and directions of the environment, that light an end; one
+               does where a narrow lobe or rough glass leads to it, of which several paths go out
     """
 
     origins: np.ndarray

@@ -57,7 +57,7 @@ class Gathered(NamedTuple):
 
     radiance  (m, 3) float32, of direct light where each ray ends, times its share and what sheets let pass
     lobes     (m, 3) float32, D V (1 - Fc), D V Fc and Fc of the ray's direction at a glossy receiver, else 0;
-              those with D V of lobes that are not left to eye paths
+              the first two are 0 for lobes narrower than NARROW_ALPHA
     nearness  (m,) float32 1/m, the ray's share over its length, 0 where it met nothing
     covered   (m,) float32, the ray's share, likewise
     ends      (m,) PATH_END; slot: the ray's row

@@ -52,7 +52,7 @@ _RAYS_WITHIN = 800.0  # least rays within the filter's radius, over all passes: 
 _RAYS_NOISE = 2.0 / _RAYS_WITHIN  # relative variance of their filtered light, about
 _NEAREST = 0.01  # of the scene's diagonal, for which shorter rays count there
 _BATCH = 1 << 17  # rays whose ends lie in memory at once
-_GRAZING_ALPHA = 0.5  # least of lobes that grazing eyes see of photons, in the first pass
+_GRAZING_ALPHA = 0.5  # least of lobes that grazing eyes see, in the first pass
 _SHARPER = -1 / 6  # exponent of the number of passes in it
 _GRAZING, _STEEP = 0.2, 0.4  # cosines at the eye's side between which it comes in
 _SERIES = 8  # of photons that alone light receivers; at the ends of rays and of eye paths more gain nothing
@@ -302,10 +302,10 @@ class PhotonLight:
 
 
 def with_grazing_lobes(points: np.ndarray, pass_index: int) -> np.ndarray:
-    """Return (n,) RECEIVER as photons' gloss is summed at, in pass `pass_index`: where the eye's rays graze,
-    lobes that photons find.
+    """Return (n,) RECEIVER as gloss is gathered and summed at, in pass `pass_index`: where the eye's rays
+    graze, lobes that gather rays and photons find.
 
-    There a lobe is high and narrow, and reflects most: the few photons in it are specks a hundred times as
+    There a lobe is high and narrow, and reflects most: the few of them in it are specks a hundred times as
     bright as what is around. The lobes shrink to their own width with the passes (Kaplanyan and Dachsbacher,
     Path Space Regularization for Holistic and Robust Light Transport, EG 2013).
     """
@@ -333,7 +333,7 @@ def finish_at_ends(this: Pass, keys: np.ndarray, kernels: np.ndarray, rows: np.n
 
 def series_of(settings: Settings) -> int:
     """Return how many series keep the light of smooth photons, see `Draws`: where rays gather, they light
-    but ends of eye paths."""
+    ends of eye paths alone."""
     return 1 if settings.gather_rays else _SERIES
 
 

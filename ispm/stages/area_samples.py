@@ -26,7 +26,7 @@ _BLUR = f32(0.25)  # of a penumbra's width, that the filter blurs it over to eac
 # Of a lobe's alpha, that view and light together turn by over the filter's reach. Squares of 5 x 5 pixels at
 # strides of 4 and 12, whole from a reach of 36 on, have a standard deviation of 10.4: 2 % off GGX's peak.
 _LOBE_BLUR = f32(0.5)
-_MUCH = f32(1 / 8)  # of the Lambert lobe's albedo; measured
+_MUCH = f32(1 / 8)  # of the Lambert lobe's albedo
 _WHITE = f32(1), f32(1), f32(1)
 
 

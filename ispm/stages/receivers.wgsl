@@ -2,8 +2,8 @@
 // include optics/records.wgsl
 // include stages/material.wgsl
 
-// Alpha of the lobe by which a receiver weighs photons, 0: none; TAKES_NONE. Smooth surfaces and narrow lobes need
-// the Fresnel term, for their diffuse part.
+// Alpha of the lobe by which a receiver weighs light, 0: none; TAKES_NONE where none is shown. Smooth surfaces and
+// narrow lobes need the Fresnel term, for their diffuse part.
 fn receiver_alpha(b: Bsdf, flags: u32) -> f32 {
     if (!has_finite(b) && (flags & MATERIAL_SHEEN) == 0u) {
         return TAKES_NONE;

@@ -21,7 +21,7 @@ from ispm.stages.camera import CameraView
 _PATH = "stages/shadow.wgsl"
 _MAP = wgsl.load("stages/shadow_map.wgsl").dtype("ShadowMap")
 _TILE = wgsl.load("stages/shadow_map.wgsl").dtype("ShadowTile")
-_FINEST = -15.0  # texture levels to it from any
+_FINEST = -15.0  # LEVEL_BIAS with which every lookup takes the finest level
 _VIEW, _MIN_ALPHA = wgsl.load(_PATH).dtype("View"), wgsl.load(_PATH).constants["MIN_ALPHA"]
 _SHEET_SLOTS = ("base_color", "transmission", *SPECULAR_SLOTS)
 _FACES = 6  # rows of a light
