@@ -28,6 +28,7 @@ from ispm.paths.facet import (
     ROUGH_SAMPLES,
     facet_numbers,
     facet_split,
+    lobe_blur,
     lobe_numbers,
     mean_reflectance,
     sample_lobe,
@@ -77,6 +78,7 @@ class Branch(NamedTuple):
     d: Vector
     weight: Vector
     pdf: np.float32
+    blur: np.float32
     lobe: Lobe
     sees_background: bool
     band: np.int64
@@ -92,6 +94,7 @@ class Path(NamedTuple):
     weight          of the radiance that comes back along it
     pdf             of d, 1/sr, where a rough surface drew it; 0: a mirror or clear glass sent it there, or
                     the pixel's own rough glass let it through
+    blur            `lobe_blur` there, 0 without a pdf
     side            normal, unit, of the side of the surface that it left, see `lit_side`, and
     origin          m, where on it; of paths with a pdf those of the lobe, sheets that they passed since aside
     lobe            by which lamps are drawn there once more, see `drawn_lobe`
@@ -110,6 +113,7 @@ class Path(NamedTuple):
     d: Vector
     weight: Vector
     pdf: np.float32
+    blur: np.float32
     side: Vector
     origin: Vector
     lobe: Lobe
@@ -199,15 +203,16 @@ def first_path(tables, view, x, wo, key, k, length, band):
     reflectance, transmittance, above, beyond, _ = facet_split(x, wo, u1, u2)
     wi, weight, dimension = above, reflectance, u32(sample << 8 | 1)
     share = f32(1) if smooth else f32(_REFLECTED_EACH / ROUGH_SAMPLES)
-    lane, pdf = REFLECTED if smooth else SCATTERED, f32(0)
+    lane, pdf, blur = REFLECTED if smooth else SCATTERED, f32(0), f32(0)
     if not (smooth or passes):
         pdf = visible_pdf(x.bsdf, x.n, wo, normalize(add(wo, wi)))  # as pixels draw from lamps for this, too
+        blur = lobe_blur(x.bsdf, pdf)
     if passes:
         wi, weight, dimension = beyond, transmittance, u32(sample << 8 | 128)
         share = f32(1) if smooth else f32(1.0 / ROUGH_SAMPLES)
         lane = TRANSMITTED if smooth else SCATTERED
     weight = of_band(band, scale(share, weight))
-    branch = Branch(key, dimension, i64(lane), wi, weight, pdf, NO_LOBE, True, band, smooth)
+    branch = Branch(key, dimension, i64(lane), wi, weight, pdf, blur, NO_LOBE, True, band, smooth)
     return leave(tables, x, no_medium(), f32(1), length, branch)
 
 
@@ -222,7 +227,8 @@ def _first_of_lobe(tables, view, x, wo, key, k, length):
     lane = REFLECTED if strong else SCATTERED
     weight = scale(f32(1) / f32(count), factor)
     lobe, rest = drawn_lobe(x.bsdf, x.n, wo), (False, ALL_BANDS, False)
-    branch = Branch(key, u32(k << 8 | 1), i64(lane), wi, weight, pdf, lobe, *rest)
+    blur = lobe_blur(x.bsdf, pdf)
+    branch = Branch(key, u32(k << 8 | 1), i64(lane), wi, weight, pdf, blur, lobe, *rest)
     return leave(tables, x, no_medium(), f32(1), length, branch)
 
 
@@ -232,7 +238,7 @@ def leave(tables, x, inside, focus, length, branch):
 
     inside, focus  as of a Path;  length  m, from the eye
     """
-    key, dimension, lane, d, weight, pdf, lobe, sees_background, band, is_clear = branch
+    key, dimension, lane, d, weight, pdf, blur, lobe, sees_background, band, is_clear = branch
     start, inside = spawn_ray(tables, x, inside, d)
     passes, solid = dot(d, x.ng) < f32(0), x.bsdf.thin == f32(0)
     if passes and solid:
@@ -240,16 +246,16 @@ def leave(tables, x, inside, focus, length, branch):
     sees_background = sees_background and (passes or (solid and transmits(x.bsdf) and not x.entering))
     side = lit_side(x) if not passes or transmits(x.bsdf) else scale(f32(-1), x.ng)
     place = side, x.position, lobe, inside, focus, length
-    return Path(key, dimension, lane, start, d, weight, pdf, *place, sees_background, band, is_clear)
+    return Path(key, dimension, lane, start, d, weight, pdf, blur, *place, sees_background, band, is_clear)
 
 
 @jit
 def path_in_band(path, band):
     """Return a Path with the light of a band alone."""
-    key, dimension, lane, start, d, weight, pdf = path[:7]
-    side, origin, lobe, inside, focus, length, sees, _, clear = path[7:]
+    key, dimension, lane, start, d, weight, pdf, blur = path[:8]
+    side, origin, lobe, inside, focus, length, sees, _, clear = path[8:]
     place = side, origin, lobe, inside, focus, length
-    return Path(key, dimension, lane, start, d, of_band(band, weight), pdf, *place, sees, band, clear)
+    return Path(key, dimension, lane, start, d, of_band(band, weight), pdf, blur, *place, sees, band, clear)
 
 
 @jit

@@ -230,7 +230,7 @@ def _follow_pixel(tables, view, thread, rays, i, slot, out, done):
         if bands > i64(1):
             band = number % bands
             y = in_band(tables, x, band)
-        place = f32(0), d, d, NO_LOBE, no_medium(), f32(1)
+        place = f32(0), f32(0), d, d, NO_LOBE, no_medium(), f32(1)
         path = Path(key, u32(0), i64(SCATTERED), start, d, _WHITE, *place, near, True, ALL_BANDS, True)
         if not past:
             path = first_path(tables, view, y, wo, key, k, length, band)
@@ -259,7 +259,7 @@ def _follow_behind(tables, view, thread, x, d, key, length, i, slot, out, done):
         return done
     before, within = length * view.near, clear_of_edges(tables, x.hit, d)
     start, weight = sub(hit_position(tables.surfaces, within), scale(before, d)), (clear, clear, clear)
-    place = start, d, weight, f32(0), d, d, NO_LOBE, no_medium(), f32(1)
+    place = start, d, weight, f32(0), f32(0), d, d, NO_LOBE, no_medium(), f32(1)
     path = Path(key, u32(0), i64(TRANSMITTED), *place, length - before, True, ALL_BANDS, True)
     done, _ = _follow_bands(tables, view, thread, path, x.hit, i, slot, out, done)
     return done
@@ -293,8 +293,8 @@ def _follow_often(tables, view, thread, path, veil, i, slot, out, done):
     -> the Done, the length of the last path, m, and whether it ended as its light disperses, see `follow`
     """
     first = done.row
-    key, dimension, lane, start, d, weight, pdf = path[:7]
-    side, origin, lobe, inside, focus, length, sees, band, clear = path[7:]
+    key, dimension, lane, start, d, weight, pdf, blur = path[:8]
+    side, origin, lobe, inside, focus, length, sees, band, clear = path[8:]
     before = light_at(out.light, i)
     share, k, count, rough = f32(1), 0, 1, False
     end, skipped, waiting = length, veil, nothing_waits(path, lane != SCATTERED)
@@ -316,5 +316,5 @@ def _follow_often(tables, view, thread, path, veil, i, slot, out, done):
         k, skipped, waiting = k + 1, veil, nothing_waits(path, False)
         sample, part = u32(dimension + u32(k << 8)), scale(share, weight)
         place = side, origin, lobe, inside, focus, length
-        path = Path(key, sample, lane, start, d, part, pdf, *place, sees, band, clear)
+        path = Path(key, sample, lane, start, d, part, pdf, blur, *place, sees, band, clear)
     return done, end, False

@@ -42,6 +42,7 @@ f32, u32 = np.float32, np.uint32
 
 _LOBES = 1 << 23  # of the random numbers that shift the lattice of paths from lobes
 _STEPS = tuple(round(step * 2**32) for step in LATTICE)
+_BLUR = f32(0.75)  # more is bias, less is noise; measured
 ROUGH_SAMPLES = 8  # facets that are drawn where a pixel shows rough glass; a power of 2
 
 
@@ -86,10 +87,19 @@ def sample_lobe(x, wo, u1, u2):
 
 
 @jit
-def lobe_width(pdf):
-    """Return the alpha, float32, of a lobe that draws directions with the density `pdf`, 1/sr, about normal
-    incidence; 0 of 0."""
-    return f32(0.5) / math.sqrt(f32(math.pi) * pdf) if pdf > f32(0) else f32(0)
+def lobe_blur(b, pdf):
+    """Return the alpha, float32, that a lobe has at least to a path that comes along a direction which the
+    facets of a rough Bsdf drew with the density `pdf`, 1/sr; 0 of 0.
+
+    About normal incidence 1 / sqrt(4 pi pdf) is (alpha^2 + t^2) / alpha, t the facet's angle to the normal.
+    Far out that exceeds t, over which the density changes: light seen there would count in the middle, too,
+    where the density is many times as high. Its geometric mean with alpha is sqrt(alpha^2 + t^2), of which
+    this is a part.
+    """
+    if pdf <= f32(0):
+        return f32(0)
+    dense = f32(0.5) / math.sqrt(f32(math.pi) * pdf)
+    return _BLUR * f32(math.sqrt(mean_alpha(b) * dense))
 
 
 @jit

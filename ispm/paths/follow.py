@@ -54,7 +54,7 @@ from ispm.paths.eye_paths import Done
 from ispm.paths.facet import (
     as_wide,
     facet_numbers,
-    lobe_width,
+    lobe_blur,
     mean_reflectance,
     sample_lobe,
     sample_specular_lobe,
@@ -92,8 +92,8 @@ def follow(tables, view, thread, path, veil, waiting, i, slot, out, done):
        them, where it ends
     """
     row, traced = done.row, done.traced
-    key, dimension, lane, start, d, weight, pdf = path[:7]
-    side, origin, lobe, inside, focus, length, sees, band, clear = path[7:]
+    key, dimension, lane, start, d, weight, pdf, blur = path[:8]
+    side, origin, lobe, inside, focus, length, sees, band, clear = path[8:]
     stored, rough, disperses = 0, False, False
     from_lobe, far, sharp = pdf > f32(0), f32(1e30), True
     behind = veil.instance != u32(NO_HIT)
@@ -138,7 +138,7 @@ def follow(tables, view, thread, path, veil, waiting, i, slot, out, done):
         add_light(out.light, i, EMISSION, scale(share, glow(tables, hit, d)), seen)
         unlit = x.flags & u32(MATERIAL_UNLIT) != u32(0)
         wo = scale(f32(-1), d)
-        widest = view.widening * lobe_width(pdf)
+        widest = view.widening * blur
         far = length if sharp else far
         sharp = sharp and (not from_lobe or (is_smooth(b) and not has_finite(b)))
         end = with_matte_sheen(x).bsdf
@@ -202,12 +202,13 @@ def follow(tables, view, thread, path, veil, waiting, i, slot, out, done):
             break
         rough = rough or (transmits(b) and not is_smooth(b)) or (goes_on and mean >= STRONG)
         alive, wi, factor, parts, above, kept = False, wo, wo, False, wo, wo
-        drawn, passed = f32(0), False
+        drawn, left_by, passed = f32(0), b, False
         chance = f32(1)
         if by_coat:
             by_coat, u1, chance = draw_coat(x, wo, u1, goes_on or is_smooth(b))
         if by_coat:
             alive, wi, factor, drawn = sample_coat(x, wo, u1, u2)
+            left_by = coat_point(x).bsdf
         elif goes_on:
             alive, wi, factor, drawn = sample_lobe(x, wo, u1, u2)
         elif is_smooth(b) or transmits(b):
@@ -221,15 +222,18 @@ def follow(tables, view, thread, path, veil, waiting, i, slot, out, done):
             drawn = glass_pdf(b, x.n, wo, wi) if by_glass else f32(0)
             passed = is_smooth(b) and passed_sheet(x, wi)  # as shadow rays do, so that lobes draw beyond
         clear = clear and drawn == f32(0)
-        drawn = pdf if passed else drawn
+        if passed:
+            drawn = pdf
+        else:
+            blur = lobe_blur(left_by, drawn)
         factor, rest = scale(f32(1) / chance, factor), (sees, band, clear)
         kept_lobe = lobe if passed else NO_LOBE
-        branch = Branch(
-            key, u32(dimension + u32(1)), lane, wi, times(weight, factor), drawn, kept_lobe, *rest
-        )
+        onward, number = times(weight, factor), u32(dimension + u32(1))
+        branch = Branch(key, number, lane, wi, onward, drawn, blur, kept_lobe, *rest)
         if parts:
             apart = u32(dimension + u32(_EVENTS_APART))
-            second = Branch(key, apart, i64(SCATTERED), above, times(weight, kept), f32(0), NO_LOBE, *rest)
+            mirrored = times(weight, kept), f32(0), f32(0), NO_LOBE
+            second = Branch(key, apart, i64(SCATTERED), above, *mirrored, *rest)
             waiting = part(waiting, leave(tables, x, inside, focus, length, second))
         left = leave(tables, x, inside, focus, length, branch)
         weight = left.weight
@@ -238,7 +242,7 @@ def follow(tables, view, thread, path, veil, waiting, i, slot, out, done):
             break
         weight = scale(max(least / strongest, f32(1)), weight)
         sides = (side, origin) if passed else (left.side, left.origin)
-        key, dimension, lane, start, d, _, pdf, _, _, lobe, inside, focus, length, sees, _, _ = left
+        key, dimension, lane, start, d, _, pdf, blur, _, _, lobe, inside, focus, length, sees, _, _ = left
         side, origin = sides
     return Done(row, traced), rough, far if from_lobe else length, waiting, disperses
 

@@ -17,7 +17,7 @@ from ispm.optics.sheen import NO_SHEEN
 from ispm.paths.branch import View
 from ispm.paths.eye import trace_eye
 from ispm.paths.eye_paths import EyeRays
-from ispm.paths.facet import lobe_numbers, lobe_width, sample_lobe
+from ispm.paths.facet import lobe_blur, lobe_numbers, sample_lobe
 from ispm.scene.material import Material
 from ispm.scene.scene import Scene
 
@@ -156,8 +156,8 @@ def _numbers(view, out):
 
 
 @jit
-def _width(pdf):
-    return lobe_width(pdf)
+def _blur(b, pdf):
+    return lobe_blur(b, pdf)
 
 
 def lattice(pass_index, columns=64):
@@ -188,7 +188,23 @@ def test_numbers_of_neighbors_are_even_and_of_passes_differ():
             assert counts.min() >= 13 and counts.max() <= 19
 
 
-def test_a_lobe_is_as_wide_as_its_density_says():
-    alpha = 0.1
-    assert _width(f32(1.0 / (4.0 * math.pi * alpha**2))) == pytest.approx(alpha, rel=1e-5)
-    assert _width(f32(0)) == 0.0
+def test_a_lobe_blurs_by_as_much_as_lies_between_it_and_the_direction():
+    alpha, zero = 0.1, (f32(0),) * 3
+    b = Bsdf(
+        zero,
+        (f32(0.9),) * 3,
+        f32(1),
+        f32(alpha),
+        f32(0),
+        f32(0),
+        zero,
+        f32(1.5),
+        f32(0),
+        f32(0),
+        NO_ANISOTROPY,
+    )
+    for angle in (0.0, 0.1, 0.5):  # of the facet to the normal, small against 1
+        density = alpha**2 / (math.pi * (alpha**2 + angle**2) ** 2)
+        blurred = _blur(b, f32(density / 4.0)) / _blur(b, f32(1.0 / (4.0 * math.pi * alpha**2)))
+        assert blurred == pytest.approx(math.hypot(alpha, angle) / alpha, rel=1e-5)
+    assert _blur(b, f32(0)) == 0.0
