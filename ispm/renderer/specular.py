@@ -13,7 +13,7 @@ from ispm.frame import Receivers
 from ispm.lights.surface_emission import has_area_light
 from ispm.optics.incident import channels, no_light
 from ispm.optics.records import take
-from ispm.paths.branch import GLOSS_SAMPLES, SCATTERED
+from ispm.paths.branch import GLOSS_SAMPLES, SCATTERED, STRONG
 from ispm.paths.denoise import denoise
 from ispm.paths.edges import edge_rows
 from ispm.paths.ends import image_of_ends, reflect_light, spread_light, without_gaps
@@ -39,7 +39,8 @@ _MISSED_SHARE = 1 / 64  # receivers of missed pixels to those of the picture, wh
 _BAND = 1 << 18  # rays whose ends lie in memory at a time
 _FINER = 2  # blocks of ends are this much smaller than the picture's: curved mirrors show much in few pixels
 SAMPLES = np.array([(-1, -3), (3, -1), (-3, 1), (1, 3)]) / 8.0  # pixels from the centre, as antialiasing's
-_EDGES_FEW = 1 / 16  # of the picture's pixels
+_METAL = 0.5  # reflectance of metals that counts where strong lobes are too many
+_FEW = 1 / 16  # of the picture's pixels
 _PAIR = SAMPLES[[0, 3]]  # in their place where edges are many: opposite, so that their mean is the centre
 # Start before, and search behind, of the distance, which is that to the plane at the center.
 _FINE_SLACK = 5e-3, 2e-2
@@ -143,7 +144,7 @@ def _paths_of(
     widths = view.pixel_widths(places)
     given = shown(rays.keys, view.size[0], paths.firsts, places, widths, this.threads)
     lonely, again, edges = lonely_rows(given), [], np.zeros(0, np.int64)
-    few = _EDGES_FEW * view.size[0] * view.size[1]
+    few = _FEW * view.size[0] * view.size[1]
     close = np.setdiff1d(contact_rows(given, this.threads), lonely, assume_unique=True)
     if this.settings.antialias:
         edges = edge_rows(paths, lonely, rays.keys, view.size[0])
@@ -152,13 +153,33 @@ def _paths_of(
         own = replace(rows_of(side_by_side, close), most=GLOSS_SAMPLES)
         again.append((close, follow(this, own, photons)))
         paths.firsts[close] = again[-1][1].firsts
+    strong, most = _strong_rows(given, few, rays.most)
+    for others in (edges, *(rows for rows, _ in again)):
+        strong = np.setdiff1d(strong, others, assume_unique=True)
+    if len(strong):
+        own = replace(rows_of(side_by_side, strong), most=most, columns=rays.columns)
+        again.append((strong, follow(this, own, photons)))
+        paths.firsts[strong] = again[-1][1].firsts
+        lonely = np.setdiff1d(lonely, strong, assume_unique=True)
     if len(lonely):
         again.append((lonely, follow(this, rows_of(rays, lonely), photons)))
         paths.firsts[lonely] = again[-1][1].firsts
     if len(edges):
-        samples = SAMPLES if len(edges) <= _EDGES_FEW * view.size[0] * view.size[1] else _PAIR
+        samples = SAMPLES if len(edges) <= few else _PAIR
         again.append((edges, follow(this, fine_rays(rays, paths, edges, view, samples), photons)))
     return paths, again, given
+
+
+def _strong_rows(given: Shown, few: float, less: int) -> tuple[np.ndarray, int]:
+    """Return the rows, sorted, of strong lobes that are to have more paths than `less`, and how many each: of
+    metals, where weak lobes or glass fill most of the picture; `few` paths at most for all together."""
+    reflectance = given.firsts["reflectance"].max(axis=1)
+    for least in (STRONG, _METAL):
+        rows = np.flatnonzero(reflectance >= least)
+        most = min(int(few / max(len(rows), 1)), GLOSS_SAMPLES)
+        if most > less:
+            return rows, most
+    return np.zeros(0, np.int64), 0
 
 
 def eye_rays(
