@@ -189,8 +189,8 @@ def test_numbers_of_neighbors_are_even_and_of_passes_differ():
 
 
 def test_a_lobe_blurs_the_tail_of_the_one_before_little():
-    """Light in the tail of a lobe, at four times its alpha, is blurred to at most 2.5 times as much, and in its
-    middle to at least .35: by a width as the density tells, were they 3.1 and .26."""
+    """Light in the tail of a lobe, at four times its alpha, is blurred to at most 2.5 times as much, and in
+    its middle to at least .35; by the width that the density tells they were 3.1 and .26."""
     alpha, zero = 0.05, (f32(0),) * 3
     rest = f32(1), f32(alpha), f32(0), f32(0), zero, f32(1.5), f32(0), f32(0), NO_ANISOTROPY
     b = Bsdf(zero, (f32(0.9),) * 3, *rest)

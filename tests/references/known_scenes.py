@@ -86,6 +86,22 @@ def plates() -> Scene:
     return scene
 
 
+def basin() -> Scene:
+    """A sunny yard with a steel basin that lights itself, and a steel bar, on varnish."""
+    scene = Scene(name="yard sun and sky, steel basin, steel bar, varnish")
+    scene.add(box((-3.0, -0.1, -3.0), (3.0, 0.0, 3.0)), material=Material((0.4, 0.25, 0.12), roughness=0.3))
+    scene.add(box((-3.0, -0.1, -1.6), (3.0, 2.0, -1.5)), material=lambert((0.6, 0.55, 0.5)))
+    steel = Material((0.62, 0.62, 0.63), metallic=1.0, roughness=0.28)
+    scene.add(box((-0.51, 0.4, -0.36), (0.51, 0.41, 0.36)), material=steel)
+    for side in (-1.0, 1.0):
+        scene.add(shapes.box((0.01, 0.3, 0.72)), material=steel, translation=(side * 0.505, 0.55, 0.0))
+        scene.add(shapes.box((1.0, 0.3, 0.01)), material=steel, translation=(0.0, 0.55, side * 0.355))
+    scene.add(shapes.cylinder(0.05, 1.0), material=steel, translation=(0.9, 0.5, 0.0))
+    scene.environment = Sky(sun_elevation=0.8, sun_azimuth=0.6, turbidity=3.0)
+    add_camera(scene, (0.4, 1.9, 2.2), (0.0, 0.45, 0.0), math.radians(40))
+    return scene
+
+
 def door() -> Scene:
     """A room lit through a door ajar by the lamp of the next (Veach and Guibas 1997, figure 6)."""
     scene, wall = Scene(name="two rooms panel, door ajar, table, three balls"), (0.6, 0.55, 0.5)
@@ -373,6 +389,7 @@ KNOWN = {
     scene.__name__: scene
     for scene in (
         plates,
+        basin,
         door,
         egg,
         candles,
