@@ -27,7 +27,7 @@ from ispm.scene.packed import Packed
 from ispm.stages.area_draws import CHUNK, draw_light
 from ispm.stages.area_filter import WORK, Means, Unshaded, filter_samples, widen
 from ispm.stages.area_samples import Lobes, Samples
-from ispm.stages.area_shapes import Shapes, lay_out
+from ispm.stages.area_shapes import Shapes, lay_out, least_cosine
 from ispm.stages.pixels import Pixels, PixelView, is_lit, transmitted_shares
 
 f32, i64 = np.float32, np.int64
@@ -53,7 +53,8 @@ def area_light(
     count, threads = len(pixels.points), world.threads
     tables = scene_tables(packed, world, surfaces)
     point, normal, flat = np.empty((3, 3, count), np.float32)
-    shapes = Shapes(np.empty(count, np.uint32), point, normal, flat, np.empty(count, np.float32))
+    word, off = np.empty(count, np.uint32), np.empty(count, np.float32)
+    shapes = Shapes(word, point, normal, flat, off, least_cosine(smoothing))
     run_shared(lambda counter: lay_out(pixels, view, counter, shapes), threads)
     light = np.zeros((count, 4), np.float32)
     light[:, 3] = 1.0

@@ -16,7 +16,7 @@ from ispm.stages.pixels import TURNED, plane_at
 
 f32 = np.float32
 
-_BENT = f32(math.cos(math.radians(8.0)))  # of normals, within which it is one surface that is averaged over
+_BENT = math.radians(16.0)  # between normals, within which it is one surface that is averaged over
 _CHUNK = 64  # pixels a thread takes at a time
 
 
@@ -27,6 +27,7 @@ class Shapes(NamedTuple):
     point         (3, n) m
     normal, flat  (3, n) shading and geometric normal, unit
     off           (n,) m, that neighbors lie off the pixel's plane at most
+    bent          cosine of the angle between normals of one surface at least, see `least_cosine`
     """
 
     word: np.ndarray
@@ -34,6 +35,13 @@ class Shapes(NamedTuple):
     normal: np.ndarray
     flat: np.ndarray
     off: np.ndarray
+    bent: np.float32
+
+
+def least_cosine(smoothing: float) -> np.float32:
+    """Return the cosine of the angle between normals within which pixels are averaged: less in later passes,
+    for on what is curved the share of light that passes is not the same."""
+    return f32(math.cos(_BENT * smoothing))
 
 
 @jit
@@ -70,14 +78,14 @@ def keep_alike(shapes, i, k, room, turn, weights):
         weights[x] = weights[x] if (word[x] == others[x]) & (turn[x] > TURNED) else f32(0)
     doubtful = 0
     for x in range(size):
-        is_flat = (bend[x] > _BENT) & (abs(flat[x]) <= off[x])
+        is_flat = (bend[x] > shapes.bent) & (abs(flat[x]) <= off[x])
         flat[x] = f32(1) if is_flat else f32(0)
         doubtful |= (weights[x] > f32(0)) & (not is_flat)
     if not doubtful:
         return
     _compare(shapes.point, shapes.normal, i, k, smooth, bend)
     for x in range(size):
-        is_smooth = (bend[x] > _BENT) & (abs(smooth[x]) <= off[x])
+        is_smooth = (bend[x] > shapes.bent) & (abs(smooth[x]) <= off[x])
         weights[x] *= max(flat[x], f32(1) if is_smooth else f32(0))
 
 

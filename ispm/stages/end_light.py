@@ -43,7 +43,7 @@ from ispm.stages.area_draws import (
 )
 from ispm.stages.area_light import filtered, matte_light
 from ispm.stages.area_parts import first_turn, numbers_of
-from ispm.stages.area_shapes import Shapes
+from ispm.stages.area_shapes import Shapes, least_cosine
 from ispm.stages.pixels import OFF_PLANE, PixelView, Shown
 
 f32, i64, u32 = np.float32, np.int64, np.uint32
@@ -121,7 +121,8 @@ def _add_light_of_image(
     """`add_area_light` of one image."""
     count = len(image.rows)
     point, normal, flat = np.zeros((3, 3, count), np.float32)
-    shapes = Shapes(np.zeros(count, np.uint32), point, normal, flat, np.zeros(count, np.float32))
+    word, off = np.zeros(count, np.uint32), np.zeros(count, np.float32)
+    shapes = Shapes(word, point, normal, flat, off, least_cosine(smoothing))
     run_shared(lambda counter: _lay_out(image, view, counter, shapes), threads)
     told = tables, image, view, openings
     once, again = partial(_draw_once, *told), partial(_refine, *told)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from ispm.optics.jit import jit
-from ispm.stages.area_shapes import Shapes, keep_alike
+from ispm.stages.area_shapes import Shapes, keep_alike, least_cosine
 
 OFF = 0.015  # m off a plane, where a pixel is a centimetre wide
 
@@ -17,11 +17,12 @@ def _weigh(shapes, i, k, room, turn, weights):
     keep_alike(shapes, i, k, room, turn, weights)
 
 
-def kept(point, normal, flat, aside):
+def kept(point, normal, flat, aside, smoothing=1.0):
     """Whether each pixel of a row, (n, 3) each, is averaged with the one so far right of it."""
     count = len(point)
     rows = [np.ascontiguousarray(np.asarray(a, np.float32).T) for a in (point, normal, flat)]
-    shapes = Shapes(np.zeros(count, np.uint32), *rows, np.full(count, OFF, np.float32))
+    off = np.full(count, OFF, np.float32)
+    shapes = Shapes(np.zeros(count, np.uint32), *rows, off, least_cosine(smoothing))
     room = tuple(np.zeros((3, count - aside), np.float32))
     weights = np.ones(count - aside, np.float32)
     _weigh(shapes, 0, aside, room, np.zeros(count - aside, np.float32), weights)
@@ -39,16 +40,17 @@ def pixels(count=60):
 
 @pytest.mark.parametrize("degrees", [1.0, 6.0, 22.5])
 def test_facets_of_a_smooth_ball_are_one_surface(degrees):
-    """Of .5 m: pixels 4 and 6 aside are turned by 4.6 and 6.9 degrees of 8, 9 by more. Wide facets lie up to
-    a pixel within the ball."""
+    """Of .5 m: pixels 6 and 12 aside are turned by 6.9 and 13.8 degrees of 16, 15 by more; of 8, where passes
+    average over half as much, 6. Wide facets lie up to a pixel within the ball."""
     angle, step = pixels() / 0.5, math.radians(degrees)
     facet = (np.floor(angle / step) + 0.5) * step
     away = 0.5 * math.cos(0.5 * step) / np.cos(angle - facet)
     place = away[:, None] * tilted(angle)
-    for aside in (4, 6):
-        assert kept(place, tilted(angle), tilted(facet), aside).all()
+    for aside, smoothing in ((6, 1.0), (12, 1.0), (6, 0.5)):
+        assert kept(place, tilted(angle), tilted(facet), aside, smoothing).all()
     if degrees == 1.0:
-        assert not kept(place, tilted(angle), tilted(facet), 9).any()
+        assert not kept(place, tilted(angle), tilted(facet), 15).any()
+        assert not kept(place, tilted(angle), tilted(facet), 9, 0.5).any()
 
 
 def test_bumps_on_a_plane_are_one_surface():
