@@ -31,10 +31,11 @@ def aimed_maps(base: LightMap, light: np.void, hulls: np.ndarray, most: int) -> 
     """
     points = hulls - base.origin
     patches = _patches(base, points)
-    too_wide = ~base.orthographic & ((patches[:, 1] - patches[:, 0]) > 2.0 * math.sin(0.6)).any(axis=1)
-    within = (points.min(axis=1) < 0.0) & (points.max(axis=1) > 0.0)
-    inside = ~base.orthographic & within.all(axis=1)
-    kept = np.flatnonzero(~too_wide & ~inside)
+    kept = np.arange(len(points))
+    if not base.orthographic:
+        too_wide = (patches[:, 1] - patches[:, 0] > 2.0 * math.sin(0.6)).any(axis=1)
+        inside = ((points.min(axis=1) < 0.0) & (points.max(axis=1) > 0.0)).all(axis=1)
+        kept = np.flatnonzero(~too_wide & ~inside)
     maps = [_view(base, light, points[kept[group]]) for group in _groups(patches[kept], most)]
     return [map for map in maps if map and 0.0 < map.measure < _LARGEST * base.measure]
 

@@ -186,3 +186,13 @@ def test_hulls_of_caustic_instances_are_packed():
     assert packed.boxes.shape == (2, 2, 3)
     (hull,) = packed.caustic_hulls
     assert hull.min(axis=0) == pytest.approx((4, -2, -3)) and hull.max(axis=0) == pytest.approx((6, 2, 3))
+
+
+def test_what_is_round_the_light_or_fills_its_map_takes_none_from_the_others():
+    """A globe of glass about a lamp and a pane just below it have no map, and small things keep theirs."""
+    light, small = PointLight(), boxes_at([(-5.0, 1.0, 0.0), (4.0, 1.0, 3.0)])
+    globe, pane = boxes_at([(0.0, 6.0, 0.0)], 0.2), boxes_at([(0.0, 2.9, 0.0)], 3.0)
+    alone, beside = aimed(light, small), aimed(light, np.concatenate([globe, small, pane]))
+    assert len(beside) == len(alone) == 2
+    assert np.any([sees(map, small) for map in beside], axis=0).all()
+    assert not aimed(light, globe) and not aimed(light, pane)
