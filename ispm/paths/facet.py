@@ -88,8 +88,8 @@ def sample_lobe(x, wo, u1, u2):
 
 @jit
 def lobe_blur(b, pdf):
-    """Return the alpha, float32, that a lobe has at least to a path that comes along a direction which the
-    facets of a rough Bsdf drew with the density `pdf`, 1/sr; 0 of 0.
+    """Return the alpha, float32, as which narrower lobes count to a path that comes along a direction which
+    the facets of a rough Bsdf drew with the density `pdf`, 1/sr; 0 of 0.
 
     About normal incidence 1 / sqrt(4 pi pdf) is (alpha^2 + t^2) / alpha, t the facet's angle to the normal.
     Far out that exceeds t, over which the density changes: light seen there would count in the middle, too,
