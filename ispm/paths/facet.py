@@ -42,7 +42,7 @@ f32, u32 = np.float32, np.uint32
 
 _LOBES = 1 << 23  # of the random numbers that shift the lattice of paths from lobes
 _STEPS = tuple(round(step * 2**32) for step in LATTICE)
-_BLUR = f32(0.75)  # more is bias, less is noise; measured
+_BLUR = f32(0.75)  # more is bias, less is noise
 ROUGH_SAMPLES = 8  # facets that are drawn where a pixel shows rough glass; a power of 2
 
 

@@ -148,22 +148,22 @@ def _paths_of(
     close = np.setdiff1d(contact_rows(given, this.threads), lonely, assume_unique=True)
     if this.settings.antialias:
         edges = edge_rows(paths, lonely, rays.keys, view.size[0])
+
+    def follow_again(rows: np.ndarray, own: EyeRays) -> None:
+        again.append((rows, follow(this, own, photons)))
+        paths.firsts[rows] = again[-1][1].firsts
+
     if 0 < len(close) < few:
         edges = np.setdiff1d(edges, close, assume_unique=True)
-        own = replace(rows_of(side_by_side, close), most=GLOSS_SAMPLES)
-        again.append((close, follow(this, own, photons)))
-        paths.firsts[close] = again[-1][1].firsts
+        follow_again(close, replace(rows_of(side_by_side, close), most=GLOSS_SAMPLES))
     strong, most = _strong_rows(given, few, rays.most)
     for others in (edges, *(rows for rows, _ in again)):
         strong = np.setdiff1d(strong, others, assume_unique=True)
     if len(strong):
-        own = replace(rows_of(side_by_side, strong), most=most, columns=rays.columns)
-        again.append((strong, follow(this, own, photons)))
-        paths.firsts[strong] = again[-1][1].firsts
+        follow_again(strong, replace(rows_of(side_by_side, strong), most=most, columns=rays.columns))
         lonely = np.setdiff1d(lonely, strong, assume_unique=True)
     if len(lonely):
-        again.append((lonely, follow(this, rows_of(rays, lonely), photons)))
-        paths.firsts[lonely] = again[-1][1].firsts
+        follow_again(lonely, rows_of(rays, lonely))
     if len(edges):
         samples = SAMPLES if len(edges) <= few else _PAIR
         again.append((edges, follow(this, fine_rays(rays, paths, edges, view, samples), photons)))

@@ -186,8 +186,8 @@ def test_rough_metal_is_not_grainier_where_it_meets_a_wall(gpu, monkeypatch):
 
 
 def test_a_little_metal_on_a_glossy_floor_is_not_grainy(gpu, monkeypatch):
-    """Where weak lobes fill the picture, those of metal had a path for 2 x 2 pixels, too: now four for each.
-    From seed to seed that leaves half of the noise."""
+    """Where weak lobes fill the picture, those of metal had a path for 2 x 2 pixels, too: now up to four for
+    each. From seed to seed that leaves less than .7 of the noise."""
     sky = np.full((16, 32, 3), 0.05)
     sky[2:5, ::4] = 5.0
     scene = Scene(environment=Environment(sky))

@@ -8,7 +8,7 @@ from transport import Tracer
 
 from ispm.library.shapes import polygons
 from ispm.lights.openings import NO_OPENINGS
-from ispm.optics.bsdf import Bsdf, eval_bsdf
+from ispm.optics.bsdf import NARROW_ALPHA, Bsdf, eval_bsdf
 from ispm.optics.bsdf_sampling import pdf_bsdf
 from ispm.optics.coat import NO_COAT
 from ispm.optics.facets import NO_ANISOTROPY
@@ -190,19 +190,25 @@ def test_numbers_of_neighbors_are_even_and_of_passes_differ():
 
 def test_a_lobe_blurs_the_tail_of_the_one_before_little():
     """Light in the tail of a lobe, at four times its alpha, is blurred to at most 2.5 times as much, and in
-    its middle to at least .35; by the width that the density tells they were 3.1 and .26."""
-    alpha, zero = 0.05, (f32(0),) * 3
+    its middle to at least .35; by the whole width that the density tells to 2.8 and more, and .3 and less."""
+    alpha, zero, step = 0.05, (f32(0),) * 3, 0.02
     rest = f32(1), f32(alpha), f32(0), f32(0), zero, f32(1.5), f32(0), f32(0), NO_ANISOTROPY
     b = Bsdf(zero, (f32(0.9),) * 3, *rest)
-    x, y = np.meshgrid(np.arange(-12, 12, 0.02), np.arange(0.01, 12, 0.02))  # facets' angles over alpha
+    # facets' angles over alpha, half of them
+    x, y = np.meshgrid(np.arange(-12.0, 12.0, step), np.arange(step / 2.0, 12.0, step))
+    squares = x * x + y * y
 
     def density(width, squares):
         return width**2 / (math.pi * (width**2 + squares) ** 2)
 
-    drawn = density(1.0, x * x + y * y)
-    widths = np.array([_blur(b, f32(d)) for d in density(alpha, np.arange(0, 300, 0.5) * alpha**2) / 4.0])
-    width = np.interp(x * x + y * y, np.arange(0, 300, 0.5), widths / alpha)
-    for angle, low, high in ((0.0, 0.35, 1.0), (4.0, 1.0, 2.5)):
-        blurred = 2.0 * 0.02**2 * (drawn * density(width, (x - angle) ** 2 + y * y)).sum()
-        assert low < blurred / density(1.0, angle**2) < high
+    def blurred(width, angle):
+        seen = density(1.0, squares) * density(width, (x - angle) ** 2 + y * y)
+        return 2.0 * step**2 * seen.sum() / density(1.0, angle**2)
+
+    apart = np.arange(0.0, 300.0, 0.5)
+    widths = [_blur(b, f32(d)) / alpha for d in density(alpha, apart * alpha**2) / 4.0]
+    width = np.minimum(np.interp(squares, apart, widths), NARROW_ALPHA / alpha)
+    assert blurred(width, 0.0) > 0.35 and blurred(width, 4.0) < 2.5
+    told = np.minimum(1.0 + squares, NARROW_ALPHA / alpha)  # lobes that wide are not widened
+    assert blurred(told, 0.0) < 0.3 and blurred(told, 4.0) > 2.8
     assert _blur(b, f32(0)) == 0.0
