@@ -15,6 +15,7 @@ from transport import Tracer
 
 from ispm import Renderer, Settings
 from ispm.gpu import Gpu, open_gpu
+from ispm.kernels.threads import thread_count
 from ispm.library.shapes import icosphere
 from ispm.library.studio_light import FRONT, studio_radiance
 from ispm.reference.paths import path_light
@@ -111,7 +112,9 @@ def by_paths(rough: np.ndarray) -> Measured:
             rays = view.rays_through(pixels % width + dx, pixels // width + dy)
             first = (part * places + place) * each
             samples = range(first, first + each)
-            found = path_light(tracer.tables, *rays, samples=samples, bounces=_BOUNCES, threads=2)
+            found = path_light(
+                tracer.tables, *rays, samples=samples, bounces=_BOUNCES, threads=thread_count(None)
+            )
             light[pixels] += found.mean(axis=1)
         parts.append(_means(rough, light / places))
     return _measured(parts)

@@ -4,7 +4,7 @@ python -m references.beside_paths random 0-19        # in tests/; some 25 s a sc
 python -m references.beside_paths furnished 3 8-11 --passes 64 --pictures FOLDER
 python -m references.beside_paths known door street
 python -m references.beside_paths asset DamagedHelmet.glb
-python -m references.beside_paths random --write     # the table of docs/accuracy.md, which it replaces
+python -m references.beside_paths random --write     # to the table of docs/accuracy.md, other rows stay
 
 `random` and `furnished` scenes come by their number, `known` ones by their name, all if none is given; an
 asset stands in the room or on the ground of a random scene. All pixels count: edges, glass and mirrors, too.
@@ -27,11 +27,12 @@ from transport import Tracer
 import ispm
 from ispm import Scene, Settings
 from ispm.gpu import Gpu, open_gpu
+from ispm.kernels.threads import thread_count
 from ispm.reference.paths import path_light
 from ispm.stages.camera import CameraView
 from references.furnished_scenes import furnished_scene
 from references.known_scenes import KNOWN
-from references.page import table, write_between
+from references.page import read_between, table, write_between
 from references.random_scenes import asset_scene, random_scene
 
 _SIZE = 640, 360
@@ -96,16 +97,15 @@ def main() -> None:
         parser.error(
             f"no known scene {', '.join(set(given.which) - set(KNOWN))}; there are {', '.join(KNOWN)}"
         )
+    if given.kind == "asset" and given.write:
+        parser.error("assets have no table to write")
     warnings.simplefilter("ignore")
-    gpu, rows = open_gpu(), []
+    gpu = open_gpu()
     for name in _names(given.kind, given.which):
         scene = _scene(given.kind, name)
         found = _compared(name, scene, given.passes, given.pictures, gpu)
-        rows.append(_row(name, scene.name, *found))
-    if given.write:
-        headings = ["", "place and light", "things", *_FIGURES]
-        sides = "l" if given.kind == "known" else "r"
-        write_between(given.kind, table(headings, rows, sides + "ll" + "r" * len(_FIGURES)))
+        if given.write:
+            _write(given.kind, _row(name, scene.name, *found))
 
 
 def _names(kind: str, which: list[str]) -> list[str]:
@@ -126,6 +126,16 @@ def _scene(kind: str, name: str) -> Scene:
     if kind == "known":
         return KNOWN[name]()
     return {"random": random_scene, "furnished": furnished_scene}[kind](int(name))
+
+
+def _write(kind: str, row: list[str]) -> None:
+    """Put a row into the table of its kind, in place of the one of its name."""
+    rows = {cells[0]: cells for cells in [*read_between(kind), row]}
+    order = list(KNOWN) if kind == "known" else sorted(rows, key=int)
+    headings = ["", "place and light", "things", *_FIGURES]
+    sides = "l" if kind == "known" else "r"
+    kept = [rows[name] for name in order if name in rows]
+    write_between(kind, table(headings, kept, sides + "ll" + "r" * len(_FIGURES)))
 
 
 def _row(name: str, told: str, first: Difference, last: Difference) -> list[str]:
@@ -199,7 +209,7 @@ def paths_picture(scene: Scene, paths: int = _PARTS) -> Truth:
         origins, directions = view.rays_through(x + dx, y + dy)
         light = path_light(
             tracer.tables, origins, directions, samples=range(part, part + 1), bounces=_BOUNCES, seed=part,
-            threads=2,
+            threads=thread_count(None),
         )  # fmt: skip
         parts[part] = light.reshape(parts.shape[1:])
     blocks = np.array([_block_means(part) for part in parts])

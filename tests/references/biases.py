@@ -18,6 +18,7 @@ from transport import Tracer
 from ispm import Renderer, Scene, Settings
 from ispm.accel.surface import SurfaceTable, scene_tables
 from ispm.gpu import Gpu, open_gpu
+from ispm.kernels.threads import thread_count
 from ispm.optics.texture import TextureTable
 from ispm.reference.paths import path_light
 from ispm.renderer.picture import Frame
@@ -142,7 +143,9 @@ def _indirect(scene: Scene, x: np.ndarray, y: np.ndarray, samples: int, first: i
     tables = scene_tables(tracer.packed, tracer.world, surfaces)
     rays = view.rays_through(x, y)
     every, straight = (
-        path_light(tables, *rays, samples=range(first, first + n), bounces=bounces, threads=2)
+        path_light(
+            tables, *rays, samples=range(first, first + n), bounces=bounces, threads=thread_count(None)
+        )
         for n, bounces in ((samples, BOUNCES), (1, 0))
     )
     return (every - straight).mean(axis=-1)

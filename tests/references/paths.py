@@ -16,6 +16,7 @@ from transport import Tracer
 
 from ispm import Scene, builtin, load
 from ispm.accel.surface import SurfaceTable, scene_tables
+from ispm.kernels.threads import thread_count
 from ispm.optics.texture import TextureTable
 from ispm.reference.paths import path_light
 from ispm.stages.camera import CameraView
@@ -83,7 +84,7 @@ def _measure(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
     pixels = np.random.default_rng(3).choice(SIZE[0] * SIZE[1], _PIXELS, replace=False)
     rays = view.rays_through(pixels % SIZE[0] + 0.5, pixels // SIZE[0] + 0.5)
     tables = scene_tables(tracer.packed, tracer.world, surfaces)
-    trace = partial(path_light, tables, *rays, threads=2)
+    trace = partial(path_light, tables, *rays, threads=thread_count(None))
     parts = range(_PATHS), range(_PATHS, 2 * _PATHS)
     halves = [trace(samples=part, bounces=_BOUNCES) for part in parts]
     return pixels, np.array(halves) - trace(samples=range(4), bounces=0)

@@ -16,6 +16,7 @@ from collections.abc import Iterator
 import numpy as np
 from transport import Tracer
 
+from ispm.kernels.threads import thread_count
 from ispm.optics.records import NO_HIT
 from ispm.reference.paths import path_light
 from ispm.scene.scene import Scene
@@ -84,7 +85,9 @@ def _parts(scene: Scene, places: int, bounces: int, pixels: np.ndarray) -> Itera
         origins, directions = view.rays_through(x, y)
         samples = range(part * _PATHS, (part + 1) * _PATHS)
         rays = origins.reshape(-1, 3), directions.reshape(-1, 3)
-        light = path_light(tracer.tables, *rays, samples=samples, bounces=bounces, seed=part, threads=2)
+        light = path_light(
+            tracer.tables, *rays, samples=samples, bounces=bounces, seed=part, threads=thread_count(None)
+        )
         yield light.reshape(len(pixels), places, 3).mean(axis=1)
 
 
