@@ -42,6 +42,11 @@ f32, i64, u64 = np.float32, np.int64, np.uint64
 # Floats of a node, in eight lanes those of a node's children: a sphere about triangles, m; the cone about
 # their normals, whose half angle has this cosine and sine; and their luminous flux, lm, 0 where none is.
 _CENTER, _RADIUS, _AXIS, _COSINE, _SINE, _POWER, FLOATS = 0, 3, 4, 7, 8, 9, 10
+# And where there are spots: the axis of the cone that all of a child's triangles shine in, and the cosine of
+# its half angle, -1 where they shine to all sides. Their flux counts as often as such cones fill a sphere.
+_BEAM, _BEAM_COSINE, FLOATS_OF_SPOTS = 10, 13, 14
+TO_ALL_SIDES = 0.0, 0.0, 0.0, -1.0
+_AT_EDGE = 1e-5  # of that cosine, by which rounding may err
 WIDTH, _LEVELS = 8, 3  # children of a node, and levels of a binary tree that they stand for
 
 _SPREAD = f32(0.25)  # alpha^2 of half vectors to a sphere, over the square of the sine they differ by
@@ -74,24 +79,27 @@ def emitter_tree(
     axis: np.ndarray,
     cosine: np.ndarray,
     power: np.ndarray,
+    beam: np.ndarray,
 ) -> np.ndarray:
-    """Return the tree over n triangles, (m, 10, 8) float32: of each node above leaves its eight children, see
-    _CENTER. Node 0 is the root, the children of node k are 8 k + 1 to 8 k + 8, and m + k is leaf k.
+    """Return the tree over n triangles, (m, 10, 8) float32, or (m, 14, 8) where there are spots: of each node
+    above leaves its eight children, see _CENTER. Node 0 is the root, the children of node k are 8 k + 1 to
+    8 k + 8, and m + k is leaf k.
 
     places     (n,) the leaf of each, rising
     low, high  (n, 3) m, corners of its box;  axis, cosine  (n, 3) and (n,) of the cone about its normals
     power      (n,) lm
+    beam       (n, 4) axis of the cone that it shines in, and the cosine of half its angle, or TO_ALL_SIDES
     """
     width = max(leaves_for(int(places[-1]) + 1), WIDTH)
 
-    def above(leaves: np.ndarray, empty: float) -> np.ndarray:
+    def above(leaves: np.ndarray, empty: float | tuple[float, ...]) -> np.ndarray:
         """Of a binary tree, where node k lies above 2 k and 2 k + 1: set are those of triangles."""
         values = np.full((2 * width, *leaves.shape[1:]), empty)
         values[width + places] = leaves
         return values
 
     low, high, axis = above(low, np.inf), above(high, -np.inf), above(axis, 0.0)
-    cosine, power = above(cosine, 1.0), above(power, 0.0)
+    cosine, power, beam = above(cosine, 1.0), above(power, 0.0), above(beam, TO_ALL_SIDES)
     begin = width
     while begin > 1:
         left, right = np.arange(begin, 2 * begin, 2), np.arange(begin + 1, 2 * begin, 2)
@@ -99,16 +107,22 @@ def emitter_tree(
         low[both], high[both] = np.minimum(low[left], low[right]), np.maximum(high[left], high[right])
         power[both] = power[left] + power[right]
         axis[both], cosine[both] = _cones(axis, cosine, power, left, right)
+        beam[both] = _beams(beam, power, left, right)
         begin //= 2
-    nodes, used = np.zeros((2 * width, FLOATS)), power > 0.0
+    has_spots = (beam[:, 3] > -1.0).any()
+    nodes, used = np.zeros((2 * width, FLOATS_OF_SPOTS if has_spots else FLOATS)), power > 0.0
     nodes[used, _CENTER:_RADIUS] = (low[used] + high[used]) / 2.0
     nodes[used, _RADIUS] = np.linalg.norm(high[used] - low[used], axis=1) * (0.5 + 1e-6)
     nodes[:, _AXIS:_COSINE], nodes[:, _COSINE], nodes[:, _POWER] = axis, cosine, power
     nodes[:, _SINE] = np.sqrt(np.maximum(1.0 - cosine * cosine, 0.0))
+    if has_spots:
+        nodes[:, _BEAM:] = beam - np.array([0.0, 0.0, 0.0, _AT_EDGE])
+        nodes[:, _POWER] *= 2.0 / (1.0 - beam[:, 3])
     depths = range(_LEVELS, (2 * width).bit_length() - 1, _LEVELS)
     children = np.concatenate([nodes[1 << depth : 2 << depth] for depth in depths])
-    kept = aligned(children.size).reshape(-1, FLOATS, WIDTH)  # as vectors are loaded
-    kept[:] = children.reshape(-1, WIDTH, FLOATS).transpose(0, 2, 1)
+    children = children.reshape(-1, WIDTH, nodes.shape[1]).transpose(0, 2, 1)
+    kept = aligned(children.size).reshape(children.shape)  # as vectors are loaded
+    kept[:] = children
     return kept
 
 
@@ -142,6 +156,13 @@ def _cones(
     new_axis = np.where((within | all_around)[:, None], axis[wide], turned)
     new_cosine = np.where(within, cosine[wide], np.where(all_around, -1.0, np.cos(half)))
     return np.where(alone[:, None], axis[held], new_axis), np.where(alone, cosine[held], new_cosine)
+
+
+def _beams(beam: np.ndarray, power: np.ndarray, left: np.ndarray, right: np.ndarray) -> np.ndarray:
+    """The cones, (n, 4), that both nodes of pairs shine in; of an empty node the other's."""
+    shared = np.where((power[left] > 0.0)[:, None], beam[left], beam[right])
+    differ = (power[left] > 0.0) & (power[right] > 0.0) & (beam[left] != beam[right]).any(axis=1)
+    return np.where(differ[:, None], TO_ALL_SIDES, shared)
 
 
 @jit
@@ -251,10 +272,11 @@ def _importances(nodes, k, position, n, lobe, importances):
     """Write about what each of the children of node k brings to a point, up to a factor, and return the sum,
     float32; 0 only where they bring nothing.
 
-    Of the bounds on its triangles' cosines there and at the point, over the squared distance.
+    Of the bounds on its triangles' cosines there and at the point, over the squared distance; nothing comes
+    from spots beyond their cones.
     Conty Estevez and Kulla, section 4.
     """
-    own, none = data(nodes) + u64(4 * FLOATS * WIDTH) * u64(k), splat8(f32(0))
+    own, none = data(nodes) + u64(4 * WIDTH * nodes.shape[1]) * u64(k), splat8(f32(0))
     x = vsub(vload8(own, 8 * _CENTER), splat8(position[0]))
     y = vsub(vload8(own, 8 * _CENTER + 8), splat8(position[1]))
     z = vsub(vload8(own, 8 * _CENTER + 16), splat8(position[2]))
@@ -270,6 +292,11 @@ def _importances(nodes, k, position, n, lobe, importances):
         lit = vmul(_dots(splat8(n[0]), splat8(n[1]), splat8(n[2]), x, y, z), inverse)
         bound = vmul(bound, vmax(_less(lit, cosine_seen, sine_seen), none))
     outside = vmul(vmul(bound, power), vmul(inverse, inverse))
+    if nodes.shape[1] > FLOATS:
+        along = vload8(own, 8 * _BEAM), vload8(own, 8 * _BEAM + 8), vload8(own, 8 * _BEAM + 16)
+        within = vsub(none, vmul(_dots(along[0], along[1], along[2], x, y, z), inverse))
+        within, edge = _less(within, cosine_seen, sine_seen), vload8(own, 8 * _BEAM_COSINE)
+        outside = vwhere(edge, within, outside, none)
     reach = vmul(radius, radius)
     inside = vdiv(power, vmax(reach, splat8(f32(1e-30))))
     if lobe.square > f32(0):

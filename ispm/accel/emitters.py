@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ispm.accel.emitter_tree import FLOATS, WIDTH, emitter_tree, leaves_for
+from ispm.accel.emitter_tree import FLOATS, TO_ALL_SIDES, WIDTH, emitter_tree, leaves_for
 from ispm.optics.jit import jit
 from ispm.optics.vector import LUMINANCE, add, cross, dot, scale, sub, vec3
 
@@ -36,7 +36,7 @@ class Emitters(NamedTuple):
     """The emissive triangles of a scene as kernels read them; of one without any all arrays are empty.
 
     triangles  (n,) EMITTER
-    nodes      (m, 10, 8) float32, the tree, see `emitter_tree`
+    nodes      (m, 10, 8) float32, or (m, 14, 8), the tree, see `emitter_tree`
     leaves     (7 m + 1,) int32 of each leaf, its row in `triangles`; -1: it is empty
     places     (n,) int32 of each triangle, its leaf
     first      (I,) int32 of each instance, where its triangles begin in `rows`; -1: it does not emit
@@ -136,7 +136,13 @@ def _tree(triangles: np.ndarray, places: np.ndarray) -> np.ndarray:
     )
     cosine = np.where(triangles["two_sided"] > 0, -1.0, 1.0)
     bounds = corners.min(axis=1), corners.max(axis=1)
-    return emitter_tree(places, *bounds, triangles["normal"], cosine, _flux(triangles))
+    beam = np.tile(TO_ALL_SIDES, (len(triangles), 1))
+    spots = triangles["cone"] > 0.0
+    beam[spots, :3], beam[spots, 3] = (
+        triangles["axis"][spots],
+        1.0 - triangles["cone"][spots].astype(np.float64),
+    )
+    return emitter_tree(places, *bounds, triangles["normal"], cosine, _flux(triangles), beam)
 
 
 @jit

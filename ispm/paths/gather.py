@@ -7,10 +7,11 @@ each path from a light to x counts in one of them alone:
   and what the photons stored at y bring that have scattered before.
 - By the photon itself, stored at x (`Walk.not_gathered`), where rays would seldom find y or not at all: y
   is a bright first bounce near a light or a highlight (`nee.is_bright`), is lit by a caustic, or lets
-  light through (`bsdf.is_gathered`); or a mirror or glass lies between y and x.
+  light through (`bsdf.is_gathered`); a mirror or glass lies between y and x; or it is y's coat that
+  reflects what a light sends straight there.
 
-Lobes too narrow for photons count as wider at rays' ends: what they bring has one bounce more to go; rough
-clear coats and sheen count as matte there.
+Lobes too narrow for photons count as wider at rays' ends: what they bring has one bounce more to go; sheen
+counts as matte there, and so do rough clear coats for what the photons stored at y bring.
 Where a ray ends on a translucent sheet, it brings the light of one side, drawn by what that sends here.
 So rays end without light at mirrors and glass, but pass thin clear sheets, as shadow rays do. Emission where
 they end is left out, and so is the environment: it is direct light of the receiver.
@@ -272,16 +273,14 @@ def _look(tables, ray, course, scratch, out):
     if x.flags & u32(MATERIAL_UNLIT) != u32(0) or not (is_gathered(b) or is_translucent(x)):
         return
     pick, u, _, _ = random4(ray.key, ray.dimension + u32(_SHEETS_MAX + 1), course.pass_index, course.seed)
-    x = with_rough_coat(x)
     if is_translucent(x):
         x, wo, _, chance = drawn_side(x, wo, u)
         weight = scale(f32(1) / chance, weight)
-    b = x.bsdf
     light = times(
         weight, light_from_one(tables, x, wo, u_light, pick, scratch, course.limit, course.openings)
     )
     for c in range(3):
         out.radiance[row, c] = light[c]
-    b = as_wide(b, dot(x.n, wo), NARROW_ALPHA)
+    b = as_wide(with_rough_coat(x).bsdf, dot(x.n, wo), NARROW_ALPHA)
     store_end(out.ends[row], u32(row), u32(0), weight, b, hit.instance)
     store_point(out.points[row], x, wo, b, f32(0), NARROW_ALPHA)

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ispm.accel.layers import drawn_layer
+from ispm.accel.layers import drawn_layer, is_coated
 from ispm.optics.bsdf import smooth_split
 from ispm.optics.bsdf_sampling import sample_bsdf
 from ispm.optics.jit import jit
@@ -56,6 +56,17 @@ def next_flight(event, x, d, flux):
         alive = u3 < survival
         scattered = scale(f32(1) / survival, scattered)
     return alive, wi, scattered, specular, survival * chance
+
+
+@jit
+def leaves_by_coat(event, x):
+    """Return whether it is the coat of the SurfacePoint by which a photon goes where `next_flight` says."""
+    if not is_coated(x):
+        return False
+    _, _, u2, _ = random4(
+        event.key, u32(2 * (event.scatters + event.speculars)), event.pass_index, event.seed
+    )
+    return u2 < f32(1) - x.coat.shown
 
 
 @jit

@@ -27,7 +27,7 @@ from ispm.optics.records import EMITTED_BY_ENVIRONMENT, MATERIAL_THIN, NO_HIT, P
 from ispm.optics.rng import random4
 from ispm.optics.vector import dot, scale, sub, vec3
 from ispm.photons.beam import beam_at, redirected_beam
-from ispm.photons.scatter import Event, flight_number, next_flight
+from ispm.photons.scatter import Event, flight_number, leaves_by_coat, next_flight
 from ispm.photons.steps import STEP, Steps, write_event, write_step
 from ispm.scene.packed import Packed
 
@@ -55,8 +55,8 @@ class Walk:
     beams      (C, 9) float32 of the photons that have not scattered: the two vectors in m that span what the
                photon lights there, and the normal of the surface that it comes from
     not_gathered  (M,) bool, whether gather rays do not find the light that it brings: it is focused, or
-               comes from where it last scattered as caustic light, at a bright first bounce, or on what
-               lets light through
+               comes from where it last scattered as caustic light, at a bright first bounce, by a coat that
+               it met first, or on what lets light through
     keys       (M,) uint32, of random numbers: each hit has its own
     emitted, absorbed, escaped, dropped   (3,) float64 lumen; the first is the sum of the others
     stored     (3,) float64 lumen, each photon counted at each hit
@@ -331,7 +331,8 @@ def _walk_one(tables, photon, split, course, scratch, found, room, steps):
         if not specular:
             hidden = not (is_gathered(x.bsdf) or has_sheen(x) or is_translucent(x))
             if scatters == i64(0):
-                hidden = hidden or not direct or is_bright_first_bounce(tables, photon, x, wi, course.limit)
+                hidden = hidden or not direct or leaves_by_coat(event, x)
+                hidden = hidden or is_bright_first_bounce(tables, photon, x, wi, course.limit)
         elif scatters == i64(0):
             eta = f32(1) if x.flags & u32(MATERIAL_THIN) else x.bsdf.eta
             beam = redirected_beam(tables.surfaces, hit, beam, d, wi, x.ng, x.n, eta)

@@ -44,8 +44,9 @@ f32, i64, u32 = np.float32, np.int64, np.uint32
 BOTH = np.zeros(3, f32)  # as a normal: both sides are lit
 
 
-def emitters_of(corners, radiance=1.0, two_sided=False, lamps=1):
-    """Emitters of (n, 3, 3) corners, as many to each of some lamps, whose fronts are counterclockwise."""
+def emitters_of(corners, radiance=1.0, two_sided=False, lamps=1, half_angles=()):
+    """Emitters of (n, 3, 3) corners, as many to each of some lamps, whose fronts are counterclockwise;
+    half_angles: of cones that lamps shine in, half of them up, half along X."""
     rows = np.zeros(len(corners), EMITTER)
     edges = corners[:, 1:] - corners[:, :1]
     across = np.cross(edges[:, 0], edges[:, 1])
@@ -56,6 +57,9 @@ def emitters_of(corners, radiance=1.0, two_sided=False, lamps=1):
     rows["instance"], rows["primitive"] = np.divmod(np.arange(len(corners)), each)
     rows["radiance"] = np.reshape(radiance, (-1, 1))
     rows["two_sided"] = two_sided
+    for k, angle in enumerate(half_angles):
+        of_lamp = rows["instance"] == k
+        rows["cone"][of_lamp], rows["axis"][of_lamp, k % 2] = 1.0 - math.cos(angle), 1.0
     return make_emitters(rows, lamps)
 
 
@@ -104,6 +108,7 @@ CASES = {
     "dark ones among": lambda: emitters_of(scattered(100, 7), np.arange(100) % 3),
     "ball": lambda: emitters_of(2.0 * ball_corners(6)),
     "lamps": lambda: emitters_of(ball_lamps(12), lamps=12),
+    "spots": lambda: emitters_of(ball_lamps(12), lamps=12, half_angles=np.linspace(0.1, 2.5, 12)),
     "far apart": lambda: emitters_of(np.concatenate([scattered(5, 8), 1e4 + scattered(5, 9, 40.0)])),
 }
 
@@ -188,8 +193,8 @@ def test_numbers_in_order_draw_what_each_does_alone(name):
 
 @pytest.mark.parametrize("name", CASES)
 def test_each_triangle_that_may_light_a_point_has_a_chance(name):
-    """Of those whose front is seen, and of which some is above the lit side: by a thousandth of the distance,
-    which is far above the rounding of the tree's float32."""
+    """Of those whose front is seen, of spots in their cone, and of which some is above the lit side: by a
+    thousandth of the distance, which is far above the rounding of the tree's float32."""
     emitters = CASES[name]()
     corners, rows = corners_of(emitters), emitters.triangles
     normals = unit(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))
@@ -200,9 +205,11 @@ def test_each_triangle_that_may_light_a_point_has_a_chance(name):
         front = -np.einsum("nk,nk->n", v.mean(axis=1), normals) / distance
         facing = (front > 1e-3) | ((rows["two_sided"] > 0) & (np.abs(front) > 1e-3))
         above = (v @ n > 1e-3 * distance[:, None]).any(axis=1) | (not n.any())
+        toward = np.einsum("nkc,nc->nk", unit(-v), rows["axis"].astype(float)).max(axis=1)
+        in_cone = (rows["cone"] == 0.0) | (toward > 1.0 - rows["cone"])
         found = chances_at(emitters, p, n)
         assert (found >= 0.0).all() and np.isfinite(found).all()
-        seen = facing & above
+        seen = facing & above & in_cone
         seen_anywhere += seen.sum()
         assert (found[seen] > 0.0).all()
     assert seen_anywhere > 10
