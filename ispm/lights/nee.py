@@ -1,6 +1,4 @@
-"""Next-event estimation: light that comes to a point from the lights, its shadows found by rays; and first
-bounces so bright that photons carry their light.
-"""
+"""Next-event estimation: light that comes to a point from the lights, its shadows found by rays."""
 
 from __future__ import annotations
 
@@ -10,9 +8,10 @@ from typing import NamedTuple
 import numpy as np
 
 from ispm.accel.emitter_tree import NO_LOBE, Lobe
-from ispm.accel.layers import far_side, is_translucent, with_matte_sheen, without_diffuse
-from ispm.accel.records import Hit
-from ispm.accel.surface import SurfacePoint, hit_position, leave_surface, surface
+from ispm.accel.layers import (
+    without_diffuse,
+)
+from ispm.accel.surface import SurfacePoint, leave_surface
 from ispm.accel.transmittance import shadow_transmittance
 from ispm.lights.area import (
     PAIRS,
@@ -22,7 +21,7 @@ from ispm.lights.area import (
     resample_surround,
     sample_lamps,
 )
-from ispm.lights.emitted import first_irradiance
+from ispm.lights.bright import is_bright
 from ispm.lights.guided import guided_surround
 from ispm.optics.bsdf import (
     Bsdf,
@@ -38,24 +37,17 @@ from ispm.optics.environment import environment_pdf, has_environment
 from ispm.optics.facets import is_anisotropic, visible_pdf
 from ispm.optics.jit import jit
 from ispm.optics.light import FAR, light_arriving, reaches
-from ispm.optics.records import LIGHT_DIRECTIONAL, NO_HIT
+from ispm.optics.records import LIGHT_DIRECTIONAL
 from ispm.optics.sampling import LATTICE
 from ispm.optics.vector import Vector, add, dot, normalize, scale, sub
 
 f32, i64, u32 = np.float32, np.int64, np.uint32
-
-SPLIT_COUNT = (
-    4  # photons that a bright first bounce sends out for each that arrives, a quarter of its flux each
-)
 
 _NONE = f32(0), f32(0), f32(0)
 _GOLDEN = 0.6180339887498949  # steps of which lie evenly in a line
 _WHOLE = f32(1), f32(1)
 # how a path goes on from where lights are drawn for
 BY_NOTHING, BY_FACETS, BY_COAT, BY_GLASS, BY_BSDF = range(5)
-# radians that shading normals lie off the geometric one, within which a narrow lobe counts as highlight: at a
-# cylinder's edges of 12 facets
-_TURNED = 0.25
 
 
 @jit
@@ -332,68 +324,6 @@ def _reflected(x, wo, irradiance, bright, wi, limit, share=_WHOLE):
     if dot(wi, x.ng) < f32(0) and x.bsdf.thin == f32(0):  # refracted radiance
         f = scale(f32(1) / (x.bsdf.eta * x.bsdf.eta), f)
     return scale(abs(dot(x.n, wi)), times(f, irradiance))
-
-
-@jit
-def is_bright(b, ng, wo, irradiance, wi, limit):
-    """Return whether a light's first bounce at a point is bright, seen along wo.
-
-    b, ng           the Bsdf and the geometric normal there
-    irradiance, wi  as `light_arriving` has them
-    limit           of pi times the radiance that the light would make there without shadows
-    The same for the eye and for photons: it takes the geometric normal, as the shading normal is bent
-    towards the viewer, and is symmetric in wo and wi. A narrow lobe's highlight lies elsewhere on facets
-    that look smooth: of the normals near by it takes the one that reflects most. Of a coated surface what is
-    under the coat decides: callers scale the limit by the share of it that the coat shows, which is not
-    symmetric.
-    """
-    if limit == f32(np.inf):
-        return False
-    n = ng
-    if is_narrow(b) and dot(ng, wo) > f32(0) and dot(ng, wi) > f32(0):
-        n = _turned_towards(ng, normalize(add(wo, wi)))
-    seen = times(eval_bsdf(b, n, n, wo, wi), irradiance)
-    return f32(math.pi) * abs(dot(ng, wi)) * greatest(seen) > limit
-
-
-@jit
-def _turned_towards(n, h):
-    """The unit vector that is within _TURNED of n and nearest to h."""
-    cosine = min(dot(n, h), f32(1))
-    aside = sub(h, scale(cosine, n))
-    sine = f32(math.sqrt(dot(aside, aside)))
-    if cosine >= f32(math.cos(_TURNED)) or sine <= f32(0):
-        return h
-    return add(scale(f32(math.cos(_TURNED)), n), scale(f32(math.sin(_TURNED)) / sine, aside))
-
-
-@jit
-def is_bright_first_bounce(tables, photon, x, wo, limit):
-    """Return whether the first bounce of an EMITTED photon, at a SurfacePoint, is bright, seen along wo;
-    limit: lx, see `is_bright`."""
-    irradiance, wi = first_irradiance(tables, photon, x.position)
-    b = with_matte_sheen(x).bsdf  # as at the ends of gather rays
-    if is_translucent(x) and dot(x.ng, wo) < f32(0):  # for those, this is the far side
-        far, wo = far_side(x, wo)
-        b = far.bsdf
-    return is_bright(b, x.ng, wo, irradiance, wi, limit * x.coat.shown)
-
-
-@jit
-def split_count(tables, photon, limit):
-    """Return how many photons, int64, an EMITTED one is split into at its first hit: more if that is bright.
-
-    limit  lx, see `is_bright`
-    Its light reaches the picture by photons alone, and they would be most of the picture's noise.
-    """
-    if limit == f32(np.inf) or photon.instance == u32(NO_HIT):
-        return i64(1)
-    hit = Hit(photon.instance, photon.primitive, photon.u, photon.v)
-    irradiance, wi = first_irradiance(tables, photon, hit_position(tables.surfaces, hit))
-    if greatest(irradiance) <= limit:
-        return i64(1)
-    x = with_matte_sheen(surface(tables, hit, scale(f32(-1), wi)))
-    return i64(SPLIT_COUNT) if is_bright(x.bsdf, x.ng, x.ng, irradiance, wi, limit * x.coat.shown) else i64(1)
 
 
 @jit

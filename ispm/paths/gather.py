@@ -6,12 +6,12 @@ each path from a light to x counts in one of them alone:
 - By a ray from x that ends at y, in two parts: what a light sends straight to y, which a shadow ray finds,
   and what the photons stored at y bring that have scattered before.
 - By the photon itself, stored at x (`Walk.not_gathered`), where rays would seldom find y or not at all: y
-  is a bright first bounce near a light or a highlight (`nee.is_bright`), is lit by a caustic, or lets
+  is a bright first bounce near a light or a highlight (`bright.is_bright`), is lit by a caustic, or lets
   light through (`bsdf.is_gathered`); a mirror or glass lies between y and x; or it is y's coat that
   reflects what a light sends straight there.
 
-Lobes too narrow for photons count as wider at rays' ends: what they bring has one bounce more to go; sheen
-counts as matte there, and so do rough clear coats for what the photons stored at y bring.
+Lobes too narrow for photons count as wider at rays' ends: what they bring has one bounce more to go. For
+what the photons stored at y bring sheen and rough clear coats count as matte there.
 Where a ray ends on a translucent sheet, it brings the light of one side, drawn by what that sends here.
 So rays end without light at mirrors and glass, but pass thin clear sheets, as shadow rays do. Emission where
 they end is left out, and so is the environment: it is direct light of the receiver.
@@ -26,7 +26,14 @@ import numpy as np
 from numba import literal_unroll
 
 from ispm.accel.intersect import STACK_WORDS
-from ispm.accel.layers import drawn_side, is_translucent, with_matte_sheen, with_rough_coat
+from ispm.accel.layers import (
+    drawn_side,
+    has_sheen,
+    is_translucent,
+    sheen_point,
+    with_matte_sheen,
+    with_rough_coat,
+)
 from ispm.accel.records import Scratch
 from ispm.accel.surface import SurfaceTable, closest_surface, leave_surface, scene_tables, surface
 from ispm.accel.world import World
@@ -130,7 +137,7 @@ def gather_rays(
 
     receivers  (n,) RECEIVER
     plan       of m = n side^2 rays
-    limit      of bright first bounces, see `nee.is_bright`
+    limit      of bright first bounces, see `bright.is_bright`
     """
     count = len(receivers) * plan.side**2
     radiance, lobes = np.zeros((2, count, 3), np.float32)
@@ -258,11 +265,11 @@ def _look(tables, ray, course, scratch, out):
         found, hit = closest_surface(tables, start, d, u, scratch)
         if not found:
             return
-        x = with_matte_sheen(surface(tables, hit, d))
+        x = surface(tables, hit, d)
         b = x.bsdf
         out.covered[row] = share
         out.nearness[row] = share / max(dot(sub(x.position, ray.start), d), f32(1e-30))
-        if is_gathered(b) or is_translucent(x):
+        if is_gathered(b) or is_translucent(x) or has_sheen(x):
             break
         if b.thin == f32(0) or not is_smooth(b) or not transmits(b):
             return
@@ -270,17 +277,27 @@ def _look(tables, ray, course, scratch, out):
         weight = times(weight, transmittance)
         start = leave_surface(tables, hit, scale(f32(-1), x.ng))
         u, u_light, _, _ = random4(ray.key, ray.dimension + u32(1 + sheet), course.pass_index, course.seed)
-    if x.flags & u32(MATERIAL_UNLIT) != u32(0) or not (is_gathered(b) or is_translucent(x)):
+    if x.flags & u32(MATERIAL_UNLIT) != u32(0) or not (is_gathered(b) or is_translucent(x) or has_sheen(x)):
         return
     pick, u, _, _ = random4(ray.key, ray.dimension + u32(_SHEETS_MAX + 1), course.pass_index, course.seed)
+    matte = with_matte_sheen(x)
     if is_translucent(x):
-        x, wo, _, chance = drawn_side(x, wo, u)
+        matte, wo, u, chance = drawn_side(matte, wo, u)
         weight = scale(f32(1) / chance, weight)
-    light = times(
-        weight, light_from_one(tables, x, wo, u_light, pick, scratch, course.limit, course.openings)
-    )
+    lit, chance = _lit_layer(x, matte, u)
+    light = light_from_one(tables, lit, wo, u_light, pick, scratch, course.limit, course.openings)
     for c in range(3):
-        out.radiance[row, c] = light[c]
-    b = as_wide(with_rough_coat(x).bsdf, dot(x.n, wo), NARROW_ALPHA)
+        out.radiance[row, c] = weight[c] / chance * light[c]
+    b = as_wide(with_rough_coat(matte).bsdf, dot(matte.n, wo), NARROW_ALPHA)
     store_end(out.ends[row], u32(row), u32(0), weight, b, hit.instance)
-    store_point(out.points[row], x, wo, b, f32(0), NARROW_ALPHA)
+    store_point(out.points[row], matte, wo, b, f32(0), NARROW_ALPHA)
+
+
+@jit
+def _lit_layer(x, matte, u):
+    """Draw what lamps light straight of a SurfacePoint, its sheen or what is under it, by u of [0, 1), and
+    return the chance, float32; matte: its side that is seen, whose sheen counts as matte."""
+    if not has_sheen(matte):
+        return matte, f32(1)
+    hidden = f32(1) - x.sheen.shown
+    return (sheen_point(x), hidden) if u < hidden else (x, x.sheen.shown)

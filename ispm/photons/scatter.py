@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ispm.accel.layers import drawn_layer, is_coated
+from ispm.accel.layers import drawn_layer, has_sheen, is_coated
 from ispm.optics.bsdf import smooth_split
 from ispm.optics.bsdf_sampling import sample_bsdf
 from ispm.optics.jit import jit
@@ -18,6 +18,7 @@ f32, u32 = np.float32, np.uint32
 
 
 ROULETTE_AFTER = 4  # scatters; living photons lower the error more than they cost before that
+BY_COAT, BY_SHEEN, BY_BASE = range(3)  # layers
 SPECULAR_MAX = 8  # events at smooth surfaces without roulette
 _NEXT_TO_NOTHING = 1e-3  # share of the flux that an event keeps, below which roulette does not wait
 _SPECULAR_SURVIVAL = 0.9  # chance at each later one: ends paths between lossless surfaces without fireflies
@@ -59,14 +60,18 @@ def next_flight(event, x, d, flux):
 
 
 @jit
-def leaves_by_coat(event, x):
-    """Return whether it is the coat of the SurfacePoint by which a photon goes where `next_flight` says."""
-    if not is_coated(x):
-        return False
+def layer_left(event, x):
+    """Return by which layer of the SurfacePoint a photon goes where `next_flight` says: BY_COAT, BY_SHEEN or
+    BY_BASE, see `drawn_layer`."""
+    if not (is_coated(x) or has_sheen(x)):
+        return BY_BASE
     _, _, u2, _ = random4(
         event.key, u32(2 * (event.scatters + event.speculars)), event.pass_index, event.seed
     )
-    return u2 < f32(1) - x.coat.shown
+    hidden = f32(1) - x.coat.shown
+    if u2 < hidden:
+        return BY_COAT
+    return BY_SHEEN if has_sheen(x) and (u2 - hidden) / x.coat.shown < f32(1) - x.sheen.shown else BY_BASE
 
 
 @jit

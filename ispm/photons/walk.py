@@ -18,8 +18,8 @@ from ispm.accel.surface import SurfaceTable, Tables, closest_surface, inner_side
 from ispm.accel.world import World
 from ispm.kernels.share import run_shared, shared_rows
 from ispm.kernels.simd import alloca
+from ispm.lights.bright import is_bright_first_bounce, split_count
 from ispm.lights.emitted import emitted_beam, first_segment
-from ispm.lights.nee import is_bright_first_bounce, split_count
 from ispm.optics.bsdf import has_finite, is_gathered, is_smooth
 from ispm.optics.dispersion import ALL_BANDS, BANDS, band_number, draw_band, of_band
 from ispm.optics.jit import jit
@@ -27,7 +27,7 @@ from ispm.optics.records import EMITTED_BY_ENVIRONMENT, MATERIAL_THIN, NO_HIT, P
 from ispm.optics.rng import random4
 from ispm.optics.vector import dot, scale, sub, vec3
 from ispm.photons.beam import beam_at, redirected_beam
-from ispm.photons.scatter import Event, flight_number, leaves_by_coat, next_flight
+from ispm.photons.scatter import BY_COAT, BY_SHEEN, Event, flight_number, layer_left, next_flight
 from ispm.photons.steps import STEP, Steps, write_event, write_step
 from ispm.scene.packed import Packed
 
@@ -92,7 +92,7 @@ def walk(
 
     emitted  (N,) EMITTED
     bounces  scatters at most, the one at the first hit included; events at smooth surfaces do not count
-    limit    of bright first bounces, see `nee.is_bright`; there photons are split into `SPLIT_COUNT`
+    limit    of bright first bounces, see `bright.is_bright`; there photons are split into `SPLIT_COUNT`
     The first hit is direct light, which shadow maps show, also behind thin sheets, so it is not stored. Flux
     changes by f cos / pdf, and between hits by absorption; after `ROULETTE_AFTER` scatters (at once where one
     keeps next to nothing) and `SPECULAR_MAX` specular events roulette keeps the expectation (docs/method.md,
@@ -331,8 +331,11 @@ def _walk_one(tables, photon, split, course, scratch, found, room, steps):
         if not specular:
             hidden = not (is_gathered(x.bsdf) or has_sheen(x) or is_translucent(x))
             if scatters == i64(0):
-                hidden = hidden or not direct or leaves_by_coat(event, x)
-                hidden = hidden or is_bright_first_bounce(tables, photon, x, wi, course.limit)
+                layer = layer_left(event, x)
+                hidden = hidden or not direct or layer == BY_COAT
+                hidden = hidden or is_bright_first_bounce(
+                    tables, photon, x, wi, course.limit, layer == BY_SHEEN
+                )
         elif scatters == i64(0):
             eta = f32(1) if x.flags & u32(MATERIAL_THIN) else x.bsdf.eta
             beam = redirected_beam(tables.surfaces, hit, beam, d, wi, x.ng, x.n, eta)

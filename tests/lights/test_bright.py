@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from ispm.lights.nee import is_bright
+from ispm.lights.bright import is_bright
 from ispm.optics.bsdf import Bsdf, eval_bsdf
 from ispm.optics.facets import NO_ANISOTROPY
 from ispm.optics.jit import jit

@@ -9,7 +9,7 @@ from transport import Tracer, aim, box_room, lit
 import ispm
 from ispm.library.common import lambert
 from ispm.library.shapes import icosphere, polygons
-from ispm.lights.nee import SPLIT_COUNT
+from ispm.lights.bright import SPLIT_COUNT
 from ispm.photons.retrace import retrace
 from ispm.photons.steps import EVENTS
 from ispm.photons.walk import EVENT_STEP, all_steps

@@ -5,7 +5,7 @@ import pytest
 from transport import Tracer, box_room, lit, on_instance, trace
 
 from ispm.library.common import lambert
-from ispm.lights.nee import SPLIT_COUNT
+from ispm.lights.bright import SPLIT_COUNT
 from ispm.optics.records import EMITTED, NO_HIT
 from ispm.photons import walk as walk_module
 from ispm.scene.material import Material, Texture, TextureUse

@@ -1,4 +1,4 @@
-"""What a clear coat sends on of a lamp's light: where it mirrors it, not all around."""
+"""What clear coats and sheen send on of a lamp's light: where their lobes reflect it, not all around."""
 
 import math
 
@@ -18,19 +18,22 @@ SIZE, SEEDS, PARTS, PATHS = (320, 180), 4, 8, 100
 WINDOW = np.s_[84:108, 144:176]  # of the card, above where it stands
 
 
-def card_on_varnish(light, coat):
-    """A white card on a dark floor, coated or bare, before a light, whose mirror image is behind the card."""
+COAT = dict(clearcoat=1.0, clearcoat_roughness=0.04)
+SHEEN = dict(sheen_color=(1.0, 1.0, 1.0), sheen_roughness=0.3)
+
+
+def card_on_floor(light, layer):
+    """A white card on a dark floor below a layer, before a light, whose mirror image is behind the card."""
     scene = Scene()
-    varnish = Material((0.03, 0.03, 0.03), roughness=0.5, clearcoat=coat, clearcoat_roughness=0.04)
-    scene.add(shapes.plane(3, 3), material=varnish)
+    scene.add(shapes.plane(3, 3), material=Material((0.03, 0.03, 0.03), roughness=0.5, **layer))
     scene.add(shapes.box((0.3, 0.3, 0.02)), material=Material((0.8, 0.8, 0.8)), translation=(0, 0.151, 0))
     scene.add(light, translation=(0.25, 1.0, -0.3)).look_at((0, 0, 0))
     return scene, Camera.look_at((0.05, 0.3, 1.2), (0, 0.15, 0), yfov=math.radians(30))
 
 
-def beside_paths(gpu, light, coat):
+def beside_paths(gpu, light, layer):
     """The card's front: its radiance over that of paths, and a standard error of that."""
-    scene, camera = card_on_varnish(light, coat)
+    scene, camera = card_on_floor(light, layer)
     frames = [render(gpu, scene, camera, size=SIZE, antialias=False, seed=s)[0] for s in range(SEEDS)]
     tracer, view = Tracer(scene), CameraView(SIZE, camera.pose, camera.yfov, None)
     origins, directions = (
@@ -50,12 +53,13 @@ def _mean(values):
     return np.mean(values), np.std(values, ddof=1) / math.sqrt(len(values))
 
 
+@pytest.mark.parametrize("layer", [COAT, SHEEN], ids=["coat", "sheen"])
 @pytest.mark.parametrize("light", [RectLight((900.0,) * 3, 0.6, 0.6), DirectionalLight((400.0,) * 3)])
-def test_a_coat_lights_nothing_that_it_does_not_mirror_a_lamp_to(gpu, light):
+def test_a_layer_lights_nothing_that_it_does_not_reflect_a_lamp_to(gpu, light, layer):
     """The card's front, which hardly more than the floor's Lambert lobe lights, is as near to paths before a
-    coated floor as before a bare one, within 4 standard errors and 4 %. Kernels reach past the card's foot
-    before either. A coat that counts as matte at rays' ends makes several times the light of it."""
-    coated, error = beside_paths(gpu, light, 1.0)
-    bare, bare_error = beside_paths(gpu, light, 0.0)
-    assert abs(coated - bare) < 0.04 + 4.0 * math.hypot(error, bare_error)
-    assert max(error, bare_error) < 0.03
+    floor below a layer as before a bare one, within 4 standard errors and 4 %. Kernels reach past the card's
+    foot before either. A coat that counts as matte at rays' ends makes several times the light of it."""
+    layered, error = beside_paths(gpu, light, layer)
+    bare, bare_error = beside_paths(gpu, light, {})
+    assert abs(layered - bare) < 0.04 + 4.0 * math.hypot(error, bare_error)
+    assert max(error, bare_error) < 0.04
