@@ -17,12 +17,9 @@ from ispm.optics.vector import add, dot, normalize, scale, sub
 
 f32, i64, u32 = np.float32, np.int64, np.uint32
 
-SPLIT_COUNT = (
-    4  # photons that a bright first bounce sends out for each that arrives, a quarter of its flux each
-)
-# radians that shading normals lie off the geometric one, within which a narrow lobe counts as highlight: at a
-# cylinder's edges of 12 facets
-_TURNED = 0.25
+# photons that a bright first bounce sends out for each that arrives, a quarter of its flux each
+SPLIT_COUNT = 4
+_TURNED = 0.25  # radians that shading normals lie off facets at most: of a cylinder of 12 at its edges
 
 
 @jit
@@ -68,7 +65,8 @@ def is_bright_first_bounce(tables, photon, x, wo, limit, by_sheen):
     if not by_sheen and is_translucent(x) and dot(x.ng, wo) < f32(0):  # for those, this is the far side
         far, wo = far_side(x, wo)
         b = far.bsdf
-    return is_bright(b, x.ng, wo, irradiance, wi, limit * x.coat.shown)
+    shown = f32(1) if by_sheen else x.coat.shown  # the sheen's color has it already
+    return is_bright(b, x.ng, wo, irradiance, wi, limit * shown)
 
 
 @jit

@@ -8,9 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ispm.accel.emitter_tree import NO_LOBE, Lobe
-from ispm.accel.layers import (
-    without_diffuse,
-)
+from ispm.accel.layers import without_diffuse
 from ispm.accel.surface import SurfacePoint, leave_surface
 from ispm.accel.transmittance import shadow_transmittance
 from ispm.lights.area import (

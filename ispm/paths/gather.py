@@ -266,10 +266,11 @@ def _look(tables, ray, course, scratch, out):
         if not found:
             return
         x = surface(tables, hit, d)
-        b = x.bsdf
+        matte = with_matte_sheen(x)
+        b = matte.bsdf
         out.covered[row] = share
         out.nearness[row] = share / max(dot(sub(x.position, ray.start), d), f32(1e-30))
-        if is_gathered(b) or is_translucent(x) or has_sheen(x):
+        if is_gathered(b) or is_translucent(x):
             break
         if b.thin == f32(0) or not is_smooth(b) or not transmits(b):
             return
@@ -277,10 +278,9 @@ def _look(tables, ray, course, scratch, out):
         weight = times(weight, transmittance)
         start = leave_surface(tables, hit, scale(f32(-1), x.ng))
         u, u_light, _, _ = random4(ray.key, ray.dimension + u32(1 + sheet), course.pass_index, course.seed)
-    if x.flags & u32(MATERIAL_UNLIT) != u32(0) or not (is_gathered(b) or is_translucent(x) or has_sheen(x)):
+    if x.flags & u32(MATERIAL_UNLIT) != u32(0) or not (is_gathered(b) or is_translucent(x)):
         return
     pick, u, _, _ = random4(ray.key, ray.dimension + u32(_SHEETS_MAX + 1), course.pass_index, course.seed)
-    matte = with_matte_sheen(x)
     if is_translucent(x):
         matte, wo, u, chance = drawn_side(matte, wo, u)
         weight = scale(f32(1) / chance, weight)
