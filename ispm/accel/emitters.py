@@ -138,10 +138,8 @@ def _tree(triangles: np.ndarray, places: np.ndarray) -> np.ndarray:
     bounds = corners.min(axis=1), corners.max(axis=1)
     beam = np.tile(TO_ALL_SIDES, (len(triangles), 1))
     spots = triangles["cone"] > 0.0
-    beam[spots, :3], beam[spots, 3] = (
-        triangles["axis"][spots],
-        1.0 - triangles["cone"][spots].astype(np.float64),
-    )
+    beam[spots, :3] = triangles["axis"][spots]
+    beam[spots, 3] = 1.0 - triangles["cone"][spots].astype(np.float64)
     return emitter_tree(places, *bounds, triangles["normal"], cosine, _flux(triangles), beam)
 
 
