@@ -47,10 +47,10 @@ def everything() -> ispm.Scene:
     from ispm.library.shapes import box, icosphere
     from ispm.scene.material import AlphaMode
 
-    use = ispm.TextureUse(ispm.Texture(TEXTURE))
+    use, data = ispm.TextureUse(ispm.Texture(TEXTURE)), ispm.Texture(TEXTURE, srgb=False)
     materials = [
         ispm.Material(base_color=(0.8, 0.5, 0.3)),
-        ispm.Material(base_color_texture=use, metallic=0.5, roughness=0.4),
+        ispm.Material(base_color_texture=use, metallic_roughness_texture=data, metallic=0.5, roughness=0.4),
         ispm.Material(metallic=1.0, roughness=0.0),
         ispm.Material(diffuse_transmission=0.5, double_sided=True),
         ispm.Material(transmission=1.0, roughness=0.0, ior=1.5, thickness=0.1, dispersion=1.0),

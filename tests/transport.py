@@ -37,7 +37,7 @@ class Tracer:
         self.packed: Packed = pack(scene)
         self.world = World(threads)
         self.world.update(self.packed)
-        textures = TextureTable.pack(self.packed.textures)
+        textures = TextureTable.pack(self.packed.textures, self.packed.colors)
         self.surfaces = SurfaceTable(self.packed, textures, footprint * self.packed.diagonal)
         self.tables = scene_tables(self.packed, self.world, self.surfaces)
 

@@ -240,7 +240,9 @@ class Walked:
         self.world = World()
         self.world.update(self.packed)
         footprint = _TEXTURE_FOOTPRINT * self.packed.diagonal
-        surfaces = SurfaceTable(self.packed, TextureTable.pack(self.packed.textures), footprint)
+        surfaces = SurfaceTable(
+            self.packed, TextureTable.pack(self.packed.textures, self.packed.colors), footprint
+        )
         plan = map_plan(self.packed, settings, 0)
         emitted = emit_rays(self.packed, self.world, surfaces, plan, settings.seed, 0)
         told = self.packed, self.world, surfaces, emitted, settings.bounces, settings.seed

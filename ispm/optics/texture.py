@@ -7,11 +7,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from hashlib import sha256
+from itertools import zip_longest
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ispm.optics.jit import jit
+from ispm.optics.vector import add, dot, scale
 
 if TYPE_CHECKING:
     from ispm.scene.material import Texture
@@ -30,6 +32,7 @@ def _decode_srgb(encoded: np.ndarray) -> np.ndarray:
     return np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
 
 
+_DARKEST = f32(1e-8)  # added to products of colors, so that black surfaces have a mean, too
 _BYTES = np.arange(256) / 255
 # What bytes stand for, 0 to 1, (256,) float32.
 FROM_BYTE = _BYTES.astype(f32)
@@ -54,13 +57,13 @@ class TextureTable:
         return sha256(self.rows.tobytes() + self.texels.tobytes()).digest()
 
     @classmethod
-    def pack(cls, textures: Sequence[Texture]) -> TextureTable:
-        """Return the table of `textures`, a row each, in their order."""
+    def pack(cls, textures: Sequence[Texture], colors: Sequence[Texture | None] = ()) -> TextureTable:
+        """Return the table of `textures`, a row each, in their order; colors: of each, see `mip_chain`."""
         parts: list[np.ndarray] = [np.zeros(0, u32)]
         rows = np.zeros((len(textures), 8), np.int64)
         offset = 0
-        for row, texture in zip(rows, textures, strict=True):
-            levels = mip_chain(texture)
+        for row, texture, color in zip_longest(rows, textures, colors):
+            levels = mip_chain(texture, color)
             height, width, _ = texture.pixels.shape
             row[:4] = width, height, len(levels), offset
             row[4:] = texture.wrap_u, texture.wrap_v, texture.linear, texture.srgb
@@ -69,15 +72,28 @@ class TextureTable:
         return cls(np.concatenate(parts), rows)
 
 
-def mip_chain(texture: Texture) -> list[np.ndarray]:
+def mip_chain(texture: Texture, color: Texture | None = None) -> list[np.ndarray]:
     """Return (h, w, 4) uint8 levels down to 1 x 1, or the first alone if the texture has no mipmaps.
 
     Each texel is the mean of the area it covers, in linear light, whatever the size's parity.
+
+    color  the base color of what `texture` tells the metalness of, in blue. Metal reflects base times
+           metalness, the Lambert lobe the rest of base: the mean of metalness is the one that is the nearest
+           to both (least squares), so that bright metal on dark paint counts by more than its area
     """
     levels = [np.ascontiguousarray(texture.pixels, dtype=u8)]
+    colors = mip_chain(color) if color is not None else []
     while texture.mipmaps and levels[-1].shape[:2] != (1, 1):
-        levels.append(halved(levels[-1], texture.srgb))
+        smaller = halved(levels[-1], texture.srgb)
+        if color is not None:
+            _average_metal(levels[-1], _least_as_large(colors, levels[-1].shape), color.srgb, smaller)
+        levels.append(smaller)
     return levels
+
+
+def _least_as_large(levels: list[np.ndarray], shape: tuple[int, ...]) -> np.ndarray:
+    """The smallest level that is at least as large as (h, w, 4), or the first."""
+    return next((a for a in levels[::-1] if a.shape[0] >= shape[0] and a.shape[1] >= shape[1]), levels[0])
 
 
 def halved(pixels: np.ndarray, srgb: bool) -> np.ndarray:
@@ -109,6 +125,32 @@ def _halve(source, smaller, srgb):
             smaller[y, x, 1] = _encode(g, srgb)
             smaller[y, x, 2] = _encode(b, srgb)
             smaller[y, x, 3] = _encode(a, False)
+
+
+@jit
+def _average_metal(source, colors, srgb, smaller):
+    """Write into the blue of `smaller` the mean of that of `source`, (h, w, 4), by how much each texel brings
+    of the mean color: colors are (..., ..., 4) of the same surface, srgb or not."""
+    decode = FROM_SRGB if srgb else FROM_BYTE
+    height, width = smaller.shape[0], smaller.shape[1]
+    for y in range(height):
+        for x in range(width):
+            color = of_metal = f32(0), f32(0), f32(0)
+            share = f32(0)
+            for j in range(3):
+                wy = _box_weight(y, j, source.shape[0], height)
+                sy = min(2 * y + j, source.shape[0] - 1)
+                cy = sy * colors.shape[0] // source.shape[0]
+                for i in range(3):
+                    w = wy * _box_weight(x, i, source.shape[1], width)
+                    sx = min(2 * x + i, source.shape[1] - 1)
+                    cx = sx * colors.shape[1] // source.shape[1]
+                    metal, rgb = FROM_BYTE[source[sy, sx, 2]], colors[cy, cx]
+                    brought = scale(w, (decode[rgb[0]], decode[rgb[1]], decode[rgb[2]]))
+                    color, of_metal = add(color, brought), add(of_metal, scale(metal, brought))
+                    share += w * metal
+            share = (dot(color, of_metal) + _DARKEST * share) / (dot(color, color) + _DARKEST)
+            smaller[y, x, 2] = _encode(share, False)
 
 
 @jit

@@ -79,9 +79,9 @@ class Ready:
         if packed is old:
             return packed
         require_visible(scene, packed)
-        looks = list(map(texture_state, packed.textures))
+        looks = [(*texture_state(t), color) for t, color in zip(packed.textures, packed.colors, strict=True)]
         if looks != self._looks:
-            self.textures, self._looks = TextureTable.pack(packed.textures), looks
+            self.textures, self._looks = TextureTable.pack(packed.textures, packed.colors), looks
         if line := far_off(packed):
             self._say(line)
         if line := without_area(packed.geometry, old.geometry if old else None):

@@ -191,6 +191,11 @@ class Packed:
         return self.looks.textures
 
     @property
+    def colors(self) -> list[Texture | None]:
+        """The base color that goes with each texture's metalness, see `Looks`."""
+        return self.looks.colors
+
+    @property
     def lights(self) -> np.ndarray:
         """(L,) LIGHT: those without a surface. Lamps with one are instances of meshes that emit."""
         return self.lit.rows

@@ -21,11 +21,13 @@ class Looks:
     """A scene's materials.
 
     rows      (M,) MATERIAL;  textures  what their slots point to
+    colors    of each texture that tells metalness, the base color of the same surfaces, where they have one
     made_of   what they were made of, to be compared
     """
 
     rows: np.ndarray
     textures: list[Texture]
+    colors: list[Texture | None]
     made_of: list[object]
 
 
@@ -40,7 +42,20 @@ def pack_materials(materials: Sequence[Material], before: Looks | None = None) -
     rows = np.zeros(len(materials), records.MATERIAL)
     for index, material in enumerate(materials):
         rows[index] = material_record(material, textures)
-    return Looks(rows, textures, _made_of(materials))  # as checks have left them
+    colors = _colors_of_metal(rows, textures)
+    return Looks(rows, textures, colors, _made_of(materials))  # as checks have left them
+
+
+def _colors_of_metal(rows: np.ndarray, textures: list[Texture]) -> list[Texture | None]:
+    """The `colors` of Looks: both textures lie alike on all surfaces that show them."""
+    metals, colors = rows["metallic_roughness_texture"], rows["base_color_texture"]
+    found: list[Texture | None] = []
+    for number in range(len(textures)):
+        uses = metals["texture"] == number
+        others = np.unique(colors["texture"][uses])
+        lie_alike = all((metals[name] == colors[name])[uses].all() for name in ("uv_set", "row0", "row1"))
+        found.append(textures[others[0]] if len(others) == 1 and others[0] >= 0 and lie_alike else None)
+    return found
 
 
 def _made_of(materials: Sequence[Material]) -> list[object]:

@@ -25,7 +25,7 @@ class _Loaded(NamedTuple):
     """A texture on the device; `source` is held so that no other texture gets its id."""
 
     source: scene_material.Texture
-    state: scene_material.TextureState
+    state: tuple[object, ...]
     texels: Texture
 
 
@@ -59,7 +59,7 @@ class Upload:
                 self._place(packed)
             if before is None or before.looks is not packed.looks:
                 self._write(self._materials, packed.materials)
-                self._keep(packed.textures)
+                self._keep(packed.textures, packed.colors)
             if before is None or before.lit is not packed.lit:
                 self._write(self._lights, packed.lights)
             known = GpuScene(
@@ -117,21 +117,24 @@ class Upload:
             [np.minimum.reduceat(center - extent, first), np.maximum.reduceat(center + extent, first)], axis=1
         )
 
-    def _keep(self, textures: list[scene_material.Texture]) -> None:
-        """Load textures that came or changed, drop those that went."""
+    def _keep(
+        self, textures: list[scene_material.Texture], colors: list[scene_material.Texture | None]
+    ) -> None:
+        """Load textures that came or changed, drop those that went; colors: see `mip_chain`."""
         kept, self._textures = self._textures, {}
-        for texture in textures:
-            known = kept.get(id(texture))
-            if known is None or known.state != texture.state:
-                known = _Loaded(texture, texture.state, self._load(texture))
+        for texture, color in zip(textures, colors, strict=True):
+            known, state = kept.get(id(texture)), (texture.state, color, color and color.state)
+            if known is None or known.state != state:
+                known = _Loaded(texture, state, self._load(texture, color))
             self._textures[id(texture)] = known
 
-    def _load(self, texture: scene_material.Texture) -> Texture:
-        levels = [level for level in mip_chain(texture) if max(level.shape[:2]) <= self._gpu.max_texture]
+    def _load(self, texture: scene_material.Texture, color: scene_material.Texture | None) -> Texture:
+        most = self._gpu.max_texture
+        levels = [level for level in mip_chain(texture, color) if max(level.shape[:2]) <= most]
         if not levels:
             raise SceneError(
                 f"texture '{texture.name}': {max(texture.pixels.shape[:2])} pixels are more than the "
-                f"{self._gpu.max_texture} that {self._gpu.name} can hold; make the picture smaller"
+                f"{most} that {self._gpu.name} can hold; make the picture smaller"
             )
         height, width = levels[0].shape[:2]
         format = "rgba8unorm-srgb" if texture.srgb else "rgba8unorm"

@@ -96,7 +96,7 @@ def test_rays_of_a_walk_are_those_it_traces():
     packed = pack(scene)
     world = World(1)
     world.update(packed)
-    surfaces = SurfaceTable(packed, TextureTable.pack(packed.textures), 0.0)
+    surfaces = SurfaceTable(packed, TextureTable.pack(packed.textures, packed.colors), 0.0)
     plan = plan_maps(packed, np.array([400]), 0.0, 3, 0)
     emitted = emit_rays(packed, world, surfaces, plan, 3, 0)
     path = walk(packed, world, surfaces, emitted, 6, 3, 0)

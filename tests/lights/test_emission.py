@@ -49,7 +49,7 @@ def planned(packed, wanted, offset=0.3, shift=(0.2, -0.4)):
 
 def thinned(packed, each):
     texels = np.zeros((len(each.map.axes), each.width, each.width, 2), np.uint32)
-    surfaces = SurfaceTable(packed, TextureTable.pack(packed.textures), 1.0)
+    surfaces = SurfaceTable(packed, TextureTable.pack(packed.textures, packed.colors), 1.0)
     return emit_texels(packed.lights, surfaces, [each], [texels])
 
 

@@ -1,6 +1,7 @@
 """Mip levels keep the mean light of a picture."""
 
 import numpy as np
+import pytest
 
 from ispm.optics.texture import TextureTable, mip_chain, sample_texture
 from ispm.scene.material import Texture, Wrap
@@ -37,6 +38,37 @@ def test_black_and_white_checker_averages_to_half_the_light_not_half_the_code():
     pixels[0, 0, :3] = pixels[1, 1, :3] = 0
     assert mip_chain(Texture(pixels, srgb=True))[1][0, 0].tolist() == [188, 188, 188, 255]
     assert mip_chain(Texture(pixels, srgb=False))[1][0, 0].tolist() == [128, 128, 128, 255]
+
+
+@pytest.mark.parametrize("sizes", [((64, 64), (64, 64)), ((36, 21), (36, 21)), ((64, 32), (16, 64))], ids=str)
+def test_metal_is_averaged_by_what_it_reflects(sizes):
+    """Base times metalness is what metal reflects, base times the rest what paint does: in the mean, too."""
+    (wide, high), (colors_wide, colors_high) = sizes
+    y, x = np.indices((high, wide))
+    is_metal = x % 8 == 0 if high == 32 else (x + 3 * y) % 8 == 0
+    metal = np.full((high, wide, 4), 255, np.uint8)
+    metal[..., 2] = 255 * is_metal
+    base = np.full((high, wide, 4), 255, np.uint8)
+    base[..., :3] = np.where(is_metal[..., None], 230, (60, 50, 55))
+    base = base[np.arange(colors_high) * high // colors_high][:, np.arange(colors_wide) * wide // colors_wide]
+    color, data = Texture(base), Texture(metal, srgb=False)
+    *_, base_mean = mip_chain(color)
+    *_, metal_mean = mip_chain(data, color)
+    bright, share = linear(base_mean)[0, 0], metal_mean[0, 0, 2] / 255
+    rows, columns = np.indices((max(high, colors_high), max(wide, colors_wide)))  # texels of both, aligned
+    light = linear(base)[rows * colors_high // len(rows), columns * colors_wide // len(rows[0])]
+    light = light * is_metal[rows * high // len(rows), columns * wide // len(rows[0])][..., None]
+    # half a byte of each of at most seven levels, and of base by one, whose steps are at most 1/110
+    steps = 7 * 0.5 / 255 * bright + share * 7 * 0.5 / 110
+    assert (abs(bright * share - light.mean((0, 1))) < steps).all()
+    plain = mip_chain(data)[-1][0, 0]
+    np.testing.assert_array_equal(metal_mean[0, 0, [0, 1, 3]], plain[[0, 1, 3]])  # roughness is as it was
+
+
+def test_black_metal_is_averaged_by_its_area():
+    metal, black = Texture(noise(16, 8), srgb=False), Texture(np.zeros((8, 16, 4), np.uint8))
+    for mean, plain in zip(mip_chain(metal, black), mip_chain(metal), strict=True):
+        np.testing.assert_allclose(mean.astype(int), plain, atol=1)  # halves of bytes round either way
 
 
 def test_texture_without_mipmaps_has_one_level():

@@ -138,7 +138,7 @@ def _truth(case: Case, build: Callable[[], Scene], mask: np.ndarray) -> Known:
 def _indirect(scene: Scene, x: np.ndarray, y: np.ndarray, samples: int, first: int) -> np.ndarray:
     """(n,) cd/m2 that paths through places of the picture bring, less what one without a scatter would."""
     tracer, view = Tracer(scene), _view(scene)
-    textures = TextureTable.pack(tracer.packed.textures)
+    textures = TextureTable.pack(tracer.packed.textures, tracer.packed.colors)
     surfaces = SurfaceTable(tracer.packed, textures, _SHARP * tracer.packed.diagonal)
     tables = scene_tables(tracer.packed, tracer.world, surfaces)
     rays = view.rays_through(x, y)

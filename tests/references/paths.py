@@ -79,7 +79,7 @@ def _measure(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
     tracer = Tracer(scene)
     camera = scene.default_camera(SIZE)
     view = CameraView(SIZE, camera.pose, camera.yfov, camera.ymag)
-    textures = TextureTable.pack(tracer.packed.textures)
+    textures = TextureTable.pack(tracer.packed.textures, tracer.packed.colors)
     surfaces = SurfaceTable(tracer.packed, textures, _FOOTPRINT * tracer.packed.diagonal)
     pixels = np.random.default_rng(3).choice(SIZE[0] * SIZE[1], _PIXELS, replace=False)
     rays = view.rays_through(pixels % SIZE[0] + 0.5, pixels // SIZE[0] + 0.5)

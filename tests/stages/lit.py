@@ -85,7 +85,9 @@ class Lamp:
             radiance = direct(frame, scene, seen, maps, view)
         doubts = direct.doubts()
         pixels = self.gpu.read_texture(radiance, np.float32, 4)[..., :3].copy()
-        surfaces = SurfaceTable(packed, TextureTable.pack(packed.textures), 0.005 * packed.diagonal)
+        surfaces = SurfaceTable(
+            packed, TextureTable.pack(packed.textures, packed.colors), 0.005 * packed.diagonal
+        )
         world = World(2)
         world.update(packed)
         rays = ShadowRays(Pass(packed, world, surfaces, view, Settings(antialias=antialias), threads=2))

@@ -197,7 +197,7 @@ def test_where_a_ray_misses_the_nearest_point_on_the_screen_is_taken(gpu: Gpu, s
 
 
 def surfaces_of(packed: Packed) -> SurfaceTable:
-    return SurfaceTable(packed, TextureTable.pack(packed.textures), 1.0)
+    return SurfaceTable(packed, TextureTable.pack(packed.textures, packed.colors), 1.0)
 
 
 @pytest.mark.parametrize("options", VIEWS.values(), ids=VIEWS)
