@@ -29,6 +29,7 @@ f32, i64, u32 = np.float32, np.int64, np.uint32
 _CODES = f32(2.0**24)  # of a random number
 _LEAST_LIGHT = f32(1e-30)  # cd/m2, whose inverse a float32 still holds
 PAIRS = 2  # of directions that one of the environment is drawn from
+PAIRS_OF_MANY = 4  # likewise, of what rough metal or sheen reflects
 _FINE = 4096  # parts of a random number's range, each of which has enough numbers of its own
 
 

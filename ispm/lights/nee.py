@@ -13,6 +13,7 @@ from ispm.accel.surface import SurfacePoint, leave_surface
 from ispm.accel.transmittance import shadow_transmittance
 from ispm.lights.area import (
     PAIRS,
+    PAIRS_OF_MANY,
     area_numbers,
     lamp_irradiance,
     lamp_pdf,
@@ -89,15 +90,24 @@ def area_light(tables, x, wo, u, scratch, limit, goes_on, count=1, surround=True
         return total, traced
     first = area_numbers(x.hit, u)
     for k in range(count):
-        numbers = next_numbers(first, k)
-        if len(tables.emitters.triangles) > 0:
-            arriving = _unshadowed_lamp(tables, x, wo, numbers, limit, goes_on)
-            light, rays = shadowed(tables, x, arriving, scratch)
-            total, traced = add(total, scale(share, light)), traced + rays
-        if has_environment(tables.environment) and surround:
-            arriving = _unshadowed_surround(tables, x, wo, numbers, goes_on)
-            light, rays = shadowed(tables, x, arriving, scratch)
-            total, traced = add(total, scale(share, light)), traced + rays
+        told = tables, x, wo, next_numbers(first, k), scratch, limit, goes_on, surround
+        light, rays = drawn_area_light(*told)
+        total, traced = add(total, scale(share, light)), traced + rays
+    return total, traced
+
+
+@jit
+def drawn_area_light(tables, x, wo, numbers, scratch, limit, goes_on, surround, of_many=False):
+    """Return what `area_light` does, by four random numbers of [0, 1) of one draw; of_many: see
+    `resample_surround`."""
+    total, traced = (f32(0), f32(0), f32(0)), i64(0)
+    if len(tables.emitters.triangles) > 0:
+        arriving = _unshadowed_lamp(tables, x, wo, numbers, limit, goes_on)
+        total, traced = shadowed(tables, x, arriving, scratch)
+    if has_environment(tables.environment) and surround:
+        arriving = _unshadowed_surround(tables, x, wo, numbers, goes_on, of_many)
+        light, rays = shadowed(tables, x, arriving, scratch)
+        total, traced = add(total, light), traced + rays
     return total, traced
 
 
@@ -244,12 +254,13 @@ def _unshadowed_lamp(tables, x, wo, numbers, limit, goes_on):
 
 
 @jit
-def _unshadowed_surround(tables, x, wo, numbers, goes_on):
+def _unshadowed_surround(tables, x, wo, numbers, goes_on, of_many=False):
     """The Arriving of a direction of the environment, likewise."""
     _, u1, u2, pick = numbers
     seen = left_to_draws(x, goes_on)
     by_lobes = goes_on == BY_NOTHING and draws_by_lobes(seen.bsdf)
-    drawn, _ = resample_surround(tables, seen, wo, u1, u2, pick, PAIRS, f32(np.inf), by_lobes)
+    pairs = PAIRS_OF_MANY if of_many else PAIRS
+    drawn, _ = resample_surround(tables, seen, wo, u1, u2, pick, pairs, f32(np.inf), by_lobes, of_many)
     share = drawn_share(x, wo, drawn.wi, drawn.pdf, goes_on)
     light = _reflected(seen, wo, drawn.radiance, _NONE, drawn.wi, f32(np.inf), share)
     return Arriving(light, FAR, drawn.wi)

@@ -1,13 +1,12 @@
 """The far side of translucent sheets: the light that falls on it, and leaves on the side that is seen.
 
-Eye paths end on both sides of a sheet. Where a pixel shows one, the near side is lit as all surfaces are; the
-far side is lit here, by shadow rays from it, and by photons as the pixels' own surfaces are: through an image
-of few points of it.
+Eye paths end on both sides of a sheet. Where a pixel shows one, the near side is lit as all surfaces are. The
+far side is an end of a path, too: lights without a surface are asked here, by shadow rays; all others, and
+photons, light it through images of such ends.
 """
 
 from __future__ import annotations
 
-from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -21,17 +20,15 @@ from ispm.accel.world import World
 from ispm.kernels.share import shared_rows
 from ispm.kernels.simd import alloca
 from ispm.lights.nee import BY_NOTHING, direct_light, punctual_light
-from ispm.lights.openings import Openings
 from ispm.lights.ratio import area_light_by_ratio
 from ispm.optics.bsdf import NARROW_ALPHA
 from ispm.optics.jit import jit
 from ispm.optics.records import MATERIAL_TRANSLUCENT, RECEIVER
-from ispm.optics.rng import random4
 from ispm.optics.vector import add
 from ispm.paths.branch import REFLECTED, SCATTERED, TRANSMITTED
 from ispm.paths.eye_paths import EyeRays, RayArrays
-from ispm.paths.pixel_layers import ALIKE, CHUNK, LEAST_ALBEDO, SAMPLES, light_layers, shown_surface
-from ispm.paths.vertices import FIRST_VERTEX, PATH_END, store_end, store_point
+from ispm.paths.pixel_layers import CHUNK, light_layers, shown_surface
+from ispm.paths.vertices import PATH_END, store_end, store_point
 from ispm.scene.packed import Packed
 
 f32, i64, u32 = np.float32, np.int64, np.uint32
@@ -39,7 +36,6 @@ f32, i64, u32 = np.float32, np.int64, np.uint32
 FAR = 4  # added to the lane of a path that has not scattered, of its end on the far side
 LANES = REFLECTED, TRANSMITTED, REFLECTED + FAR, TRANSMITTED + FAR  # of ends that neighboring pixels share
 
-_DIMENSION = (1 << 23) + 2  # of the random numbers
 _WHITE = f32(1), f32(1), f32(1)
 
 
@@ -49,29 +45,22 @@ def sides_most(packed: Packed) -> int:
 
 
 @jit
-def far_light(tables, x, wo, u, scratch, count, pass_index, openings):
-    """Return the radiance along wo, cd/m2, of light straight from the lights to the far side of a translucent
-    SurfacePoint, that of `count` draws of lamps with a surface and of the environment apart, and the rays.
-
-    u  random in [0, 1);  openings  which guide draws, see `guided_surround`
-    """
-    far, through = far_side(x, wo)
-    points, rays = punctual_light(tables, far, through, scratch, f32(np.inf))
-    told = BY_NOTHING, count, pass_index, openings
-    areas, others = area_light_by_ratio(tables, far, through, u, scratch, *told)
-    return points, areas, rays + others
-
-
-@jit
 def layers_light(tables, x, wo, u, scratch, count, pass_index, openings):
     """Return the radiance along wo, cd/m2, of light straight from the lights to the sheen of a SurfacePoint
-    and to its far side, if it is translucent, and the rays traced; arguments as of `far_light`."""
+    and to its far side, if it is translucent, and the rays traced.
+
+    u  random in [0, 1);  count  draws of lamps with a surface and of the environment for the far side
+    openings  which guide these, see `guided_surround`
+    """
     total, traced = (f32(0), f32(0), f32(0)), i64(0)
     if has_sheen(x):
         total, traced = direct_light(tables, sheen_point(x), wo, u, scratch, f32(np.inf))
     if is_translucent(x):
-        points, areas, rays = far_light(tables, x, wo, u, scratch, count, pass_index, openings)
-        total, traced = add(total, add(points, areas)), traced + rays
+        far, through = far_side(x, wo)
+        points, rays = punctual_light(tables, far, through, scratch, f32(np.inf))
+        told = BY_NOTHING, count, pass_index, openings
+        areas, others = area_light_by_ratio(tables, far, through, u, scratch, *told)
+        total, traced = add(total, add(points, areas)), traced + rays + others
     return total, traced
 
 
@@ -92,55 +81,33 @@ class FarSide(NamedTuple):
     """The far side of the sheets that n pixels show.
 
     direct  (n, 3) float32 cd/m2 along wo, of light straight from lights without a surface
-    areas   (n, 3) likewise of other lights, over the albedo: noisy
-    albedo  (n, 3) float32
-    firsts  (n,) FIRST_VERTEX of the surfaces, `blur` not set
-    ends    (n,) PATH_END;  points  (n,) RECEIVER, the same
+    ends    (n,) PATH_END, `by_image`;  points  (n,) RECEIVER, the same
     """
 
     direct: np.ndarray
-    areas: np.ndarray
-    albedo: np.ndarray
-    firsts: np.ndarray
     ends: np.ndarray
     points: np.ndarray
 
 
 def light_far_sides(
-    packed: Packed,
-    world: World,
-    surfaces: SurfaceTable,
-    rays: EyeRays,
-    seed: int,
-    pass_index: int,
-    openings: Openings,
+    packed: Packed, world: World, surfaces: SurfaceTable, rays: EyeRays, seed: int, pass_index: int
 ) -> FarSide:
-    """Return the FarSide of what rays show, whose hits are given; the same for any number of threads.
-
-    openings  that let in the environment's light
-    """
+    """Return the FarSide of what rays show, whose hits are given; the same for any number of threads."""
     count = len(rays.keys)
-    direct, areas, albedo = np.zeros((3, count, 3), np.float32)
-    records = np.zeros(count, FIRST_VERTEX), np.zeros(count, PATH_END), np.zeros(count, RECEIVER)
-    out = FarSide(direct, areas, albedo, *records)
-    light_layers(partial(_light, openings), packed, world, surfaces, rays, seed, pass_index, out)
+    out = FarSide(np.zeros((count, 3), np.float32), np.zeros(count, PATH_END), np.zeros(count, RECEIVER))
+    light_layers(_light, packed, world, surfaces, rays, seed, pass_index, out)
     return out
 
 
 @jit
-def _light(openings, tables, rays: RayArrays, numbers, counter, out):
+def _light(tables, rays: RayArrays, numbers, counter, out):
     """Fill a FarSide for as many of RayArrays as a thread gets."""
     scratch = Scratch(alloca(STACK_WORDS), alloca(2))
     for i in shared_rows(counter, CHUNK, len(rays.keys)):
         x, wo, width = shown_surface(tables, rays, numbers, i)
-        u, _, _, _ = random4(rays.keys[i], u32(_DIMENSION), numbers.pass_index, numbers.seed)
-        points, areas, _ = far_light(tables, x, wo, u, scratch, SAMPLES, numbers.pass_index, openings)
         far, through = far_side(x, wo)
-        store_end(out.ends[i], i, TRANSMITTED, _WHITE, far.bsdf, x.hit.instance)
+        points, _ = punctual_light(tables, far, through, scratch, f32(np.inf))
+        store_end(out.ends[i], i, TRANSMITTED, _WHITE, far.bsdf, x.hit.instance, True)
         store_point(out.points[i], far, through, far.bsdf, width, NARROW_ALPHA)
-        first = out.firsts[i]
         for c in literal_unroll((0, 1, 2)):
-            out.direct[i, c], out.albedo[i, c] = points[c], x.translucence[c]
-            out.areas[i, c] = areas[c] / max(x.translucence[c], LEAST_ALBEDO)
-            first.n[c], first.ng[c] = x.n[c], x.ng[c]
-        first.instance, first.alpha = x.hit.instance, ALIKE
+            out.direct[i, c] = points[c]

@@ -1,7 +1,7 @@
 """What the layers of surfaces that pixels show have in common: sheen, and the far sides of sheets.
 
-Both are lit on the CPU by a shadow ray to each light without a surface, and a few to others, whose noise is
-averaged over neighbors.
+Both are lit on the CPU by a shadow ray to each light without a surface. To others sheen sends a few, whose
+noise is averaged over neighbors.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from ispm.paths.denoise import denoise
 from ispm.paths.eye_paths import EyeRays, ray_arrays
 from ispm.scene.packed import Packed
 
-f32, u32 = np.float32, np.uint32
+f32, i64, u32 = np.float32, np.int64, np.uint32
 
 SAMPLES = 4  # points of lamps with a surface, and directions of the environment
 ALIKE = f32(1)  # twice how far apart the ends of normals are whose pixels are not averaged
@@ -31,12 +31,13 @@ _REACH = 4.0  # pixels to each side over which their light is averaged, in the f
 
 
 class Numbers(NamedTuple):
-    """A pixel's width at the eye, m, and more for each m; the (1,) float32 that is a thread's footprint; and
-    which random numbers are taken."""
+    """A pixel's width at the eye, m, and more for each m; the (1,) float32 that is a thread's footprint;
+    pixels in a row; and which random numbers are taken."""
 
     width: np.float32
     spread: np.float32
     footprint: np.ndarray
+    columns: np.int64
     pass_index: np.uint32
     seed: np.uint32
 
@@ -62,7 +63,7 @@ def light_layers(
 
     def work(counter: np.uint64) -> None:
         own, footprint = surfaces.own_footprint()
-        numbers = Numbers(width, spread, footprint, u32(pass_index), u32(seed))
+        numbers = Numbers(width, spread, footprint, i64(rays.columns), u32(pass_index), u32(seed))
         kernel(tables._replace(surfaces=own), arrays, numbers, counter, out)
 
     run_shared(work, world.threads)

@@ -14,17 +14,20 @@ from ispm.accel.surface import SurfaceTable
 from ispm.accel.world import World
 from ispm.kernels.share import shared_rows
 from ispm.kernels.simd import alloca
-from ispm.lights.nee import BY_NOTHING, area_light, punctual_light
+from ispm.lights.area_parts import first_turn, numbers_of
+from ispm.lights.nee import BY_NOTHING, drawn_area_light, punctual_light
 from ispm.optics.jit import jit
 from ispm.optics.rng import random4
+from ispm.optics.vector import add, scale
 from ispm.paths.eye_paths import EyeRays, RayArrays
 from ispm.paths.pixel_layers import ALIKE, CHUNK, LEAST_ALBEDO, SAMPLES, light_layers, shown_surface
 from ispm.paths.vertices import FIRST_VERTEX
 from ispm.scene.packed import Packed
 
-f32, u32 = np.float32, np.uint32
+f32, i64, u32 = np.float32, np.int64, np.uint32
 
 _DIMENSION = (1 << 23) + 1  # of the random numbers
+_LAST_TURN = 15  # less what is under it takes: both are not to draw from the same part
 
 
 class PixelSheen(NamedTuple):
@@ -59,13 +62,12 @@ def sheen_light(
 @jit
 def _light(tables, rays: RayArrays, numbers, counter, out):
     """Fill a PixelSheen for as many of RayArrays as a thread gets."""
-    scratch = Scratch(alloca(STACK_WORDS), alloca(2))
+    scratch, turn = Scratch(alloca(STACK_WORDS), alloca(2)), _LAST_TURN - first_turn(numbers)
     for i in shared_rows(counter, CHUNK, len(rays.keys)):
         x, wo, _ = shown_surface(tables, rays, numbers, i)
         layer = sheen_point(x)
-        u, _, _, _ = random4(rays.keys[i], u32(_DIMENSION), numbers.pass_index, numbers.seed)
         points, _ = punctual_light(tables, layer, wo, scratch, f32(np.inf))
-        areas, _ = area_light(tables, layer, wo, u, scratch, f32(np.inf), BY_NOTHING, SAMPLES)
+        areas = _drawn(tables, layer, wo, numbers, rays.keys[i], turn, scratch)
         first = out.firsts[i]
         for c in literal_unroll((0, 1, 2)):
             albedo = x.sheen.color[c] * x.sheen.albedo
@@ -74,3 +76,17 @@ def _light(tables, rays: RayArrays, numbers, counter, out):
             first.n[c], first.ng[c] = x.n[c], x.ng[c]
         out.hidden[i] = f32(1) - x.sheen.shown
         first.instance, first.alpha = x.hit.instance, ALIKE
+
+
+@jit
+def _drawn(tables, layer, wo, numbers, pixel, turn, scratch):
+    """The mean radiance, cd/m2, that a pixel's layer sends along wo by draws of lamps with a surface and of
+    the environment: from parts that are even among the pixels of a square."""
+    total = f32(0), f32(0), f32(0)
+    pick, _, _, _ = random4(pixel, u32(_DIMENSION), numbers.pass_index, numbers.seed)
+    for k in range(SAMPLES):
+        one, two, three = numbers_of(numbers, i64(pixel), i64(k), turn)
+        drawn = one, two, three, pick
+        light, _ = drawn_area_light(tables, layer, wo, drawn, scratch, f32(np.inf), BY_NOTHING, True, True)
+        total = add(total, scale(f32(1 / SAMPLES), light))
+    return total

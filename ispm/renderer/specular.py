@@ -91,12 +91,28 @@ def _light_of_far_sides(this: Pass, seen: np.ndarray, photons: PhotonLight) -> n
     """Return direct and indirect light, (n, 6), from the far sides of the sheets that SEEN pixels show."""
     settings = this.settings
     rays = eye_rays(seen, this.surfaces, this.view, this.threads)
-    told = this.packed, this.world, this.surfaces, rays, settings.seed, this.index
-    far = light_far_sides(*told, photons.openings)
-    direct = filtered_light(far, rays.keys, this.view.size[0], settings.smoothing, this.threads)
+    far = light_far_sides(this.packed, this.world, this.surfaces, rays, settings.seed, this.index)
+    direct = far.direct
+    if has_area_light(this.packed, this.surfaces):
+        _add_area_light(this, direct, far.ends, far.points, rays.keys, photons)
     found = light_by_image(this, far.points, rays.keys, settings.subsampling, photons.at)
     found += photons.focused.estimate(far.points, this.threads)
     return np.concatenate([direct, reflect_light(far.ends, found, len(seen))], axis=1)
+
+
+def _add_area_light(
+    this: Pass,
+    light: np.ndarray,
+    ends: np.ndarray,
+    points: np.ndarray,
+    pixels: np.ndarray,
+    photons: PhotonLight,
+) -> None:
+    """Add to light, whose first columns are direct, what lamps with a surface and the environment bring to
+    ends; arguments as of `add_area_light`."""
+    view, smoothing = pixel_view(this.view, this.settings.seed), this.settings.smoothing
+    told = view, this.packed, this.world, this.surfaces, photons.openings, smoothing
+    add_area_light(light, ends, points, pixels, *told)
 
 
 def _light_of_layer(
@@ -264,9 +280,8 @@ def follow(this: Pass, rays: EyeRays, photons: PhotonLight) -> EyePaths:
         told = this.packed, this.world, this.surfaces, band, this.settings.seed, this.index, into
         paths = trace_eye(*told, photons.openings)
         if rays.by_image:
-            view = pixel_view(this.view, this.settings.seed)
-            lit = paths, band.keys, view, this.packed, this.world, this.surfaces
-            add_area_light(*lit, photons.openings, this.settings.smoothing)
+            ended = paths.light, paths.ends, paths.points, band.keys
+            _add_area_light(this, *ended, photons)
         scattered = paths.ends["lane"] == SCATTERED
         ends, points = (take(each, np.flatnonzero(scattered)) for each in (paths.ends, paths.points))
         paths.indirect[:] = light_each(ends, points, photons, len(band.keys), this.threads)

@@ -25,7 +25,8 @@ from ispm.accel.records import Scratch
 from ispm.accel.surface import SurfacePoint, Tables
 from ispm.kernels.share import run_shared, shared_rows
 from ispm.kernels.simd import alloca
-from ispm.lights.area import candidate_pdf, lit_side, resample_surround, sample_lamps
+from ispm.lights.area import PAIRS_OF_MANY, candidate_pdf, lit_side, resample_surround, sample_lamps
+from ispm.lights.area_parts import DIMENSION, SIDE, first_turn, numbers_of
 from ispm.lights.known import are_known, unshaded_lamps
 from ispm.lights.nee import drawn_lobe, draws_by_lobes, greatest, next_numbers
 from ispm.lights.openings import Openings, draw_opening, opening_cell, opening_pdf
@@ -40,7 +41,6 @@ from ispm.optics.jit import jit
 from ispm.optics.light import FAR
 from ispm.optics.rng import random4
 from ispm.optics.vector import add, dot, luminance, scale
-from ispm.stages.area_parts import DIMENSION, SIDE, first_turn, numbers_of
 from ispm.stages.area_samples import Arriving, Lobes, Samples, add_light, add_light_of_lobe, has_wide_gloss
 from ispm.stages.pixels import Pixels, PixelView, is_lit, shown_at
 
@@ -48,7 +48,7 @@ f32, i64, u32 = np.float32, np.int64, np.uint32
 
 UNSHADED = f32(1e9)  # pixels, where nothing shades, but the filter is wanted
 CHUNK = 64  # pixels a thread takes at a time
-_PAIRS, _PAIRS_FOR_GLOSS = 1, 4  # of directions that one of the environment is drawn from
+_PAIRS = 1  # of directions that one of the environment is drawn from
 _NEAR = f32(0.18)  # of a lamp's distance, that its light without shadows is filtered over, likewise
 _DRAWS, _DRAWS_LATER = 4, 2  # of a pixel in a narrow penumbra, in the first pass; in others, and beside one
 _FAINT = f32(0.005)  # of the environment's light, of which at least a fourth is open
@@ -375,7 +375,7 @@ def _surround(tables, x, wo, numbers):
     """The two Surrounds that three random numbers draw for a SurfacePoint, see `_without_color`."""
     pick, u1, u2 = numbers
     brightest, of_many = tables.environment.brightest, has_wide_gloss(x.bsdf)
-    pairs = _PAIRS_FOR_GLOSS if of_many else _PAIRS
+    pairs = PAIRS_OF_MANY if of_many else _PAIRS
     return resample_surround(tables, x, wo, u1, u2, pick, pairs, brightest, _draws_by_lobes(x), of_many)
 
 

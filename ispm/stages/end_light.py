@@ -1,7 +1,8 @@
 """Direct light of lamps with a surface and of the environment at the ends of eye paths, as at pixels.
 
 Ends that mirrors and clear glass show side by side are pictures of their own, one for what is mirrored, one
-for what is behind glass, and as many for a narrow lobe as paths leave it. Each has the draws and the filter
+for what is behind glass, one for the far sides of translucent sheets, and as many for a narrow lobe as paths
+leave it. Each has the draws and the filter
 of `area_light.py`. What is seen in a curved mirror lies farther apart than a pixel is wide: how far tells how
 many pixels a penumbra has there.
 """
@@ -21,6 +22,7 @@ from ispm.accel.surface import NO_LIGHT, SurfacePoint, SurfaceTable, Tables, sce
 from ispm.accel.world import World
 from ispm.kernels.share import run_shared, shared_rows
 from ispm.kernels.simd import alloca
+from ispm.lights.area_parts import first_turn, numbers_of
 from ispm.lights.openings import Openings
 from ispm.optics.bsdf import Bsdf
 from ispm.optics.coat import NO_COAT
@@ -30,7 +32,6 @@ from ispm.optics.records import NO_HIT
 from ispm.optics.sheen import NO_SHEEN
 from ispm.optics.vector import dot, sub, vec3
 from ispm.paths.ends import SAME_SURFACE, without_gaps
-from ispm.paths.eye_paths import EyePaths
 from ispm.paths.vertices import DIRECT
 from ispm.scene.packed import Packed
 from ispm.stages.area_draws import (
@@ -42,7 +43,6 @@ from ispm.stages.area_draws import (
     square_of,
 )
 from ispm.stages.area_light import filtered, matte_light
-from ispm.stages.area_parts import first_turn, numbers_of
 from ispm.stages.area_shapes import Shapes, least_cosine
 from ispm.stages.pixels import OFF_PLANE, PixelView, Shown
 
@@ -67,7 +67,9 @@ class EndImage(NamedTuple):
 
 
 def add_area_light(
-    paths: EyePaths,
+    light: np.ndarray,
+    ends: np.ndarray,
+    points: np.ndarray,
     pixels: np.ndarray,
     view: PixelView,
     packed: Packed,
@@ -76,24 +78,26 @@ def add_area_light(
     openings: Openings,
     smoothing: float,
 ) -> None:
-    """Add to the direct light of n rays' paths what lamps with a surface and the environment bring to the
+    """Add to the `DIRECT` part of n rays' light what lamps with a surface and the environment bring to the
     Lambert lobes of those of their ends that are `by_image`.
 
+    light      (n, DIRECT + 3 or more) float32 cd/m2
+    ends       (m,) PATH_END;  points  (m,) RECEIVER, the same
     pixels     (n,) numbers of the rays' pixels;  view  which tells the picture's `columns`
     openings   through which the environment lights the ends
     smoothing  factor on the filter's width
     """
-    tables, ends = scene_tables(packed, world, surfaces), paths.ends
+    tables = scene_tables(packed, world, surfaces)
     for number, rows in enumerate(_images(ends)):
         shown = pixels[ends["slot"][rows]].astype(np.int64)
         x, y = without_gaps(shown % view.columns), without_gaps(shown // view.columns)
         columns = int(x.max()) + 1
         cells = np.full((int(y.max()) + 1) * columns, -1, np.int32)
         cells[y * columns + x] = rows
-        image = EndImage(cells, ends, paths.points, np.zeros(len(cells), np.float32))
+        image = EndImage(cells, ends, points, np.zeros(len(cells), np.float32))
         seed = u32(int(view.seed) ^ _SEEDS * (number + 1) & 0xFFFFFFFF)
         own = view._replace(columns=i64(columns), seed=seed)
-        _add_light_of_image(paths.light, image, own, tables, openings, smoothing, world.threads)
+        _add_light_of_image(light, image, own, tables, openings, smoothing, world.threads)
 
 
 def _images(ends: np.ndarray) -> Iterator[np.ndarray]:
