@@ -13,6 +13,7 @@ from ispm.gpu import Gpu
 from ispm.library.common import lambert
 from ispm.library.shapes import polygons
 from ispm.lights.emission import emit_rays
+from ispm.lights.openings import NO_WAYS, Ways
 from ispm.lights.plan import plan_maps
 from ispm.optics.records import EMITTED
 from ispm.optics.texture import TextureTable
@@ -47,9 +48,11 @@ class Tracer:
         plan = plan_maps(self.packed, counts, 0.0, seed, 0)
         return emit_rays(self.packed, self.world, self.surfaces, plan, seed, 0)
 
-    def walk(self, emitted: np.ndarray, bounces: int, seed: int = 0, limit: float = math.inf) -> Walk:
-        """Follow photons from their first hits; limit: of bright spots."""
-        return walk(self.packed, self.world, self.surfaces, emitted, bounces, seed, 0, limit)
+    def walk(
+        self, emitted: np.ndarray, bounces: int, seed: int = 0, limit: float = math.inf, ways: Ways = NO_WAYS
+    ) -> Walk:
+        """Follow photons from their first hits; limit, ways: as of `walk`."""
+        return walk(self.packed, self.world, self.surfaces, emitted, bounces, seed, 0, limit, ways)
 
 
 def trace(scene: Scene, count: int, bounces: int, seed: int = 0, threads: int = 2) -> Walk:

@@ -11,6 +11,7 @@ from ispm.accel.surface import SurfaceTable, closest_surface, scene_tables, surf
 from ispm.accel.world import World
 from ispm.kernels.simd import alloca
 from ispm.lights.emitted import first_segment
+from ispm.lights.openings import NO_WAYS
 from ispm.optics.bsdf import is_smooth
 from ispm.optics.jit import jit
 from ispm.optics.records import NO_HIT
@@ -56,7 +57,7 @@ def _record(tables, emitted, bounces, seed, rays):
             if scatters == bounces and not is_smooth(x.bsdf):
                 break
             event = Event(photon.key, scatters, speculars, u32(0), seed)
-            alive, wi, scattered, specular, _ = next_flight(event, x, d, flux)
+            alive, wi, scattered, specular, _ = next_flight(event, x, d, flux, NO_WAYS)
             if not alive or (scatters == bounces and not specular):
                 break
             flux, d, origin = scattered, wi, x.position

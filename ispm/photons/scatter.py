@@ -1,4 +1,4 @@
-"""How photons scatter at surfaces: the BSDF sampled, with roulette."""
+"""How photons scatter at surfaces: the BSDF sampled, or a direction to an opening, with roulette."""
 
 from __future__ import annotations
 
@@ -7,12 +7,13 @@ from typing import NamedTuple
 import numpy as np
 
 from ispm.accel.layers import drawn_layer, has_sheen, is_coated
-from ispm.optics.bsdf import smooth_split
-from ispm.optics.bsdf_sampling import sample_bsdf
+from ispm.optics.bsdf import eval_bsdf, has_finite, smooth_split, transmits
+from ispm.optics.bsdf_sampling import pdf_bsdf, sample_bsdf
 from ispm.optics.jit import jit
 from ispm.optics.records import MATERIAL_UNLIT
 from ispm.optics.rng import random4
 from ispm.optics.vector import dot, luminance, scale
+from ispm.photons.guided import draw_to_opening, guided_share, to_opening_pdf
 
 f32, u32 = np.float32, np.uint32
 
@@ -21,6 +22,7 @@ ROULETTE_AFTER = 4  # scatters; living photons lower the error more than they co
 BY_COAT, BY_SHEEN, BY_BASE = range(3)  # layers
 SPECULAR_MAX = 8  # events at smooth surfaces without roulette
 _NEXT_TO_NOTHING = 1e-3  # share of the flux that an event keeps, below which roulette does not wait
+_LARGEST = f32(1 - 2.0**-24)  # below 1
 _SPECULAR_SURVIVAL = 0.9  # chance at each later one: ends paths between lossless surfaces without fireflies
 
 
@@ -35,9 +37,10 @@ class Event(NamedTuple):
 
 
 @jit
-def next_flight(event, x, d, flux):
+def next_flight(event, x, d, flux, ways):
     """Sample where a photon of `flux`, lm, that meets the SurfacePoint x along d goes next, with roulette.
 
+    ways  in for light, to which photons are sent from outside, see `photons.guided`
     -> whether it lives on, wi, its flux in lm afterwards, whether the surface was smooth, and, if so, the
     chance of all that
     """
@@ -45,8 +48,19 @@ def next_flight(event, x, d, flux):
         event.key, u32(2 * (event.scatters + event.speculars)), event.pass_index, event.seed
     )
     alive, wi, scattered, specular, chance = scatter(x, d, flux, u0, u1, u2)
-    survival = f32(1)
-    if alive:
+    survival, is_sent = f32(1), False
+    share = guided_share(ways, x)
+    if share > f32(0) and _spreads(x, d, u2):
+        v0, v1, v2, _ = random4(*_numbers_of_flight(event))
+        is_sent = v0 < share
+        if is_sent:
+            wi, specular = draw_to_opening(ways, x, min(v0 / share, _LARGEST), v1, v2), False
+        if specular:
+            scattered = scale(f32(1) / (f32(1) - share), scattered)
+        elif is_sent or alive:
+            scattered = _scattered_toward(ways, x, d, flux, wi, u2, share)
+            alive = _sum(scattered) > f32(0)
+    if alive and not is_sent:
         kept = min(f32(1), _sum(scattered) / _sum(flux))
         # Black surfaces keep 1e-9 and less: after some of them a flux would underflow.
         if kept < f32(_NEXT_TO_NOTHING) or (not specular and event.scatters >= ROULETTE_AFTER):
@@ -77,10 +91,14 @@ def layer_left(event, x):
 @jit
 def flight_number(event):
     """Return the float32 random number in [0, 1) for holes that the flight after an Event meets."""
-    _, _, _, u3 = random4(
-        event.key, u32(2 * (event.scatters + event.speculars) + 1), event.pass_index, event.seed
-    )
+    _, _, _, u3 = random4(*_numbers_of_flight(event))
     return u3
+
+
+@jit
+def _numbers_of_flight(event):
+    """Which four random numbers the flight after an Event takes: of where it is sent three, of holes one."""
+    return event.key, u32(2 * (event.scatters + event.speculars) + 1), event.pass_index, event.seed
 
 
 @jit
@@ -103,6 +121,27 @@ def scatter(x, d, flux, u0, u1, u2):
     weight = scale(adjoint_factor(dot(wo, n), dot(wo, ng), dot(wi, n), dot(wi, ng)) / chance, weight)
     scattered = (weight[0] * flux[0], weight[1] * flux[1], weight[2] * flux[2])
     return _sum(scattered) > f32(0), wi, scattered, specular, drawn
+
+
+@jit
+def _spreads(x, d, u2):
+    """Whether the layer of a SurfacePoint that u2 draws for a photon that came along d scatters light to all
+    sides of it."""
+    layer, _, _, _ = drawn_layer(x, scale(f32(-1), d), u2)
+    return not x.flags & u32(MATERIAL_UNLIT) and has_finite(layer.bsdf) and not transmits(layer.bsdf)
+
+
+@jit
+def _scattered_toward(ways, x, d, flux, wi, u2, share):
+    """What a photon of `flux`, lm, that came along d carries along wi, if a `share` of its like are sent to
+    openings, and the others go by the layer that u2 draws; black where nothing goes."""
+    layer, wo, _, chance = drawn_layer(x, scale(f32(-1), d), u2)
+    b, n, ng = layer.bsdf, layer.n, layer.ng
+    pdf = (f32(1) - share) * pdf_bsdf(b, n, wo, wi) + share * to_opening_pdf(ways, x, wi)
+    f = eval_bsdf(b, n, ng, wo, wi)
+    weight = adjoint_factor(dot(wo, n), dot(wo, ng), dot(wi, n), dot(wi, ng))
+    weight *= abs(dot(n, wi)) / max(chance * pdf, f32(1e-30))
+    return weight * f[0] * flux[0], weight * f[1] * flux[1], weight * f[2] * flux[2]
 
 
 @jit

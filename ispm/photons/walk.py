@@ -20,6 +20,7 @@ from ispm.kernels.share import run_shared, shared_rows
 from ispm.kernels.simd import alloca
 from ispm.lights.bright import is_bright_first_bounce, split_count
 from ispm.lights.emitted import emitted_beam, first_segment
+from ispm.lights.openings import NO_WAYS, Ways
 from ispm.optics.bsdf import has_finite, is_gathered, is_smooth
 from ispm.optics.dispersion import ALL_BANDS, BANDS, band_number, draw_band, of_band
 from ispm.optics.jit import jit
@@ -87,12 +88,14 @@ def walk(
     seed: int,
     pass_index: int,
     limit: float = math.inf,
+    ways: Ways = NO_WAYS,
 ) -> Walk:
     """Trace photons from their first hits, storing one at each later hit.
 
     emitted  (N,) EMITTED
     bounces  scatters at most, the one at the first hit included; events at smooth surfaces do not count
     limit    of bright first bounces, see `bright.is_bright`; there photons are split into `SPLIT_COUNT`
+    ways     in, to which photons that scatter outside are sent, see `photons.guided`
     The first hit is direct light, which shadow maps show, also behind thin sheets, so it is not stored. Flux
     changes by f cos / pdf, and between hits by absorption; after `ROULETTE_AFTER` scatters (at once where one
     keeps next to nothing) and `SPECULAR_MAX` specular events roulette keeps the expectation (docs/method.md,
@@ -101,7 +104,7 @@ def walk(
     """
     chunks = np.arange(-(-len(emitted) // _CHUNK))
     tables = scene_tables(packed, world, surfaces)
-    course = _Course(i64(bounces), f32(limit), u32(pass_index), u32(seed))
+    course = _Course(i64(bounces), f32(limit), ways, u32(pass_index), u32(seed))
     # Mostly pages that are never touched.
     room = world.scratch(len(chunks) * _HITS, PHOTON)
     found = _walk_some(tables, emitted, course, chunks, room, world.threads)
@@ -128,13 +131,14 @@ def all_steps(
     seed: int,
     pass_index: int,
     limit: float = math.inf,
+    ways: Ways = NO_WAYS,
 ) -> np.ndarray:
     """Return what photons meet on the ways that `walk` has them go, (n,) STEP, one photon after the other.
 
     Arguments as of `walk`; made for few photons.
     """
     tables = scene_tables(packed, world, surfaces)
-    course = _Course(i64(bounces), f32(limit), u32(pass_index), u32(seed))
+    course = _Course(i64(bounces), f32(limit), ways, u32(pass_index), u32(seed))
     batches, no_hits = [np.zeros(0, STEP)], np.empty(0, PHOTON)
     for first in range(0, len(emitted), _CHUNK):
         few, chunk = emitted[first : first + _CHUNK], np.arange(1)
@@ -170,10 +174,11 @@ def _walk_some(
 
 
 class _Course(NamedTuple):
-    """How far photons go, see `walk`, and which random numbers they take."""
+    """How far and where photons go, see `walk`, and which random numbers they take."""
 
     bounces: np.int64
     limit: np.float32
+    ways: Ways
     pass_index: np.uint32
     seed: np.uint32
 
@@ -315,7 +320,7 @@ def _walk_one(tables, photon, split, course, scratch, found, room, steps):
                 flux, wider = kept, wider / f32(math.sqrt(chance))
             x = in_band(tables, x, band)
         event = Event(key, scatters, speculars, course.pass_index, course.seed)
-        alive, wi, scattered, specular, chance = next_flight(event, x, d, flux)
+        alive, wi, scattered, specular, chance = next_flight(event, x, d, flux, course.ways)
         if alive and last and not specular:
             _add(sums, chunk, _DROPPED, flux)
             break

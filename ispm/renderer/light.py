@@ -143,9 +143,8 @@ def trace_photons(this: Pass, plan: EmissionPlan, texels: Sequence[np.ndarray]) 
     packed, settings = this.packed, this.settings
     emitted = emit_photons(this, plan, texels)
     limit = bright_limit(packed, this.surfaces, settings)
-    path = walk(
-        packed, this.world, this.surfaces, emitted, settings.bounces, settings.seed, this.index, limit
-    )
+    told = settings.bounces, settings.seed, this.index, limit, plan.openings.ways
+    path = walk(packed, this.world, this.surfaces, emitted, *told)
     return Traced(this, plan, texels, path)
 
 

@@ -152,10 +152,11 @@ def _paths(last: LastFrame, rows: np.ndarray, brought: np.ndarray) -> list[Photo
     made = last.traced.this
     photons, settings = take(last.parts.photons, rows), made.settings
     limit = bright_limit(made.packed, made.surfaces, settings)
+    ways = last.traced.plan.openings.ways
 
     def follow(few: np.ndarray) -> np.ndarray:
         scene = made.packed, made.world, made.surfaces
-        return all_steps(*scene, few, settings.bounces, settings.seed, made.index, limit)
+        return all_steps(*scene, few, settings.bounces, settings.seed, made.index, limit, ways)
 
     found = retrace(last.traced.emitted(), photons, last.parts.keys[rows], follow)
     if not all(map(len, found)):

@@ -1,4 +1,4 @@
-"""Sheen and the far sides of sheets in one pass: how much noise they have, and how sharp shadows on them are."""
+"""Sheen and far sides of sheets in one pass: how much noise they have, how sharp shadows on them are."""
 
 import math
 
@@ -35,7 +35,7 @@ def test_velvet_in_the_studio_is_smooth_in_one_pass(gpu):
 
 def test_a_shadow_on_the_far_side_of_paper_is_sharp(gpu):
     """A black bar 36 mm wide, whose middle is 25 mm behind paper, before a lamp of .2 m at 1.5 m: its umbra
-    is 30 mm wide, 5 pixels as the filter's squares; penumbra and half a square end 5.5 pixels from its middle.
+    is 30 mm wide, 5 pixels as the filter's squares; penumbra and half a square end 5.5 from its middle.
     """
     scene = Scene()
     paper = Material(BLACK, specular=0.0, diffuse_transmission=1.0, double_sided=True)
