@@ -17,6 +17,7 @@ _GAIN = 0.9  # of the size of a group, below which the sum of its two parts must
 _SEEN_SHARES = 0.98, 0.75, 0.5  # of the points that the eye sees, along each of a map's axes
 _AROUND = 0.25  # of what holds them, on each side: what lies there lights what the eye sees
 _LIT_SHARE, _LIT_AROUND = 0.99, 0.1  # of the places where a sun shines, and around them
+_ENOUGH, _MOSTLY = 8, 0.5  # places where a sun shines that tell where, and what share of them does
 _LIT_LARGEST = 0.5  # of what a map of all that is seen takes, what one of these may
 _WIDER = 3.0  # times as wide, from there outwards: what is farther away lights it less
 _MARGIN = 0.02  # of a crop's half width, for sub-texel shifts
@@ -59,6 +60,21 @@ def seen_maps(base: LightMap, seen: np.ndarray) -> list[LightMap]:
             if map.measure < _LARGEST * (maps[-1] if maps else base).measure:
                 maps.append(map)
     return maps
+
+
+def near_maps(base: LightMap, seen: np.ndarray, lit: np.ndarray | None) -> list[LightMap]:
+    """Return `seen_maps` of what the eye sees; of `lit`, where the light shines on that or on what lights it,
+    where most of these places lie beside: a room is lit by ground before its window."""
+    maps = seen_maps(base, seen)
+    if maps and lit is not None and len(lit) >= _ENOUGH and _share_within(maps[-1], lit) < _MOSTLY:
+        return seen_maps(base, lit)
+    return maps
+
+
+def _share_within(map: LightMap, points: np.ndarray) -> float:
+    """Share of (n, 3) points, m, that lie in a parallel view."""
+    across = (points - map.origin) @ map.axes[0, :2].T
+    return float((np.abs(across) <= 1.0).all(axis=1).mean())
 
 
 def lit_map(base: LightMap, near: list[LightMap], lit: np.ndarray) -> LightMap | None:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ispm.lights.aim import LIT, SEEN, aimed_maps, lit_map, seen_maps
+from ispm.lights.aim import LIT, SEEN, aimed_maps, lit_map, near_maps
 from ispm.lights.lightmap import LightMap, light_maps
 from ispm.optics.records import LIGHT_SPOT
 from ispm.optics.rng import random4
@@ -150,7 +150,7 @@ def _share(
     total = sum(map.measure for map in aimed)
     shares = [(map, round(wanted * (map.measure / total))) for map in aimed]  # of one map, exactly 1
     rest = count - sum(photons for _, photons in shares)
-    near = seen_maps(base, seen) if seen is not None and rest >= _AIMED_LEAST else []
+    near = near_maps(base, seen, lit) if seen is not None and rest >= _AIMED_LEAST else []
     shone_on = lit_map(base, near, lit) if lit is not None and rest >= _AIMED_LEAST else None
     if shone_on:
         shares.append((shone_on, round(LIT * rest)))

@@ -19,7 +19,7 @@ from ispm.paths.edges import edge_rows
 from ispm.paths.ends import image_of_ends, reflect_light, spread_light, without_gaps
 from ispm.paths.eye import trace_eye
 from ispm.paths.eye_paths import LAMP_SAMPLES, EyePaths, EyeRays, join_ends, no_paths
-from ispm.paths.far import LANES, light_far_sides
+from ispm.paths.far import LANES, FarSide, light_far_sides
 from ispm.paths.pixel_layers import filtered_light
 from ispm.paths.pixel_rays import rays_to_seen
 from ispm.paths.resolve import Shown, contact_rows, lonely_rows, resolve_lobes, shown
@@ -94,25 +94,19 @@ def _light_of_far_sides(this: Pass, seen: np.ndarray, photons: PhotonLight) -> n
     far = light_far_sides(this.packed, this.world, this.surfaces, rays, settings.seed, this.index)
     direct = far.direct
     if has_area_light(this.packed, this.surfaces):
-        _add_area_light(this, direct, far.ends, far.points, rays.keys, photons)
+        _add_area_light(this, far, direct, rays.keys, photons)
     found = light_by_image(this, far.points, rays.keys, settings.subsampling, photons.at)
     found += photons.focused.estimate(far.points, this.threads)
     return np.concatenate([direct, reflect_light(far.ends, found, len(seen))], axis=1)
 
 
 def _add_area_light(
-    this: Pass,
-    light: np.ndarray,
-    ends: np.ndarray,
-    points: np.ndarray,
-    pixels: np.ndarray,
-    photons: PhotonLight,
+    this: Pass, found: EyePaths | FarSide, light: np.ndarray, pixels: np.ndarray, photons: PhotonLight
 ) -> None:
     """Add to light, whose first columns are direct, what lamps with a surface and the environment bring to
-    ends; arguments as of `add_area_light`."""
-    view, smoothing = pixel_view(this.view, this.settings.seed), this.settings.smoothing
-    told = view, this.packed, this.world, this.surfaces, photons.openings, smoothing
-    add_area_light(light, ends, points, pixels, *told)
+    the ends that were found."""
+    told = pixel_view(this.view, this.settings.seed), this.packed, this.world, this.surfaces, photons.openings
+    add_area_light(light, found.ends, found.points, pixels, *told, this.settings.smoothing)
 
 
 def _light_of_layer(
@@ -280,8 +274,7 @@ def follow(this: Pass, rays: EyeRays, photons: PhotonLight) -> EyePaths:
         told = this.packed, this.world, this.surfaces, band, this.settings.seed, this.index, into
         paths = trace_eye(*told, photons.openings)
         if rays.by_image:
-            ended = paths.light, paths.ends, paths.points, band.keys
-            _add_area_light(this, *ended, photons)
+            _add_area_light(this, paths, paths.light, band.keys, photons)
         scattered = paths.ends["lane"] == SCATTERED
         ends, points = (take(each, np.flatnonzero(scattered)) for each in (paths.ends, paths.points))
         paths.indirect[:] = light_each(ends, points, photons, len(band.keys), this.threads)

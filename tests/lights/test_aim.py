@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from ispm.library.shapes import box, icosphere
-from ispm.lights.aim import aimed_maps, seen_boxes, seen_maps
+from ispm.lights.aim import aimed_maps, near_maps, seen_boxes, seen_maps
 from ispm.lights.lightmap import LightMap, light_maps
 from ispm.scene.extent import corners_of
 from ispm.scene.light import DirectionalLight, Light, PointLight, SpotLight
@@ -165,6 +165,16 @@ def test_the_sun_looks_closer_where_places_are_close():
     far = np.random.default_rng(1).normal((2.0, 0.0, 3.0), (100.0, 0.0, 100.0), (500, 3))
     wide, *_, narrow = seen_maps(light_maps(packed)[0], np.concatenate([near, far]))
     assert narrow.measure < 0.01 * wide.measure
+
+
+def test_the_sun_looks_at_ground_that_lights_a_room_in_the_shade():
+    """Places that the sun shines on decide where all are 20 m beside what is seen, not where half are there."""
+    _, packed, seen = plain_seen(1e3, DirectionalLight(), 0.3)
+    base, beside = light_maps(packed)[0], seen + (20.0, 0.0, 0.0)
+    alike = np.concatenate([seen, beside])
+    for lit, aimed in ((None, seen), (beside, beside), (alike, seen), (beside[:3], seen)):
+        for one, other in zip(near_maps(base, seen, lit), seen_maps(base, aimed), strict=True):
+            np.testing.assert_array_equal(one.origin, other.origin)
 
 
 def test_nothing_is_gained_by_looking_at_all_or_from_a_point():

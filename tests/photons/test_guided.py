@@ -1,4 +1,4 @@
-"""Photons that scatter outside are sent to openings: as much light comes in as without, and far more evenly."""
+"""Photons that scatter outside are sent to openings: as much light comes in as without, far more evenly."""
 
 import math
 
@@ -27,8 +27,7 @@ LOOKS = {
 
 
 def house(ground):
-    """A wall with two windows and one behind it, a lit patch of ground before them; and the ways in through the
-    windows."""
+    """A wall with two windows and one behind it, a lit patch of ground before them; and the ways in."""
     scene = Scene()
     scene.add(shapes.plane(2.0, 2.0), material=ground, name="patch", translation=(3.0, 0.0, 0.0))
     for y, z, width in ((0.5, 0.0, 7.0), (2.5, 0.0, 7.0), (1.5, -2.5, 2.0), (1.5, 0.0, 1.0), (1.5, 2.5, 2.0)):
@@ -43,8 +42,8 @@ def house(ground):
 
 @pytest.mark.parametrize("look", LOOKS)
 def test_as_much_light_comes_in_as_without_and_more_evenly(look):
-    """What 20 runs bring to the back of a house, sent and not, within 4 standard errors, of which sent ones have
-    less than half."""
+    """What 20 runs bring to the back of a house, sent and not, within 4 standard errors, less than half as
+    large if sent."""
     scene, ways = house(LOOKS[look])
     tracer = Tracer(scene)
     patch, inside = (
@@ -67,7 +66,7 @@ def test_as_much_light_comes_in_as_without_and_more_evenly(look):
 
 
 def test_a_room_over_ground_in_the_sun_is_as_bright_with_each_seed(gpu):
-    """The house shades the ground at its window. Of pictures by six seeds the means deviated by .23, now by .04."""
+    """The house shades the ground at its window. Pictures by six seeds deviated by .23, now by .04."""
     scene = Scene()
     walls = (
         ((0, -0.05, 0), (3.4, 0.1, 7.4)),
