@@ -17,7 +17,8 @@ _GAIN = 0.9  # of the size of a group, below which the sum of its two parts must
 _SEEN_SHARES = 0.98, 0.75, 0.5  # of the points that the eye sees, along each of a map's axes
 _AROUND = 0.25  # of what holds them, on each side: what lies there lights what the eye sees
 _LIT_SHARE, _LIT_AROUND = 0.99, 0.1  # of the places where a sun shines, and around them
-_ENOUGH, _MOSTLY = 8, 0.5  # places where a sun shines that tell where, and what share of them does
+_ENOUGH = 8  # places where a sun shines, that tell where that is
+_OUTLIERS, _BESIDE = 0.01, 0.5  # of what is seen, at either end; of those places, which may lie elsewhere
 _LIT_LARGEST = 0.5  # of what a map of all that is seen takes, what one of these may
 _WIDER = 3.0  # times as wide, from there outwards: what is farther away lights it less
 _MARGIN = 0.02  # of a crop's half width, for sub-texel shifts
@@ -65,16 +66,13 @@ def seen_maps(base: LightMap, seen: np.ndarray) -> list[LightMap]:
 def near_maps(base: LightMap, seen: np.ndarray, lit: np.ndarray | None) -> list[LightMap]:
     """Return `seen_maps` of what the eye sees; of `lit`, where the light shines on that or on what lights it,
     where most of these places lie beside: a room is lit by ground before its window."""
-    maps = seen_maps(base, seen)
-    if maps and lit is not None and len(lit) >= _ENOUGH and _share_within(maps[-1], lit) < _MOSTLY:
-        return seen_maps(base, lit)
-    return maps
-
-
-def _share_within(map: LightMap, points: np.ndarray) -> float:
-    """Share of (n, 3) points, m, that lie in a parallel view."""
-    across = (points - map.origin) @ map.axes[0, :2].T
-    return float((np.abs(across) <= 1.0).all(axis=1).mean())
+    if not aims_at_seen(base) or lit is None or len(lit) < _ENOUGH or not len(seen):
+        return seen_maps(base, seen)
+    across = base.axes[0, :2].T
+    low, high = np.quantile((seen - base.origin) @ across, (_OUTLIERS, 1.0 - _OUTLIERS), axis=0)
+    places = (lit - base.origin) @ across
+    within = ((low <= places) & (places <= high)).all(axis=1)
+    return seen_maps(base, seen if within.mean() > _BESIDE else lit)
 
 
 def lit_map(base: LightMap, near: list[LightMap], lit: np.ndarray) -> LightMap | None:

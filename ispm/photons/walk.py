@@ -133,8 +133,8 @@ def all_steps(
     limit: float = math.inf,
     ways: Ways = NO_WAYS,
 ) -> np.ndarray:
-    """Return what photons meet on the ways that `walk` has them go, (n,) STEP, one photon after the other: of few
-    photons; arguments as of `walk`."""
+    """Return what a few photons meet on the ways that `walk` has them go, (n,) STEP, one photon after the
+    other; arguments as of `walk`."""
     tables = scene_tables(packed, world, surfaces)
     course = _Course(i64(bounces), f32(limit), ways, u32(pass_index), u32(seed))
     batches, no_hits = [np.zeros(0, STEP)], np.empty(0, PHOTON)

@@ -168,10 +168,10 @@ def test_the_sun_looks_closer_where_places_are_close():
 
 
 def test_the_sun_looks_at_ground_that_lights_a_room_in_the_shade():
-    """Places that the sun shines on decide where all are 20 m beside what is seen, not where half are there."""
+    """Places that the sun shines on decide where most are 20 m beside what is seen, not where few are."""
     _, packed, seen = plain_seen(1e3, DirectionalLight(), 0.3)
-    base, beside = light_maps(packed)[0], seen + (20.0, 0.0, 0.0)
-    alike = np.concatenate([seen, beside])
+    base, beside = light_maps(packed)[0], seen + np.array((20.0, 0.0, 0.0))
+    alike = np.concatenate([seen, beside[::2]])
     for lit, aimed in ((None, seen), (beside, beside), (alike, seen), (beside[:3], seen)):
         for one, other in zip(near_maps(base, seen, lit), seen_maps(base, aimed), strict=True):
             np.testing.assert_array_equal(one.origin, other.origin)
