@@ -61,6 +61,8 @@ class Antialias:
             indirect_in=lit.indirect,
             emission_in=lit.emission,
             through_in=lit.through,
+            instances=scene.instances,
+            materials=scene.materials,
         )
         self._write(
             frame,

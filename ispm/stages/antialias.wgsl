@@ -1,8 +1,10 @@
 // Edges supersampled: each of a pixel's four samples takes the light of the pixel among 3 x 3 that shows
-// its surface. Geometry is sampled four times, shading once.
+// its surface, or of the nearest one among 7 x 7; if none does, what the surface glows with. Geometry is
+// sampled four times, shading once.
 // Source: Chajdas, McGuire and Luebke, Subpixel Reconstruction Antialiasing, I3D 2011.
 // include stages/camera.wgsl
 // include optics/sampling.wgsl
+// include optics/records.wgsl
 
 @group(0) @binding(0) var<uniform> camera: Camera;
 @group(0) @binding(1) var sample_ids: texture_multisampled_2d<u32>;
@@ -23,6 +25,8 @@
 @group(0) @binding(15) var emission_out: texture_storage_2d<rgba32float, write>;
 @group(0) @binding(16) var through_in: texture_2d<f32>;  // one texel where nothing shows it
 @group(0) @binding(17) var through_out: texture_storage_2d<rgba32float, write>;
+@group(0) @binding(19) var<storage, read> instances: array<Instance>;
+@group(0) @binding(20) var<storage, read> materials: array<Material>;
 
 struct Edge {              // a pixel whose samples see more than one surface, and its light
     direct: vec3f,
@@ -36,6 +40,10 @@ struct Edge {              // a pixel whose samples see more than one surface, a
 }
 
 const SAMPLES = 4;
+const WIDE = 7;            // pixels across, among which a sample finds its surface at all
+const NONE = 1e30;
+const LOST = -1;           // of a sample whose surface no pixel shows
+const IDS = 65535u;        // that samples tell apart
 const OFF_PLANE = 0.25;    // pixels that a sample may lie off its surface's plane
 const SNAPPED = 0.0625;    // pixels that rasterisers move corners by at most, and so the depth of a sample
 
@@ -45,7 +53,7 @@ const SAMPLE_Y = vec4f(0.125, 0.375, 0.625, 0.875);
 
 fn short_id(pixel: vec2i) -> u32 {
     let id = textureLoad(ids, pixel, 0).x;
-    return select((id - 1u) % 65535u + 1u, 0u, id == 0u);
+    return select((id - 1u) % IDS + 1u, 0u, id == 0u);
 }
 
 struct Depths {
@@ -67,11 +75,12 @@ fn plane_depths(pixel: vec2i, own: vec2i, x: vec4f, y: vec4f) -> Depths {
     return Depths(depths, depths - plane.x * scale.x / plane.z * across, SNAPPED * length(plane.xy * scale / plane.z));
 }
 
-// The number, 0 to 8, of the pixel among 3 x 3 about `own` that shows each sample's surface: the one of
-// the same id whose plane is nearest, and of these the nearest on the screen.
+// Which of the pixels about `own` shows each sample's surface, as `aside` tells by a number: of 3 x 3 the one
+// of the same id whose plane is nearest, and of these the nearest on the screen; if none does, of 7 x 7 the
+// nearest of the same id, or LOST: far wires and lamps are thinner than pixels, whose centers show some of them.
 fn best_pixels(own: vec2i, id: vec4u, d: vec4f) -> vec4i {
-    var best = vec4i(4);
-    var least = vec4f(1e30);
+    var best = vec4i(WIDE * WIDE / 2);
+    var least = vec4f(NONE);
     let x = vec4f(f32(own.x)) + SAMPLE_X;
     let y = vec4f(f32(own.y)) + SAMPLE_Y;
     let unit = select(camera.footprint * d, vec4f(camera.footprint / (camera.far - camera.near)), camera.orthographic != 0u);
@@ -92,9 +101,40 @@ fn best_pixels(own: vec2i, id: vec4u, d: vec4f) -> vec4i {
         }
         let better = (vec4u(seen) == id) & (found < least);
         least = select(least, found, better);
+        best = select(best, vec4i((k / 3 + WIDE / 2 - 1) * WIDE + k % 3 + WIDE / 2 - 1), better);
+    }
+    let lost = (least == vec4f(NONE)) & (id != vec4u(0u));
+    if (!any(lost)) {
+        return best;
+    }
+    for (var k = 0; k < WIDE * WIDE; k++) {
+        let pixel = own + aside(k);
+        if (any(pixel < vec2i(0)) || any(pixel > last)) {
+            continue;
+        }
+        let away = abs(x - f32(pixel.x) - 0.5) + abs(y - f32(pixel.y) - 0.5);
+        let better = lost & (vec4u(short_id(pixel)) == id) & (away < least);
+        least = select(least, away, better);
         best = select(best, vec4i(k), better);
     }
-    return best;
+    return select(best, vec4i(LOST), lost & (least == vec4f(NONE)));
+}
+
+// What the surface of a LOST sample glows with, cd/m2, and 1; zeros: that depends on where it is, or it does not.
+fn glow_of(id: u32) -> vec4f {
+    if (arrayLength(&instances) > IDS) {
+        return vec4f(0.0);
+    }
+    let row = instances[id - 1u].material;
+    let clear = materials[row].flags & (MATERIAL_MASK | MATERIAL_BLEND | MATERIAL_TRANSMITS);
+    let everywhere = clear == 0u && materials[row].emission_texture.texture < 0 && materials[row].beam.x == 0.0;
+    let glows = everywhere && any(materials[row].emission > vec3f(0.0));
+    return select(vec4f(0.0), vec4f(materials[row].emission, 1.0), glows);
+}
+
+// How far pixel number `k` of 7 x 7 lies aside of the middle one.
+fn aside(k: i32) -> vec2i {
+    return vec2i(k % WIDE, k / WIDE) - WIDE / 2;
 }
 
 // Whether all samples lie on the pixel's own plane. In clip space the depth of a plane is linear over the
@@ -155,7 +195,17 @@ fn mix_edges(@builtin(global_invocation_id) thread: vec3u) {
         var through = vec3f(0.0);
         var seen = 0.0;        // samples of a surface that no pixel shows have no light to cover others with
         for (var k = 0; k < SAMPLES; k++) {
-            let pixel = own + vec2i(best[k] % 3, best[k] / 3) - 1;
+            var pixel = own;
+            if (best[k] == LOST) {
+                let glow = glow_of(id[k]);
+                emission += glow.rgb;
+                seen += glow.a;
+                if (glow.a > 0.0) {
+                    continue;
+                }
+            } else {
+                pixel += aside(best[k]);
+            }
             direct += textureLoad(direct_in, pixel, 0).rgb;
             indirect += textureLoad(indirect_in, pixel, 0).rgb;
             emission += textureLoad(emission_in, pixel, 0).rgb;
