@@ -18,7 +18,7 @@ from ispm.optics.vector import dot, scale, sub, vec3
 
 f32 = np.float32
 
-_MOST = f32(0.5)  # of photons, that are sent to openings
+_MOST = f32(0.5)  # of photons, that are sent to openings, if all that is seen is lit through these
 _LARGE = f32(0.01)  # sr, of what a place sees of all openings, below which fewer are
 
 
@@ -29,7 +29,7 @@ def guided_share(ways: Ways, x):
     total = f32(0)
     for k in range(len(ways.to_sky)):
         total += _angle(ways, k, x)
-    return _MOST * min(total * (f32(1) / _LARGE), f32(1))
+    return _MOST * f32(ways.share) * min(total * (f32(1) / _LARGE), f32(1))
 
 
 @jit
