@@ -66,7 +66,7 @@ def test_as_much_light_comes_in_as_without_and_more_evenly(look):
 
 
 def test_a_room_over_ground_in_the_sun_is_as_bright_with_each_seed(gpu):
-    """The house shades the ground at its window. Pictures by six seeds deviated by .23, now by .04."""
+    """The house shades the ground at its window. Pictures by six seeds deviated by .23, now by .013."""
     scene = Scene()
     walls = (
         ((0, -0.05, 0), (3.4, 0.1, 7.4)),
@@ -85,4 +85,4 @@ def test_a_room_over_ground_in_the_sun_is_as_bright_with_each_seed(gpu):
     scene.environment = Sky(sun_elevation=0.7, sun_azimuth=-1.2)
     camera = Camera.look_at((0.9, 1.6, 3.2), (-0.3, 1.5, -0.6), yfov=math.radians(58))
     found = [render(gpu, scene, camera, bounces=32, seed=seed)[0].radiance.mean() for seed in range(6)]
-    assert np.std(found, ddof=1) < 0.07 * np.mean(found)
+    assert np.std(found, ddof=1) < 0.05 * np.mean(found)
