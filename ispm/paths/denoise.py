@@ -1,4 +1,4 @@
-"""The mean of light among neighbors: of rough glass, sheen and far sides, which few paths or draws found."""
+"""The mean of light among neighbors: of rough glass and of sheen, which few paths or draws found."""
 
 from __future__ import annotations
 

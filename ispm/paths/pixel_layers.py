@@ -1,7 +1,6 @@
 """What the layers of surfaces that pixels show have in common: sheen, and the far sides of sheets.
 
-Both are lit on the CPU by a shadow ray to each light without a surface. To others sheen sends a few, whose
-noise is averaged over neighbors.
+Both are lit on the CPU, by a shadow ray to each light without a surface.
 """
 
 from __future__ import annotations
@@ -17,17 +16,12 @@ from ispm.accel.world import World
 from ispm.kernels.share import run_shared
 from ispm.optics.jit import jit
 from ispm.optics.vector import scale, vec3
-from ispm.paths.denoise import denoise
 from ispm.paths.eye_paths import EyeRays, ray_arrays
 from ispm.scene.packed import Packed
 
 f32, i64, u32 = np.float32, np.int64, np.uint32
 
-SAMPLES = 4  # points of lamps with a surface, and directions of the environment
-ALIKE = f32(1)  # twice how far apart the ends of normals are whose pixels are not averaged
-LEAST_ALBEDO = f32(1e-6)
 CHUNK = 64  # pixels a thread takes at a time; results do not depend on it or on the threads
-_REACH = 4.0  # pixels to each side over which their light is averaged, in the first pass
 
 
 class Numbers(NamedTuple):
@@ -77,19 +71,3 @@ def shown_surface(tables, rays, numbers, i):
     numbers.footprint[:] = width
     hit = Hit(shown.instance, shown.primitive, shown.u, shown.v)
     return surface(tables, hit, d), scale(f32(-1), d), width
-
-
-def filtered_light(
-    layer: Any, pixels: np.ndarray, columns: int, smoothing: float, threads: int
-) -> np.ndarray:
-    """Return the direct light of layers, (n, 3) cd/m2: that of lamps and of the environment averaged over
-    neighbors.
-
-    layer      has `direct`, (n, 3) float32 cd/m2 of lights without a surface, `areas`, likewise of others
-               over the `albedo`, noisy, and `firsts`, (n,) FIRST_VERTEX
-    pixels     (n,) numbers y columns + x, sorted
-    smoothing  factor on how far they reach
-    """
-    layer.firsts["blur"] = _REACH
-    denoise(layer.areas, pixels, columns, layer.firsts, smoothing, threads)
-    return np.asarray(layer.direct + layer.albedo * layer.areas)

@@ -19,14 +19,19 @@ from ispm.lights.nee import BY_NOTHING, drawn_area_light, punctual_light
 from ispm.optics.jit import jit
 from ispm.optics.rng import random4
 from ispm.optics.vector import add, scale
+from ispm.paths.denoise import denoise
 from ispm.paths.eye_paths import EyeRays, RayArrays
-from ispm.paths.pixel_layers import ALIKE, CHUNK, LEAST_ALBEDO, SAMPLES, light_layers, shown_surface
+from ispm.paths.pixel_layers import CHUNK, light_layers, shown_surface
 from ispm.paths.vertices import FIRST_VERTEX
 from ispm.scene.packed import Packed
 
 f32, i64, u32 = np.float32, np.int64, np.uint32
 
 _DIMENSION = (1 << 23) + 1  # of the random numbers
+_SAMPLES = 4  # points of lamps with a surface, and directions of the environment
+_ALIKE = f32(1)  # twice how far apart the ends of normals are whose pixels are not averaged
+_LEAST_ALBEDO = f32(1e-6)
+_REACH = 4.0  # pixels to each side over which the light of these is averaged, in the first pass
 _LAST_TURN = 15  # less what is under it takes: both are not to draw from the same part
 
 
@@ -59,6 +64,20 @@ def sheen_light(
     return out
 
 
+def filtered_light(
+    sheen: PixelSheen, pixels: np.ndarray, columns: int, smoothing: float, threads: int
+) -> np.ndarray:
+    """Return the direct light of sheen, (n, 3) cd/m2: that of lamps and of the environment averaged over
+    neighbors, in place.
+
+    pixels     (n,) numbers y columns + x, sorted
+    smoothing  factor on how far they reach
+    """
+    sheen.firsts["blur"] = _REACH
+    denoise(sheen.areas, pixels, columns, sheen.firsts, smoothing, threads)
+    return np.asarray(sheen.direct + sheen.albedo * sheen.areas)
+
+
 @jit
 def _light(tables, rays: RayArrays, numbers, counter, out):
     """Fill a PixelSheen for as many of RayArrays as a thread gets."""
@@ -72,10 +91,10 @@ def _light(tables, rays: RayArrays, numbers, counter, out):
         for c in literal_unroll((0, 1, 2)):
             albedo = x.sheen.color[c] * x.sheen.albedo
             out.direct[i, c], out.albedo[i, c] = points[c], albedo
-            out.areas[i, c] = areas[c] / max(albedo, LEAST_ALBEDO)
+            out.areas[i, c] = areas[c] / max(albedo, _LEAST_ALBEDO)
             first.n[c], first.ng[c] = x.n[c], x.ng[c]
         out.hidden[i] = f32(1) - x.sheen.shown
-        first.instance, first.alpha = x.hit.instance, ALIKE
+        first.instance, first.alpha = x.hit.instance, _ALIKE
 
 
 @jit
@@ -84,9 +103,9 @@ def _drawn(tables, layer, wo, numbers, pixel, turn, scratch):
     the environment: from parts that are even among the pixels of a square."""
     total = f32(0), f32(0), f32(0)
     pick, _, _, _ = random4(pixel, u32(_DIMENSION), numbers.pass_index, numbers.seed)
-    for k in range(SAMPLES):
+    for k in range(_SAMPLES):
         one, two, three = numbers_of(numbers, i64(pixel), i64(k), turn)
         drawn = one, two, three, pick
         light, _ = drawn_area_light(tables, layer, wo, drawn, scratch, f32(np.inf), BY_NOTHING, True, True)
-        total = add(total, scale(f32(1 / SAMPLES), light))
+        total = add(total, scale(f32(1 / _SAMPLES), light))
     return total

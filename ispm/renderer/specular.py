@@ -20,10 +20,9 @@ from ispm.paths.ends import image_of_ends, reflect_light, spread_light, without_
 from ispm.paths.eye import trace_eye
 from ispm.paths.eye_paths import LAMP_SAMPLES, EyePaths, EyeRays, join_ends, no_paths
 from ispm.paths.far import LANES, FarSide, light_far_sides
-from ispm.paths.pixel_layers import filtered_light
 from ispm.paths.pixel_rays import rays_to_seen
 from ispm.paths.resolve import Shown, contact_rows, lonely_rows, resolve_lobes, shown
-from ispm.paths.sheen import sheen_light
+from ispm.paths.sheen import filtered_light, sheen_light
 from ispm.paths.vertices import COLUMNS, INDIRECT, THROUGH
 from ispm.renderer.backdrop import background_color, shows_environment
 from ispm.renderer.gather import PhotonLight
