@@ -50,6 +50,12 @@ class Caustics:
         """CAUSTIC, of the sharp ones and of their images."""
         return with_images(self.kernels[self.wide :])[0]
 
+    def seen_in(self, view: CameraView, settings: Settings) -> Caustics:
+        """Return the same as another view sees them: close to the eye, what was sharp is wide."""
+        is_wide = _is_wide(self.kernels, view, settings)
+        order = np.concatenate([np.flatnonzero(is_wide), np.flatnonzero(~is_wide)])
+        return Caustics(take(self.photons, order), take(self.kernels, order), int(is_wide.sum()))
+
     def grid(self) -> PhotonGrid:
         """Return all of them for points anywhere."""
         return _grid(self.photons, self.kernels)
@@ -76,6 +82,13 @@ def _grid(photons: np.ndarray, kernels: np.ndarray) -> PhotonGrid:
     photons = np.concatenate([photons, take(photons, images)])
     photons["position"] = kernels["position"]
     return PhotonGrid(photons, kernels)
+
+
+def _is_wide(kernels: np.ndarray, view: CameraView, settings: Settings) -> np.ndarray:
+    """(C,) bool, whether a view sees (C,) CAUSTIC so wide that they lose nothing at low resolution."""
+    *slope, offset = _SHARP * settings.subsampling * view.footprint * view.clip_from_world[3]
+    wide = np.linalg.norm(kernels["v"], axis=1) > kernels["position"] @ slope + offset
+    return np.asarray(wide)
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,10 +152,9 @@ def classify_photons(this: Pass, path: Walk) -> PhotonClasses:
     # Lobes that leave scattered light to eye paths leave that of lamps to them, too, which such paths meet.
     kernels["bounce"][: np.count_nonzero(first)] = path.of_area[first]
     keys = np.concatenate([path.keys[first], path.keys[later]])
-    *slope, offset = _SHARP * settings.subsampling * view.footprint * view.clip_from_world[3]
-    is_wide = np.linalg.norm(kernels["v"], axis=1) > kernels["position"] @ slope + offset
+    is_wide = _is_wide(kernels, view, settings)
     end_at_walls(kernels, this.world, this.surfaces)
-    keep_light(kernels, Draws(keys, settings.seed, this.index), this.world, this.surfaces)
+    keep_light(kernels, Draws(keys, this.photon_seed, this.index), this.world, this.surfaces)
     kernels = np.concatenate([kernels[is_wide], kernels[~is_wide]])
     low, _ = packed.bounds
     _, order = sort_by_cell(photons, low, SMALLEST * packed.diagonal)

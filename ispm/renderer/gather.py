@@ -277,7 +277,7 @@ class PhotonLight:
         receivers = with_grazing_lobes(take(image.points, rows), this.index)
         densities, guide_rows = self._guide.densities(receivers, square_blocks(size)[rows], threads)
         lifts, keys = clearance(receivers["position"], this.view.eye), rows.astype(np.uint32)
-        shifts = even_numbers(size, settings.seed, this.index)[rows]
+        shifts = even_numbers(size, this.photon_seed, this.index)[rows]
         plan = RayPlan(densities, guide_rows, lifts, keys, shifts, math.isqrt(rays))
         for first in range(0, len(rows), _BATCH // rays):
             some = slice(first, first + _BATCH // rays)
@@ -288,7 +288,7 @@ class PhotonLight:
                 receivers[some],
                 plan.of(some),
                 limit,
-                settings.seed,
+                this.photon_seed,
                 this.index,
                 self.openings,
             )
@@ -348,7 +348,7 @@ def keep_all_light(
 ) -> None:
     """Give photons back, in place, what their kernels lose past edges, and within solids; arguments as of
     `keep_light` and `Draws`."""
-    draws = Draws(keys, this.settings.seed, this.index, series)
+    draws = Draws(keys, this.photon_seed, this.index, series)
     keep_light(photons, draws, this.world, this.surfaces, solids=solids, rows=rows)
 
 

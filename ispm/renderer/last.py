@@ -74,7 +74,7 @@ class LastFrame:
         shown, names = [], []
         packed, surfaces = traced.this.packed, traced.this.surfaces
         for (each, _, of_lamp), batch in zip(_drawn(traced), texels_as_photons(traced), strict=True):
-            found = first_hits(packed, surfaces, batch, settings.seed, 0, traced.plan.openings.ways)
+            found = first_hits(packed, surfaces, batch, traced.this.photon_seed, 0, traced.plan.openings.ways)
             shown.append(found.reshape(-1, each.width, each.width, 12))
             faces = f"{len(shown[-1])} faces of " if len(shown[-1]) > 1 else ""
             whose = f"{'point on lamps' if of_lamp else 'light'} {each.map.light}"

@@ -96,7 +96,7 @@ def plan_emission(this: Pass, software: bool) -> EmissionPlan:
         settings.photons if settings.bounces else 0,
         [emissive_flux(packed, this.surfaces), environment_flux(packed)],
     )
-    told = settings.caustic_photons, settings.seed, this.index
+    told = settings.caustic_photons, this.photon_seed, this.index
     seen, openings, sunlit = None, NO_OPENINGS, list[np.ndarray]()
     if aims_by_view(packed):
         scene, rays = (packed, this.world, this.surfaces), _coarse_rays(this)
@@ -143,7 +143,7 @@ def trace_photons(this: Pass, plan: EmissionPlan, texels: Sequence[np.ndarray]) 
     packed, settings = this.packed, this.settings
     emitted = emit_photons(this, plan, texels)
     limit = bright_limit(packed, this.surfaces, settings)
-    told = settings.bounces, settings.seed, this.index, limit, plan.openings.ways
+    told = settings.bounces, this.photon_seed, this.index, limit, plan.openings.ways
     path = walk(packed, this.world, this.surfaces, emitted, *told)
     return Traced(this, plan, texels, path)
 
@@ -152,14 +152,14 @@ def emit_photons(this: Pass, plan: EmissionPlan, texels: Sequence[np.ndarray]) -
     """Return the photons that leave the lights, (N,) EMITTED; texels as of `trace_photons`."""
     scene, settings = (this.packed, this.world, this.surfaces), this.settings
     if plan.by == "rays":
-        emitted = emit_rays(*scene, plan.maps, settings.seed, this.index)
+        emitted = emit_rays(*scene, plan.maps, this.photon_seed, this.index)
     else:
         emitted = emit_texels(this.packed.lights, this.surfaces, plan.maps, texels)
     if plan.lamps:
         seen = texels[len(texels) - len(plan.lamps.maps) :]
         first_key = int(emitted["key"].max(initial=0)) + 1
         emitted = np.concatenate([emitted, emit_from_lamp_maps(plan.lamps, this.surfaces, seen, first_key)])
-    told = settings.caustic_photons, settings.seed, this.index
+    told = settings.caustic_photons, this.photon_seed, this.index
     if plan.surfaces:
         first_key = int(emitted["key"].max(initial=0)) + 1
         emitted = np.concatenate([emitted, emit_from_surfaces(*scene, plan.surfaces, *told, first_key)])

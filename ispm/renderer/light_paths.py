@@ -156,7 +156,7 @@ def _paths(last: LastFrame, rows: np.ndarray, brought: np.ndarray) -> list[Photo
 
     def follow(few: np.ndarray) -> np.ndarray:
         scene = made.packed, made.world, made.surfaces
-        return all_steps(*scene, few, settings.bounces, settings.seed, made.index, limit, ways)
+        return all_steps(*scene, few, settings.bounces, made.photon_seed, made.index, limit, ways)
 
     found = retrace(last.traced.emitted(), photons, last.parts.keys[rows], follow)
     if not all(map(len, found)):

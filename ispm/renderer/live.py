@@ -14,8 +14,10 @@ import numpy as np
 
 from ispm.estimators import Estimator
 from ispm.frame import Receivers
+from ispm.lights.environment_emission import environment_flux
 from ispm.lights.openings import Openings
 from ispm.lights.plan import plan_maps
+from ispm.lights.surface_emission import emissive_flux
 from ispm.live.blend import HISTORY, blend, effective_frames, light_of, no_history, words
 from ispm.live.cache import CELL, WorldCache
 from ispm.live.change import SIDE, changed_share, coarse
@@ -104,9 +106,7 @@ class History:
         key, _, _, _ = pcg4d(
             np.uint32(self.number), np.uint32(0), np.uint32(0), np.uint32(this.settings.seed)
         )
-        if self.number:
-            settings = settings.replace(seed=int(key))
-        return replace(this, settings=settings)
+        return replace(this, settings=settings, photon_seed=int(key) if self.number else this.photon_seed)
 
     def light(self, this: Pass, traced: Traced) -> LiveLight:
         """Return what lights the frame: its photons, and what is kept."""
@@ -193,12 +193,13 @@ class LiveLight(PhotonLight):
         super().__init__(this, parts, openings)
         self._history, self._ends, self._whole = history, ends, whole
         self._batch = history.number
-        self.caustics = history.caustics(parts.caustics)
+        self.caustics = history.caustics(parts.caustics).seen_in(this.view, this.settings)
 
     def seen_in(self, this: Pass) -> LiveLight:
         """Return the light of the same photons in another frame."""
         other = copy(self)
-        other._this = this
+        other.__dict__.pop("wide", None)  # a cached property, of the caustics that the other view saw
+        other._this, other.caustics = this, self.caustics.seen_in(this.view, this.settings)
         return other
 
     def at(self, receivers: Receivers, estimator: Estimator | None = None) -> np.ndarray:
@@ -294,13 +295,16 @@ def mean_caustics(batches: Sequence[Caustics]) -> Caustics:
 
 
 def _trace_probes(this: Pass) -> np.ndarray:
-    """Return the probes' photons, PHOTON: of each light as many, whatever the others do."""
-    count = len(this.packed.lights)
-    each = max(_PROBES >> max(count - 1, 0).bit_length(), _PROBES_LEAST)
-    settings = this.settings.replace(seed=_PROBE_SEED, gather=0)
-    told = replace(this, settings=settings)
-    maps = plan_maps(this.packed, np.full(count, each, np.int64), 0.0, _PROBE_SEED, 0)
-    return trace_photons(told, EmissionPlan(maps, "rays"), []).path.photons
+    """Return the probes' photons, PHOTON: of each light as many, whatever the others do. All surfaces that
+    glow are as one light, and the environment is one."""
+    packed, count = this.packed, len(this.packed.lights)
+    glow, surround = emissive_flux(packed, this.surfaces) > 0.0, environment_flux(packed) > 0.0
+    each = max(_PROBES >> max(count + glow + surround - 1, 0).bit_length(), _PROBES_LEAST)
+    # None are aimed at what casts caustics: where that moves, all photons of such lights would differ.
+    settings = this.settings.replace(gather=0, caustic_photons=0.0)
+    maps = plan_maps(packed, np.full(count, each, np.int64), 0.0, _PROBE_SEED, 0)
+    plan = EmissionPlan(maps, "rays", surfaces=each * glow, surround=each * surround)
+    return trace_photons(replace(this, settings=settings, photon_seed=_PROBE_SEED), plan, []).path.photons
 
 
 def _probe_light(this: Pass, image: Receivers, photons: np.ndarray) -> np.ndarray:

@@ -21,6 +21,8 @@ class Pass:
     view      what the eye sees it through
     settings  those of this pass, whose kernels get narrower from pass to pass
     threads   of the CPU
+    photon_seed  of the random numbers of photons and gather rays: others in each live frame, which shows the
+                 mean of several. All else has the same in all, or what stands still would flicker
     """
 
     packed: Packed
@@ -29,6 +31,7 @@ class Pass:
     view: CameraView
     settings: Settings
     threads: int
+    photon_seed: int
 
     @property
     def index(self) -> int:

@@ -339,7 +339,9 @@ class Renderer:
         packed, view = self._ready(require_scene(self.scene), self.settings, index)
         self.names = packed.names
         settings = of_pass(self.settings, index)
-        return Pass(packed, self._ready.world, self._ready.surfaces, view, settings, self.threads)
+        return Pass(
+            packed, self._ready.world, self._ready.surfaces, view, settings, self.threads, settings.seed
+        )
 
     def _say(self, line: str) -> None:
         """Warn once in this renderer's life."""

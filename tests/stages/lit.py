@@ -90,7 +90,9 @@ class Lamp:
         )
         world = World(2)
         world.update(packed)
-        rays = ShadowRays(Pass(packed, world, surfaces, view, Settings(antialias=antialias), threads=2))
+        rays = ShadowRays(
+            Pass(packed, world, surfaces, view, Settings(antialias=antialias), threads=2, photon_seed=0)
+        )
         places, light = rays.light(doubts)
         pixels.reshape(-1, 3)[places] += light
         return Lit(pixels, ids[..., 0], ids[..., 1], points, maps, doubts)
