@@ -13,6 +13,8 @@ from ispm.optics.records import RECEIVER
 SIDE = 3  # receivers on a side of a block that one stands for
 _GAIN = 2.0  # of the share; noise of the probes makes it too small where light moves by little
 _ANYWHERE = 0.05  # share of the mean over the picture
+AT_ONCE = np.float32(5.0)  # of the share, where light changes all at once, and
+_AT_ONCE_MOST = np.float32(0.5)  # the most that it is made by this
 
 
 def coarse(image: Receivers) -> Receivers:
@@ -48,6 +50,15 @@ def changed_share(
     share = np.clip(_GAIN * changes / np.maximum(lights, 1e-30), 0.0, 1.0).astype(np.float32)
     spread = share.repeat(SIDE, axis=0).repeat(SIDE, axis=1)
     return np.ascontiguousarray(spread[: fine[1], : fine[0]]).reshape(-1)
+
+
+def taken_at_once(changed: np.ndarray) -> np.ndarray:
+    """Return the shares by which history gives way where light has changed all at once, (n,) float32.
+
+    After one event nothing changes any more: of a twentieth of the light nine tenths would stay for seconds.
+    Where much has changed, more would be noise.
+    """
+    return np.maximum(changed, np.minimum(AT_ONCE * changed, _AT_ONCE_MOST))
 
 
 def _blurred(image: np.ndarray) -> np.ndarray:

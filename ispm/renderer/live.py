@@ -20,7 +20,7 @@ from ispm.lights.plan import plan_maps
 from ispm.lights.surface_emission import emissive_flux
 from ispm.live.blend import HISTORY, blend, effective_frames, light_of, no_history, words
 from ispm.live.cache import CELL, WorldCache
-from ispm.live.change import SIDE, changed_share, coarse
+from ispm.live.change import AT_ONCE, SIDE, changed_share, coarse, taken_at_once
 from ispm.live.reproject import Seen, moves, reproject, seen
 from ispm.optics.incident import channels, no_light
 from ispm.optics.records import take
@@ -45,6 +45,8 @@ _FEW = 4.0  # frames, of fewer receivers are gathered each time
 _MORE, _NEW = 4, 1 / 8  # times as many rays from receivers of which nothing is known, if few of all are new
 _SERVED = 4  # frames that photons serve while only the camera moves, until all receivers had their turn
 _CHANGED = 0.15  # share of light that has changed, above which they are
+_SUDDEN = 3.0  # times the share that changed lately: light that changes so changes all at once
+_LATELY = 0.2  # of what changed lately, the last frame's part
 _FORGET = 3.0  # share of what the world's cache knows that is forgotten, over the mean share that has changed
 _NARROWEST = 16.0  # frames, of more the filter that hides their noise gets no narrower
 _STORED = 24_000  # photons that a frame emits enough for; of 16,000 a third more error, of 40,000 slower
@@ -83,6 +85,7 @@ class History:
         self._probes: np.ndarray | None = None
         self._caches: tuple[WorldCache, ...] = ()
         self._changes = False
+        self._usual = 0.0  # share of the light that changes from frame to frame
         self._caustics: list[Caustics] = []
         self._photons: int | None = None  # to be emitted
         self._most = 0
@@ -161,6 +164,10 @@ class History:
         changed = changed_share(old, new, few.size, image.size)
         valid = image.points["valid"] > 0
         much = float(changed[valid].mean()) if valid.any() else 1.0
+        is_sudden = much > _SUDDEN * self._usual
+        self._usual += _LATELY * (much - self._usual)
+        if is_sudden:
+            changed, much = taken_at_once(changed), float(AT_ONCE) * much
         for cache in self._caches:
             cache.change(min(_FORGET * much, 1.0))
         return changed
