@@ -58,7 +58,7 @@ def taken_at_once(changed: np.ndarray) -> np.ndarray:
     After one event nothing changes any more: of a twentieth of the light nine tenths would stay for seconds.
     Where much has changed, more would be noise.
     """
-    return np.maximum(changed, np.minimum(AT_ONCE * changed, _AT_ONCE_MOST))
+    return np.asarray(np.maximum(changed, np.minimum(AT_ONCE * changed, _AT_ONCE_MOST)))
 
 
 def _blurred(image: np.ndarray) -> np.ndarray:
