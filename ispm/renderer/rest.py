@@ -14,7 +14,10 @@ from ispm.renderer.picture import Frame
 from ispm.renderer.progress import KEPT, SUMMED, Progress
 from ispm.settings import Settings
 
-_WORTH = 8.0  # passes that the live picture is worth: 16 give way slowly, 4 show the first pass come
+# Passes that what the live picture keeps of frames before is worth: 16 give way slowly, 4 show the first pass
+# come. The rest of its light is of one frame: with as much worth what one path brought would stay for long.
+_WORTH = {"indirect": 8.0, "irradiance": 8.0}
+_WORTH_OF_FRAME = 1.0
 _GONE = 32  # passes after which it counts no more: its kernels' bias would stay
 
 
@@ -42,15 +45,15 @@ class Rest:
             self._progress.add(frame)
         mean = self._progress.frame(settings, threads)
         mean.names = frame.names
-        k = self.passes
-        weight = np.float32(_WORTH / (_WORTH + k) * max(1.0 - k / _GONE, 0.0))
-        return _mixed(mean, self._live, weight, threads) if weight > 0.0 else mean
+        return _mixed(mean, self._live, self.passes, threads) if self.passes < _GONE else mean
 
 
-def _mixed(mean: Frame, live: Frame, weight: np.float32, threads: int) -> Frame:
-    """The mean with `weight` of the live frame in it."""
+def _mixed(mean: Frame, live: Frame, passes: int, threads: int) -> Frame:
+    """The mean of so many passes with a part of the live frame in it."""
 
     def mix(name: str) -> np.ndarray:
+        worth = _WORTH.get(name, _WORTH_OF_FRAME)
+        weight = np.float32(worth / (worth + passes) * (1.0 - passes / _GONE))
         return np.asarray(mean[name] + weight * (live[name] - mean[name]))
 
     makers: dict[str, Callable[[], np.ndarray]]
