@@ -49,6 +49,9 @@ _REACH = 0.4  # of the harmonic mean of rays' lengths: the filter's radius, as l
 _NARROWER = -0.25  # exponent of the number of passes in that radius, beside that of all kernels; measured
 _RAYS_USUAL = 4  # of a receiver, to which the radius belongs
 _RAYS_WITHIN = 800.0  # least rays within the filter's radius, over all passes: fewer leave specks in corners
+# Where the filter would reach so many times as far as light is alike, there are more rays: from this share of
+# all receivers at most, and so many times as many to a side of the hemisphere.
+_TIGHT, _TIGHTEST, _MORE_ACROSS = 1.5, 1 / 6, 1.5
 _RAYS_NOISE = 2.0 / _RAYS_WITHIN  # relative variance of their filtered light, about
 _NEAREST = 0.01  # of the scene's diagonal, for which shorter rays count there
 _BATCH = 1 << 17  # rays whose ends lie in memory at once
@@ -83,13 +86,24 @@ def rays_reach(
     nearness  (n,) 1/m, mean inverse length of gather rays that met something
     rays      from each receiver, over all passes whose mean the light is
     """
+    return np.asarray(np.maximum(*_reaches(image, nearness, rays, passes, threads)))
+
+
+def _reaches(
+    image: Receivers,
+    nearness: np.ndarray,
+    rays: float | np.ndarray,
+    passes: float | np.ndarray,
+    threads: int,
+) -> tuple[np.ndarray, np.ndarray]:
+    """How far light is alike, and how far the filter reaches at least, (n,) m each; as of `rays_reach`."""
     points = image.points
     # A disc of radius r holds pi r^2 / (footprint^2 slant) receivers, each of so many rays.
     within = np.asarray(_RAYS_WITHIN / (math.pi * rays), np.float32)
     least = points["footprint"] * np.sqrt(points["slant"] * within)
     widest = _REACH * passes**_NARROWER
     around = mean_around(points, nearness, image.size, threads)
-    return np.asarray(np.maximum(widest / around, least))
+    return np.asarray(widest / around), np.asarray(least)
 
 
 def rays_worth(rays: int) -> float:
@@ -255,11 +269,19 @@ class PhotonLight:
         nearness[used], covered[used] = found.nearness, found.covered
         # Of the rays that met something.
         nearness = ratio_around(points, nearness, covered, image.size, this.threads)
-        join_light(channels(light), channels(not_gathered), found, used)
         passes = 1 + this.index
         rays = this.settings.gather_rays
         worth = passes * rays_worth(rays)
-        reach = rays_reach(image, nearness, rays * passes, worth, this.threads)
+        alike, least = _reaches(image, nearness, rays * passes, worth, this.threads)
+        tight = _tightest(least[used] / alike[used])
+        times = np.ones(len(points), np.float32)
+        if len(tight):
+            more = math.ceil(_MORE_ACROSS * math.isqrt(rays)) ** 2
+            for mean, new in zip(found, self.gather(image, used[tight], more, ends), strict=True):
+                mean[tight] += (new - mean[tight]) * np.float32(more / (rays + more))
+            times[used[tight]] += more / rays
+        join_light(channels(light), channels(not_gathered), found, used)
+        reach = np.maximum(alike * np.sqrt(times) ** _NARROWER, least / np.sqrt(times))
         set_reach(light, points, reach, this.packed.diagonal)
         return light
 
@@ -299,6 +321,14 @@ class PhotonLight:
     def at_ends(self, points: np.ndarray) -> np.ndarray:
         """Return the light of scattered photons where gather rays end, (n, 16); points: (n,) RECEIVER."""
         return self._scattered.estimate(points, self._this.threads)
+
+
+def _tightest(tightness: np.ndarray) -> np.ndarray:
+    """Return which of (n,) receivers get more rays, (m,) rows in order; tightness: how many times as far as
+    light is alike the filter would reach."""
+    tight = np.flatnonzero(tightness > _TIGHT)
+    worst = np.argsort(-tightness[tight], kind="stable")[: math.ceil(_TIGHTEST * len(tightness))]
+    return np.sort(tight[worst])
 
 
 def with_grazing_lobes(points: np.ndarray, pass_index: int) -> np.ndarray:
