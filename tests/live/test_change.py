@@ -3,7 +3,7 @@
 import numpy as np
 
 from ispm.frame import Receivers
-from ispm.live.change import SIDE, changed_share, coarse
+from ispm.live.change import SIDE, changed_share, coarse, taken_at_once
 from ispm.optics.records import RECEIVER
 
 SIZE = 12, 9  # of the probes' image
@@ -62,3 +62,8 @@ def test_a_block_takes_a_receiver_that_sees_something():
     (chosen,) = coarse(Receivers(receivers, (3, 3))).points
     assert chosen["position"][0] == 7
     assert chosen["valid"] == 5
+
+
+def test_small_changes_of_one_event_count_for_more_and_large_ones_as_they_are():
+    changed = np.array([0.0, 0.02, 0.1, 0.3, 0.8, 1.0], np.float32)
+    np.testing.assert_allclose(taken_at_once(changed), [0.0, 0.1, 0.5, 0.5, 0.8, 1.0], rtol=1e-6)
