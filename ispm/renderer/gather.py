@@ -303,17 +303,8 @@ class PhotonLight:
         plan = RayPlan(densities, guide_rows, lifts, keys, shifts, math.isqrt(rays))
         for first in range(0, len(rows), _BATCH // rays):
             some = slice(first, first + _BATCH // rays)
-            met = gather_rays(
-                packed,
-                this.world,
-                this.surfaces,
-                receivers[some],
-                plan.of(some),
-                limit,
-                this.photon_seed,
-                this.index,
-                self.openings,
-            )
+            told = receivers[some], plan.of(some), limit, this.photon_seed, this.index, self.openings
+            met = gather_rays(packed, this.world, this.surfaces, *told)
             part = Gather(*(each[some] for each in found))
             average_rays(met, ends(met.points), 1.0 / (_NEAREST * packed.diagonal), threads, part)
         return found
