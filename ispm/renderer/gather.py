@@ -49,8 +49,8 @@ _REACH = 0.4  # of the harmonic mean of rays' lengths: the filter's radius, as l
 _NARROWER = -0.25  # exponent of the number of passes in that radius, beside that of all kernels; measured
 _RAYS_USUAL = 4  # of a receiver, to which the radius belongs
 _RAYS_WITHIN = 800.0  # least rays within the filter's radius, over all passes: fewer leave specks in corners
-# Where the filter would reach so many times as far as light is alike, there are more rays: from this share of
-# all receivers at most, and so many times as many to a side of the hemisphere.
+# Where the filter's least radius is so many times the one within which light changes little, there are more
+# rays: from this share of all receivers at most, and so many times as many to a side of the hemisphere.
 _TIGHT, _TIGHTEST, _MORE_ACROSS = 1.5, 1 / 6, 1.5
 _RAYS_NOISE = 2.0 / _RAYS_WITHIN  # relative variance of their filtered light, about
 _NEAREST = 0.01  # of the scene's diagonal, for which shorter rays count there
@@ -74,29 +74,19 @@ def bright_limit(packed: Packed, surfaces: SurfaceTable, settings: Settings) -> 
 Ends = Callable[[np.ndarray], np.ndarray]
 
 
-def rays_reach(
-    image: Receivers,
-    nearness: np.ndarray,
-    rays: float | np.ndarray,
-    passes: float | np.ndarray,
-    threads: int,
-) -> np.ndarray:
-    """Return the filter's radius at the receivers of an image, (n,) float32 m.
-
-    nearness  (n,) 1/m, mean inverse length of gather rays that met something
-    rays      from each receiver, over all passes whose mean the light is
-    """
-    return np.asarray(np.maximum(*_reaches(image, nearness, rays, passes, threads)))
-
-
-def _reaches(
+def filter_radii(
     image: Receivers,
     nearness: np.ndarray,
     rays: float | np.ndarray,
     passes: float | np.ndarray,
     threads: int,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """How far light is alike, and how far the filter reaches at least, (n,) m each; as of `rays_reach`."""
+    """Return two radii for the filter at the receivers of an image, (n,) float32 m each, of which it takes
+    the larger: within which light changes little, and within which there are rays enough.
+
+    nearness  (n,) 1/m, mean inverse length of gather rays that met something
+    rays      from each receiver, over all passes whose mean the light is
+    """
     points = image.points
     # A disc of radius r holds pi r^2 / (footprint^2 slant) receivers, each of so many rays.
     within = np.asarray(_RAYS_WITHIN / (math.pi * rays), np.float32)
@@ -272,7 +262,7 @@ class PhotonLight:
         passes = 1 + this.index
         rays = this.settings.gather_rays
         worth = passes * rays_worth(rays)
-        alike, least = _reaches(image, nearness, rays * passes, worth, this.threads)
+        alike, least = filter_radii(image, nearness, rays * passes, worth, this.threads)
         tight = _tightest(least[used] / alike[used])
         times = np.ones(len(points), np.float32)
         if len(tight):
@@ -315,8 +305,8 @@ class PhotonLight:
 
 
 def _tightest(tightness: np.ndarray) -> np.ndarray:
-    """Return which of (n,) receivers get more rays, (m,) rows in order; tightness: how many times as far as
-    light is alike the filter would reach."""
+    """Return which of (n,) receivers get more rays, (m,) rows in order; tightness: the ratio of the filter's
+    least radius to the one within which light changes little."""
     tight = np.flatnonzero(tightness > _TIGHT)
     worst = np.argsort(-tightness[tight], kind="stable")[: math.ceil(_TIGHTEST * len(tightness))]
     return np.sort(tight[worst])

@@ -29,10 +29,12 @@ from ispm.photons.density import Pixels, measure_radii
 from ispm.photons.grid import PhotonGrid
 from ispm.renderer.caustics import Caustics, PhotonClasses, classify_photons, sample_width
 from ispm.renderer.converge import shrunk
-from ispm.renderer.gather import Ends, PhotonLight, rays_reach, rays_worth
+from ispm.renderer.gather import Ends, PhotonLight, filter_radii, rays_worth
 from ispm.renderer.light import EmissionPlan, Traced, aims_by_view, trace_photons
 from ispm.renderer.one_pass import Pass
 from ispm.scene.packed_instance import Placed
+from ispm.settings import Settings
+from ispm.stages.camera import CameraView
 from ispm.stages.lattice import DENSITY, set_reach
 
 _PROBES = 3000  # photons that tell where light changes; of 1000 few find a way through a door
@@ -129,14 +131,14 @@ class History:
         self._light = LiveLight(this, parts, openings, self, *self._caches)
         return self._light
 
-    def caustics(self, new: Caustics) -> Caustics:
+    def caustics(self, this: Pass, new: Caustics) -> Caustics:
         """Return those of the frames since the world last changed, whose mean is shown."""
         self._caustics = [*self._caustics, new][-_BATCHES:]
         while (
             len(self._caustics) > 1 and sum(len(each.kernels) for each in self._caustics) > _CAUSTIC_PHOTONS
         ):
             del self._caustics[0]
-        return mean_caustics(self._caustics)
+        return _mean_caustics(self._caustics, this.view, this.settings)
 
     def recall(self, this: Pass, image: Receivers) -> np.ndarray:
         """Return what is known of light at the receivers, (n,) HISTORY."""
@@ -200,7 +202,7 @@ class LiveLight(PhotonLight):
         super().__init__(this, parts, openings)
         self._history, self._ends, self._whole = history, ends, whole
         self._batch = history.number
-        self.caustics = history.caustics(parts.caustics).seen_in(this.view, this.settings)
+        self.caustics = history.caustics(this, parts.caustics)
 
     def seen_in(self, this: Pass) -> LiveLight:
         """Return the light of the same photons in another frame."""
@@ -241,7 +243,7 @@ class LiveLight(PhotonLight):
         if this.settings.gather_rays:
             rays, nearness = this.settings.gather_rays, np.ascontiguousarray(history["nearness"])
             passes = np.minimum(frames, _NARROWEST) * rays_worth(rays)
-            reach = rays_reach(image, nearness, rays * frames, passes, this.threads)
+            reach = np.maximum(*filter_radii(image, nearness, rays * frames, passes, this.threads))
             set_reach(light, image.points, reach, this.packed.diagonal)
         else:
             light[:, DENSITY] *= frames
@@ -288,17 +290,14 @@ class LiveLight(PhotonLight):
         return cache.light(points, estimate, self._batch, self._history.draws)
 
 
-def mean_caustics(batches: Sequence[Caustics]) -> Caustics:
-    """Return the photons of several frames as those of one, each with its share of their flux."""
-    if len(batches) == 1:
-        return batches[0]
-    parts = [part for each in batches for part in ((each, slice(each.wide)), (each, slice(each.wide, None)))]
-    ordered = parts[::2] + parts[1::2]  # wide ones first
-    photons = np.concatenate([each.photons[rows] for each, rows in ordered])
-    kernels = np.concatenate([each.kernels[rows] for each, rows in ordered])
+def _mean_caustics(batches: Sequence[Caustics], view: CameraView, settings: Settings) -> Caustics:
+    """Return the photons of several frames as those of one that a view sees, each with its share of their
+    flux."""
+    photons = np.concatenate([each.photons for each in batches])
+    kernels = np.concatenate([each.kernels for each in batches])
     for records in (photons, kernels):
         records["flux"] *= np.float32(1.0 / len(batches))
-    return Caustics(photons, kernels, sum(each.wide for each in batches))
+    return Caustics(photons, kernels, 0).seen_in(view, settings)
 
 
 def _trace_probes(this: Pass) -> np.ndarray:

@@ -16,7 +16,7 @@ def seen_from(caustics, distance):
 
 
 def test_kernels_that_come_close_are_summed_at_low_resolution():
-    """Drawn sharp, each covers much of the picture: frames of a live view took 40 times as long."""
+    """Drawn sharp, each covers much of the picture, and frames of a live view stall."""
     photons, kernels = np.zeros(64, PHOTON), np.zeros(64, CAUSTIC)
     radii = np.geomspace(1e-3, 1.0, 64).astype(np.float32)
     kernels["u"][:, 0], kernels["v"][:, 2] = radii, radii
