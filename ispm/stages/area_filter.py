@@ -27,6 +27,7 @@ from ispm.stages.area_runs import (
     part_aside,
     run_of,
     runs,
+    take_about,
     take_least,
 )
 from ispm.stages.area_shapes import keep_alike
@@ -35,7 +36,7 @@ f32, i64, u32 = np.float32, np.int64, np.uint32
 
 WORK = 35, RUN  # shape of the float32 array that a thread works in
 _REACH = 2  # pixels to each side that the filter takes in
-_LEAST_REACH = f32(2)  # in the first pass, less and less in others, for single rays are specks
+_FAR = f32(72)  # of a reach, which narrows no filter: the widest squares are whole from half of it on
 _SAME = f32(math.cos(math.radians(2.0)))  # of normals, of pixels whose light without shadows is averaged
 _UNLIKE = f32(4)  # over the difference of lobes' alpha, from which they are not averaged
 _CHUNK = 64  # pixels a thread takes at a time
@@ -86,7 +87,6 @@ def filter_samples(shapes, view, smoothing, samples, lobes, counter, work, means
     all parts alike: of parts that go with what the pixel drew it were a bias.
     Source: Glasserman, Monte Carlo Methods in Financial Engineering, 2004, section 4.1.
     """
-    least = _LEAST_REACH / f32(math.sqrt(f32(1) + f32(view.pass_index)))
     share_most, by_draws = ratio_share(view.pass_index), samples.lamps.shape[1] > 0
     corrects = unshaded.missed.shape[1] > 0
     columns, count = view.columns, i64(len(shapes.word))
@@ -101,13 +101,14 @@ def filter_samples(shapes, view, smoothing, samples, lobes, counter, work, means
         if by_draws:
             take_least(samples.near, i, first, columns, i64(1), _REACH, means.near[i:end])
             forget_unshown(shapes.word[i:end], means.near[i:end])
-        take_least(samples.reach, i, first, columns, i64(1), _REACH, means.reach[i:end])
+        mean = f32(1) / (f32(1) + f32(view.pass_index))
+        take_about(samples.reach, mean, _FAR, i, first, columns, _REACH, weight, total, means.reach[i:end])
         take_least(samples.shine, i, first, columns, i64(1), _REACH, means.shine[i:end])
         forget_unshown(shapes.word[i:end], means.reach[i:end])
         forget_unshown(shapes.word[i:end], means.shine[i:end])
         by_ratio = unshaded.by_ratio[i:end]
         for x in range(size):
-            reach[x] = min(max(means.reach[i + x], least), f32(_REACH))
+            reach[x] = min(means.reach[i + x], f32(_REACH))
             by_ratio[x] = share_most * reach[x] * f32(1 / _REACH)
             reach[x] *= smoothing
         shines = _any_about(samples.gloss, i, first, columns, total)

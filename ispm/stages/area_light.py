@@ -12,6 +12,7 @@ where that is drawn, which varies over a fraction of their distance.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from functools import partial
 from typing import Any
@@ -71,6 +72,8 @@ def filtered(
 ) -> tuple[Means, Unshaded]:
     """Return the Means of Samples and what is Unshaded; the samples' own values are used up."""
     count = len(samples.reach)
+    least = samples.least / np.float32(math.sqrt(1.0 + view.pass_index))  # single rays are specks
+    np.maximum(samples.reach, least, out=samples.reach)
 
     def run(kernel: Callable[..., Any], *given: Any) -> None:
         run_shared(

@@ -64,6 +64,30 @@ def take_least(values, i, first, columns, stride, reach, out):
 
 
 @jit
+def take_about(values, share, limit, i, first, columns, reach, counts, sums, out):
+    """Write what lies between the least of the values about each pixel of a run, as far to each side as
+    `reach`, and the harmonic mean of those that are below a limit: a share of the way to it.
+
+    `counts` and `sums` are room for as many values."""
+    size, count = i64(len(out)), i64(len(values))
+    take_least(values, i, first, columns, i64(1), reach, out)
+    counts[:] = f32(0)
+    sums[:] = f32(0)
+    for down in range(-reach, reach + 1):
+        for right in range(-reach, reach + 1):
+            low, high, k = part(i, first, size, i64(down), i64(right), columns, count)
+            if high > low:
+                taken, total, other = counts[low:high], sums[low:high], values[k : k + high - low]
+                for x in range(high - low):
+                    counted = f32(1) if other[x] < limit else f32(0)
+                    taken[x] += counted
+                    total[x] += counted / max(other[x], f32(1e-6))
+    for x in range(size):
+        mean = counts[x] / max(sums[x], f32(1e-6))
+        out[x] += share * (mean - out[x]) if counts[x] > f32(0) else f32(0)
+
+
+@jit
 def forget_unshown(word, values):
     """Make the values infinite where nothing is shown, whose `word` is 0: no neighbor is to ask for less."""
     for x in range(len(values)):

@@ -64,6 +64,45 @@ def test_rows_of_pixels_along_the_foot_of_a_wall_are_right_in_one_pass(gpu, seed
     assert math.sqrt(((error / each) ** 2).mean()) < 1.0
 
 
+HALF_PIT = 2.0  # m, of its side; its walls are as high as the other
+
+
+def pit():
+    """A square pit with black walls in a uniform environment, seen from high above."""
+    scene = Scene(environment=Environment(np.ones((4, 8, 3), np.float32)))
+    scene.add(shapes.plane(400, 400), material=lambert((0.5,) * 3))
+    wall = box((HALF_PIT, 0, -3), (HALF_PIT + 1, HEIGHT, 3))
+    for turn in range(4):
+        turned = euler(0, 90 * turn, 0, degrees=True)
+        scene.add(wall, material=lambert((0.0,) * 3), rotation=turned)
+    add_camera(scene, (0.0, 30.0, 0.001), (0.0, 0.0, 0.0), math.radians(7.5))
+    return scene
+
+
+def test_a_near_wall_does_not_narrow_what_the_shadows_of_far_ones_are_filtered_over(gpu):
+    """As smooth as a ray from each of 36 squares, of the 81 that the filter's widest reach takes in: by the
+    nearest of what casts shadows about a pixel it was so many as of 24."""
+    scene = pit()
+    camera = scene.default_camera(SIZE)
+    view = CameraView(SIZE, camera.pose, camera.yfov, camera.ymag)
+    x, y = np.meshgrid(np.arange(SIZE[0]) + 0.5, np.arange(SIZE[1]) + 0.5)
+    origin, d = view.rays_through(x.ravel(), y.ravel())
+    places = origin - d * (origin[:, 1:2] / d[:, 1:2])
+    inside = np.abs(places[:, [0, 2]]).max(axis=1) < 0.95 * HALF_PIT
+    corners = np.array(
+        [(HALF_PIT * i, HEIGHT, HALF_PIT * j) for i, j in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
+    )
+    up = np.array([0.0, 1.0, 0.0])
+    seen = np.array([abs(polygon_irradiance(corners, p, up)) for p in places[inside]]) / math.pi
+    errors = []
+    for seed in range(3):
+        settings = Settings(size=SIZE, bounces=0, light="none", seed=seed)
+        with Renderer(scene, settings, gpu=gpu) as renderer:
+            errors.append(renderer.render().direct[..., 1].ravel()[inside] / (0.5 * seen) - 1.0)
+    each = np.sqrt((1.0 - seen) / seen / (16 * 36))
+    assert np.std(errors) < each.mean()
+
+
 def lamps_over_floor():
     """A floor, and four panels 3 m above it, of which one is much brighter: none casts a shadow."""
     scene, panels = Scene(), []
@@ -132,11 +171,13 @@ def beneath_the_edge(camera):
     return rows, np.array(light), np.array(shares)
 
 
-def test_a_narrow_penumbra_is_right_in_the_mean_and_smooth_in_one_pass(gpu):
+def test_a_narrow_penumbra_is_right_in_the_mean_sharp_and_smooth_in_one_pass(gpu):
     """Four draws a pixel, which hit or miss: their mean over the penumbra is known to half over the root of
     their number at most, and lies within four times that (6e-5 by chance). Were a pixel to draw again by what
-    its own draw met, it would be off by an eighth. Along a row a mean of 25 pixels, 100 draws, deviates by
-    sqrt(p (1 - p) / 100), and those of parts of a square by less."""
+    its own draw met, it would be off by an eighth. The filter takes in a quarter of the penumbra's width to
+    each side, three rows, which blur it by what their mean differs from the middle one; of four times a
+    row's own noise beside. Along a row a mean of 9 pixels, 36 draws, deviates by sqrt(p (1 - p) / 36), and
+    those of parts of a square by less."""
     scene, camera = edge_over_floor()
     rows, exact, shares = beneath_the_edge(camera)
     found = []
@@ -148,11 +189,13 @@ def test_a_narrow_penumbra_is_right_in_the_mean_and_smooth_in_one_pass(gpu):
     found = np.array(found)
     half = (shares > 0.0) & (shares < 1.0)
     lit = exact.max()
-    draws = 4 * half.sum() * SIZE[0] * len(found)
-    off = (found.mean(axis=(0, 2)) - exact).sum() / (half.sum() * lit)
-    assert abs(off) < 4.0 * 0.5 / math.sqrt(draws)
+    draws = 4 * SIZE[0] * len(found)
+    error = (found.mean(axis=(0, 2)) - exact)[1:-1] / lit
+    assert abs(error.sum() / half.sum()) < 4.0 * 0.5 / math.sqrt(draws * half.sum())
+    blur = np.abs(np.convolve(exact, np.full(3, 1 / 3), "valid") - exact[1:-1]) / lit
+    assert (np.abs(error) < blur + 4.0 * 0.5 / math.sqrt(draws)).all()
     grain = found.std(axis=2).mean(axis=0)[half] / lit
-    assert grain.mean() < np.sqrt(shares * (1.0 - shares) / 100)[half].mean()
+    assert grain.mean() < np.sqrt(shares * (1.0 - shares) / 36)[half].mean()
 
 
 @pytest.mark.parametrize("light", ["sky", "lamp"])
