@@ -32,14 +32,16 @@ SIDES = ("-x", "+x", "-y", "+y", "-z", "+z")
 
 class Tracer:
     """A scene made ready for photons, without a graphics adapter; footprint: over which textures are
-    averaged, as a share of its diagonal."""
+    averaged, as a share of its diagonal; part: of an instance's, at most."""
 
-    def __init__(self, scene: Scene, threads: int = 2, footprint: float = 0.005) -> None:
+    def __init__(
+        self, scene: Scene, threads: int = 2, footprint: float = 0.005, part: float = math.inf
+    ) -> None:
         self.packed: Packed = pack(scene)
         self.world = World(threads)
         self.world.update(self.packed)
         textures = TextureTable.pack(self.packed.textures, self.packed.colors)
-        self.surfaces = SurfaceTable(self.packed, textures, footprint * self.packed.diagonal)
+        self.surfaces = SurfaceTable(self.packed, textures, footprint * self.packed.diagonal, part)
         self.tables = scene_tables(self.packed, self.world, self.surfaces)
 
     def emit(self, count: int, seed: int = 0) -> np.ndarray:

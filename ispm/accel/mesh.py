@@ -25,13 +25,19 @@ def word_of(dtype: np.dtype, name: str) -> np.int64:
 
 
 # Which address of a SurfaceTable is whose.
-VERTICES, INDICES, INSTANCES, MATERIALS, FOOTPRINT = range(5)
+VERTICES, INDICES, INSTANCES, MATERIALS, FOOTPRINT, WIDEST = range(6)
 
 NORMAL = word_of(VERTEX, "normal")
 TO_WORLD, COFACTORS = word_of(INSTANCE, "world0"), word_of(INSTANCE, "normal0")
 _VERTEX, _INSTANCE, _MATERIAL = (i64(d.itemsize // 4) for d in (VERTEX, INSTANCE, MATERIAL))
 MATERIAL_WORDS = _MATERIAL
 _FIRST_INDEX, _INSTANCE_MATERIAL = word_of(INSTANCE, "first_index"), word_of(INSTANCE, "material")
+
+
+@jit
+def instance_row(instance):
+    """Return which instance, int64, begins at a word."""
+    return instance // _INSTANCE
 
 
 @jit

@@ -7,6 +7,7 @@ kernels `tables` is a Tables, `table` its `surfaces`; `instance`, `material` and
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -31,6 +32,7 @@ from ispm.accel.mesh import (
     MATERIALS,
     NORMAL,
     TO_WORLD,
+    WIDEST,
     edges_at,
     hit_plane,
     interpolated,
@@ -71,6 +73,7 @@ from ispm.optics.records import (
     MATERIAL_SPECULAR_MAPPED,
     MATERIAL_THIN,
     MATERIAL_TRANSLUCENT,
+    MATERIAL_TRANSMITS,
     MATERIAL_UNLIT,
     NO_HIT,
 )
@@ -96,13 +99,19 @@ class SurfaceTable:
     """A packed scene's arrays as kernels read them; keeps them alive.
 
     footprint  metres on a surface over which a photon sees textures averaged
+    part       of an instance's diagonal, over which at most
     addresses  (8,) uint64, in the order of `accel.mesh`;  texels, rows  a TextureTable's
     """
 
-    def __init__(self, packed: Packed, textures: TextureTable, footprint: float) -> None:
+    def __init__(
+        self, packed: Packed, textures: TextureTable, footprint: float, part: float = math.inf
+    ) -> None:
         arrays = packed.geometry.vertices, packed.geometry.indices, packed.instances, packed.materials
-        self._kept = [*map(np.ascontiguousarray, arrays), np.array([footprint], np.float32)]
-        self.addresses = np.array([*map(address, self._kept), 0, 0, 0], np.uint64)
+        low, high = packed.boxes[:, 0], packed.boxes[:, 1]
+        widest = (part * np.maximum(np.linalg.norm(high - low, axis=1), 1e-30)).astype(np.float32)
+        self._kept = [*map(np.ascontiguousarray, arrays), np.array([footprint], np.float32), widest]
+        self._unbound = np.full(len(widest), np.inf, np.float32)
+        self.addresses = np.array([*map(address, self._kept), 0, 0], np.uint64)
         self.texels, self.rows = textures.texels, textures.rows
         self.emitters: Emitters | None = None  # found when they are first asked for
 
@@ -110,7 +119,7 @@ class SurfaceTable:
         """Return addresses whose footprint is the caller's to set, and the (1,) float32 that holds it."""
         footprint = np.array(self._kept[FOOTPRINT])
         addresses = self.addresses.copy()
-        addresses[FOOTPRINT] = address(footprint)
+        addresses[FOOTPRINT], addresses[WIDEST] = address(footprint), address(self._unbound)
         return addresses, footprint
 
 
@@ -243,7 +252,9 @@ def surface(tables, hit, d):
     if not is_flat(table, corners):
         own = world_normal(table[INSTANCES], instance, interpolated(table, corners, NORMAL, u, v))
     uv_area = f32(0)
-    if flags & u32(_MAPPED) != u32(0) or has_texture(table, material):
+    # what passes glass is the product of two textures, whose mean is not that of their means
+    is_mapped = flags & u32(_MAPPED) != u32(0) or has_texture(table, material)
+    if is_mapped and flags & u32(MATERIAL_TRANSMITS) == u32(0):
         uv_area = uv_footprint(table, instance, corners, e1, e2)
     context = TextureContext(instance, material, corners, u, v, uv_area)
     entering = dot(ng, d) <= f32(0)

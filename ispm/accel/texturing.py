@@ -17,6 +17,8 @@ from ispm.accel.mesh import (
     MATERIALS,
     TO_WORLD,
     VERTICES,
+    WIDEST,
+    instance_row,
     rows_times,
     vector_at,
     word_of,
@@ -91,7 +93,7 @@ def uv_footprint(table, instance, corners, e1, e2):
     (au, av), (bu, bv) = _uv(table, corners, _UV0, 0), _uv(table, corners, _UV0, 1)
     cu, cv = _uv(table, corners, _UV0, 2)
     uv_area = abs((bu - au) * (cv - av) - (cu - au) * (bv - av))
-    footprint = ldf(table[FOOTPRINT], i64(0))
+    footprint = min(ldf(table[FOOTPRINT], i64(0)), ldf(table[WIDEST], instance_row(instance)))
     return uv_area / max(math.sqrt(dot(area, area)), f32(1e-30)) * footprint * footprint
 
 

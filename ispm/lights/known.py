@@ -17,6 +17,7 @@ import numpy as np
 from ispm.accel.emitter_tree import PATH_WORDS, draw_next
 from ispm.accel.emitters import Emitters, corners_from, emitter_point, sample_triangle
 from ispm.accel.glow import emitted_radiance
+from ispm.accel.mesh import INSTANCES, triangle_at, world_point
 from ispm.accel.records import Hit
 from ispm.kernels.simd import alloca
 from ispm.lights.area import faces, lit_side
@@ -32,6 +33,8 @@ _SLIGHT = (
 # asin(s) / s by powers of s^2, the highest first
 _SERIES = tuple(math.comb(2 * k, k) / (4.0**k * (2 * k + 1)) for k in range(7, -1, -1))
 _FEW = 12  # triangles of a scene that all pixels add up: these take half as long as a draw with its ray
+_EVEN = f32(0.18)  # radians, over which a lamp's light is averaged at most
+_TO_EDGE = f32(0.25)  # of the angle to the edge of a spot's cone, likewise
 _ALL = 48  # triangles of a scene that are added up: these take as long as the draws from more
 
 
@@ -41,6 +44,25 @@ def are_known(emitters: Emitters) -> bool:
     triangles = emitters.triangles
     drawn = triangles["textured"].any() or (triangles["cone"] > 0).any()
     return len(triangles) <= _FEW and not drawn
+
+
+@jit
+def even_angle(table, emitter, position):
+    """Return the angle at the lamp of an EMITTER, radians, over which its light may be averaged about a
+    position, m: toward the edge of a spot's cone ever less, but for what its sphere blurs that.
+
+    It is alike for all points of the lamp, or dim ones that are drawn would keep their pixels dim.
+    """
+    if emitter.cone <= f32(0):
+        return _EVEN
+    instance, _, _ = triangle_at(table, Hit(emitter.instance, emitter.primitive, f32(0), f32(0)))
+    middle = world_point(table[INSTANCES], instance, (f32(0), f32(0), f32(0)))
+    out = sub(world_point(table[INSTANCES], instance, (f32(0), f32(0), f32(1))), middle)
+    way = sub(position, middle)
+    distance = max(f32(math.sqrt(dot(way, way))), f32(1e-30))
+    cosine = min(max(dot(vec3(emitter.axis), way) / distance, f32(-1)), f32(1))
+    to_edge = f32(math.acos(f32(1) - emitter.cone)) - f32(math.acos(cosine))
+    return min(_EVEN, _TO_EDGE * max(to_edge, f32(math.sqrt(dot(out, out))) / distance))
 
 
 @jit

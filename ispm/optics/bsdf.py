@@ -157,6 +157,14 @@ def has_finite(b):
 
 
 @jit
+def shows_photons(b):
+    """Return whether it `has_finite` lobes of which any reflects: a black surface, as lamps have, shows none
+    of the photons that arrive."""
+    facets = b.f0[0] + b.f0[1] + b.f0[2] + b.f90 > f32(0)
+    return has_finite(b) and (facets or b.diffuse[0] + b.diffuse[1] + b.diffuse[2] > f32(0))
+
+
+@jit
 def is_gathered(b):
     """Return whether gather rays end at a surface, by its Bsdf: it is opaque, and scatters."""
     return has_finite(b) and not transmits(b)

@@ -21,7 +21,7 @@ from ispm.kernels.simd import alloca
 from ispm.lights.bright import is_bright_first_bounce, split_count
 from ispm.lights.emitted import emitted_beam, first_segment
 from ispm.lights.openings import NO_WAYS, Ways
-from ispm.optics.bsdf import has_finite, is_gathered, is_smooth
+from ispm.optics.bsdf import is_gathered, is_smooth, shows_photons
 from ispm.optics.dispersion import ALL_BANDS, BANDS, band_number, draw_band, of_band
 from ispm.optics.jit import jit
 from ispm.optics.records import EMITTED_BY_ENVIRONMENT, MATERIAL_THIN, NO_HIT, PHOTON
@@ -296,7 +296,7 @@ def _walk_one(tables, photon, split, course, scratch, found, room, steps):
         length = f32(math.sqrt(dot(segment, segment)))
         if scatters == i64(0):
             beam = beam_at(beam, length, d, x.ng)
-        if not direct and (has_finite(x.bsdf) or has_sheen(x) or is_translucent(x)):
+        if not direct and (shows_photons(x.bsdf) or has_sheen(x) or is_translucent(x)):
             if row < room.end:
                 _store(hits.photons[row], x, flux, d, abs(dot(segment, plane)), length, scatters)
                 hits.focused[row], hits.not_gathered[row] = focused, focused or hidden

@@ -23,7 +23,8 @@ from ispm.settings import Settings
 from ispm.stages.camera import CameraView
 
 _EYE_NEAR = 1e-9  # of the scene's diagonal: the eye may stand low over a wide plain
-_TEXTURE_FOOTPRINT = 0.005  # of the diagonal: over which photons see textures averaged
+# Of the scene's diagonal: over which photons see textures averaged; of an instance's: over which at most.
+_TEXTURE_FOOTPRINT, _WIDEST_FOOTPRINT = 0.005, 0.02
 
 
 class Ready:
@@ -88,5 +89,6 @@ class Ready:
             self._say(line)
         self.world.update(packed)
         self._packed = packed
-        self.surfaces = SurfaceTable(packed, self.textures, _TEXTURE_FOOTPRINT * packed.diagonal)
+        footprint = _TEXTURE_FOOTPRINT * packed.diagonal
+        self.surfaces = SurfaceTable(packed, self.textures, footprint, _WIDEST_FOOTPRINT)
         return packed

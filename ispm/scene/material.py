@@ -342,11 +342,13 @@ class Material(Strict):
     @property
     def hides_photons(self) -> bool:
         """Whether photons that arrive are seen nowhere on the surface: it is a perfect mirror, or glass, or
-        unlit, in all places."""
+        unlit, or reflects nothing, as lamps do, in all places."""
         mirror = self.metallic == 1.0 and self.roughness == 0.0 and self.metallic_roughness_texture is None
         glass = self.transmission == 1.0 and self.metallic == 0.0 and self.transmission_texture is None
         others = self.translucent or max(self.sheen_color) > 0.0
-        return self.unlit or (not others and (mirror or glass))
+        shiny = max(self.specular, self.metallic, self.transmission, self.clearcoat) > 0.0
+        black = max(self.base_color[:3]) == 0.0 and not shiny
+        return self.unlit or (not others and (mirror or glass or black))
 
     @property
     def translucent(self) -> bool:

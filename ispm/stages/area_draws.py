@@ -27,7 +27,7 @@ from ispm.kernels.share import run_shared, shared_rows
 from ispm.kernels.simd import alloca
 from ispm.lights.area import PAIRS_OF_MANY, candidate_pdf, lit_side, resample_surround, sample_lamps
 from ispm.lights.area_parts import DIMENSION, SIDE, first_turn, numbers_of
-from ispm.lights.known import are_known, unshaded_lamps
+from ispm.lights.known import are_known, even_angle, unshaded_lamps
 from ispm.lights.nee import drawn_lobe, draws_by_lobes, greatest, next_numbers
 from ispm.lights.openings import Openings, draw_opening, opening_cell, opening_pdf
 from ispm.optics.bsdf import Bsdf, is_lambert, is_narrow
@@ -49,7 +49,6 @@ f32, i64, u32 = np.float32, np.int64, np.uint32
 UNSHADED = f32(1e9)  # pixels, where nothing shades, but the filter is wanted
 CHUNK = 64  # pixels a thread takes at a time
 _PAIRS = 1  # of directions that one of the environment is drawn from
-_NEAR = f32(0.18)  # of a lamp's distance, that its light without shadows is filtered over, likewise
 _DRAWS, _DRAWS_LATER = 4, 2  # of a pixel in a narrow penumbra, in the first pass; in others, and beside one
 _FAINT = f32(0.005)  # of the environment's light, of which at least a fourth is open
 _NARROW = f32(6)  # pixels that the filter reaches there, less than which its wider squares have no weight
@@ -303,7 +302,8 @@ def _draw_lamp(tables, shown, numbers, openings, i, scratch, samples):
             for c in range(3):
                 samples.lamps[c, i] += brought[c]
             slant = abs(dot(shown.x.ng, shown.wo))
-            samples.near[i] = min(samples.near[i], _NEAR * slant * distance / shown.width)
+            wide = even_angle(tables.surfaces, tables.emitters.triangles[row], x.position)
+            samples.near[i] = min(samples.near[i], wide * slant * distance / shown.width)
     if lobe.square == f32(0):
         return
     numbers = _next_three(numbers)

@@ -98,9 +98,12 @@ def filter_samples(shapes, view, smoothing, samples, lobes, counter, work, means
         reach, weight, total, sums = work[0, :size], work[1, :size], work[2, :size], work[5:20]
         alike, whole = work[20, :size], work[21:27]
         shine, shining = work[27, :size], work[28, :size]
+        near, even, evenly = work[31, :size], work[32, :size], work[33, :size]
         if by_draws:
             take_least(samples.near, i, first, columns, i64(1), _REACH, means.near[i:end])
             forget_unshown(shapes.word[i:end], means.near[i:end])
+            for x in range(size):
+                near[x] = min(means.near[i + x], f32(_REACH)) * smoothing
         mean = f32(1) / (f32(1) + f32(view.pass_index))
         take_about(samples.reach, mean, _FAR, i, first, columns, _REACH, weight, total, means.reach[i:end])
         take_least(samples.shine, i, first, columns, i64(1), _REACH, means.shine[i:end])
@@ -116,6 +119,7 @@ def filter_samples(shapes, view, smoothing, samples, lobes, counter, work, means
         sums[:] = f32(0)
         whole[:] = f32(0)
         shining[:] = f32(0)
+        evenly[:] = f32(0)
         for tap in range((2 * _REACH + 1) ** 2):
             down, right = tap // (2 * _REACH + 1) - _REACH, tap % (2 * _REACH + 1) - _REACH
             low, high, k = part(i, first, size, down, right, columns, count)
@@ -126,6 +130,13 @@ def filter_samples(shapes, view, smoothing, samples, lobes, counter, work, means
             room = work[3, :size_of], work[29, :size_of], work[30, :size_of]
             if tap != (2 * _REACH + 1) ** 2 // 2:
                 keep_alike(shapes, i + low, k, room, work[4, :size_of], same)
+            if by_draws:
+                _weigh(near[low:high], down, right, even[low:high])
+                for x in range(size_of):
+                    even[low + x] *= same[x]
+                    evenly[low + x] += even[low + x]
+                for c in range(3):
+                    add(even[low:high], samples.lamps[c, k:until], sums[6 + c, low:high])
             _weigh(reach[low:high], down, right, taps)
             for x in range(size_of):
                 taps[x] *= same[x]
@@ -144,8 +155,6 @@ def filter_samples(shapes, view, smoothing, samples, lobes, counter, work, means
             for c in range(3):
                 add(taps, samples.diffuse[c, k:until], sums[c, low:high])
                 add(taps, samples.drawn[c, k:until], sums[3 + c, low:high])
-                if by_draws:
-                    add(taps, samples.lamps[c, k:until], sums[6 + c, low:high])
             for c in range(6 if shines else 0):
                 add(shine[low:high], samples.gloss[c, k:until], sums[9 + c, low:high])
         for c in range(6):
@@ -156,7 +165,7 @@ def filter_samples(shapes, view, smoothing, samples, lobes, counter, work, means
             known, drawn = samples.known[c, i:end], means.drawn[c, i:end]
             shown, lamps = unshaded.diffuse[c, i:end], sums[6 + c, :size]
             if by_draws:
-                divide(lamps, total, means.lamps[c, i:end])
+                divide(lamps, evenly, means.lamps[c, i:end])
                 lamps = means.lamps[c, i:end]
             for x in range(size):
                 shown[x] = drawn[x] + by_ratio[x] * (known[x] + lamps[x] - drawn[x])

@@ -12,7 +12,7 @@ from ispm.accel.transmittance import shadow_transmittance
 from ispm.kernels.simd import alloca
 from ispm.optics.jit import jit
 from ispm.optics.vector import vec3
-from ispm.scene.material import AlphaMode, Material
+from ispm.scene.material import AlphaMode, Material, Texture
 from ispm.scene.mesh import Mesh
 from ispm.scene.rotation import axis_angle
 from ispm.scene.scene import Scene
@@ -124,6 +124,30 @@ def test_a_thin_sheet_passes_its_tint_but_for_what_it_reflects():
     np.testing.assert_allclose(
         shares(stacked([SHEET])), np.tile((1 - f0) * np.array(TINT), (3, 1)), rtol=1e-5
     )
+
+
+def checkered(low, high, **kind):
+    """Two by two even cells, of which a ray along +Z at PLACES meets the second, and others the first."""
+    cells = np.indices((2, 2)).sum(axis=0)[..., None] % 2
+    return Texture(np.where(cells, np.array(high), np.array(low)).astype(np.float32), linear=False, **kind)
+
+
+@pytest.mark.parametrize("away", [1.0, 1e4])
+def test_cells_of_stained_glass_pass_light_alike_however_wide_the_scene_is(away):
+    """Half of it is dark and shut: what passes the means of both textures would be a quarter."""
+    sheet = replace(
+        SHEET,
+        base_color=(1.0, 1.0, 1.0),
+        base_color_texture=checkered((0.02,) * 3, TINT),
+        transmission_texture=checkered((0.0,) * 3, (1.0,) * 3, srgb=False),
+    )
+    scene, uv = Scene(), 0.5 * SQUARE[:, :2] + 0.5
+    scene.add(Mesh(SQUARE, HALVES, uv0=uv), material=sheet)
+    scene.add(Mesh(SQUARE, HALVES), translation=(0.0, 0.0, 10.0), scale=(away,) * 3)
+    places = np.array([(0.5, -0.6), (-0.7, 0.25), (0.5, 0.6), (-0.7, -0.25)])
+    expected = np.zeros((4, 3))
+    expected[:2] = 0.96 * np.array(TINT)
+    np.testing.assert_allclose(shares(scene, places=places), expected, atol=0.0045)  # half of 8 bits
 
 
 def test_a_blended_sheet_covers_a_share_of_the_light():

@@ -8,6 +8,7 @@ from ispm.library.common import lambert
 from ispm.lights.bright import SPLIT_COUNT
 from ispm.optics.records import EMITTED, NO_HIT
 from ispm.photons import walk as walk_module
+from ispm.scene.light import PointLight, SphereLight
 from ispm.scene.material import Material, Texture, TextureUse
 from ispm.scene.mesh import Mesh
 from ispm.scene.scene import Scene
@@ -64,7 +65,7 @@ def test_photons_that_hit_nothing_escape():
 
 def test_photons_scatter_back_to_the_side_they_came_from():
     """Light below a single sheet in a room: what the sheet stores second-hand comes from below."""
-    scene = box_room(albedo=0.0)
+    scene = box_room(albedo=1e-6)  # whose photons are kept, and hardly scatter
     sheet = np.array([(-0.4, 0, -0.4), (-0.4, 0, 0.4), (0.4, 0, 0.4), (0.4, 0, -0.4)])
     scene.add(Mesh(sheet, np.array([(0, 1, 2), (0, 2, 3)])), material=lambert((0.9,) * 3))
     path = trace(lit(scene, (0, -0.2, 0)), 5000, 2)
@@ -151,3 +152,14 @@ def test_chunks_without_room_are_walked_again(monkeypatch):
         assert (getattr(few, name) == getattr(much, name)).all()
     assert few.rays == much.rays
     assert len(np.unique(few.keys)) > 0.999 * len(few.keys)
+
+
+def test_photons_that_meet_a_black_lamp_are_not_kept():
+    """Nothing shows them, but their kernels reach past it. What the lamp takes up is absorbed."""
+    scene = box_room()
+    scene.add(SphereLight((100.0,) * 3, radius=0.2), name="lamp")
+    scene.add(PointLight((1.0,) * 3), translation=(0.3, 0.3, 0.3))
+    path = trace(scene, 20_000, 4)
+    away = np.linalg.norm(path.photons["position"], axis=1)
+    assert len(away) > 20_000 and away.min() > 0.4
+    np.testing.assert_allclose(path.emitted, path.absorbed + path.escaped + path.dropped, rtol=1e-4)
