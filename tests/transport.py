@@ -75,7 +75,8 @@ def render(
 def box_room(
     low: tuple[float, ...] = (-0.5,) * 3, high: tuple[float, ...] = (0.5,) * 3, albedo: float = 0.5
 ) -> Scene:
-    """A closed Lambert room whose walls are nodes of their own, in the order of SIDES."""
+    """A closed Lambert room whose walls are nodes of their own, in the order of SIDES. Black ones keep no
+    photons; those of an albedo of a millionth do, and send none on."""
     scene = Scene(name="room")
     corner = np.array([[(low, high)[i >> k & 1][k] for k in range(3)] for i in range(8)])
     faces = ([0, 2, 6, 4], [1, 5, 7, 3], [0, 4, 5, 1], [2, 3, 7, 6], [0, 1, 3, 2], [4, 6, 7, 5])

@@ -65,7 +65,7 @@ def test_photons_that_hit_nothing_escape():
 
 def test_photons_scatter_back_to_the_side_they_came_from():
     """Light below a single sheet in a room: what the sheet stores second-hand comes from below."""
-    scene = box_room(albedo=1e-6)  # whose photons are kept, and hardly scatter
+    scene = box_room(albedo=1e-6)
     sheet = np.array([(-0.4, 0, -0.4), (-0.4, 0, 0.4), (0.4, 0, 0.4), (0.4, 0, -0.4)])
     scene.add(Mesh(sheet, np.array([(0, 1, 2), (0, 2, 3)])), material=lambert((0.9,) * 3))
     path = trace(lit(scene, (0, -0.2, 0)), 5000, 2)

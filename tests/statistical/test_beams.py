@@ -63,7 +63,7 @@ def differences(tracer, directions, key, origins=None):
 
 def stage(material, shape):
     """A lamp in a black room, and a thing of glass or silver under it."""
-    scene = box_room((-5, 0, -5), (5, 5, 5), albedo=0.0)
+    scene = box_room((-5, 0, -5), (5, 5, 5), albedo=1e-6)
     scene.add(shape, material=material, translation=(0, 1.0, 0))
     return lit(scene, tuple(LAMP))
 

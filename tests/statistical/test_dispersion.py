@@ -28,7 +28,7 @@ ANGLE, TURN = math.radians(40.0), math.radians(20.0)  # of the prism's edge; of 
 UP, LOWER = np.array([0.0, 1.0, 0.0]), np.array([math.sin(ANGLE), math.cos(ANGLE), 0.0])
 DOWN = np.array([-math.sin(TURN), -math.cos(TURN), 0.0])
 EDGE, SIZE, WALL = np.array([-1.0, 0.0, 0.0]), 4.0, -8.0
-BLACK = Material((0.0,) * 3, specular=0.0)
+BLACK = Material((1e-6,) * 3, specular=0.0)  # which keeps photons that arrive, and sends none on
 
 
 def glass(dispersion=DISPERSION, **other):

@@ -96,7 +96,7 @@ def scattered_by_a_ball(ior, count=4000, orders=40):
 def test_photons_leave_a_ball_as_theory_says(ior):
     """All orders of reflection inside: no flux is lost, and on average it turns by the exact angle."""
     count = 40_000
-    scene = box_room((-50,) * 3, (50,) * 3, albedo=0.0)
+    scene = box_room((-50,) * 3, (50,) * 3, albedo=1e-6)
     scene.add(icosphere(1.0, 48), material=glass(ior))
     scene.add(DirectionalLight(), rotation=(0, -math.sqrt(0.5), 0, math.sqrt(0.5)))  # along +x
     tracer = Tracer(scene)

@@ -12,7 +12,7 @@ from ispm.scene.light import DirectionalLight
 from ispm.scene.material import Material
 from ispm.scene.scene import Scene
 
-BLACK = lambert((0.0,) * 3)
+BLACK = lambert((1e-6,) * 3)  # which keeps photons that arrive, and sends none on
 
 
 def mirror(reflectance):
@@ -198,7 +198,7 @@ def test_what_lies_in_glass_is_lit_through_it():
 
 def test_light_through_a_sheet_is_direct_and_not_stored_again():
     """A pane between lamp and floor: shadow maps show what goes through it, photons what it mirrors."""
-    scene = box_room((-1, -1, -1), (1, 1, 1), albedo=0.0)
+    scene = box_room((-1, -1, -1), (1, 1, 1), albedo=1e-6)
     scene.add(rectangle((-1, -1, 0), (2, 0, 0), (0, 2, 0)), material=glass(thickness=0.0))
     path = trace(lit(scene, (0, 0, 0.5)), 50_000, 4)
     assert len(path.photons) and (path.photons["bounce"] == 0).all()
