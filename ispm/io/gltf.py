@@ -23,6 +23,7 @@ from ispm.io.gltf_light import read_light
 from ispm.io.gltf_mesh import Meshes
 from ispm.io.gltf_node import build_tree, chosen_scene, reached
 from ispm.io.gltf_skin import Skins
+from ispm.io.gltf_sky import read_sky
 from ispm.scene.camera import Camera
 from ispm.scene.scene import Node, Scene
 from ispm.scene.values import FARTHEST
@@ -72,6 +73,8 @@ def _read(file: GltfFile) -> Scene:
     scene.variants = _furnish(file, nodes, reached(nodes, roots))
     if chosen.extensions.image_based is not None:
         scene.environment = read_environment(file, chosen.extensions.image_based.light)
+    elif (sky := read_sky(file, chosen.extras)) is not None:
+        scene.environment = sky
     scene.animations = read_animations(file, nodes)
     scene.extensions_used = list(dict.fromkeys(file.gltf.extensions_used))
     scene.extensions_honoured = [name for name in scene.extensions_used if _supported(name)]

@@ -240,6 +240,7 @@ class Scene(Record, frozen=True):
     nodes: list[Index] = []
     name: str = ""
     extensions: SceneExtensions = SceneExtensions()
+    extras: Any = None
 
 
 class ChannelTarget(Record, frozen=True):

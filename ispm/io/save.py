@@ -18,6 +18,7 @@ from ispm.io.gltf_instances import instance_attributes
 from ispm.io.gltf_lamp import lamp_extras, lamp_part
 from ispm.io.gltf_light import RADIUS
 from ispm.io.gltf_mesh import ATTRIBUTES
+from ispm.io.gltf_sky import sky_extras
 from ispm.io.gltf_write import Document
 from ispm.io.gltf_write_material import MaterialWriter, given, numbers, split
 from ispm.io.gltf_write_skin import (
@@ -30,9 +31,11 @@ from ispm.io.gltf_write_skin import (
 from ispm.io.png import encode_png
 from ispm.scene.animation import Animation, Channel
 from ispm.scene.compact import compact
+from ispm.scene.environment import Environment
 from ispm.scene.light import DirectionalLight, PointLight, PunctualLight, SpotLight, SurfaceLight
 from ispm.scene.mesh import Mesh
 from ispm.scene.scene import Node, Part, Scene
+from ispm.scene.sky import Sky
 from ispm.scene.values import frozen
 
 ENDINGS = (".glb", ".gltf")
@@ -45,10 +48,10 @@ def save(scene: Scene, path: str | os.PathLike[str]) -> Path:
     path  .glb: one file; .gltf: with a buffer `NAME.bin` and pictures `NAME-textures/0.png` beside it
     Left out are vertices and parts without triangles, channels of nodes outside the scene, names of a node's
     meshes but for the first, and what has no effect, such as the normal scale of a material without a normal
-    map. A texture whose encoding is not the one glTF has for its place is rounded to that, and an environment
+    map. A texture whose encoding is not the one glTF has for its place is rounded to that, and an Environment
     is left out, with a SceneWarning. Parts are written as they are without a variant, and with what they wear
     in each. A camera's pose, aspect and principal point stand in `extras`, where only this program reads
-    them; so does a lamp with a surface, which others see as a mesh that emits.
+    them; so do a Sky, and a lamp with a surface, which others see as a mesh that emits.
     Raises SceneError for what glTF cannot hold, OutputError where the file cannot be written.
     """
     if not isinstance(scene, Scene):
@@ -59,7 +62,7 @@ def save(scene: Scene, path: str | os.PathLike[str]) -> Path:
         problem = f"scenes cannot be written as '{ending}'" if ending else "the name has no ending"
         raise OutputError(f"{target}: {problem}; use one of {', '.join(ENDINGS)}")
     require_writable(target)
-    if scene.environment is not None:
+    if isinstance(scene.environment, Environment):
         warn_caller(
             f"{target.name}: the environment is not in it: glTF has none; keep its own file beside it"
         )
@@ -120,6 +123,8 @@ class _Writer:
                 self._bent.append((node, made))
             parent.setdefault(place, []).append(number)
             stack.extend((child, made, "children") for child in reversed(node.children))
+        if isinstance(scene.environment, Sky):
+            record["extras"] = sky_extras(scene.environment)
         self.document.put("scenes", record)
 
     def _node(self, node: Node) -> dict[str, Any]:
