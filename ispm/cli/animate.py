@@ -188,21 +188,26 @@ class _Told:
 
     def __init__(self, console: Console, output: Output) -> None:
         self._console, self._output = console, output
-        self._begun, self._said = time.monotonic(), 0.0
+        self._begun, self._first, self._said = time.monotonic(), 0.0, 0.0
         self._rendered = self.count = 0
         self.show: Callable[[Shot, str], object] = self._line
 
     def __call__(self, shot: Shot) -> None:
         self.count = shot.done
+        now = time.monotonic()
         self._rendered += not shot.found
         if not self._rendered:
-            self._begun = time.monotonic()  # finding frames takes less than rendering them
+            self._begun = now  # finding frames takes less than rendering them
+        elif self._rendered == 1 and not shot.found:
+            self._first, self._begun = now - self._begun, now
         if not (shot.found or self._output.is_film):
             self._console.written(shot.path)
-        each = (time.monotonic() - self._begun) / max(self._rendered, 1)
         told = f"frame {shot.frame}, {shot.done} of {shot.count}"
-        if self._rendered:
+        if self._rendered > 1:
+            each = (now - self._begun) / (self._rendered - 1)
             told += f", {each:.1f} s each, {as_duration(each * shot.left)} left"
+        elif self._rendered:  # which makes ready what all frames share
+            told += f", {self._first:.1f} s, at most {as_duration(self._first * shot.left)} left"
         self.show(shot, told)
         if shot.done == shot.count and self._output.is_film:
             self._console.say(f"writing {self._output.path}")
