@@ -19,6 +19,7 @@ from ispm.accel.emitters import Emitters, corners_from, emitter_point, sample_tr
 from ispm.accel.glow import emitted_radiance
 from ispm.accel.mesh import INSTANCES, triangle_at, world_point
 from ispm.accel.records import Hit
+from ispm.accel.surface import Tables
 from ispm.kernels.simd import alloca
 from ispm.lights.area import faces, lit_side
 from ispm.optics.jit import jit
@@ -33,6 +34,7 @@ _SLIGHT = (
 # asin(s) / s by powers of s^2, the highest first
 _SERIES = tuple(math.comb(2 * k, k) / (4.0**k * (2 * k + 1)) for k in range(7, -1, -1))
 _FEW = 12  # triangles of a scene that all pixels add up: these take half as long as a draw with its ray
+_FILLED = 0.4  # of what a lamp in one piece spans: of a square 1, askew .5
 _EVEN = f32(0.18)  # radians, over which a lamp's light is averaged at most
 _TO_EDGE = f32(0.25)  # of the angle to the edge of a spot's cone, likewise
 _ALL = 48  # triangles of a scene that are added up: these take as long as the draws from more
@@ -44,6 +46,19 @@ def are_known(emitters: Emitters) -> bool:
     triangles = emitters.triangles
     drawn = triangles["textured"].any() or (triangles["cone"] > 0).any()
     return len(triangles) <= _FEW and not drawn
+
+
+def is_one_lamp(tables: Tables) -> bool:
+    """Return whether all draws are to one lamp in one piece: nothing else with a surface shines, nor an
+    environment, and its triangles fill what it spans."""
+    lamp = tables.emitters.triangles
+    if len(tables.environment.rows) or not (lamp["instance"] == lamp["instance"][:1]).all():
+        return False
+    corners = lamp["corner"][:, None] + np.stack(
+        [np.zeros_like(lamp["edge1"]), lamp["edge1"], lamp["edge2"]], 1
+    )
+    _, width, length = np.sort(np.ptp(corners.reshape(-1, 3), axis=0)) if len(lamp) else np.zeros(3)
+    return bool(lamp["area"].sum() >= _FILLED * width * length)
 
 
 @jit

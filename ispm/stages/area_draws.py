@@ -112,7 +112,7 @@ def _empty_samples(count: int, by_draws: int) -> Samples:
     diffuse, drawn, known = np.zeros((3, 3, count), np.float32)
     gloss = np.zeros((6, count), np.float32)
     reach, shine = np.full((2, count), np.inf, np.float32)
-    return Samples(diffuse, gloss, drawn, known, lamps, near, reach, np.zeros(count, np.float32), shine)
+    return Samples(diffuse, gloss, drawn, known, lamps, near, reach, np.ones(count, np.float32), shine)
 
 
 @jit

@@ -19,9 +19,10 @@ from typing import Any
 
 import numpy as np
 
-from ispm.accel.surface import SurfaceTable, scene_tables
+from ispm.accel.surface import SurfaceTable, Tables, scene_tables
 from ispm.accel.world import World
 from ispm.kernels.share import run_shared, shared_rows
+from ispm.lights.known import is_one_lamp
 from ispm.lights.openings import Openings
 from ispm.optics.jit import jit
 from ispm.scene.packed import Packed
@@ -33,6 +34,7 @@ from ispm.stages.pixels import Pixels, PixelView, is_lit, transmitted_shares
 
 f32, i64 = np.float32, np.int64
 
+_LEAST_REACH = 2.0  # pixels to each side that the filter takes in at least in the first pass
 _STRIDES = 4, 12  # pixels between squares that lie side by side: each of 3 x 3 of those before
 
 
@@ -62,18 +64,25 @@ def area_light(
     lobes, drawn = draw_light(tables, pixels, view, openings, threads)
     for samples in drawn:
         if len(samples.reach):
-            means, unshaded = filtered(shapes, lobes, view, smoothing, samples, threads)
+            means, unshaded = filtered(shapes, lobes, tables, view, smoothing, samples, threads)
             run_shared(partial(_add_shown, tables, pixels, lobes, means, unshaded, light), threads)
     return light
 
 
 def filtered(
-    shapes: Shapes, lobes: Lobes, view: PixelView, smoothing: float, samples: Samples, threads: int
+    shapes: Shapes,
+    lobes: Lobes,
+    tables: Tables,
+    view: PixelView,
+    smoothing: float,
+    samples: Samples,
+    threads: int,
 ) -> tuple[Means, Unshaded]:
     """Return the Means of Samples and what is Unshaded; the samples' own values are used up."""
     count = len(samples.reach)
-    least = samples.least / np.float32(math.sqrt(1.0 + view.pass_index))  # single rays are specks
-    np.maximum(samples.reach, least, out=samples.reach)
+    # Single rays are specks where they go to many lights. Of one lamp's shadow the edge is a line.
+    least = np.float32(_LEAST_REACH / math.sqrt(1.0 + view.pass_index))
+    np.maximum(samples.reach, least * samples.angle if is_one_lamp(tables) else least, out=samples.reach)
 
     def run(kernel: Callable[..., Any], *given: Any) -> None:
         run_shared(

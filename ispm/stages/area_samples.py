@@ -23,9 +23,6 @@ from ispm.stages.pixels import lift
 f32 = np.float32
 
 _BLUR = f32(0.25)  # of a penumbra's width, that the filter blurs it over to each side at most
-# Pixels that the filter takes in to each side at least, of light from everywhere; else times its angle,
-# radians: edges of shadows of what is small are lines, and contacts below a sky are wide.
-_LEAST_REACH = f32(1)
 # Of a lobe's alpha, that view and light together turn by over the filter's reach. Squares of 5 x 5 pixels at
 # strides of 4 and 12, whole from a reach of 36 on, have a standard deviation of 10.4: 2 % off GGX's peak.
 _LOBE_BLUR = f32(0.5)
@@ -57,7 +54,7 @@ class Samples(NamedTuple):
     near            (n,) or (0,) pixels over which that may be averaged, infinite where they bring nothing
     reach           (n,) pixels to each side that the filter may take in: of the penumbra's width, infinite
                     where none shades a Lambert surface
-    least           (n,) pixels to each side that it takes in at least in a picture's first pass
+    angle           (n,) radians, 1 at most, that the light fills of which that penumbra is
     shine           (n,) likewise for `gloss` alone: of the lobe's width, infinite where there is none
     """
 
@@ -68,7 +65,7 @@ class Samples(NamedTuple):
     lamps: np.ndarray
     near: np.ndarray
     reach: np.ndarray
-    least: np.ndarray
+    angle: np.ndarray
     shine: np.ndarray
 
 
@@ -203,7 +200,7 @@ def _passed(tables, shown, arriving, i, scratch, samples):
             width = angle * met / max(f32(1) - met / distance, f32(1e-6))
             reach = _BLUR * width / shown.width
             if reach < samples.reach[i]:
-                samples.reach[i], samples.least[i] = reach, _LEAST_REACH * min(angle, f32(1))
+                samples.reach[i], samples.angle[i] = reach, min(angle, f32(1))
         if not tables.porous:
             return f32(0), f32(0), f32(0)
         return shadow_transmittance(tables, start, toward, distance, scratch)

@@ -133,7 +133,7 @@ def _add_light_of_image(
     lobes, drawn = draw_by(once, again, tables, view, count, threads)
     for samples in drawn:
         if len(samples.reach):
-            means, unshaded = filtered(shapes, lobes, view, smoothing, samples, threads)
+            means, unshaded = filtered(shapes, lobes, tables, view, smoothing, samples, threads)
             run_shared(partial(_add_shown, image, means, unshaded, light), threads)
 
 

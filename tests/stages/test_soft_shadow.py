@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from exact_light import polygon_irradiance
 
-from ispm import Camera, Environment, RectLight, Renderer, Scene, Settings, euler, shapes
+from ispm import Camera, Environment, Material, RectLight, Renderer, Scene, Settings, euler, shapes
 from ispm.library.common import add_camera, lambert
-from ispm.library.shapes import box
+from ispm.library.shapes import box, polygons
 from ispm.stages.camera import CameraView
 
 SIZE = 128, 96
@@ -148,7 +148,7 @@ def edge_over_floor():
     sheet = shapes.plane(2.0, 2.0)
     scene.add(sheet, material=lambert((0.0,) * 3), translation=(-1.0, EDGE, 0.0))
     lamp = RectLight((10.0,) * 3, width=2 * HALF, height=2 * HALF)
-    scene.add(lamp, translation=(0.0, ABOVE, 0.0), rotation=euler(-90, 0, 0, degrees=True))
+    scene.add(lamp, translation=(0.0, ABOVE, 0.0), rotation=euler(-90, 0, 0, degrees=True), name="lamp")
     pose = Camera.look_at((3.0, 3.0, 0.0), (0.0, 0.0, 0.0)).pose
     return scene, Camera(pose=pose, ymag=SIZE[1] * PIXEL / 2)
 
@@ -196,6 +196,29 @@ def test_a_narrow_penumbra_is_right_in_the_mean_sharp_and_smooth_in_one_pass(gpu
     assert (np.abs(error) < blur + 4.0 * 0.5 / math.sqrt(draws)).all()
     grain = found.std(axis=2).mean(axis=0)[half] / lit
     assert grain.mean() < np.sqrt(shares * (1.0 - shares) / 36)[half].mean()
+
+
+@pytest.mark.parametrize("pieces", ["two lamps", "one of two pieces"])
+def test_a_sharp_shadow_of_one_of_two_lamps_is_smooth_in_one_pass(gpu, pieces):
+    """A share p of the draws there goes to the other lamp: means of 25 pixels of four deviate by
+    sqrt(p (1 - p) / 100) of what both bring, those of parts of a square by less, single pixels by five times
+    that."""
+    scene, camera = edge_over_floor()
+    if pieces == "two lamps":
+        lamp = RectLight((2.0,) * 3, width=2 * HALF, height=2 * HALF)
+        scene.add(lamp, translation=(2.0, ABOVE, 0.0), rotation=euler(-90, 0, 0, degrees=True))
+    else:
+        scene.remove("lamp")
+        corners = HALF * np.array([(-1, 0, -1), (1, 0, -1), (1, 0, 1), (-1, 0, 1)])
+        squares = [corners + np.array((x, ABOVE, 0.0)) for x in (0.0, 2.5)]
+        scene.add(polygons(squares), material=Material((0.0,) * 3, specular=0.0, emission=(10.0,) * 3))
+    rows, _, _ = beneath_the_edge(camera)
+    with Renderer(scene, Settings(size=SIZE, bounces=0, antialias=False), camera, gpu=gpu) as renderer:
+        found = renderer.render().direct[rows, :, 1].astype(float)
+    both, one = found[-4:].mean(), found[:4]
+    share = one.mean() / both
+    assert 0.01 < share < 0.2
+    assert one.std(axis=1).mean() < math.sqrt(share * (1.0 - share) / 100) * both
 
 
 @pytest.mark.parametrize("light", ["sky", "lamp"])
