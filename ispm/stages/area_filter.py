@@ -27,7 +27,7 @@ from ispm.stages.area_runs import (
     part_aside,
     run_of,
     runs,
-    take_about,
+    take_between,
     take_least,
 )
 from ispm.stages.area_shapes import keep_alike
@@ -98,14 +98,14 @@ def filter_samples(shapes, view, smoothing, samples, lobes, counter, work, means
         reach, weight, total, sums = work[0, :size], work[1, :size], work[2, :size], work[5:20]
         alike, whole = work[20, :size], work[21:27]
         shine, shining = work[27, :size], work[28, :size]
-        near, even, evenly = work[31, :size], work[32, :size], work[33, :size]
+        near, lamp_taps, lamp_total = work[31, :size], work[32, :size], work[33, :size]
         if by_draws:
             take_least(samples.near, i, first, columns, i64(1), _REACH, means.near[i:end])
             forget_unshown(shapes.word[i:end], means.near[i:end])
             for x in range(size):
                 near[x] = min(means.near[i + x], f32(_REACH)) * smoothing
         mean = f32(1) / (f32(1) + f32(view.pass_index))
-        take_about(samples.reach, mean, _FAR, i, first, columns, _REACH, weight, total, means.reach[i:end])
+        take_between(samples.reach, mean, _FAR, i, first, columns, _REACH, weight, total, means.reach[i:end])
         take_least(samples.shine, i, first, columns, i64(1), _REACH, means.shine[i:end])
         forget_unshown(shapes.word[i:end], means.reach[i:end])
         forget_unshown(shapes.word[i:end], means.shine[i:end])
@@ -119,7 +119,7 @@ def filter_samples(shapes, view, smoothing, samples, lobes, counter, work, means
         sums[:] = f32(0)
         whole[:] = f32(0)
         shining[:] = f32(0)
-        evenly[:] = f32(0)
+        lamp_total[:] = f32(0)
         for tap in range((2 * _REACH + 1) ** 2):
             down, right = tap // (2 * _REACH + 1) - _REACH, tap % (2 * _REACH + 1) - _REACH
             low, high, k = part(i, first, size, down, right, columns, count)
@@ -131,12 +131,12 @@ def filter_samples(shapes, view, smoothing, samples, lobes, counter, work, means
             if tap != (2 * _REACH + 1) ** 2 // 2:
                 keep_alike(shapes, i + low, k, room, work[4, :size_of], same)
             if by_draws:
-                _weigh(near[low:high], down, right, even[low:high])
+                _weigh(near[low:high], down, right, lamp_taps[low:high])
                 for x in range(size_of):
-                    even[low + x] *= same[x]
-                    evenly[low + x] += even[low + x]
+                    lamp_taps[low + x] *= same[x]
+                    lamp_total[low + x] += lamp_taps[low + x]
                 for c in range(3):
-                    add(even[low:high], samples.lamps[c, k:until], sums[6 + c, low:high])
+                    add(lamp_taps[low:high], samples.lamps[c, k:until], sums[6 + c, low:high])
             _weigh(reach[low:high], down, right, taps)
             for x in range(size_of):
                 taps[x] *= same[x]
@@ -165,7 +165,7 @@ def filter_samples(shapes, view, smoothing, samples, lobes, counter, work, means
             known, drawn = samples.known[c, i:end], means.drawn[c, i:end]
             shown, lamps = unshaded.diffuse[c, i:end], sums[6 + c, :size]
             if by_draws:
-                divide(lamps, evenly, means.lamps[c, i:end])
+                divide(lamps, lamp_total, means.lamps[c, i:end])
                 lamps = means.lamps[c, i:end]
             for x in range(size):
                 shown[x] = drawn[x] + by_ratio[x] * (known[x] + lamps[x] - drawn[x])

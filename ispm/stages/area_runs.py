@@ -64,7 +64,7 @@ def take_least(values, i, first, columns, stride, reach, out):
 
 
 @jit
-def take_about(values, share, limit, i, first, columns, reach, counts, sums, out):
+def take_between(values, share, limit, i, first, columns, reach, counts, sums, out):
     """Write what lies between the least of the values about each pixel of a run, as far to each side as
     `reach`, and the harmonic mean of those that are below a limit: a share of the way to it.
 
