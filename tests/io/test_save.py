@@ -29,7 +29,6 @@ from ispm.scene.light import DirectionalLight, DiskLight, PointLight, RectLight,
 from ispm.scene.material import AlphaMode, Material, Texture, TextureUse, Wrap
 from ispm.scene.mesh import Mesh
 from ispm.scene.scene import Node, Part, Scene
-from ispm.scene.sky import Sky
 
 ENDINGS = ("glb", "gltf")
 
@@ -484,36 +483,6 @@ def test_a_lamp_beside_instances_is_refused_by_name(tmp_path):
     node.instances = np.tile(np.eye(4), (2, 1, 1))
     with pytest.raises(SceneError, match="'chandelier' holds a lamp and instances"):
         save(Scene([node]), tmp_path / "scene.glb")
-
-
-@pytest.mark.parametrize("ending", ["glb", "gltf"])
-def test_a_sky_loads_back_equal(tmp_path, ending):
-    sky = Sky(
-        sun_elevation=0.3, sun_azimuth=1.0, turbidity=5.0, intensity=0.5, background=False, sun_radius=0.0
-    )
-    path = save(Scene(environment=sky), tmp_path / f"a.{ending}")
-    loaded = load(path)
-    assert loaded.environment == sky and not loaded.warnings
-
-
-@pytest.mark.parametrize(
-    ("record", "told"),
-    [
-        ({"sun_elevation": 9.0}, "sun_elevation"),
-        ({"sun_elevation": "high"}, "float"),
-        ({"turbidty": 2.0}, "turbidity"),
-        ([1, 2], "object"),
-    ],
-)
-def test_a_sky_that_makes_no_sense_is_passed_over(tmp_path, record, told):
-    path = save(Scene(environment=Sky()), tmp_path / "a.gltf")
-    text = json.loads(path.read_text())
-    text["scenes"][0]["extras"]["ispm_sky"] = record
-    path.write_text(json.dumps(text))
-    loaded = load(path)
-    assert loaded.environment is None
-    (line,) = loaded.warnings
-    assert "the scene's ispm_sky is passed over" in line and told in line
 
 
 def test_an_environment_is_left_out_with_a_line(tmp_path):
