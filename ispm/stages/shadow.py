@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
@@ -21,6 +22,7 @@ from ispm.stages.camera import CameraView
 _PATH = "stages/shadow.wgsl"
 _MAP = wgsl.load("stages/shadow_map.wgsl").dtype("ShadowMap")
 _TILE = wgsl.load("stages/shadow_map.wgsl").dtype("ShadowTile")
+_LEAST_PIXELS = 1 << 19  # of the picture that maps are made for: rays mend edges, not what a map misses
 _FINEST = -15.0  # LEVEL_BIAS with which every lookup takes the finest level
 _VIEW, _MIN_ALPHA = wgsl.load(_PATH).dtype("View"), wgsl.load(_PATH).constants["MIN_ALPHA"]
 _SHEET_SLOTS = ("base_color", "transmission", *SPECULAR_SLOTS)
@@ -213,7 +215,9 @@ def _seen(packed: Packed, receivers: np.ndarray, view: CameraView) -> Seen:
     points = receivers["position"]
     reaches = receivers["footprint"] * np.minimum(receivers["slant"], _SLANTED)
     through = bool((packed.materials["flags"] & MATERIAL_TRANSMITS).any())
-    return Seen(points, receivers["ng"], view.pixel_widths(points), reaches, through)
+    width, height = view.size
+    widths = view.pixel_widths(points) * np.float32(min(1.0, math.sqrt(width * height / _LEAST_PIXELS)))
+    return Seen(points, receivers["ng"], widths, reaches, through)
 
 
 def _are_sheets(materials: np.ndarray) -> np.ndarray:
