@@ -37,16 +37,9 @@ fn vs_masked(@builtin(vertex_index) corner: u32, @builtin(instance_index) instan
     );
 }
 
-// Opacity as rays meet it, in its finest texels: averaged over a map's coarse texels it would be that of
-// whatever else is in the picture.
-fn opacity_at(c: MaskedCorner) -> f32 {
-    let uv = texture_uv(material.base_color_texture, c.uv);
-    return material.base_color.a * c.color.a * textureSampleLevel(base_color_map, base_color_sampler, uv, 0.0).a;
-}
-
 @fragment
 fn fs_masked(c: MaskedCorner) -> @location(0) vec2u {
-    if (is_hole(opacity_at(c), texel_key(c.clip.xy, c.ids.x))) {
+    if (is_hole(finest_opacity(c.uv, c.color), texel_key(c.clip.xy, c.ids.x))) {
         discard;
     }
     return c.ids;

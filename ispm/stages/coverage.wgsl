@@ -12,7 +12,7 @@ struct Corner {
 struct MaskedCorner {
     @builtin(position) clip: vec4f,
     @location(0) @interpolate(flat) instance: u32,
-    @location(1) uv: vec4f,
+    @location(1) @interpolate(perspective, sample) uv: vec4f,  // so that holes, too, are sampled four times
     @location(2) color: vec4f,
 }
 
@@ -39,7 +39,7 @@ fn vs_masked(v: MaskedVertex, @builtin(instance_index) instance: u32) -> MaskedC
 
 @fragment
 fn fs_masked(c: MaskedCorner) -> @location(0) u32 {
-    if (is_clear(base_color_at(c.uv, c.color).a)) {
+    if (is_clear(c.uv, c.color)) {
         discard;
     }
     return short_id(c.instance);

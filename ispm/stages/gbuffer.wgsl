@@ -84,7 +84,7 @@ fn fs(c: Corner) -> Pixel {
         transmission *= select(texel.r, texel.a, (material.flags & MATERIAL_TRANSLUCENT) != 0u);
         bump = bump_of(textureSample(normal_map, normal_sampler, texture_uv(material.normal_texture, c.uv)).xyz);
     }
-    if (MASKED && is_clear(base.a)) {
+    if (MASKED && is_clear(c.uv, c.color)) {
         discard;
     }
     if ((material.flags & MATERIAL_UNLIT) != 0u) {

@@ -56,13 +56,22 @@ fn base_color_at(uv: vec4f, color: vec4f) -> vec4f {
     return material.base_color * color * texel;
 }
 
+// Opacity as rays meet it, in its finest texels: averaged over coarse ones it would be that of whatever else is in
+// the picture, and a mask all or nothing.
+fn finest_opacity(uv: vec4f, color: vec4f) -> f32 {
+    let place = texture_uv(material.base_color_texture, uv);
+    return material.base_color.a * color.a * textureSampleLevel(base_color_map, base_color_sampler, place, 0.0).a;
+}
+
 const LEAST_OPACITY = 1.0 / 512.0;  // of a blended surface that the eye sees
 
-// Whether the eye sees nothing of the material where it has this opacity. What lies behind blended surfaces eye
-// paths find.
-fn is_clear(opacity: f32) -> bool {
-    let masked = (material.flags & MATERIAL_MASK) != 0u;
-    return opacity < select(LEAST_OPACITY, material.alpha_cutoff, masked);
+// Whether the eye sees nothing of the material at a point whose vertices have this color. What lies behind blended
+// surfaces eye paths find.
+fn is_clear(uv: vec4f, color: vec4f) -> bool {
+    if ((material.flags & MATERIAL_MASK) != 0u) {
+        return finest_opacity(uv, color) < material.alpha_cutoff;
+    }
+    return base_color_at(uv, color).a < LEAST_OPACITY;
 }
 
 // Whether light passes the material where it has this opacity. `key` makes BLEND's chance: a place
