@@ -19,7 +19,6 @@ from ispm.accel.emitters import Emitters, corners_from, emitter_point, sample_tr
 from ispm.accel.glow import emitted_radiance
 from ispm.accel.mesh import INSTANCES, triangle_at, world_point
 from ispm.accel.records import Hit
-from ispm.accel.surface import Tables
 from ispm.kernels.simd import alloca
 from ispm.lights.area import faces, lit_side
 from ispm.optics.jit import jit
@@ -48,11 +47,11 @@ def are_known(emitters: Emitters) -> bool:
     return len(triangles) <= _FEW and not drawn
 
 
-def is_one_lamp(tables: Tables) -> bool:
-    """Return whether all draws are to one lamp in one piece: nothing else with a surface shines, nor an
-    environment, and its triangles fill what it spans."""
-    lamp = tables.emitters.triangles
-    if len(tables.environment.rows) or not (lamp["instance"] == lamp["instance"][:1]).all():
+def is_one_lamp(emitters: Emitters) -> bool:
+    """Return whether all draws are to one lamp in one piece: nothing else with a surface shines, and its
+    triangles fill what it spans."""
+    lamp = emitters.triangles
+    if not (lamp["instance"] == lamp["instance"][:1]).all():
         return False
     corners = lamp["corner"][:, None] + np.stack(
         [np.zeros_like(lamp["edge1"]), lamp["edge1"], lamp["edge2"]], 1

@@ -11,6 +11,8 @@ _STEPS = 1 << 24  # of cumulative probability: float32 and random numbers have a
 _LEAST = 4  # steps that a pixel with any light has in its row, and such a row in the image
 _PI = math.pi
 _LEAST_SUN = 0.3  # of all light: sunlight that is less is drawn, known and filtered with the sky's
+_SMALL = 0.1  # radians from the upper to the lower end of one sun at most
+_FILLED = 0.4  # of the rectangle about it, that it fills
 _COARSE = 32  # rows of blocks of pixels, for irradiance, and half the columns
 _SUBBLOCK_ROWS = 512  # likewise, of smaller blocks, which give the mean direction of those
 _FINE = 128  # rows of pixels at least, likewise
@@ -52,6 +54,17 @@ def _with_suns(table: EnvironmentTable, weights: np.ndarray) -> EnvironmentTable
     share = np.float32(chances[weights > 0.0].sum(dtype=float))
     rows = _cumulative(weights.sum(axis=1)[None])[0]
     return table._replace(sun_rows=rows, sun_columns=_cumulative(weights), sun_share=share)
+
+
+def is_one_sun(table: EnvironmentTable) -> bool:
+    """Return whether sunlight comes from one small part of the sky, which is as good as filled with it."""
+    rows = np.flatnonzero(np.diff(table.sun_rows) > 0.0)
+    if not 0 < len(rows) <= max(_SMALL / _PI * len(table.radiance), 2.0):
+        return False
+    has_sun = np.diff(table.sun_columns[rows]) > 0.0
+    columns = np.flatnonzero(has_sun.any(axis=0))
+    across = len(has_sun[0]) - int(np.diff(columns, append=columns[0] + len(has_sun[0])).max()) + 1
+    return bool(has_sun.sum() >= _FILLED * (rows[-1] - rows[0] + 1) * across)
 
 
 def _finer(radiance: np.ndarray) -> np.ndarray:

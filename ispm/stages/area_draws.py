@@ -26,7 +26,7 @@ from ispm.accel.surface import SurfacePoint, Tables
 from ispm.kernels.share import run_shared, shared_rows
 from ispm.kernels.simd import alloca
 from ispm.lights.area import PAIRS_OF_MANY, candidate_pdf, lit_side, resample_surround, sample_lamps
-from ispm.lights.area_parts import DIMENSION, SIDE, first_turn, numbers_of
+from ispm.lights.area_parts import DIMENSION, first_turn, numbers_of
 from ispm.lights.known import are_known, even_angle, unshaded_lamps
 from ispm.lights.nee import drawn_lobe, draws_by_lobes, greatest, next_numbers
 from ispm.lights.openings import Openings, draw_opening, opening_cell, opening_pdf
@@ -40,8 +40,26 @@ from ispm.optics.environment import (
 from ispm.optics.jit import jit
 from ispm.optics.light import FAR
 from ispm.optics.rng import random4
-from ispm.optics.vector import add, dot, luminance, scale
-from ispm.stages.area_samples import Arriving, Lobes, Samples, add_light, add_light_of_lobe, has_wide_gloss
+from ispm.optics.vector import dot, luminance, scale
+from ispm.stages.area_marks import (
+    are_partly_shaded,
+    closeness,
+    draws_more,
+    is_any,
+    mark_of,
+    marks_about_squares,
+    marks_around,
+    square_of,
+)
+from ispm.stages.area_samples import (
+    Arriving,
+    KindsOfSamples,
+    Lobes,
+    Samples,
+    add_light,
+    add_light_of_lobe,
+    has_wide_gloss,
+)
 from ispm.stages.pixels import Pixels, PixelView, is_lit, shown_at
 
 f32, i64, u32 = np.float32, np.int64, np.uint32
@@ -51,21 +69,12 @@ CHUNK = 64  # pixels a thread takes at a time
 _PAIRS = 1  # of directions that one of the environment is drawn from
 _DRAWS, _DRAWS_LATER = 4, 2  # of a pixel in a narrow penumbra, in the first pass; in others, and beside one
 _FAINT = f32(0.005)  # of the environment's light, of which at least a fourth is open
-_NARROW = f32(6)  # pixels that the filter reaches there, less than which its wider squares have no weight
-# Pixels that lamps' light is averaged over: below the first the filter's widest squares count in part, below
-# 12 those of its first stride. 2, 4, 8 and 16 draws make some 1,800 of what is averaged, from 9 pixels on.
-_CLOSE = f32(36), f32(25), f32(20), f32(9)
-_IS_NARROW, _IS_REACHED = 1, 2  # marks: of what casts a shadow, of light
-_SUN_BIT = 2  # and from this bit on: likewise of suns
-_CLOSE_BIT, _CLOSE_BITS = 4, 15  # and from this bit on: of what lamps bring, which of _CLOSE it is below
-_AROUND = 2  # pixels to each side that tell of penumbrae and of lamps
 
 
 def draw_light(
     tables: Tables, pixels: Pixels, view: PixelView, openings: Openings, threads: int
-) -> tuple[Lobes, tuple[Samples, Samples]]:
-    """Return the Lobes of n pixels, and the Samples: of the environment's sunlight, without rows where it has
-    none, and of all other light; Openings guide draws from the environment."""
+) -> tuple[Lobes, KindsOfSamples]:
+    """Return the Lobes of n pixels, and the Samples; Openings guide draws from the environment."""
     told = tables, pixels, view, openings
     return draw_by(
         partial(_draw_once, *told), partial(_refine, *told), tables, view, len(pixels.points), threads
@@ -79,31 +88,23 @@ def draw_by(
     view: PixelView,
     count: int,
     threads: int,
-) -> tuple[Lobes, tuple[Samples, Samples]]:
+) -> tuple[Lobes, KindsOfSamples]:
     """Return what `draw_light` does of what kernels take `count` pixels to show.
 
     draw_once  of marks, the threads' counter, and the Lobes and Samples to fill, see `draw_first`
-    refine     of marks, `_marks_about_squares`, the counter and the Samples, see `draw_again`
+    refine     of marks, `marks_about_squares`, the counter and the Samples, see `draw_again`
     """
-    by_draws = 0 if are_known(tables.emitters) else count
-    samples = _empty_samples(count, by_draws)
-    suns = _empty_samples(count if len(tables.environment.sunlight) else 0, 0)
+    emitters, environment = tables.emitters, tables.environment
+    lamps = count if len(emitters.triangles) else 0
+    by_draws = 0 if are_known(emitters) else lamps
+    sky, suns = (count if len(rows) else 0 for rows in (environment.rows, environment.sunlight))
+    samples = KindsOfSamples(_empty_samples(lamps, by_draws), _empty_samples(sky, 0), _empty_samples(suns, 0))
     alpha, f90 = np.zeros((2, count), np.float32)
-    lobes, marks = Lobes(alpha, np.zeros((3, count), np.float32), f90), np.zeros(count, np.uint8)
-    run_shared(lambda counter: draw_once(marks, counter, lobes, samples, suns), threads)
-    about = _marks_about_squares(marks.reshape(-1, int(view.columns)))
-    run_shared(lambda counter: refine(marks, about, counter, samples, suns), threads)
-    return lobes, (suns, samples)
-
-
-def _marks_about_squares(marks: np.ndarray) -> np.ndarray:
-    """All that marks, (rows, columns), tell of each square of pixels and of the eight about it."""
-    rows, columns = (np.arange(0, size, SIDE) for size in marks.shape)
-    squares = np.bitwise_or.reduceat(np.bitwise_or.reduceat(marks, rows, axis=0), columns, axis=1)
-    padded, about = np.pad(squares, 1), np.zeros_like(squares)
-    for down, right in np.ndindex(3, 3):
-        about |= padded[down : down + len(rows), right : right + len(columns)]
-    return about
+    lobes, marks = Lobes(alpha, np.zeros((3, count), np.float32), f90), np.zeros(count, np.uint16)
+    run_shared(lambda counter: draw_once(marks, counter, lobes, samples), threads)
+    about = marks_about_squares(marks.reshape(-1, int(view.columns)))
+    run_shared(lambda counter: refine(marks, about, counter, samples), threads)
+    return lobes, samples
 
 
 def _empty_samples(count: int, by_draws: int) -> Samples:
@@ -116,122 +117,87 @@ def _empty_samples(count: int, by_draws: int) -> Samples:
 
 
 @jit
-def _draw_once(tables, pixels, view, openings, marks, counter, lobes, samples, suns):
+def _draw_once(tables, pixels, view, openings, marks, counter, lobes, samples):
     """`draw_first` for as many of the Pixels as a thread gets."""
     scratch, first = Scratch(alloca(STACK_WORDS), alloca(2)), first_turn(view)
     for i in shared_rows(counter, CHUNK, len(pixels.points)):
         if is_lit(tables, pixels, i):
             shown, numbers = shown_at(tables, pixels, view, i), numbers_of(view, i, i64(0), first)
-            draw_first(tables, shown, numbers, openings, i, scratch, marks, lobes, samples, suns)
+            draw_first(tables, shown, numbers, openings, i, scratch, marks, lobes, samples)
 
 
 @jit
-def draw_first(tables, shown, numbers, openings, i, scratch, marks, lobes, samples, suns):
-    """Trace a shadow ray to each lamp and the environment for what row i has Shown, by three random numbers,
-    mark what they met, and write its Lobes."""
-    surrounded, by_draws, sunny = (
-        has_environment(tables.environment),
-        len(samples.near) > 0,
-        len(suns.reach) > 0,
-    )
+def draw_first(tables, shown, numbers, openings, i, scratch, marks, lobes, samples):
+    """Trace a shadow ray to each kind of light for what row i has Shown, by three random numbers, mark what
+    they met, and write its Lobes."""
+    lamps, sky, suns = samples
+    kinds = len(lamps.reach) > 0, len(sky.reach) > 0, len(suns.reach) > 0
     if not is_lambert(shown.x.bsdf):
         # what reflection leaves to the Lambert lobe depends on the draw, whose ratio alone is biased; and
         # what is reflected is known by draws alone, of which each pixel of a square has another part
-        samples.reach[i] = UNSHADED
-        if sunny:
-            suns.reach[i] = UNSHADED
+        for drawn in samples:
+            if len(drawn.reach) > 0:
+                drawn.reach[i] = UNSHADED
         lobes.alpha[i], lobes.f90[i] = shown.x.bsdf.alpha, shown.x.bsdf.f90
         for c in range(3):
             lobes.f0[c, i] = shown.x.bsdf.f0[c]
-    _draw(tables, shown, numbers, openings, i, scratch, samples, suns, True, sunny)
-    known = sunlight = f32(0), f32(0), f32(0)
-    if surrounded:
-        sunlight, known = environment_irradiance(tables.environment, shown.x.n)
-    if not by_draws:
-        known = add(known, unshaded_lamps(tables, shown.x, f32(0), f32(0), f32(0), i64(0)))
-    for c in range(3):
-        samples.known[c, i] = known[c] * f32(1 / math.pi)
-    mark = _mark(samples, i)
-    if sunny:
-        for c in range(3):
-            suns.known[c, i] = sunlight[c] * f32(1 / math.pi)
-        mark += _mark(suns, i) << _SUN_BIT
-    if by_draws:
-        for level in range(len(_CLOSE)):
-            mark += (1 << (_CLOSE_BIT + level)) * (samples.near[i] < _CLOSE[level])
-    marks[i] = mark
+    _draw(tables, shown, numbers, openings, i, scratch, samples, kinds)
+    by_lamps, others, sunlight = kinds
+    if by_lamps and len(lamps.near) == 0:
+        _set_known(lamps, i, unshaded_lamps(tables, shown.x, f32(0), f32(0), f32(0), i64(0)))
+    if others:
+        bright, dark = environment_irradiance(tables.environment, shown.x.n)
+        _set_known(sky, i, dark)
+        if sunlight:
+            _set_known(suns, i, bright)
+    marks[i] = mark_of(samples, i)
 
 
 @jit
-def _mark(samples, i):
-    """_IS_NARROW and _IS_REACHED of row i of the Samples."""
-    is_reached = False
+def _set_known(samples, i, irradiance):
+    """Write what irradiance, lx RGB, makes of row i of the Samples if nothing shades it."""
     for c in range(3):
-        gloss = samples.gloss[c, i] + samples.gloss[3 + c, i]
-        is_reached = is_reached or samples.diffuse[c, i] > f32(0) or gloss > f32(0)
-    return _IS_NARROW * (samples.reach[i] < _NARROW) + _IS_REACHED * is_reached
+        samples.known[c, i] = irradiance[c] * f32(1 / math.pi)
 
 
 @jit
-def _refine(tables, pixels, view, openings, marks, about, counter, samples, suns):
+def _refine(tables, pixels, view, openings, marks, about, counter, samples):
     """`draw_again` for as many of the Pixels as a thread gets."""
     scratch, first = Scratch(alloca(STACK_WORDS), alloca(2)), first_turn(view)
     for i in shared_rows(counter, CHUNK, len(pixels.points)):
         square = square_of(about, view, i)
         if draws_more(square) and is_lit(tables, pixels, i):
             shown = shown_at(tables, pixels, view, i)
-            draw_again(tables, shown, view, openings, i, first, scratch, marks, square, samples, suns)
+            draw_again(tables, shown, view, openings, i, first, scratch, marks, square, samples)
 
 
 @jit
-def square_of(about, view, i):
-    """Return what `_marks_about_squares` tell, int64, of the square of row i."""
-    return i64(about[i // view.columns // SIDE, i % view.columns // SIDE])
-
-
-@jit
-def draws_more(square):
-    """Return whether pixels of a square draw more than once, by what marks tell of it."""
-    others, sun = _are_partly_shaded(square)
-    return others or sun or square >> _CLOSE_BIT > 0
-
-
-@jit
-def draw_again(tables, shown, view, openings, i, first, scratch, marks, square, samples, suns):
+def draw_again(tables, shown, view, openings, i, first, scratch, marks, square, samples):
     """Have row i, if it is in or beside a narrow penumbra, draw again, so that the Samples are their means,
     and if it is close to lamps, know what these bring without shadows.
 
     first   `first_turn`;  square  what `square_of` tells of it
     """
-    draws_others, draws_suns = _are_partly_shaded(square)
-    around, draws = _marks_around(marks, i, view.columns), i64(1)
-    if draws_others or draws_suns:
-        others, sun = _are_partly_shaded(around | i64(marks[i]))
-        draws = i64(_DRAWS if view.pass_index == u32(0) and (others or sun) else _DRAWS_LATER)
+    lamps, kinds = samples.lamps, are_partly_shaded(square)
+    around, draws = marks_around(marks, i, view.columns), i64(1)
+    if is_any(kinds):
+        is_narrow_here = is_any(are_partly_shaded(around | i64(marks[i])))
+        draws = i64(_DRAWS if view.pass_index == u32(0) and is_narrow_here else _DRAWS_LATER)
     for k in range(1, draws):
         numbers = numbers_of(view, i, i64(k), first)
-        _draw(tables, shown, numbers, openings, i, scratch, samples, suns, draws_others, draws_suns)
-    if draws_others:
-        _take_mean(samples, i, draws)
-    if draws_suns:
-        _take_mean(suns, i, draws)
-    # 0, 1, 3, 7 or 15: below one of _CLOSE is below those before
-    close = around >> _CLOSE_BIT & _CLOSE_BITS
+        _draw(tables, shown, numbers, openings, i, scratch, samples, kinds)
+    for kind in range(len(kinds)):
+        if kinds[kind]:
+            _take_mean(samples[kind], i, draws)
+    close = closeness(around)
     if close:
         r0, r1, r2, _ = random4(u32(i), u32(DIMENSION + 3), view.pass_index, view.seed)
         light = unshaded_lamps(tables, shown.x, r0, r1, r2, close + i64(1))
         for c in range(3):
-            samples.lamps[c, i] = light[c] * f32(1 / math.pi)
-    elif draws_others and len(samples.near) > 0:
+            lamps.lamps[c, i] = light[c] * f32(1 / math.pi)
+    elif kinds[0] and len(lamps.near) > 0:
         for c in range(3):
-            samples.lamps[c, i] *= f32(1) / f32(draws)
-
-
-@jit
-def _are_partly_shaded(marks):
-    """Whether marks tell of narrow shadows and of light: of all but suns, and of these."""
-    partly = _IS_NARROW | _IS_REACHED
-    return marks & partly == partly, marks >> _SUN_BIT & partly == partly
+            lamps.lamps[c, i] *= f32(1) / f32(draws)
 
 
 @jit
@@ -243,26 +209,17 @@ def _take_mean(samples, i, draws):
 
 
 @jit
-def _marks_around(marks, i, columns):
-    """All that marks tell of the pixels about row i, but for i itself."""
-    row, column, rows, every = i // columns, i % columns, i64(len(marks)) // columns, i64(0)
-    for y in range(max(row - _AROUND, 0), min(row + _AROUND, rows - 1) + 1):
-        for x in range(max(column - _AROUND, 0), min(column + _AROUND, columns - 1) + 1):
-            if y != row or x != column:
-                every |= i64(marks[y * columns + x])
-    return every
-
-
-@jit
-def _draw(tables, shown, numbers, openings, i, scratch, samples, suns, draws_others, draws_suns):
-    """Add to row i a draw from lamps and from the environment, by three random numbers: to the Samples of
-    suns and to those of all others, where asked for."""
-    if draws_others:
-        _draw_lamp(tables, shown, numbers, openings, i, scratch, samples)
-    if has_environment(tables.environment):
-        sunny = len(suns.reach) > 0
-        into = suns if sunny else samples, draws_suns if sunny else draws_others
-        _draw_surround(tables, shown, numbers, openings, i, scratch, samples, draws_others, *into)
+def _draw(tables, shown, numbers, openings, i, scratch, samples, kinds):
+    """Add to row i of the Samples of these kinds, three bool, a draw by three random numbers."""
+    by_lamps, others, sunlight = kinds
+    if by_lamps:
+        _draw_lamp(tables, shown, numbers, openings, i, scratch, samples.lamps)
+    if not (others or sunlight):
+        return
+    sky, suns = samples.sky, samples.suns
+    if len(suns.reach) == 0:
+        suns, sunlight = sky, others
+    _draw_surround(tables, shown, numbers, openings, i, scratch, sky, others, suns, sunlight)
 
 
 @jit
@@ -325,18 +282,18 @@ def _is_faint(tables, x, openings, irradiance):
 
 
 @jit
-def _draw_surround(tables, shown, numbers, openings, i, scratch, samples, draws_others, suns, draws_suns):
-    """Add to row i of the Samples, of suns and of all others, where asked for, the two Surrounds that three
+def _draw_surround(tables, shown, numbers, openings, i, scratch, sky, draws_sky, suns, draws_suns):
+    """Add to row i of the Samples of the sky and of suns, where asked for, the two Surrounds that three
     random numbers draw and, where openings guide, one of where the environment is open, by the balance
     heuristic (Veach 1997, section 9.2.2), but for candidates' densities in place of the first draws'."""
     x, wo = _without_color(shown.x), shown.wo
     place = cell, is_guided = opening_cell(openings, x)
     dark, bright = _surround(tables, x, wo, numbers)
     share = tables.environment.sun_share if len(tables.environment.sunlight) > 0 else f32(1)
-    if draws_others:
+    if draws_sky:
         weight, guided = _first_share(tables, x, wo, openings, place, dark, dark.pdf)
         arriving = _from_sky(scale(weight, dark.radiance), dark.wi, dark.pdf, guided, is_guided)
-        add_light(tables, shown, arriving, i, scratch, samples)
+        add_light(tables, shown, arriving, i, scratch, sky)
     if draws_suns:
         weight, guided = _first_share(tables, x, wo, openings, place, bright, bright.pdf / share)
         arriving = Arriving(scale(weight, bright.radiance), FAR, bright.wi, bright.pdf, bright.pdf, f32(0))
@@ -348,14 +305,14 @@ def _draw_surround(tables, shown, numbers, openings, i, scratch, samples, draws_
     is_sun = luminance(radiance) > tables.environment.brightest
     density = pdf / share if is_sun else pdf
     own = candidate_pdf(tables, x, wo, wi, density, _draws_by_lobes(x), has_wide_gloss(x.bsdf))
-    if own <= f32(0) or not (draws_suns if is_sun else draws_others):
+    if own <= f32(0) or not (draws_suns if is_sun else draws_sky):
         return
     guided = opening_pdf(openings, cell, x.position, wi)
     light = scale(f32(1) / (own + guided), radiance)
     if is_sun:
         add_light(tables, shown, Arriving(light, FAR, wi, pdf, pdf, f32(0)), i, scratch, suns)
     else:
-        add_light(tables, shown, _from_sky(light, wi, pdf, guided, True), i, scratch, samples)
+        add_light(tables, shown, _from_sky(light, wi, pdf, guided, True), i, scratch, sky)
 
 
 @jit

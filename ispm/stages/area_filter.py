@@ -36,6 +36,7 @@ f32, i64, u32 = np.float32, np.int64, np.uint32
 
 WORK = 35, RUN  # shape of the float32 array that a thread works in
 _REACH = 2  # pixels to each side that the filter takes in
+_LEAST = f32(1e-4)  # weight of a row or column within them
 _FAR = f32(72)  # of a reach, which narrows no filter: the widest squares are whole from half of it on
 _SAME = f32(math.cos(math.radians(2.0)))  # of normals, of pixels whose light without shadows is averaged
 _UNLIKE = f32(4)  # over the difference of lobes' alpha, from which they are not averaged
@@ -112,7 +113,7 @@ def filter_samples(shapes, view, smoothing, samples, lobes, counter, work, means
         by_ratio = unshaded.by_ratio[i:end]
         for x in range(size):
             reach[x] = min(means.reach[i + x], f32(_REACH))
-            by_ratio[x] = share_most * reach[x] * f32(1 / _REACH)
+            by_ratio[x] = share_most * max(reach[x] * f32(1 / _REACH), mean)
             reach[x] *= smoothing
         shines = _any_about(samples.gloss, i, first, columns, total)
         total[:] = f32(0)
@@ -364,5 +365,6 @@ def _wide(reach, stride):
 
 @jit
 def _near(away, reach):
-    """Weight of a pixel `away` rows or columns from the middle of a square that reaches so far."""
-    return min(max(reach + f32(0.5) - abs(f32(away)), f32(0)), f32(1)) if away != 0 else f32(1)
+    """Weight of a pixel `away` rows or columns from the middle of a square that reaches so far; next to none
+    beyond it, for what share of light passes is not known where no draw brings any."""
+    return min(max(reach + f32(0.5) - abs(f32(away)), _LEAST), f32(1)) if away != 0 else f32(1)

@@ -13,7 +13,7 @@ where that is drawn, which varies over a fraction of their distance.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import partial
 from typing import Any
 
@@ -24,11 +24,12 @@ from ispm.accel.world import World
 from ispm.kernels.share import run_shared, shared_rows
 from ispm.lights.known import is_one_lamp
 from ispm.lights.openings import Openings
+from ispm.optics.environment_table import is_one_sun
 from ispm.optics.jit import jit
 from ispm.scene.packed import Packed
 from ispm.stages.area_draws import CHUNK, draw_light
 from ispm.stages.area_filter import WORK, Means, Unshaded, filter_samples, widen
-from ispm.stages.area_samples import Lobes, Samples
+from ispm.stages.area_samples import KindsOfSamples, Lobes, Samples
 from ispm.stages.area_shapes import Shapes, lay_out, least_cosine
 from ispm.stages.pixels import Pixels, PixelView, is_lit, transmitted_shares
 
@@ -62,10 +63,8 @@ def area_light(
     light = np.zeros((count, 4), np.float32)
     light[:, 3] = 1.0
     lobes, drawn = draw_light(tables, pixels, view, openings, threads)
-    for samples in drawn:
-        if len(samples.reach):
-            means, unshaded = filtered(shapes, lobes, tables, view, smoothing, samples, threads)
-            run_shared(partial(_add_shown, tables, pixels, lobes, means, unshaded, light), threads)
+    for means, unshaded in filtered(shapes, lobes, tables, view, smoothing, drawn, threads):
+        run_shared(partial(_add_shown, tables, pixels, lobes, means, unshaded, light), threads)
     return light
 
 
@@ -75,14 +74,29 @@ def filtered(
     tables: Tables,
     view: PixelView,
     smoothing: float,
-    samples: Samples,
+    drawn: KindsOfSamples,
     threads: int,
+) -> Iterator[tuple[Means, Unshaded]]:
+    """Yield of each kind of Samples that a scene has the Means, and what is Unshaded; the samples' own values
+    are used up."""
+    for samples, is_line in zip(drawn, _are_lines(tables), strict=True):
+        if len(samples.reach):
+            # Single rays are specks where they go to many lights. Of one light's shadow the edge is a line.
+            least = np.float32(_LEAST_REACH / math.sqrt(1.0 + view.pass_index))
+            np.maximum(samples.reach, least * samples.angle if is_line else least, out=samples.reach)
+            yield _filtered(shapes, lobes, view, smoothing, samples, threads)
+
+
+def _are_lines(tables: Tables) -> tuple[bool, bool, bool]:
+    """Whether all draws of each kind of Samples go to one small light."""
+    return is_one_lamp(tables.emitters), False, is_one_sun(tables.environment)
+
+
+def _filtered(
+    shapes: Shapes, lobes: Lobes, view: PixelView, smoothing: float, samples: Samples, threads: int
 ) -> tuple[Means, Unshaded]:
-    """Return the Means of Samples and what is Unshaded; the samples' own values are used up."""
+    """The Means of Samples and what is Unshaded; the samples' own values are used up."""
     count = len(samples.reach)
-    # Single rays are specks where they go to many lights. Of one lamp's shadow the edge is a line.
-    least = np.float32(_LEAST_REACH / math.sqrt(1.0 + view.pass_index))
-    np.maximum(samples.reach, least * samples.angle if is_one_lamp(tables) else least, out=samples.reach)
 
     def run(kernel: Callable[..., Any], *given: Any) -> None:
         run_shared(

@@ -69,6 +69,20 @@ class Samples(NamedTuple):
     shine: np.ndarray
 
 
+class KindsOfSamples(NamedTuple):
+    """Samples of each kind of light, without rows where a scene has none: apart, for the sharp shadows of one
+    are not to narrow what another is filtered over.
+
+    lamps  with a surface
+    sky    the environment, but for `suns`
+    suns   sunlight of the environment, see `EnvironmentTable`
+    """
+
+    lamps: Samples
+    sky: Samples
+    suns: Samples
+
+
 class Arriving(NamedTuple):
     """Light of one point of a lamp, or from one direction: irradiance over the density of the draw, distance,
     m, wi, the density of its direction among all lamps' points or the environment, 1/sr, what density tells

@@ -34,15 +34,9 @@ from ispm.optics.vector import dot, sub, vec3
 from ispm.paths.ends import SAME_SURFACE, without_gaps
 from ispm.paths.vertices import DIRECT
 from ispm.scene.packed import Packed
-from ispm.stages.area_draws import (
-    CHUNK,
-    draw_again,
-    draw_by,
-    draw_first,
-    draws_more,
-    square_of,
-)
+from ispm.stages.area_draws import CHUNK, draw_again, draw_by, draw_first
 from ispm.stages.area_light import filtered, matte_light
+from ispm.stages.area_marks import draws_more, square_of
 from ispm.stages.area_shapes import Shapes, least_cosine
 from ispm.stages.pixels import OFF_PLANE, PixelView, Shown
 
@@ -131,10 +125,8 @@ def _add_light_of_image(
     told = tables, image, view, openings
     once, again = partial(_draw_once, *told), partial(_refine, *told)
     lobes, drawn = draw_by(once, again, tables, view, count, threads)
-    for samples in drawn:
-        if len(samples.reach):
-            means, unshaded = filtered(shapes, lobes, tables, view, smoothing, samples, threads)
-            run_shared(partial(_add_shown, image, means, unshaded, light), threads)
+    for means, unshaded in filtered(shapes, lobes, tables, view, smoothing, drawn, threads):
+        run_shared(partial(_add_shown, image, means, unshaded, light), threads)
 
 
 @jit
@@ -195,24 +187,24 @@ def _shown_at(image, view, i):
 
 
 @jit
-def _draw_once(tables, image, view, openings, marks, counter, lobes, samples, suns):
+def _draw_once(tables, image, view, openings, marks, counter, lobes, samples):
     """`draw_first` for as many cells as a thread gets."""
     scratch, first = Scratch(alloca(STACK_WORDS), alloca(2)), first_turn(view)
     for i in shared_rows(counter, CHUNK, len(image.rows)):
         if image.rows[i] >= 0:
             shown, numbers = _shown_at(image, view, i), numbers_of(view, i, i64(0), first)
-            draw_first(tables, shown, numbers, openings, i, scratch, marks, lobes, samples, suns)
+            draw_first(tables, shown, numbers, openings, i, scratch, marks, lobes, samples)
 
 
 @jit
-def _refine(tables, image, view, openings, marks, about, counter, samples, suns):
+def _refine(tables, image, view, openings, marks, about, counter, samples):
     """`draw_again` for as many cells as a thread gets."""
     scratch, first = Scratch(alloca(STACK_WORDS), alloca(2)), first_turn(view)
     for i in shared_rows(counter, CHUNK, len(image.rows)):
         square = square_of(about, view, i)
         if draws_more(square) and image.rows[i] >= 0:
             shown = _shown_at(image, view, i)
-            draw_again(tables, shown, view, openings, i, first, scratch, marks, square, samples, suns)
+            draw_again(tables, shown, view, openings, i, first, scratch, marks, square, samples)
 
 
 @jit

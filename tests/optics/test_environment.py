@@ -23,6 +23,7 @@ from ispm.optics.environment import (
 from ispm.optics.environment_table import (
     environment_power,
     environment_table,
+    is_one_sun,
     placed_environment,
     row_weights,
 )
@@ -268,6 +269,31 @@ def test_where_no_direction_is_much_brighter_there_is_no_sunlight(name):
     assert not len(table.sunlight) and table.sun_share == 0.0
     dark = placed_environment(table_of("sun"), 0.0, 0.0)
     assert not len(dark.sunlight) and dark.brightest == np.inf
+
+
+def suns(*places):
+    """A gray image of 128 rows with bright pixels, (row, column)."""
+    image = np.full((128, 256, 3), 0.5)
+    for row, column in places:
+        image[row, column] = 1e6
+    return environment_table(image)
+
+
+@pytest.mark.parametrize(
+    "places", [[(40, 70)], [(40, 70), (40, 71), (41, 70)], [(40, 0), (40, 255)], [(0, 9)]]
+)
+def test_neighboring_pixels_are_one_sun(places):
+    assert is_one_sun(suns(*places))
+
+
+@pytest.mark.parametrize("places", [[(40, 70), (40, 90)], [(40, 70), (60, 70)], [(40, 70), (43, 74)], []])
+def test_pixels_apart_are_several_suns(places):
+    assert not is_one_sun(suns(*places))
+
+
+def test_a_bright_window_is_no_sun():
+    assert not is_one_sun(suns(*np.ndindex(20, 10)))
+    assert not is_one_sun(NO_ENVIRONMENT)
 
 
 def test_power_is_the_integral_of_what_is_seen():
