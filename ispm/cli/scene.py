@@ -67,16 +67,28 @@ def choose_camera(
     """
     if fov is not None and not 0.0 < fov < 180.0:
         raise SettingsError(f"--fov: {fov:g} is not between 0 and 180 degrees")
-    if (look_from is None) != (look_at is None):
+    eye = None if look_from is None else vector("--look-from", look_from)
+    target = None if look_at is None else vector("--look-at", look_at)
+    if (eye is None) != (target is None):
         raise SettingsError("--look-from and --look-at go together; give both")
-    if look_from is None or look_at is None:
-        return camera if fov is None else _with_fov(scene, camera, fov)
+    if eye is None or target is None:
+        return _named(scene, camera) if fov is None else _with_fov(scene, camera, fov)
     if camera is not None:
         raise SettingsError("--camera and --look-from exclude each other; give one")
     from ispm.scene.camera import Camera
 
-    ends = vector("--look-from", look_from), vector("--look-at", look_at)
-    return Camera.look_at(*ends) if fov is None else Camera.look_at(*ends, yfov=radians(fov))
+    if fov is None:
+        return Camera.look_at(eye, target)
+    return Camera.look_at(eye, target, yfov=radians(fov))
+
+
+def _named(scene: Scene, camera: str | None) -> str | None:
+    """A camera's name or index, which the scene has; None: none is named."""
+    if camera is not None:
+        from ispm.framing.camera import find_camera
+
+        find_camera(scene, camera)
+    return camera
 
 
 def _with_fov(scene: Scene, camera: str | None, fov: float) -> Camera:

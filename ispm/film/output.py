@@ -12,7 +12,8 @@ from ispm.io.image import ENDINGS as PICTURES
 from ispm.io.image import require_ending
 
 FILMS = (".mp4", ".mkv", ".webm", ".mov")
-_NUMBER = re.compile(r"%0?(\d*)d|#+")  # as C's printf, and as other renderers
+_PRINTF = re.compile(r"%0?(\d*)d")
+_NUMBER = re.compile(_PRINTF.pattern + "|#+")  # as C's printf, and as other renderers
 
 
 @dataclass(frozen=True)
@@ -35,6 +36,8 @@ class Output:
         given = as_path(path)
         if len(_NUMBER.findall(given.name)) > 1:
             raise OutputError(f"{given}: has a place for a number twice; leave one")
+        if _PRINTF.search(str(given.parent)):
+            raise OutputError(f"{given}: a folder cannot be numbered; number the pictures in it")
         match, ending = _NUMBER.search(given.name), given.suffix.lower()
         if match is None:
             if ending in FILMS:

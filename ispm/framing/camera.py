@@ -58,8 +58,9 @@ def find_camera(
         if not chosen and text.isdigit() and int(text) < len(placed):
             chosen = [placed[int(text)]]
         if not chosen:
-            names = ", ".join(f"{i} '{node.name}'" for i, (node, _) in enumerate(placed)) or "none"
-            raise SceneError(f"there is no camera '{wanted}'; those of the scene are: {names}")
+            names = ", ".join(f"{i} '{node.name}'" for i, (node, _) in enumerate(placed))
+            those = f"those of the scene are: {names}" if names else "the scene has none"
+            raise SceneError(f"there is no camera '{wanted}'; {those}")
     if not chosen:
         return None
     node, world = chosen[0]

@@ -26,6 +26,7 @@ ABOUT = "__about__"  # the array of an NPZ that says how the others were made
 NAMES = "names"  # likewise, the names behind ids, as JSON
 EXR_NAMES = "ispm:names"  # likewise the attribute of an EXR
 
+_WHOLE = "full"  # the layer that is the picture itself
 _LEVEL = 1  # of NPZ; numpy's 6 takes a quarter longer, for 2 per cent of the size
 _HALF_MAX = 65504.0
 _MAX_PIXELS = 1 << 28  # of an EXR; a broken header may ask for terabytes
@@ -223,8 +224,8 @@ def _read_npy(path: Path, _key: str | None) -> np.ndarray:
 def _read_npz(path: Path, key: str | None) -> np.ndarray:
     with np.load(path, allow_pickle=False) as arrays:
         names = [name for name in arrays.files if name not in (ABOUT, NAMES)]
-        if key is None and len(names) == 1:
-            key = names[0]
+        if key is None:
+            key = names[0] if len(names) == 1 else _WHOLE if _WHOLE in names else None
         if key not in names:
             problem = f"has no array '{key}'" if key else "holds several arrays"
             raise OutputError(f"{path}: {problem}; write {path.name}:KEY with one of {', '.join(names)}")

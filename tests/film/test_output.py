@@ -35,6 +35,7 @@ def test_films_and_what_is_neither():
         ("film.gif", "films cannot be written as '.gif'; use one of .mp4, .mkv, .webm, .mov"),
         ("film", "the name has no ending"),
         ("%04d-##.png", "twice"),
+        ("f/%d/%d.png", "a folder cannot be numbered"),
         ("%04d.bmp", "pictures cannot be written as '.bmp'"),
     ):
         with pytest.raises(OutputError, match=re.escape(says)):

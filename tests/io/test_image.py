@@ -133,7 +133,7 @@ def test_an_exr_that_claims_a_huge_picture_is_refused_before_it_is_read(tmp_path
 @pytest.mark.parametrize(
     ("name", "says"),
     [
-        ("a.npz", "holds several arrays; write a.npz:KEY with one of full, depth"),
+        ("parts.npz", "holds several arrays; write parts.npz:KEY with one of direct, depth"),
         ("a.npz:depht", "has no array 'depht'"),
         ("none.npy", "there is no such file"),
         ("a.tif", "not '.tif'"),
@@ -142,9 +142,15 @@ def test_an_exr_that_claims_a_huge_picture_is_refused_before_it_is_read(tmp_path
 )
 def test_a_picture_that_is_not_there_is_named(tmp_path, picture, name, says):
     write_npz(tmp_path / "a.npz", {"full": picture, "depth": picture[..., 0]})
+    write_npz(tmp_path / "parts.npz", {"direct": picture, "depth": picture[..., 0]})
     write_npy(tmp_path / "shape.npy", np.zeros(4))
     with pytest.raises(OutputError, match=says):
         read_picture(f"{tmp_path}/{name}")
+
+
+def test_the_picture_of_a_file_of_layers_is_the_whole_one(tmp_path, picture):
+    write_npz(tmp_path / "a.npz", {"depth": picture[..., 0], "full": picture})
+    assert (read_picture(tmp_path / "a.npz") == picture).all()
 
 
 def test_pickled_arrays_are_not_opened(tmp_path):
