@@ -22,7 +22,8 @@ from ispm.stages.camera import CameraView
 _PATH = "stages/shadow.wgsl"
 _MAP = wgsl.load("stages/shadow_map.wgsl").dtype("ShadowMap")
 _TILE = wgsl.load("stages/shadow_map.wgsl").dtype("ShadowTile")
-_LEAST_PIXELS = 1 << 19  # of the picture that maps are made for: rays mend edges, not what a map misses
+_LEAST_PIXELS = 1 << 18  # of the picture that maps are made for: rays mend edges, not what a map misses
+_LEAST_WIDTH = 1.0 / 4.0  # of a texel to a pixel, at least
 _FINEST = -15.0  # LEVEL_BIAS with which every lookup takes the finest level
 _VIEW, _MIN_ALPHA = wgsl.load(_PATH).dtype("View"), wgsl.load(_PATH).constants["MIN_ALPHA"]
 _SHEET_SLOTS = ("base_color", "transmission", *SPECULAR_SLOTS)
@@ -121,8 +122,10 @@ class ShadowStage:
         """Make a texture large enough; it shrinks only where it is far too large."""
         width, height = (min(-(-side // _ROUND) * _ROUND, self._gpu.max_texture) for side in size)
         old_width, old_height = texture.size
-        if width > old_width or height > old_height or 2 * width * height < old_width * old_height:
+        if 2 * width * height < old_width * old_height:
             texture.sized((width, height))
+        elif width > old_width or height > old_height:  # one that grows ever less often leaves memory whole
+            texture.sized((max(width, old_width), max(height, old_height)))
 
     def _share(self, geometry: Geometry) -> None:
         """Keep the indices of a geometry, with corners shared."""
@@ -216,7 +219,8 @@ def _seen(packed: Packed, receivers: np.ndarray, view: CameraView) -> Seen:
     reaches = receivers["footprint"] * np.minimum(receivers["slant"], _SLANTED)
     through = bool((packed.materials["flags"] & MATERIAL_TRANSMITS).any())
     width, height = view.size
-    widths = view.pixel_widths(points) * np.float32(min(1.0, math.sqrt(width * height / _LEAST_PIXELS)))
+    finer = min(1.0, max(math.sqrt(width * height / _LEAST_PIXELS), _LEAST_WIDTH))
+    widths = view.pixel_widths(points) * np.float32(finer)
     return Seen(points, receivers["ng"], widths, reaches, through)
 
 
