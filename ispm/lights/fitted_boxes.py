@@ -103,6 +103,20 @@ def cell_weights(shares: np.ndarray, nearest: np.ndarray) -> np.ndarray:
     return np.asarray(weights / weights.sum(axis=1, keepdims=True), f32)
 
 
+def even_shares(boxes: Boxes, shares: np.ndarray) -> np.ndarray:
+    """Return (k,) shares of boxes, as they are, but of boxes about one opening by their areas: light comes in
+    through all of it, also where no place that is seen sees out. A box that has none gets none."""
+    area = boxes.lengths[:, 1] * boxes.lengths[:, 2]
+    away = np.abs(np.einsum("jkc,jac->jka", boxes.middles[None] - boxes.middles[:, None], boxes.axes))
+    reach = boxes.lengths[:, None] + boxes.lengths[None] * (1.0, 0.0, 0.0)
+    parallel = np.abs(boxes.axes[:, 0] @ boxes.axes[:, 0].T) > _PARALLEL
+    near = parallel & (away <= reach).all(axis=2) & np.outer(shares, shares).astype(bool)
+    near |= near.T
+    for k in range(len(near)):  # what is near to one is near to all that are near to it
+        near[near[k]] |= near[k]
+    return np.where(near.sum(axis=1) > 1, near @ shares * area / np.maximum(near @ area, 1e-30), shares)
+
+
 def lined_boxes(boxes: Boxes, points: np.ndarray) -> Boxes:
     """Return Boxes that hold what lines openings, too, sills and jambs, which scatter light in: as far along
     the first axes, outward, as openings are wide.

@@ -25,7 +25,7 @@ def guided_surround(tables, x, wo, numbers, openings, brightest, by_lobes):
              directions it draws
     By the balance heuristic (Veach 1997, section 9.2.2), of candidates' densities in place of draws'.
     """
-    cell, guided = opening_cell(openings, x)
+    cell, guided = opening_cell(openings.cells, x)
     u0, u1, u2, pick = numbers
     if not guided:
         drawn, _ = resample_surround(tables, x, wo, u1, u2, pick, PAIRS, brightest, by_lobes)
@@ -54,7 +54,7 @@ def guided_surround(tables, x, wo, numbers, openings, brightest, by_lobes):
 def guided_suns(tables, x, wo, numbers, openings, by_lobes, turn):
     """Return likewise one of two draws of directions as bright as suns, whose sum counts: `turn` 0: of suns
     alone; 1, where openings are rare: one that sees these, for what is that bright and not small."""
-    cell, guided = opening_cell(openings, x)
+    cell, guided = opening_cell(openings.cells, x)
     u0, u1, u2, pick = numbers
     limit = tables.environment.brightest
     if turn == 0:

@@ -23,6 +23,18 @@ NEAREST = 32  # lines, nearest to a cell, which tell how its draws are shared am
 WAY = math.cos(math.radians(15.0))  # of half the angle about a way that photons take
 
 
+class GuidedCells(NamedTuple):
+    """GuidedCells of the box about what the eye sees.
+
+    guided          (6, cells^3) bool, whether openings guide draws in a cell, by the side that places face
+    low, per_metre  (3,) float32, m and 1/m
+    """
+
+    guided: np.ndarray
+    low: np.ndarray
+    per_metre: np.ndarray
+
+
 class Ways(NamedTuple):
     """Ways in for photons.
 
@@ -32,6 +44,7 @@ class Ways(NamedTuple):
     directions  (l, 3) float32, unit, of lines to the sky, those through each box after the others
     firsts      (k + 1,) int64, of each the first, and the number of all
     share       of the places seen, those where draws are guided
+    cells       where these are: there photons are inside
     """
 
     boxes: Boxes
@@ -41,6 +54,7 @@ class Ways(NamedTuple):
     directions: np.ndarray
     firsts: np.ndarray
     share: float
+    cells: GuidedCells
 
 
 class Openings(NamedTuple):
@@ -48,37 +62,42 @@ class Openings(NamedTuple):
 
     boxes           k of them, which open lines pass
     weights         (cells^3, k) float32, with what chance places in a cell draw from each
-    guided          (6, cells^3) bool, whether draws in a cell are guided, by the side that places face
-    low, per_metre  (3,) float32, m and 1/m, of the cells
+    cells           where draws are guided
     ways            in, for photons
     """
 
     boxes: Boxes
     weights: np.ndarray
-    guided: np.ndarray
-    low: np.ndarray
-    per_metre: np.ndarray
+    cells: GuidedCells
     ways: Ways
 
 
-_NO_CORNER = np.zeros(3, f32)
 _NONE = np.zeros(0, f32)
-NO_WAYS = Ways(NO_BOXES, NO_BOXES, _NONE, _NONE, np.zeros((0, 3), f32), np.zeros(1, np.int64), 0.0)
-NO_OPENINGS = Openings(
-    NO_BOXES, np.zeros((0, 0), f32), np.zeros((6, 0), np.bool_), _NO_CORNER, _NO_CORNER, NO_WAYS
-)
+NO_CELLS = GuidedCells(np.zeros((6, 0), np.bool_), np.zeros(3, f32), np.zeros(3, f32))
+NO_WAYS = Ways(NO_BOXES, NO_BOXES, _NONE, _NONE, np.zeros((0, 3), f32), np.zeros(1, np.int64), 0.0, NO_CELLS)
+NO_OPENINGS = Openings(NO_BOXES, np.zeros((0, 0), f32), NO_CELLS, NO_WAYS)
 
 
 @jit
-def opening_cell(openings, x):
-    """Return (cell, whether openings guide draws there) of a SurfacePoint."""
-    if openings.guided.shape[1] == 0:
+def opening_cell(cells, x):
+    """Return (cell, whether openings guide draws there) of a SurfacePoint: the nearest of the GuidedCells."""
+    if cells.guided.shape[1] == 0:
         return i64(0), False
     cell = i64(0)
     for axis in (2, 1, 0):
-        at = (x.position[axis] - openings.low[axis]) * openings.per_metre[axis]
+        at = (x.position[axis] - cells.low[axis]) * cells.per_metre[axis]
         cell = cell * CELLS + i64(min(max(at, f32(0)), f32(CELLS - 1)))
-    return cell, openings.guided[facing(x.ng), cell]
+    return cell, cells.guided[facing(x.ng), cell]
+
+
+@jit
+def is_inside(cells, x):
+    """Return whether a SurfacePoint lies in the GuidedCells, and is lit through openings."""
+    for axis in range(3):
+        at = (x.position[axis] - cells.low[axis]) * cells.per_metre[axis]
+        if not f32(-1) < at < f32(CELLS + 1):
+            return False
+    return opening_cell(cells, x)[1]
 
 
 @jit

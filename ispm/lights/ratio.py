@@ -86,7 +86,7 @@ def _part(tables, x, wo, u, scratch, goes_on, count, by_ratio, known, openings, 
     sunny = len(tables.environment.sunlight) > 0
     limit = tables.environment.brightest if sunny else f32(np.inf)
     matte, gloss, drawn = none, none, none
-    _, guided = opening_cell(openings, x)
+    _, guided = opening_cell(openings.cells, x)
     by_ratio = f32(0) if guided else by_ratio
     turns = 2 if of_suns and guided else 1
     for k in range(count * turns):

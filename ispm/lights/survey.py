@@ -30,8 +30,8 @@ from ispm.kernels.share import run_shared, shared_rows
 from ispm.kernels.simd import alloca
 from ispm.lights.area import resample_surround
 from ispm.lights.boxes import Boxes
-from ispm.lights.fitted_boxes import cell_weights, fit_boxes, lined_boxes
-from ispm.lights.openings import CELLS, NEAREST, NO_OPENINGS, Openings, Ways
+from ispm.lights.fitted_boxes import cell_weights, even_shares, fit_boxes, lined_boxes
+from ispm.lights.openings import CELLS, NEAREST, NO_OPENINGS, GuidedCells, Openings, Ways
 from ispm.optics.bsdf import is_gathered, transmits
 from ispm.optics.environment import has_environment
 from ispm.optics.jit import jit
@@ -191,24 +191,24 @@ def _openings(lines: _Lines, cells: _Cells, guided: np.ndarray, share: float, th
         return NO_OPENINGS
     boxes, shares = fit_boxes(*lines.seen)
     weights = cell_weights(shares, cells.nearest(lines.starts, NEAREST, threads))
-    ways = _ways(boxes, lines, shares, share)
-    return Openings(boxes, weights, guided, cells.low, np.float32(1.0) / cells.step, ways)
+    guided_cells = GuidedCells(guided, cells.low, f32(1) / cells.step)
+    return Openings(boxes, weights, guided_cells, _ways(boxes, lines, shares, share, guided_cells))
 
 
-def _ways(boxes: Boxes, lines: _Lines, shares: np.ndarray, share: float) -> Ways:
-    """The Ways in through boxes that have (m, k) shares in lines; share: see there."""
+def _ways(boxes: Boxes, lines: _Lines, shares: np.ndarray, share: float, cells: GuidedCells) -> Ways:
+    """The Ways in through boxes that have (m, k) shares in lines; share, cells: see there."""
     dark, bright = lines.to_sun == 0, lines.to_sun == 1
     own = [np.flatnonzero(shares.argmax(axis=1) == k) for k in range(len(boxes.middles))]
     outward = [_sign(lines.directions[rows] @ axes[0]) for rows, axes in zip(own, boxes.axes, strict=True)]
     boxes = boxes._replace(axes=boxes.axes * np.array(outward, f32)[:, None, None])
     each = [rows[dark[rows]] for rows in own]
-    to_sky = np.array([len(rows) for rows in each]) / max(dark.sum(), 1)
+    to_sky = even_shares(boxes, np.array([len(rows) for rows in each]) / max(dark.sum(), 1))
     to_sun = shares[bright].sum(axis=0) / max(bright.sum(), 1)
     each = [rows[np.linspace(0, len(rows) - 1, min(len(rows), _SENT), dtype=int)] for rows in each]
     firsts = np.cumsum([0, *(len(rows) for rows in each)])
     directions = lines.directions[np.concatenate(each)]
     lined = lined_boxes(boxes, lines.ends.reshape(-1, 3))
-    return Ways(boxes, lined, to_sky.astype(f32), to_sun.astype(f32), directions, firsts, share)
+    return Ways(boxes, lined, to_sky.astype(f32), to_sun.astype(f32), directions, firsts, share, cells)
 
 
 def _sign(values: np.ndarray) -> float:

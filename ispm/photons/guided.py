@@ -12,7 +12,7 @@ import math
 import numpy as np
 
 from ispm.lights.boxes import box_pdf, draw_in_box
-from ispm.lights.openings import Ways
+from ispm.lights.openings import Ways, is_inside
 from ispm.optics.jit import jit
 from ispm.optics.vector import dot, scale, sub, vec3
 
@@ -25,8 +25,10 @@ _LARGE = f32(0.01)  # sr, of what a place sees of all openings, below which fewe
 @jit
 def guided_share(ways: Ways, x):
     """Return the share, float32, of photons at a SurfacePoint that are sent to openings; 0: it sees none from
-    outside."""
+    outside, or is inside: other rooms lie on the outer side of an opening, too."""
     total = f32(0)
+    if len(ways.to_sky) == 0 or is_inside(ways.cells, x):
+        return total
     for k in range(len(ways.to_sky)):
         total += _angle(ways, k, x)
     return _MOST * f32(ways.share) * min(total * (f32(1) / _LARGE), f32(1))

@@ -275,7 +275,7 @@ def _draw_lamp(tables, shown, numbers, openings, i, scratch, samples):
 def _is_faint(tables, x, openings, irradiance):
     """Whether irradiance, RGB, is so little beside that of an environment that is open about a SurfacePoint
     that its shadows do not show: a small glow all over a model is not to narrow the sky's penumbrae."""
-    if not has_environment(tables.environment) or opening_cell(openings, x)[1]:
+    if not has_environment(tables.environment) or opening_cell(openings.cells, x)[1]:
         return False
     _, sky = environment_irradiance(tables.environment, x.n)
     return luminance(irradiance) < _FAINT * luminance(sky)
@@ -287,7 +287,7 @@ def _draw_surround(tables, shown, numbers, openings, i, scratch, sky, draws_sky,
     random numbers draw and, where openings guide, one of where the environment is open, by the balance
     heuristic (Veach 1997, section 9.2.2), but for candidates' densities in place of the first draws'."""
     x, wo = _without_color(shown.x), shown.wo
-    place = cell, is_guided = opening_cell(openings, x)
+    place = cell, is_guided = opening_cell(openings.cells, x)
     dark, bright = _surround(tables, x, wo, numbers)
     share = tables.environment.sun_share if len(tables.environment.sunlight) > 0 else f32(1)
     if draws_sky:

@@ -17,7 +17,7 @@ from ispm.lights.boxes import (
     meets_middle,
     upright_boxes,
 )
-from ispm.lights.fitted_boxes import cell_weights, fit_boxes, lined_boxes
+from ispm.lights.fitted_boxes import cell_weights, even_shares, fit_boxes, lined_boxes
 from ispm.optics.jit import jit
 from ispm.optics.vector import vec3
 
@@ -202,3 +202,21 @@ def test_upright_boxes_have_the_corners_that_were_given():
     boxes = joined_boxes([NO_BOXES, upright_boxes(corners)])
     assert boxes.middles == pytest.approx(np.array([[1.0, 1.0, 1.0]]))
     assert boxes.lengths == pytest.approx(np.array([[1.0, 0.0, 3.0]]))
+
+
+def test_boxes_about_one_opening_share_by_their_areas():
+    """Of a slot of 2 x 6 m one box is about a half of 2 x 3, as most lines pass it, and one about all; a
+    third, across, is alone, and one in the slot's plane without lines stays without."""
+    corners = np.array([
+        [(-1, 3.9, 0), (1, 4.1, 3)],
+        [(-1, 3.9, -3), (1, 4.1, 3)],
+        [(1, 0, -3), (1.1, 4, 3)],
+        [(-1, 4, 0), (1, 4, 2)],
+    ])  # fmt: skip
+    boxes = upright_boxes(corners)
+    outward = np.array([(1, 2, 0), (1, 2, 0), (0, 1, 2), (1, 2, 0)])
+    boxes = boxes._replace(
+        axes=np.take_along_axis(boxes.axes, outward[..., None], axis=1),
+        lengths=np.take_along_axis(boxes.lengths, outward, axis=1),
+    )
+    assert even_shares(boxes, np.array([0.85, 0.05, 0.1, 0.0])) == pytest.approx([0.3, 0.6, 0.1, 0.0])

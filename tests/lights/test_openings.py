@@ -95,7 +95,7 @@ class _Place(NamedTuple):
 
 @jit
 def _cell(openings, position):
-    return opening_cell(openings, _Place(vec3(position), (f32(0), f32(1), f32(0))))
+    return opening_cell(openings.cells, _Place(vec3(position), (f32(0), f32(1), f32(0))))
 
 
 def test_nothing_guides_where_lines_are_mostly_open_or_none_is():
@@ -107,10 +107,10 @@ def test_nothing_guides_where_lines_are_mostly_open_or_none_is():
     dark.environment = None
     rays, _ = eye_rays()
     for scene in (open_field, closed, dark):
-        assert found_in(Tracer(scene), rays).guided.size == 0
+        assert found_in(Tracer(scene), rays).cells.guided.size == 0
     nowhere = rays[0], -rays[1]
     seen, openings = find_openings(*scene_of(Tracer(open_field)), nowhere, 0, 0)
-    assert len(seen) == 0 and openings.guided.size == 0
+    assert len(seen) == 0 and openings.cells.guided.size == 0
 
 
 @pytest.mark.parametrize("thick", [0.01, 0.0])
@@ -122,7 +122,7 @@ def test_photons_have_ways_through_glass_where_draws_have_none(thick):
     glazed.add(shapes.box((0.4, 0.005, 0.6)), material=pane, translation=(0.0, 3.005, 0.0))
     rays, _ = eye_rays()
     found, expected = found_in(Tracer(glazed), rays), found_in(Tracer(lit_by_a_hole()), rays)
-    assert found.guided.size == 0 and found.ways.share == pytest.approx(expected.ways.share, rel=0.05)
+    assert found.cells.guided.size == 0 and found.ways.share == pytest.approx(expected.ways.share, rel=0.05)
     assert len(found.ways.directions) == pytest.approx(len(expected.ways.directions), rel=0.05)
     assert_about_the_hole(found.ways.boxes, found.ways.to_sky, 0.15)
 
