@@ -24,7 +24,7 @@ WAY = math.cos(math.radians(15.0))  # of half the angle about a way that photons
 
 
 class GuidedCells(NamedTuple):
-    """GuidedCells of the box about what the eye sees.
+    """Cells of the box about what the eye sees.
 
     guided          (6, cells^3) bool, whether openings guide draws in a cell, by the side that places face
     low, per_metre  (3,) float32, m and 1/m

@@ -274,7 +274,7 @@ def _draw_lamp(tables, shown, numbers, openings, i, scratch, samples):
 @jit
 def _is_faint(tables, x, openings, irradiance):
     """Whether irradiance, RGB, is so little beside that of an environment that is open about a SurfacePoint
-    that its shadows do not show: a small glow all over a model is not to narrow the sky's penumbrae."""
+    that its shadows do not show: a small glow all over a model needs no draws for narrow penumbrae."""
     if not has_environment(tables.environment) or opening_cell(openings.cells, x)[1]:
         return False
     _, sky = environment_irradiance(tables.environment, x.n)
