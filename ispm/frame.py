@@ -117,6 +117,13 @@ class GpuScene:
         flags = self.packed.materials[material]["flags"]
         return bool(flags & (records.MATERIAL_MASK | records.MATERIAL_BLEND))
 
+    def shows_backs(self, draw: Draw, within: int) -> bool:
+        """Whether the eye sees a draw's triangles from behind, too; within: the row of the instance whose
+        solid it is in, see `solid_about`."""
+        is_within = draw.first_instance <= within < draw.first_instance + draw.instance_count
+        flags = self.packed.materials[draw.material]["flags"]
+        return is_within or bool(flags & records.MATERIAL_DOUBLE_SIDED)
+
     def is_textured(self, material: int) -> bool:
         """Whether a material, by its row, has a texture in any of SLOTS."""
         row = self.packed.materials[material]

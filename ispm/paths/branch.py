@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ispm.accel.emitter_tree import NO_LOBE, Lobe
-from ispm.accel.medium import no_medium, spawn_ray
+from ispm.accel.medium import attenuation, no_medium, spawn_ray
 from ispm.accel.records import Hit
 from ispm.accel.surface import hit_position
 from ispm.lights.area import lit_side
@@ -49,7 +49,7 @@ _REFLECTED_EACH = 4  # of the paths of rough glass so many reflect once
 
 class View(NamedTuple):
     """What holds for all rays: width, spread, near and past are `EyeRays.width` and `slack`;
-    columns, most, draws, widening, shows_environment, of_coats, behind and by_image those of EyeRays;
+    columns, most, draws, widening, shows_environment, of_coats, behind, by_image and within those of EyeRays;
     openings: that let in the environment's light."""
 
     width: np.float32
@@ -66,6 +66,7 @@ class View(NamedTuple):
     of_coats: bool
     behind: bool
     by_image: bool
+    within: np.uint32
     openings: Openings
 
 
@@ -211,9 +212,13 @@ def first_path(tables, view, x, wo, key, k, length, band):
         wi, weight, dimension = beyond, transmittance, u32(sample << 8 | 128)
         share = f32(1) if smooth else f32(1.0 / ROUGH_SAMPLES)
         lane = TRANSMITTED if smooth else SCATTERED
-    weight = of_band(band, scale(share, weight))
+    weight, inside, focus = of_band(band, scale(share, weight)), no_medium(), f32(1)
+    if x.hit.instance == view.within and not x.entering:
+        inside, focus = x.hit, x.bsdf.eta * x.bsdf.eta
+        left = scale(f32(1) / focus, attenuation(tables.surfaces, inside, length))
+        weight = left[0] * weight[0], left[1] * weight[1], left[2] * weight[2]
     branch = Branch(key, dimension, i64(lane), wi, weight, pdf, blur, NO_LOBE, True, band, smooth)
-    return leave(tables, x, no_medium(), f32(1), length, branch)
+    return leave(tables, x, inside, focus, length, branch)
 
 
 @jit

@@ -107,8 +107,18 @@ def trace_eye(
     tables = scene_tables(packed, world, surfaces)
     (width, spread), (near, past) = rays.width, rays.slack
     numbers = u32(pass_index), u32(seed), u32(rays.columns), i64(rays.most), i64(rays.draws)
-    told = rays.shows_environment, rays.of_coats, rays.behind, rays.by_image, openings
-    view = View(f32(width), f32(spread), f32(near), f32(past), *numbers, f32(rays.widening), *told)
+    told = rays.shows_environment, rays.of_coats, rays.behind, rays.by_image
+    view = View(
+        f32(width),
+        f32(spread),
+        f32(near),
+        f32(past),
+        *numbers,
+        f32(rays.widening),
+        *told,
+        u32(rays.within),
+        openings,
+    )
     capacity = _CHUNK * _PATHS_MAX * ENDS_MAX * samples_most(packed) * sides_most(packed) * bands_most(packed)
     words, cut = PATH_END_AND_POINT.itemsize // 4, PATH_END.itemsize // 4
     ends, points, traced = [np.zeros((0, cut), np.uint32)], [np.zeros((0, words - cut), np.uint32)], 0

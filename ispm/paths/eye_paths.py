@@ -38,6 +38,7 @@ class EyeRays:
     by_image   whether ends that lie side by side, as those that mirrors and clear glass show, are left
                without the direct light that their Lambert lobe has of lamps with a surface and of the
                environment: an image of them brings it
+    within     the row of the instance whose solid the eye is in; NO_HIT: none
     draws      points of lamps with a surface, and directions of the environment, that light an end; one
                does where a narrow lobe or rough glass leads to it, of which several paths go out
     """
@@ -56,6 +57,7 @@ class EyeRays:
     of_coats: bool = False
     behind: bool = False
     by_image: bool = False
+    within: int = NO_HIT
     draws: int = LAMP_SAMPLES
 
 

@@ -28,6 +28,7 @@ from ispm.renderer.backdrop import background_color, shows_environment
 from ispm.renderer.gather import PhotonLight
 from ispm.renderer.heap import give_back
 from ispm.renderer.one_pass import Pass
+from ispm.scene.within import solid_about
 from ispm.stages.camera import CameraView
 from ispm.stages.end_light import add_area_light
 from ispm.stages.filter import filter_estimate, filter_points
@@ -120,7 +121,9 @@ def _light_of_layer(
     settings, view = this.settings, this.view
     rays = eye_rays(seen, this.surfaces, view, this.threads, settings.smoothing)
     of_coats, behind = layer == LAYER_COAT, layer == LAYER_BEHIND
-    rays = replace(rays, shows_environment=shows_environment(this), of_coats=of_coats, behind=behind)
+    within = solid_about(this.packed, view.eye_or_direction)
+    shown = shows_environment(this)
+    rays = replace(rays, shows_environment=shown, of_coats=of_coats, behind=behind, within=within)
     paths, again, given = _paths_of(this, rays, photons)
     pixels = [keys := rays.keys]
     del rays  # which take more memory than the picture

@@ -9,8 +9,8 @@ import numpy as np
 from ispm import wgsl
 from ispm.frame import GpuScene, LitFrame, vertex_layout
 from ispm.gpu import Gpu, Kept, Raster, RasterState, Recording
-from ispm.optics import records
 from ispm.scene.packed import Draw
+from ispm.scene.within import solid_about
 from ispm.stages.camera import CameraView
 
 _SAMPLES = 4
@@ -81,20 +81,18 @@ class Antialias:
         with frame.draw_into(self._ids, depth=self._depth) as canvas:
             canvas.vertices(scene.vertices)
             canvas.indices(scene.indices)
-            pipeline = partial(self._pipeline, scene)
+            pipeline = partial(self._pipeline, scene, solid_about(scene.packed, view.eye_or_direction))
             for draw in scene.each(frame, canvas, scene.seen_by(view.sees), pipeline, shared):
                 scene.draw_indexed(canvas, draw)
 
-    def _pipeline(self, scene: GpuScene, draw: Draw) -> Raster:
+    def _pipeline(self, scene: GpuScene, within: int, draw: Draw) -> Raster:
         """The pipeline for a draw: what the G-buffer's shows and culls; compiled when first needed."""
-        flags = scene.packed.materials[draw.material]["flags"]
-        double_sided = bool(flags & records.MATERIAL_DOUBLE_SIDED)
-        key = (scene.is_masked(draw.material), double_sided, draw.mirrored)
+        key = (scene.is_masked(draw.material), scene.shows_backs(draw, within), draw.mirrored)
         if key not in self._pipelines:
-            masked = scene.is_masked(draw.material)
+            masked, shows_backs, _ = key
             fields = ("position", "color", "uv0", "uv1") if masked else ("position",)
             state = RasterState(
-                cull="none" if double_sided else "back",
+                cull="none" if shows_backs else "back",
                 front="cw" if draw.mirrored else "ccw",
                 vertex="vs_masked" if masked else "vs",
                 fragment="fs_masked" if masked else "fs",

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from ispm.frame import SLOTS, SPECULAR_SLOTS, GBuffer, GpuScene
 from ispm.gpu import FLAT, Gpu, Group, Kept, Raster, RasterState, Recording, Texture
-from ispm.optics import records
 from ispm.optics.records import MATERIAL_SPECULAR_MAPPED
 from ispm.scene.packed import Draw
+from ispm.scene.within import solid_about
 from ispm.stages.camera import CameraView
 
 _DRAWN = {"ids": "rg32uint", "bump": "rgba16float", "base": "rgba16float", "emission": "rgba16float"}
@@ -63,12 +63,12 @@ class GBufferStage:
         )
         camera = frame.uniform(view.uniform())
         windows = [(window, {"camera": camera, **scene.corners(frame, window)}) for window in scene.windows]
-        seen = scene.seen_by(view.sees)
+        seen, within = scene.seen_by(view.sees), solid_about(scene.packed, view.eye_or_direction)
         with frame.draw_into(*drawn.values(), depth=self._nearest.sized(view.size)) as canvas:
             for window, shared in windows:
                 groups: dict[Raster, Group] = {}
                 for draw in scene.draws_in(window, seen):
-                    raster = self._pipeline(scene, draw)
+                    raster = self._pipeline(scene, draw, within)
                     if raster not in groups:
                         groups[raster] = raster.bind(0, **shared)
                     material = frame.uniform(scene.packed.materials[draw.material])
@@ -95,18 +95,17 @@ class GBufferStage:
                     scene.draw_corners(canvas, draw, window)
         return specular
 
-    def _pipeline(self, scene: GpuScene, draw: Draw) -> Raster:
-        """The pipeline for a draw's material; compiled when first needed."""
-        flags = scene.packed.materials[draw.material]["flags"]
+    def _pipeline(self, scene: GpuScene, draw: Draw, within: int) -> Raster:
+        """The pipeline for a draw's material, see `shows_backs`; compiled when first needed."""
         key = (
             scene.is_masked(draw.material),
             scene.is_textured(draw.material),
-            bool(flags & records.MATERIAL_DOUBLE_SIDED),
+            scene.shows_backs(draw, within),
             draw.mirrored,
         )
         if key not in self._pipelines:
-            masked, textured, double_sided, mirrored = key
-            cull, front = "none" if double_sided else "back", "cw" if mirrored else "ccw"
+            masked, textured, shows_backs, mirrored = key
+            cull, front = "none" if shows_backs else "back", "cw" if mirrored else "ccw"
             self._pipelines[key] = self._gpu.raster(
                 "stages/gbuffer.wgsl",
                 tuple(_DRAWN.values()),
