@@ -13,6 +13,7 @@ from ispm.optics.bsdf_sampling import pdf_bsdf
 from ispm.optics.coat import NO_COAT
 from ispm.optics.facets import NO_ANISOTROPY
 from ispm.optics.jit import jit
+from ispm.optics.records import NO_HIT
 from ispm.optics.sheen import NO_SHEEN
 from ispm.paths.branch import View
 from ispm.paths.eye import trace_eye
@@ -170,6 +171,7 @@ def lattice(pass_index, columns=64):
         i64(4),
         f32(1),
         *[False] * 4,
+        u32(NO_HIT),
         NO_OPENINGS,
     )
     out = np.zeros((columns * columns, 2), np.float32)
