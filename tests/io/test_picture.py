@@ -165,7 +165,7 @@ def test_how_it_was_made_is_no_layer_of_an_npz(tmp_path):
     np.testing.assert_array_equal(read_picture(tmp_path / "a.npz"), frame().radiance)
     frame().save(tmp_path / "b.npz")
     with pytest.raises(OutputError, match=r"one of full, direct, alpha, depth, normal$"):
-        read_picture(tmp_path / "b.npz")
+        read_picture(tmp_path / "b.npz", "none")
 
 
 def test_pictures_of_others_are_told_without_words(tmp_path):
