@@ -7,12 +7,15 @@ of float32.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from ispm.accel.normals import unit
 from ispm.kernels.simd import ldf, ldu
 from ispm.optics.jit import jit
 from ispm.optics.records import INSTANCE, MATERIAL, VERTEX
+from ispm.optics.sampling import orthonormal_basis
 from ispm.optics.vector import add, cross, dot, scale, sub
 
 f32, i64, u32 = np.float32, np.int64, np.uint32
@@ -143,3 +146,12 @@ def normal_change(table, hit, n, dx):
     if along == f32(0):
         return f32(0), f32(0), f32(0)
     return scale(f32(1) / along, sub(change, scale(dot(change, n), n)))
+
+
+@jit
+def curvature(table, hit, n):
+    """Return how much the interpolated normal turns along a Hit's triangle, 1/m, float32, about the most;
+    n: as of `normal_change`."""
+    t, b = orthonormal_basis(n)
+    along, across = normal_change(table, hit, n, t), normal_change(table, hit, n, b)
+    return f32(math.sqrt(max(dot(along, along), dot(across, across))))

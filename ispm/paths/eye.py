@@ -54,7 +54,17 @@ from ispm.paths.branch import (
     without_next,
 )
 from ispm.paths.coat import own_light
-from ispm.paths.eye_paths import Done, EyeOut, EyePaths, EyeRays, EyeThread, RayArrays, no_paths, ray_arrays
+from ispm.paths.eye_paths import (
+    Done,
+    EyeOut,
+    EyePaths,
+    EyeRays,
+    EyeThread,
+    RayArrays,
+    Reach,
+    no_paths,
+    ray_arrays,
+)
 from ispm.paths.facet import ROUGH_SAMPLES, bands_most, mean_reflectance, samples_most
 from ispm.paths.far import sides_most
 from ispm.paths.follow import ENDS_MAX, MIN_WEIGHT, follow
@@ -63,6 +73,7 @@ from ispm.paths.vertices import (
     EMISSION,
     PATH_END,
     PATH_END_AND_POINT,
+    SEVERAL,
     THROUGH,
     add_light,
     light_at,
@@ -232,7 +243,7 @@ def _follow_pixel(tables, view, thread, rays, i, slot, out, done):
         x, done = coat_point(x) if view.of_coats else x, Done(done.row, done.traced + shadows)
     if view.behind and not past:
         return _follow_behind(tables, view, thread, x, d, key, length, i, slot, out, done)
-    blurred, near_by, followed = f32(0), f32(0), f32(0)
+    blurred, near_by, beyond, followed, met = f32(0), f32(0), f32(0), f32(0), u32(NO_HIT)
     bands = i64(BANDS) if is_dispersive(x) and not past else i64(1)
     count = i64(1) if past else branches(view, x, wo, key)
     for number in range(count * bands):
@@ -245,9 +256,12 @@ def _follow_pixel(tables, view, thread, rays, i, slot, out, done):
         if not past:
             path = first_path(tables, view, y, wo, key, k, length, band)
         if greatest(path.weight) > MIN_WEIGHT * f32(1.0 / ROUGH_SAMPLES):
-            done, end = _follow_bands(tables, view, thread, path, no_medium(), i, slot, out, done)
-            blurred += (end - length) / end if k < ROUGH_SAMPLES else f32(0)
-            near_by, followed = near_by + end / max(end - length, _CONTACT * end), followed + f32(1)
+            done, reach = _follow_bands(tables, view, thread, path, no_medium(), i, slot, out, done)
+            blurred += _share_of(reach.end, length) if k < ROUGH_SAMPLES else f32(0)
+            near_by += f32(1) / max(_share_of(reach.near, length), _CONTACT)
+            beyond += f32(1) / max(_share_of(reach.end, length), _CONTACT)
+            met = reach.met if followed == f32(0) or reach.met == met else u32(SEVERAL)
+            followed += f32(1)
     angle = length / pixel_width(view, length)
     instance = u32(NO_HIT) if past else hit.instance
     if past or is_smooth(x.bsdf) or transmits(x.bsdf):
@@ -256,8 +270,16 @@ def _follow_pixel(tables, view, thread, rays, i, slot, out, done):
     else:
         unknown = f32(-1) if is_anisotropic(x.bsdf) else f32(0)  # of which many paths lead below the surface
         near_by = followed / near_by if followed > f32(0) else unknown
-        store_gloss(out.firsts[i], x, instance, angle * near_by, mean_reflectance(x, wo), count)
+        beyond = followed / beyond if followed > f32(0) else f32(0)
+        angles = angle * near_by, angle * beyond
+        store_gloss(out.firsts[i], x, instance, angles, met, mean_reflectance(x, wo), count)
     return done
+
+
+@jit
+def _share_of(end, length):
+    """How much of a path, float32, is behind the surface that its pixel shows; end, length: m to both."""
+    return (end - length) / end
 
 
 @jit
@@ -280,18 +302,18 @@ def _follow_bands(tables, view, thread, path, veil, i, slot, out, done):
     """Follow a path of ray `i` as `_follow_often` does; where it meets what disperses its light, one of each
     band in its place.
 
-    -> the Done, and the length of the last path, m
+    -> the Done, and the Reach of the last path
     """
     before = light_at(out.light, i)
-    followed, end, disperses = _follow_often(tables, view, thread, path, veil, i, slot, out, done)
+    followed, reach, disperses = _follow_often(tables, view, thread, path, veil, i, slot, out, done)
     if not disperses:
-        return followed, end
+        return followed, reach
     scale_since(out.light, i, before, f32(0))
     done = Done(done.row, followed.traced)
     for band in range(BANDS):
         part = path_in_band(path, i64(band))
-        done, end, _ = _follow_often(tables, view, thread, part, veil, i, slot, out, done)
-    return done, end
+        done, reach, _ = _follow_often(tables, view, thread, part, veil, i, slot, out, done)
+    return done, reach
 
 
 @jit
@@ -300,19 +322,19 @@ def _follow_often(tables, view, thread, path, veil, i, slot, out, done):
     glass, it becomes one of ROUGH_SAMPLES, whose mean counts.
 
     veil  as of `follow`
-    -> the Done, the length of the last path, m, and whether it ended as its light disperses, see `follow`
+    -> the Done, the Reach of the last path, and whether it ended as its light disperses, see `follow`
     """
     first = done.row
     key, dimension, lane, start, d, weight, pdf, blur = path[:8]
     side, origin, lobe, inside, focus, length, sees, band, clear = path[8:]
     before = light_at(out.light, i)
     share, k, count, rough = f32(1), 0, 1, False
-    end, skipped, waiting = length, veil, nothing_waits(path, lane != SCATTERED)
+    reach, skipped, waiting = Reach(length, length, u32(NO_HIT)), veil, nothing_waits(path, lane != SCATTERED)
     while k < count:
         found = follow(tables, view, thread, path, skipped, waiting, i, slot, out, done)
-        done, met, end, waiting, disperses = found
+        done, met, reach, waiting, disperses = found
         if disperses:
-            return done, end, True
+            return done, reach, True
         rough = rough or met
         if waiting.size > i64(0):
             path, skipped, waiting = waiting.paths[0], no_medium(), without_next(waiting)
@@ -327,4 +349,4 @@ def _follow_often(tables, view, thread, path, veil, i, slot, out, done):
         sample, part = u32(dimension + u32(k << 8)), scale(share, weight)
         place = side, origin, lobe, inside, focus, length
         path = Path(key, sample, lane, start, d, part, pdf, blur, *place, sees, band, clear)
-    return done, end, False
+    return done, reach, False

@@ -170,3 +170,30 @@ class Done(NamedTuple):
 
     row: np.int64
     traced: np.int64
+
+
+class Reach(NamedTuple):
+    """How far a path went, float32 m from the eye.
+
+    near  to what it met first;  met  the row of that instance, NO_HIT: the environment or nothing
+    end   to its end; of a path that a lobe began, to the image that mirrors, and lobes without a Lambert lobe
+          beside them, show of it
+    """
+
+    near: np.float32
+    end: np.float32
+    met: np.uint32
+
+
+class Images(NamedTuple):
+    """Where the mirrors that a path met show what it meets after them: a convex one of radius r shows what is
+    far away r / 2 behind it.
+
+    distance   m from the eye at which the last one is shown itself
+    length     m of the path to it
+    curvature  1/m, of the most curved one
+    """
+
+    distance: np.float32
+    length: np.float32
+    curvature: np.float32

@@ -17,6 +17,7 @@ from ispm.accel.layers import (
     with_matte_sheen,
 )
 from ispm.accel.medium import attenuated, medium, passed_sheet
+from ispm.accel.mesh import curvature
 from ispm.accel.surface import closest_behind, closest_surface, leave_surface, opacity_seen, surface
 from ispm.lights.few import light_of_few
 from ispm.lights.nee import (
@@ -50,7 +51,7 @@ from ispm.paths.branch import (
     pixel_width,
 )
 from ispm.paths.coat import draw_coat, facet_light, sample_coat
-from ispm.paths.eye_paths import Done
+from ispm.paths.eye_paths import Done, Images, Reach
 from ispm.paths.facet import (
     as_wide,
     facet_numbers,
@@ -87,15 +88,15 @@ def follow(tables, view, thread, path, veil, waiting, i, slot, out, done):
     veil  Hit on the blended surface that the path starts behind, instance NO_HIT: on none. Others behind it
           end it by as much as they are opaque, as long as there is room for two ends more; then by chance
     waiting  Waiting, to which it adds paths that part from it
-    -> the Done, whether it met rough glass or a strong lobe, its length in m, of one that a lobe began to
-       where it first ends or meets a lobe, the Waiting, and whether it had all bands as it met what disperses
-       them, where it ends
+    -> the Done, whether it met rough glass or a strong lobe, its Reach, the Waiting, and whether it had all
+       bands as it met what disperses them, where it ends
     """
     row, traced = done.row, done.traced
     key, dimension, lane, start, d, weight, pdf, blur = path[:8]
     side, origin, lobe, inside, focus, length, sees, band, clear = path[8:]
     stored, rough, disperses = 0, False, False
-    from_lobe, far, sharp = pdf > f32(0), f32(1e30), True
+    from_lobe, sharp = pdf > f32(0), True
+    near, far, met, images = f32(1e30), f32(1e30), u32(NO_HIT), Images(f32(0), f32(0), f32(0))
     behind = veil.instance != u32(NO_HIT)
     side_by_side = view.by_image and (lane != SCATTERED or lobe.square > f32(0))
     for event in range(EVENTS_MAX + 1):
@@ -113,6 +114,7 @@ def follow(tables, view, thread, path, veil, waiting, i, slot, out, done):
             elif sees:
                 add_light(out.light, i, THROUGH, _WHITE, weight)
             length = f32(1e30)
+            far = _image_distance(images, length) if sharp else far
             break
         length += distance_to(tables, start, hit)
         width = pixel_width(view, length)
@@ -139,8 +141,9 @@ def follow(tables, view, thread, path, veil, waiting, i, slot, out, done):
         unlit = x.flags & u32(MATERIAL_UNLIT) != u32(0)
         wo = scale(f32(-1), d)
         widest = view.widening * blur
-        far = length if sharp else far
-        sharp = sharp and (not from_lobe or (is_smooth(b) and not has_finite(b)))
+        far = _image_distance(images, length) if sharp else far
+        if event == 0:
+            near, met = length, hit.instance
         end = with_matte_sheen(x).bsdf
         has_diffuse = end.diffuse[0] + end.diffuse[1] + end.diffuse[2] > f32(0)
         ends = stored + (1 if has_diffuse else 0)
@@ -148,6 +151,10 @@ def follow(tables, view, thread, path, veil, waiting, i, slot, out, done):
         goes_on = is_narrow(b) and not (unlit or behind) and event < EVENTS_MAX and ends < ENDS_MAX
         goes_on = goes_on and mean >= (_MIN_WEIGHT_AFTER_END if ends > 0 else MIN_WEIGHT)
         by_glass = transmits(b) and not is_smooth(b) and event < EVENTS_MAX
+        only_mirrors = (goes_on and not has_diffuse) or (is_smooth(b) and not has_finite(b))
+        sharp = sharp and (not from_lobe or only_mirrors)
+        if from_lobe and sharp:
+            images = Images(far, length, max(images.curvature, curvature(tables.surfaces, hit, x.n)))
         count = i64(1) if from_lobe or rough else view.draws
         count = i64(_SAMPLES_BEHIND) if view.behind and sees else count
         by_image = side_by_side and not rough and stored == 0 and has_diffuse and not (unlit or transmits(b))
@@ -244,7 +251,14 @@ def follow(tables, view, thread, path, veil, waiting, i, slot, out, done):
         sides = (side, origin) if passed else (left.side, left.origin)
         key, dimension, lane, start, d, _, pdf, blur, _, _, lobe, inside, focus, length, sees, _, _ = left
         side, origin = sides
-    return Done(row, traced), rough, far if from_lobe else length, waiting, disperses
+    return Done(row, traced), rough, Reach(near, far if from_lobe else length, met), waiting, disperses
+
+
+@jit
+def _image_distance(images, length):
+    """Return how far, float32 m from the eye, what a path meets after `length` m is shown by Images."""
+    beyond = length - images.length
+    return images.distance + beyond / (f32(1) + f32(2) * images.curvature * beyond)
 
 
 @jit

@@ -21,6 +21,7 @@ from ispm.kernels.simd import address, aligned, ldf, splat8, stf, vfma, vload8, 
 from ispm.optics.jit import jit
 from ispm.optics.records import NO_HIT
 from ispm.optics.vector import dot, sub, vec3
+from ispm.paths.vertices import SEVERAL
 
 f32, i64, u32 = np.float32, np.int64, np.uint32
 
@@ -34,6 +35,7 @@ _ALIKE = f32(4)  # likewise that of two alphas, over the larger one
 _OFF_PLANE = f32(2)  # pixels, and as many as the stride, off the plane of a surface at which another begins
 _OUTLIER = 4.0  # times the mean about a pixel, above which its light goes farther: in the first pass
 _CLOSE = f32(1)  # pixels of width, below which a pixel wants paths of its own
+_COMPANY = f32(2)  # pixels that are alike of the eight about one, below which it does, too
 _KERNEL = f32(0.5)  # variance of a whole pass, squares of its stride
 
 
@@ -90,16 +92,19 @@ def lonely_rows(given: Shown) -> np.ndarray:
     return np.flatnonzero(lonely)
 
 
-def contact_rows(given: Shown, threads: int) -> np.ndarray:
-    """Return the rows of pixels with one path or none that are averaged over less than a pixel, sorted.
+def contact_rows(given: Shown, most: float, threads: int) -> np.ndarray:
+    """Return the rows of pixels with one path or none that are averaged over less than a pixel, or curve so
+    that hardly any beside them is alike; of more than `most` the former alone, or none. Sorted.
 
     Their neighbors' paths tell, not their own: else what one finds close by would be drawn anew, and what it
     finds far off would stay.
     """
-    close = np.zeros(len(given.pixels), np.bool_)
+    close, alone = (np.zeros(len(given.pixels), np.bool_) for _ in range(2))
     if _has_lobes(given):
-        run_shared(lambda counter: _find_contacts(given, counter, close), threads)
-    return np.flatnonzero(close)
+        run_shared(lambda counter: _find_contacts(given, counter, close, alone), threads)
+    either = close | alone
+    chosen = either if np.count_nonzero(either) <= most else close
+    return np.flatnonzero(chosen) if np.count_nonzero(chosen) <= most else np.zeros(0, np.int64)
 
 
 def resolve_lobes(light: np.ndarray, given: Shown, smoothing: float, threads: int) -> None:
@@ -215,27 +220,46 @@ def _find_lonely(given, lonely):
 
 
 @jit
-def _find_contacts(given, counter, close):
-    """Mark (n,) bool, as `contact_rows` says."""
+def _find_contacts(given, counter, close, alone):
+    """Mark (n,) bool, those that are averaged over less than a pixel, and those that hardly any is like."""
     for i in shared_rows(counter, _CHUNK, len(given.pixels)):
         if given.lobes[i].instance != u32(NO_HIT) and given.firsts[i].samples < u32(2):
             width = _width_about(given, i, False)
             close[i] = width > f32(0) and width < _CLOSE
+            alone[i] = _alike_about(given, i) < _COMPANY
+
+
+@jit
+def _alike_about(given, i):
+    """How many of the eight pixels about a row are alike, float32: 8 on a flat surface."""
+    total = f32(0)
+    for k in range(9):
+        j = _beside(given, i, k, i64(1)) if k != 4 else i64(-1)
+        total += _likeness(given, i, j, i64(1)) if j >= i64(0) else f32(0)
+    return total
 
 
 @jit
 def _width_about(given, i, own):
-    """Harmonic mean of `blur` about a row, pixels, 0: none has any; own: whether it counts itself."""
+    """Harmonic mean of how far the light about a row may be averaged, pixels, 0: there is no path; own:
+    whether it counts itself.
+
+    That is `beyond` of paths that met the same instance first, and `blur` of others, for an edge is near.
+    """
     firsts = given.firsts
-    total, inverse = f32(0), f32(0)
+    total, inverse, one = f32(0), f32(0), i64(-1)
     for stride in range(1, 4):
         # one of 2 x 2 pixels may have a path, and all beside this one may be lost in the surface
-        for k in range(9 if stride < 3 or inverse == f32(0) else 0):
+        for step in range(9 if stride < 3 or inverse == f32(0) else 0):
+            k = (step + 4) % 9  # the middle first
             j = _beside(given, i, k, i64(stride))
             if j >= i64(0) and firsts[j].blur > f32(0) and (own or k != 4):
                 w = _likeness(given, i, j, i64(stride))
-                total += w
-                inverse += w / firsts[j].blur
+                one = j if one < i64(0) and w > f32(0) else one
+                if w > f32(0):
+                    total += w
+                    alike = firsts[j].met == firsts[one].met and firsts[j].met != u32(SEVERAL)
+                    inverse += w / (firsts[j].beyond if alike else firsts[j].blur)
     return total / inverse if inverse > f32(0) else f32(0)
 
 

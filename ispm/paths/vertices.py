@@ -9,7 +9,7 @@ from ispm.accel.surface import inner_side
 from ispm.optics.bsdf import MIN_ALPHA, Bsdf, transmits
 from ispm.optics.facets import NO_ANISOTROPY, mean_alpha
 from ispm.optics.jit import jit
-from ispm.optics.records import RECEIVER
+from ispm.optics.records import NO_HIT, RECEIVER
 from ispm.optics.vector import dot, luminance, vec3
 
 f32, u32 = np.float32, np.uint32
@@ -38,14 +38,16 @@ PATH_END = np.dtype([
 
 # The mirror, glass or narrow lobe that a pixel shows; blur: pixels over which its light may be averaged, 0:
 # it is smooth, or unknown; below 0: unknown, but no more than as many; reflectance: of a lobe, 0: it is none;
-# samples: paths that went out from the lobe. Of a clear coat and of anisotropic facets: own, light of points
-# that they reflect themselves; hidden, a coat's share of what is under it. Of a blended surface hidden is the
-# share of what lies behind.
+# samples: paths that went out from the lobe; met: the instance that they met first, NO_HIT: none, SEVERAL:
+# not all the same; beyond: as blur, of what mirrors and lobes that they met show. Of a clear coat and of
+# anisotropic facets: own, light of points that they reflect themselves; hidden, a coat's share of what is
+# under it. Of a blended surface hidden is the share of what lies behind.
 FIRST_VERTEX = np.dtype([
     ("n", "<f4", 3), ("alpha", "<f4"), ("ng", "<f4", 3), ("tint", "<f4"), ("blur", "<f4"),
     ("instance", "<u4"), ("reflectance", "<f4", 3), ("samples", "<u4"), ("own", "<f4", 3),
-    ("hidden", "<f4"),
+    ("hidden", "<f4"), ("beyond", "<f4"), ("met", "<u4"),
 ])  # fmt: skip
+SEVERAL = NO_HIT - 1
 
 # Where a path ends, and the receiver there.
 PATH_END_AND_POINT = np.dtype([("end", PATH_END), ("point", RECEIVER)])
@@ -126,10 +128,11 @@ def scale_since(light, i, before, share):
 
 
 @jit
-def store_gloss(first, x, instance, angle, reflectance, samples):
-    """Write a FIRST_VERTEX of an opaque surface with a narrow lobe; blur: a standard deviation.
+def store_gloss(first, x, instance, angles, met, reflectance, samples):
+    """Write a FIRST_VERTEX of an opaque surface with a narrow lobe; blur and beyond: standard deviations.
 
-    angle  as of `store_first`, 0 or less: unknown, and of anisotropic facets the most that it can be, negated
+    angles  of both as of `store_first`, 0 or less: unknown, and of anisotropic facets the most that it can
+            be, negated;  met  see FIRST_VERTEX
     reflectance  of the lobe, RGB;  samples  paths that it sent out
     """
     b = x.bsdf
@@ -138,8 +141,9 @@ def store_gloss(first, x, instance, angle, reflectance, samples):
         first.ng[k] = x.ng[k]
         first.reflectance[k] = max(reflectance[k], _LEAST_REFLECTANCE)
     first.alpha = mean_alpha(b)
-    first.blur = _LOBE_SHARE * _LOBE_SPREAD * b.alpha * angle
-    first.instance = instance
+    first.blur = _LOBE_SHARE * _LOBE_SPREAD * b.alpha * angles[0]
+    first.beyond = _LOBE_SHARE * _LOBE_SPREAD * b.alpha * angles[1]
+    first.instance, first.met = instance, met
     first.samples = u32(samples)
 
 

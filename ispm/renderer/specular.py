@@ -157,7 +157,7 @@ def _paths_of(
     given = shown(rays.keys, view.size[0], paths.firsts, places, widths, this.threads)
     lonely, again, edges = lonely_rows(given), [], np.zeros(0, np.int64)
     few = _FEW * view.size[0] * view.size[1]
-    close = np.setdiff1d(contact_rows(given, this.threads), lonely, assume_unique=True)
+    close = contact_rows(given, few, this.threads)
     if this.settings.antialias:
         edges = edge_rows(paths, lonely, rays.keys, view.size[0])
 
@@ -165,8 +165,8 @@ def _paths_of(
         again.append((rows, follow(this, own, photons)))
         paths.firsts[rows] = again[-1][1].firsts
 
-    if 0 < len(close) < few:
-        edges = np.setdiff1d(edges, close, assume_unique=True)
+    if len(close):
+        edges, lonely = (np.setdiff1d(rows, close, assume_unique=True) for rows in (edges, lonely))
         follow_again(close, replace(rows_of(side_by_side, close), most=GLOSS_SAMPLES))
     strong, most = _strong_rows(given, few, rays.most)
     for others in (edges, *(rows for rows, _ in again)):

@@ -5,7 +5,7 @@ import pytest
 
 from ispm.paths import resolve
 from ispm.paths.resolve import contact_rows, lonely_rows, resolve_lobes, shown
-from ispm.paths.vertices import FIRST_VERTEX
+from ispm.paths.vertices import FIRST_VERTEX, SEVERAL
 
 WIDE, HIGH = 120, 116
 THREADS = 2
@@ -16,7 +16,7 @@ def flat(blur=5.0, samples=1, where=slice(None), **fields):
     y, x = np.divmod(np.arange(WIDE * HIGH), WIDE)
     firsts = np.zeros(len(x), FIRST_VERTEX)
     firsts["n"] = firsts["ng"] = (0, 0, 1)
-    firsts["alpha"], firsts["blur"], firsts["samples"] = 0.1, blur, samples
+    firsts["alpha"], firsts["blur"], firsts["beyond"], firsts["samples"] = 0.1, blur, blur, samples
     firsts["reflectance"] = np.random.default_rng(1).uniform(0.1, 1.0, (len(x), 3))
     for field, value in fields.items():
         firsts[field][where] = value
@@ -54,6 +54,22 @@ def test_the_blur_is_as_wide_as_asked_and_less_in_later_passes():
         assert out[near].sum() == pytest.approx(1.0, rel=1e-3)
         variance = (out * x**2)[near].sum()
         assert variance == pytest.approx((blur * smoothing) ** 2, rel=0.03)
+
+
+def test_light_from_beyond_one_mirror_is_averaged_more_widely_than_that_of_edges():
+    """All paths met the same wall close by, which is a mirror or a lobe itself; or one of two walls."""
+    middle = WIDE * (HIGH // 2) + WIDE // 2
+    either = np.random.default_rng(5).integers(0, 2, WIDE * HIGH)
+    light = np.ones((WIDE * HIGH, 3))
+    light[middle] = 2.0
+    variances = []
+    for met in (0, SEVERAL, either):
+        out = resolved(light, flat(1.0, reflectance=1.0, beyond=6.0, met=met))[:, 0].astype(float) - 1.0
+        x, y = np.arange(WIDE * HIGH) % WIDE - WIDE // 2, np.arange(WIDE * HIGH) // WIDE - HIGH // 2
+        variances.append((out * x**2)[(np.abs(x) <= 20) & (np.abs(y) <= 20)].sum())
+    assert variances[0] == pytest.approx(36.0, rel=0.03)
+    assert variances[1] == pytest.approx(1.0, rel=0.03)
+    assert variances[2] < 4.0  # half of the pixels count by edges: twice as wide as these allow
 
 
 def test_what_stands_out_is_spread_and_not_lost():
@@ -105,12 +121,28 @@ def test_pixels_without_paths_get_their_neighbors_light_and_lonely_ones_are_foun
 def test_contacts_are_found_by_the_paths_beside_them():
     """What a pixel's own path finds does not decide whether others take its place."""
     y, x = np.divmod(np.arange(WIDE * HIGH), WIDE)
+
+    def found(blur, most=WIDE * HIGH, **fields):
+        return contact_rows(flat(blur, **fields), most, THREADS)
+
     close = np.zeros(len(x), bool)
-    close[contact_rows(flat(np.where(x < WIDE // 2, 0.5, 5.0)), THREADS)] = True
+    close[found(np.where(x < WIDE // 2, 0.5, 5.0))] = True
     assert close[x < WIDE // 2 - 2].all() and not close[x > WIDE // 2 + 2].any()
     alone = (x == 50) & (y == 50)
-    assert not np.isin(np.flatnonzero(alone), contact_rows(flat(np.where(alone, 0.01, 5.0)), THREADS)).any()
-    assert not len(contact_rows(flat(0.5, samples=4), THREADS))
+    assert not np.isin(np.flatnonzero(alone), found(np.where(alone, 0.01, 5.0))).any()
+    assert not len(found(0.5, samples=4))
+    ball = (np.abs(x - 40) < 10) & (np.abs(y - 40) < 10)  # turns by alpha from pixel to pixel
+    normals = np.stack(
+        [np.where(ball, 0.1 * (x - 40), 0), np.where(ball, 0.1 * (y - 40), 0), np.ones(len(x))], axis=1
+    )
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    curved = found(5.0, n=normals)
+    assert ball[curved].all() and len(curved) > 0.8 * ball.sum()
+    assert not len(found(5.0, n=normals, most=len(curved) - 1))
+    both = np.where(x >= WIDE - 3, 0.1, 5.0)
+    near = found(both, n=normals)
+    assert set(curved) < set(near)
+    assert set(found(both, n=normals, most=len(near) - 1)) == set(near) - set(curved)
 
 
 def test_pixels_between_paths_that_were_lost_are_not_black():
