@@ -18,9 +18,11 @@ import numpy as np
 
 from ispm.kernels.share import run_shared, shared_rows
 from ispm.kernels.simd import address, aligned, ldf, splat8, stf, vfma, vload8, vmul, vstore8
+from ispm.lights.nee import greatest
 from ispm.optics.jit import jit
 from ispm.optics.records import NO_HIT
 from ispm.optics.vector import dot, sub, vec3
+from ispm.paths.branch import STRONG
 from ispm.paths.vertices import SEVERAL
 
 f32, i64, u32 = np.float32, np.int64, np.uint32
@@ -93,8 +95,9 @@ def lonely_rows(given: Shown) -> np.ndarray:
 
 
 def contact_rows(given: Shown, most: float, threads: int) -> np.ndarray:
-    """Return the rows of pixels with one path or none that are averaged over less than a pixel, or curve so
-    that hardly any beside them is alike; of more than `most` the former alone, or none. Sorted.
+    """Return the rows of pixels with one path or none that are averaged over less than a pixel, or whose
+    strong lobe hardly any beside them is like, as they curve; of more than `most` the former alone, or none.
+    Sorted.
 
     Their neighbors' paths tell, not their own: else what one finds close by would be drawn anew, and what it
     finds far off would stay.
@@ -221,12 +224,12 @@ def _find_lonely(given, lonely):
 
 @jit
 def _find_contacts(given, counter, close, alone):
-    """Mark (n,) bool, those that are averaged over less than a pixel, and those that hardly any is like."""
+    """Mark (n,) bool, those averaged over less than a pixel, and strong lobes that hardly any is like."""
     for i in shared_rows(counter, _CHUNK, len(given.pixels)):
         if given.lobes[i].instance != u32(NO_HIT) and given.firsts[i].samples < u32(2):
             width = _width_about(given, i, False)
             close[i] = width > f32(0) and width < _CLOSE
-            alone[i] = _alike_about(given, i) < _COMPANY
+            alone[i] = greatest(given.firsts[i].reflectance) >= STRONG and _alike_about(given, i) < _COMPANY
 
 
 @jit

@@ -231,8 +231,8 @@ def test_a_small_metal_ball_on_metal_is_not_grainy(gpu, monkeypatch):
 
 
 def test_rough_metals_are_not_grainy_where_they_meet(gpu):
-    """What a wall reflects of a wall beside it is blurred as what that one reflects is. With pixels averaged
-    only as far as the second wall's edges would allow they deviated by .6 to .9 within four of the corner."""
+    """What a wall reflects of a wall beside it is blurred as what that one reflects is. Averaged only as
+    far as the second wall's edges would allow, pixels by the corner deviate by more than the bound."""
     scene = Scene(environment=Environment(_patchy_sky()))
     metal = Material((0.9,) * 3, metallic=1.0, roughness=0.35)
     scene.add(box((-3.0, -0.1, -1.0), (3.0, 0.0, 3.0)), material=metal)

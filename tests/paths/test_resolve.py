@@ -136,13 +136,15 @@ def test_contacts_are_found_by_the_paths_beside_them():
         [np.where(ball, 0.1 * (x - 40), 0), np.where(ball, 0.1 * (y - 40), 0), np.ones(len(x))], axis=1
     )
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    curved = found(5.0, n=normals)
+    strong = dict(n=normals, reflectance=0.5)
+    curved = found(5.0, **strong)
     assert ball[curved].all() and len(curved) > 0.8 * ball.sum()
-    assert not len(found(5.0, n=normals, most=len(curved) - 1))
+    assert not len(found(5.0, most=len(curved) - 1, **strong))
+    assert not len(found(5.0, n=normals, reflectance=0.2))  # one path is what such lobes send out
     both = np.where(x >= WIDE - 3, 0.1, 5.0)
-    near = found(both, n=normals)
+    near = found(both, **strong)
     assert set(curved) < set(near)
-    assert set(found(both, n=normals, most=len(near) - 1)) == set(near) - set(curved)
+    assert set(found(both, most=len(near) - 1, **strong)) == set(near) - set(curved)
 
 
 def test_pixels_between_paths_that_were_lost_are_not_black():
