@@ -21,8 +21,9 @@ from ispm.paths.eye import trace_eye
 from ispm.paths.eye_paths import LAMP_SAMPLES, EyePaths, EyeRays, join_ends, no_paths
 from ispm.paths.far import LANES, FarSide, light_far_sides
 from ispm.paths.pixel_rays import rays_to_seen
-from ispm.paths.resolve import Shown, contact_rows, lonely_rows, resolve_lobes, shown
+from ispm.paths.resolve import resolve_lobes
 from ispm.paths.sheen import filtered_light, sheen_light
+from ispm.paths.shown import Shown, contact_rows, lonely_rows, shown
 from ispm.paths.vertices import COLUMNS, INDIRECT, THROUGH
 from ispm.renderer.backdrop import background_color, shows_environment
 from ispm.renderer.gather import PhotonLight

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from ispm.paths import resolve
-from ispm.paths.resolve import contact_rows, lonely_rows, resolve_lobes, shown
+from ispm.paths.resolve import resolve_lobes
+from ispm.paths.shown import contact_rows, lonely_rows, shown
 from ispm.paths.vertices import FIRST_VERTEX, SEVERAL
 
 WIDE, HIGH = 120, 116
