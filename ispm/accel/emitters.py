@@ -12,6 +12,8 @@ from typing import NamedTuple
 import numpy as np
 
 from ispm.accel.emitter_tree import FLOATS, TO_ALL_SIDES, WIDTH, emitter_tree, leaves_for
+from ispm.accel.intersect import instance_scale
+from ispm.accel.leave import leave_triangle
 from ispm.optics.jit import jit
 from ispm.optics.vector import LUMINANCE, add, cross, dot, scale, sub, vec3
 
@@ -199,6 +201,16 @@ def triangle_pdf(emitter, position, u, v):
 def emitter_point(emitter, u, v):
     """Return the point of an EMITTER at barycentrics u, v; m, world space."""
     return add(vec3(emitter.corner), add(scale(u, vec3(emitter.edge1)), scale(v, vec3(emitter.edge2))))
+
+
+@jit
+def in_front_of(trees, emitter, u, v, d):
+    """Return where a shadow ray to the point of an EMITTER at barycentrics u, v ends, m: before the lamp that
+    it runs to along d, as a path would leave it."""
+    n = vec3(emitter.normal)
+    n = n if dot(n, d) < f32(0) else scale(f32(-1), n)
+    corner, edge1, edge2 = vec3(emitter.corner), vec3(emitter.edge1), vec3(emitter.edge2)
+    return leave_triangle(corner, edge1, edge2, u, v, n, instance_scale(trees, emitter.instance))
 
 
 @jit

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from ispm.accel.edges import is_on_edge, is_same_surface
@@ -13,7 +15,7 @@ from ispm.kernels.simd import stu
 from ispm.optics.bsdf import smooth_split, transmits
 from ispm.optics.jit import jit
 from ispm.optics.records import MATERIAL_THIN, NO_HIT
-from ispm.optics.vector import scale
+from ispm.optics.vector import dot, scale, sub
 
 f32, u32 = np.float32, np.uint32
 
@@ -30,6 +32,14 @@ def shadow_transmittance(tables, start, d, distance, scratch):
     """
     ray = Ray(start, d, distance * (f32(1) - BEFORE))
     return _let_through(tables, ray, any_hit(tables.trees, ray, scratch.stack), scratch)
+
+
+@jit
+def ray_between(start, end):
+    """Return the direction, unit, and the length, m, of a shadow ray from one point to another."""
+    segment = sub(end, start)
+    distance = f32(math.sqrt(dot(segment, segment)))
+    return scale(f32(1) / max(distance, f32(1e-30)), segment), distance
 
 
 @jit

@@ -11,6 +11,7 @@ from ispm.accel.emitter_tree import NO_LOBE, draw_emitter, emitter_chance
 from ispm.accel.emitters import (
     emitter_point,
     emitter_row,
+    in_front_of,
     sample_triangle,
     triangle_pdf,
 )
@@ -46,7 +47,8 @@ def sample_lamps(tables, x, u0, u1, u2, lobe=NO_LOBE):
 
     u0, u1, u2  random in [0, 1)
     lobe        by which the lamp is drawn, too
-    ->  (radiance, cd/m2 RGB, distance, m, wi, pdf, 1/sr; its row, chance, point, m); pdf 0 if none
+    ->  (radiance, cd/m2 RGB, distance, m, wi, pdf, 1/sr; its row, chance, where a shadow ray to it ends, m);
+        pdf 0 if none
     """
     none, position = (f32(0), f32(0), f32(0)), x.position
     row, chance, _ = draw_emitter(tables.emitters, position, lit_side(x), lobe, u0)
@@ -54,14 +56,14 @@ def sample_lamps(tables, x, u0, u1, u2, lobe=NO_LOBE):
         return none, f32(0), none, f32(0), row, chance, none
     emitter = tables.emitters.triangles[row]
     u, v, pdf = sample_triangle(emitter, position, u1, u2)
-    point = emitter_point(emitter, u, v)
-    segment = sub(point, position)
+    segment = sub(emitter_point(emitter, u, v), position)
     distance = f32(math.sqrt(dot(segment, segment)))
     if distance == f32(0) or not faces(emitter, segment):
         return none, f32(0), none, f32(0), row, chance, none
     wi = scale(f32(1) / distance, segment)
     radiance = emitted_radiance(tables, Hit(emitter.instance, emitter.primitive, u, v), wi)
-    return radiance, distance, wi, chance * pdf, row, chance, point
+    end = in_front_of(tables.trees, emitter, u, v, wi)
+    return radiance, distance, wi, chance * pdf, row, chance, end
 
 
 class Surround(NamedTuple):

@@ -10,7 +10,7 @@ import numpy as np
 from ispm.accel.emitter_tree import NO_LOBE, Lobe
 from ispm.accel.layers import without_diffuse
 from ispm.accel.surface import SurfacePoint, leave_surface
-from ispm.accel.transmittance import shadow_transmittance
+from ispm.accel.transmittance import ray_between, shadow_transmittance
 from ispm.lights.area import (
     PAIRS,
     PAIRS_OF_MANY,
@@ -165,7 +165,7 @@ def light_from_one(tables, x, wo, u, pick, scratch, limit, openings):
 
     Kinds have rays of their own, for a sun that does not shine in would take nearly all draws of a room.
     """
-    total, nothing = _NONE, Arriving(_NONE, f32(0), wo)
+    total, nothing = _NONE, Arriving(_NONE, f32(0), wo, _NONE)
     suns = points = _Drawn(nothing, f32(1), f32(0), pick)
     for k in range(len(tables.lights)):
         arriving = unshadowed(tables.lights[k], x, wo, limit)
@@ -190,11 +190,13 @@ def light_from_one(tables, x, wo, u, pick, scratch, limit, openings):
 
 class Arriving(NamedTuple):
     """Light from one point of a light, shadows aside: radiance that it makes along wo, cd/m2 RGB, over the
-    density with which the point was drawn; distance to it, m; and wi."""
+    density with which the point was drawn; distance to it, m; wi; and where a shadow ray to it ends, m, but
+    for light from FAR."""
 
     radiance: Vector
     distance: np.float32
     wi: Vector
+    end: Vector
 
 
 class _Drawn(NamedTuple):
@@ -224,7 +226,10 @@ def shadowed(tables, x, arriving, scratch):
     if greatest(arriving.radiance) <= f32(0):
         return (f32(0), f32(0), f32(0)), i64(0)
     start = leave_surface(tables, x.hit, side_of(x.ng, arriving.wi))
-    passed = shadow_transmittance(tables, start, arriving.wi, arriving.distance, scratch)
+    wi, distance = arriving.wi, arriving.distance
+    if distance < FAR:
+        wi, distance = ray_between(start, arriving.end)
+    passed = shadow_transmittance(tables, start, wi, distance, scratch)
     return times(arriving.radiance, passed), i64(1)
 
 
@@ -233,24 +238,25 @@ def unshadowed(light, x, wo, limit):
     """Return the Arriving of a LIGHT at a SurfacePoint, seen along wo; black where its first bounce is
     bright, see `is_bright`."""
     if not reaches(light, x.position):
-        return Arriving(_NONE, FAR, x.n)
+        return Arriving(_NONE, FAR, x.n, _NONE)
     irradiance, distance, wi = light_arriving(light, x.position)
-    return Arriving(_reflected(x, wo, irradiance, irradiance, wi, limit), distance, wi)
+    end = add(x.position, scale(distance, wi))
+    return Arriving(_reflected(x, wo, irradiance, irradiance, wi, limit), distance, wi, end)
 
 
 @jit
 def _unshadowed_lamp(tables, x, wo, numbers, limit, goes_on):
     """The Arriving of a point of a lamp with a surface, drawn by four random numbers of [0, 1); goes_on: see
     `area_light`."""
-    radiance, distance, wi, pdf, row, _, point = sample_lamps(tables, x, *numbers[:3])
+    radiance, distance, wi, pdf, row, _, end = sample_lamps(tables, x, *numbers[:3])
     if pdf <= f32(0):
-        return Arriving(_NONE, distance, wi)
+        return Arriving(_NONE, distance, wi, end)
     bright = radiance
     if limit != f32(np.inf):
-        bright = lamp_irradiance(tables.emitters.triangles[row], point, x.position)
+        bright = lamp_irradiance(tables.emitters.triangles[row], end, x.position)
     share = drawn_share(x, wo, wi, pdf, goes_on)
     light = _reflected(left_to_draws(x, goes_on), wo, scale(f32(1) / pdf, radiance), bright, wi, limit, share)
-    return Arriving(light, distance, wi)
+    return Arriving(light, distance, wi, end)
 
 
 @jit
@@ -263,7 +269,7 @@ def _unshadowed_surround(tables, x, wo, numbers, goes_on, of_many=False):
     drawn, _ = resample_surround(tables, seen, wo, u1, u2, pick, pairs, f32(np.inf), by_lobes, of_many)
     share = drawn_share(x, wo, drawn.wi, drawn.pdf, goes_on)
     light = _reflected(seen, wo, drawn.radiance, _NONE, drawn.wi, f32(np.inf), share)
-    return Arriving(light, FAR, drawn.wi)
+    return Arriving(light, FAR, drawn.wi, _NONE)
 
 
 @jit
@@ -272,7 +278,7 @@ def _guided_surround(tables, x, wo, numbers, openings):
     seen = left_to_draws(x, BY_NOTHING)
     by_lobes = draws_by_lobes(seen.bsdf)
     wi, radiance, _ = guided_surround(tables, seen, wo, numbers, openings, f32(np.inf), by_lobes)
-    return Arriving(_reflected(seen, wo, radiance, _NONE, wi, f32(np.inf)), FAR, wi)
+    return Arriving(_reflected(seen, wo, radiance, _NONE, wi, f32(np.inf)), FAR, wi, _NONE)
 
 
 @jit

@@ -103,7 +103,7 @@ def _part(tables, x, wo, u, scratch, goes_on, count, by_ratio, known, openings, 
         others = eval_bsdf(without_diffuse(b), x.n, x.ng, wo, wi)
         lambert = sub(eval_bsdf(b, x.n, x.ng, wo, wi), others)
         _, share = drawn_share(x, wo, wi, pdf, goes_on)
-        passed, rays = shadowed(tables, x, Arriving(light, FAR, wi), scratch)
+        passed, rays = shadowed(tables, x, Arriving(light, FAR, wi, none), scratch)
         matte, gloss = add(matte, times(passed, lambert)), add(gloss, scale(share, times(passed, others)))
         traced += rays
     each = f32(1) / f32(count)

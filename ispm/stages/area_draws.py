@@ -232,7 +232,7 @@ def _from_sky(radiance, wi, pdf, guided, is_guided):
     density = min(pdf, SKY_DENSITY)
     if is_guided:
         density = max(density, guided) if guided > f32(0) else f32(0)
-    return Arriving(radiance, FAR, wi, pdf, density, f32(0))
+    return Arriving(radiance, FAR, wi, wi, pdf, density, f32(0))
 
 
 @jit
@@ -247,13 +247,13 @@ def _draw_lamp(tables, shown, numbers, openings, i, scratch, samples):
     """Add to row i of the Samples a draw from lamps, by three random numbers, and one by its lobe."""
     x, by_lobe = shown.x, f32(0)
     lobe = drawn_lobe(x.bsdf, x.n, shown.wo)
-    radiance, distance, wi, pdf, row, chance, _ = sample_lamps(tables, x, *numbers)
+    radiance, distance, wi, pdf, row, chance, end = sample_lamps(tables, x, *numbers)
     if pdf > f32(0):
         if lobe.square > f32(0):
             by_lobe = pdf / chance * emitter_chance(tables.emitters, row, x.position, lit_side(x), lobe)
         light = scale(f32(1) / pdf, radiance)
         density = f32(0) if _is_faint(tables, x, openings, scale(abs(dot(x.n, wi)), light)) else pdf
-        arriving = Arriving(light, distance, wi, pdf, density, by_lobe)
+        arriving = Arriving(light, distance, wi, end, pdf, density, by_lobe)
         brought = add_light(tables, shown, arriving, i, scratch, samples)
         if len(samples.near) > 0 and greatest(brought) > f32(0):
             for c in range(3):
@@ -264,10 +264,10 @@ def _draw_lamp(tables, shown, numbers, openings, i, scratch, samples):
     if lobe.square == f32(0):
         return
     numbers = _next_three(numbers)
-    radiance, distance, wi, by_lobe, row, chance, _ = sample_lamps(tables, x, *numbers, lobe)
+    radiance, distance, wi, by_lobe, row, chance, end = sample_lamps(tables, x, *numbers, lobe)
     if by_lobe > f32(0):
         pdf = by_lobe / chance * emitter_chance(tables.emitters, row, x.position, lit_side(x), NO_LOBE)
-        arriving = Arriving(scale(f32(1) / by_lobe, radiance), distance, wi, pdf, pdf, by_lobe)
+        arriving = Arriving(scale(f32(1) / by_lobe, radiance), distance, wi, end, pdf, pdf, by_lobe)
         add_light_of_lobe(tables, shown, arriving, i, scratch, samples)
 
 
@@ -296,7 +296,8 @@ def _draw_surround(tables, shown, numbers, openings, i, scratch, sky, draws_sky,
         add_light(tables, shown, arriving, i, scratch, sky)
     if draws_suns:
         weight, guided = _first_share(tables, x, wo, openings, place, bright, bright.pdf / share)
-        arriving = Arriving(scale(weight, bright.radiance), FAR, bright.wi, bright.pdf, bright.pdf, f32(0))
+        light = scale(weight, bright.radiance)
+        arriving = Arriving(light, FAR, bright.wi, bright.wi, bright.pdf, bright.pdf, f32(0))
         add_light(tables, shown, arriving, i, scratch, suns)
     if not is_guided:
         return
@@ -310,7 +311,7 @@ def _draw_surround(tables, shown, numbers, openings, i, scratch, sky, draws_sky,
     guided = opening_pdf(openings, cell, x.position, wi)
     light = scale(f32(1) / (own + guided), radiance)
     if is_sun:
-        add_light(tables, shown, Arriving(light, FAR, wi, pdf, pdf, f32(0)), i, scratch, suns)
+        add_light(tables, shown, Arriving(light, FAR, wi, wi, pdf, pdf, f32(0)), i, scratch, suns)
     else:
         add_light(tables, shown, _from_sky(light, wi, pdf, guided, True), i, scratch, sky)
 

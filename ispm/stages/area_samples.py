@@ -10,7 +10,7 @@ import numpy as np
 from ispm.accel.intersect import any_distance
 from ispm.accel.layers import without_diffuse
 from ispm.accel.records import Ray
-from ispm.accel.transmittance import BEFORE, shadow_transmittance
+from ispm.accel.transmittance import BEFORE, ray_between, shadow_transmittance
 from ispm.lights.nee import BY_FACETS, drawn_share, greatest, side_of
 from ispm.optics.bsdf import NARROW_ALPHA, eval_bsdf, fresnel_weight, is_lambert, transmits
 from ispm.optics.coat import with_diffuse
@@ -85,13 +85,15 @@ class KindsOfSamples(NamedTuple):
 
 class Arriving(NamedTuple):
     """Light of one point of a lamp, or from one direction: irradiance over the density of the draw, distance,
-    m, wi, the density of its direction among all lamps' points or the environment, 1/sr, what density tells
-    how wide its penumbra is: 1 over the solid angle that all of its kind fills; 0: it casts none; and the
-    density with which a lobe draws it once more, see `drawn_lobe`."""
+    m, wi, where a shadow ray to it ends, m, but for light from FAR, the density of its direction among all
+    lamps' points or the environment, 1/sr, what density tells how wide its penumbra is: 1 over the solid
+    angle that all of its kind fills; 0: it casts none; and the density with which a lobe draws it once more,
+    see `drawn_lobe`."""
 
     irradiance: Vector
     distance: np.float32
     wi: Vector
+    end: Vector
     pdf: np.float32
     density: np.float32
     by_lobe: np.float32
@@ -201,10 +203,8 @@ def _passed(tables, shown, arriving, i, scratch, samples):
     x, wi = shown.x, arriving.wi
     start = add(x.position, scale(lift(tables, shown), side_of(x.ng, wi)))
     toward, distance = wi, arriving.distance
-    if distance < FAR:  # anew, for `start` may lie nearer to a lamp by more than rays end before it
-        segment = sub(add(x.position, scale(distance, wi)), start)
-        distance = f32(math.sqrt(dot(segment, segment)))
-        toward = scale(f32(1) / max(distance, f32(1e-30)), segment)
+    if distance < FAR:
+        toward, distance = ray_between(start, arriving.end)
     limit = distance * (f32(1) - BEFORE)
     met = any_distance(tables.trees, Ray(start, toward, limit), scratch.stack)
     if met < limit:

@@ -1,5 +1,6 @@
 """Scenes of any size, and far from the origin."""
 
+import math
 import warnings
 
 import numpy as np
@@ -51,3 +52,31 @@ def test_a_scene_far_from_the_origin_is_told(gpu):
         SceneWarning, match=r"stands 1e\+06 m from the origin, where places are rounded to 0.062 m"
     ):
         picture(1e6)
+
+
+LAMPS = {
+    "rectangle": ispm.RectLight((4000.0,) * 3, width=0.4, height=0.4),
+    "disk": ispm.DiskLight((4000.0,) * 3, radius=0.2),
+    "ball": ispm.SphereLight((4000.0,) * 3, radius=0.2),
+}
+
+
+@pytest.mark.parametrize("lamp", LAMPS)
+def test_lamps_with_a_surface_shine_alike_far_from_the_origin(gpu, lamp):
+    """At 2 km places are rounded to 1.2e-4 m, over which neither light nor shadows change by 1e-3; rays that
+    ended on a lamp, not before it, would take its light for shadowed."""
+
+    def picture(away):
+        scene = Scene(
+            [Node("all", translation=(away, 0, away), children=box_room((-2.0,) * 3, (2.0,) * 3).roots)]
+        )
+        down = ispm.euler(math.radians(-90.0), 0.0, 0.0)
+        scene.add(LAMPS[lamp], translation=(away, 1.5, away), rotation=down)
+        camera = ispm.Camera.look_at((away + 1.8, 0.0, away + 1.8), (away, 0.0, away))
+        return render(gpu, scene, camera, size=(64, 36), photons=4000)[0]
+
+    near, far = picture(0.0), picture(2000.0)
+    assert far.direct.mean() == pytest.approx(near.direct.mean(), rel=0.003)
+    assert far.indirect.mean() == pytest.approx(
+        near.indirect.mean(), rel=0.02
+    )  # of photons, some go elsewhere
