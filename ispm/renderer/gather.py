@@ -43,6 +43,7 @@ from ispm.stages.upsample import UNUSED
 # To the mean irradiance: brighter first bounces are left to photons; 4.5 and 18 have 10 % more error.
 _BRIGHT_RATIO = 9.0
 _END_KERNEL_SCALE = np.float32(0.7)  # of kernels at the rays' ends: rays average over many of them
+_END_KERNEL_MOST = 4.0  # widths of an object, that one of these is wide at most
 _CLEARANCE = 2e-5  # offset of a ray's start, share of the distance to the eye, by which depth may err,
 _ROUNDED = 1e-6  # and of the coordinates
 _REACH = 0.4  # of the harmonic mean of rays' lengths: the filter's radius, as light changes over such lengths
@@ -116,7 +117,8 @@ class PhotonLight:
             low, _ = this.packed.bounds
             self._guide = Guide(parts.smooth, ~parts.not_gathered, low, this.packed.diagonal)
         if not this.settings.is_plain:
-            self._measure(parts.smooth)
+            packed = this.packed
+            self._measure(parts.smooth, _end_widths(packed) if this.settings.gather_rays else packed.widths)
 
     def at_receivers(self, receivers: Receivers, estimator: Estimator) -> tuple[np.ndarray, FilteredLight]:
         """Return the light at the picture's receivers, (h w, 16): as estimated or gathered, and filtered for
@@ -225,7 +227,7 @@ class PhotonLight:
         kernels are whole, and those whose kernels end at walls."""
         this, rows = self._this, np.flatnonzero(self.parts.not_gathered)
         photons, keys = take(self.parts.smooth, rows), self.parts.keys[rows]
-        self._measure(photons)
+        self._measure(photons, this.packed.widths)
         kernels = disc_kernels(photons)
         end_at_walls(kernels, this.world, this.surfaces)
         at_wall = kernels["front"].any(axis=1)
@@ -235,11 +237,11 @@ class PhotonLight:
         keep_all_light(this, keys[at_wall], kernels, series=_SERIES)
         return PhotonGrid(whole), PhotonGrid(ended, kernels)
 
-    def _measure(self, photons: np.ndarray) -> None:
-        """Give kernels of the low resolution their size."""
+    def _measure(self, photons: np.ndarray, widths: np.ndarray) -> None:
+        """Give kernels of the low resolution their size; widths: as of `measure_radii`."""
         packed, view, settings = self._this.packed, self._this.view, self._this.settings
         pixels = Pixels(settings.subsampling * sample_width(view), view.eye_or_direction)
-        measure_radii(photons, packed.diagonal, settings.smoothing, pixels, packed.widths, self._this.threads)
+        measure_radii(photons, packed.diagonal, settings.smoothing, pixels, widths, self._this.threads)
 
     def _gathered(
         self,
@@ -340,6 +342,18 @@ def finish_at_ends(this: Pass, keys: np.ndarray, kernels: np.ndarray, rows: np.n
     """
     end_at_walls(kernels, this.world, this.surfaces, rows)
     keep_all_light(this, keys, kernels, rows, solids=True)
+
+
+def _end_widths(packed: Packed) -> np.ndarray:
+    """(I,) float32 m, of instances: as wide as kernels at rays' ends may count them.
+
+    So wide that a sixth of one is on a strip or a square as wide as the object; what falls past its edges is
+    given back. Light that rays average may be blurred, and few photons on thin things, each under a small
+    kernel, would be fireflies.
+    """
+    return np.asarray(
+        4.0 * np.minimum(_END_KERNEL_MOST * packed.widths, np.sqrt(packed.widths * packed.lengths))
+    )
 
 
 def series_of(settings: Settings) -> int:

@@ -166,6 +166,11 @@ class Packed:
         return self.placed.widths
 
     @property
+    def lengths(self) -> np.ndarray:
+        """(I,) float32 m: the largest extent of each instance."""
+        return self.placed.lengths
+
+    @property
     def boxes(self) -> np.ndarray:
         """(I, 2, 3) float64 corners of each instance, world space."""
         return self.placed.boxes

@@ -42,6 +42,7 @@ class Placed:
     draws: list[Draw]
     ids: np.ndarray
     widths: np.ndarray
+    lengths: np.ndarray
     boxes: np.ndarray
     bounds: np.ndarray
     diagonal: float
@@ -59,7 +60,7 @@ def place_instances(
     if known and before is not None and before.places.tobytes() == places.tobytes():
         return before
     if not len(places):
-        none = np.zeros(0, np.int64), np.zeros(0, np.float32), np.zeros((0, 2, 3)), np.zeros((2, 3))
+        none = np.zeros(0, np.int64), *np.zeros((2, 0), np.float32), np.zeros((0, 2, 3)), np.zeros((2, 3))
         return Placed(layout, geometry, places, np.zeros(0, records.INSTANCE), [], *none, 1.0)
     rows = np.ascontiguousarray(np.moveaxis(places[:, :3], 0, -1))  # (3, 4, I): one number of all together
     cofactors, mirrored = _cofactors(rows)
@@ -88,6 +89,7 @@ def place_instances(
         _draws(mesh, material, mirrored),
         order,
         widths.astype(np.float32),
+        np.maximum(np.maximum(a, b), c).astype(np.float32),
         boxes,
         np.stack([boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)]),
         enclosing_diameter(np.moveaxis(corners, -1, 0).reshape(-1, 3)) or 1.0,

@@ -7,9 +7,9 @@ import pytest
 from test_specular_paths import still_life
 from transport import Tracer, box_room, lit, render, total
 
-from ispm import Renderer, Settings, shapes
+from ispm import DirectionalLight, Renderer, Scene, Settings, euler, shapes
 from ispm.library.builtin import builtin
-from ispm.library.shapes import icosphere
+from ispm.library.shapes import box, icosphere
 from ispm.optics.records import RECEIVER
 from ispm.paths.ends import reflect_light
 from ispm.paths.gather import Gather, Gathered, RayPlan, average_rays, gather_rays
@@ -192,3 +192,48 @@ def test_numbers_are_even_in_every_neighbourhood():
     counts = np.array([np.bincount(block, minlength=16) for block in blocks])
     assert counts.min() >= 2 and counts.max() <= 6
     assert (even_numbers((48, 40), 7, 3) != numbers).any()
+
+
+def bars_over_lawn(count):
+    """A table among bars of steel, of 4 m by 6 cm, over a lawn in the sun, of which a photon has 1 m2."""
+    scene = Scene()
+    scene.add(box((-30.0, -1.0, -30.0), (30.0, 0.0, 30.0)), material=Material((0.3,) * 3, roughness=1.0))
+    scene.add(box((-1.0, 0.9, -1.0), (1.0, 1.0, 1.0)), material=Material((0.8,) * 3, roughness=1.0))
+    steel = Material((0.8,) * 3, metallic=1.0, roughness=0.35)
+    for k in range(count):
+        bar = box((-2.0, 2.2, -0.03), (2.0, 2.26, 0.03))
+        scene.add(bar, material=steel, translation=(0.0, 0.0, 0.5 * k - 1.0))
+    scene.add(DirectionalLight((1e5,) * 3), rotation=euler(math.radians(-50.0), 0.6, 0.0))
+    return scene
+
+
+@pytest.mark.parametrize(("gather", "least"), [(64, 4.0 * 0.06), (0, 0.06 / 4.0)])
+def test_kernels_at_the_ends_of_rays_are_wider_than_thin_bars(gpu, gather, least):
+    """Pixels see bars, and light past their edges; rays average it. The picture's pixels are smaller."""
+    camera = Camera.look_at((0.0, 2.25, 2.0), (0.0, 2.2, 0.0), yfov=0.02)
+    settings = Settings(size=(64, 36), gather=gather, photons=4000)
+    with Renderer(bars_over_lawn(5), settings, camera, gpu=gpu) as renderer:
+        renderer.render()
+        photons = renderer.photons()
+    on_bars = photons["instance"] > 1
+    assert np.count_nonzero(on_bars) > 2
+    assert photons["radius"][on_bars].min() == pytest.approx(least, rel=1e-3)
+
+
+def test_few_photons_on_bars_make_no_spots(gpu, monkeypatch):
+    """Were kernels as narrow as those that pixels see, they would cover a thousandth of the bars, and pixels
+    would deviate from pass to pass by half of their light."""
+    camera = Camera.look_at((0.0, 1.9, 1.0), (0.0, 1.0, 0.0), yfov=0.5)
+
+    def deviation():
+        found = []
+        for seed in (0, 1):
+            with Renderer(bars_over_lawn(5), Settings(size=(64, 36), seed=seed), camera, gpu=gpu) as renderer:
+                passes = np.stack([renderer.render_pass(k).indirect.mean(axis=-1) for k in range(16)])
+            found.append((passes.std(axis=0, ddof=1) / np.median(passes, axis=0)).mean())
+        return np.mean(found)
+
+    wide = deviation()
+    monkeypatch.setattr(gather_module, "_end_widths", lambda packed: packed.widths)
+    assert wide < 0.4
+    assert wide < 0.75 * deviation()
