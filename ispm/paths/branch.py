@@ -153,6 +153,15 @@ def part(waiting, path):
 
 
 @jit
+def with_left_over(waiting, weight):
+    """Return a Waiting whose path in front takes over what a later face reflects, RGB of the light: it sees
+    nearly the same, from a few faces before."""
+    first = waiting.paths[0]
+    paths = _weighted(first, add(first.weight, weight), first.band), waiting.paths[1], waiting.paths[2]
+    return Waiting(waiting.may_part, waiting.room, waiting.size, paths)
+
+
+@jit
 def without_next(waiting):
     """Return a Waiting without the path in front."""
     paths = waiting.paths[1], waiting.paths[2], waiting.paths[2]
@@ -257,10 +266,16 @@ def leave(tables, x, inside, focus, length, branch):
 @jit
 def path_in_band(path, band):
     """Return a Path with the light of a band alone."""
-    key, dimension, lane, start, d, weight, pdf, blur = path[:8]
+    return _weighted(path, of_band(band, path.weight), band)
+
+
+@jit
+def _weighted(path, weight, band):
+    """A Path of another weight and band."""
+    key, dimension, lane, start, d, _, pdf, blur = path[:8]
     side, origin, lobe, inside, focus, length, sees, _, clear = path[8:]
     place = side, origin, lobe, inside, focus, length
-    return Path(key, dimension, lane, start, d, of_band(band, weight), pdf, blur, *place, sees, band, clear)
+    return Path(key, dimension, lane, start, d, weight, pdf, blur, *place, sees, band, clear)
 
 
 @jit

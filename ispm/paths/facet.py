@@ -52,25 +52,27 @@ def sample_specular_lobe(x, wo, u1, u2, least, pick):
     does, wi, the factor (RGB) of its weight; whether a second path starts, that one's wi and factor.
 
     Where smooth glass both reflects and transmits `least` or more, the path parts: the second is reflected.
-    Else one serves for both: the one that `pick` draws in proportion to its share, or below 0 the stronger
-    one with the weight of both, which from within a solid is the one that leaves it.
+    Else one goes on: the one that `pick` draws in proportion to its share, or below 0 the stronger one, which
+    from within a solid is the one that leaves it; the last factor is then the other's, which is left over.
     u1, u2, pick  random in [0, 1)
     """
     b, entering = x.bsdf, x.entering
     reflectance, transmittance, above, beyond, through = facet_split(x, wo, u1, u2)
-    both = add(reflectance, transmittance)
+    both, none = add(reflectance, transmittance), (f32(0), f32(0), f32(0))
     if not through:
-        return greatest(both) > f32(0), above, both, False, wo, wo
+        return greatest(both) > f32(0), above, both, False, wo, none
     if is_smooth(b) and min(greatest(reflectance), greatest(transmittance)) >= least:
         return True, beyond, transmittance, True, above, reflectance
     reflected, passed = luminance(reflectance), luminance(transmittance)
     if pick < f32(0):
         leaves = not entering or passed > reflected
-        return leaves or greatest(both) > f32(0), beyond if leaves else above, both, False, wo, wo
+        if leaves:
+            return True, beyond, transmittance, False, wo, reflectance
+        return greatest(both) > f32(0), above, reflectance, False, wo, transmittance
     chance = passed / (reflected + passed) if passed > f32(0) else f32(0)
     if pick < chance:
-        return True, beyond, scale(f32(1) / chance, transmittance), False, wo, wo
-    return reflected > f32(0), above, scale(f32(1) / (f32(1) - chance), reflectance), False, wo, wo
+        return True, beyond, scale(f32(1) / chance, transmittance), False, wo, none
+    return reflected > f32(0), above, scale(f32(1) / (f32(1) - chance), reflectance), False, wo, none
 
 
 @jit

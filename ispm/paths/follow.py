@@ -49,6 +49,7 @@ from ispm.paths.branch import (
     leave,
     part,
     pixel_width,
+    with_left_over,
 )
 from ispm.paths.coat import draw_coat, facet_light, sample_coat
 from ispm.paths.eye_paths import Done, Images, Reach
@@ -66,11 +67,12 @@ from ispm.paths.vertices import BLACK, DIRECT, EMISSION, THROUGH, add_light, sto
 
 f32, i64, u32 = np.float32, np.int64, np.uint32
 
-EVENTS_MAX = 24  # mirrors and faces of glass that a path meets: light turns often within a cone
+EVENTS_MAX = 128  # mirrors and faces of glass that a path meets: light turns often within a cone
 ENDS_MAX = 2  # of one path: behind a varnished floor goes on what it mirrors
 MIN_WEIGHT = f32(1e-3)  # weight below which a path goes on by chance
 _MIN_WEIGHT_AFTER_END = f32(0.02)  # and below which from an end
 _PARTS = f32(0.03)  # weight of both branches from which a path parts at smooth glass
+_LEFT_OVER = f32(0.08)  # weight of what paths leave at other faces, up to which it counts as seen nearby
 _SOME = f32(1e-6)  # of what a face meets: less is rounding
 _EVENTS_APART = 32  # numbers of the events of two paths that part
 _DIMENSION = 7 << 20  # of the random numbers that draw lights
@@ -97,7 +99,7 @@ def follow(tables, view, thread, path, veil, waiting, i, slot, out, done):
     stored, rough, disperses = 0, False, False
     from_lobe, sharp = pdf > f32(0), True
     near, far, met, images = f32(1e30), f32(1e30), u32(NO_HIT), Images(f32(0), f32(0), f32(0))
-    behind = veil.instance != u32(NO_HIT)
+    behind, left_over = veil.instance != u32(NO_HIT), f32(0)
     side_by_side = view.by_image and (lane != SCATTERED or lobe.square > f32(0))
     for event in range(EVENTS_MAX + 1):
         u1, u2, u0 = facet_numbers(key, dimension, view.pass_index, view.seed)
@@ -219,13 +221,22 @@ def follow(tables, view, thread, path, veil, waiting, i, slot, out, done):
         elif goes_on:
             alive, wi, factor, drawn = sample_lobe(x, wo, u1, u2)
         elif is_smooth(b) or transmits(b):
-            if view.pass_index == u32(0) and is_smooth(b) and waiting.may_part:
-                pick = f32(-1)  # for less noise: its bias counts less and less in a mean
-            parts = waiting.may_part and waiting.room > i64(0) and stored < ENDS_MAX
+            may_part = waiting.may_part
+            parted = lane == SCATTERED and waiting.room == i64(0)
+            if view.pass_index == u32(0) and is_smooth(b) and may_part and not parted:
+                pick = f32(-1) if left_over < _LEFT_OVER else pick  # for less noise
+            parts = may_part and waiting.room > i64(0) and stored < ENDS_MAX
             parts = parts and not (from_lobe or rough)
             least = _least_part(x, weight, lane, waiting) if parts else f32(1e30)
             drawn_lobe = sample_specular_lobe(x, wo, u1, u2, least, pick)
             alive, wi, factor, parts, above, kept = drawn_lobe
+            if not parts and greatest(kept) > f32(0):
+                lost = times(weight, kept)
+                left_over += greatest(lost)
+                if waiting.size > i64(0):
+                    waiting = with_left_over(waiting, lost)
+                else:
+                    factor = add(factor, kept)
             drawn = glass_pdf(b, x.n, wo, wi) if by_glass else f32(0)
             passed = is_smooth(b) and passed_sheet(x, wi)  # as shadow rays do, so that lobes draw beyond
         clear = clear and drawn == f32(0)

@@ -116,8 +116,8 @@ def _light_of_layer(
     """Return what is brought to SEEN pixels by their coats alone, by what is under these, or by what lies
     behind: light as EyePaths have it, and what that hides of emission and of what is under it, (n,).
 
-    Pixels on edges of what is seen in a mirror or glass are sampled four times; where these are many, as on
-    waves, twice.
+    Pixels on edges of what is seen in a mirror or glass are sampled four times more; where these are many, as
+    on waves, twice.
     """
     settings, view = this.settings, this.view
     rays = eye_rays(seen, this.surfaces, view, this.threads, settings.smoothing)
@@ -128,13 +128,14 @@ def _light_of_layer(
     paths, again, given = _paths_of(this, rays, photons)
     pixels = [keys := rays.keys]
     del rays  # which take more memory than the picture
-    for rows, found in again:
+    for rows, found, _ in again:
         pixels.append(np.repeat(keys[rows], len(found.light) // len(rows)))
-    light_ends(this, [paths, *(found for _, found in again)], np.concatenate(pixels), photons)
+    light_ends(this, [paths, *(found for _, found, _ in again)], np.concatenate(pixels), photons)
     light, firsts = paths.light, given.firsts
     del paths, pixels  # ends take as much
-    for rows, found in again:
-        light[rows] = found.light.reshape(len(rows), -1, COLUMNS).mean(axis=1)
+    for rows, found, more in again:
+        samples = found.light.reshape(len(rows), -1, COLUMNS)
+        light[rows] = (samples.sum(axis=1) + more * light[rows]) / (samples.shape[1] + more)
     if background_color(settings) is None:
         light[:, THROUGH:] = 0.0
     for brought in (light[:, :THROUGH], light[:, THROUGH:]):
@@ -146,10 +147,10 @@ def _light_of_layer(
 
 def _paths_of(
     this: Pass, rays: EyeRays, photons: PhotonLight
-) -> tuple[EyePaths, list[tuple[np.ndarray, EyePaths]], Shown]:
+) -> tuple[EyePaths, list[tuple[np.ndarray, EyePaths, int]], Shown]:
     """Return the eye paths of n rays; those that stand in for some of them, with sorted rows, each of which
-    has as many: of rows that no path serves, and through samples of pixels on edges; and what the n rays
-    show."""
+    has as many, and how many of the pixels' own count beside them: of rows that no path serves, and through
+    samples of pixels on edges, which are marked by what their own paths met; and what the n rays show."""
     view = this.view
     side_by_side = replace(rays, by_image=has_area_light(this.packed, this.surfaces))
     paths = follow(this, side_by_side, photons)
@@ -163,14 +164,14 @@ def _paths_of(
         edges = edge_rows(paths, lonely, rays.keys, view.size[0])
 
     def follow_again(rows: np.ndarray, own: EyeRays) -> None:
-        again.append((rows, follow(this, own, photons)))
+        again.append((rows, follow(this, own, photons), 0))
         paths.firsts[rows] = again[-1][1].firsts
 
     if len(close):
         edges, lonely = (np.setdiff1d(rows, close, assume_unique=True) for rows in (edges, lonely))
         follow_again(close, replace(rows_of(side_by_side, close), most=GLOSS_SAMPLES))
     strong, most = _strong_rows(given, few, rays.most)
-    for others in (edges, *(rows for rows, _ in again)):
+    for others in (edges, *(rows for rows, _, _ in again)):
         strong = np.setdiff1d(strong, others, assume_unique=True)
     if len(strong):
         follow_again(strong, replace(rows_of(side_by_side, strong), most=most, columns=rays.columns))
@@ -179,7 +180,7 @@ def _paths_of(
         follow_again(lonely, rows_of(rays, lonely))
     if len(edges):
         samples = SAMPLES if len(edges) <= few else _PAIR
-        again.append((edges, follow(this, fine_rays(rays, paths, edges, view, samples), photons)))
+        again.append((edges, follow(this, fine_rays(rays, paths, edges, view, samples), photons), 1))
     return paths, again, given
 
 

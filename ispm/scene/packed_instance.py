@@ -60,7 +60,8 @@ def place_instances(
     if known and before is not None and before.places.tobytes() == places.tobytes():
         return before
     if not len(places):
-        none = np.zeros(0, np.int64), *np.zeros((2, 0), np.float32), np.zeros((0, 2, 3)), np.zeros((2, 3))
+        ids, extents, bounds = np.zeros(0, np.int64), np.zeros(0, np.float32), np.zeros((2, 3))
+        none = ids, extents, extents, np.zeros((0, 2, 3)), bounds
         return Placed(layout, geometry, places, np.zeros(0, records.INSTANCE), [], *none, 1.0)
     rows = np.ascontiguousarray(np.moveaxis(places[:, :3], 0, -1))  # (3, 4, I): one number of all together
     cofactors, mirrored = _cofactors(rows)
