@@ -29,6 +29,7 @@ from ispm.photons.coverage import Draws, keep_light
 from ispm.photons.density import Pixels, measure_radii
 from ispm.photons.footprint import disc_kernels
 from ispm.photons.grid import PhotonGrid
+from ispm.photons.sheets import part_sheets
 from ispm.photons.walls import end_at_walls
 from ispm.renderer.caustics import PhotonClasses, sample_width
 from ispm.renderer.narrow import LEAST_PHOTONS, mean_flux, narrow_radius
@@ -242,6 +243,7 @@ class PhotonLight:
         packed, view, settings = self._this.packed, self._this.view, self._this.settings
         pixels = Pixels(settings.subsampling * sample_width(view), view.eye_or_direction)
         measure_radii(photons, packed.diagonal, settings.smoothing, pixels, widths, self._this.threads)
+        part_sheets(photons, packed, self._this.world)
 
     def _gathered(
         self,

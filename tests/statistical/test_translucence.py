@@ -249,3 +249,30 @@ def test_a_lamp_shade_is_as_bright_as_paths_find_it(gpu, settings, paths_of_the_
 )  # fmt: skip
 def test_a_translucent_ball_is_as_bright_as_paths_find_it(gpu, look):
     assert_as_bright_as_paths(gpu, Material(double_sided=True, **look), samples=256)
+
+
+def reflectance_of_stack(count, back, forth):
+    """Of so many Lambert sheets that reflect `back` and pass `forth`, added one by one (Stokes 1862)."""
+    whole = 0.0
+    for _ in range(count):
+        whole = back + forth**2 * whole / (1.0 - back * whole)
+    return whole
+
+
+@pytest.mark.parametrize("gather", [0, 64])
+@pytest.mark.parametrize("count", [2, 12])
+def test_a_stack_of_sheets_reflects_what_all_add_up_to(gpu, count, gather):
+    """Sheets 1 m wide and .4 mm apart: kernels are centimetres wide, and each would reach all of them."""
+    share, albedo = 0.35, 0.85
+    paper = matte(share, (albedo,) * 3, (albedo,) * 3)
+    scene = Scene()
+    for k in range(count):
+        scene.add(polygons([0.5 * SQUARE]), material=paper, translation=(0.0, 0.0, 4e-4 * k))
+    scene.add(PointLight((INTENSITY,) * 3), translation=(0.0, 0.0, 1.0))
+    camera = Camera.look_at((0.0, 0.0, 1.0), (0.0, 0.0, 0.0), yfov=0.3)
+    frames = [render(gpu, scene, camera, size=(64, 36), gather=gather, seed=seed)[0] for seed in range(4)]
+    direct, indirect = frames[0].direct.mean(), np.array([frame.indirect.mean() for frame in frames])
+    first = (1.0 - share) * albedo
+    expected = direct * (reflectance_of_stack(count, first, share * albedo) / first - 1.0)
+    # Student's t of 3 degrees, 99.9 %
+    assert abs(indirect.mean() - expected) <= 12.9 * indirect.std(ddof=1) / 2.0
