@@ -40,9 +40,9 @@ def towards(origin, targets, distances=None):
     )  # fmt: skip
 
 
-def follow(scene, rays, threads=2, seed=0):
+def follow(scene, rays, threads=2, seed=0, pass_index=0):
     tracer = Tracer(scene, threads)
-    return trace_eye(tracer.packed, tracer.world, tracer.surfaces, rays, seed, 0)
+    return trace_eye(tracer.packed, tracer.world, tracer.surfaces, rays, seed, pass_index)
 
 
 def surrounded(scene):
@@ -180,8 +180,10 @@ def fresnel(cosine, ior=1.5):
     return 0.5 * (across**2 + along**2)
 
 
-def test_what_glass_mirrors_is_seen_through_a_sheet():
-    """In the first pass, though what lies below that glass is the stronger: the path parts twice."""
+@pytest.mark.parametrize("pass_index", [0, 1])
+def test_what_glass_mirrors_is_seen_through_a_sheet(pass_index):
+    """Though what lies below that glass is the stronger: the path parts twice. In the first pass the second
+    branch takes over what the block's other faces reflect, of .08 of the light at most."""
     scene = Scene()
     scene.add(box((-9, -9, -9), (9, 0, 9)), material=GLASS)
     scene.add(wall(-8.0), material=CLAY)
@@ -190,15 +192,17 @@ def test_what_glass_mirrors_is_seen_through_a_sheet():
     origin = np.array([0.0, 1.0, 2.0])
     d = (floor_at - origin) / np.linalg.norm(floor_at - origin, axis=1)[:, None]
     sheet_at = origin - d / d[:, 2:]
-    paths = follow(scene, towards(origin, sheet_at))
-    seen = np.abs(paths.points["position"][:, 2] + 8.0) < 1e-3
-    ends = paths.ends[seen]
-    assert len(ends) == len(d) and (ends["lane"] == SCATTERED).all()
+    paths = follow(scene, towards(origin, sheet_at), pass_index=pass_index)
     up = d * (1, -1, 1)
     expected = floor_at + ((-8.0 - floor_at[:, 2]) / up[:, 2])[:, None] * up
-    assert np.abs(paths.points["position"][seen] - expected).max() < 1e-4
+    away = np.abs(paths.points["position"] - expected[paths.ends["slot"]]).max(axis=1)
+    ends = paths.ends[away < 1e-4]  # others went through the block below, and came up by chance
+    assert np.array_equal(np.sort(ends["slot"]), np.arange(len(d))) and (ends["lane"] == SCATTERED).all()
+    ends = ends[np.argsort(ends["slot"])]
     weight = ((1 - fresnel(-d[:, 2])) * fresnel(-d[:, 1]))[:, None] * np.array([0.9, 0.5, 0.2])
-    assert ends["weight"] == pytest.approx(weight, rel=1e-4)
+    more = ends["weight"] - weight
+    assert (np.abs(more) if pass_index else -more).max() < 1e-4 * weight.max()
+    assert more.max() <= 0.08
 
 
 def test_a_ball_of_the_index_of_air_is_not_seen():
