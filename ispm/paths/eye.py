@@ -1,9 +1,9 @@
 """Eye paths: from pixels that show mirrors and glass to the surfaces that are seen in them.
 
 At the first surface both branches are followed, weighted by Fresnel's equations, and again where a path
-leaves the solid that it entered there; after that one is followed: in the first pass the stronger one with
-the weight of both, which is exact where both would find the same light, later one that is drawn. Rough
-glass is sampled instead, and so are the lobes of opaque surfaces that are too narrow for photons.
+leaves the solid that it entered there; after that one is followed: in the first pass the stronger one, while
+the last branch that parted takes over some of the others' weight, else one that is drawn. Rough glass is
+sampled instead, and so are the lobes of opaque surfaces that are too narrow for photons.
 Where photons may light what a path meets it leaves an end; direct light there and emission are added here.
 """
 
