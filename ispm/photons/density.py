@@ -28,7 +28,7 @@ _WANTED = 32  # photons that a cell must hold to be counted: 18 % noise in densi
 _RADIUS_MIN, _RADIUS_MAX = 0.002, 0.1  # of the scene's diagonal
 _SLANT_MAX = 8.0  # that a pixel is stretched on a surface seen aslant
 _PIXEL_SHARE = 0.75  # least radius over a receiver's pixel: between smaller kernels light falls unseen
-_WIDTH_SHARE = 0.25  # of an object's width
+WIDTH_SHARE = 0.25  # of an object's width
 _HEIGHT = 0.25  # of a kernel over its radius: thin, so that it does not reach other surfaces
 _CELLS = (1 << BITS) - 4  # of the smallest ones along an axis, the shifts' left out
 _LEVELS = 8  # cell sizes, each twice the one before
@@ -147,7 +147,7 @@ def _reach_on_objects(photons: np.ndarray, widths: np.ndarray | None) -> np.ndar
     """(N,) float32: the largest radius that suits the object under each photon."""
     if widths is None:
         return np.full(len(photons), np.inf, np.float32)
-    return np.asarray((f32(_WIDTH_SHARE) * widths)[photons["instance"] & ~np.uint32(INNER)])
+    return np.asarray((f32(WIDTH_SHARE) * widths)[photons["instance"] & ~np.uint32(INNER)])
 
 
 @jit(allocates=True)

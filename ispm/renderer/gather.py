@@ -26,7 +26,7 @@ from ispm.optics.sampling import LATTICE
 from ispm.paths.gather import Gather, RayPlan, average_rays, gather_rays, join_light
 from ispm.paths.guide import Guide, square_blocks
 from ispm.photons.coverage import Draws, keep_light
-from ispm.photons.density import Pixels, measure_radii
+from ispm.photons.density import WIDTH_SHARE, Pixels, measure_radii
 from ispm.photons.footprint import disc_kernels
 from ispm.photons.grid import PhotonGrid
 from ispm.photons.sheets import part_sheets
@@ -353,9 +353,8 @@ def _end_widths(packed: Packed) -> np.ndarray:
     given back. Light that rays average may be blurred, and few photons on thin things, each under a small
     kernel, would be fireflies.
     """
-    return np.asarray(
-        4.0 * np.minimum(_END_KERNEL_MOST * packed.widths, np.sqrt(packed.widths * packed.lengths))
-    )
+    widest = np.minimum(_END_KERNEL_MOST * packed.widths, np.sqrt(packed.widths * packed.lengths))
+    return np.asarray(widest / WIDTH_SHARE)
 
 
 def series_of(settings: Settings) -> int:

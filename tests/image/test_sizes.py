@@ -77,6 +77,5 @@ def test_lamps_with_a_surface_shine_alike_far_from_the_origin(gpu, lamp):
 
     near, far = picture(0.0), picture(2000.0)
     assert far.direct.mean() == pytest.approx(near.direct.mean(), rel=0.003)
-    assert far.indirect.mean() == pytest.approx(
-        near.indirect.mean(), rel=0.02
-    )  # of photons, some go elsewhere
+    # Of photons, some go elsewhere.
+    assert far.indirect.mean() == pytest.approx(near.indirect.mean(), rel=0.02)

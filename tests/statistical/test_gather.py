@@ -195,7 +195,7 @@ def test_numbers_are_even_in_every_neighbourhood():
 
 
 def bars_over_lawn(count):
-    """A table among bars of steel, of 4 m by 6 cm, over a lawn in the sun, of which a photon has 1 m2."""
+    """A table among bars of steel, of 4 m by 6 cm, over a lawn of 60 m in the sun."""
     scene = Scene()
     scene.add(box((-30.0, -1.0, -30.0), (30.0, 0.0, 30.0)), material=Material((0.3,) * 3, roughness=1.0))
     scene.add(box((-1.0, 0.9, -1.0), (1.0, 1.0, 1.0)), material=Material((0.8,) * 3, roughness=1.0))
@@ -221,8 +221,7 @@ def test_kernels_at_the_ends_of_rays_are_wider_than_thin_bars(gpu, gather, least
 
 
 def test_few_photons_on_bars_make_no_spots(gpu, monkeypatch):
-    """Were kernels as narrow as those that pixels see, they would cover a thousandth of the bars, and pixels
-    would deviate from pass to pass by half of their light."""
+    """Were kernels as narrow as those that pixels see, few rays would meet one, and each would be a spot."""
     camera = Camera.look_at((0.0, 1.9, 1.0), (0.0, 1.0, 0.0), yfov=0.5)
 
     def deviation():
