@@ -1,8 +1,9 @@
 """The light of narrow lobes, which few paths from each pixel find, averaged over pixels nearby.
 
 Passes of 3 x 3 pixels, 1 to 16 apart, each as strong as brings the sum of their variances to what a
-pixel's own lobe allows: its width, and how far what it reflects lies, tell how little is seen of it. Two
-pixels give each other the same share, the less of what either wants, so that no light is gained or lost.
+pixel's own lobe allows: its width, and how far what it reflects lies, tell how little is seen of it. What is
+reflected at grazing angles is drawn out, and averaged less across that. Two pixels give each other the same
+share, the less of what either wants, so that no light is gained or lost.
 Light is divided by what the surface reflects before, so that textures stay sharp. What stands out far, as a
 lamp's image in a second lobe does that one path found, is spread as far as passes go.
 Source: edge-avoiding a-trous wavelets, Dammertz et al., HPG 2010.
@@ -30,6 +31,7 @@ _CHUNK = 256
 _LENIENT = f32(0.25)  # in place of BENT, for what stands out
 _OUTLIER = 4.0  # times the mean about a pixel, above which its light goes farther: in the first pass
 _KERNEL = f32(0.5)  # variance of a whole pass, squares of its stride
+_WAY_TO = (2, 1, 3, 0, -1, 0, 3, 1, 2)  # columns of `_weigh` for each of 3 x 3 pixels
 
 _LANES = 16  # floats of a pixel's light: a line of cache, whose last is the number of paths
 _PATHS = _LANES - 1
@@ -74,7 +76,8 @@ def _between(given: Shown, first: int, part: slice) -> Shown:
     """Some rows of what is shown, as if the picture began at the row of pixels `first`."""
     across = given.rows.shape[1]
     pixels = given.pixels[part] - np.uint32(first * across)
-    return Shown(pixels, picture_rows(pixels, across), given.firsts[part], given.lobes[part])
+    rows = picture_rows(pixels, across)
+    return Shown(pixels, rows, given.firsts[part], given.lobes[part], given.drawn[part])
 
 
 def _resolve(light: np.ndarray, given: Shown, smoothing: float, threads: int) -> None:
@@ -101,12 +104,15 @@ def _averaged(
     """Return values, (n, _LANES), averaged to a variance, (n,) pixels^2, and `excess`, likewise or without
     rows, averaged as far as passes go; overwrites both."""
     before, after = (values, excess), (_lanes(len(values)), _lanes(len(excess)))
-    spent = 0.0
+    spent, farthest = 0.0, np.full(len(excess), float(_KERNEL) * sum(s * s for s in _STRIDES), np.float32)
+    weights, outer = (np.empty((len(rows), 4), np.float32) for rows in (values, excess))
     for stride in _STRIDES:
         places = tuple(map(address, (*before, *after)))
-        told = given, i64(stride), blur, f32(spent), len(excess) > 0
-        run_shared(partial(_average, *told, places), threads)
-        spent += float(_KERNEL) * stride**2
+        whole = float(_KERNEL) * stride**2
+        for wanted, found in ((blur, weights), (farthest, outer)):
+            run_shared(partial(_weigh, given, wanted, f32(spent), f32(whole), found), threads)
+        run_shared(partial(_average, given, i64(stride), weights, outer, places), threads)
+        spent += whole
         before, after = after, before
     return before
 
@@ -170,34 +176,64 @@ def _split(kept, counter, values, excess):
 
 
 @jit
-def _average(given, stride, blur, spent, stands_out, places, counter):
+def _weigh(given, blur, spent, whole, weights, counter):
+    """Write (n, 4) the weights of neighbors right, below, right below and left below in a pass.
+
+    blur   (n,) variance that is wanted along the way that a lobe is drawn out
+    spent  what passes before have brought where it was wanted;  whole  what this one may
+    Their squares add up to the covariance. One that lies aslant of all four ways needs some width: each pass
+    keeps that, and takes in less along it where there is none.
+    """
+    scale = f32(0.25) / whole
+    for i in shared_rows(counter, _CHUNK, len(blur)):
+        right, down, cosine = given.drawn[i]
+        low, high = min(abs(right), abs(down)), max(abs(right), abs(down))
+        least = low * (high - low) / (high * (high + low)) if high > f32(0) else f32(0)
+        across = cosine * cosine * blur[i]
+        along = min(blur[i], across / least) if least > f32(0) else blur[i]
+        a = min(max(along - spent, f32(0)), whole)
+        rest = max(across - least * along - (f32(1) - least) * spent, f32(0))
+        b = least * a + min(rest, whole - least * a)
+        xx, yy = scale * (a * right * right + b * down * down), scale * (a * down * down + b * right * right)
+        xy = scale * (a - b) * right * down
+        corners = max(f32(0.5) * min(xx, yy), abs(xy))
+        weights[i, 0], weights[i, 1] = max(xx - corners, f32(0)), max(yy - corners, f32(0))
+        weights[i, 2], weights[i, 3] = f32(0.5) * (corners + xy), f32(0.5) * (corners - xy)
+
+
+@jit
+def _average(given, stride, weights, outer, places, counter):
     """Write one pass over values and, where there are any, over what stands out.
 
-    blur    (n,) variance that is wanted;  spent  what passes before have brought where it was wanted
-    places  addresses of the values and of what stands out, before and after
+    weights  (n, 4) as of `_weigh`, of half of all neighbors, for those opposite have the same
+    outer    likewise of what stands out, or without rows
+    places   addresses of the values and of what stands out, before and after
     The middle keeps what it does not give away. A pixel without paths takes all that neighbors have.
     """
     before, outliers, after, outliers_after = places
-    whole = _KERNEL * f32(stride * stride)
+    stands_out = len(outer) > 0
     for i in shared_rows(counter, _CHUNK, len(given.pixels)):
         if given.lobes[i].instance == u32(NO_HIT):
             continue
         empty = ldf(before, i * _LANES + _PATHS) == f32(0)
-        wanted = whole if empty else min(max(blur[i] - spent, f32(0)), whole)
+        wanted = empty or weights[i, 0] + weights[i, 1] + weights[i, 2] + weights[i, 3] > f32(0)
         rest, paths, low, high = f32(1), f32(0), splat8(f32(0)), splat8(f32(0))
         rest_out, paths_out, low_out, high_out = f32(1), f32(0), splat8(f32(0)), splat8(f32(0))
         for step in range(9):
             k = (step + 5) % 9  # the middle last
-            j = beside(given, i, k, stride) if k == 4 or wanted > f32(0) or stands_out else i64(-1)
+            j = beside(given, i, k, stride) if k == 4 or wanted or stands_out else i64(-1)
             if j < i64(0):
                 continue
             w, w_out = rest, rest_out
             if k != 4:
-                both = wanted if empty else min(max(blur[j] - spent, f32(0)), wanted)
+                way = _WAY_TO[k]
+                both = min(weights[i, way], weights[j, way])
+                if empty:
+                    both = f32(1 / 8) if way < 2 else f32(1 / 16)
                 alike, bend = compared(given, i, j, stride)
-                alike *= f32((2 - abs(k % 3 - 1)) * (2 - abs(k // 3 - 1))) * f32(0.0625)
-                w = alike * max(f32(1) - BENT * bend, f32(0)) * both / whole
-                w_out = alike * max(f32(1) - _LENIENT * bend, f32(0))
+                w = alike * max(f32(1) - BENT * bend, f32(0)) * both
+                if stands_out:
+                    w_out = min(outer[i, way], outer[j, way]) * alike * max(f32(1) - _LENIENT * bend, f32(0))
                 rest, rest_out = rest - w, rest_out - w_out
             w *= ldf(before, j * _LANES + _PATHS)
             if w > f32(0):

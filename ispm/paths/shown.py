@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -12,6 +13,7 @@ from ispm.optics.jit import jit
 from ispm.optics.records import NO_HIT
 from ispm.optics.vector import dot, sub, vec3
 from ispm.paths.branch import STRONG
+from ispm.paths.pixel_rays import Screen
 from ispm.paths.vertices import SEVERAL
 
 f32, i64, u32 = np.float32, np.int64, np.uint32
@@ -38,31 +40,39 @@ class Shown(NamedTuple):
     rows    (h, w) int32, the row of each pixel of the picture, -1 where it has none
     firsts  (n,) FIRST_VERTEX, what they show
     lobes   (n,) _LOBE of these
+    drawn   (n, 3) float32: how what a lobe reflects is drawn out, along which way right and down, unit, and
+            the cosine by which it is narrower across that
     """
 
     pixels: np.ndarray
     rows: np.ndarray
     firsts: np.ndarray
     lobes: np.ndarray
+    drawn: np.ndarray
 
 
 def shown(
     pixels: np.ndarray,
-    across: int,
+    screen: Screen,
     firsts: np.ndarray,
     positions: np.ndarray,
+    directions: np.ndarray,
     widths: np.ndarray,
     threads: int,
 ) -> Shown:
     """Return what n pixels show.
 
-    pixels     (n,) numbers y width + x, sorted;  across  pixels in a row of the picture
-    firsts     (n,) FIRST_VERTEX, of which numbers of paths and `blur` may change afterwards
-    positions  (n, 3) float32 m;  widths  (n,) float32 m, of a pixel there
+    pixels      (n,) numbers y width + x, sorted
+    firsts      (n,) FIRST_VERTEX, of which numbers of paths and `blur` may change afterwards
+    positions   (n, 3) float32 m;  directions  (n, 3) float32, unit, of the rays that end there
+    widths      (n,) float32 m, of a pixel there
     """
     pixels, lobes = pixels.astype(np.uint32), np.empty(len(pixels), _LOBE)
-    run_shared(lambda counter: _describe(firsts, positions, widths, counter, lobes), threads)
-    return Shown(pixels, picture_rows(pixels, across), firsts, lobes)
+    drawn = np.zeros((len(pixels), 3), np.float32)
+    told = firsts, positions, directions, widths, screen
+    run_shared(lambda counter: _describe(*told, counter, lobes, drawn), threads)
+    rows = picture_rows(pixels, int(screen.columns))
+    return Shown(pixels, rows, firsts, lobes, drawn)
 
 
 def lonely_rows(given: Shown) -> np.ndarray:
@@ -101,14 +111,32 @@ def has_lobes(given: Shown) -> bool:
 
 
 @jit
-def _describe(firsts, positions, widths, counter, lobes):
-    """Write (n,) _LOBE of (n,) FIRST_VERTEX; positions, widths: as of `shown`."""
+def _describe(firsts, positions, directions, widths, screen, counter, lobes, drawn):
+    """Write (n,) _LOBE of (n,) FIRST_VERTEX and `drawn` of a Shown; other arguments as of `shown`."""
     for i in shared_rows(counter, _CHUNK, len(lobes)):
         first, lobe = firsts[i], lobes[i]
         for c in range(3):
             lobe.n[c], lobe.ng[c], lobe.position[c] = first.n[c], first.ng[c], positions[i, c]
         lobe.alpha, lobe.density = first.alpha, f32(1) / widths[i]
         lobe.instance = first.instance if first.reflectance[0] > f32(0) else u32(NO_HIT)
+        if lobe.instance != u32(NO_HIT):
+            _draw_out(vec3(lobe.n), vec3(directions[i]), screen, drawn[i])
+
+
+@jit
+def _draw_out(n, d, screen, drawn):
+    """Write the (3,) numbers of `Shown.drawn` of a lobe about the normal n, seen along d, unit.
+
+    Facets turned out of the plane of incidence turn light by the cosine less than those turned in it, whose
+    trace in the picture is the projection of n.
+    """
+    x, y = dot(n, screen.right), dot(n, screen.down)
+    if not screen.parallel:
+        ahead = dot(n, screen.forward) / dot(d, screen.forward)
+        x, y = x - ahead * dot(d, screen.right), y - ahead * dot(d, screen.down)
+    length = math.sqrt(x * x + y * y)
+    drawn[0], drawn[1] = (f32(x / length), f32(y / length)) if length > 0.0 else (f32(1), f32(0))
+    drawn[2] = min(abs(dot(n, d)), f32(1)) if length > 0.0 else f32(1)
 
 
 @jit

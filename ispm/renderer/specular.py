@@ -156,7 +156,8 @@ def _paths_of(
     paths = follow(this, side_by_side, photons)
     places = rays.origins + rays.distances[:, None] * rays.directions
     widths = view.pixel_widths(places)
-    given = shown(rays.keys, view.size[0], paths.firsts, places, widths, this.threads)
+    told = paths.firsts, places, rays.directions, widths, this.threads
+    given = shown(rays.keys, view.screen(), *told)
     lonely, again, edges = lonely_rows(given), [], np.zeros(0, np.int64)
     few = _FEW * view.size[0] * view.size[1]
     close = contact_rows(given, few, this.threads)

@@ -201,14 +201,16 @@ def _passed(tables, shown, arriving, i, scratch, samples):
     """What share of an Arriving, RGB, passes what is between; the penumbra's width tells how far row i of the
     Samples reaches."""
     x, wi = shown.x, arriving.wi
-    start = add(x.position, scale(lift(tables, shown), side_of(x.ng, wi)))
+    up = lift(tables, shown)
+    start = add(x.position, scale(up, side_of(x.ng, wi)))
     toward, distance = wi, arriving.distance
     if distance < FAR:
         toward, distance = ray_between(start, arriving.end)
     limit = distance * (f32(1) - BEFORE)
     met = any_distance(tables.trees, Ray(start, toward, limit), scratch.stack)
     if met < limit:
-        if arriving.density > f32(0):
+        is_itself = abs(dot(x.ng, wi)) * met <= up  # rays along a surface meet that by rounding alone
+        if arriving.density > f32(0) and not is_itself:
             # of the lamp's image through a pinhole at what is between
             angle = f32(1) / f32(math.sqrt(arriving.density))
             width = angle * met / max(f32(1) - met / distance, f32(1e-6))

@@ -300,3 +300,27 @@ def test_a_wet_road_reflects_its_lamps_without_specks(gpu):
     assert np.median(found.std(axis=0) / exact) < 0.3
     blocks, truth = (a.reshape(6, 9, 6, 16).mean(axis=(1, 3))[1:] for a in (found.mean(axis=0), exact))
     assert np.abs(blocks / truth - 1.0).max() < 0.2
+
+
+def test_a_dark_pillar_stays_dark_in_a_glossy_floor(gpu):
+    """A lamp behind it is mirrored on both sides, drawn out along the floor and narrow across. Averaged as
+    far across as along, the pillar's image had 2.2 times its light in one pass, 1.6 times after sixteen; now
+    it has 1.2 times, for the filter makes lobes a little wider. The truth is uncertain by 2 %."""
+    scene = Scene()
+    scene.add(box((-6, -0.1, -9), (6, 0, 4)), material=Material((0.9,) * 3, metallic=1.0, roughness=0.3))
+    scene.add(box((-6, 0, -9.1), (6, 4, -9)), material=Material((0.0,) * 3, emission=(4.0,) * 3))
+    scene.add(box((-0.9, 0, -4.4), (0.9, 4, -4)), material=lambert((0.02,) * 3))
+    camera, size = Camera.look_at((0, 1.2, 4), (0, 0.2, -3), yfov=0.5), (96, 64)
+    image = slice(40, 62), slice(42, 54)
+    origins, directions = CameraView(size, camera.pose, camera.yfov, None).rays()
+    origins = np.broadcast_to(origins, directions.shape)
+    rays = origins[image].reshape(-1, 3), directions[image].reshape(-1, 3)
+    told = dict(samples=range(1024), bounces=32, threads=2)
+    tracer = Tracer(scene)
+    expected = path_light(tracer.tables, *rays, **told).mean()
+    kept = dict(size=size, antialias=False, light="none")
+    ones = [render(gpu, scene, camera, seed=seed, **kept)[0].radiance[image].mean() for seed in range(8)]
+    assert np.mean(ones) < 1.4 * expected
+    with Renderer(scene, Settings(**kept), camera, gpu=gpu) as renderer:
+        *_, last = renderer.converge(16)
+    assert 0.9 * expected < last.radiance[image].mean() < 1.35 * expected

@@ -4,12 +4,16 @@ import numpy as np
 import pytest
 
 from ispm.paths import resolve
+from ispm.paths.pixel_rays import Screen
 from ispm.paths.resolve import resolve_lobes
 from ispm.paths.shown import contact_rows, lonely_rows, shown
 from ispm.paths.vertices import FIRST_VERTEX, SEVERAL
 
 WIDE, HIGH = 120, 116
 THREADS = 2
+FROM_ABOVE = Screen(
+    (0.0,) * 3, (0.0,) * 3, (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, -1.0), np.int64(WIDE), True
+)
 
 
 def flat(blur=5.0, samples=1, where=slice(None), **fields):
@@ -22,7 +26,13 @@ def flat(blur=5.0, samples=1, where=slice(None), **fields):
     for field, value in fields.items():
         firsts[field][where] = value
     places = np.stack([x, y, np.zeros(len(x))], axis=1)
-    return shown(np.arange(len(x)), WIDE, firsts, places, np.ones(len(x)), THREADS)
+    return seen(np.arange(len(x)), firsts, places)
+
+
+def seen(pixels, firsts, places):
+    """What some pixels show that look along -Z."""
+    directions = np.tile(np.float32(FROM_ABOVE.forward), (len(pixels), 1))
+    return shown(pixels, FROM_ABOVE, firsts, places, directions, np.ones(len(pixels), np.float32), THREADS)
 
 
 def resolved(light, given, smoothing=1.0):
@@ -55,6 +65,31 @@ def test_the_blur_is_as_wide_as_asked_and_less_in_later_passes():
         assert out[near].sum() == pytest.approx(1.0, rel=1e-3)
         variance = (out * x**2)[near].sum()
         assert variance == pytest.approx((blur * smoothing) ** 2, rel=0.03)
+
+
+@pytest.mark.parametrize("degrees", [0, 20, 45, 80, 90, 135, 170])
+@pytest.mark.parametrize("cosine", [0.9, 0.5, 0.2])
+def test_what_grazing_lobes_reflect_is_averaged_along_what_they_draw_out(degrees, cosine):
+    """Across it they are narrower by the cosine, for facets that turn out of the plane of incidence turn
+    light by so much less. Aslant of pixels it may be averaged less along it, and never more across it."""
+    blur, turn, middle = 6.0, np.radians(degrees), WIDE * (HIGH // 2) + WIDE // 2
+    way = np.array([np.cos(turn), np.sin(turn)])
+    given = flat(blur, reflectance=1.0)
+    normal = np.append(np.sqrt(1.0 - cosine**2) * way, cosine)
+    given.firsts["n"] = given.firsts["ng"] = normal
+    places = given.lobes["position"].copy()
+    places[:, 2] = -(places @ np.append(normal[:2], 0.0)) / cosine
+    light = np.ones((WIDE * HIGH, 3))
+    light[middle] = 2.0
+    out = resolved(light, seen(given.pixels, given.firsts, places))[:, 0].astype(float) - 1.0
+    y, x = np.divmod(np.arange(WIDE * HIGH), WIDE) - np.array([[HIGH // 2], [WIDE // 2]])
+    near = (np.abs(x) <= 24) & (np.abs(y) <= 24)
+    along, across = (out * (x * a + y * b) ** 2 for a, b in (way, (-way[1], way[0])))
+    assert out[near].sum() == pytest.approx(1.0, rel=1e-3)
+    assert across[near].sum() == pytest.approx((blur * cosine) ** 2, rel=0.05)
+    if degrees % 45 == 0:
+        assert along[near].sum() == pytest.approx(blur**2, rel=0.05)
+    assert (1.0 if cosine > 0.5 else 2.0 * cosine) * blur < np.sqrt(along[near].sum() * 1.05) < 1.05 * blur
 
 
 def test_light_from_beyond_one_mirror_is_averaged_more_widely_than_that_of_edges():
@@ -173,9 +208,7 @@ def test_bands_change_no_bit(monkeypatch, pixels):
     random = np.random.default_rng(7)
     whole = flat(random.uniform(0.0, 9.0, WIDE * HIGH), where=slice(None))
     kept = np.flatnonzero((random.random(WIDE * HIGH) < 0.8) & (whole.pixels // WIDE != 40))
-    given = shown(
-        kept, WIDE, whole.firsts[kept], whole.lobes["position"][kept], np.ones(len(kept), np.float32), THREADS
-    )
+    given = seen(kept, whole.firsts[kept], whole.lobes["position"][kept])
     light = random.random((len(kept), 9)) * np.where(random.random(len(kept)) < 0.01, 500.0, 1.0)[:, None]
     expected = resolved(light, given)
     monkeypatch.setattr(resolve, "_BAND", pixels)

@@ -317,3 +317,27 @@ def test_the_edge_of_a_suns_shadow_is_sharp_and_has_no_specks_in_one_pass(gpu):
     assert (np.abs(error) < bias + 4.0 * noise + 5e-3).all()
     assert found.max() < 1.005
     assert found[:, exact == 1.0].min() > 0.6
+
+
+def grainy(gpu, lamp, seed):
+    """How many pixels of a long floor differ by a tenth from the median of 5 x 5; a pillar shades a part of
+    it, and the lamp stands on its far end."""
+    scene, size = Scene(), (192, 96)
+    scene.add(box((-4, -0.1, -30), (4, 0, 3)), material=lambert((0.5,) * 3))
+    scene.add(box((-3, 0, -12.5), (-2, 3, -12)), material=lambert((0.0,) * 3))
+    scene.add(lamp, material=Material((0.0,) * 3, emission=(20.0,) * 3))
+    add_camera(scene, (0.2, 1.5, 2.5), (0.0, 0.2, -5.0), math.radians(40))
+    with Renderer(scene, Settings(size=size, bounces=0, light="none", seed=seed), gpu=gpu) as renderer:
+        found = renderer.render().direct[32:, :, 1]
+    squares = np.lib.stride_tricks.sliding_window_view(np.pad(found, 2, mode="edge"), (5, 5))
+    median = np.median(squares, axis=(2, 3))
+    return np.count_nonzero(abs(found - median) > 0.1 * median)
+
+
+def test_rays_along_a_floor_do_not_find_it_shaded_by_itself(gpu):
+    """Those to the sides of a lamp that stands on it met it by rounding, where they start: as if a shadow
+    began there, up to 24 pixels beside each were not filtered."""
+    side = polygons([np.array([(-4.0, 0, -30), (4, 0, -30), (4, 3, -30), (-4, 3, -30)])])
+    solid = box((-4, 0, -30.1), (4, 3, -30))
+    for seed in range(4):
+        assert grainy(gpu, solid, seed) <= grainy(gpu, side, seed)
