@@ -47,6 +47,7 @@ f32, i64, u32 = np.float32, np.int64, np.uint32
 _DIMENSION = 3 << 20  # of the random numbers
 _TRIED = 4  # lines from a place in a round, to the darker parts of a sky, and as many to its sun
 _ROUNDS = 12  # at most
+_FEW = 8  # lines, of which a survey needs as many
 _ENOUGH = 1000  # lines, after which no round follows, and about as many as are used
 _BESIDE = tuple(math.cos(math.radians(angle)) for angle in (3.0, 6.0, 12.0, 24.0))  # of cones about a line
 _RARE = 4  # lines tried for each that is open, from where draws are guided
@@ -187,10 +188,11 @@ def _survey(tables: Tables, eye: list[np.ndarray], course: _Course, first: _Surv
 
 def _openings(lines: _Lines, cells: _Cells, guided: np.ndarray, share: float, threads: int) -> Openings:
     """The Openings of lines, (m,) of which have something beside them; guided, share: see there."""
-    if len(lines.starts) < NEAREST:
+    if len(lines.starts) < _FEW:
         return NO_OPENINGS
     boxes, shares = fit_boxes(*lines.seen)
-    weights = cell_weights(shares, cells.nearest(lines.starts, NEAREST, threads))
+    nearest = min(len(lines.starts), NEAREST)
+    weights = cell_weights(shares, cells.nearest(lines.starts, nearest, threads))
     guided_cells = GuidedCells(guided, cells.low, f32(1) / cells.step)
     return Openings(boxes, weights, guided_cells, _ways(boxes, lines, shares, share, guided_cells))
 

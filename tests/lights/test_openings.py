@@ -79,6 +79,20 @@ def test_boxes_lie_about_the_hole_and_guide_below_it():
     assert openings.ways.to_sky.sum() == pytest.approx(1.0, abs=1e-5)
 
 
+@pytest.mark.parametrize("seed", range(6))
+def test_few_open_lines_are_enough_for_a_box_about_the_hole(seed):
+    """Of 40 rays a survey finds 10 to 20 lines. It wanted 32: where light comes in through one opening behind
+    another, most passes had none to guide their draws."""
+    tracer, (rays, _) = Tracer(lit_by_a_hole()), eye_rays(8, 5)
+    found = find_openings(tracer.packed, tracer.world, tracer.surfaces, rays, seed, 0)[1]
+    assert found.cells.guided.any()
+    (middle,), (axes,), (lengths,) = found.boxes
+    x, z = np.meshgrid(np.linspace(-0.2, 0.2, 21), np.linspace(-0.3, 0.3, 21))
+    within = np.stack([x, np.full_like(x, 3.0), z], axis=-1).reshape(-1, 3)
+    assert (np.abs((within - middle) @ axes.T) <= lengths).all(axis=1).mean() > 0.9
+    assert lengths.max() < 0.9
+
+
 def assert_about_the_hole(boxes, weights, within=0.05):
     """All but a twentieth of boxes, by their weights, end within so many m of the hole."""
     reach = np.einsum("ka,kac->kc", boxes.lengths, np.abs(boxes.axes))
