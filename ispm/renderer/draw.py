@@ -13,6 +13,7 @@ from ispm.lights.openings import Openings
 from ispm.lights.plan import PlannedMap
 from ispm.lights.surface_emission import has_area_light
 from ispm.photons.walk import Walk
+from ispm.renderer.by_image import light_missed
 from ispm.renderer.caustics import PhotonClasses, classify_photons
 from ispm.renderer.gather import PhotonLight
 from ispm.renderer.ground import catch_shadows
@@ -20,7 +21,7 @@ from ispm.renderer.light import Traced, plan_emission, trace_photons
 from ispm.renderer.live import History
 from ispm.renderer.one_pass import Pass
 from ispm.renderer.shadows import ShadowRays, join_pixels
-from ispm.renderer.specular import light_missed, specular_light
+from ispm.renderer.specular import specular_light
 from ispm.renderer.stages import Stages
 from ispm.renderer.watch import Watch
 from ispm.stages.area_light import area_light

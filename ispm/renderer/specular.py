@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from ispm.accel.surface import SurfaceTable
-from ispm.frame import Receivers
 from ispm.lights.surface_emission import has_area_light
-from ispm.optics.incident import channels, no_light
+from ispm.optics.incident import no_light
 from ispm.optics.records import take
 from ispm.paths.branch import GLOSS_SAMPLES, SCATTERED, STRONG
 from ispm.paths.denoise import denoise
 from ispm.paths.edges import edge_rows
-from ispm.paths.ends import image_of_ends, reflect_light, spread_light, without_gaps
+from ispm.paths.ends import reflect_light
 from ispm.paths.eye import trace_eye
 from ispm.paths.eye_paths import LAMP_SAMPLES, EyePaths, EyeRays, join_ends, no_paths
 from ispm.paths.far import LANES, FarSide, light_far_sides
@@ -26,17 +24,16 @@ from ispm.paths.sheen import filtered_light, sheen_light
 from ispm.paths.shown import Shown, contact_rows, lonely_rows, shown
 from ispm.paths.vertices import COLUMNS, INDIRECT, THROUGH
 from ispm.renderer.backdrop import background_color, shows_environment
+from ispm.renderer.by_image import light_by_image
 from ispm.renderer.gather import PhotonLight
 from ispm.renderer.heap import give_back
 from ispm.renderer.one_pass import Pass
 from ispm.scene.within import solid_about
 from ispm.stages.camera import CameraView
 from ispm.stages.end_light import add_area_light
-from ispm.stages.filter import filter_estimate, filter_points
 from ispm.stages.pixels import pixel_view
 from ispm.stages.specular import LAYER_BASE, LAYER_BEHIND, LAYER_COAT, LAYER_FAR, LAYER_SHEEN
 
-_MISSED_SHARE = 1 / 64  # receivers of missed pixels to those of the picture, while blocks can grow; measured
 _BAND = 1 << 18  # rays whose ends lie in memory at a time
 _FINER = 2  # blocks of ends are this much smaller than the picture's: curved mirrors show much in few pixels
 SAMPLES = np.array([(-1, -3), (3, -1), (-3, 1), (1, 3)]) / 8.0  # pixels from the centre, as antialiasing's
@@ -160,7 +157,8 @@ def _paths_of(
     given = shown(rays.keys, view.screen(), *told)
     lonely, again, edges = lonely_rows(given), [], np.zeros(0, np.int64)
     few = _FEW * view.size[0] * view.size[1]
-    close = contact_rows(given, few, this.threads)
+    paths_most = few * GLOSS_SAMPLES
+    close = contact_rows(given, paths_most / 2, this.threads)
     if this.settings.antialias:
         edges = edge_rows(paths, lonely, rays.keys, view.size[0])
 
@@ -170,7 +168,8 @@ def _paths_of(
 
     if len(close):
         edges, lonely = (np.setdiff1d(rows, close, assume_unique=True) for rows in (edges, lonely))
-        follow_again(close, replace(rows_of(side_by_side, close), most=GLOSS_SAMPLES))
+        most = min(int(paths_most / len(close)), GLOSS_SAMPLES)
+        follow_again(close, replace(rows_of(side_by_side, close), most=most))
     strong, most = _strong_rows(given, few, rays.most)
     for others in (edges, *(rows for rows, _, _ in again)):
         strong = np.setdiff1d(strong, others, assume_unique=True)
@@ -324,78 +323,3 @@ def light_ends(this: Pass, parts: Sequence[EyePaths], pixels: np.ndarray, photon
     for part in parts:
         part.indirect[:] += indirect[row : row + len(part.light)]
         row += len(part.light)
-
-
-def light_by_image(
-    this: Pass,
-    points: np.ndarray,
-    pixels: np.ndarray,
-    block: int,
-    light_at: Callable[[Receivers], np.ndarray],
-) -> np.ndarray:
-    """Return light at (m,) RECEIVER points that some pixels show, (m, 16): from an image of few of them.
-
-    pixels    (m,) their numbers
-    block     pixels to a side of one of the image's
-    light_at  returns the light at an image's points, (n, 16), not filtered
-    The image leaves out the rows and columns of the picture that show none.
-    """
-    if not len(points):
-        return no_light(0)
-    diagonal, smoothing, threads = this.packed.diagonal, this.settings.smoothing, this.threads
-    width = this.view.size[0]
-    x, y = pixels % width, pixels // width
-    column, row = without_gaps(x // block), without_gaps(y // block)
-    size = (int(column.max()) + 1, int(row.max()) + 1)
-    cells = row * size[0] + column
-    image = image_of_ends(points, cells, size, block, this.index)
-    raw = light_at(Receivers(image, size))
-    filtered = filter_estimate(image, raw, size, diagonal, smoothing, threads)
-    within = (np.stack([x % block, y % block], axis=1) + 0.5) / block - 0.5
-    places = (np.stack([column, row], axis=1) + within).astype(np.float32)
-    spread, found = spread_light(points, places, image, filtered, size, block, threads)
-    lost = np.flatnonzero(~found)
-    if len(lost):
-        spread[lost] = filter_points(
-            take(points, lost), cells[lost], image, raw, size, diagonal, smoothing, threads
-        )
-        alone = lost[channels(spread)["met"][lost] == 0.0]
-        if len(alone):
-            spread[alone] = light_at(Receivers(take(points, alone), (len(alone), 1)))
-    return spread
-
-
-def light_missed(
-    this: Pass,
-    points: np.ndarray,
-    missed: np.ndarray,
-    receivers: Receivers,
-    raw: np.ndarray,
-    light: PhotonLight,
-) -> np.ndarray:
-    """Return light at (n,) RECEIVER points that a picture's receivers missed, (n, 16): by their filter, and
-    the more by an image of these points the fewer of them that finds.
-
-    missed  (n,) MISSED, their pixels and the receivers in whose place they lie
-    raw     (h w, 16) of light at the receivers, not filtered
-    """
-    settings = this.settings
-    found = filter_points(
-        points,
-        missed["low"],
-        receivers.points,
-        raw,
-        receivers.size,
-        this.packed.diagonal,
-        settings.smoothing,
-        this.threads,
-    )
-    met = channels(found)["met"]
-    alone = np.flatnonzero(met < 1.0)
-    lone = take(points, alone)
-    lone["footprint"] /= settings.subsampling  # a pixel's, as an image wants
-    share = len(lone) / (_MISSED_SHARE * len(receivers.points))
-    block = min(max(math.ceil(share), 1), settings.subsampling)
-    image = light_by_image(this, lone, missed["pixel"][alone], block, light.at_missed)
-    found[alone] = image + met[alone, None] * (found[alone] - image)
-    return found
