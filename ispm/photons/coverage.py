@@ -22,7 +22,7 @@ from ispm.accel.intersect import STACK_WORDS, closest, read_hit
 from ispm.accel.mesh import hit_plane
 from ispm.accel.normals import unit
 from ispm.accel.records import Ray, Scratch, Trees
-from ispm.accel.surface import SurfaceTable, material_flags
+from ispm.accel.surface import SurfaceTable, material_flags, opacity
 from ispm.accel.world import World
 from ispm.kernels.share import run_shared, shared_rows
 from ispm.kernels.simd import alloca
@@ -34,6 +34,7 @@ from ispm.optics.records import (
     MATERIAL_DOUBLE_SIDED,
     MATERIAL_HAS_INNER,
     MATERIAL_HIDES_PHOTONS,
+    MATERIAL_MASK,
     MATERIAL_TRANSLUCENT,
     MATERIAL_TRANSMITS,
 )
@@ -86,18 +87,20 @@ def keep_light(
     rows = np.arange(len(photons), dtype=np.uint32) if rows is None else rows
     if not len(rows):
         return
-    scene = _Traced(world.trees, surfaces.addresses, solids)
+    scene = _Traced(world.trees, surfaces.addresses, surfaces.texels, surfaces.rows, solids)
     numbers = Draws(draws.keys, u32(draws.seed), u32(draws.pass_index), i64(draws.series))
     keep: Callable[..., None] = _keep_ellipses if "front" in (photons.dtype.names or ()) else _keep_discs
     run_shared(lambda counter: keep(scene, photons, rows, numbers, counter), world.threads)
 
 
 class _Traced(NamedTuple):
-    """What rays meet: a World's trees, addresses of a SurfaceTable, and whether points within solids do not
-    count."""
+    """What rays meet: a World's trees, a SurfaceTable's addresses, texels and rows, and whether points within
+    solids do not count."""
 
     trees: Trees
     surfaces: np.ndarray
+    texels: np.ndarray
+    rows: np.ndarray
     solids: bool
 
 
@@ -229,6 +232,7 @@ def _lit_share(scene, kernel, middle, thickness, scratch):
             lit
             and flags & u32(MATERIAL_HIDES_PHOTONS) == u32(0)
             and (kernel.side ^ side) & u32(INNER) == u32(0)
+            and (flags & u32(MATERIAL_MASK) == u32(0) or opacity(scene, hit) > f32(0))
         )
         if lit and not (scene.solids and _is_inside(scene, kernel, add(top, scale(t, down)), front, scratch)):
             z = (length - t) / thickness - f32(1)

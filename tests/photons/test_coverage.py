@@ -11,7 +11,7 @@ from ispm.library.shapes import box, polygons
 from ispm.optics.records import CAUSTIC, PHOTON
 from ispm.photons.coverage import Draws, keep_light
 from ispm.photons.footprint import end_kernel
-from ispm.scene.material import AlphaMode, Material
+from ispm.scene.material import AlphaMode, Material, Texture
 from ispm.scene.scene import Scene
 
 _COUNT = 40_000
@@ -62,6 +62,19 @@ def test_kernels_on_one_surface_stay_as_they_are():
 def test_past_an_open_edge_flux_grows_as_the_kernel_shrinks(clear):
     flux = kept(scene_of(floor(high_x=0.3)), photons_at((0.3 - clear, 0.0, 0.0)))
     assert abs(flux[:, 0].mean() - 1.0 / part_before(clear / _RADIUS)) < five_sigma(flux)
+
+
+def test_holes_of_a_mask_are_past_an_edge():
+    """Half of a masked floor is cut off by its texture: masked leaves had lost a third of indirect light."""
+    texture = np.ones((8, 8, 4), np.float32)
+    texture[:, 4:, 3] = 0.0
+    masked = Material((0.5,) * 3, alpha_mode=AlphaMode.MASK, base_color_texture=Texture(texture))
+    square = polygons([np.array(floor(), float)])
+    square.uv0 = np.array([(0, 0), (0, 1), (1, 1), (1, 0)], float)
+    scene = Scene(name="mask")
+    scene.add(square, material=masked)
+    flux = kept(Tracer(lit(scene, (-0.3, 2.0, 0.2))), photons_at((-0.06, 0.0, 0.0)))
+    assert abs(flux[:, 0].mean() - 1.0 / part_before(0.06 / _RADIUS)) < five_sigma(flux)
 
 
 @pytest.mark.parametrize("angle", [20.0, 40.0, -30.0])
