@@ -160,6 +160,9 @@ def filter_samples(shapes, view, smoothing, samples, lobes, counter, work, means
                 add(shine[low:high], samples.gloss[c, k:until], sums[9 + c, low:high])
         for c in range(6):
             divide(sums[9 + c, :size], shining if shines else total, means.gloss[c, i:end])
+        if not by_draws:  # else light without shadows is none, too, where no draw brings any
+            for x in range(size):
+                by_ratio[x] = by_ratio[x] if sums[3, x] + sums[4, x] + sums[5, x] > f32(0) else f32(1)
         for c in range(3):
             divide(sums[c, :size], total, means.diffuse[c, i:end])
             divide(sums[3 + c, :size], total, means.drawn[c, i:end])
@@ -181,9 +184,9 @@ def filter_samples(shapes, view, smoothing, samples, lobes, counter, work, means
 @jit
 def widen(shapes, view, smoothing, stride, means, lobes, counter, work, wider, unshaded):
     """Filter the Means of as many runs as a thread gets with those of the 8 pixels that lie `stride` pixels
-    aside, where penumbrae there and opposite are wide enough for it, gloss with those of like Lobes that are
-    turned alike; and what lamps bring without shadows, where these are far enough, from which what is
-    Unshaded changes.
+    aside, where penumbrae there and opposite are wide enough for it or no draw brings any light, gloss with
+    those of like Lobes that are turned alike; and what lamps bring without shadows, where these are far
+    enough, from which what is Unshaded changes.
 
     wider  Means to write, of which `diffuse` and `drawn` are not normalized
     """
@@ -198,6 +201,11 @@ def widen(shapes, view, smoothing, stride, means, lobes, counter, work, wider, u
         most = _weigh_pairs(
             means.reach, i, first, columns, stride, smoothing, pairs, work[0, :size], wider.reach[i:end]
         )
+        for x in range(size):
+            if means.drawn[0, i + x] + means.drawn[1, i + x] + means.drawn[2, i + x] == f32(0):
+                most = f32(1)  # what share of light passes is known from others alone
+                for pair in range(4):
+                    pairs[pair, x] = f32(1)
         forget_unshown(shapes.word[i:end], wider.reach[i:end])
         if by_draws:
             take_least(means.near, i, first, columns, stride, 1, wider.near[i:end])

@@ -7,7 +7,18 @@ import pytest
 from exact_light import polygon_irradiance
 from rgbe import direction_of, seen_along
 
-from ispm import Camera, Environment, Material, RectLight, Renderer, Scene, Settings, euler, shapes
+from ispm import (
+    Camera,
+    Environment,
+    Material,
+    RectLight,
+    Renderer,
+    Scene,
+    Settings,
+    Texture,
+    euler,
+    shapes,
+)
 from ispm.library.common import add_camera, lambert
 from ispm.library.shapes import box, polygons
 from ispm.stages.camera import CameraView
@@ -341,3 +352,22 @@ def test_rays_along_a_floor_do_not_find_it_shaded_by_itself(gpu):
     solid = box((-4, 0, -30.1), (4, 3, -30))
     for seed in range(4):
         assert grainy(gpu, solid, seed) <= grainy(gpu, side, seed)
+
+
+@pytest.mark.parametrize("passes", [1, 4])
+def test_light_that_few_draws_bring_leaves_no_dark_pixels(gpu, passes):
+    """Of a panel's texture one texel in 64 shines. Where of 5 x 5 pixels none draws from it, what share of
+    its light passes is known from those farther off: taken as none, one pixel in nine was black."""
+    texture = np.zeros((8, 8, 3), np.float32)
+    texture[3, 4] = 1.0
+    panel = polygons([np.array([(-1.0, 3, -1), (1, 3, -1), (1, 3, 1), (-1, 3, 1)])])
+    panel.uv0 = np.array([(0, 0), (1, 0), (1, 1), (0, 1)], float)
+    glow = Material((0.0,) * 3, emission=(50.0,) * 3, emission_texture=Texture(texture))
+    scene = Scene()
+    scene.add(shapes.plane(20.0, 20.0), material=lambert((0.5,) * 3))
+    scene.add(panel, material=glow)
+    add_camera(scene, (0.0, 2.5, 4.0), (0.0, 0.0, 0.0), math.radians(40))
+    with Renderer(scene, Settings(size=SIZE, bounces=0, light="none"), gpu=gpu) as renderer:
+        *_, frame = renderer.converge(passes)
+    floor = frame.direct[40:, 20:-20, 1]
+    assert np.percentile(floor, 1) > 0.1 * floor.mean()
