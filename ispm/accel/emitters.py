@@ -1,7 +1,8 @@
 """Triangles that emit light, in the order of the leaves of a tree, and points that are drawn on them.
 
 A lamp's triangles are the leaves of a part of the tree that is its own: nodes that hold parts of two lamps
-tell little of either.
+tell little of either. A triangle whose texture says how it shines is cut into equal parts, which are drawn as
+triangles of their own: what is dark of a screen or a sign is hardly drawn.
 """
 
 from __future__ import annotations
@@ -14,18 +15,20 @@ import numpy as np
 from ispm.accel.emitter_tree import FLOATS, TO_ALL_SIDES, WIDTH, emitter_tree, leaves_for
 from ispm.accel.intersect import instance_scale
 from ispm.accel.leave import leave_triangle
+from ispm.accel.records import Hit
 from ispm.optics.jit import jit
 from ispm.optics.vector import LUMINANCE, add, cross, dot, scale, sub, vec3
 
 f32, f64, i64, u32 = np.float32, np.float64, np.int64, np.uint32
 
 # corner, edges: world space, m; normal: of the front, unit; radiance: mean of the face, cd/m2 RGB; lamp: m2
-# of all emissive triangles of the instance; axis, cone: of what it shines in, see `beam_cone`.
+# of all emissive triangles of the instance; axis, cone: of what it shines in, see `beam_cone`; part: of the
+# triangle `primitive`, barycentrics of the corner and how long the edges are, 0, 0, 1 where it is whole.
 EMITTER = np.dtype([
     ("corner", "<f4", 3), ("edge1", "<f4", 3), ("edge2", "<f4", 3), ("normal", "<f4", 3),
     ("radiance", "<f4", 3), ("area", "<f4"), ("lamp", "<f4"),
     ("axis", "<f4", 3), ("cone", "<f4"),
-    ("instance", "<u4"), ("primitive", "<u4"), ("two_sided", "<u4"), ("textured", "<u4"),
+    ("instance", "<u4"), ("primitive", "<u4"), ("two_sided", "<u4"), ("textured", "<u4"), ("part", "<f4", 3),
 ])  # fmt: skip
 
 _SMALL = 1e-4  # sr: triangles that look smaller are drawn from by area
@@ -42,7 +45,9 @@ class Emitters(NamedTuple):
     leaves     (7 m + 1,) int32 of each leaf, its row in `triangles`; -1: it is empty
     places     (n,) int32 of each triangle, its leaf
     first      (I,) int32 of each instance, where its triangles begin in `rows`; -1: it does not emit
-    rows       (m,) int32 of each triangle of such an instance, its row in `triangles`, -1: it has no area
+    sides      (I,) int32, parts along a side of each of its triangles
+    rows       (m,) int32 of each part of each triangle of such an instance, its row in `triangles`, -1: it
+               has no area
     """
 
     triangles: np.ndarray
@@ -50,12 +55,14 @@ class Emitters(NamedTuple):
     leaves: np.ndarray
     places: np.ndarray
     first: np.ndarray
+    sides: np.ndarray
     rows: np.ndarray
 
 
 NO_EMITTERS = Emitters(
     np.zeros(0, EMITTER),
     np.zeros((0, FLOATS, WIDTH), np.float32),
+    np.zeros(0, np.int32),
     np.zeros(0, np.int32),
     np.zeros(0, np.int32),
     np.zeros(0, np.int32),
@@ -73,6 +80,23 @@ def _flux(triangles: np.ndarray) -> np.ndarray:
     return np.asarray(math.pi * luminance * triangles["area"] * (1.0 + triangles["two_sided"]))
 
 
+def parts_of(triangles: np.ndarray, sides: int) -> np.ndarray:
+    """Return the parts of n whole EMITTER, (n sides^2,), those of each after the other's, row by row."""
+    rows = np.repeat(triangles, sides * sides)
+    corners = np.array([
+        ((i + turned) / sides, (j + turned) / sides, (1 - 2 * turned) / sides)
+        for j in range(sides)
+        for i in range(sides - j)
+        for turned in range(2 if i < sides - j - 1 else 1)
+    ])  # fmt: skip
+    u, v, scale = np.tile(corners, (len(triangles), 1)).T[:, :, None].astype(np.float32)
+    rows["part"] = np.tile(corners, (len(triangles), 1))
+    rows["corner"] += u * rows["edge1"] + v * rows["edge2"]
+    rows["edge1"], rows["edge2"] = scale * rows["edge1"], scale * rows["edge2"]
+    rows["area"] /= np.float32(sides * sides)
+    return rows
+
+
 def make_emitters(triangles: np.ndarray, instance_count: int) -> Emitters:
     """Return the Emitters of (m,) EMITTER, whose fields but `lamp` are set, instance by instance and all of
     each; those without area or light are left out."""
@@ -84,7 +108,8 @@ def make_emitters(triangles: np.ndarray, instance_count: int) -> Emitters:
     order = shines[_order(triangles[shines], instance_count)]
     first = np.full(instance_count, -1, np.int32)
     instances, begins = np.unique(triangles["instance"], return_index=True)
-    first[instances] = begins
+    first[instances], sides = begins, np.ones(instance_count, np.int32)
+    sides[instances] = np.rint(1.0 / abs(triangles["part"][begins, 2]))
     rows = np.full(len(triangles), -1, np.int32)
     rows[order] = np.arange(len(order))
     kept = np.ascontiguousarray(triangles[order])
@@ -92,7 +117,7 @@ def make_emitters(triangles: np.ndarray, instance_count: int) -> Emitters:
     nodes = _tree(kept, places)
     leaves = np.full((WIDTH - 1) * len(nodes) + 1, -1, np.int32)
     leaves[places] = np.arange(len(kept))
-    return Emitters(kept, nodes, leaves, places, first, rows)
+    return Emitters(kept, nodes, leaves, places, first, sides, rows)
 
 
 def _order(triangles: np.ndarray, instance_count: int) -> np.ndarray:
@@ -146,12 +171,29 @@ def _tree(triangles: np.ndarray, places: np.ndarray) -> np.ndarray:
 
 
 @jit
-def emitter_row(emitters, instance, primitive):
-    """Return the row of a triangle among the emitters, int64; -1: it is none."""
-    if len(emitters.first) == 0:
-        return i64(-1)
-    first = i64(emitters.first[instance])
-    return i64(-1) if first < i64(0) else i64(emitters.rows[first + i64(primitive)])
+def emitter_row(emitters, hit):
+    """Return the row of the triangle of a Hit, or of the part there, among the emitters, int64, and the
+    barycentrics in that; -1: it is none."""
+    if len(emitters.first) == 0 or emitters.first[hit.instance] < 0:
+        return i64(-1), hit.u, hit.v
+    first, sides = i64(emitters.first[hit.instance]), i64(emitters.sides[hit.instance])
+    if sides == i64(1):
+        return i64(emitters.rows[first + i64(hit.primitive)]), hit.u, hit.v
+    u, v = hit.u * f32(sides), hit.v * f32(sides)
+    j = min(max(i64(v), i64(0)), sides - i64(1))
+    i = min(max(i64(u), i64(0)), sides - i64(1) - j)
+    u, v, turned = u - f32(i), v - f32(j), i64(0)
+    if u + v > f32(1) and i < sides - i64(1) - j:
+        u, v, turned = f32(1) - u, f32(1) - v, i64(1)
+    part = j * (i64(2) * sides - j) + i64(2) * i + turned
+    return i64(emitters.rows[first + i64(hit.primitive) * sides * sides + part]), u, v
+
+
+@jit
+def emitter_hit(emitter, u, v):
+    """Return the Hit of an EMITTER's triangle at barycentrics u, v of the EMITTER."""
+    part = emitter.part
+    return Hit(emitter.instance, emitter.primitive, part[0] + part[2] * u, part[1] + part[2] * v)
 
 
 @jit

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ispm.accel.edges import is_on_edge, is_same_surface
-from ispm.accel.emitters import EMITTER, NO_EMITTERS, Emitters, make_emitters
+from ispm.accel.emitters import EMITTER, NO_EMITTERS, Emitters, emitter_hit, make_emitters, parts_of
 from ispm.accel.glow import beam_cone, face_radiance
 from ispm.accel.intersect import HIT_INSTANCE, HIT_PRIMITIVE, closest_after, instance_scale, read_hit
 from ispm.accel.leave import leave_triangle
@@ -92,6 +92,7 @@ _MAPPED = MATERIAL_COATED | MATERIAL_SHEEN | MATERIAL_SPECULAR_MAPPED | MATERIAL
 _MAPPED |= MATERIAL_TRANSLUCENT
 _GLOW_SIDE = 8  # points along a side of a triangle, for the mean of its texture
 _GLOW_FLOOR = 0.02  # of a texture's greatest radiance, that triangles are drawn by at least
+_PARTS_SIDE, _PARTS_MOST = 8, 8192  # along a side of a triangle with a texture; of all triangles together
 LAYERS_MAX = 64  # surfaces with holes, or blended ones, that one ray passes
 
 
@@ -163,8 +164,11 @@ def _find_emitters(packed: Packed, tables: Tables) -> Emitters:
     """The emissive triangles of a scene."""
     materials = packed.materials
     shines = materials["emission"].any(axis=1) & (materials["flags"] & MATERIAL_UNLIT == 0)
-    batches = []
-    for number in np.flatnonzero(shines[packed.instances["material"]]):
+    batches, glowing = [], np.flatnonzero(shines[packed.instances["material"]])
+    textured = materials["emission_texture"]["texture"][packed.instances["material"][glowing]] >= 0
+    count = max(int(packed.instances["triangle_count"][glowing[textured]].sum()), 1)
+    sides = min(max(math.isqrt(_PARTS_MOST // count), 1), _PARTS_SIDE)
+    for number in glowing:
         instance = packed.instances[number]
         material, count = materials[instance["material"]], int(instance["triangle_count"])
         first = int(instance["first_index"])
@@ -181,8 +185,10 @@ def _find_emitters(packed: Packed, tables: Tables) -> Emitters:
         rows["area"], rows["radiance"], rows["instance"] = doubled / 2.0, material["emission"], number
         rows["primitive"], rows["textured"] = np.arange(count), material["emission_texture"]["texture"] >= 0
         rows["two_sided"] = bool(material["flags"] & MATERIAL_DOUBLE_SIDED)
+        rows["part"] = 0.0, 0.0, 1.0
         if rows["textured"].any():
-            _average_glow(tables, rows)
+            rows = parts_of(rows, sides)
+            _average_glow(tables, rows, max(_GLOW_SIDE // sides, 2), np.float32(_GLOW_FLOOR / sides))
         rows["axis"], rows["cone"], mean = beam_cone(material["beam"], matrix[:, 2])
         rows["radiance"] *= np.float32(mean)
         batches.append(rows)
@@ -190,23 +196,22 @@ def _find_emitters(packed: Packed, tables: Tables) -> Emitters:
 
 
 @jit
-def _average_glow(tables, emitters):
-    """Set the radiance of (n,) EMITTER, which is the greatest, to the mean over their textures, but to no
-    less than a share of the greatest, so that each point that shines can be drawn."""
+def _average_glow(tables, emitters, side, floor):
+    """Set the radiance of (n,) EMITTER, which is the greatest, to the mean over their textures, at so many
+    points to a side, but to no less than a share of the greatest, so that each point that shines can be
+    drawn."""
     for k in range(len(emitters)):
         row = emitters[k]
         total = (f32(0), f32(0), f32(0))
-        for i in range(_GLOW_SIDE):
-            for j in range(_GLOW_SIDE):  # the midpoints of equal triangles
-                flip = i + j >= _GLOW_SIDE
-                a = (f32(i) + f32(1 / 3)) / f32(_GLOW_SIDE)
-                b = (f32(j) + f32(1 / 3)) / f32(_GLOW_SIDE)
+        for i in range(side):
+            for j in range(side):  # the midpoints of equal triangles
+                flip = i + j >= side
+                a, b = (f32(i) + f32(1 / 3)) / f32(side), (f32(j) + f32(1 / 3)) / f32(side)
                 if flip:
                     a, b = f32(1) - a, f32(1) - b
-                total = add(total, face_radiance(tables, Hit(row.instance, row.primitive, a, b)))
+                total = add(total, face_radiance(tables, emitter_hit(row, a, b)))
         for c in range(3):
-            mean = total[c] / f32(_GLOW_SIDE * _GLOW_SIDE)
-            row.radiance[c] = max(mean, f32(_GLOW_FLOOR) * row.radiance[c])
+            row.radiance[c] = max(total[c] / f32(side * side), floor * row.radiance[c])
 
 
 NO_LIGHT = f32(0), f32(0), f32(0)

@@ -9,6 +9,7 @@ import numpy as np
 
 from ispm.accel.emitter_tree import NO_LOBE, draw_emitter, emitter_chance
 from ispm.accel.emitters import (
+    emitter_hit,
     emitter_point,
     emitter_row,
     in_front_of,
@@ -16,7 +17,6 @@ from ispm.accel.emitters import (
     triangle_pdf,
 )
 from ispm.accel.glow import emitted_radiance
-from ispm.accel.records import Hit
 from ispm.optics.bsdf import eval_bsdf, transmits
 from ispm.optics.bsdf_sampling import pdf_bsdf, sample_bsdf
 from ispm.optics.environment import environment_light, sample_environment, sample_suns
@@ -61,7 +61,7 @@ def sample_lamps(tables, x, u0, u1, u2, lobe=NO_LOBE):
     if distance == f32(0) or not faces(emitter, segment):
         return none, f32(0), none, f32(0), row, chance, none
     wi = scale(f32(1) / distance, segment)
-    radiance = emitted_radiance(tables, Hit(emitter.instance, emitter.primitive, u, v), wi)
+    radiance = emitted_radiance(tables, emitter_hit(emitter, u, v), wi)
     end = in_front_of(tables.trees, emitter, u, v, wi)
     return radiance, distance, wi, chance * pdf, row, chance, end
 
@@ -197,7 +197,7 @@ def lamp_pdf(tables, position, side, hit, d, lobe):
     """Return the density, 1/sr, with which `sample_lamps` draws a Hit's point, which is met along d, for a
     SurfacePoint at `position`, m, whose `lit_side` is `side`; 0: it does not. lobe: by which it is drawn once
     more, if any: the sum of both."""
-    row = emitter_row(tables.emitters, hit.instance, hit.primitive)
+    row, u, v = emitter_row(tables.emitters, hit)
     if row < i64(0):
         return f32(0)
     emitter = tables.emitters.triangles[row]
@@ -206,7 +206,7 @@ def lamp_pdf(tables, position, side, hit, d, lobe):
     chance = emitter_chance(tables.emitters, row, position, side, NO_LOBE)
     if lobe.square > f32(0):
         chance += emitter_chance(tables.emitters, row, position, side, lobe)
-    return chance * triangle_pdf(emitter, position, hit.u, hit.v)
+    return chance * triangle_pdf(emitter, position, u, v)
 
 
 @jit

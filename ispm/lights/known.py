@@ -15,7 +15,7 @@ import math
 import numpy as np
 
 from ispm.accel.emitter_tree import PATH_WORDS, draw_next
-from ispm.accel.emitters import Emitters, corners_from, emitter_point, sample_triangle
+from ispm.accel.emitters import Emitters, corners_from, emitter_hit, emitter_point, sample_triangle
 from ispm.accel.glow import emitted_radiance
 from ispm.accel.mesh import INSTANCES, triangle_at, world_point
 from ispm.accel.records import Hit
@@ -130,7 +130,7 @@ def _of_point(tables, emitter, x, u1, u2):
     if pdf <= f32(0) or square == f32(0):
         return f32(0), f32(0), f32(0)
     distance = f32(math.sqrt(square))
-    hit, wi = Hit(emitter.instance, emitter.primitive, u, v), scale(f32(1) / distance, segment)
+    hit, wi = emitter_hit(emitter, u, v), scale(f32(1) / distance, segment)
     cosine = max(dot(x.n, segment), f32(0)) / distance
     return scale(cosine / pdf, emitted_radiance(tables, hit, wi))
 

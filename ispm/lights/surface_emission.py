@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ispm.accel.emitters import emitter_flux, emitter_point
+from ispm.accel.emitters import emitter_flux, emitter_hit, emitter_point
 from ispm.accel.glow import emitted_radiance
 from ispm.accel.intersect import STACK_WORDS
 from ispm.accel.records import Hit, Scratch
@@ -177,7 +177,7 @@ def draw_lamp_point(tables, cumulative, u0, u1, u2):
         sides = f32(2)
         if u0 >= f32(0.5):
             n = scale(f32(-1), n)
-    hit = Hit(emitter.instance, emitter.primitive, u, v)
+    hit = emitter_hit(emitter, u, v)
     return LampPoint(k, hit, emitter_point(emitter, u, v), n, sides * emitter.area / chance)
 
 

@@ -18,12 +18,15 @@ from ispm.accel.emitter_tree import (
 )
 from ispm.accel.emitters import (
     EMITTER,
+    emitter_hit,
     emitter_point,
     emitter_row,
     make_emitters,
+    parts_of,
     sample_triangle,
     triangle_pdf,
 )
+from ispm.accel.records import Hit
 from ispm.kernels.simd import alloca
 from ispm.library.shapes import icosphere
 from ispm.optics.jit import jit
@@ -34,9 +37,9 @@ f32, i64, u32 = np.float32, np.int64, np.uint32
 BOTH = np.zeros(3, f32)  # as a normal: both sides are lit
 
 
-def emitters_of(corners, radiance=1.0, two_sided=False, lamps=1, half_angles=()):
+def emitters_of(corners, radiance=1.0, two_sided=False, lamps=1, half_angles=(), sides=1):
     """Emitters of (n, 3, 3) corners, as many to each of some lamps, whose fronts are counterclockwise;
-    half_angles: of cones that lamps shine in, half of them up, half along X."""
+    half_angles: of cones that lamps shine in, half of them up, half along X; sides: of their parts."""
     rows = np.zeros(len(corners), EMITTER)
     edges = corners[:, 1:] - corners[:, :1]
     across = np.cross(edges[:, 0], edges[:, 1])
@@ -46,11 +49,11 @@ def emitters_of(corners, radiance=1.0, two_sided=False, lamps=1, half_angles=())
     rows["area"], each = doubled / 2.0, len(corners) // lamps
     rows["instance"], rows["primitive"] = np.divmod(np.arange(len(corners)), each)
     rows["radiance"] = np.reshape(radiance, (-1, 1))
-    rows["two_sided"] = two_sided
+    rows["two_sided"], rows["part"] = two_sided, (0.0, 0.0, 1.0)
     for k, angle in enumerate(half_angles):
         of_lamp = rows["instance"] == k
         rows["cone"][of_lamp], rows["axis"][of_lamp, k % 2] = 1.0 - math.cos(angle), 1.0
-    return make_emitters(rows, lamps)
+    return make_emitters(parts_of(rows, sides), lamps)
 
 
 def scattered(count, seed, size=0.3):
@@ -340,7 +343,7 @@ def test_triangles_without_area_or_light_are_no_rows():
     left = [0, 1, 4, 6, 8]
     assert sorted(emitters.triangles["primitive"]) == left
     for primitive in range(9):
-        row = emitter_row(emitters, u32(0), u32(primitive))
+        row, _, _ = emitter_row(emitters, Hit(u32(0), u32(primitive), f32(0.25), f32(0.25)))
         assert row == -1 if primitive not in left else emitters.triangles["primitive"][row] == primitive
     area = np.linalg.norm(
         np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1
@@ -349,6 +352,30 @@ def test_triangles_without_area_or_light_are_no_rows():
     sums = [chances_at(emitters, p, BOTH).sum() for p in places(20, 14)[0]]
     assert np.isfinite(sums).all() and max(sums) == pytest.approx(1.0, abs=1e-5)
     assert emitters_of(corners[[2, 5]]).triangles.size == 0
+
+
+@pytest.mark.parametrize("sides", [2, 3, 8])
+def test_parts_of_a_triangle_are_found_by_where_they_lie(sides):
+    """They fill it once, and each of its points is a point of the part that lies there."""
+    corners = np.array(scattered(3, 15))
+    whole, parts = emitters_of(corners), emitters_of(corners, sides=sides)
+    assert len(parts.triangles) == 3 * sides**2
+    assert parts.triangles["area"].sum(dtype=float) == pytest.approx(whole.triangles["area"].sum(), rel=1e-5)
+    np.testing.assert_allclose(parts.triangles["lamp"], whole.triangles["lamp"][0], rtol=1e-5)
+    random = np.random.default_rng(16)
+    met = np.zeros(len(parts.triangles), int)
+    for primitive in range(3):
+        for u, v in random.dirichlet((1, 1, 1), 400)[:, :2].astype(f32):
+            hit = Hit(u32(0), u32(primitive), u, v)
+            row, a, b = emitter_row(parts, hit)
+            assert min(a, b, 1.0 - a - b) > -1e-5
+            there = emitter_hit(parts.triangles[row], a, b)
+            assert tuple(there[:2]) == (0, primitive)
+            assert there[2:4] == pytest.approx((u, v), abs=1e-6)
+            expected = corners[primitive].T @ (1.0 - u - v, u, v)
+            assert emitter_point(parts.triangles[row], a, b) == pytest.approx(expected, abs=1e-5)
+            met[row] += 1
+    assert sides > 3 or met.all()
 
 
 def test_a_lobe_draws_what_it_reflects():

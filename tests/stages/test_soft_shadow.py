@@ -357,7 +357,8 @@ def test_rays_along_a_floor_do_not_find_it_shaded_by_itself(gpu):
 @pytest.mark.parametrize("passes", [1, 4])
 def test_light_that_few_draws_bring_leaves_no_dark_pixels(gpu, passes):
     """Of a panel's texture one texel in 64 shines. Where of 5 x 5 pixels none draws from it, what share of
-    its light passes is known from those farther off: taken as none, one pixel in nine was black."""
+    its light passes is known from those farther off: taken as none, one pixel in nine was black. Of triangles
+    as a whole few draws do: the darkest hundredth had .2 of the mean, and .6 since their parts are drawn."""
     texture = np.zeros((8, 8, 3), np.float32)
     texture[3, 4] = 1.0
     panel = polygons([np.array([(-1.0, 3, -1), (1, 3, -1), (1, 3, 1), (-1, 3, 1)])])
@@ -370,4 +371,4 @@ def test_light_that_few_draws_bring_leaves_no_dark_pixels(gpu, passes):
     with Renderer(scene, Settings(size=SIZE, bounces=0, light="none"), gpu=gpu) as renderer:
         *_, frame = renderer.converge(passes)
     floor = frame.direct[40:, 20:-20, 1]
-    assert np.percentile(floor, 1) > 0.1 * floor.mean()
+    assert np.percentile(floor, 1) > 0.45 * floor.mean()
