@@ -16,6 +16,7 @@ from ispm.kernels.share import shared_rows
 from ispm.lights.ratio import ratio_share
 from ispm.optics.bsdf import NARROW_ALPHA
 from ispm.optics.jit import jit
+from ispm.paths.shown import BENT
 from ispm.stages.area_draws import UNSHADED
 from ispm.stages.area_runs import (
     RUN,
@@ -39,6 +40,7 @@ _REACH = 2  # pixels to each side that the filter takes in
 _LEAST = f32(1e-4)  # weight of a row or column within them
 _FAR = f32(72)  # of a reach, which narrows no filter: the widest squares are whole from half of it on
 _SAME = f32(math.cos(math.radians(2.0)))  # of normals, of pixels whose light without shadows is averaged
+_ROUNDED = f32(1e-6)  # of squares of differences of normals
 _UNLIKE = f32(4)  # over the difference of lobes' alpha, from which they are not averaged
 _CHUNK = 64  # pixels a thread takes at a time
 
@@ -151,6 +153,8 @@ def filter_samples(shapes, view, smoothing, samples, lobes, counter, work, means
                     add(same, samples.drawn[c, k:until], whole[3 + c, low:high])
             if shines:
                 _weigh_lobes(lobes.alpha[i + low : i + high], lobes.alpha[k:until], taps, shine[low:high])
+                if tap != (2 * _REACH + 1) ** 2 // 2:
+                    _weigh_turned(lobes.alpha[i + low : i + high], work[4, :size_of], shine[low:high])
                 for x in range(low, high):
                     shining[x] += shine[x]
             for c in range(3):
@@ -325,6 +329,15 @@ def _weigh_lobes(alpha, others, weights, out):
         alike = max(f32(1) - _UNLIKE * abs(alpha[x] - others[x]), f32(0))
         both = (alpha[x] < NARROW_ALPHA) == (others[x] < NARROW_ALPHA)
         out[x] = weights[x] * alike if both else f32(0)
+
+
+@jit
+def _weigh_turned(alpha, turn, weights):
+    """Multiply the weights of pixels by how little of their lobes' alpha they are turned by; turn: cosines
+    between normals."""
+    for x in range(len(weights)):
+        bend = max(f32(2) - f32(2) * turn[x] - _ROUNDED, f32(0)) / max(alpha[x] * alpha[x], _ROUNDED)
+        weights[x] *= max(f32(1) - BENT * bend, f32(0))
 
 
 @jit
