@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ispm.accel.surface import SurfacePoint
+from ispm.accel.surface import SurfacePoint, opacity
 from ispm.optics.bsdf import Bsdf, facet_reflectance, is_within
 from ispm.optics.coat import NO_COAT, coat_bsdf, with_diffuse
 from ispm.optics.facets import NO_ANISOTROPY, is_anisotropic
@@ -21,6 +21,14 @@ f32 = np.float32
 
 _NONE = f32(0), f32(0), f32(0)
 _BELOW_ONE = f32(1 - 2**-24)
+_LEAST_MET = f32(1 / 8)  # opacity by whose inverse what lights a surface counts: below it that were noise
+
+
+@jit
+def weight_met(tables, hit):
+    """Return the inverse of the chance with which rays meet a Hit's surface, at most 8: what lights it counts
+    by so much, for what it shows counts by its opacity."""
+    return f32(1) / max(opacity(tables, hit), _LEAST_MET) if tables.porous else f32(1)
 
 
 @jit

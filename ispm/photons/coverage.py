@@ -232,7 +232,7 @@ def _lit_share(scene, kernel, middle, thickness, scratch):
             lit
             and flags & u32(MATERIAL_HIDES_PHOTONS) == u32(0)
             and (kernel.side ^ side) & u32(INNER) == u32(0)
-            and (flags & u32(MATERIAL_MASK) == u32(0) or opacity(scene, hit) > f32(0))
+            and (flags & u32(MATERIAL_MASK | MATERIAL_BLEND) == u32(0) or opacity(scene, hit) > f32(0))
         )
         if lit and not (scene.solids and _is_inside(scene, kernel, add(top, scale(t, down)), front, scratch)):
             z = (length - t) / thickness - f32(1)

@@ -11,7 +11,7 @@ from numba import literal_unroll
 
 from ispm.accel.bands import in_band, is_dispersed_first, is_dispersive
 from ispm.accel.intersect import STACK_WORDS
-from ispm.accel.layers import has_sheen, is_translucent
+from ispm.accel.layers import has_sheen, is_translucent, weight_met
 from ispm.accel.medium import attenuated, medium, no_medium, passed_sheet, spawn_ray
 from ispm.accel.records import Hit, Scratch
 from ispm.accel.surface import SurfaceTable, Tables, closest_surface, inner_side, scene_tables, surface
@@ -298,12 +298,13 @@ def _walk_one(tables, photon, split, course, scratch, found, room, steps):
             beam = beam_at(beam, length, d, x.ng)
         if not direct and (shows_photons(x.bsdf) or has_sheen(x) or is_translucent(x)):
             if row < room.end:
-                _store(hits.photons[row], x, flux, d, abs(dot(segment, plane)), length, scatters)
+                more = weight_met(tables, hit)
+                _store(hits.photons[row], x, scale(more, flux), d, abs(dot(segment, plane)), length, scatters)
                 hits.focused[row], hits.not_gathered[row] = focused, focused or hidden
                 hits.of_area[row] = photon.light >= u32(EMITTED_BY_ENVIRONMENT)
                 hits.keys[row] = key + u32(scatters + speculars) * u32(EVENT_STEP)
                 if scatters == i64(0):
-                    _store_beam(hits.beams, row, beam, wider, plane)
+                    _store_beam(hits.beams, row, beam, wider * f32(math.sqrt(more)), plane)
             _add(sums, chunk, _STORED, flux)
             row += 1
         last = scatters == course.bounces
