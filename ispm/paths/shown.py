@@ -160,16 +160,25 @@ def _find_contacts(given, counter, close, alone):
         if given.lobes[i].instance != u32(NO_HIT) and given.firsts[i].samples < u32(2):
             width = width_about(given, i, False)
             close[i] = width > f32(0) and width < _CLOSE
-            alone[i] = greatest(given.firsts[i].reflectance) >= STRONG and _alike_about(given, i) < _COMPANY
+            is_strong = greatest(given.firsts[i].reflectance) >= STRONG
+            alone[i] = is_strong and _alike_about(given, i, width if width > f32(0) else _CLOSE) < _COMPANY
 
 
 @jit
-def _alike_about(given, i):
-    """How many of the eight pixels about a row are alike, float32: 8 on a flat surface."""
-    total = f32(0)
+def _alike_about(given, i, width):
+    """How many of the eight pixels about a row are alike, float32: 8 on a flat surface that is seen straight
+    on; where a lobe is narrower than a pixel across the way that it is drawn out, less.
+
+    width  pixels, of what it may be averaged over, see `width_about`
+    """
+    total, (right, down, cosine) = f32(0), given.drawn[i]
     for k in range(9):
         j = beside(given, i, k, i64(1)) if k != 4 else i64(-1)
-        total += likeness(given, i, j, i64(1)) if j >= i64(0) else f32(0)
+        if j >= i64(0):
+            x, y = f32(k % 3 - 1), f32(k // 3 - 1)
+            along = (right * x + down * y) * (right * x + down * y) / (x * x + y * y)
+            reach = width * width * (along + (f32(1) - along) * cosine * cosine)
+            total += min(reach, f32(1)) * likeness(given, i, j, i64(1))
     return total
 
 

@@ -39,6 +39,7 @@ _FINER = 2  # blocks of ends are this much smaller than the picture's: curved mi
 SAMPLES = np.array([(-1, -3), (3, -1), (-3, 1), (1, 3)]) / 8.0  # pixels from the centre, as antialiasing's
 _METAL = 0.5  # reflectance of metals that counts where strong lobes are too many
 _FEW = 1 / 16  # of the picture's pixels, that may be sampled or send out paths several times
+_MORE = 1 / 2  # paths to a pixel of the picture, beside one from each, where lobes are like none beside them
 _PAIR = SAMPLES[[0, 3]]  # in their place where edges are many: opposite, so that their mean is the centre
 # Start before, and search behind, of the distance, which is that to the plane at the center.
 _FINE_SLACK = 5e-3, 2e-2
@@ -157,7 +158,7 @@ def _paths_of(
     given = shown(rays.keys, view.screen(), *told)
     lonely, again, edges = lonely_rows(given), [], np.zeros(0, np.int64)
     few = _FEW * view.size[0] * view.size[1]
-    paths_most = few * GLOSS_SAMPLES
+    paths_most = _MORE * view.size[0] * view.size[1]
     close = contact_rows(given, paths_most / 2, this.threads)
     if this.settings.antialias:
         edges = edge_rows(paths, lonely, rays.keys, view.size[0])
