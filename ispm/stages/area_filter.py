@@ -16,7 +16,6 @@ from ispm.kernels.share import shared_rows
 from ispm.lights.ratio import ratio_share
 from ispm.optics.bsdf import NARROW_ALPHA
 from ispm.optics.jit import jit
-from ispm.paths.shown import BENT
 from ispm.stages.area_draws import UNSHADED
 from ispm.stages.area_runs import (
     RUN,
@@ -79,7 +78,7 @@ class Unshaded(NamedTuple):
 
 
 @jit
-def filter_samples(shapes, view, smoothing, samples, lobes, counter, work, means, unshaded):
+def filter_samples(shapes, view, smoothing, samples, lobes, bent, counter, work, means, unshaded):
     """Write the Means and what is Unshaded of as many runs as a thread gets, from the Samples about them;
     gloss from those of like Lobes.
 
@@ -89,6 +88,8 @@ def filter_samples(shapes, view, smoothing, samples, lobes, counter, work, means
     variate: what draws lack of it, times the share that passes. That share is of whole squares, which have
     all parts alike: of parts that go with what the pixel drew it were a bias.
     Source: Glasserman, Monte Carlo Methods in Financial Engineering, 2004, section 4.1.
+
+    bent  over alpha^2, what the square of the difference of normals is weighed by for gloss
     """
     share_most, by_draws = ratio_share(view.pass_index), samples.lamps.shape[1] > 0
     corrects = unshaded.missed.shape[1] > 0
@@ -154,7 +155,7 @@ def filter_samples(shapes, view, smoothing, samples, lobes, counter, work, means
             if shines:
                 _weigh_lobes(lobes.alpha[i + low : i + high], lobes.alpha[k:until], taps, shine[low:high])
                 if tap != (2 * _REACH + 1) ** 2 // 2:
-                    _weigh_turned(lobes.alpha[i + low : i + high], work[4, :size_of], shine[low:high])
+                    _weigh_turned(lobes.alpha[i + low : i + high], work[4, :size_of], bent, shine[low:high])
                 for x in range(low, high):
                     shining[x] += shine[x]
             for c in range(3):
@@ -332,12 +333,12 @@ def _weigh_lobes(alpha, others, weights, out):
 
 
 @jit
-def _weigh_turned(alpha, turn, weights):
+def _weigh_turned(alpha, turn, bent, weights):
     """Multiply the weights of pixels by how little of their lobes' alpha they are turned by; turn: cosines
-    between normals."""
+    between normals;  bent  as of `filter_samples`."""
     for x in range(len(weights)):
         bend = max(f32(2) - f32(2) * turn[x] - _ROUNDED, f32(0)) / max(alpha[x] * alpha[x], _ROUNDED)
-        weights[x] *= max(f32(1) - BENT * bend, f32(0))
+        weights[x] *= max(f32(1) - bent * bend, f32(0))
 
 
 @jit

@@ -26,6 +26,7 @@ from ispm.lights.known import is_one_lamp
 from ispm.lights.openings import Openings
 from ispm.optics.environment_table import is_one_sun
 from ispm.optics.jit import jit
+from ispm.paths.shown import BENT
 from ispm.scene.packed import Packed
 from ispm.stages.area_draws import CHUNK, draw_light
 from ispm.stages.area_filter import WORK, Means, Unshaded, filter_samples, widen
@@ -82,9 +83,11 @@ def filtered(
     for samples, is_line in zip(drawn, _are_lines(tables), strict=True):
         if len(samples.reach):
             # Single rays are specks where they go to many lights. Of one light's shadow the edge is a line.
-            least = np.float32(_LEAST_REACH / math.sqrt(1.0 + view.pass_index))
+            # And those of many are grain on balls, where a highlight of one keeps its shape.
+            least, passes = np.float32(_LEAST_REACH / math.sqrt(1.0 + view.pass_index)), int(view.pass_index)
             np.maximum(samples.reach, least * samples.angle if is_line else least, out=samples.reach)
-            yield _filtered(shapes, lobes, view, smoothing, samples, threads)
+            bent = BENT * f32(1.0 if is_line else passes / (1.0 + passes))
+            yield _filtered(shapes, lobes, view, smoothing, samples, bent, threads)
 
 
 def _are_lines(tables: Tables) -> tuple[bool, bool, bool]:
@@ -93,7 +96,13 @@ def _are_lines(tables: Tables) -> tuple[bool, bool, bool]:
 
 
 def _filtered(
-    shapes: Shapes, lobes: Lobes, view: PixelView, smoothing: float, samples: Samples, threads: int
+    shapes: Shapes,
+    lobes: Lobes,
+    view: PixelView,
+    smoothing: float,
+    samples: Samples,
+    bent: np.float32,
+    threads: int,
 ) -> tuple[Means, Unshaded]:
     """The Means of Samples and what is Unshaded; the samples' own values are used up."""
     count = len(samples.reach)
@@ -109,7 +118,7 @@ def _filtered(
     unshaded = Unshaded(matte, missed, np.zeros(count, np.float32))
     reaches = [np.full_like(a, np.inf) for a in (samples.near, samples.reach, samples.shine)]
     means = Means(diffuse, drawn, gloss, np.zeros_like(samples.lamps), *reaches)
-    run(filter_samples, *told, samples, lobes, (means, unshaded))
+    run(filter_samples, *told, samples, lobes, bent, (means, unshaded))
     wider = Means(**{name: getattr(samples, name) for name in Means._fields})
     for stride in _STRIDES:
         run(widen, *told, i64(stride), means, lobes, (wider, unshaded))
