@@ -328,7 +328,7 @@ def test_a_dark_pillar_stays_dark_in_a_glossy_floor(gpu):
 
 def test_a_highlight_on_a_small_ball_keeps_its_shape(gpu):
     """Averaged over 5 x 5 pixels of what is turned by 4 degrees from one to the next, the lamp's highlight
-    was wide: in one pass it was off by .5 of its light; now by .1, which the draws of eight pictures leave."""
+    was wide: in one pass it was off by .5 of its light; now by .1, which draws of eight pictures leave."""
     scene, size = Scene(), (64, 48)
     scene.add(icosphere(0.3, 5), material=Material((1.0, 0.77, 0.34), metallic=1.0, roughness=0.25))
     scene.add(RectLight((40.0,) * 3, width=0.5, height=0.5), translation=(1.0, 1.9, 1.0)).look_at((0, 0, 0))
