@@ -22,11 +22,12 @@ from ispm.optics.vector import LUMINANCE, add, cross, dot, scale, sub, vec3
 f32, f64, i64, u32 = np.float32, np.float64, np.int64, np.uint32
 
 # corner, edges: world space, m; normal: of the front, unit; radiance: mean of the face, cd/m2 RGB; lamp: m2
-# of all emissive triangles of the instance; axis, cone: of what it shines in, see `beam_cone`; part: of the
-# triangle `primitive`, barycentrics of the corner and how long the edges are, 0, 0, 1 where it is whole.
+# of all emissive triangles of the instance; mean: of the radiance of all of them where that is textured, else
+# the triangle's; axis, cone: of what it shines in, see `beam_cone`; part: of the triangle `primitive`,
+# barycentrics of the corner and how long the edges are, 0, 0, 1 where it is whole.
 EMITTER = np.dtype([
     ("corner", "<f4", 3), ("edge1", "<f4", 3), ("edge2", "<f4", 3), ("normal", "<f4", 3),
-    ("radiance", "<f4", 3), ("area", "<f4"), ("lamp", "<f4"),
+    ("radiance", "<f4", 3), ("area", "<f4"), ("lamp", "<f4"), ("mean", "<f4", 3),
     ("axis", "<f4", 3), ("cone", "<f4"),
     ("instance", "<u4"), ("primitive", "<u4"), ("two_sided", "<u4"), ("textured", "<u4"), ("part", "<f4", 3),
 ])  # fmt: skip
@@ -98,10 +99,15 @@ def parts_of(triangles: np.ndarray, sides: int) -> np.ndarray:
 
 
 def make_emitters(triangles: np.ndarray, instance_count: int) -> Emitters:
-    """Return the Emitters of (m,) EMITTER, whose fields but `lamp` are set, instance by instance and all of
-    each; those without area or light are left out."""
-    lamps = np.bincount(triangles["instance"], triangles["area"], instance_count)
-    triangles["lamp"] = lamps[triangles["instance"]]
+    """Return the Emitters of (m,) EMITTER, whose fields but `lamp` and `mean` are set, instance by instance
+    and all of each; those without area or light are left out."""
+    of_lamp, textured = triangles["instance"], triangles["textured"] > 0
+    lamps = np.bincount(of_lamp, triangles["area"], instance_count)
+    triangles["lamp"], triangles["mean"] = lamps[of_lamp], triangles["radiance"]
+    for c in range(3):
+        sums = np.bincount(of_lamp, triangles["area"] * triangles["radiance"][:, c], instance_count)
+        means = sums / np.maximum(lamps, 1e-300)
+        triangles["mean"][textured, c] = means[of_lamp[textured]]
     shines = np.flatnonzero((triangles["area"] > 0.0) & triangles["radiance"].any(axis=1))
     if not len(shines):
         return NO_EMITTERS

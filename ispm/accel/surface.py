@@ -93,6 +93,7 @@ _MAPPED |= MATERIAL_TRANSLUCENT
 _GLOW_SIDE = 8  # points along a side of a triangle, for the mean of its texture
 _GLOW_FLOOR = 0.02  # of a texture's greatest radiance, that triangles are drawn by at least
 _PARTS_SIDE, _PARTS_MOST = 8, 8192  # along a side of a triangle with a texture; of all triangles together
+_PART_SIDE = 4  # points along a part's side, at least, for its mean
 LAYERS_MAX = 64  # surfaces with holes, or blended ones, that one ray passes
 
 
@@ -188,7 +189,8 @@ def _find_emitters(packed: Packed, tables: Tables) -> Emitters:
         rows["part"] = 0.0, 0.0, 1.0
         if rows["textured"].any():
             rows = parts_of(rows, sides)
-            _average_glow(tables, rows, max(_GLOW_SIDE // sides, 2), np.float32(_GLOW_FLOOR / sides))
+            floor = np.float32(_GLOW_FLOOR / math.sqrt(sides))
+            _average_glow(tables, rows, max(_GLOW_SIDE // sides, _PART_SIDE), floor)
         rows["axis"], rows["cone"], mean = beam_cone(material["beam"], matrix[:, 2])
         rows["radiance"] *= np.float32(mean)
         batches.append(rows)

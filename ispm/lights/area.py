@@ -211,8 +211,8 @@ def lamp_pdf(tables, position, side, hit, d, lobe):
 
 @jit
 def lamp_irradiance(emitter, point, position):
-    """Return what an EMITTER's lamp would bring to a position if it shone as this point of it does, lx RGB on
-    a surface that faces it: what `is_bright` asks of a path, which knows one point of the lamp.
+    """Return what an EMITTER's lamp would bring to a position if it shone from this point of it, lx RGB on a
+    surface that faces it: what `is_bright` asks of a path, which knows one point of the lamp.
 
     A lamp of the area A and radiance L, L A cos / (d2 + A / pi): at most pi L, as from all around.
     """
@@ -220,7 +220,7 @@ def lamp_irradiance(emitter, point, position):
     square = max(dot(segment, segment), f32(1e-30))
     cosine = abs(dot(segment, vec3(emitter.normal))) / f32(math.sqrt(square))
     power = emitter.lamp * cosine / (square + emitter.lamp * f32(1 / math.pi))
-    return scale(power, vec3(emitter.radiance))
+    return scale(power, vec3(emitter.mean))
 
 
 @jit

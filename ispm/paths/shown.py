@@ -130,10 +130,9 @@ def _draw_out(n, d, screen, drawn):
     Facets turned out of the plane of incidence turn light by the cosine less than those turned in it, whose
     trace in the picture is the projection of n.
     """
-    x, y = dot(n, screen.right), dot(n, screen.down)
-    if not screen.parallel:
-        ahead = dot(n, screen.forward) / dot(d, screen.forward)
-        x, y = x - ahead * dot(d, screen.right), y - ahead * dot(d, screen.down)
+    ahead = 0.0 if screen.parallel else dot(n, screen.forward) / dot(d, screen.forward)
+    x = (dot(n, screen.right) - ahead * dot(d, screen.right)) / dot(screen.right, screen.right)
+    y = (dot(n, screen.down) - ahead * dot(d, screen.down)) / dot(screen.down, screen.down)
     length = math.sqrt(x * x + y * y)
     drawn[0], drawn[1] = (f32(x / length), f32(y / length)) if length > 0.0 else (f32(1), f32(0))
     drawn[2] = min(abs(dot(n, d)), f32(1)) if length > 0.0 else f32(1)

@@ -29,10 +29,10 @@ def flat(blur=5.0, samples=1, where=slice(None), **fields):
     return seen(np.arange(len(x)), firsts, places)
 
 
-def seen(pixels, firsts, places):
+def seen(pixels, firsts, places, screen=FROM_ABOVE):
     """What some pixels show that look along -Z."""
-    directions = np.tile(np.float32(FROM_ABOVE.forward), (len(pixels), 1))
-    return shown(pixels, FROM_ABOVE, firsts, places, directions, np.ones(len(pixels), np.float32), THREADS)
+    directions = np.tile(np.float32(screen.forward), (len(pixels), 1))
+    return shown(pixels, screen, firsts, places, directions, np.ones(len(pixels), np.float32), THREADS)
 
 
 def resolved(light, given, smoothing=1.0):
@@ -92,6 +92,14 @@ def test_what_grazing_lobes_reflect_is_averaged_along_what_they_draw_out(degrees
         assert along[near].sum() == pytest.approx(blur**2, rel=0.05)
     least = min(2.0 * np.sqrt(2.0) * cosine, 1.0)
     assert least * blur < np.sqrt(along[near].sum() * 1.05) < 1.05 * blur
+
+
+def test_the_way_that_lobes_are_drawn_out_is_in_pixels_that_are_not_square():
+    given = flat()
+    given.firsts["n"] = (0.6, 0.6, np.sqrt(0.28))
+    wide = FROM_ABOVE._replace(right=(3.0, 0.0, 0.0))
+    drawn = seen(given.pixels, given.firsts, given.lobes["position"], wide).drawn
+    assert drawn[0] == pytest.approx((1 / np.sqrt(10), 3 / np.sqrt(10), np.sqrt(0.28)), abs=1e-6)
 
 
 def test_light_from_beyond_one_mirror_is_averaged_more_widely_than_that_of_edges():
