@@ -30,9 +30,7 @@ _BAND = 1 << 18  # pixels that are averaged at a time, about
 _CHUNK = 256
 _LENIENT = f32(0.25)  # in place of BENT, for what stands out
 _OUTLIER = 4.0  # times the mean about a pixel, above which its light goes farther: in the first pass
-_ACROSS = f32(
-    2
-)  # times the variance that is its share across a drawn-out lobe: a tenth wider, and less grain
+_ACROSS = f32(2)  # times a lobe's share of the variance across: that is a tenth wider, with less grain
 _KERNEL = f32(0.5)  # variance of a whole pass, squares of its stride
 _WAY_TO = (2, 1, 3, 0, -1, 0, 3, 1, 2)  # columns of `_weigh` for each of 3 x 3 pixels
 
@@ -185,8 +183,8 @@ def _weigh(given, blur, across, spent, whole, weights, counter):
     blur    (n,) variance that is wanted along the way that a lobe is drawn out
     across  times its share of that across it, but no more
     spent   what passes before have brought where it was wanted;  whole  what this one may
-    Their squares add up to the covariance. One that lies aslant of all four ways needs some width: each pass
-    keeps that, and takes in less along it where there is none.
+    Steps to these neighbors, by their weights, have that ellipse as their covariance. One that lies aslant of
+    all four ways needs some width: each pass keeps that, and takes in less along it where there is none.
     """
     scale = f32(0.25) / whole
     for i in shared_rows(counter, _CHUNK, len(blur)):
