@@ -9,6 +9,7 @@ import pytest
 
 from ispm.errors import IspmError
 from ispm.viewer.audience import MOST_CLIENTS
+from ispm.viewer.messages import MOST_BYTES
 
 websockets = pytest.importorskip("websockets", reason="needs the extra web")
 pytest.importorskip("uvicorn", reason="needs the extra web")
@@ -75,7 +76,7 @@ def test_a_message_that_is_too_long_ends_its_socket_alone(site):
     site.enter()
     with site.live() as good, site.live() as bad:
         with pytest.raises(ConnectionClosed) as error:
-            bad.send("x" * (1 << 20))
+            bad.send("x" * (MOST_BYTES + 1))  # the rest of a longer one may reset the line before it is told
             Eye(bad).until(lambda: False, seconds=10)
         assert error.value.rcvd.code == 1009
         Eye(good).still()
