@@ -38,8 +38,8 @@ _BAND = 1 << 18  # rays whose ends lie in memory at a time
 _FINER = 2  # blocks of ends are this much smaller than the picture's: curved mirrors show much in few pixels
 SAMPLES = np.array([(-1, -3), (3, -1), (-3, 1), (1, 3)]) / 8.0  # pixels from the centre, as antialiasing's
 _METAL = 0.5  # reflectance of metals that counts where strong lobes are too many
-_FEW = 1 / 16  # of the picture's pixels, that may be sampled or send out paths several times
-_MORE = 1 / 2  # paths to a pixel of the picture, beside one from each, where lobes are like none beside them
+_FEW = 1 / 16  # of the picture's pixels: edges that are sampled four times, and paths of strong lobes
+_MORE = 1 / 2  # paths per pixel of the picture, for pixels at contacts and lobes that no neighbor is like
 _PAIR = SAMPLES[[0, 3]]  # in their place where edges are many: opposite, so that their mean is the centre
 # Start before, and search behind, of the distance, which is that to the plane at the center.
 _FINE_SLACK = 5e-3, 2e-2

@@ -334,8 +334,10 @@ def _weigh_lobes(alpha, others, weights, out):
 
 @jit
 def _weigh_turned(alpha, turn, bent, weights):
-    """Multiply the weights of pixels by how little of their lobes' alpha they are turned by; turn: cosines
-    between normals;  bent  as of `filter_samples`."""
+    """Multiply the weights of pixels by 1 - bent |n - n'|^2 / alpha^2, n and n' their normals.
+
+    turn  cosines between these;  bent  as of `filter_samples`
+    """
     for x in range(len(weights)):
         bend = max(f32(2) - f32(2) * turn[x] - _ROUNDED, f32(0)) / max(alpha[x] * alpha[x], _ROUNDED)
         weights[x] *= max(f32(1) - bent * bend, f32(0))

@@ -83,7 +83,7 @@ def filtered(
     for samples, is_line in zip(drawn, _are_lines(tables), strict=True):
         if len(samples.reach):
             # Single rays are specks where they go to many lights. Of one light's shadow the edge is a line.
-            # And those of many are grain on balls, where a highlight of one keeps its shape.
+            # Highlights of one light keep their shape on balls; those of many would be grain there.
             least, passes = np.float32(_LEAST_REACH / math.sqrt(1.0 + view.pass_index)), int(view.pass_index)
             np.maximum(samples.reach, least * samples.angle if is_line else least, out=samples.reach)
             bent = BENT * f32(1.0 if is_line else passes / (1.0 + passes))

@@ -65,7 +65,7 @@ def test_past_an_open_edge_flux_grows_as_the_kernel_shrinks(clear):
 
 
 def test_holes_of_a_mask_are_past_an_edge():
-    """Half of a masked floor is cut off by its texture: masked leaves had lost a third of indirect light."""
+    """Half of a masked floor is cut off by its texture: what falls there had been lost."""
     texture = np.ones((8, 8, 4), np.float32)
     texture[:, 4:, 3] = 0.0
     masked = Material((0.5,) * 3, alpha_mode=AlphaMode.MASK, base_color_texture=Texture(texture))
