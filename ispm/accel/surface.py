@@ -133,6 +133,7 @@ class Tables(NamedTuple):
     texels, rows  a TextureTable's
     lights        (L,) LIGHT
     porous        whether any material may let shadow rays pass
+    clear         whether the environment may shine through solids, see `lights.refracted`
     emitters      the triangles that emit light
     environment   the light from all around
     """
@@ -143,6 +144,7 @@ class Tables(NamedTuple):
     rows: np.ndarray
     lights: np.ndarray
     porous: bool
+    clear: bool
     emitters: Emitters
     environment: EnvironmentTable
 
@@ -152,10 +154,13 @@ def scene_tables(packed: Packed, world: World | None, surfaces: SurfaceTable) ->
 
     world  None for kernels that trace no rays
     """
-    porous = bool((packed.materials["flags"] & (MATERIAL_MASK | MATERIAL_BLEND | MATERIAL_THIN)).any())
+    flags = packed.materials["flags"]
+    porous = bool((flags & (MATERIAL_MASK | MATERIAL_BLEND | MATERIAL_THIN)).any())
+    solids = flags & (MATERIAL_TRANSMITS | MATERIAL_THIN) == MATERIAL_TRANSMITS
+    clear = bool(solids.any()) and len(packed.environment.rows) > 0
     trees = NO_TREES if world is None else world.trees
     arrays = surfaces.addresses, surfaces.texels, surfaces.rows
-    tables = Tables(trees, *arrays, packed.lights, porous, NO_EMITTERS, packed.environment)
+    tables = Tables(trees, *arrays, packed.lights, porous, clear, NO_EMITTERS, packed.environment)
     if surfaces.emitters is None:
         surfaces.emitters = _find_emitters(packed, tables)
     return tables._replace(emitters=surfaces.emitters)

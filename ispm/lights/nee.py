@@ -22,6 +22,7 @@ from ispm.lights.area import (
 )
 from ispm.lights.bright import is_bright
 from ispm.lights.guided import guided_surround
+from ispm.lights.refracted import surround_share
 from ispm.optics.bsdf import (
     Bsdf,
     eval_bsdf,
@@ -105,8 +106,7 @@ def drawn_area_light(tables, x, wo, numbers, scratch, limit, goes_on, surround, 
         arriving = _unshadowed_lamp(tables, x, wo, numbers, limit, goes_on)
         total, traced = shadowed(tables, x, arriving, scratch)
     if has_environment(tables.environment) and surround:
-        arriving = _unshadowed_surround(tables, x, wo, numbers, goes_on, of_many)
-        light, rays = shadowed(tables, x, arriving, scratch)
+        light, rays = _surround_light(tables, x, wo, numbers, goes_on, of_many, scratch)
         total, traced = add(total, light), traced + rays
     return total, traced
 
@@ -183,7 +183,7 @@ def light_from_one(tables, x, wo, u, pick, scratch, limit, openings):
         total = add(total, light)
     if has_environment(tables.environment):
         arriving = _guided_surround(tables, x, wo, area_numbers(x.hit, u), openings)
-        light, _ = shadowed(tables, x, arriving, scratch)
+        light, _, _ = shadowed_surround(tables, x, arriving, scratch)
         total = add(total, light)
     return total
 
@@ -234,6 +234,17 @@ def shadowed(tables, x, arriving, scratch):
 
 
 @jit
+def shadowed_surround(tables, x, arriving, scratch):
+    """Return what of an Arriving from the environment comes to a SurfacePoint, cd/m2 RGB, the rays traced,
+    and whether it came through clear solids, where no path by a lobe weighs what it finds."""
+    if greatest(arriving.radiance) <= f32(0):
+        return (f32(0), f32(0), f32(0)), i64(0), False
+    start = leave_surface(tables, x.hit, side_of(x.ng, arriving.wi))
+    share, _, is_refracted, _ = surround_share(tables, start, arriving.wi, scratch)
+    return times(arriving.radiance, share), i64(1), is_refracted
+
+
+@jit
 def unshadowed(light, x, wo, limit):
     """Return the Arriving of a LIGHT at a SurfacePoint, seen along wo; black where its first bounce is
     bright, see `is_bright`."""
@@ -260,14 +271,26 @@ def _unshadowed_lamp(tables, x, wo, numbers, limit, goes_on):
 
 
 @jit
-def _unshadowed_surround(tables, x, wo, numbers, goes_on, of_many=False):
-    """The Arriving of a direction of the environment, likewise."""
+def _surround_light(tables, x, wo, numbers, goes_on, of_many, scratch):
+    """The environment's part of `drawn_area_light`."""
+    arriving = _unshadowed_surround(tables, x, wo, numbers, goes_on, of_many)
+    light, rays, is_refracted = shadowed_surround(tables, x, arriving, scratch)
+    if is_refracted and (goes_on != BY_NOTHING or transmits(x.bsdf)):
+        arriving = _unshadowed_surround(tables, x, wo, numbers, goes_on, of_many, True)
+        light, _, _ = shadowed_surround(tables, x, arriving, scratch)
+    return light, rays
+
+
+@jit
+def _unshadowed_surround(tables, x, wo, numbers, goes_on, of_many, only_matte=False):
+    """The Arriving of a direction of the environment, likewise; only_matte: without what paths by the lobes
+    bring."""
     _, u1, u2, pick = numbers
     seen = left_to_draws(x, goes_on)
     by_lobes = goes_on == BY_NOTHING and draws_by_lobes(seen.bsdf)
     pairs = PAIRS_OF_MANY if of_many else PAIRS
     drawn, _ = resample_surround(tables, seen, wo, u1, u2, pick, pairs, f32(np.inf), by_lobes, of_many)
-    share = drawn_share(x, wo, drawn.wi, drawn.pdf, goes_on)
+    share = (f32(1), f32(0)) if only_matte else drawn_share(x, wo, drawn.wi, drawn.pdf, goes_on)
     light = _reflected(seen, wo, drawn.radiance, _NONE, drawn.wi, f32(np.inf), share)
     return Arriving(light, FAR, drawn.wi, _NONE)
 

@@ -21,7 +21,7 @@ from ispm.lights.nee import (
     drawn_share,
     draws_by_lobes,
     next_numbers,
-    shadowed,
+    shadowed_surround,
     times,
 )
 from ispm.lights.openings import opening_cell
@@ -103,7 +103,9 @@ def _part(tables, x, wo, u, scratch, goes_on, count, by_ratio, known, openings, 
         others = eval_bsdf(without_diffuse(b), x.n, x.ng, wo, wi)
         lambert = sub(eval_bsdf(b, x.n, x.ng, wo, wi), others)
         _, share = drawn_share(x, wo, wi, pdf, goes_on)
-        passed, rays = shadowed(tables, x, Arriving(light, FAR, wi, none), scratch)
+        passed, rays, is_refracted = shadowed_surround(tables, x, Arriving(light, FAR, wi, none), scratch)
+        if is_refracted and goes_on != BY_NOTHING:
+            share = f32(0)  # paths by the lobe count in full there
         matte, gloss = add(matte, times(passed, lambert)), add(gloss, scale(share, times(passed, others)))
         traced += rays
     each = f32(1) / f32(count)

@@ -24,7 +24,6 @@ from ispm.accel.surface import (
     scene_tables,
     surface,
 )
-from ispm.accel.transmittance import shadow_transmittance
 from ispm.accel.world import World
 from ispm.kernels.share import run_shared, shared_rows
 from ispm.kernels.simd import alloca
@@ -32,10 +31,10 @@ from ispm.lights.area import resample_surround
 from ispm.lights.boxes import Boxes
 from ispm.lights.fitted_boxes import cell_weights, even_shares, fit_boxes, lined_boxes
 from ispm.lights.openings import CELLS, NEAREST, NO_OPENINGS, GuidedCells, Openings, Ways
+from ispm.lights.refracted import surround_share
 from ispm.optics.bsdf import is_gathered, transmits
 from ispm.optics.environment import has_environment
 from ispm.optics.jit import jit
-from ispm.optics.light import FAR
 from ispm.optics.records import MATERIAL_TRANSMITS
 from ispm.optics.rng import random4
 from ispm.optics.sampling import cosine_hemisphere, in_cone, to_world
@@ -302,7 +301,8 @@ def _is_open(tables, start, wi, through_glass, scratch):
     if through_glass:
         found, _ = _closest(tables, start, wi, f32(0), True, scratch)
         return not found
-    return luminance(shadow_transmittance(tables, start, wi, FAR, scratch)) > f32(0)
+    share, _, _, _ = surround_share(tables, start, wi, scratch)
+    return luminance(share) > f32(0)
 
 
 @jit
@@ -329,7 +329,8 @@ def _look_beside(tables, starts, directions, _to_sun, along, farthest, planes, e
             dimension = u32(_DIMENSION + 1 + _ROUNDS * _TRIED + turn)
             u, v, holes, _ = random4(u32(i), dimension, course.pass_index, course.seed)
             d = in_cone(vec3(directions[i]), f32(_BESIDE[turn]), u, v)
-            found, hit = _closest(tables, start, d, holes, course.through_glass, scratch)
+            through_glass = course.through_glass or tables.clear
+            found, hit = _closest(tables, start, d, holes, through_glass, scratch)
             if not found:
                 continue
             at, ng = hit_plane(tables.surfaces, hit)

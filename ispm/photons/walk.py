@@ -14,13 +14,14 @@ from ispm.accel.intersect import STACK_WORDS
 from ispm.accel.layers import has_sheen, is_translucent, weight_met
 from ispm.accel.medium import attenuated, medium, no_medium, passed_sheet, spawn_ray
 from ispm.accel.records import Hit, Scratch
-from ispm.accel.surface import SurfaceTable, Tables, closest_surface, inner_side, scene_tables, surface
+from ispm.accel.surface import SurfaceTable, Tables, closest_surface, scene_tables, surface
 from ispm.accel.world import World
 from ispm.kernels.share import run_shared, shared_rows
 from ispm.kernels.simd import alloca
 from ispm.lights.bright import is_bright_first_bounce, split_count
 from ispm.lights.emitted import emitted_beam, first_segment
 from ispm.lights.openings import NO_WAYS, Ways
+from ispm.lights.refracted import depth_behind, is_clear, is_drawn
 from ispm.optics.bsdf import is_gathered, is_smooth, shows_photons
 from ispm.optics.dispersion import ALL_BANDS, BANDS, band_number, draw_band, of_band
 from ispm.optics.jit import jit
@@ -28,6 +29,7 @@ from ispm.optics.records import EMITTED_BY_ENVIRONMENT, MATERIAL_THIN, NO_HIT, P
 from ispm.optics.rng import random4
 from ispm.optics.vector import dot, scale, sub, vec3
 from ispm.photons.beam import beam_at, redirected_beam
+from ispm.photons.hits import store_beam, store_photon
 from ispm.photons.scatter import BY_COAT, BY_SHEEN, Event, flight_number, layer_left, next_flight
 from ispm.photons.steps import STEP, Steps, write_event, write_step
 from ispm.scene.packed import Packed
@@ -96,7 +98,8 @@ def walk(
     bounces  scatters at most, the one at the first hit included; events at smooth surfaces do not count
     limit    of bright first bounces, see `bright.is_bright`; there photons are split into `SPLIT_COUNT`
     ways     in, to which photons that scatter outside are sent, see `photons.guided`
-    The first hit is direct light, which shadow maps show, also behind thin sheets, so it is not stored. Flux
+    The first hit is direct light, which shadow maps show, also behind thin sheets, so it is not stored; of
+    the environment's light nor is what draws find behind clear solids, see `lights.refracted`. Flux
     changes by f cos / pdf, and between hits by absorption; after `ROULETTE_AFTER` scatters (at once where one
     keeps next to nothing) and `SPECULAR_MAX` specular events roulette keeps the expectation (docs/method.md,
     Emission and walk).
@@ -276,11 +279,13 @@ def _walk_one(tables, photon, split, course, scratch, found, room, steps):
     kept = scale(within, flux)
     _add_difference(sums, chunk, _ESCAPED, flux, kept)
     flux = kept
-    # Thin sheets aside: has met nothing since the light; comes off a mirror or glass.
-    direct, focused = True, False
+    # Thin sheets aside: has met nothing since the light, or of the environment's clear solids alone, of which
+    # it is in so many; comes off a mirror or glass.
+    direct, focused, refracted, depth, sent = True, False, False, i64(0), d
     hidden = False  # whether gather rays do not find where it last scattered
     inside, plane = no_medium(), d  # normal of the surface that the photon left; of a light: its direction
     scatters, speculars, rays = i64(0), i64(0), i64(0)
+    shines_through = tables.clear and photon.light == u32(EMITTED_BY_ENVIRONMENT)
     band, wider = split.band, f32(1)  # where chance decides, a photon stands for more of its light
     while True:
         x = surface(tables, hit, d)
@@ -296,15 +301,17 @@ def _walk_one(tables, photon, split, course, scratch, found, room, steps):
         length = f32(math.sqrt(dot(segment, segment)))
         if scatters == i64(0):
             beam = beam_at(beam, length, d, x.ng)
-        if not direct and (shows_photons(x.bsdf) or has_sheen(x) or is_translucent(x)):
+        drawn = direct and (not refracted or (depth == i64(0) and is_drawn(tables.environment, sent, d)))
+        if not drawn and (shows_photons(x.bsdf) or has_sheen(x) or is_translucent(x)):
             if row < room.end:
                 more = weight_met(tables, hit)
-                _store(hits.photons[row], x, scale(more, flux), d, abs(dot(segment, plane)), length, scatters)
+                clear = abs(dot(segment, plane))
+                store_photon(hits.photons[row], x, scale(more, flux), d, clear, length, scatters)
                 hits.focused[row], hits.not_gathered[row] = focused, focused or hidden
                 hits.of_area[row] = photon.light >= u32(EMITTED_BY_ENVIRONMENT)
                 hits.keys[row] = key + u32(scatters + speculars) * u32(EVENT_STEP)
                 if scatters == i64(0):
-                    _store_beam(hits.beams, row, beam, wider * f32(math.sqrt(more)), plane)
+                    store_beam(hits.beams, row, beam, wider * f32(math.sqrt(more)), plane)
             _add(sums, chunk, _STORED, flux)
             row += 1
         last = scatters == course.bounces
@@ -336,7 +343,7 @@ def _walk_one(tables, photon, split, course, scratch, found, room, steps):
             hidden = not (is_gathered(x.bsdf) or has_sheen(x) or is_translucent(x))
             if scatters == i64(0):
                 layer = layer_left(event, x)
-                hidden = hidden or not direct or layer == BY_COAT
+                hidden = hidden or not drawn or layer == BY_COAT
                 hidden = hidden or is_bright_first_bounce(
                     tables, photon, x, wi, course.limit, layer == BY_SHEEN
                 )
@@ -349,7 +356,11 @@ def _walk_one(tables, photon, split, course, scratch, found, room, steps):
         speculars += i64(specular)
         scatters += i64(not specular)
         passed_through_thin = specular and passed_sheet(x, d)
-        direct = direct and passed_through_thin
+        if shines_through and specular and not passed_through_thin:
+            depth = depth_behind(x, depth) if is_clear(x) and dot(d, x.ng) < f32(0) else i64(-1)
+            direct, refracted = direct and bool(depth >= i64(0)), True
+        else:
+            direct = direct and passed_through_thin
         focused = focused if passed_through_thin else specular
         start, inside = spawn_ray(tables, x, inside, d)
         rays += i64(1)
@@ -358,32 +369,6 @@ def _walk_one(tables, photon, split, course, scratch, found, room, steps):
             _add(sums, chunk, _ESCAPED, flux)
             break
     return row, rays
-
-
-@jit
-def _store(photon, x, flux, d, clear, length, scatters):
-    """Write a PHOTON that came along d to the SurfacePoint x. Its kernel is measured later; until then its
-    `radius` is the distance in m to the plane of the surface that it comes from, `clear`, and its `height`
-    the length of its last segment, m."""
-    for k in literal_unroll((0, 1, 2)):
-        photon.position[k] = x.position[k]
-        photon.normal[k] = x.ng[k]
-        photon.flux[k] = flux[k]
-        photon.wi[k] = -d[k]
-    photon.radius = clear
-    photon.height = length
-    photon.bounce = u32(scatters)
-    photon.instance = x.hit.instance | inner_side(x)
-
-
-@jit
-def _store_beam(beams, row, beam, wider, plane):
-    """Write a row of (n, BEAM): a Beam's vectors in m, `wider` times as long, and the normal of the surface
-    that it comes from."""
-    for k in literal_unroll((0, 1, 2)):
-        beams[row, k] = wider * beam.dx_u[k]
-        beams[row, k + 3] = wider * beam.dx_v[k]
-        beams[row, k + 6] = plane[k]
 
 
 @jit

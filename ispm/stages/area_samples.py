@@ -12,7 +12,8 @@ from ispm.accel.layers import without_diffuse
 from ispm.accel.records import Ray
 from ispm.accel.transmittance import BEFORE, ray_between, shadow_transmittance
 from ispm.lights.nee import BY_FACETS, drawn_share, greatest, side_of
-from ispm.optics.bsdf import NARROW_ALPHA, eval_bsdf, fresnel_weight, is_lambert, transmits
+from ispm.lights.refracted import surround_share
+from ispm.optics.bsdf import NARROW_ALPHA, eval_bsdf, fresnel_weight, is_lambert, is_narrow, transmits
 from ispm.optics.coat import with_diffuse
 from ispm.optics.facets import facet_lobe
 from ispm.optics.jit import jit
@@ -134,10 +135,11 @@ def add_light(tables, shown, arriving, i, scratch, samples):
             samples.drawn[c, i] += brought[c]
     if not lights:
         return brought
-    passed = _passed(tables, shown, arriving, i, scratch, samples)
+    passed, is_refracted = _passed(tables, shown, arriving, i, scratch, samples)
     for c in range(3):
         samples.diffuse[c, i] += along * arriving.irradiance[c] * passed[c] * f[c]
-    if greatest(gloss) > f32(0):
+    # behind clear solids paths by a lobe count in full
+    if greatest(gloss) > f32(0) and not (is_refracted and (is_narrow(b) or transmits(b))):
         _add_gloss(shown, arriving, scale(share, passed), i, samples)
     return brought
 
@@ -150,7 +152,7 @@ def add_light_of_lobe(tables, shown, arriving, i, scratch, samples):
     if greatest(arriving.irradiance) <= f32(0) or greatest(gloss) <= f32(0):
         return
     share = _gloss_share(shown, arriving, arriving.by_lobe)
-    passed = _passed(tables, shown, arriving, i, scratch, samples)
+    passed, _ = _passed(tables, shown, arriving, i, scratch, samples)
     _add_gloss(shown, arriving, scale(share, passed), i, samples)
 
 
@@ -198,9 +200,9 @@ def _lobe_reach(shown, distance):
 
 @jit
 def _passed(tables, shown, arriving, i, scratch, samples):
-    """What share of an Arriving, RGB, passes what is between; the penumbra's width tells how far row i of the
-    Samples reaches."""
-    x, wi = shown.x, arriving.wi
+    """What share of an Arriving, RGB, passes what is between, and whether clear solids refract it; the
+    penumbra's width tells how far row i of the Samples reaches."""
+    x, wi, none = shown.x, arriving.wi, (f32(0), f32(0), f32(0))
     up = lift(tables, shown)
     start = add(x.position, scale(up, side_of(x.ng, wi)))
     toward, distance = wi, arriving.distance
@@ -208,16 +210,22 @@ def _passed(tables, shown, arriving, i, scratch, samples):
         toward, distance = ray_between(start, arriving.end)
     limit = distance * (f32(1) - BEFORE)
     met = any_distance(tables.trees, Ray(start, toward, limit), scratch.stack)
-    if met < limit:
-        is_itself = abs(dot(x.ng, wi)) * met <= up  # rays along a surface meet that by rounding alone
-        if arriving.density > f32(0) and not is_itself:
-            # of the lamp's image through a pinhole at what is between
-            angle = f32(1) / f32(math.sqrt(arriving.density))
-            width = angle * met / max(f32(1) - met / distance, f32(1e-6))
-            reach = _BLUR * width / shown.width
-            if reach < samples.reach[i]:
-                samples.reach[i], samples.angle[i] = reach, min(angle, f32(1))
-        if not tables.porous:
-            return f32(0), f32(0), f32(0)
-        return shadow_transmittance(tables, start, toward, distance, scratch)
-    return f32(1), f32(1), f32(1)
+    if met >= limit:
+        return (f32(1), f32(1), f32(1)), False
+    passed, is_refracted = none, False
+    if arriving.distance == FAR and tables.clear:
+        passed, until, is_refracted, is_bent = surround_share(tables, start, wi, scratch)
+        met = until if until < f32(np.inf) else met
+        if is_refracted and not is_bent:
+            return passed, True
+    elif tables.porous:
+        passed = shadow_transmittance(tables, start, toward, distance, scratch)
+    is_itself = abs(dot(x.ng, wi)) * met <= up  # rays along a surface meet that by rounding alone
+    if arriving.density > f32(0) and not is_itself:
+        # of the lamp's image through a pinhole at what is between
+        angle = f32(1) / f32(math.sqrt(arriving.density))
+        width = angle * met / max(f32(1) - met / distance, f32(1e-6))
+        reach = _BLUR * width / shown.width
+        if reach < samples.reach[i]:
+            samples.reach[i], samples.angle[i] = reach, min(angle, f32(1))
+    return passed, is_refracted

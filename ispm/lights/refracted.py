@@ -1,0 +1,128 @@
+"""The environment's light through clear solids: draws follow it, as paths do, and photons leave it to them.
+
+A direction in which a place sees a pane or a glass leads on through it to where the environment is seen. That
+light is as even as the environment itself, so that a draw finds it with far less noise and blur than photons
+have. But where glass shows something much brighter than what lies straight behind it, as a ball in the sun
+does to its caustic, draws are too rare: that light comes by photons. Both sides ask the same: of light that
+leaves all solids that it entered, by clear faces alone, what it was where it came from and in the direction
+in which it arrives.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ispm.accel.bands import is_dispersive
+from ispm.accel.layers import has_sheen, is_coated, is_translucent
+from ispm.accel.medium import attenuated, medium, no_medium, spawn_ray
+from ispm.accel.surface import closest_surface, leave_surface, opacity, surface
+from ispm.accel.transmittance import shadow_transmittance
+from ispm.optics.bsdf import is_smooth, smooth_split, transmits
+from ispm.optics.environment import environment_radiance
+from ispm.optics.jit import jit
+from ispm.optics.light import FAR
+from ispm.optics.records import MATERIAL_BLEND, MATERIAL_MASK, MATERIAL_THIN, NO_HIT
+from ispm.optics.vector import dot, scale, sub
+
+f32, i64, u32 = np.float32, np.int64, np.uint32
+
+_FACES = 32  # of clear solids and sheets that a draw passes
+_BRIGHTER = f32(4)  # times what lies straight behind, up to which light through glass is drawn
+_STRAIGHT = f32(1 - 1e-5)  # cosine of the angle between ways before and behind panes
+_NONE = f32(0), f32(0), f32(0)
+
+
+@jit
+def surround_share(tables, start, d, scratch):
+    """Return (share, until, is_refracted, is_bent) of the environment's light that comes to `start` along -d.
+
+    share  RGB, of what lies in the direction d itself: what passes holes, blended surfaces and thin sheets,
+           see `shadow_transmittance`, or what clear solids refract here from elsewhere
+    until  m to what stops it, or to the first solid; infinite: neither is known
+    """
+    share, refracted = shadow_transmittance(tables, start, d, FAR, scratch), False
+    if not tables.clear or share[0] + share[1] + share[2] > f32(0):
+        return share, f32(np.inf), False, False
+    share, until, refracted, away = _followed(tables, start, d, scratch)
+    if not refracted or share[0] + share[1] + share[2] <= f32(0):
+        return _NONE, until, False, False
+    more = brightening(tables.environment, d, away)
+    share = more[0] * share[0], more[1] * share[1], more[2] * share[2]
+    return share, until, True, dot(d, away) < _STRAIGHT
+
+
+@jit
+def brightening(environment, d, away):
+    """Return, RGB, times what light an environment has in the direction `away` of what it has in d; black
+    where that is too much to be drawn."""
+    ahead, there = environment_radiance(environment, d), environment_radiance(environment, away)
+    for c in range(3):
+        if there[c] > _BRIGHTER * ahead[c]:
+            return _NONE
+    return (
+        there[0] / max(ahead[0], f32(1e-30)),
+        there[1] / max(ahead[1], f32(1e-30)),
+        there[2] / max(ahead[2], f32(1e-30)),
+    )
+
+
+@jit
+def is_drawn(environment, sent, d):
+    """Return whether draws find the environment's light that was sent along `sent` and arrives along d, both
+    unit, after it left all clear solids that it entered."""
+    more = brightening(environment, scale(f32(-1), d), scale(f32(-1), sent))
+    return more[0] + more[1] + more[2] > f32(0)
+
+
+@jit
+def is_clear(x):
+    """Return whether light passes a SurfacePoint's face in one direction, whatever its color."""
+    b = x.bsdf
+    if not (transmits(b) and is_smooth(b)) or x.flags & u32(MATERIAL_MASK | MATERIAL_BLEND) != u32(0):
+        return False
+    return not (is_coated(x) or has_sheen(x) or is_translucent(x) or is_dispersive(x))
+
+
+@jit
+def depth_behind(x, depth):
+    """Return in how many clear solids light is that passes a SurfacePoint's face, int64, if it was in `depth`
+    before it; -1 where it leaves one that it did not enter."""
+    if x.flags & u32(MATERIAL_THIN) != u32(0):
+        return depth
+    return depth + i64(1) if x.entering else depth - i64(1)
+
+
+@jit
+def _followed(tables, start, d, scratch):
+    """Follow light back from `start` along d through clear solids: return its share, RGB, the distance to
+    what stops it or to the first solid, m, whether it leaves the scene, and in which direction."""
+    share, way, until, depth, inside = (f32(1), f32(1), f32(1)), d, f32(0), i64(0), no_medium()
+    is_first = True
+    for _ in range(_FACES):
+        found, hit = closest_surface(tables, start, way, f32(0), scratch)
+        if not found:
+            return share, until, depth == i64(0), way
+        x = surface(tables, hit, way)
+        if is_first:
+            segment = sub(x.position, start)
+            until += f32(math.sqrt(dot(segment, segment)))
+        if not is_clear(x):
+            kept = f32(1) - min(opacity(tables, hit), f32(1))
+            if kept <= f32(0) or transmits(x.bsdf):
+                return _NONE, until, False, way
+            share, start = scale(kept, share), leave_surface(tables, hit, scale(f32(-1), x.ng))
+            continue
+        inside = medium(inside, x)
+        if inside.instance != u32(NO_HIT):
+            share = attenuated(tables, inside, start, x.position, share)
+        _, passed, _, beyond, through = smooth_split(x.bsdf, x.n, x.ng, scale(f32(-1), way))
+        depth = depth_behind(x, depth)
+        if not through or depth < i64(0):
+            return _NONE, until, False, way
+        is_first = is_first and x.flags & u32(MATERIAL_THIN) != u32(0)
+        share = share[0] * passed[0], share[1] * passed[1], share[2] * passed[2]
+        start, inside = spawn_ray(tables, x, inside, beyond)
+        way = beyond
+    return _NONE, until, False, way
