@@ -272,8 +272,11 @@ def _unshadowed_lamp(tables, x, wo, numbers, limit, goes_on):
 
 @jit
 def _surround_light(tables, x, wo, numbers, goes_on, of_many, scratch):
-    """The environment's part of `drawn_area_light`."""
+    """The environment's part of `drawn_area_light`; paths that go on by the whole BSDF find by themselves
+    what clear solids refract."""
     arriving = _unshadowed_surround(tables, x, wo, numbers, goes_on, of_many)
+    if goes_on == BY_BSDF:
+        return shadowed(tables, x, arriving, scratch)
     light, rays, is_refracted = shadowed_surround(tables, x, arriving, scratch)
     if is_refracted and (goes_on != BY_NOTHING or transmits(x.bsdf)):
         arriving = _unshadowed_surround(tables, x, wo, numbers, goes_on, of_many, True)

@@ -1,11 +1,11 @@
 """The environment's light through clear solids: draws follow it, as paths do, and photons leave it to them.
 
-A direction in which a place sees a pane or a glass leads on through it to where the environment is seen. That
-light is as even as the environment itself, so that a draw finds it with far less noise and blur than photons
-have. But where glass shows something much brighter than what lies straight behind it, as a ball in the sun
-does to its caustic, draws are too rare: that light comes by photons. Both sides ask the same: of light that
-leaves all solids that it entered, by clear faces alone, what it was where it came from and in the direction
-in which it arrives.
+A direction in which a place sees a pane or a glass leads on, by faces that light passes or that reflect all of
+it, to where the environment is seen. That light is as even as the environment itself, so that a draw finds it
+with far less noise and blur than photons have. But where glass shows something much brighter than what lies
+straight behind it, as a ball in the sun does to its caustic, draws are too rare: that light comes by photons.
+Both sides ask the same: of light that clear faces alone have let through, what it was where it came from and
+in the direction in which it arrives.
 """
 
 from __future__ import annotations
@@ -15,7 +15,6 @@ import math
 import numpy as np
 
 from ispm.accel.bands import is_dispersive
-from ispm.accel.layers import has_sheen, is_coated, is_translucent
 from ispm.accel.medium import attenuated, medium, no_medium, spawn_ray
 from ispm.accel.surface import closest_surface, leave_surface, opacity, surface
 from ispm.accel.transmittance import shadow_transmittance
@@ -26,7 +25,7 @@ from ispm.optics.light import FAR
 from ispm.optics.records import MATERIAL_BLEND, MATERIAL_MASK, MATERIAL_THIN, NO_HIT
 from ispm.optics.vector import dot, scale, sub
 
-f32, i64, u32 = np.float32, np.int64, np.uint32
+f32, u32 = np.float32, np.uint32
 
 _FACES = 32  # of clear solids and sheets that a draw passes
 _BRIGHTER = f32(4)  # times what lies straight behind, up to which light through glass is drawn
@@ -71,39 +70,39 @@ def brightening(environment, d, away):
 @jit
 def is_drawn(environment, sent, d):
     """Return whether draws find the environment's light that was sent along `sent` and arrives along d, both
-    unit, after it left all clear solids that it entered."""
+    unit, by clear faces alone."""
     more = brightening(environment, scale(f32(-1), d), scale(f32(-1), sent))
     return more[0] + more[1] + more[2] > f32(0)
 
 
 @jit
-def is_clear(x):
-    """Return whether light passes a SurfacePoint's face in one direction, whatever its color."""
-    b = x.bsdf
-    if not (transmits(b) and is_smooth(b)) or x.flags & u32(MATERIAL_MASK | MATERIAL_BLEND) != u32(0):
-        return False
-    return not (is_coated(x) or has_sheen(x) or is_translucent(x) or is_dispersive(x))
+def goes_through(x, d, wi):
+    """Return whether light along d that a smooth event at a SurfacePoint's face sends along wi passes it, or
+    is reflected there in total, and the face is clear."""
+    if not is_clear(x) or dot(wi, x.ng) < f32(0):
+        return is_clear(x)
+    _, _, _, _, through = smooth_split(x.bsdf, x.n, x.ng, scale(f32(-1), d))
+    return not through
 
 
 @jit
-def depth_behind(x, depth):
-    """Return in how many clear solids light is that passes a SurfacePoint's face, int64, if it was in `depth`
-    before it; -1 where it leaves one that it did not enter."""
-    if x.flags & u32(MATERIAL_THIN) != u32(0):
-        return depth
-    return depth + i64(1) if x.entering else depth - i64(1)
+def is_clear(x):
+    """Return whether light of any color passes a SurfacePoint's face in one direction, and all of it does."""
+    has_holes = x.flags & u32(MATERIAL_MASK | MATERIAL_BLEND) != u32(0)
+    return transmits(x.bsdf) and is_smooth(x.bsdf) and not (has_holes or is_dispersive(x))
 
 
 @jit
 def _followed(tables, start, d, scratch):
     """Follow light back from `start` along d through clear solids: return its share, RGB, the distance to
-    what stops it or to the first solid, m, whether it leaves the scene, and in which direction."""
-    share, way, until, depth, inside = (f32(1), f32(1), f32(1)), d, f32(0), i64(0), no_medium()
-    is_first = True
+    what stops it or to the first solid, m, whether it leaves the scene, and in which direction.
+
+    Radiance grows by the square of the index where light enters a solid (Veach 1997, section 5.2)."""
+    share, way, until, inside, is_first = (f32(1), f32(1), f32(1)), d, f32(0), no_medium(), True
     for _ in range(_FACES):
         found, hit = closest_surface(tables, start, way, f32(0), scratch)
         if not found:
-            return share, until, depth == i64(0), way
+            return share, until, True, way
         x = surface(tables, hit, way)
         if is_first:
             segment = sub(x.position, start)
@@ -117,10 +116,11 @@ def _followed(tables, start, d, scratch):
         inside = medium(inside, x)
         if inside.instance != u32(NO_HIT):
             share = attenuated(tables, inside, start, x.position, share)
-        _, passed, _, beyond, through = smooth_split(x.bsdf, x.n, x.ng, scale(f32(-1), way))
-        depth = depth_behind(x, depth)
-        if not through or depth < i64(0):
-            return _NONE, until, False, way
+        mirrored, passed, above, beyond, through = smooth_split(x.bsdf, x.n, x.ng, scale(f32(-1), way))
+        if not through:
+            passed, beyond = mirrored, above
+        elif x.flags & u32(MATERIAL_THIN) == u32(0):
+            passed = scale(f32(1) / (x.bsdf.eta * x.bsdf.eta), passed)
         is_first = is_first and x.flags & u32(MATERIAL_THIN) != u32(0)
         share = share[0] * passed[0], share[1] * passed[1], share[2] * passed[2]
         start, inside = spawn_ray(tables, x, inside, beyond)

@@ -297,12 +297,12 @@ def _try_lines(tables, x, wo, start, key, course, scratch, out, i, step):
 
 @jit
 def _is_open(tables, start, wi, through_glass, scratch):
-    """Whether a line along wi meets nothing that stops light, or but glass."""
+    """Whether a line along wi meets nothing that stops light, or turns it, or but glass."""
     if through_glass:
         found, _ = _closest(tables, start, wi, f32(0), True, scratch)
         return not found
-    share, _, _, _ = surround_share(tables, start, wi, scratch)
-    return luminance(share) > f32(0)
+    share, _, _, is_bent = surround_share(tables, start, wi, scratch)
+    return luminance(share) > f32(0) and not is_bent
 
 
 @jit

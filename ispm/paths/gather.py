@@ -149,13 +149,13 @@ def gather_rays(
     return out
 
 
-def average_rays(met: Gathered, light: np.ndarray, nearest: float, threads: int, out: Gather) -> None:
+def average_rays(met: Gathered, light: np.ndarray, nearest: np.ndarray, threads: int, out: Gather) -> None:
     """Write what n receivers get by their rays.
 
     light    (m, 16) of photons at the rays' ends
-    nearest  1/m, that a ray's inverse length counts as at most
+    nearest  (n,) float32 1/m, that the inverse length of each one's rays counts as at most
     """
-    run_shared(lambda counter: _average(met, light, f32(nearest), counter, out), threads)
+    run_shared(lambda counter: _average(met, light, nearest, counter, out), threads)
 
 
 @jit
@@ -165,7 +165,7 @@ def _average(met, light, nearest, counter, out):
     for receiver in shared_rows(counter, _CHUNK, len(out.covered)):
         near, covered = f32(0), f32(0)
         for row in range(receiver * rays, (receiver + 1) * rays):
-            near += min(met.nearness[row], nearest)
+            near += min(met.nearness[row], nearest[receiver])
             covered += met.covered[row]
             for c in literal_unroll((0, 1, 2)):
                 reflected = met.ends[row].weight[c] * reflect_incident(met.ends[row], light, row, c)

@@ -21,7 +21,7 @@ from ispm.kernels.simd import alloca
 from ispm.lights.bright import is_bright_first_bounce, split_count
 from ispm.lights.emitted import emitted_beam, first_segment
 from ispm.lights.openings import NO_WAYS, Ways
-from ispm.lights.refracted import depth_behind, is_clear, is_drawn
+from ispm.lights.refracted import goes_through, is_drawn
 from ispm.optics.bsdf import is_gathered, is_smooth, shows_photons
 from ispm.optics.dispersion import ALL_BANDS, BANDS, band_number, draw_band, of_band
 from ispm.optics.jit import jit
@@ -279,9 +279,9 @@ def _walk_one(tables, photon, split, course, scratch, found, room, steps):
     kept = scale(within, flux)
     _add_difference(sums, chunk, _ESCAPED, flux, kept)
     flux = kept
-    # Thin sheets aside: has met nothing since the light, or of the environment's clear solids alone, of which
-    # it is in so many; comes off a mirror or glass.
-    direct, focused, refracted, depth, sent = True, False, False, i64(0), d
+    # Thin sheets aside: has met nothing since the light, or, of the environment's, clear faces alone, and any
+    # of these; comes off a mirror or glass.
+    direct, refracted, focused, sent = True, False, False, d
     hidden = False  # whether gather rays do not find where it last scattered
     inside, plane = no_medium(), d  # normal of the surface that the photon left; of a light: its direction
     scatters, speculars, rays = i64(0), i64(0), i64(0)
@@ -301,7 +301,7 @@ def _walk_one(tables, photon, split, course, scratch, found, room, steps):
         length = f32(math.sqrt(dot(segment, segment)))
         if scatters == i64(0):
             beam = beam_at(beam, length, d, x.ng)
-        drawn = direct and (not refracted or (depth == i64(0) and is_drawn(tables.environment, sent, d)))
+        drawn = direct and (not refracted or is_drawn(tables.environment, sent, d))
         if not drawn and (shows_photons(x.bsdf) or has_sheen(x) or is_translucent(x)):
             if row < room.end:
                 more = weight_met(tables, hit)
@@ -351,14 +351,13 @@ def _walk_one(tables, photon, split, course, scratch, found, room, steps):
             eta = f32(1) if x.flags & u32(MATERIAL_THIN) else x.bsdf.eta
             beam = redirected_beam(tables.surfaces, hit, beam, d, wi, x.ng, x.n, eta)
             wider /= f32(math.sqrt(max(chance, _LEAST_CHANCE)))
-        flux, d, origin, plane = scattered, wi, x.position, x.ng
+        arriving, flux, d, origin, plane = d, scattered, wi, x.position, x.ng
         u = flight_number(event)
         speculars += i64(specular)
         scatters += i64(not specular)
         passed_through_thin = specular and passed_sheet(x, d)
         if shines_through and specular and not passed_through_thin:
-            depth = depth_behind(x, depth) if is_clear(x) and dot(d, x.ng) < f32(0) else i64(-1)
-            direct, refracted = direct and bool(depth >= i64(0)), True
+            direct, refracted = direct and goes_through(x, arriving, d), True
         else:
             direct = direct and passed_through_thin
         focused = focused if passed_through_thin else specular

@@ -55,7 +55,8 @@ _RAYS_WITHIN = 800.0  # least rays within the filter's radius, over all passes: 
 # rays: from this share of all receivers at most, and so many times as many to a side of the hemisphere.
 _TIGHT, _TIGHTEST, _MORE_ACROSS = 1.5, 1 / 6, 1.5
 _RAYS_NOISE = 2.0 / _RAYS_WITHIN  # relative variance of their filtered light, about
-_NEAREST = 0.01  # of the scene's diagonal, for which shorter rays count there
+# For which shorter rays count there: of the scene's diagonal, and of how far apart receivers lie.
+_NEAREST, _NEAREST_APART = 0.01, 8.0
 _BATCH = 1 << 17  # rays whose ends lie in memory at once
 _GRAZING_ALPHA = 0.5  # least of lobes that grazing eyes see, in the first pass
 _SHARPER = -1 / 6  # exponent of the number of passes in it
@@ -300,7 +301,9 @@ class PhotonLight:
             told = receivers[some], plan.of(some), limit, this.photon_seed, this.index, self.openings
             met = gather_rays(packed, this.world, this.surfaces, *told)
             part = Gather(*(each[some] for each in found))
-            average_rays(met, ends(met.points), 1.0 / (_NEAREST * packed.diagonal), threads, part)
+            shortest = np.minimum(_NEAREST * packed.diagonal, _NEAREST_APART * receivers["footprint"][some])
+            nearest = np.asarray(1.0 / np.maximum(shortest, 1e-30), np.float32)
+            average_rays(met, ends(met.points), nearest, threads, part)
         return found
 
     def at_ends(self, points: np.ndarray) -> np.ndarray:
