@@ -1,9 +1,10 @@
 """The environment's light through clear solids: draws follow it, as paths do, and photons leave it to them.
 
-A direction in which a place sees a pane or a glass leads on, by faces that light passes or that reflect all of
-it, to where the environment is seen. That light is as even as the environment itself, so that a draw finds it
-with far less noise and blur than photons have. But where glass shows something much brighter than what lies
-straight behind it, as a ball in the sun does to its caustic, draws are too rare: that light comes by photons.
+A direction in which a place sees a pane or a glass leads on, by faces that light passes or that reflect all
+of it, to where the environment is seen. That light is as even as the environment itself, so that a draw finds
+it with far less noise and blur than photons have. But where glass shows something much brighter than what
+lies straight behind it, as a ball in the sun does to its caustic, draws are too rare: that light comes by
+photons.
 Both sides ask the same: of light that clear faces alone have let through, what it was where it came from and
 in the direction in which it arrives.
 """

@@ -185,7 +185,7 @@ def _gloss_samples(view, x, wo, key):
     reflectance = greatest(mean_reflectance(x, wo))
     if is_lambert(x.bsdf):
         return i64(0)
-    if not _is_shared(view, x.bsdf.alpha, reflectance):
+    if not _is_shared(view, x.bsdf, reflectance):
         return max(view.most, i64(1)) if reflectance >= STRONG else i64(1)
     column, row = key % view.columns, key // view.columns
     own = (column & u32(1)) | (row & u32(1)) << u32(1)
@@ -193,11 +193,13 @@ def _gloss_samples(view, x, wo, key):
 
 
 @jit
-def _is_shared(view, alpha, reflectance):
-    """Whether 2 x 2 pixels whose narrow lobes are alike have one path among them."""
-    if view.columns == u32(0) or alpha < _SHARP:
+def _is_shared(view, b, reflectance):
+    """Whether 2 x 2 pixels whose narrow lobes are alike have one path among them: those that reflect little,
+    and less than what is matte there."""
+    if view.columns == u32(0) or b.alpha < _SHARP:
         return False
-    return reflectance < _WEAK or (view.most == i64(0) and alpha >= _BROAD)
+    is_weak = reflectance < min(_WEAK, greatest(b.diffuse))
+    return is_weak or (view.most == i64(0) and b.alpha >= _BROAD)
 
 
 @jit
@@ -234,7 +236,7 @@ def first_path(tables, view, x, wo, key, k, length, band):
 def _first_of_lobe(tables, view, x, wo, key, k, length):
     """`first_path` from an opaque surface: one of as many as `branches` says."""
     reflectance = greatest(mean_reflectance(x, wo))
-    strong, shared = reflectance >= STRONG, _is_shared(view, x.bsdf.alpha, reflectance)
+    strong, shared = reflectance >= STRONG, _is_shared(view, x.bsdf, reflectance)
     count = max(view.most, i64(1)) if strong else i64(1)
     u1, u2 = lobe_numbers(view, key, k, count, shared)
     _, wi, factor, pdf = sample_lobe(x, wo, u1, u2)

@@ -341,3 +341,18 @@ def test_a_highlight_on_a_small_ball_keeps_its_shape(gpu):
     found = [render(gpu, scene, camera, seed=seed, **kept)[0].radiance for seed in range(8)]
     off = np.abs(np.mean(found, axis=0) - expected).sum() / expected.sum()
     assert off < 0.2
+
+
+@pytest.mark.parametrize("color", [0.02, 0.05, 0.2])
+def test_dark_polished_metal_has_no_black_pixels(gpu, color):
+    """A ball on matt ground under an even sky. Lobes that reflect less than .12 had one path for 2 x 2
+    pixels, as those of plastic, where what is matte hides that: of the dark balls' pixels that show the
+    ground one in twelve was black, of the bright one's one in five hundred, as of all now."""
+    scene = Scene(environment=Environment(np.full((8, 16, 3), 0.6)))
+    scene.add(shapes.plane(6.0, 6.0), material=lambert((0.4,) * 3))
+    metal = Material((color,) * 3, metallic=1.0, roughness=0.1)
+    scene.add(shapes.sphere(0.5), material=metal, translation=(0.0, 0.5, 0.0))
+    camera = Camera.look_at((0.6, 1.1, 2.2), (0.0, 0.5, 0.0), yfov=math.radians(30.0))
+    with Renderer(scene, Settings(size=(200, 152), light="none"), camera, gpu=gpu) as renderer:
+        below = renderer.render().radiance[94:118, 80:120].mean(axis=-1)
+    assert (below < 0.5 * np.median(below)).mean() < 0.01

@@ -157,9 +157,9 @@ def test_light_below_a_wide_pane_is_what_both_faces_let_through_in_all(gpu):
 
 
 def test_a_thing_between_panes_has_its_own_shape_and_light(gpu):
-    """A board of 20 x 8 cm in a glass case, which the light of a sky reached by wide kernels of photons alone:
-    blocks of 8 x 8 pixels about it were off by .086 of their light in one pass, its middle by .1 to .2, all to
-    one side; now by .035, most of it the noise of a pass and of the paths."""
+    """A board of 20 x 8 cm in a glass case, which the light of a sky reached by wide kernels of photons
+    alone: blocks of 8 x 8 pixels about it were off by .086 of their light in one pass, its middle by .1 to
+    .2, all to one side; now by .035, most of it the noise of a pass and of the paths."""
     scene = Scene(environment=even())
     scene.add(shapes.plane(3.0, 3.0), material=lambert((0.5,) * 3))
     for z in (-0.1, 0.1):
