@@ -13,6 +13,7 @@ from ispm.optics.vector import LUMINANCE
 from ispm.scene.color import encoded
 
 MIDDLE_GREY = 0.18
+_LAMP = 16.0  # times the middle, from which on light is a lamp's
 _TRIM = 10.0  # per cent left out at either end, so that lamps and corners do not set the exposure
 _METERED_PIXELS = 1 << 16  # pixels that auto exposure looks at
 
@@ -63,7 +64,8 @@ _0, _1 = np.float32(0.0), np.float32(1.0)
 
 def auto_exposure(radiance: np.ndarray) -> float:
     """Return the exposure in stops that shows a picture's middle luminance as middle grey, or less, so
-    that no more than a tenth of what is lit is brighter than white.
+    that no more than a tenth of what is lit is brighter than white; lamps aside, which are white at any
+    exposure that shows the rest: what is more than 16 times as bright as the middle.
 
     radiance  (h, w, 3) float32, cd/m^2, linear
     The middle is the mean of log luminance over the pixels that are not black, without the darkest and
@@ -81,8 +83,11 @@ def auto_exposure(radiance: np.ndarray) -> float:
     rest = int(len(lit) * _TRIM / 100.0)
     last = len(lit) - 1 - rest
     lit.partition((rest, last))
-    middle = math.log2(MIDDLE_GREY) - float(np.log2(lit[rest : last + 1]).mean())
-    return min(middle, -math.log2(lit[last]))
+    middle = float(np.log2(lit[rest : last + 1]).mean())
+    shown = lit[lit <= _LAMP * 2.0**middle]
+    last = len(shown) - 1 - int(len(shown) * _TRIM / 100.0)
+    shown.partition(last)
+    return min(math.log2(MIDDLE_GREY) - middle, -math.log2(shown[last]))
 
 
 def tonemap(
