@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ispm.accel.intersect import STACK_WORDS
+from ispm.accel.layers import is_translucent
 from ispm.accel.mesh import hit_plane
 from ispm.accel.records import Scratch
 from ispm.accel.surface import (
@@ -35,7 +36,7 @@ from ispm.lights.refracted import surround_share
 from ispm.optics.bsdf import is_gathered, transmits
 from ispm.optics.environment import has_environment
 from ispm.optics.jit import jit
-from ispm.optics.records import MATERIAL_TRANSMITS
+from ispm.optics.records import MATERIAL_HAS_INNER
 from ispm.optics.rng import random4
 from ispm.optics.sampling import cosine_hemisphere, in_cone, to_world
 from ispm.optics.vector import dot, facing, luminance, scale, sub, vec3
@@ -51,7 +52,7 @@ _ENOUGH = 1000  # lines, after which no round follows, and about as many as are 
 _BESIDE = tuple(math.cos(math.radians(angle)) for angle in (3.0, 6.0, 12.0, 24.0))  # of cones about a line
 _RARE = 4  # lines tried for each that is open, from where draws are guided
 _LIKE = 24  # places, nearest to a cell, that tell how rarely lines are open there
-_GLAZED = 1.1  # times the lines that are open where these are rare, as many as with glass have a survey
+_GLAZED = 1.1  # times the lines that are open where these are rare: more open through glass and curtains
 _SENT = 64  # lines through a box at most, along which photons are sent
 _CHUNK = 16  # rows a thread takes at a time
 
@@ -99,9 +100,10 @@ class _Lines(NamedTuple):
 
 
 class _Course(NamedTuple):
-    """Which random numbers a survey takes, and whether its lines go straight on through glass."""
+    """Which random numbers a survey takes, and whether its lines go straight on through glass and translucent
+    sheets."""
 
-    through_glass: bool
+    through_sheets: bool
     turn: np.uint32
     pass_index: np.uint32
     seed: np.uint32
@@ -143,15 +145,16 @@ def find_openings(
     """Return what rays of the eye meet, (k, 3) m, and the Openings that light it.
 
     rays  origins and directions, (n, 3), m and unit, even over the picture
-    Glass closes an opening for draws but not for photons, whose ways a survey of their own finds.
+    Frosted glass and curtains close an opening for draws but not for photons, whose ways a survey of their
+    own finds.
     """
     tables, threads = scene_tables(packed, world, surfaces), world.threads
     eye = [np.ascontiguousarray(each, f32) for each in rays]
     course = _Course(False, u32(0), u32(pass_index), u32(seed))
     first = _look(tables, eye, course, threads)
     openings = _survey(tables, eye, course, first, threads)
-    if (packed.materials["flags"] & u32(MATERIAL_TRANSMITS)).any():
-        course = course._replace(through_glass=True)
+    if (packed.materials["flags"] & u32(MATERIAL_HAS_INNER)).any():
+        course = course._replace(through_sheets=True)
         glazed = _look(tables, eye, course, threads)
         rare = first.opened.sum(axis=2) <= 1
         if glazed.opened[rare].sum() > _GLAZED * first.opened[rare].sum():
@@ -290,15 +293,15 @@ def _try_lines(tables, x, wo, start, key, course, scratch, out, i, step):
             if luminance(drawn[kind].radiance) <= f32(0) or dot(wi, x.ng) <= f32(0):
                 continue
             out.tried[i, step] += 1
-            out.opened[i, step, 2 * k + kind] = _is_open(tables, start, wi, course.through_glass, scratch)
+            out.opened[i, step, 2 * k + kind] = _is_open(tables, start, wi, course.through_sheets, scratch)
             for c in range(3):
                 out.lines[i, step, 2 * k + kind, c] = wi[c]
 
 
 @jit
-def _is_open(tables, start, wi, through_glass, scratch):
-    """Whether a line along wi meets nothing that stops light, or turns it, or but glass."""
-    if through_glass:
+def _is_open(tables, start, wi, through_sheets, scratch):
+    """Whether a line along wi meets nothing that stops light, or turns it, or but sheets."""
+    if through_sheets:
         found, _ = _closest(tables, start, wi, f32(0), True, scratch)
         return not found
     share, _, _, is_bent = surround_share(tables, start, wi, scratch)
@@ -306,14 +309,15 @@ def _is_open(tables, start, wi, through_glass, scratch):
 
 
 @jit
-def _closest(tables, start, d, holes, through_glass, scratch):
-    """`closest_surface`, or what it finds behind glass, through which the ray goes straight on."""
+def _closest(tables, start, d, holes, through_sheets, scratch):
+    """`closest_surface`, or what it finds behind glass and translucent sheets, through which the ray goes
+    straight on."""
     for _ in range(LAYERS_MAX):
         found, hit = closest_surface(tables, start, d, holes, scratch)
-        if not (found and through_glass):
+        if not (found and through_sheets):
             return found, hit
         x = surface(tables, hit, d)
-        if not transmits(x.bsdf):
+        if not (transmits(x.bsdf) or is_translucent(x)):
             return True, hit
         start = leave_surface(tables, hit, scale(f32(-1), x.ng))
     return found, hit
@@ -329,8 +333,8 @@ def _look_beside(tables, starts, directions, _to_sun, along, farthest, planes, e
             dimension = u32(_DIMENSION + 1 + _ROUNDS * _TRIED + turn)
             u, v, holes, _ = random4(u32(i), dimension, course.pass_index, course.seed)
             d = in_cone(vec3(directions[i]), f32(_BESIDE[turn]), u, v)
-            through_glass = course.through_glass or tables.clear
-            found, hit = _closest(tables, start, d, holes, through_glass, scratch)
+            through_sheets = course.through_sheets or tables.clear
+            found, hit = _closest(tables, start, d, holes, through_sheets, scratch)
             if not found:
                 continue
             at, ng = hit_plane(tables.surfaces, hit)

@@ -127,12 +127,19 @@ def test_nothing_guides_where_lines_are_mostly_open_or_none_is():
     assert len(seen) == 0 and openings.cells.guided.size == 0
 
 
-@pytest.mark.parametrize("thick", [0.01, 0.0])
-def test_photons_have_ways_through_glass_where_draws_have_none(thick):
-    """A pane in the hole, of frosted glass, stops shadow rays: of the ways in, those of the open hole are
-    left. Of the sky's photons a few in a thousand met the pane before."""
+@pytest.mark.parametrize(
+    "pane",
+    [
+        Material(transmission=1.0, thickness=0.01, roughness=0.5),
+        Material(transmission=1.0, roughness=0.5),
+        Material((0.8,) * 3, diffuse_transmission=0.5, double_sided=True),
+    ],
+    ids=["solid", "thin", "curtain"],
+)
+def test_photons_have_ways_through_what_stops_draws(pane):
+    """A pane of frosted glass in the hole, or a curtain, stops shadow rays: of the ways in, those of the open
+    hole are left. Of the sky's photons a few in a thousand met the pane before."""
     glazed = lit_by_a_hole()
-    pane = Material(transmission=1.0, thickness=thick, roughness=0.5)
     glazed.add(shapes.box((0.4, 0.005, 0.6)), material=pane, translation=(0.0, 3.005, 0.0))
     rays, _ = eye_rays()
     found, expected = found_in(Tracer(glazed), rays), found_in(Tracer(lit_by_a_hole()), rays)
