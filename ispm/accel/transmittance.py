@@ -76,7 +76,7 @@ def _through_layers(tables, ray, scratch):
         if joins and is_same_surface(tables, ray.direction, last, hit):
             continue
         last = hit
-        passed = _passed(tables, hit, ray.direction)
+        passed = passed_straight(tables, hit, ray.direction)
         share = share[0] * passed[0], share[1] * passed[1], share[2] * passed[2]
         if max(share[0], max(share[1], share[2])) <= f32(0):
             return share
@@ -84,8 +84,8 @@ def _through_layers(tables, ray, scratch):
 
 
 @jit
-def _passed(tables, hit, d):
-    """The share of light, RGB, that the surface at a Hit of a ray along d, unit, lets through."""
+def passed_straight(tables, hit, d):
+    """Return the share of light, RGB, that the surface at a Hit of a ray along d, unit, lets straight on."""
     covered = min(max(opacity(tables, hit), f32(0)), f32(1))
     open_share = f32(1) - covered
     share = open_share, open_share, open_share

@@ -17,8 +17,8 @@ import numpy as np
 
 from ispm.accel.bands import is_dispersive
 from ispm.accel.medium import attenuated, medium, no_medium, spawn_ray
-from ispm.accel.surface import closest_surface, leave_surface, opacity, surface
-from ispm.accel.transmittance import shadow_transmittance
+from ispm.accel.surface import closest_surface, leave_surface, surface
+from ispm.accel.transmittance import passed_straight, shadow_transmittance
 from ispm.optics.bsdf import is_smooth, smooth_split, transmits
 from ispm.optics.environment import environment_radiance
 from ispm.optics.jit import jit
@@ -100,6 +100,7 @@ def _followed(tables, start, d, scratch):
 
     Radiance grows by the square of the index where light enters a solid (Veach 1997, section 5.2)."""
     share, way, until, inside, is_first = (f32(1), f32(1), f32(1)), d, f32(0), no_medium(), True
+    entered = start  # what is between faces of solids: sheets and holes within do not end it
     for _ in range(_FACES):
         found, hit = closest_surface(tables, start, way, f32(0), scratch)
         if not found:
@@ -109,20 +110,22 @@ def _followed(tables, start, d, scratch):
             segment = sub(x.position, start)
             until += f32(math.sqrt(dot(segment, segment)))
         if not is_clear(x):
-            kept = f32(1) - min(opacity(tables, hit), f32(1))
-            if kept <= f32(0) or transmits(x.bsdf):
+            passed = passed_straight(tables, hit, way)
+            if passed[0] + passed[1] + passed[2] <= f32(0):
                 return _NONE, until, False, way
-            share, start = scale(kept, share), leave_surface(tables, hit, scale(f32(-1), x.ng))
+            share = share[0] * passed[0], share[1] * passed[1], share[2] * passed[2]
+            start = leave_surface(tables, hit, scale(f32(-1), x.ng))
             continue
-        inside = medium(inside, x)
-        if inside.instance != u32(NO_HIT):
-            share = attenuated(tables, inside, start, x.position, share)
         mirrored, passed, above, beyond, through = smooth_split(x.bsdf, x.n, x.ng, scale(f32(-1), way))
         if not through:
             passed, beyond = mirrored, above
-        elif x.flags & u32(MATERIAL_THIN) == u32(0):
-            passed = scale(f32(1) / (x.bsdf.eta * x.bsdf.eta), passed)
-        is_first = is_first and x.flags & u32(MATERIAL_THIN) != u32(0)
+        if x.flags & u32(MATERIAL_THIN) == u32(0):
+            is_first, inside = False, medium(inside, x)
+            if inside.instance != u32(NO_HIT):
+                share = attenuated(tables, inside, entered, x.position, share)
+            if through:
+                passed = scale(f32(1) / (x.bsdf.eta * x.bsdf.eta), passed)
+            entered = x.position
         share = share[0] * passed[0], share[1] * passed[1], share[2] * passed[2]
         start, inside = spawn_ray(tables, x, inside, beyond)
         way = beyond

@@ -300,12 +300,13 @@ def _try_lines(tables, x, wo, start, key, course, scratch, out, i, step):
 
 @jit
 def _is_open(tables, start, wi, through_sheets, scratch):
-    """Whether a line along wi meets nothing that stops light, or turns it, or but sheets."""
-    if through_sheets:
-        found, _ = _closest(tables, start, wi, f32(0), True, scratch)
-        return not found
-    share, _, _, is_bent = surround_share(tables, start, wi, scratch)
-    return luminance(share) > f32(0) and not is_bent
+    """Whether a line along wi meets nothing that stops light, or leads to it elsewhere, or but sheets."""
+    if not through_sheets:
+        share, _, _, is_bent = surround_share(tables, start, wi, scratch)
+        if not is_bent or luminance(share) <= f32(0):
+            return luminance(share) > f32(0)
+    found, _ = _closest(tables, start, wi, f32(0), True, scratch)
+    return not found
 
 
 @jit

@@ -149,18 +149,19 @@ def gather_rays(
     return out
 
 
-def average_rays(met: Gathered, light: np.ndarray, nearest: np.ndarray, threads: int, out: Gather) -> None:
+def average_rays(met: Gathered, light: np.ndarray, shortest: np.ndarray, threads: int, out: Gather) -> None:
     """Write what n receivers get by their rays.
 
-    light    (m, 16) of photons at the rays' ends
-    nearest  (n,) float32 1/m, that the inverse length of each one's rays counts as at most
+    light     (m, 16) of photons at the rays' ends
+    shortest  (n,) m, that the length of each one's rays counts as at least
     """
+    nearest = np.asarray(1.0 / np.maximum(shortest, 1e-30), np.float32)
     run_shared(lambda counter: _average(met, light, nearest, counter, out), threads)
 
 
 @jit
 def _average(met, light, nearest, counter, out):
-    """Write the Gather of as many receivers as a thread gets; arguments as of `average_rays`."""
+    """Write the Gather of as many receivers as a thread gets; nearest: (n,) 1/m, over `shortest`."""
     rays = len(met.covered) // max(len(out.covered), 1)
     for receiver in shared_rows(counter, _CHUNK, len(out.covered)):
         near, covered = f32(0), f32(0)

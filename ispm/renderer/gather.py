@@ -55,8 +55,7 @@ _RAYS_WITHIN = 800.0  # least rays within the filter's radius, over all passes: 
 # rays: from this share of all receivers at most, and so many times as many to a side of the hemisphere.
 _TIGHT, _TIGHTEST, _MORE_ACROSS = 1.5, 1 / 6, 1.5
 _RAYS_NOISE = 2.0 / _RAYS_WITHIN  # relative variance of their filtered light, about
-# For which shorter rays count there: of the scene's diagonal, and of how far apart receivers lie.
-_NEAREST, _NEAREST_APART = 0.01, 8.0
+_SHORTEST = 0.01, 8.0  # of the scene's diagonal and of receivers' distance, for which shorter rays count
 _BATCH = 1 << 17  # rays whose ends lie in memory at once
 _GRAZING_ALPHA = 0.5  # least of lobes that grazing eyes see, in the first pass
 _SHARPER = -1 / 6  # exponent of the number of passes in it
@@ -301,9 +300,8 @@ class PhotonLight:
             told = receivers[some], plan.of(some), limit, this.photon_seed, this.index, self.openings
             met = gather_rays(packed, this.world, this.surfaces, *told)
             part = Gather(*(each[some] for each in found))
-            shortest = np.minimum(_NEAREST * packed.diagonal, _NEAREST_APART * receivers["footprint"][some])
-            nearest = np.asarray(1.0 / np.maximum(shortest, 1e-30), np.float32)
-            average_rays(met, ends(met.points), nearest, threads, part)
+            shortest = np.minimum(_SHORTEST[0] * packed.diagonal, _SHORTEST[1] * told[0]["footprint"])
+            average_rays(met, ends(met.points), shortest, threads, part)
         return found
 
     def at_ends(self, points: np.ndarray) -> np.ndarray:

@@ -62,32 +62,43 @@ _BRIGHTEST = np.float32(1e8)  # keeps the curve's divisions finite for infinite 
 _0, _1 = np.float32(0.0), np.float32(1.0)
 
 
-def auto_exposure(radiance: np.ndarray) -> float:
+def auto_exposure(radiance: np.ndarray, emission: np.ndarray | None = None) -> float:
     """Return the exposure in stops that shows a picture's middle luminance as middle grey, or less, so
     that no more than a tenth of what is lit is brighter than white; lamps aside, which are white at any
-    exposure that shows the rest: what is more than 16 times as bright as the middle.
+    exposure that shows the rest: what is more than 16 times as bright as the middle, most of it by emission.
 
     radiance  (h, w, 3) float32, cd/m^2, linear
+    emission  (h, w, 3) float32, what of it is emitted, also in mirrors; None: nothing
     The middle is the mean of log luminance over the pixels that are not black, without the darkest and
     the brightest tenth. It depends on nothing but the picture; a black picture has exposure 0.
     Source: the log-average of Reinhard et al. 2002, eq. 1, trimmed.
     """
     step = max(1, math.isqrt(radiance.shape[0] * radiance.shape[1] // _METERED_PIXELS))
-    seen = radiance[::step, ::step]
+    luminance = _luminance(radiance[::step, ::step])
+    is_lit = np.isfinite(luminance) & (luminance > 0.0)
+    lit = luminance[is_lit]
+    if not len(lit):
+        return 0.0
+    last = len(lit) - 1 - _trimmed(lit)
+    middle = float(np.log2(np.partition(lit, (_trimmed(lit), last))[_trimmed(lit) : last + 1]).mean())
+    if emission is not None:
+        glows = _luminance(emission[::step, ::step])[is_lit] > 0.5 * lit
+        lit = lit[~(glows & (lit > _LAMP * 2.0**middle))]
+        last = len(lit) - 1 - _trimmed(lit)
+    return min(math.log2(MIDDLE_GREY) - middle, -math.log2(np.partition(lit, last)[last]))
+
+
+def _trimmed(lit: np.ndarray) -> int:
+    """How many of (n,) values are left out at either end."""
+    return int(len(lit) * _TRIM / 100.0)
+
+
+def _luminance(seen: np.ndarray) -> np.ndarray:
+    """(h, w) float64 luminance of (h, w, 3) radiance."""
     luminance = np.zeros(seen.shape[:2])
     for c in range(3):
         luminance += np.float64(LUMINANCE[c]) * seen[..., c]
-    lit = luminance[np.isfinite(luminance) & (luminance > 0.0)]
-    if not len(lit):
-        return 0.0
-    rest = int(len(lit) * _TRIM / 100.0)
-    last = len(lit) - 1 - rest
-    lit.partition((rest, last))
-    middle = float(np.log2(lit[rest : last + 1]).mean())
-    shown = lit[lit <= _LAMP * 2.0**middle]
-    last = len(shown) - 1 - int(len(shown) * _TRIM / 100.0)
-    shown.partition(last)
-    return min(math.log2(MIDDLE_GREY) - middle, -math.log2(shown[last]))
+    return luminance
 
 
 def tonemap(

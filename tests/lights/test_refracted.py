@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from transport import Tracer
 
-from ispm import Camera, Environment, Material, Renderer, Settings, shapes
+from ispm import AlphaMode, Camera, Environment, Material, Renderer, Settings, shapes
 from ispm.accel.intersect import STACK_WORDS
 from ispm.accel.records import Scratch
 from ispm.kernels.simd import alloca
@@ -181,3 +181,28 @@ def test_a_thing_between_panes_has_its_own_shape_and_light(gpu):
         for picture in (frame.radiance, truth)
     )
     assert np.sqrt(((shown / true - 1.0) ** 2).mean()) < 0.06
+
+
+def test_holes_and_sheets_do_not_stop_what_clear_solids_let_through():
+    """A veil that covers .4, of glass or of paper, and a thin pane before a block of red glass and within it:
+    of red .5 are kept on each of its two meters, wherever they are."""
+    cover = {"alpha_mode": AlphaMode.BLEND, "double_sided": True}
+    thin = Material((1.0,) * 3, transmission=1.0, roughness=0.0, ior=INDEX)
+    veils = {
+        "paper": (Material((0.5, 0.5, 0.5, 0.4), specular=0.0, **cover), 0.6),
+        "blended pane": (Material((1.0, 1.0, 1.0, 0.4), transmission=1.0, roughness=0.0, **cover), None),
+        "pane": (thin, None),
+    }
+    tinted = glass(attenuation_color=(0.5, 1.0, 1.0), attenuation_distance=1.0)
+    faces = (1.0 - 0.04) ** 2
+    for name, (material, share) in veils.items():
+        for height in (0.5, 2.0):  # before and within the block
+            scene = Scene(environment=even())
+            scene.add(box((-9, 1, -9), (9, 3, 9)), material=tinted)
+            scene.add(shapes.plane(9.0, 9.0), material=material, translation=(0.0, height, 0.0))
+            out = found(scene, np.zeros((1, 3)), [(0.0, 1.0, 0.0)])[0]
+            if share is None:
+                alone = Scene(environment=even())
+                alone.add(shapes.plane(9.0, 9.0), material=material, translation=(0.0, height, 0.0))
+                share = found(alone, np.zeros((1, 3)), [(0.0, 1.0, 0.0)])[0, 0]
+            assert out[:2] == pytest.approx([0.25 * faces * share, faces * share], rel=1e-3), name

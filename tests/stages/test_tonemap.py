@@ -106,8 +106,16 @@ def test_auto_exposure_shows_a_room_whose_lamps_fill_a_fifth_of_the_picture():
     1.25 stops. With all of them below white it was 10 stops darker."""
     picture = np.random.default_rng(3).random((100, 100, 3), np.float32) + 0.5
     expected = auto_exposure(picture)
-    picture[:20] = 1e3
-    assert expected - 1.5 < auto_exposure(picture) <= expected
+    picture[:20], emission = 1e3, np.zeros_like(picture)
+    emission[:20] = 1e3
+    assert expected - 1.5 < auto_exposure(picture, emission) <= expected
+
+
+def test_auto_exposure_keeps_a_bright_thing_below_white_that_does_not_glow():
+    """As snow or a lit table before a dark room, whatever they fill of the picture from a tenth on."""
+    picture = np.full((100, 100, 3), 0.002, np.float32)
+    picture[:40] = 1.0
+    assert auto_exposure(picture, np.zeros_like(picture)) == pytest.approx(0.0, abs=1e-6)
 
 
 def test_auto_exposure_of_black_is_zero():

@@ -54,7 +54,7 @@ def test_rays_are_averaged_receiver_by_receiver():
     light[:, 4:7] *= 0.1 * light[:, :3]  # so that no difference is far smaller than what it is of
     met = Gathered(*numbers, ends, np.zeros(count * rays, RECEIVER))
     out = Gather(*(np.zeros((count, *shape), np.float32) for shape in ((3,), (3,), (3,), (3,), (), ())))
-    average_rays(met, light, 0.6, 2, out)
+    average_rays(met, light, np.full(count, 1.0 / 0.6), 2, out)
     radiance = met.radiance + reflect_light(ends, light, len(ends))
     gloss, grazing, fresnel = (math.pi * met.lobes[:, k, None] * radiance for k in range(3))
     wanted = math.pi * radiance, fresnel, gloss, grazing, np.minimum(met.nearness, 0.6), met.covered
