@@ -17,7 +17,7 @@ import numpy as np
 
 from ispm.accel.bands import is_dispersive
 from ispm.accel.medium import attenuated, medium, no_medium, spawn_ray
-from ispm.accel.surface import closest_surface, leave_surface, surface
+from ispm.accel.surface import LAYERS_MAX, closest_surface, leave_surface, surface
 from ispm.accel.transmittance import passed_straight, shadow_transmittance
 from ispm.optics.bsdf import is_smooth, smooth_split, transmits
 from ispm.optics.environment import environment_radiance
@@ -28,7 +28,7 @@ from ispm.optics.vector import dot, scale, sub
 
 f32, u32 = np.float32, np.uint32
 
-_FACES = 32  # of clear solids and sheets that a draw passes
+FACES = 32  # of clear solids and sheets, up to which light that they let through is drawn
 _BRIGHTER = f32(4)  # times what lies straight behind, up to which light through glass is drawn
 _STRAIGHT = f32(1 - 1e-5)  # cosine of the angle between ways before and behind panes
 _NONE = f32(0), f32(0), f32(0)
@@ -100,8 +100,9 @@ def _followed(tables, start, d, scratch):
 
     Radiance grows by the square of the index where light enters a solid (Veach 1997, section 5.2)."""
     share, way, until, inside, is_first = (f32(1), f32(1), f32(1)), d, f32(0), no_medium(), True
+    faces = 0
     entered = start  # what is between faces of solids: sheets and holes within do not end it
-    for _ in range(_FACES):
+    for _ in range(FACES + LAYERS_MAX):
         found, hit = closest_surface(tables, start, way, f32(0), scratch)
         if not found:
             return share, until, True, way
@@ -116,6 +117,9 @@ def _followed(tables, start, d, scratch):
             share = share[0] * passed[0], share[1] * passed[1], share[2] * passed[2]
             start = leave_surface(tables, hit, scale(f32(-1), x.ng))
             continue
+        faces += 1
+        if faces > FACES:
+            break
         mirrored, passed, above, beyond, through = smooth_split(x.bsdf, x.n, x.ng, scale(f32(-1), way))
         if not through:
             passed, beyond = mirrored, above

@@ -21,7 +21,7 @@ from ispm.kernels.simd import alloca
 from ispm.lights.bright import is_bright_first_bounce, split_count
 from ispm.lights.emitted import emitted_beam, first_segment
 from ispm.lights.openings import NO_WAYS, Ways
-from ispm.lights.refracted import goes_through, is_drawn
+from ispm.lights.refracted import FACES, goes_through, is_drawn
 from ispm.optics.bsdf import is_gathered, is_smooth, shows_photons
 from ispm.optics.dispersion import ALL_BANDS, BANDS, band_number, draw_band, of_band
 from ispm.optics.jit import jit
@@ -301,7 +301,7 @@ def _walk_one(tables, photon, split, course, scratch, found, room, steps):
         length = f32(math.sqrt(dot(segment, segment)))
         if scatters == i64(0):
             beam = beam_at(beam, length, d, x.ng)
-        drawn = direct and (not refracted or is_drawn(tables.environment, sent, d))
+        drawn = direct and (not refracted or (speculars <= FACES and is_drawn(tables.environment, sent, d)))
         if not drawn and (shows_photons(x.bsdf) or has_sheen(x) or is_translucent(x)):
             if row < room.end:
                 more = weight_met(tables, hit)
