@@ -80,7 +80,8 @@ class Frame:
 
     @property
     def direct(self) -> np.ndarray:
-        """(h, w, 3) cd/m2: light that comes to the surface from the lights themselves."""
+        """(h, w, 3) cd/m2: light that comes to the surface from the lights themselves, that of an environment
+        also through clear glass."""
         return self._named("direct")
 
     @property
