@@ -66,7 +66,7 @@ class Frame:
         wanted = self.settings.exposure
         if not isinstance(wanted, str):
             return wanted
-        return auto_exposure(metered(self.layers, self.radiance), self.layers["emission"])
+        return auto_exposure(metered(self.layers, self.radiance), self.layers.get("emission"))
 
     @cached_property
     def image(self) -> np.ndarray:
