@@ -31,7 +31,7 @@ def shadow_transmittance(tables, start, d, distance, scratch):
     sheets their transmittance; all else blocks. It is their product, without chance.
     """
     ray = Ray(start, d, distance * (f32(1) - BEFORE))
-    return _let_through(tables, ray, any_hit(tables.trees, ray, scratch.stack), scratch)
+    return let_through(tables, ray, any_hit(tables.trees, ray, scratch.stack), scratch)
 
 
 @jit
@@ -47,12 +47,12 @@ def listed_transmittance(tables, start, d, distance, refs, count, scratch):
     """Return likewise the share that comes from a light by which `list_met` has listed `count` subtrees."""
     ray = Ray(start, d, distance * (f32(1) - BEFORE))
     stopped = is_stopped(tables.trees, ray, refs, count, scratch.stack)
-    return _let_through(tables, ray, stopped, scratch)
+    return let_through(tables, ray, stopped, scratch)
 
 
 @jit
-def _let_through(tables, ray, stopped, scratch):
-    """The share of light, RGB, that passes what lies on a Ray; stopped: whether anything does."""
+def let_through(tables, ray, stopped, scratch):
+    """Return the share of light, RGB, that passes what lies on a Ray; stopped: whether anything does."""
     if not stopped:
         return f32(1), f32(1), f32(1)
     if not tables.porous:

@@ -183,8 +183,8 @@ def light_from_one(tables, x, wo, u, pick, scratch, limit, openings):
         total = add(total, light)
     if has_environment(tables.environment):
         arriving = _guided_surround(tables, x, wo, area_numbers(x.hit, u), openings)
-        light, _, _ = shadowed_surround(tables, x, arriving, scratch)
-        total = add(total, light)
+        share, _ = seen_surround(tables, x, arriving, scratch)
+        total = add(total, times(arriving.radiance, share))
     return total
 
 
@@ -234,14 +234,14 @@ def shadowed(tables, x, arriving, scratch):
 
 
 @jit
-def shadowed_surround(tables, x, arriving, scratch):
-    """Return what of an Arriving from the environment comes to a SurfacePoint, cd/m2 RGB, the rays traced,
-    and whether it came through clear solids, where no path by a lobe weighs what it finds."""
+def seen_surround(tables, x, arriving, scratch):
+    """Return the share of an Arriving from the environment, RGB, that comes to a SurfacePoint, and whether
+    through clear solids, where no path by a lobe weighs what it finds; of none that is black."""
     if greatest(arriving.radiance) <= f32(0):
-        return (f32(0), f32(0), f32(0)), i64(0), False
+        return (f32(0), f32(0), f32(0)), False
     start = leave_surface(tables, x.hit, side_of(x.ng, arriving.wi))
     share, _, is_refracted, _ = surround_share(tables, start, arriving.wi, scratch)
-    return times(arriving.radiance, share), i64(1), is_refracted
+    return share, is_refracted
 
 
 @jit
@@ -277,11 +277,10 @@ def _surround_light(tables, x, wo, numbers, goes_on, of_many, scratch):
     arriving = _unshadowed_surround(tables, x, wo, numbers, goes_on, of_many)
     if goes_on == BY_BSDF:
         return shadowed(tables, x, arriving, scratch)
-    light, rays, is_refracted = shadowed_surround(tables, x, arriving, scratch)
+    share, is_refracted = seen_surround(tables, x, arriving, scratch)
     if is_refracted and (goes_on != BY_NOTHING or transmits(x.bsdf)):
         arriving = _unshadowed_surround(tables, x, wo, numbers, goes_on, of_many, True)
-        light, _, _ = shadowed_surround(tables, x, arriving, scratch)
-    return light, rays
+    return times(arriving.radiance, share), i64(1)
 
 
 @jit

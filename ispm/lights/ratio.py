@@ -21,7 +21,7 @@ from ispm.lights.nee import (
     drawn_share,
     draws_by_lobes,
     next_numbers,
-    shadowed_surround,
+    seen_surround,
     times,
 )
 from ispm.lights.openings import opening_cell
@@ -103,11 +103,12 @@ def _part(tables, x, wo, u, scratch, goes_on, count, by_ratio, known, openings, 
         others = eval_bsdf(without_diffuse(b), x.n, x.ng, wo, wi)
         lambert = sub(eval_bsdf(b, x.n, x.ng, wo, wi), others)
         _, share = drawn_share(x, wo, wi, pdf, goes_on)
-        passed, rays, is_refracted = shadowed_surround(tables, x, Arriving(light, FAR, wi, none), scratch)
+        passed, is_refracted = seen_surround(tables, x, Arriving(light, FAR, wi, none), scratch)
+        passed = times(passed, light)
         if is_refracted and goes_on != BY_NOTHING:
             share = f32(0)  # paths by the lobe count in full there
         matte, gloss = add(matte, times(passed, lambert)), add(gloss, scale(share, times(passed, others)))
-        traced += rays
+        traced += i64(1)
     each = f32(1) / f32(count)
     red, green = _factor(known[0], drawn[0], each, by_ratio), _factor(known[1], drawn[1], each, by_ratio)
     factors = red, green, _factor(known[2], drawn[2], each, by_ratio)

@@ -4,9 +4,8 @@ A direction in which a place sees a pane or a glass leads on, by faces that ligh
 of it, to where the environment is seen. That light is as even as the environment itself, so that a draw finds
 it with far less noise and blur than photons have. But where glass shows something much brighter than what
 lies straight behind it, as a ball in the sun does to its caustic, draws are too rare: that light comes by
-photons.
-Both sides ask the same: of light that clear faces alone have let through, what it was where it came from and
-in the direction in which it arrives.
+photons. Both sides ask the same: of light that clear faces alone have let through, what it was where it came
+from and in the direction in which it arrives.
 """
 
 from __future__ import annotations
@@ -16,9 +15,11 @@ import math
 import numpy as np
 
 from ispm.accel.bands import is_dispersive
+from ispm.accel.intersect import any_hit
 from ispm.accel.medium import attenuated, medium, no_medium, spawn_ray
+from ispm.accel.records import Ray
 from ispm.accel.surface import LAYERS_MAX, closest_surface, leave_surface, surface
-from ispm.accel.transmittance import passed_straight, shadow_transmittance
+from ispm.accel.transmittance import let_through, passed_straight
 from ispm.optics.bsdf import is_smooth, smooth_split, transmits
 from ispm.optics.environment import environment_radiance
 from ispm.optics.jit import jit
@@ -39,13 +40,22 @@ def surround_share(tables, start, d, scratch):
     """Return (share, until, is_refracted, is_bent) of the environment's light that comes to `start` along -d.
 
     share  RGB, of what lies in the direction d itself: what passes holes, blended surfaces and thin sheets,
-           see `shadow_transmittance`, or what clear solids refract here from elsewhere
+           see `let_through`, or what clear solids refract here from elsewhere
     until  m to what stops it, or to the first solid; infinite: neither is known
     """
-    share, refracted = shadow_transmittance(tables, start, d, FAR, scratch), False
+    ray = Ray(start, d, FAR)
+    if not any_hit(tables.trees, ray, scratch.stack):
+        return (f32(1), f32(1), f32(1)), f32(np.inf), False, False
+    return stopped_share(tables, ray, scratch)
+
+
+@jit
+def stopped_share(tables, ray, scratch):
+    """Return likewise what comes along a Ray that something stops."""
+    share, d = let_through(tables, ray, True, scratch), ray.direction
     if not tables.clear or share[0] + share[1] + share[2] > f32(0):
         return share, f32(np.inf), False, False
-    share, until, refracted, away = _followed(tables, start, d, scratch)
+    share, until, refracted, away = _followed(tables, ray.origin, d, scratch)
     if not refracted or share[0] + share[1] + share[2] <= f32(0):
         return _NONE, until, False, False
     more = brightening(tables.environment, d, away)

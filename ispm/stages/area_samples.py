@@ -12,7 +12,7 @@ from ispm.accel.layers import without_diffuse
 from ispm.accel.records import Ray
 from ispm.accel.transmittance import BEFORE, ray_between, shadow_transmittance
 from ispm.lights.nee import BY_FACETS, drawn_share, greatest, side_of
-from ispm.lights.refracted import surround_share
+from ispm.lights.refracted import stopped_share
 from ispm.optics.bsdf import NARROW_ALPHA, eval_bsdf, fresnel_weight, is_lambert, is_narrow, transmits
 from ispm.optics.coat import with_diffuse
 from ispm.optics.facets import facet_lobe
@@ -214,7 +214,7 @@ def _passed(tables, shown, arriving, i, scratch, samples):
         return (f32(1), f32(1), f32(1)), False
     passed, is_refracted = none, False
     if arriving.distance == FAR and tables.clear:
-        passed, until, is_refracted, is_bent = surround_share(tables, start, wi, scratch)
+        passed, until, is_refracted, is_bent = stopped_share(tables, Ray(start, wi, limit), scratch)
         met = until if until < f32(np.inf) else met
         if is_refracted and not is_bent:
             return passed, True
